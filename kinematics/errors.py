@@ -1,0 +1,37 @@
+"""Every error that is raised on purpose, from one root."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+
+class MotionError(Exception):
+    """Something the user can act on: the message names what, where, value, limit, unit and remedy."""
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """One thing wrong with a file.
+
+    `key` is the dotted path (`axes.travel`, `segment[2].arc.angle`), `line` counts from 1 (None: not in the text).
+    """
+
+    key: str
+    message: str
+    line: int | None = None
+
+
+class FileError(MotionError):
+    """A file that cannot be used; `faults` holds everything wrong with it, found in one pass."""
+
+    def __init__(self, file: str, faults: Sequence[Fault]) -> None:
+        self.file = file
+        self.faults = tuple(faults)
+        super().__init__("\n".join(self._describe(fault) for fault in self.faults))
+
+    def _describe(self, fault: Fault) -> str:
+        place = self.file if fault.line is None else f"{self.file}:{fault.line}"
+        return f"{place}: {fault.key}: {fault.message}" if fault.key else f"{place}: {fault.message}"
+
+
+class OutOfReach(MotionError):
+    """No actuator coordinates exist for a pose (or no pose for actuator coordinates)."""

@@ -1,0 +1,98 @@
+"""One CasADi expression, evaluated in compiled code on batches or in guaranteed Taylor arithmetic."""
+
+from collections.abc import Callable, Sequence
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+
+from kinematics.array import Array
+from kinematics.errors import MotionError
+from kinematics.series import Series
+
+# Greedy block sizes: one call of the virtual machine evaluates a whole block without leaving compiled code.
+_BLOCKS = (256, 16, 1)
+
+
+class Expression:
+    """A function of one column of inputs, x (k,) -> values (m,); called on (N, k) it returns (N, m).
+
+    The input is handed to CasADi as it lies in memory: time first is column-major for CasADi, so nothing is copied twice.
+    """
+
+    def __init__(self, name: str, inputs: ca.SX, outputs: ca.SX) -> None:
+        self.function = ca.Function(name, [ca.vec(inputs)], [ca.vec(outputs)], {"cse": True})
+        self.size = int(self.function.size1_in(0)), int(self.function.size1_out(0))
+        self._alive: list[object] = []  # `run` holds raw pointers into these
+        self._blocks: dict[int, tuple[Array, Array, Callable[[], None]]] = {}
+
+    def __call__(self, x: Array) -> Array:
+        rows, out = len(x), np.empty((len(x), self.size[1]))
+        done = 0
+        for size in _BLOCKS:
+            while rows - done >= size:
+                arguments, results, run = self._block(size)
+                arguments[:] = x[done : done + size]
+                run()
+                out[done : done + size] = results
+                done += size
+        return out
+
+    def _block(self, size: int) -> tuple[Array, Array, Callable[[], None]]:
+        if size not in self._blocks:
+            mapped = self.function.map(size)
+            buffer, run = mapped.buffer()
+            arguments, results = np.zeros((size, self.size[0])), np.zeros((size, self.size[1]))
+            buffer.set_arg(0, memoryview(arguments))
+            buffer.set_res(0, memoryview(results))
+            self._alive += [mapped, buffer]
+            self._blocks[size] = (arguments, results, run)
+        return self._blocks[size]
+
+    @cached_property
+    def _program(self) -> list[tuple[int, tuple[int, ...], tuple[int, ...], float]]:
+        f = self.function
+        return [
+            (
+                f.instruction_id(k),
+                tuple(f.instruction_input(k)),
+                tuple(f.instruction_output(k)),
+                f.instruction_constant(k) if f.instruction_id(k) == ca.OP_CONST else 0.0,
+            )
+            for k in range(f.n_instructions())
+        ]
+
+    def enclose(self, x: Sequence[Series]) -> list[Series]:
+        """The same expression in Taylor series with guaranteed error: k series in, m series out."""
+        order = x[0].order
+        work: dict[int, Series] = {}
+        out: list[Series] = [Series.constant(np.zeros(1), order)] * self.size[1]
+        with np.errstate(invalid="ignore", over="ignore"):  # an unbounded ball may turn into nan: both read as "no bound"
+            for operation, read, write, constant in self._program:
+                if operation == ca.OP_INPUT:
+                    work[write[0]] = x[read[1]]
+                elif operation == ca.OP_OUTPUT:
+                    out[write[1]] = work[read[0]]
+                elif operation == ca.OP_CONST:
+                    work[write[0]] = Series.constant(np.array([constant]), order)
+                elif operation in _RULES:
+                    work[write[0]] = _RULES[operation](*(work[k] for k in read))
+                else:
+                    raise MotionError(f"{self.function.name()}: CasADi operation {operation} has no Taylor rule; add it to _RULES")
+        return out
+
+
+_RULES: dict[int, Callable[..., Series]] = {
+    ca.OP_ASSIGN: lambda a: a,
+    ca.OP_ADD: lambda a, b: a + b,
+    ca.OP_SUB: lambda a, b: a - b,
+    ca.OP_NEG: lambda a: -a,
+    ca.OP_MUL: lambda a, b: a * b,
+    ca.OP_DIV: lambda a, b: a / b,
+    ca.OP_INV: lambda a: 1.0 / a,
+    ca.OP_TWICE: lambda a: a * 2.0,
+    ca.OP_SQ: lambda a: a * a,
+    ca.OP_SQRT: lambda a: a.sqrt(),
+    ca.OP_SIN: lambda a: a.sincos()[0],
+    ca.OP_COS: lambda a: a.sincos()[1],
+}

@@ -1,0 +1,149 @@
+"""From actuator coordinates to the pose: Newton on SE(3), and the proof that it is the pose the machine is in."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from typing import TYPE_CHECKING
+
+import casadi as ca
+import numpy as np
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from kinematics.array import Array, frozen
+from kinematics.errors import MotionError
+from kinematics.expression import Expression
+from kinematics.pose import STRAIGHT, Pose, column, from_numbers, numbers, straight, straight_numbers
+from kinematics.series import Series
+
+if TYPE_CHECKING:
+    from kinematics.machine import Machine
+
+ITERATIONS = 50
+CONVERGED = 1e-9
+"""m or rad: residual under which a pose counts as a solution (Newton leaves 1e-16; the rest is for scale)."""
+# Share of the coordinates at which Newton stops: some thirty units in the last place.
+ROUNDING = 1e-14
+# Smallest step of the continuation, as a share of the motion from `near`; beyond it the motion counts as singular.
+FINEST = 2.0**-12
+
+
+@dataclass(frozen=True, slots=True)
+class Forward:
+    """pose; residual (N,) largest |inverse(pose) − q|; certified (N,) bool. Plain scalars for a single q.
+
+    certified: the straight motion from `near` to this pose meets no singularity, proved cell by cell over the whole motion, so the
+    machine can be in no other assembly mode without having crossed one.
+    """
+
+    pose: Pose
+    residual: Array
+    certified: np.ndarray
+
+
+def solve(machine: Machine, q: Array, near: Pose) -> Forward:
+    """Damped Newton in the twist of the platform, batched, then the certificate."""
+    rows = np.atleast_2d(q)
+    if rows.ndim != 2 or rows.shape[1] != len(machine.axes) or not np.isfinite(rows).all():
+        raise MotionError(f"machine {machine.name}: forward takes finite coordinates (N, {len(machine.axes)}), not shape {q.shape}")
+    start = np.broadcast_to(numbers(near), (len(rows), 12))
+    x = _newton(machine, rows, start.copy())
+    pose = from_numbers(x)
+    residual = np.abs(machine.inverse_map(numbers(pose)) - rows).max(1)
+    certified = residual < CONVERGED
+    certified[certified] = regular(machine, from_numbers(start[certified]), pose[certified]) if certified.any() else False
+    if q.ndim == 1:
+        return Forward(pose[0], residual[0], certified[0])
+    return Forward(pose, frozen(residual), frozen(certified))
+
+
+def _newton(machine: Machine, q: Array, x: Array) -> Array:
+    """x ← exp(δ) x with J δ = q − inverse(x); a step that does not reduce the residual is halved, at most one radian is turned."""
+    error = q - machine.inverse_map(x)
+    active, floor = np.arange(len(q)), max(1.0, np.abs(q).max())
+    damping = np.ones(len(q))
+    for _ in range(ITERATIONS):
+        size = np.abs(error[active]).max(1)
+        # a hopeless damping ends the search
+        active = active[(size > ROUNDING * floor) & (damping[active] > 1e-6)]
+        if not len(active):
+            break
+        step = _solve(machine.jacobian_map(x[active]).reshape(len(active), -1, 6), error[active])
+        turn = np.linalg.norm(step[:, 3:], axis=1)
+        step *= (damping[active] / np.maximum(turn, 1.0))[:, None]
+        trial = _moved(x[active], step)
+        error_trial = q[active] - machine.inverse_map(trial)
+        better = np.abs(error_trial).max(1) < np.abs(error[active]).max(1)
+        won = active[better]
+        x[won], error[won] = trial[better], error_trial[better]
+        damping[won] = np.minimum(1.0, 2 * damping[won])
+        lost = active[~better]
+        damping[lost] /= 4
+    return x
+
+
+def _solve(jacobian: Array, error: Array) -> Array:
+    try:
+        solution: Array = np.linalg.solve(jacobian, error[..., None])[..., 0]
+    except np.linalg.LinAlgError:  # a pose of the batch is exactly singular
+        solution = (np.linalg.pinv(jacobian) @ error[..., None])[..., 0]
+    return solution
+
+
+def _moved(x: Array, twist: Array) -> Array:
+    turned = Rotation.from_rotvec(twist[:, 3:]).as_matrix() @ x[:, 3:].reshape(-1, 3, 3)
+    return np.concatenate([x[:, :3] + twist[:, :3], turned.reshape(-1, 9)], 1)
+
+
+@cache
+def _motion() -> Expression:
+    s, parameters = ca.SX.sym("s"), ca.SX.sym("parameters", STRAIGHT)
+    return Expression("straight", ca.vertcat(s, parameters), column(*straight(s, parameters)))
+
+
+def regular(machine: Machine, start: RigidTransform, end: RigidTransform) -> np.ndarray:
+    """(N,) bool: proved that the Jacobian is nonsingular along the whole straight motion from start to end.
+
+    The motion is cut into cells. Over a cell with centre c, J = J_c + J_1 τ + J_2(τ) τ², |τ| ≤ 1, in guaranteed Taylor arithmetic.
+    With C ≈ J_c⁻¹, ‖I − C J(τ)‖_∞ ≤ ‖|I − C J_c| + |C J_1| + |C| |J_2|‖_∞ < 1 proves J(τ) nonsingular for every τ.
+    Cells that fail are halved. Columns of rotation are scaled by the characteristic length.
+    """
+    parameters = straight_numbers(start, end, 1.0)
+    pending = np.arange(len(parameters))
+    low, width = np.zeros(len(parameters)), np.ones(len(parameters))
+    proved = np.ones(len(parameters), bool)
+    while len(pending):
+        fine = _cells_regular(machine, parameters[pending], low, width)
+        hopeless = ~fine & (width <= FINEST)
+        proved[pending[hopeless]] = False
+        again = ~fine & ~hopeless & proved[pending]
+        half = width[again] / 2
+        low, width = np.concatenate([low[again], low[again] + half]), np.concatenate([half, half])
+        pending = np.concatenate([pending[again], pending[again]])
+    return proved
+
+
+def _cells_regular(machine: Machine, parameters: Array, low: Array, width: Array) -> np.ndarray:
+    count, axes = len(low), len(machine.axes)
+    half = width / 2
+    # columns: the centres of all cells, then the cells whole
+    middle = np.concatenate([low + half, low + half])
+    scale = np.concatenate([half, half])
+    spread = np.concatenate([np.zeros(count), half])
+    s = Series(np.stack([middle, scale]), np.stack([spread, np.zeros(2 * count)]), 2)
+    rest = [Series.constant(column, 2) for column in np.concatenate([parameters, parameters]).T]
+    entries = machine.jacobian_map.enclose(_motion().enclose([s, *rest]))
+    jacobian = Series.stack(entries).padded(2)
+    shape = (count, axes, 6)
+    length = np.array([1.0, 1.0, 1.0] + [1 / machine.characteristic_length] * 3)
+    middle_j = jacobian.mid[0, :count].reshape(shape) * length
+    error_j = jacobian.rad[0, :count].reshape(shape) * length
+    slope = jacobian.mid[1, :count].reshape(shape) * length
+    error_slope = jacobian.rad[1, :count].reshape(shape) * length
+    bend = (np.abs(jacobian.mid[2, count:]) + jacobian.rad[2, count:]).reshape(shape) * length
+    inverse = np.linalg.pinv(middle_j)
+    size = np.abs(inverse)
+    distance = np.abs(np.eye(6) - inverse @ middle_j) + np.abs(inverse @ slope) + size @ (error_j + error_slope + bend)
+    # a little below 1, for the rounding of this line itself
+    with np.errstate(invalid="ignore"):
+        return np.asarray(distance.sum(-1).max(-1) < 1 - 1e-9)

@@ -1,0 +1,84 @@
+"""The hexapod: six legs of variable length between a base and a moving platform."""
+
+from collections.abc import Sequence
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kinematics.array import Array, frozen
+from kinematics.axis import Axis
+from kinematics.errors import MotionError
+from kinematics.machine import Machine
+from kinematics.pose import Pose
+
+
+def joint_circle(radius: float, gap: float, height: float) -> Array:
+    """Joint centres (6, 3) on a circle, paired: azimuths γ/2, 120°∓γ/2, 240°∓γ/2, −γ/2 for the gap γ (rad) of a pair.
+
+    Source: [Sahbaz 2007, chapter 5].
+    """
+    third, half = np.deg2rad(120), gap / 2
+    azimuth = np.array([half, third - half, third + half, 2 * third - half, 2 * third + half, -half])
+    return np.stack([radius * np.cos(azimuth), radius * np.sin(azimuth), np.full(6, height)], 1)
+
+
+class Hexapod(Machine):
+    """q_i = ‖p + R a_i − b_i‖, the distance between joint centres b_i (base frame) and a_i (platform frame).
+
+    base, platform            (6, 3) joint centres, m
+    base_rest, platform_rest  (3,) or (6, 3) rest axis of each joint in its own frame, +z by default
+    max_tilt                  rad between leg and rest axis: one number, or (base, platform); None: unlimited
+    """
+
+    def __init__(
+        self,
+        base: ArrayLike,
+        platform: ArrayLike,
+        *,
+        axes: Sequence[Axis],
+        home: Pose,
+        base_rest: ArrayLike | None = None,
+        platform_rest: ArrayLike | None = None,
+        max_tilt: float | tuple[float, float] | None = None,
+        name: str = "hexapod",
+    ) -> None:
+        self.base, self.platform = _points(name, "base", base), _points(name, "platform", platform)
+        if len(axes) != 6:
+            raise MotionError(f"machine {name}: {len(axes)} axes; a hexapod has 6")
+        self.base_rest, self.platform_rest = _directions(name, "base_rest", base_rest), _directions(name, "platform_rest", platform_rest)
+        self.tilt_names = tuple(f"{axis.name} {end} joint" for end in ("base", "platform") for axis in axes)
+        ends = max_tilt if isinstance(max_tilt, tuple) else (max_tilt, max_tilt)
+        self.max_tilt = frozen(np.repeat([np.pi if end is None else end for end in ends], 6))
+        self.characteristic_length = float(np.sqrt((self.platform**2).sum(1).mean()))
+        super().__init__(name, axes, home)
+
+    def _legs(self, position: ca.SX, rotation: ca.SX) -> list[ca.SX]:
+        """The six vectors from base joint to platform joint, in the base frame."""
+        return [position + rotation @ a - b for a, b in zip(self.platform, self.base, strict=True)]
+
+    def expression(self, position: ca.SX, rotation: ca.SX) -> ca.SX:
+        return ca.vertcat(*(ca.norm_2(leg) for leg in self._legs(position, rotation)))
+
+    def tilts(self, position: ca.SX, rotation: ca.SX) -> ca.SX:
+        """cos of the angle between leg and rest axis: base joints in the base frame, platform joints in the moving frame."""
+        legs = self._legs(position, rotation)
+        base = [ca.dot(leg, rest) for leg, rest in zip(legs, self.base_rest, strict=True)]
+        platform = [ca.dot(leg, rotation @ rest) for leg, rest in zip(legs, self.platform_rest, strict=True)]
+        lengths = [ca.norm_2(leg) for leg in legs]
+        return ca.vertcat(*(d / n for d, n in zip(base + platform, lengths + lengths, strict=True)))
+
+
+def _points(machine: str, what: str, values: ArrayLike) -> Array:
+    points = np.asarray(values, float)
+    if points.shape != (6, 3) or not np.isfinite(points).all():
+        raise MotionError(f"machine {machine}: {what} must be six finite points (6, 3) in m, not an array of shape {points.shape}")
+    return frozen(points)
+
+
+def _directions(machine: str, what: str, values: ArrayLike | None) -> Array:
+    rest = np.asarray([0.0, 0.0, 1.0] if values is None else values, float)
+    norm = np.linalg.norm(rest, axis=-1, keepdims=True)
+    if rest.shape not in ((3,), (6, 3)) or not np.isfinite(norm).all() or (norm == 0).any():
+        raise MotionError(f"machine {machine}: {what} must be one direction (3,) or six (6, 3), finite and not zero")
+    return frozen(np.broadcast_to(rest / norm, (6, 3)))

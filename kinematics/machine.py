@@ -1,0 +1,98 @@
+"""What a machine is: its inverse map as one expression, and everything that follows from it."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from functools import cached_property
+from typing import ClassVar
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kinematics.array import Array, frozen
+from kinematics.axis import Axis
+from kinematics.errors import MotionError, OutOfReach
+from kinematics.expression import Expression
+from kinematics.forward import Forward, solve
+from kinematics.margins import Margins, measure
+from kinematics.pose import Pose, numbers, symbols
+
+
+class Machine(ABC):
+    """A machine of n axes that carries a platform (or tool).
+
+    A kind of machine states its map from pose to actuator coordinates once, symbolically, in `expression`; numeric evaluation,
+    Jacobian, path derivatives, guaranteed enclosures and optimisation all come from that.
+    """
+
+    freedom: ClassVar[tuple[str, ...]] = ("x", "y", "z", "rx", "ry", "rz")
+    characteristic_length: float
+    """m that count as one radian where lengths and angles meet: condition numbers, the path parameter of a pure turn."""
+
+    def __init__(self, name: str, axes: Sequence[Axis], home: Pose) -> None:
+        self.name, self.axes, self.home = name, tuple(axes), home
+        if len({axis.name for axis in self.axes}) < len(self.axes):
+            raise MotionError(f"machine {name}: two axes have the same name; names tell the limits of one from another's")
+        self.home_q: Array = frozen(self.inverse(home))
+
+    @abstractmethod
+    def expression(self, position: ca.SX, rotation: ca.SX) -> ca.SX:
+        """Actuator coordinates (n,) at position (3) and rotation (3, 3) of the platform frame in the base frame."""
+
+    def tilts(self, position: ca.SX, rotation: ca.SX) -> ca.SX:
+        """Cosine of each joint's angle from its rest axis (m,); none by default."""
+        return ca.SX(0, 1)
+
+    tilt_names: tuple[str, ...] = ()
+    max_tilt: Array = frozen([])
+    """(m,) rad, one per joint of `tilts`."""
+
+    @cached_property
+    def inverse_map(self) -> Expression:
+        """Pose numbers (12) -> q (n)."""
+        x = ca.SX.sym("x", 12)
+        return Expression("inverse", x, self.expression(*symbols(x)))
+
+    @cached_property
+    def jacobian_map(self) -> Expression:
+        """Pose numbers (12) -> J (n, 6) row by row: dq = J [dx, dy, dz, wx, wy, wz], base frame, about the platform's origin."""
+        x, twist = ca.SX.sym("x", 12), ca.SX.sym("twist", 6)
+        position, rotation = symbols(x)
+        moved = self.expression(position + twist[:3], rotation + ca.skew(twist[3:]) @ rotation)
+        jacobian = ca.substitute(ca.jacobian(moved, twist), twist, ca.SX.zeros(6))
+        return Expression("jacobian", x, ca.vec(jacobian.T))
+
+    @cached_property
+    def tilt_map(self) -> Expression:
+        """Pose numbers (12) -> cosines of the joints' tilts (m)."""
+        x = ca.SX.sym("x", 12)
+        return Expression("tilts", x, self.tilts(*symbols(x)))
+
+    def inverse(self, pose: Pose, near: ArrayLike | None = None) -> Array:
+        """Actuator coordinates q (N, n) of N poses, (n,) of one.
+
+        near (n,) picks branch and turn where there are several. Raises OutOfReach where no solution exists.
+        """
+        q = self.inverse_map(numbers(pose))
+        lost = ~np.isfinite(q).all(1)
+        if lost.any():
+            first = int(np.argmax(lost))
+            where = np.atleast_2d(pose.translation)[first]
+            raise OutOfReach(f"machine {self.name}: no actuator coordinates reach pose {first}, position {where * 1e3} mm; bring it nearer")
+        return q[0] if pose.single else q
+
+    def jacobian(self, pose: Pose) -> Array:
+        """J (N, n, 6) of N poses, (n, 6) of one: dq = J [dx, dy, dz, wx, wy, wz], base frame, about the platform's origin."""
+        j = self.jacobian_map(numbers(pose)).reshape(-1, len(self.axes), 6)
+        return j[0] if pose.single else j
+
+    def forward(self, q: ArrayLike, near: Pose | None = None) -> Forward:
+        """The pose of actuator coordinates q (N, n) or (n,), by Newton on SE(3) from `near` (home by default)."""
+        return solve(self, np.asarray(q, float), self.home if near is None else near)
+
+    def check(self, pose: Pose) -> Margins:
+        """Travel and tilt of every axis and joint against their limits."""
+        return measure(self, pose)
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__} {self.name}: {len(self.axes)} axes>"

@@ -1,0 +1,66 @@
+"""Poses: SciPy's rigid transforms outside, twelve plain numbers inside compiled code.
+
+The twelve numbers are the position (3) and the rotation matrix row by row (9), of the platform's frame in the base frame.
+"""
+
+import casadi as ca
+import numpy as np
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from kinematics.array import Array
+
+Pose = RigidTransform
+
+
+def numbers(pose: Pose) -> Array:
+    """(N, 12) position and rotation rows of N poses (N = 1 for a single one)."""
+    matrix = pose.as_matrix().reshape(-1, 4, 4)
+    return np.concatenate([matrix[:, :3, 3], matrix[:, :3, :3].reshape(-1, 9)], 1)
+
+
+def from_numbers(values: Array) -> Pose:
+    """The poses of (N, 12) numbers, or of (12,) a single one."""
+    matrix = values[..., 3:].reshape(*values.shape[:-1], 3, 3)
+    return RigidTransform.from_components(values[..., :3], Rotation.from_matrix(matrix))
+
+
+def symbols(x: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """Position (3) and rotation (3, 3) of a column of twelve symbols."""
+    return x[:3], ca.reshape(x[3:12], 3, 3).T
+
+
+def column(position: ca.SX, rotation: ca.SX) -> ca.SX:
+    """The column of twelve for a position and a rotation."""
+    return ca.vertcat(position, ca.vec(rotation.T))
+
+
+def turned(rotation: ca.SX, axis: ca.SX, angle: ca.SX) -> ca.SX:
+    """R · exp(angle · axis×) for a unit axis in the moving frame (Rodrigues)."""
+    k = ca.skew(axis)
+    return rotation @ (ca.SX.eye(3) + ca.sin(angle) * k + (1 - ca.cos(angle)) * (k @ k))
+
+
+STRAIGHT = 3 + 3 + 9 + 3 + 1
+"""How many numbers describe a straight motion: start, direction, start rotation (rows), turning axis, rate."""
+
+
+def straight(s: ca.SX, parameters: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """Pose at s of p = p0 + d s, R = R0 exp(s · rate · axis×): the straight motion, turning steadily."""
+    p0, direction, r0, axis, rate = ca.vertsplit(parameters, [0, 3, 6, 15, 18, 19])
+    return p0 + direction * s, turned(ca.reshape(r0, 3, 3).T, axis, rate * s)
+
+
+def straight_numbers(start: Pose, end: Pose, length: Array | float) -> Array:
+    """Parameters (N, 19) of the straight motions from start to end over s in [0, length], the shorter way round."""
+    p0, p1 = np.atleast_2d(start.translation), np.atleast_2d(end.translation)
+    axis, angle = axis_angle(start.rotation, end.rotation)
+    length = np.broadcast_to(np.asarray(length, float), len(angle))
+    first = np.broadcast_to(numbers(start)[:, 3:], (len(angle), 9))
+    return np.concatenate([np.broadcast_to(p0, p1.shape), (p1 - p0) / length[:, None], first, axis, (angle / length)[:, None]], 1)
+
+
+def axis_angle(start: Rotation, end: Rotation) -> tuple[Array, Array]:
+    """Unit axis (N, 3) in the moving frame and angle (N,) ≤ π of the shortest turn; +z where there is none."""
+    vector = np.atleast_2d((start.inv() * end).as_rotvec())
+    angle = np.linalg.norm(vector, axis=1)
+    return np.where(angle[:, None] > 0, vector / np.where(angle > 0, angle, 1.0)[:, None], [0.0, 0.0, 1.0]), angle

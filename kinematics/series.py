@@ -1,0 +1,204 @@
+"""Truncated Taylor series with guaranteed error: ball arithmetic on the coefficients.
+
+A series holds, for every entry of an array, the coefficients c_0 … c_d of c_k τ^k, each as a ball |c_k − mid_k| ≤ rad_k.
+The balls enclose the exact coefficients: the error of the arguments and the rounding of every operation are carried along.
+Recurrences of automatic differentiation: Moore, Kearfott, Cloud, Introduction to Interval Analysis (2009), chapter 9.
+Balls (midpoint and radius): Rump, Acta Numerica 19 (2010), section 5.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from kinematics.array import Array
+
+# Twice the unit roundoff: covers the rounding of the operation itself and of the radius that bounds it.
+EPS = 2.0**-52
+
+
+@dataclass(frozen=True, slots=True)
+class Series:
+    """Coefficients `mid` ± `rad`, both (degree+1, …); products are cut after τ^order."""
+
+    mid: Array
+    rad: Array
+    order: int
+
+    __array_ufunc__ = None  # so that ndarray * Series comes here
+
+    @staticmethod
+    def constant(values: Array | float, order: int) -> Series:
+        mid = np.asarray(values, float)[None]
+        return Series(mid, np.zeros_like(mid), order)
+
+    @staticmethod
+    def stack(parts: Sequence[Series]) -> Series:
+        """Series (d+1, N) side by side: (d+1, N, len(parts))."""
+        degree = max(part.degree for part in parts)
+        padded = [part.padded(degree) for part in parts]
+        shape = np.broadcast_shapes(*(part.mid.shape for part in padded))
+        return Series(
+            np.stack([np.broadcast_to(part.mid, shape) for part in padded], -1),
+            np.stack([np.broadcast_to(part.rad, shape) for part in padded], -1),
+            parts[0].order,
+        )
+
+    @property
+    def degree(self) -> int:
+        return len(self.mid) - 1
+
+    def padded(self, degree: int) -> Series:
+        missing = degree - self.degree
+        if missing <= 0:
+            return self
+        zeros = np.zeros((missing, *self.mid.shape[1:]))
+        return Series(np.concatenate([self.mid, zeros]), np.concatenate([self.rad, zeros]), self.order)
+
+    def __getitem__(self, key: object) -> Series:
+        """Entries of the array, every coefficient kept."""
+        index = (slice(None), *(key if isinstance(key, tuple) else (key,)))
+        return Series(self.mid[index], self.rad[index], self.order)
+
+    def _other(self, other: Series | Array | float) -> Series:
+        if isinstance(other, Series):
+            return other
+        values = np.asarray(other, float)
+        missing = self.mid.ndim - 1 - values.ndim
+        return Series.constant(values.reshape((1,) * missing + values.shape), self.order)
+
+    def __neg__(self) -> Series:
+        return Series(-self.mid, self.rad, self.order)
+
+    def __add__(self, other: Series | Array | float) -> Series:
+        other = self._other(other)
+        degree = max(self.degree, other.degree)
+        a, b = self.padded(degree), other.padded(degree)
+        mid = a.mid + b.mid
+        return Series(mid, (a.rad + b.rad) * (1 + EPS) + EPS * np.abs(mid), self.order)
+
+    __radd__ = __add__
+
+    def __sub__(self, other: Series | Array | float) -> Series:
+        return self + -self._other(other)
+
+    def __rsub__(self, other: Array | float) -> Series:
+        return self._other(other) + -self
+
+    def __mul__(self, other: Series | Array | float) -> Series:
+        """Cauchy product: c_k = Σ a_j b_{k−j}."""
+        other = self._other(other)
+        rows = [_convolve(self, other, k) for k in range(min(self.degree + other.degree, self.order) + 1)]
+        return Series(np.stack([mid for mid, _ in rows]), np.stack([rad for _, rad in rows]), self.order)
+
+    __rmul__ = __mul__
+
+    def __truediv__(self, other: Series | Array | float) -> Series:
+        """q_k = (a_k − Σ_{j<k} q_j b_{k−j}) / b_0; unbounded where b_0 may vanish."""
+        other = self._other(other)
+        inverse = _inverse(other.mid[0], other.rad[0])
+        if other.degree == 0:
+            return self * Series(inverse[0][None], inverse[1][None], self.order)
+        shape = np.broadcast_shapes(self.mid.shape[1:], other.mid.shape[1:])
+        top = self.padded(self.order)
+        out = _blank(self.order, shape)
+        for k in range(self.order + 1):
+            known = (top.mid[k], top.rad[k])
+            if k:
+                known = _minus(known, _convolve(_head(out, k), other, k))
+            out.mid[k], out.rad[k] = _times(known, inverse)
+        return out
+
+    def __rtruediv__(self, other: Array | float) -> Series:
+        return self._other(other) / self
+
+    def sqrt(self) -> Series:
+        """r_k = (a_k − Σ_{0<j<k} r_j r_{k−j}) / (2 r_0); unbounded where a_0 may be ≤ 0."""
+        out = _blank(self.order, self.mid.shape[1:])
+        top = self.padded(self.order)
+        low, high = np.sqrt(np.maximum(top.mid[0] - top.rad[0], 0.0)), np.sqrt(np.maximum(top.mid[0] + top.rad[0], 0.0))
+        out.mid[0] = (low + high) / 2
+        out.rad[0] = (high - low) / 2 * (1 + EPS) + 2 * EPS * high
+        half = _inverse(2 * out.mid[0], 2 * out.rad[0])
+        inside = Series(out.mid[1:], out.rad[1:], self.order)
+        for k in range(1, self.order + 1):
+            known = (top.mid[k], top.rad[k])
+            if k > 1:
+                head = _head(inside, k - 1)
+                known = _minus(known, _convolve(head, head, k - 2))
+            out.mid[k], out.rad[k] = _times(known, half)
+        return out
+
+    def sincos(self) -> tuple[Series, Series]:
+        """k s_k = Σ j θ_j c_{k−j},  k c_k = −Σ j θ_j s_{k−j}, with j from 1 to k."""
+        sine, cosine = _blank(self.order, self.mid.shape[1:]), _blank(self.order, self.mid.shape[1:])
+        for out, value, slope in ((sine, np.sin, np.cos), (cosine, np.cos, np.sin)):
+            out.mid[0] = value(self.mid[0])
+            # second-order bound, and never more than the whole range; libm is trusted to two units in the last place
+            out.rad[0] = np.minimum(np.abs(slope(self.mid[0])) * self.rad[0] + self.rad[0] ** 2 / 2, 2.0) * (1 + 4 * EPS) + 4 * EPS
+        rate = self.derivative()
+        for k in range(1, self.order + 1):
+            up, down = _convolve(rate, _head(cosine, k), k - 1), _convolve(rate, _head(sine, k), k - 1)
+            sine.mid[k], sine.rad[k] = up[0] / k, (up[1] / k + EPS * np.abs(up[0])) * (1 + EPS)
+            cosine.mid[k], cosine.rad[k] = -down[0] / k, (down[1] / k + EPS * np.abs(down[0])) * (1 + EPS)
+        return sine, cosine
+
+    def derivative(self) -> Series:
+        """d/dτ; the order falls by one."""
+        if self.degree == 0:
+            return Series(np.zeros_like(self.mid), np.zeros_like(self.rad), max(self.order - 1, 0))
+        k = np.arange(1, self.degree + 1).reshape(-1, *[1] * (self.mid.ndim - 1))
+        mid = k * self.mid[1:]
+        return Series(mid, k * self.rad[1:] * (1 + EPS) + EPS * np.abs(mid), self.order - 1)
+
+
+Ball = tuple[Array, Array]
+
+
+def _blank(order: int, shape: tuple[int, ...]) -> Series:
+    return Series(np.zeros((order + 1, *shape)), np.zeros((order + 1, *shape)), order)
+
+
+def _head(series: Series, count: int) -> Series:
+    return Series(series.mid[:count], series.rad[:count], series.order)
+
+
+def _convolve(a: Series, b: Series, k: int) -> Ball:
+    """Coefficient k of a·b from the coefficients that both have (zero where neither reaches)."""
+    first, last = max(0, k - b.degree), min(k, a.degree)
+    if first > last:
+        zero = np.zeros(np.broadcast_shapes(a.mid.shape[1:], b.mid.shape[1:]))
+        return zero, zero
+    back = slice(k - last, k - first + 1)
+    ma, ra = a.mid[first : last + 1], a.rad[first : last + 1]
+    mb, rb = b.mid[back][::-1], b.rad[back][::-1]
+    products = ma * mb
+    size = np.abs(products).sum(0)
+    error = (np.abs(ma) * rb + ra * (np.abs(mb) + rb)).sum(0)
+    terms = last - first + 1
+    return products.sum(0), (error + terms * EPS * size) * (1 + (terms + 2) * EPS)
+
+
+def _times(a: Ball, b: Ball) -> Ball:
+    mid = a[0] * b[0]
+    rad = np.abs(a[0]) * b[1] + a[1] * (np.abs(b[0]) + b[1])
+    with np.errstate(invalid="ignore"):
+        rad = np.where(np.isnan(rad), np.inf, rad)  # 0 · ∞: the ball of an undefined quotient stays unbounded
+    return mid, rad * (1 + 4 * EPS) + EPS * np.abs(mid)
+
+
+def _minus(a: Ball, b: Ball) -> Ball:
+    mid = a[0] - b[0]
+    return mid, (a[1] + b[1]) * (1 + EPS) + EPS * np.abs(mid)
+
+
+def _inverse(mid: Array, rad: Array) -> Ball:
+    """1/ball; radius ∞ where the ball contains zero."""
+    near, far = np.abs(mid) - rad, np.abs(mid) + rad
+    safe = near > 0
+    with np.errstate(divide="ignore", invalid="ignore"):
+        high, low = 1 / np.where(safe, near, 1.0), 1 / np.where(safe, far, 1.0)
+    middle = np.sign(mid) * (high + low) / 2
+    return np.where(safe, middle, 0.0), np.where(safe, (high - low) / 2 * (1 + 4 * EPS) + 4 * EPS * high, np.inf)

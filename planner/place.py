@@ -1,0 +1,34 @@
+"""Where along a plan something happens, and the refusal that names it."""
+
+from dataclasses import dataclass
+
+from kinematics.errors import MotionError
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """A place along a plan: segment (from 1; None without a program), arc length s from the path's start (m), time (s; None before timing), and whose limit."""
+
+    s: float
+    segment: int | None = None
+    t: float | None = None
+    axis: str = ""
+
+    def __str__(self) -> str:
+        parts = [self.axis] if self.axis else []
+        parts.append(f"s = {self.s * 1e3:.4g} mm" if self.segment is not None else f"s = {self.s:.6g}")
+        if self.segment is not None:
+            parts.append(f"segment {self.segment}")
+        if self.t is not None:
+            parts.append(f"t = {self.t:.6g} s")
+        return ", ".join(parts)
+
+
+class Infeasible(MotionError):
+    """The motion asked for cannot respect a limit: kind of limit, axis, place, value, limit and unit, and what to change."""
+
+    def __init__(self, kind: str, axis: str, place: Place | None, value: float, limit: float, unit: str, remedy: str) -> None:
+        self.kind, self.axis, self.place = kind, axis, place
+        self.value, self.limit, self.unit, self.remedy = value, limit, unit, remedy
+        where = "" if place is None else f" at {place}"
+        super().__init__(f"{axis + ' ' if axis and (place is None or not place.axis) else ''}{kind} {value:.6g} exceeds {limit:.6g} {unit}{where}; {remedy}")

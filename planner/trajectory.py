@@ -1,0 +1,71 @@
+"""A motion in time: s(t) in closed-form pieces along an actuator path."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform
+
+from kinematics.array import Array, frozen
+from planner.actuation import ActuatorPath
+
+
+@dataclass(frozen=True, slots=True)
+class State:
+    """The motion at instants t (N,): path length s (N,), pose (None without a machine), and q, q̇, q̈, q⃛ (N, axes)."""
+
+    t: Array
+    s: Array
+    pose: RigidTransform | None
+    q: Array
+    qd: Array
+    qdd: Array
+    qddd: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Trajectory:
+    """s(t) = s + v τ + a τ²/2 + j τ³/6 with τ = t - knots[k] on piece k, which runs inside path piece `piece[k]`.
+
+    knots  (M+1,) s, from 0 to the duration; never decreasing
+    s, v, a, j  (M,) path length, speed, acceleration at the start of each time piece, and its constant jerk
+    piece  (M,) index of the path piece
+    """
+
+    path: ActuatorPath
+    knots: Array
+    s: Array
+    v: Array
+    a: Array
+    j: Array
+    piece: np.ndarray
+
+    def __post_init__(self) -> None:
+        for name in ("knots", "s", "v", "a", "j", "piece"):
+            object.__setattr__(self, name, frozen(getattr(self, name)))
+
+    @property
+    def duration(self) -> float:
+        return float(self.knots[-1])
+
+    def locate(self, t: Array) -> np.ndarray:
+        """Index of the time piece of each instant; a knot belongs to the piece that it starts."""
+        return np.clip(np.searchsorted(self.knots, t, side="right") - 1, 0, len(self.s) - 1)
+
+    def at(self, t: float | Array) -> State:
+        """The state at t; before 0 and after the duration the motion rests at its ends.
+
+        q̇ = q′ ṡ;  q̈ = q′ s̈ + q″ ṡ²;  q⃛ = q′ s⃛ + 3 q″ ṡ s̈ + q‴ ṡ³.
+        """
+        asked = np.atleast_1d(np.asarray(t, float))
+        held = np.clip(asked, 0.0, self.duration)
+        k = self.locate(held)
+        tau = held - self.knots[k]
+        v0, a0, j = self.v[k], self.a[k], self.j[k]
+        s = self.s[k] + tau * (v0 + tau * (a0 / 2 + tau * j / 6))
+        moving = (asked == held).astype(float)
+        v = moving * (v0 + tau * (a0 + tau * j / 2))
+        a = moving * (a0 + tau * j)
+        j = moving * j
+        q, q1, q2, q3 = self.path.derivatives(s, self.piece[k])
+        v, a, j = v[:, None], a[:, None], j[:, None]
+        return State(asked, s, self.path.pose(s, self.piece[k]), q, q1 * v, q1 * a + q2 * v**2, q1 * j + 3 * q2 * v * a + q3 * v**3)
