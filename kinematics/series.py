@@ -46,6 +46,20 @@ class Series:
             parts[0].order,
         )
 
+    @staticmethod
+    def zeros(order: int, shape: tuple[int, ...]) -> Series:
+        """All coefficients zero, up to τ^order: to be filled by `put`."""
+        return Series(np.zeros((order + 1, *shape)), np.zeros((order + 1, *shape)), order)
+
+    def put(self, rows: np.ndarray, values: Series) -> None:
+        """Write entries while a series is being put together."""
+        full = values.padded(self.degree)
+        self.mid[:, rows], self.rad[:, rows] = full.mid, full.rad
+
+    def columns(self) -> list[Series]:
+        """Series (d+1, N, m) taken apart into m of (d+1, N)."""
+        return [self[:, k] for k in range(self.mid.shape[2])]
+
     @property
     def degree(self) -> int:
         return len(self.mid) - 1
@@ -89,9 +103,21 @@ class Series:
 
     def __mul__(self, other: Series | Array | float) -> Series:
         """Cauchy product: c_k = Σ a_j b_{k−j}."""
-        other = self._other(other)
-        rows = [_convolve(self, other, k) for k in range(min(self.degree + other.degree, self.order) + 1)]
-        return Series(np.stack([mid for mid, _ in rows]), np.stack([rad for _, rad in rows]), self.order)
+        few, many = sorted((self, self._other(other)), key=lambda series: series.degree)
+        if few.degree == 0 and not (few.mid.any() or few.rad.any()):
+            return few  # nothing remains: what follows stays short
+        degree = min(few.degree + many.degree, self.order)
+        shape = (degree + 1, *np.broadcast_shapes(few.mid.shape[1:], many.mid.shape[1:]))
+        mid, size, rad = np.zeros(shape), np.zeros(shape), np.zeros(shape)
+        far = np.abs(many.mid) + many.rad
+        for j in range(few.degree + 1):
+            n = min(many.degree, self.order - j) + 1
+            product = few.mid[j] * many.mid[:n]
+            mid[j : j + n] += product
+            size[j : j + n] += np.abs(product)
+            rad[j : j + n] += np.abs(few.mid[j]) * many.rad[:n] + few.rad[j] * far[:n]
+        terms = few.degree + 1
+        return Series(mid, (rad + terms * EPS * size) * (1 + (terms + 2) * EPS), self.order)
 
     __rmul__ = __mul__
 
@@ -103,7 +129,7 @@ class Series:
             return self * Series(inverse[0][None], inverse[1][None], self.order)
         shape = np.broadcast_shapes(self.mid.shape[1:], other.mid.shape[1:])
         top = self.padded(self.order)
-        out = _blank(self.order, shape)
+        out = Series.zeros(self.order, shape)
         for k in range(self.order + 1):
             known = (top.mid[k], top.rad[k])
             if k:
@@ -116,7 +142,7 @@ class Series:
 
     def sqrt(self) -> Series:
         """r_k = (a_k − Σ_{0<j<k} r_j r_{k−j}) / (2 r_0); unbounded where a_0 may be ≤ 0."""
-        out = _blank(self.order, self.mid.shape[1:])
+        out = Series.zeros(self.order, self.mid.shape[1:])
         top = self.padded(self.order)
         low, high = np.sqrt(np.maximum(top.mid[0] - top.rad[0], 0.0)), np.sqrt(np.maximum(top.mid[0] + top.rad[0], 0.0))
         out.mid[0] = (low + high) / 2
@@ -133,13 +159,15 @@ class Series:
 
     def sincos(self) -> tuple[Series, Series]:
         """k s_k = Σ j θ_j c_{k−j},  k c_k = −Σ j θ_j s_{k−j}, with j from 1 to k."""
-        sine, cosine = _blank(self.order, self.mid.shape[1:]), _blank(self.order, self.mid.shape[1:])
+        order = self.order if self.degree else 0
+        shape = self.mid.shape[1:]
+        sine, cosine = (Series(np.zeros((order + 1, *shape)), np.zeros((order + 1, *shape)), self.order) for _ in range(2))
         for out, value, slope in ((sine, np.sin, np.cos), (cosine, np.cos, np.sin)):
             out.mid[0] = value(self.mid[0])
             # second-order bound, and never more than the whole range; libm is trusted to two units in the last place
             out.rad[0] = np.minimum(np.abs(slope(self.mid[0])) * self.rad[0] + self.rad[0] ** 2 / 2, 2.0) * (1 + 4 * EPS) + 4 * EPS
         rate = self.derivative()
-        for k in range(1, self.order + 1):
+        for k in range(1, order + 1):
             up, down = _convolve(rate, _head(cosine, k), k - 1), _convolve(rate, _head(sine, k), k - 1)
             sine.mid[k], sine.rad[k] = up[0] / k, (up[1] / k + EPS * np.abs(up[0])) * (1 + EPS)
             cosine.mid[k], cosine.rad[k] = -down[0] / k, (down[1] / k + EPS * np.abs(down[0])) * (1 + EPS)
@@ -155,10 +183,6 @@ class Series:
 
 
 Ball = tuple[Array, Array]
-
-
-def _blank(order: int, shape: tuple[int, ...]) -> Series:
-    return Series(np.zeros((order + 1, *shape)), np.zeros((order + 1, *shape)), order)
 
 
 def _head(series: Series, count: int) -> Series:

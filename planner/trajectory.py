@@ -3,23 +3,38 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import RigidTransform
 
 from kinematics.array import Array, frozen
+from kinematics.errors import MotionError
+from kinematics.expression import Expression
+from kinematics.pose import Pose, from_numbers
 from planner.actuation import ActuatorPath
 
 
 @dataclass(frozen=True, slots=True)
 class State:
-    """The motion at instants t (N,): path length s (N,), pose (None without a machine), and q, q̇, q̈, q⃛ (N, axes)."""
+    """The motion at instants t (N,): path length s (N,), q, q̇, q̈, q⃛ (N, axes), and the pose (None without a machine)."""
 
     t: Array
     s: Array
-    pose: RigidTransform | None
     q: Array
     qd: Array
     qdd: Array
     qddd: Array
+    path: ActuatorPath
+    piece: np.ndarray
+
+    @property
+    def pose(self) -> Pose | None:
+        numbers = self.path.pose_numbers(self.s, self.piece)
+        return None if numbers is None else from_numbers(numbers)
+
+    def of_pose(self, expression: Expression) -> Array:
+        """An expression of the pose's twelve numbers, at every instant."""
+        numbers = self.path.pose_numbers(self.s, self.piece)
+        if numbers is None:
+            raise MotionError(f"{expression.function.name()} needs a pose; this motion has no machine")
+        return expression(numbers)
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,4 +83,5 @@ class Trajectory:
         j = moving * j
         q, q1, q2, q3 = self.path.derivatives(s, self.piece[k])
         v, a, j = v[:, None], a[:, None], j[:, None]
-        return State(asked, s, self.path.pose(s, self.piece[k]), q, q1 * v, q1 * a + q2 * v**2, q1 * j + 3 * q2 * v * a + q3 * v**3)
+        qddd = q1 * j + 3 * q2 * v * a + q3 * v**3
+        return State(asked, s, q, q1 * v, q1 * a + q2 * v**2, qddd, self.path, self.piece[k])

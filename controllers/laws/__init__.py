@@ -1,0 +1,1 @@
+"""The tracking laws: one file each, found by name in `registry`."""

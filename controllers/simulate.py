@@ -1,0 +1,124 @@
+"""Runs a planned motion under a tracking law: reference -> law -> card -> servo, for all axes at once."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import ceil
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+from controllers.card import PCI_8132, Card, at_rest, send
+from controllers.laws.law import Feedback, Law, Reference
+from controllers.servo import Servo, drive, drives, leg_servo, measured, standing
+from kinematics.array import Array, frozen
+from kinematics.errors import MotionError
+
+if TYPE_CHECKING:
+    from kinematics.machine import Machine
+    from planner.pulses.motion import Motion
+
+HOST_STEP = 5e-3
+"""s. Between two commands the card's speed is a straight line, which leaves the plan by at most q̈ dt²/12 where the acceleration is
+smooth: 0.6 pulses of 0.75 µm at the hexapod's 225 mm/s². A host that polls the card's counter keeps such a step."""
+SETTLE = 0.5
+"""s after the end of the plan: fifteen time constants of a 30 1/s position loop."""
+
+
+class Planned(Protocol):
+    """A plan: it holds its motion."""
+
+    @property
+    def trajectory(self) -> Motion: ...
+
+
+@dataclass(frozen=True, slots=True)
+class Tracking:
+    """What the axes did under a law; times and axis values at the drive's samples, settling included.
+
+    t          (N,) s
+    reference, command, actual  (N, n) q in m or rad: planned, as pulsed by the card, and true
+    pulses     (n,) int64, fired in either direction
+    """
+
+    law: str
+    dt: float
+    t: Array
+    reference: Array
+    command: Array
+    actual: Array
+    pulses: np.ndarray
+
+    def __post_init__(self) -> None:
+        for name in ("t", "reference", "command", "actual", "pulses"):
+            object.__setattr__(self, name, frozen(getattr(self, name)))
+
+
+def sample(motion: Motion, machine: Machine, dt: float) -> Reference:
+    """The motion at k·dt, up to the first sample at or after its end: positions in whole pulses from home, speeds unrounded.
+
+    Whole, since a feedback law that chased a share of a pulse would never come to rest at the end.
+    """
+    steps = max(ceil(motion.duration / dt - 1e-9), 1)
+    state = motion.at(np.minimum(np.arange(steps + 1) * dt, motion.duration))
+    pulse = np.array([axis.pulse for axis in machine.axes])
+    return Reference(dt, np.rint((state.q - machine.home_q) / pulse), state.qd / pulse)
+
+
+def track(
+    plan: Motion | Planned,
+    machine: Machine,
+    law: Law,
+    *,
+    servo: Servo | Sequence[Servo] | None = None,
+    card: Card = PCI_8132,
+    dt: float = HOST_STEP,
+    settle: float = SETTLE,
+) -> Tracking:
+    """Tracks a plan (or its trajectory) and then holds its end for `settle` seconds.
+
+    Every dt the host reads the encoders (in pulses), asks the law, and sends its command, which the card takes at once. The drives
+    follow the card's counters at their own sample time, of which dt must be a whole multiple.
+
+    servo  one for all axes or one per axis; `leg_servo` by default
+    card   one model; as many cards of it as the axes need
+
+    Raises MotionError for a dt that does not fit the drives, and Refused by the card for a command outside its range.
+    """
+    motion: Motion = getattr(plan, "trajectory", plan)
+    model = drives(_per_axis(servo, machine))
+    inner = round(dt / model.sample)
+    if inner < 1 or abs(inner * model.sample - dt) > 1e-9 * dt:
+        raise MotionError(
+            f"track: the host's step {dt * 1e3:g} ms is no whole multiple of the drives' sample time {model.sample * 1e3:g} ms; "
+            f"use {max(inner, 1) * model.sample * 1e3:g} ms"
+        )
+    reference = sample(motion, machine, dt)
+    pulse = np.array([axis.pulse for axis in machine.axes])
+    home = machine.home_q
+    counts = reference.ang(0).astype(np.int64)
+    state, servos = at_rest(counts), standing(counts * pulse)
+    steps = reference.steps + ceil(settle / dt)
+    inside = np.arange(inner) * model.sample
+    command, actual = np.empty((steps, inner, len(pulse))), np.empty((steps, inner, len(pulse)))
+    for k in range(steps):
+        move = law.command(k, reference, Feedback(measured(model, servos.x) / pulse))
+        state = send(card, state, move, k * dt)
+        command[k] = state.counter(k * dt + inside) * pulse
+        response = drive(model, servos, command[k])
+        actual[k], servos = response.position, response.state
+    t = (np.arange(steps)[:, None] * dt + inside).ravel()
+    planned = motion.at(np.minimum(t, motion.duration)).q
+    shape = (-1, len(pulse))
+    fired = state.pulses(steps * dt)
+    return Tracking(law.name, dt, t, planned, home + command.reshape(shape), home + actual.reshape(shape), fired)
+
+
+def _per_axis(servo: Servo | Sequence[Servo] | None, machine: Machine) -> list[Servo]:
+    if servo is None:
+        return [leg_servo(axis) for axis in machine.axes]
+    servos = [servo] * len(machine.axes) if isinstance(servo, Servo) else list(servo)
+    if len(servos) != len(machine.axes):
+        raise MotionError(f"track: {len(servos)} servos for the {len(machine.axes)} axes of machine {machine.name}")
+    return servos

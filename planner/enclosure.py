@@ -1,0 +1,122 @@
+"""A motion over cells of time, with guaranteed error: Taylor series in time of the actuators and of the pose.
+
+s(t) is put into the path's own expression, so no chain rule of a solver takes part; q̇, q̈, q⃛ follow by differentiating the series.
+Remainder: Taylor's theorem with Lagrange's form, the last coefficient taken over the whole cell.
+Bernstein form: Farouki, Computer Aided Geometric Design 29 (2012), 379.
+"""
+
+from dataclasses import dataclass
+from functools import cache
+from math import comb
+
+import numpy as np
+
+from kinematics.array import Array, frozen
+from kinematics.errors import MotionError
+from kinematics.expression import Expression
+from kinematics.series import EPS, Series
+from planner.trajectory import Trajectory
+
+# Order of the expansion in time: of the jerk there remain a polynomial of degree 4 and a remainder of order 5.
+ORDER = 8
+# Degree to which Bernstein forms are raised: a parabola of height h is then over-estimated by h/15 at most.
+RAISED = 16
+
+
+@dataclass(frozen=True, slots=True)
+class Cells:
+    """Parts of time pieces k, from lo to hi after the piece's start."""
+
+    k: np.ndarray
+    lo: Array
+    hi: Array
+
+    def halves(self) -> "Cells":
+        middle = (self.lo + self.hi) / 2
+        return Cells(np.tile(self.k, 2), np.concatenate([self.lo, middle]), np.concatenate([middle, self.hi]))
+
+    def __getitem__(self, chosen: np.ndarray) -> "Cells":
+        return Cells(self.k[chosen], self.lo[chosen], self.hi[chosen])
+
+
+@dataclass(frozen=True, slots=True)
+class Enclosure:
+    """The motion over N cells: series in τ ∈ [−1, 1] about each centre in the first N rows, over the whole cell in the last N."""
+
+    q: Series
+    pose: Series | None
+    rate: Array
+    piece: np.ndarray
+
+    def _differentiated(self, series: Series, times: int) -> Series:
+        for _ in range(times):
+            series = series.derivative() * self.rate
+        return series
+
+    @property
+    def qd(self) -> Series:
+        return self._differentiated(self.q, 1)
+
+    @property
+    def qdd(self) -> Series:
+        return self._differentiated(self.q, 2)
+
+    @property
+    def qddd(self) -> Series:
+        return self._differentiated(self.q, 3)
+
+    @property
+    def tool_velocity(self) -> Series:
+        assert self.pose is not None  # only machines have tools
+        return self._differentiated(self.pose[:, :3], 1)
+
+    def of_pose(self, expression: Expression) -> Series:
+        assert self.pose is not None
+        return Series.stack(expression.enclose(self.pose.columns()))
+
+
+def enclose(trajectory: Trajectory, cells: Cells, order: int = ORDER) -> Enclosure:
+    """The motion over cells, as series in τ with t = centre + τ · half width."""
+    k, centre, half = cells.k, (cells.lo + cells.hi) / 2, (cells.hi - cells.lo) / 2
+    piece = trajectory.piece[k]
+    powers = [trajectory.s[k], trajectory.v[k], trajectory.a[k] / 2, trajectory.j[k] / 6]
+    # s about the centre (a Taylor shift, in balls), then scaled to τ
+    at = Series(np.stack([centre, np.ones_like(centre)]), np.zeros((2, len(centre))), 3)
+    shifted = Series.zeros(3, (len(centre),))
+    for power in reversed(powers):
+        shifted = shifted * at + power
+    scale = half ** np.arange(4)[:, None]
+    mid, rad = shifted.mid * scale, shifted.rad * scale + 8 * EPS * np.abs(shifted.mid * scale)
+    # over the whole cell every coefficient moves by what the higher ones can add: c_k(x) = Σ_j C(j, k) c_j x^(j−k)
+    size = np.abs(mid) + rad
+    spread = np.stack([sum((comb(j, n) * size[j] for j in range(n + 1, 4)), np.zeros_like(centre)) for n in range(4)])
+    s = Series(np.concatenate([mid, mid], 1), np.concatenate([rad, (rad + spread) * (1 + 8 * EPS)], 1), order)
+    both = np.concatenate([piece, piece])
+    q, pose = trajectory.path.enclose(s, both)
+    return Enclosure(q, pose, np.concatenate([1 / half, 1 / half])[:, None], piece)
+
+
+@cache
+def _bernstein(powers: int) -> Array:
+    """(n+1, powers): τ^k on [−1, 1] has coefficients Σ_i (−1)^{k−i} C(j, i) C(n−j, k−i) / C(n, k) of degree n."""
+    n = RAISED
+    return frozen(
+        [
+            [
+                sum((-1) ** (k - i) * comb(j, i) * comb(n - j, k - i) for i in range(max(0, k - n + j), min(j, k) + 1)) / comb(n, k)
+                for k in range(powers)
+            ]
+            for j in range(n + 1)
+        ]
+    )
+
+
+def bounds(series: Series, cells: int) -> tuple[Array, Array, Array]:
+    """(low, high) of a series (…, 2·cells, m) over its cells, and its values (3, cells, m) at their start, centre and end."""
+    full = series.padded(series.order)
+    polynomial, error = full.mid[:-1, :cells], full.rad[:-1, :cells].sum(0)
+    remainder = np.abs(full.mid[-1, cells:]) + full.rad[-1, cells:]
+    control = np.tensordot(_bernstein(full.order), polynomial, 1)
+    slack = (error + remainder) * (1 + 32 * EPS) + 32 * EPS * np.abs(polynomial).sum(0)
+    slack = np.where(np.isfinite(slack), slack, np.inf)
+    return control.min(0) - slack, control.max(0) + slack, np.stack([control[0], polynomial[0], control[-1]])

@@ -1,0 +1,233 @@
+"""Pulse CSV, as a logic analyser would have recorded it: one row per edge with the levels of every line.
+
+    Time[s], leg1 STEP, leg1 DIR, leg2 STEP, leg2 DIR
+    0.000000000, 0, 1, 0, 0
+    0.012345600, 1, 1, 0, 0
+
+- A rising STEP is a pulse, at its tick; STEP falls one pulse width later. Before the first row every STEP is low.
+- DIR 1 is a positive count of the wiring: the pulse moves q by +axis.direction pulses; DIR 0 a negative one. For axes wired +1 that is
+  +1 in q. DIR changes when the pulse before falls (for the first pulse at time 0), so its set-up time is as long as it can be.
+- The first row, at time 0, states the level of every line; the last is the last falling edge.
+- Times are exact decimals of the tick wherever the clock allows (10 MHz: 7 of the 9 digits), else rounded to less than 1/20 tick.
+- UTF-8, line ends \\n, decimal points whatever the locale. The file holds no start counts: keep them beside it (plan.json).
+"""
+
+import csv
+from collections.abc import Iterator, Sequence
+from io import BytesIO
+from os import PathLike
+from typing import BinaryIO
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from kinematics.array import Array
+from kinematics.axis import Axis
+from kinematics.errors import FileError, Fault, MotionError
+from planner.pulses.schedule import AxisPulses, PulseSchedule, Ticks
+
+WIDTH = 2e-6  # s, enough for every common drive
+WINDOW = 1 << 15  # pulses per axis written together
+PART = 1 << 22  # bytes read together
+DECIMALS = 9
+OFF_TICK = 0.1  # a time further from every tick was written for another clock
+FAULTS = 20  # of one kind told of at once
+
+
+def write(
+    schedule: PulseSchedule, path: str | PathLike[str], wiring: Sequence[int], *, width: float | None = None
+) -> None:
+    """Write the edges of every axis, in pieces of bounded memory.
+
+    wiring  (n,) +1/-1, the `direction` of each machine axis
+    width   s that STEP stays high, rounded to whole ticks; None: 2 µs, or half the smallest pulse interval if that is less
+    Raises MotionError where the width leaves STEP no time to be low, or the wiring does not match the axes.
+    """
+    if len(wiring) != len(schedule.axes) or any(sign not in (1, -1) for sign in wiring):
+        raise MotionError(f"wiring {tuple(wiring)}: give +1 or -1 for each of the {len(schedule.axes)} axes")
+    high = _high_ticks(schedule, width)
+    names = [f"{axis.name} {line}" for axis in schedule.axes for line in ("STEP", "DIR")]
+    with open(path, "wb") as file:
+        file.write((", ".join(["Time[s]", *map(_quoted, names)]) + "\n").encode())
+        for ticks, levels in _rows(schedule, wiring, high):
+            file.write(_text(ticks, levels, schedule.clock_hz))
+
+
+def read(
+    path: str | PathLike[str],
+    clock_hz: int,
+    axes: Sequence[Axis],
+    home_q: ArrayLike,
+    *,
+    start: Sequence[int] | None = None,
+    duration: float | None = None,
+) -> PulseSchedule:
+    """The schedule in a pulse CSV; what a CSV cannot hold comes from the machine's axes (names, pulses, wiring) and its home (n,).
+
+    start     counts before the first pulse; None: 0, motion from home
+    duration  s; None: up to the last row
+    Raises FileError with the line of every kind of fault: foreign header, a row that is not times and levels, time running back or
+    off the clock's ticks.
+    """
+    name = str(path)
+    with open(path, "rb") as file:
+        expected = ["Time[s]", *(f"{axis.name} {line}" for axis in axes for line in ("STEP", "DIR"))]
+        header = next(csv.reader([file.readline().decode(errors="replace")], skipinitialspace=True), [])
+        if header != expected:
+            raise FileError(name, [Fault("header", f"{header} should be {expected}", 1)])
+        before = np.zeros(1 + 2 * len(axes))
+        before[0] = -1.0
+        fired: list[list[tuple[Ticks, NDArray[np.int8]]]] = [[] for _ in axes]
+        for line, table in _tables(file, name, len(expected)):
+            ticks = _ticks(table[:, 0], before[0], clock_hz, name, line)
+            levels = np.vstack((before, table))[:, 1:]
+            for k, axis in enumerate(axes):
+                rising = (levels[1:, 2 * k] == 1) & (levels[:-1, 2 * k] == 0)
+                sign = np.where(table[rising, 2 + 2 * k] == 1, axis.direction, -axis.direction)
+                fired[k].append((ticks[rising], sign.astype(np.int8)))
+            before = table[-1]
+    pulses = []
+    for k, axis in enumerate(axes):
+        when = np.concatenate([np.empty(0, np.int64), *(part[0] for part in fired[k])])
+        sign = np.concatenate([np.empty(0, np.int8), *(part[1] for part in fired[k])])
+        home = float(np.asarray(home_q, float)[k])
+        pulses.append(AxisPulses(axis.name, when, sign, 0 if start is None else start[k], axis.pulse, home))
+    return PulseSchedule(clock_hz, tuple(pulses), float(max(before[0], 0.0)) if duration is None else duration)
+
+
+def _high_ticks(schedule: PulseSchedule, width: float | None) -> int:
+    """Ticks that STEP stays high: at least one, and fewer than between any two pulses."""
+    clock, closest = schedule.clock_hz, schedule.smallest_interval
+    room = np.inf if closest is None else closest
+    high = max(1, round(min(WIDTH * clock, room // 2))) if width is None else round(width * clock)
+    if not 1 <= high < room:
+        raise MotionError(
+            f"pulse width {high} ticks of {1e6 / clock:.4g} µs: must be at least 1 and less than the {room:.0f} between the closest pulses; "
+            "choose another width, a faster clock, or a slower motion"
+        )
+    return high
+
+
+def _quoted(name: str) -> str:
+    return '"' + name.replace('"', '""') + '"' if set(name) & set(',"\n\r') else name
+
+
+def _rows(schedule: PulseSchedule, wiring: Sequence[int], high: int) -> Iterator[tuple[Ticks, NDArray[np.uint8]]]:
+    """Edge instants (N,) and the levels of all lines there (N, 2 n), in windows of time."""
+    marks = np.unique(np.concatenate([[0], *(axis.ticks[WINDOW::WINDOW] for axis in schedule.axes)]))
+    ends = [*marks[1:].tolist(), np.iinfo(np.int64).max]
+    for lo, hi in zip(marks.tolist(), ends, strict=True):
+        # Pulses that rise or fall from lo on, before hi.
+        spans = [np.searchsorted(axis.ticks, (lo - high, lo, hi - high, hi)).tolist() for axis in schedule.axes]
+        edges = [np.zeros(int(lo == 0), np.int64)]
+        for axis, (falling, rising, fallen, risen) in zip(schedule.axes, spans, strict=True):
+            edges += [axis.ticks[rising:risen], axis.ticks[falling:fallen] + high]
+        instants = np.unique(np.concatenate(edges))
+        levels = np.zeros((len(instants), 2 * len(wiring)), np.uint8)
+        for k, (axis, (falling, _, _, risen)) in enumerate(zip(schedule.axes, spans, strict=True)):
+            if not len(axis):
+                continue
+            near = axis.ticks[falling:risen]
+            up = np.searchsorted(near, instants, side="right")
+            down = np.searchsorted(near, instants - high, side="right")
+            levels[:, 2 * k] = up - down
+            following = np.minimum(falling + down, len(axis) - 1)
+            levels[:, 2 * k + 1] = axis.direction[following] == wiring[k]
+        yield instants, levels
+
+
+def _decimals(clock_hz: int) -> tuple[int, int]:
+    """Digits after the point, and ten to that power: exact for the clock where 15 digits can be, else finer than 1/20 tick."""
+    for digits in range(DECIMALS, 16):
+        if 10**digits % clock_hz == 0:
+            return digits, 10**digits
+    digits = max(DECIMALS, len(str(clock_hz)) + 1)
+    if clock_hz * 10**digits >= 2**63:
+        raise MotionError(
+            f"clock {clock_hz} Hz: too fine for decimal seconds; the limit is 99999999 Hz, or a divisor of 1e15"
+        )
+    return digits, 10**digits
+
+
+def _text(ticks: Ticks, levels: NDArray[np.uint8], clock_hz: int) -> bytes:
+    """The rows as text, in whole numbers throughout: float formatting could move an edge."""
+    digits, scale = _decimals(clock_hz)
+    second, rest = np.divmod(ticks, clock_hz)
+    fraction = rest * (scale // clock_hz) if scale % clock_hz == 0 else (rest * scale + clock_hz // 2) // clock_hz
+    parts = []
+    # Rows with equally long whole seconds share one table of characters.
+    sizes = [len(str(n)) for n in (second[:1].tolist() + second[-1:].tolist())]
+    for size in range(sizes[0], sizes[-1] + 1) if sizes else ():
+        lo, hi = np.searchsorted(second, (10 ** (size - 1) if size > 1 else 0, 10**size))
+        table = np.empty((hi - lo, size + 1 + digits + 3 * levels.shape[1] + 1), np.uint8)
+        _put_digits(table[:, :size], second[lo:hi])
+        table[:, size] = ord(".")
+        _put_digits(table[:, size + 1 : size + 1 + digits], fraction[lo:hi])
+        lines = table[:, size + 1 + digits : -1].reshape(hi - lo, levels.shape[1], 3)
+        lines[:, :, 0], lines[:, :, 1], lines[:, :, 2] = ord(","), ord(" "), levels[lo:hi] + ord("0")
+        table[:, -1] = ord("\n")
+        parts.append(table.tobytes())
+    return b"".join(parts)
+
+
+def _put_digits(table: NDArray[np.uint8], number: Ticks) -> None:
+    for column in range(table.shape[1] - 1, -1, -1):
+        number, digit = np.divmod(number, 10)
+        table[:, column] = digit + ord("0")
+
+
+def _tables(file: BinaryIO, name: str, columns: int) -> Iterator[tuple[int, Array]]:
+    """The rows as numbers, part by part, with the line that each part starts on."""
+    line, kept = 2, b""
+    while part := file.read(PART):
+        text, newline, kept = (kept + part).rpartition(b"\n")
+        if newline:
+            yield line, _table(text, name, columns, line)
+            line += text.count(b"\n") + 1
+    if kept.strip():
+        yield line, _table(kept, name, columns, line)
+
+
+def _table(text: bytes, name: str, columns: int, line: int) -> Array:
+    try:
+        table = np.loadtxt(BytesIO(text), delimiter=",", ndmin=2, comments=None)
+    except ValueError:
+        table = np.empty((0, 0))
+    levels = table[:, 1:]
+    if table.shape == (text.count(b"\n") + 1, columns) and ((levels == 0) | (levels == 1)).all():
+        return table
+    rows = enumerate(text.decode(errors="replace").split("\n"), line)
+    faults = [
+        Fault("row", f"{row!r} is not a time and {columns - 1} levels 0 or 1", n)
+        for n, row in rows
+        if not _is_row(row, columns)
+    ]
+    raise FileError(name, faults)
+
+
+def _is_row(row: str, columns: int) -> bool:
+    try:
+        float(row.split(",")[0])
+    except ValueError:
+        return False
+    levels = [cell.strip() for cell in row.split(",")[1:]]
+    return len(levels) == columns - 1 and set(levels) <= {"0", "1"}
+
+
+def _ticks(time: Array, last: float, clock_hz: int, name: str, line: int) -> Ticks:
+    """The ticks (N,) that rising times (N,) stand for."""
+    exact = time * clock_hz
+    ticks = np.rint(exact)
+    off = abs(exact - ticks) > OFF_TICK
+    back = np.diff(time, prepend=last) <= 0
+    faults = [
+        Fault("Time[s]", f"{time[i]!r} s is not a tick of {clock_hz} Hz", line + i)
+        for i in np.flatnonzero(off)[:FAULTS].tolist()
+    ]
+    faults += [
+        Fault("Time[s]", f"{time[i]!r} s does not come after the row before", line + i)
+        for i in np.flatnonzero(back)[:FAULTS].tolist()
+    ]
+    if faults:
+        raise FileError(name, faults)
+    return ticks.astype(np.int64)

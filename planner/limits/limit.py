@@ -1,0 +1,107 @@
+"""What a limit is: data for the solvers, and a physical quantity for the certificate."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from enum import Enum
+from typing import Any, ClassVar, Protocol
+
+import numpy as np
+
+from kinematics.array import Array, frozen
+from kinematics.axis import Axis
+from kinematics.errors import MotionError
+from kinematics.expression import Expression
+from planner.actuation import Derivatives
+
+Quantity = Any
+"""An array (N, m), or a guaranteed `Series` of N cells: the same formula computes both."""
+
+
+class Term(Enum):
+    """What a coefficient multiplies."""
+
+    ONE = "1"
+    SD = "ṡ"
+    SD2 = "ṡ²"
+    SD3 = "ṡ³"
+    SDD = "s̈"
+    SDSDD = "ṡs̈"
+    SDDD = "s⃛"
+
+
+@dataclass(frozen=True, slots=True)
+class Rows:
+    """|Σ coefficient · term| ≤ bound at N grid points: each (N, m); a bound of ∞ says that a channel is free."""
+
+    coefficients: Mapping[Term, Array]
+    bound: Array
+
+
+class Motion(Protocol):
+    """What a limit may look at: a `State`, or its enclosure over cells of time."""
+
+    @property
+    def q(self) -> Quantity: ...
+    @property
+    def qd(self) -> Quantity: ...
+    @property
+    def qdd(self) -> Quantity: ...
+    @property
+    def qddd(self) -> Quantity: ...
+    @property
+    def tool_velocity(self) -> Quantity: ...
+    @property
+    def piece(self) -> np.ndarray: ...
+    def of_pose(self, expression: Expression) -> Quantity: ...
+
+
+class Limit(ABC):
+    """One kind of limit on m channels (axes, joints, or the tool). A new kind is one file with `value` and one registry line."""
+
+    name: ClassVar[str]
+    terms: ClassVar[frozenset[Term]] = frozenset()
+    """What its rows use; empty for a geometric limit, which no timing can help."""
+    channels: tuple[str, ...]
+    bounds: Array
+    """(m,) SI; ∞ where a channel is free."""
+    units: tuple[tuple[str, float], ...]
+    """Per channel, the unit that people read and how many of it are one SI unit."""
+
+    @property
+    def geometric(self) -> bool:
+        return not self.terms
+
+    @abstractmethod
+    def value(self, motion: Motion) -> Quantity:
+        """The physical quantity (N, m); all that the certificate sees of the limit, beside `use`."""
+
+    @abstractmethod
+    def use(self, low: Array, high: Array, piece: np.ndarray) -> Array:
+        """Share of the limit (N, m) that values between low and high use at most; 1 is at the limit."""
+
+    def rows(self, derivatives: Derivatives, piece: np.ndarray) -> Rows:
+        """What the solvers must keep at N grid points."""
+        raise MotionError(f"{self.name} is geometric: it puts no row into a timing problem")
+
+
+
+class AxisLimit(Limit):
+    """|value| ≤ bound, one channel per axis."""
+
+    dimension: ClassVar[str]
+    """What follows the axis' own unit: "", "/s", "/s²", "/s³"."""
+
+    def __init__(self, axes: Sequence[Axis], bounds: Sequence[float | None]) -> None:
+        self.channels = tuple(axis.name for axis in axes)
+        self.bounds = frozen([np.inf if bound is None else bound for bound in bounds])
+        self.units = tuple(_UNITS[axis.kind](self.dimension) for axis in axes)
+
+    def use(self, low: Array, high: Array, piece: np.ndarray) -> Array:
+        return np.maximum(np.abs(low), np.abs(high)) / self.bounds
+
+
+_UNITS: dict[str, Callable[[str], tuple[str, float]]] = {
+    "linear": lambda per: (f"mm{per}", 1e3),
+    "rotary": lambda per: (f"deg{per}", 180 / np.pi),
+}

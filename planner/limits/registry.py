@@ -1,0 +1,36 @@
+"""Which limits there are: one line each."""
+
+from collections.abc import Callable, Sequence
+
+from kinematics.axis import Axis
+from kinematics.machine import Machine
+from planner.actuation import ActuatorPath, MachinePath
+from planner.limits.acceleration import Acceleration
+from planner.limits.jerk import Jerk
+from planner.limits.limit import Limit
+from planner.limits.speed import Speed
+from planner.limits.tilt import Tilt
+from planner.limits.tool_speed import ToolSpeed
+from planner.limits.travel import Travel
+
+# Of the axes alone, with the order of motion that they belong to.
+AXIS_LIMITS: dict[type[Limit], tuple[int, Callable[[Sequence[Axis]], Limit]]] = {
+    Speed: (2, lambda axes: Speed(axes, [axis.max_speed for axis in axes])),
+    Acceleration: (2, lambda axes: Acceleration(axes, [axis.max_acceleration for axis in axes])),
+    Jerk: (3, lambda axes: Jerk(axes, [axis.max_jerk for axis in axes])),
+}
+
+# Of the machine and its path in space.
+MACHINE_LIMITS: dict[type[Limit], Callable[[Machine, MachinePath], Limit]] = {
+    Travel: lambda machine, path: Travel(machine.axes, machine.home_q),
+    Tilt: lambda machine, path: Tilt(machine),
+    ToolSpeed: lambda machine, path: ToolSpeed([piece.tool_speed for piece in path.pieces]),
+}
+
+
+def limits_of(path: ActuatorPath, axes: Sequence[Axis], order: int) -> tuple[Limit, ...]:
+    """The limits of a motion of an order (2: to acceleration, 3: to jerk) along a path, those that bind nothing left out."""
+    limits = [make(axes) for least, make in AXIS_LIMITS.values() if least <= order]
+    if isinstance(path, MachinePath):
+        limits += [make(path.machine, path) for make in MACHINE_LIMITS.values()]
+    return tuple(limit for limit in limits if (limit.bounds < float("inf")).any())

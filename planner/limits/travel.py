@@ -1,0 +1,24 @@
+"""Travel of every axis: lo ≤ q − home ≤ hi."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from kinematics.array import Array, frozen
+from kinematics.axis import Axis
+from planner.limits.limit import AxisLimit, Motion, Quantity
+
+
+class Travel(AxisLimit):
+    """Counted as |q − middle| / half range, so that 1 is an end of travel."""
+
+    name, dimension = "travel", ""
+
+    def __init__(self, axes: Sequence[Axis], home: Array) -> None:
+        lo, hi = np.array([axis.travel for axis in axes]).T
+        super().__init__(axes, list((hi - lo) / 2))
+        with np.errstate(invalid="ignore"):  # unlimited both ways: ∞ − ∞
+            self.middle = frozen(np.nan_to_num(home + (lo + hi) / 2, nan=0.0))
+
+    def value(self, motion: Motion) -> Quantity:
+        return motion.q - self.middle

@@ -1,0 +1,44 @@
+"""What a smooth piece of path is: a shape (one expression of path length and parameters) and its numbers."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+
+import casadi as ca
+
+from kinematics.array import Array
+from kinematics.expression import Expression
+from kinematics.pose import column
+
+
+@dataclass(frozen=True, slots=True)
+class Shape:
+    """A family of curves in SE(3): motion(s, parameters) -> (position, rotation) for s from 0, with `size` parameters.
+
+    Adding a shape is one file with one such function; derivatives, bounds and kinematics follow from it.
+    """
+
+    name: str
+    size: int
+    motion: Callable[[ca.SX, ca.SX], tuple[ca.SX, ca.SX]]
+
+
+@dataclass(frozen=True, slots=True)
+class Piece:
+    """A curve of a shape: path length 0 … length (m), from segment number `segment` of the program.
+
+    tool_speed  cap on the speed of the platform's origin, m/s (None: none, or a piece in which it does not move)
+    """
+
+    shape: Shape
+    parameters: Array
+    length: float
+    segment: int
+    tool_speed: float | None = None
+
+
+@cache
+def pose_map(shape: Shape) -> Expression:
+    """(s, parameters) -> the twelve pose numbers."""
+    s, parameters = ca.SX.sym("s"), ca.SX.sym("parameters", shape.size)
+    return Expression(f"{shape.name}_pose", ca.vertcat(s, parameters), column(*shape.motion(s, parameters)))

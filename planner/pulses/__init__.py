@@ -1,0 +1,18 @@
+"""Pulse schedules: from a motion to exact clock ticks, and the independent proof that they stand for it."""
+
+from planner.pulses.check import AxisCheck, PulseCheck, PulseFault, check
+from planner.pulses.generate import generate
+from planner.pulses.motion import Motion, MotionState
+from planner.pulses.schedule import AxisPulses, PulseSchedule
+
+__all__ = [
+    "AxisCheck",
+    "AxisPulses",
+    "Motion",
+    "MotionState",
+    "PulseCheck",
+    "PulseFault",
+    "PulseSchedule",
+    "check",
+    "generate",
+]

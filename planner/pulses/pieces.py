@@ -1,0 +1,96 @@
+"""The motion of every axis as quintic pieces, true to the trajectory to rounding."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from kinematics.array import Array, frozen
+from kinematics.errors import MotionError
+from planner.pulses.motion import Motion
+
+PROBES = np.array([0.3, 0.7])  # off the middle: there an error that is odd about the middle would hide
+ROUNDING = 16 * np.finfo(float).eps
+BLOCK = 1 << 14
+HALVINGS = 24
+
+
+@dataclass(frozen=True, slots=True)
+class Pieces:
+    """q(t) = Σ c_i uⁱ, i = 0..5, with u = (t - start) / length in [0, 1].
+
+    start, length  (P,) s
+    coefficients   (n, 6, P) m or rad
+    noise          (n,) m or rad: what rounding alone does to q, from the size of q and of q̇·t
+    """
+
+    start: Array
+    length: Array
+    coefficients: Array
+    noise: Array
+
+    def __post_init__(self) -> None:
+        for name in ("start", "length", "coefficients", "noise"):
+            object.__setattr__(self, name, frozen(getattr(self, name)))
+
+
+def fit(motion: Motion, tolerance: Array) -> Pieces:
+    """Quintics through q, q̇, q̈ at both ends of every knot interval, halved until they meet the motion to rounding.
+
+    The accelerations are one-sided, since q̈ may jump at a knot. A piece is also taken when halving no longer helps (the motion's own
+    noise is reached) and it errs by at most `tolerance` (n,).
+    Raises MotionError where a motion cannot be met within it: it is not smooth between its knots.
+    """
+    lo, hi = motion.knots[:-1], motion.knots[1:]
+    lo, hi = lo[hi > lo], hi[hi > lo]
+    before = np.full((len(lo), len(tolerance)), np.inf)
+    fitted: list[tuple[Array, Array, Array]] = []
+    reach, speed = np.zeros(len(tolerance)), np.zeros(len(tolerance))
+    for _ in range(HALVINGS):
+        coefficients, error, size, rate = _quintics(motion, lo, hi)
+        reach, speed = np.maximum(reach, size), np.maximum(speed, rate)
+        noise = ROUNDING * (reach + speed * motion.duration)
+        good = ((error <= noise) | ((error <= tolerance) & (error > before / 4))).all(axis=1)
+        fitted.append((lo[good], hi[good], coefficients[:, :, good]))
+        if good.all():
+            break
+        lo, hi, before = lo[~good], hi[~good], np.repeat(error[~good], 2, axis=0)
+        middle = (lo + hi) / 2
+        lo, hi = np.column_stack((lo, middle)).ravel(), np.column_stack((middle, hi)).ravel()
+    else:
+        axis = int((error / tolerance).max(axis=0).argmax())
+        raise MotionError(
+            f"axis {axis + 1}: the motion near t = {lo[0]:.9g} s strays {error[:, axis].max():.3g} from any polynomial, "
+            f"more than {tolerance[axis]:.3g}; put a knot where the motion is not smooth"
+        )
+    start = np.concatenate([piece[0] for piece in fitted])
+    end = np.concatenate([piece[1] for piece in fitted])
+    order = np.argsort(start)
+    return Pieces(
+        start[order], (end - start)[order], np.concatenate([p[2] for p in fitted], axis=2)[:, :, order], noise
+    )
+
+
+def _quintics(motion: Motion, lo: Array, hi: Array) -> tuple[Array, Array, Array, Array]:
+    """Coefficients (n, 6, P), largest error at the probes (P, n), and the largest |q| and |q̇| (n,)."""
+    h = (hi - lo)[:, None]
+    # The last instant of an interval still has its own acceleration; the knot itself belongs to the next interval.
+    q, qd, qdd = _states(motion, np.concatenate((lo, np.nextafter(hi, lo))))
+    (q0, q1), (v0, v1), (a0, a1) = (np.split(values, 2) for values in (q, qd, qdd))
+    v0, v1, a0, a1 = v0 * h, v1 * h, a0 * h**2, a1 * h**2
+    r, s, w = q1 - q0 - v0 - a0 / 2, v1 - v0 - a0, a1 - a0
+    c = np.stack((q0, v0, a0 / 2, 10 * r - 4 * s + w / 2, -15 * r + 7 * s - w, 6 * r - 3 * s + w / 2))
+    true = _states(motion, (lo[:, None] + PROBES * (hi - lo)[:, None]).ravel())[0].reshape(len(lo), len(PROBES), -1)
+    ours = np.einsum("ipn,ui->pun", c, PROBES[:, None] ** np.arange(6))
+    return (
+        c.transpose(2, 0, 1),
+        abs(true - ours).max(axis=1),
+        abs(q).max(axis=0, initial=0),
+        abs(qd).max(axis=0, initial=0),
+    )
+
+
+def _states(motion: Motion, t: Array) -> tuple[Array, Array, Array]:
+    """q, q̇, q̈ (N, n), asked in blocks: a state holds far more than what is kept."""
+    states = [motion.at(t[i : i + BLOCK]) for i in range(0, max(len(t), 1), BLOCK)]
+    q, qd, qdd = ([getattr(state, name) for state in states] for name in ("q", "qd", "qdd"))
+    return np.concatenate(q), np.concatenate(qd), np.concatenate(qdd)

@@ -1,0 +1,84 @@
+"""A pulse schedule: for every axis the clock ticks at which it is stepped, and which way."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from kinematics.array import frozen
+from kinematics.errors import MotionError
+
+Ticks = NDArray[np.int64]
+Signs = NDArray[np.int8]
+
+
+@dataclass(frozen=True, slots=True)
+class AxisPulses:
+    """The pulses of one axis: count·pulse ≈ q(t) - home.
+
+    ticks      (N,) int64, strictly increasing: pulse i falls at ticks[i] / clock_hz
+    direction  (N,) int8, +1/-1 in q (not in the wiring's count)
+    start      count before the first pulse: (q(0) - home) / pulse rounded to the nearest, half-way cases down
+    pulse      m or rad per pulse
+    home       m or rad, the axis coordinate from which pulses count
+
+    The class holds what it is given: that the ticks rise and follow the motion is for `planner.pulses.check` to prove.
+    """
+
+    name: str
+    ticks: Ticks
+    direction: Signs
+    start: int
+    pulse: float
+    home: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "ticks", frozen(self.ticks, np.int64))
+        object.__setattr__(self, "direction", frozen(self.direction, np.int8))
+        if self.ticks.ndim != 1 or self.ticks.shape != self.direction.shape:
+            shapes = f"ticks {self.ticks.shape} and directions {self.direction.shape}"
+            raise MotionError(f"axis {self.name}: {shapes} differ in shape; give one direction per tick")
+
+    def __len__(self) -> int:
+        return len(self.ticks)
+
+    def counts(self, ticks: ArrayLike) -> Ticks:
+        """(N,) the count after the pulses at or before each tick."""
+        running = np.concatenate(([self.start], self.start + np.cumsum(self.direction, dtype=np.int64)))
+        return running[np.searchsorted(self.ticks, ticks, side="right")]
+
+    @property
+    def final(self) -> int:
+        """The count after the last pulse."""
+        return self.start + int(self.direction.sum(dtype=np.int64))
+
+
+@dataclass(frozen=True, slots=True)
+class PulseSchedule:
+    """The pulses of every axis on one clock (clock_hz ticks per second); the motion ends at `duration` (s)."""
+
+    clock_hz: int
+    axes: tuple[AxisPulses, ...]
+    duration: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "axes", tuple(self.axes))
+        if not (self.clock_hz > 0 and self.clock_hz == int(self.clock_hz)):
+            raise MotionError(f"clock {self.clock_hz} Hz: must be a positive whole number of ticks per second")
+
+    def counts(self, t: ArrayLike) -> Ticks:
+        """(N, axes) the counts at the instants t (s); a pulse counts from its own instant on, ticks / clock_hz included."""
+        # One rounding step up: (T / clock)·clock may fall just short of the tick T it stands for.
+        ticks = np.floor(np.nextafter(np.atleast_1d(np.asarray(t, float)) * self.clock_hz, np.inf))
+        return np.column_stack([axis.counts(ticks) for axis in self.axes])
+
+    @property
+    def total(self) -> int:
+        """The number of pulses of all axes together."""
+        return sum(len(axis) for axis in self.axes)
+
+    @property
+    def smallest_interval(self) -> int | None:
+        """Ticks between the two closest pulses of any one axis; None where no axis has two."""
+        closest = [int(np.diff(axis.ticks).min()) for axis in self.axes if len(axis) > 1]
+        return min(closest, default=None)

@@ -1,0 +1,23 @@
+"""A motion along one run, as the solvers return it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from kinematics.array import Array
+
+
+@dataclass(frozen=True, slots=True)
+class Profile:
+    """Pieces of constant s⃛: s, ṡ, s̈ at each start, s⃛, duration h, all (M,), and the path piece of each."""
+
+    s: Array
+    v: Array
+    a: Array
+    j: Array
+    h: Array
+    piece: np.ndarray
+
+    @property
+    def duration(self) -> float:
+        return float(self.h.sum())
