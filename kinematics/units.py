@@ -3,23 +3,28 @@
 Angles are a dimension of their own here, so "10 deg/s" is no pulse rate and "3000 1/s" no angular speed.
 """
 
-import math
 import re
+from collections.abc import Mapping
+from dataclasses import dataclass
 from decimal import Decimal
 from functools import cache
-from typing import TYPE_CHECKING
+from math import inf, isfinite
+from typing import TYPE_CHECKING, Annotated, Any
 
 from kinematics.errors import MotionError
-from kinematics.names import nearest
+from kinematics.registry import nearest
 
 if TYPE_CHECKING:
     from pint import UnitRegistry
+    from pydantic_core import CoreSchema
 
 MAX_LENGTH = 80
 """Characters of the longest quantity that is read; the longest sensible ones have about 20."""
 
-_NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?(?![\d.])|[+-]?(?:nan|inf(?:inity)?)(?![a-z])", re.IGNORECASE)
-_FACTOR = r"[A-Za-zµ°]+(?:(?:\^|\*\*)-?\d)?"
+_NUMBER = re.compile(
+    r"[+-]?(?:(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d{1,3})?(?![\d.])|(?:nan|inf(?:inity)?)(?![a-z]))", re.ASCII | re.IGNORECASE
+)
+_FACTOR = r"[A-Za-zµ°]+(?:(?:\^|\*\*)-?[1-9])?"
 _UNIT = re.compile(rf"(?:1 ?/ ?)?{_FACTOR}(?:(?: ?[*/] ?| ){_FACTOR})*")
 
 # Only what machines and programs are measured in: pint's own thousand units would turn slips of the pen into quantities.
@@ -38,7 +43,7 @@ radian = [angle] = rad
 inch = 0.0254 * metre = in
 foot = 0.3048 * metre = ft
 thou = 0.0000254 * metre = mil
-micron = 1e-6 * metre = _ = um = µm
+micron = 1e-6 * metre = _
 gram = 1e-3 * kilogram = g
 pound = 0.45359237 * kilogram = lb
 ounce = 0.028349523125 * kilogram = oz
@@ -55,6 +60,7 @@ pound_force = 4.4482216152605 * newton = lbf
 ounce_force = 0.27801385095378125 * newton = ozf
 pascal = newton / metre ** 2 = Pa
 psi = 6894.757293168361336722673445 * pascal = _
+newton_metre = newton * metre = Nm
 joule = newton * metre = J
 watt = joule / second = W
 """
@@ -83,35 +89,10 @@ def quantity(text: object, unit: str) -> float:
     Raises MotionError for a number without a unit, another dimension, an unknown unit, NaN and infinity. The text is matched
     against a strict pattern first; only its unit ever reaches pint.
     """
-    example = f'write e.g. "20 {everyday(unit)}"'
-    if isinstance(text, (int, float)) and not isinstance(text, bool):
-        raise MotionError(f"{_short(text)}: a number without a unit: {example}")
-    if not isinstance(text, str):
-        raise MotionError(f"{_short(text)} is not a quantity: {example}")
-    if len(text) > MAX_LENGTH:
-        raise MotionError(f"{_short(text)} is longer than {MAX_LENGTH} characters: {example}")
-    stripped = text.strip().replace("μ", "µ")
-    number = _NUMBER.match(stripped)
-    if number is None:
-        raise MotionError(f'"{text}" does not begin with a number: {example}')
-    value, tail = Decimal(number.group()), stripped[number.end() :]
-    if not value.is_finite():
-        raise MotionError(f'"{text}" is not a finite number: {example}')
-    if not tail:
-        raise MotionError(f'"{text}": a number without a unit: {example}')
-    # "20 1/s" needs the space: "201/s" would be anyone's guess.
-    if not _UNIT.fullmatch(tail.strip(" ")) or (tail[0] in "0123456789"):
-        raise MotionError(f'"{text}": "{tail.strip()}" is not a unit: {example}')
     try:
-        factor, wanted = _factor(tail.strip(" ")), _factor(unit)
-    except LookupError as error:
-        raise MotionError(f'"{text}": {error.args[0]}; {example}') from None
-    if factor[1] != wanted[1]:
-        raise MotionError(f'"{text}" is not in units of {everyday(unit)}: {example}')
-    result = float(value * factor[0])
-    if not math.isfinite(result):
-        raise MotionError(f'"{text}" is too large for a number: {example}')
-    return result
+        return _parse(text, unit)
+    except MotionError as error:
+        raise MotionError(f"{shown(text)}: {error}: {Unit(unit).example}") from None
 
 
 def describe(value: float, unit: str) -> str:
@@ -119,9 +100,103 @@ def describe(value: float, unit: str) -> str:
     return f"{value / float(_factor(unit)[0]):.6g} {unit}"
 
 
-def _short(value: object) -> str:
-    text = repr(value)
-    return text if len(text) <= 40 else text[:37] + "..."
+@dataclass(frozen=True, slots=True)
+class Unit:
+    """What a float of a file's schema accepts: text with a unit of this dimension, in SI, within bounds.
+
+    above        the value is greater, SI
+    least, most  the value is no smaller, no greater, SI
+    plain        the file's key that declares the unit of plain numbers ("length"); None: every number needs its own unit
+    """
+
+    unit: str
+    above: float = -inf
+    least: float = -inf
+    most: float = inf
+    plain: str | None = None
+
+    @property
+    def example(self) -> str:
+        return f'write e.g. "20 {everyday(self.unit)}"'
+
+    def read(self, value: object, declared: Mapping[str, float]) -> float:
+        """The value in SI; `declared` holds the SI value of one plain number by name. Raises MotionError."""
+        if self.plain is not None and isinstance(value, (int, float)) and not isinstance(value, bool):
+            number = self._plain(self.plain, value, declared)
+        else:
+            number = quantity(value, self.unit)
+        unit = everyday(self.unit)
+        if not number > self.above:
+            raise MotionError(f"{shown(value)} must be above {describe(self.above, unit)}")
+        if not self.least <= number <= self.most:
+            sides = (("at least", self.least), ("at most", self.most))
+            allowed = " and ".join(f"{side} {describe(bound, unit)}" for side, bound in sides if isfinite(bound))
+            raise MotionError(f"{shown(value)} must be {allowed}")
+        return number
+
+    def _plain(self, name: str, value: float, declared: Mapping[str, float]) -> float:
+        if name not in declared:
+            unit = everyday(self.unit)
+            remedy = f'add the line {name} = "{unit}" at the top, or write "{shown(value)} {unit}"'
+            raise MotionError(f"{shown(value)}: a number without a unit: {remedy}")
+        if not abs(value) < 1e300:  # NaN, infinity, and integers beyond any float
+            raise MotionError(f"{shown(value)}: not a finite number")
+        return value * declared[name]
+
+    def __get_pydantic_core_schema__(self, source: object, handler: object) -> "CoreSchema":
+        from pydantic_core import PydanticCustomError, core_schema
+
+        def validate(value: object, info: core_schema.ValidationInfo[Any]) -> float:
+            try:
+                return self.read(value, info.context or {})
+            except MotionError as error:
+                raise PydanticCustomError("fault", "{message}", {"message": str(error)}) from None
+
+        return core_schema.with_info_plain_validator_function(validate)
+
+
+Length = Annotated[float, Unit("m")]
+Angle = Annotated[float, Unit("rad")]
+
+
+def shown(value: object) -> str:
+    """A value of a file as a message shows it: one line, of bounded length, nothing that a terminal would obey."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    try:
+        text = repr(list(value) if isinstance(value, tuple) else value)
+    except ValueError:  # Python prints no integer of more than 4300 digits
+        return "a number of thousands of digits"
+    if isinstance(value, str):
+        text = f'"{text[1:-1]}"'
+    return text if len(text) <= MAX_LENGTH else f"{text[:40]} ..."
+
+
+def _parse(text: object, unit: str) -> float:
+    if isinstance(text, (int, float)) and not isinstance(text, bool):
+        raise MotionError("a number without a unit")
+    if not isinstance(text, str):
+        raise MotionError("not a quantity")
+    if len(text) > MAX_LENGTH:
+        raise MotionError(f"longer than {MAX_LENGTH} characters")
+    stripped = text.strip().replace("μ", "µ")
+    number = _NUMBER.match(stripped)
+    if number is None:
+        raise MotionError("does not begin with a number")
+    value, tail = Decimal(number.group()), stripped[number.end() :].strip(" ")
+    if not value.is_finite():
+        raise MotionError("not a finite number")
+    if not tail:
+        raise MotionError("a number without a unit")
+    if not _UNIT.fullmatch(tail):
+        raise MotionError(f"{shown(tail)} is not a unit")
+    (factor, dimension), (_, wanted) = _factor(tail), _factor(unit)
+    if dimension != wanted:
+        raise MotionError(f"not convertible to {everyday(unit)}")
+    result = float(value * factor)
+    if not isfinite(result):
+        raise MotionError("too large for a number")
+    return result
 
 
 @cache
@@ -134,13 +209,25 @@ def _registry() -> "UnitRegistry[Decimal]":
 
 @cache
 def _factor(unit: str) -> tuple[Decimal, str]:
-    """(SI units in one `unit`, its dimension). LookupError names an unknown unit and its nearest."""
+    """(how many SI units one `unit` is, its dimension). MotionError names an unknown unit and the nearest known one."""
     from pint.errors import UndefinedUnitError
 
     registry = _registry()
     try:
-        one = registry.Quantity(Decimal(1), registry.parse_units(unit.replace("°", " deg ").strip())).to_root_units()
+        one = registry.Quantity(Decimal(1), registry.parse_units(unit.replace("°", "deg"))).to_root_units()
     except UndefinedUnitError as error:
-        missing = sorted(error.unit_names)[0] if not isinstance(error.unit_names, str) else error.unit_names
-        raise LookupError(f'unknown unit "{missing}"{nearest(missing, _unit_names())}') from None
+        unknown = error.unit_names if isinstance(error.unit_names, str) else next(iter(error.unit_names))
+        raise MotionError(f'unknown unit "{unknown}"{nearest(unknown, _unit_names())}') from None
     return Decimal(one.magnitude), str(one.dimensionality)
+
+
+@cache
+def _unit_names() -> tuple[str, ...]:
+    """Every name and symbol of the definitions, with and without prefix."""
+    rows = [[word.strip() for word in line.split("=")] for line in _DEFINITIONS.strip().splitlines()]
+    words = [[word for word in (row[0], *row[2:]) if word != "_"] for row in rows]
+    prefixes = [word.removesuffix("-") for row in words for word in row if word.endswith("-")]
+    units = [word for row in words for word in row if not word.endswith("-")]
+    # Words join words and symbols symbols: "milli" + "metre", "m" + "m".
+    joined = [p + u for p in prefixes for u in units if (len(p) > 1) == (len(u) > 2)]
+    return (*units, *joined)

@@ -12,7 +12,10 @@ from kinematics.expression import Expression
 from kinematics.machine import Machine
 from kinematics.pose import column, symbols
 from kinematics.series import Series
-from planner.path.shape import Piece, Shape, pose_map
+from planner.path.shape import Piece, Shape, pose_map, slope_map
+
+# A jump of a derivative at a break up to this share of its largest value is rounding.
+SMOOTH = 1e-9
 
 Derivatives = tuple[Array, Array, Array, Array]
 """q, q′, q″, q‴ with respect to path length, each (N, n)."""
@@ -25,12 +28,22 @@ class ActuatorPath(Protocol):
     def breaks(self) -> Array: ...
     @property
     def names(self) -> tuple[str, ...]: ...
+    @property
+    def dwells(self) -> Array:
+        """(P+1,) seconds of rest at each break."""
+
+    def stops(self, order: int) -> np.ndarray:
+        """(P+1,) bool: where a motion of this order (2: to acceleration, 3: to jerk) has to rest."""
+
     def segment(self, piece: int) -> int | None:
         """Number of the program's segment that a piece belongs to, from 1; None without a program."""
 
     def derivatives(self, s: Array, piece: np.ndarray) -> Derivatives: ...
     def pose_numbers(self, s: Array, piece: np.ndarray) -> Array | None:
         """(N, 12) numbers of the pose, None where there is no machine."""
+
+    def tool_slope(self, s: Array, piece: np.ndarray) -> Array | None:
+        """(N, 3) dp/ds of the platform's origin, None where there is no machine."""
 
     def enclose(self, s: Series, piece: np.ndarray) -> tuple[Series, Series | None]:
         """q as series (order+1, N, n) of whatever s (order+1, N) is a series of, and the pose's numbers (order+1, N, 12)."""
@@ -50,8 +63,10 @@ def _along(machine: Machine, shape: Shape) -> Expression:
 class MachinePath:
     """A path in space as the machine's actuators see it."""
 
-    def __init__(self, machine: Machine, pieces: Sequence[Piece]) -> None:
+    def __init__(self, machine: Machine, pieces: Sequence[Piece], stops: np.ndarray, dwells: Array) -> None:
+        """stops (P+1,) bool and dwells (P+1,) s at the pieces' ends; the first and the last are stops."""
         self.machine, self.pieces = machine, tuple(pieces)
+        self._stops, self.dwells = frozen(stops), frozen(dwells)
         self.breaks: Array = frozen(np.concatenate([[0.0], np.cumsum([piece.length for piece in pieces])]))
         self.names = tuple(axis.name for axis in machine.axes)
         self._shapes = list({piece.shape: None for piece in pieces})
@@ -59,6 +74,9 @@ class MachinePath:
         self._parameters = [
             np.array([p.parameters if p.shape is shape else np.zeros(shape.size) for p in pieces]) for shape in self._shapes
         ]
+
+    def stops(self, order: int) -> np.ndarray:
+        return self._stops
 
     def segment(self, piece: int) -> int:
         return self.pieces[piece].segment
@@ -70,6 +88,9 @@ class MachinePath:
 
     def pose_numbers(self, s: Array, piece: np.ndarray) -> Array:
         return self._evaluate(pose_map, s, piece)
+
+    def tool_slope(self, s: Array, piece: np.ndarray) -> Array:
+        return self._evaluate(slope_map, s, piece)
 
     def _evaluate(self, expression: Callable[[Shape], Expression], s: Array, piece: np.ndarray) -> Array:
         local = s - self.breaks[piece]
@@ -99,6 +120,18 @@ class PolynomialPath:
         """coefficients (degree+1, P, n), the highest power of s − breaks[p] first, as SciPy has them."""
         self.breaks, self.names = frozen(breaks), tuple(names)
         self.coefficients: Array = frozen(coefficients)
+        self.dwells: Array = frozen(np.zeros(len(breaks)))
+
+    def stops(self, order: int) -> np.ndarray:
+        """At corners (q′ jumps), and under jerk limits where the curvature q″ jumps."""
+        inner = np.arange(1, len(self.breaks) - 1)
+        left, right = self.derivatives(self.breaks[inner], inner - 1), self.derivatives(self.breaks[inner], inner)
+        stops = np.ones(len(self.breaks), bool)
+        stops[inner] = False
+        for k in range(1, order):
+            gap, size = np.abs(left[k] - right[k]).max(1), np.maximum(np.abs(left[k]), np.abs(right[k])).max(initial=0.0)
+            stops[inner] |= gap > SMOOTH * size
+        return stops
 
     def segment(self, piece: int) -> None:
         return None
@@ -115,9 +148,13 @@ class PolynomialPath:
     def pose_numbers(self, s: Array, piece: np.ndarray) -> None:
         return None
 
+    def tool_slope(self, s: Array, piece: np.ndarray) -> None:
+        return None
+
     def enclose(self, s: Series, piece: np.ndarray) -> tuple[Series, None]:
         x = (s - self.breaks[piece])[:, None]
-        q = Series.zeros(s.order, (len(piece), self.coefficients.shape[2]))
-        for c in self.coefficients[:, piece]:
+        first, *rest = self.coefficients[:, piece]
+        q = Series.constant(first, s.order)
+        for c in rest:
             q = q * x + c
         return q, None

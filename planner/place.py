@@ -31,4 +31,4 @@ class Infeasible(MotionError):
         self.kind, self.axis, self.place = kind, axis, place
         self.value, self.limit, self.unit, self.remedy = value, limit, unit, remedy
         where = "" if place is None else f" at {place}"
-        super().__init__(f"{axis + ' ' if axis and (place is None or not place.axis) else ''}{kind} {value:.6g} exceeds {limit:.6g} {unit}{where}; {remedy}")
+        super().__init__(f"{axis + ' ' if axis and (place is None or not place.axis) else ''}{kind} {value:.6g} {unit} is beyond {limit:.6g} {unit}{where}; {remedy}")

@@ -13,7 +13,7 @@ from planner.actuation import ActuatorPath
 
 @dataclass(frozen=True, slots=True)
 class State:
-    """The motion at instants t (N,): path length s (N,), q, q̇, q̈, q⃛ (N, axes), and the pose (None without a machine)."""
+    """The motion at instants t (N,): path length s and its speed sd (N,), q, q̇, q̈, q⃛ (N, axes), the pose (None without a machine)."""
 
     t: Array
     s: Array
@@ -21,6 +21,7 @@ class State:
     qd: Array
     qdd: Array
     qddd: Array
+    sd: Array
     path: ActuatorPath
     piece: np.ndarray
 
@@ -28,6 +29,14 @@ class State:
     def pose(self) -> Pose | None:
         numbers = self.path.pose_numbers(self.s, self.piece)
         return None if numbers is None else from_numbers(numbers)
+
+    @property
+    def tool_velocity(self) -> Array:
+        """(N, 3) m/s of the platform's origin."""
+        slope = self.path.tool_slope(self.s, self.piece)
+        if slope is None:
+            raise MotionError("a tool's velocity needs a pose; this motion has no machine")
+        return slope * self.sd[:, None]
 
     def of_pose(self, expression: Expression) -> Array:
         """An expression of the pose's twelve numbers, at every instant."""
@@ -84,4 +93,4 @@ class Trajectory:
         q, q1, q2, q3 = self.path.derivatives(s, self.piece[k])
         v, a, j = v[:, None], a[:, None], j[:, None]
         qddd = q1 * j + 3 * q2 * v * a + q3 * v**3
-        return State(asked, s, q, q1 * v, q1 * a + q2 * v**2, qddd, self.path, self.piece[k])
+        return State(asked, s, q, q1 * v, q1 * a + q2 * v**2, qddd, v[:, 0], self.path, self.piece[k])

@@ -5,11 +5,12 @@
     0.012345600, 1, 1, 0, 0
 
 - A rising STEP is a pulse, at its tick; STEP falls one pulse width later. Before the first row every STEP is low.
-- DIR 1 is a positive count of the wiring: the pulse moves q by +axis.direction pulses; DIR 0 a negative one. For axes wired +1 that is
-  +1 in q. DIR changes when the pulse before falls (for the first pulse at time 0), so its set-up time is as long as it can be.
+- DIR 1 is a positive count of the wiring: the pulse moves q by +axis.direction pulses; DIR 0 is a negative one. For
+  axes wired +1 that is +1 in q. DIR changes when the pulse before falls, and is right for the first pulse from time 0
+  on, so its set-up time is as long as it can be.
 - The first row, at time 0, states the level of every line; the last is the last falling edge.
-- Times are exact decimals of the tick wherever the clock allows (10 MHz: 7 of the 9 digits), else rounded to less than 1/20 tick.
-- UTF-8, line ends \\n, decimal points whatever the locale. The file holds no start counts: keep them beside it (plan.json).
+- Times are exact decimals of the tick where the clock allows (10 MHz: 7 of the 9 digits), else rounded to 1/20 tick.
+- UTF-8, line ends \\n, decimal points whatever the locale. The file holds no start counts: keep them beside it.
 """
 
 import csv
@@ -23,7 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from kinematics.array import Array
 from kinematics.axis import Axis
-from kinematics.errors import FileError, Fault, MotionError
+from kinematics.errors import Fault, FileError, MotionError
 from planner.pulses.schedule import AxisPulses, PulseSchedule, Ticks
 
 WIDTH = 2e-6  # s, enough for every common drive
@@ -40,7 +41,7 @@ def write(
     """Write the edges of every axis, in pieces of bounded memory.
 
     wiring  (n,) +1/-1, the `direction` of each machine axis
-    width   s that STEP stays high, rounded to whole ticks; None: 2 µs, or half the smallest pulse interval if that is less
+    width   s that STEP stays high, rounded to ticks; None: 2 µs, or half the smallest pulse interval if that is less
     Raises MotionError where the width leaves STEP no time to be low, or the wiring does not match the axes.
     """
     if len(wiring) != len(schedule.axes) or any(sign not in (1, -1) for sign in wiring):
@@ -62,12 +63,12 @@ def read(
     start: Sequence[int] | None = None,
     duration: float | None = None,
 ) -> PulseSchedule:
-    """The schedule in a pulse CSV; what a CSV cannot hold comes from the machine's axes (names, pulses, wiring) and its home (n,).
+    """The schedule in a pulse CSV; what the file cannot hold comes from the machine's axes and its home (n,).
 
-    start     counts before the first pulse; None: 0, motion from home
+    start     counts before the first pulse; None: 0, a motion from home
     duration  s; None: up to the last row
-    Raises FileError with the line of every kind of fault: foreign header, a row that is not times and levels, time running back or
-    off the clock's ticks.
+    Raises FileError with the lines at fault: a header of other axes, a row that is not a time and levels, a time that
+    runs back or is no tick of the clock.
     """
     name = str(path)
     with open(path, "rb") as file:
@@ -102,8 +103,8 @@ def _high_ticks(schedule: PulseSchedule, width: float | None) -> int:
     high = max(1, round(min(WIDTH * clock, room // 2))) if width is None else round(width * clock)
     if not 1 <= high < room:
         raise MotionError(
-            f"pulse width {high} ticks of {1e6 / clock:.4g} µs: must be at least 1 and less than the {room:.0f} between the closest pulses; "
-            "choose another width, a faster clock, or a slower motion"
+            f"pulse width {high} ticks of {1e6 / clock:.4g} µs: must be at least 1 and less than the {room:.0f} "
+            "between the closest pulses; choose another width, a faster clock, or a slower motion"
         )
     return high
 
@@ -137,14 +138,14 @@ def _rows(schedule: PulseSchedule, wiring: Sequence[int], high: int) -> Iterator
 
 
 def _decimals(clock_hz: int) -> tuple[int, int]:
-    """Digits after the point, and ten to that power: exact for the clock where 15 digits can be, else finer than 1/20 tick."""
+    """Digits after the point, and ten to that power: exact where 15 digits can be, else good to 1/20 tick."""
     for digits in range(DECIMALS, 16):
         if 10**digits % clock_hz == 0:
             return digits, 10**digits
     digits = max(DECIMALS, len(str(clock_hz)) + 1)
     if clock_hz * 10**digits >= 2**63:
         raise MotionError(
-            f"clock {clock_hz} Hz: too fine for decimal seconds; the limit is 99999999 Hz, or a divisor of 1e15"
+            f"clock {clock_hz} Hz: too fine for decimal seconds; use one below 900 MHz, or a divisor of 1e15 Hz"
         )
     return digits, 10**digits
 
@@ -197,12 +198,9 @@ def _table(text: bytes, name: str, columns: int, line: int) -> Array:
     if table.shape == (text.count(b"\n") + 1, columns) and ((levels == 0) | (levels == 1)).all():
         return table
     rows = enumerate(text.decode(errors="replace").split("\n"), line)
-    faults = [
-        Fault("row", f"{row!r} is not a time and {columns - 1} levels 0 or 1", n)
-        for n, row in rows
-        if not _is_row(row, columns)
-    ]
-    raise FileError(name, faults)
+    odd = [(n, row) for n, row in rows if not _is_row(row, columns)][:FAULTS]
+    message = f"is not a time and {columns - 1} levels 0 or 1"
+    raise FileError(name, [Fault("row", f"{row!r} {message}", n) for n, row in odd])
 
 
 def _is_row(row: str, columns: int) -> bool:
@@ -216,18 +214,11 @@ def _is_row(row: str, columns: int) -> bool:
 
 def _ticks(time: Array, last: float, clock_hz: int, name: str, line: int) -> Ticks:
     """The ticks (N,) that rising times (N,) stand for."""
-    exact = time * clock_hz
-    ticks = np.rint(exact)
-    off = abs(exact - ticks) > OFF_TICK
-    back = np.diff(time, prepend=last) <= 0
-    faults = [
-        Fault("Time[s]", f"{time[i]!r} s is not a tick of {clock_hz} Hz", line + i)
-        for i in np.flatnonzero(off)[:FAULTS].tolist()
-    ]
-    faults += [
-        Fault("Time[s]", f"{time[i]!r} s does not come after the row before", line + i)
-        for i in np.flatnonzero(back)[:FAULTS].tolist()
-    ]
+    ticks = np.rint(time * clock_hz)
+    off = np.flatnonzero(~(abs(time * clock_hz - ticks) <= OFF_TICK))
+    back = np.flatnonzero(~(np.diff(time, prepend=last) > 0))
+    faults = [(i, f"is not a tick of {clock_hz} Hz") for i in off[:FAULTS].tolist()]
+    faults += [(i, "does not come after the row before") for i in back[:FAULTS].tolist()]
     if faults:
-        raise FileError(name, faults)
+        raise FileError(name, [Fault("Time[s]", f"{float(time[i])!r} s {message}", line + i) for i, message in faults])
     return ticks.astype(np.int64)

@@ -80,6 +80,10 @@ class Limit(ABC):
     def use(self, low: Array, high: Array, piece: np.ndarray) -> Array:
         """Share of the limit (N, m) that values between low and high use at most; 1 is at the limit."""
 
+    def told(self, value: float, channel: int) -> tuple[float, float]:
+        """A value as people say it and the limit that it is held against, SI."""
+        return abs(value), float(self.bounds[channel])
+
     def rows(self, derivatives: Derivatives, piece: np.ndarray) -> Rows:
         """What the solvers must keep at N grid points."""
         raise MotionError(f"{self.name} is geometric: it puts no row into a timing problem")

@@ -22,3 +22,6 @@ class Tilt(Limit):
 
     def use(self, low: Array, high: Array, piece: np.ndarray) -> Array:
         return np.arccos(np.clip(low, -1.0, 1.0)) / self.bounds
+
+    def told(self, value: float, channel: int) -> tuple[float, float]:
+        return float(np.arccos(np.clip(value, -1.0, 1.0))), float(self.bounds[channel])

@@ -1,9 +1,10 @@
 """Pulse schedules: from a motion to exact clock ticks, and the independent proof that they stand for it."""
 
-from planner.pulses.check import AxisCheck, PulseCheck, PulseFault, check
+from planner.pulses.check import check
 from planner.pulses.generate import generate
 from planner.pulses.motion import Motion, MotionState
 from planner.pulses.schedule import AxisPulses, PulseSchedule
+from planner.pulses.verdict import AxisCheck, PulseCheck, PulseFault
 
 __all__ = [
     "AxisCheck",

@@ -9,13 +9,13 @@ STEPS = 256  # every fourth step halves the bracket, so 4·log2(1/eps) steps alw
 
 
 def solve(climb: Array, index: NDArray[np.intp], height: Array, tolerance: Array) -> Array:
-    """v (N,) in [0, 1] with y(v) = height, where y = Σ climb[i-1, index] vⁱ, i = 1..5, rises from below the height to above it.
+    """v (N,) in [0, 1] where y(v) = Σ climb[i-1, index] vⁱ, i = 1..5, rises through the height.
 
     climb      (5, S) coefficients of S polynomials
     index      (N,) which polynomial each height (N,) is asked of
     tolerance  (S,) error of v that is good enough
-    A height out of reach gives the nearer end. The error left by a Newton step δ is at most max|y″| δ² / |y′| (Kantorovich); a root is
-    taken when that is below the tolerance, or its bracket is.
+    A height out of reach gives the nearer end. The error that a Newton step δ leaves is at most max|y″| δ² / y′ where
+    2 max|y″| δ ≤ y′ (Kantorovich); a root is taken when that is below the tolerance, or its bracket is.
     """
     tolerance = np.maximum(tolerance, 4 * np.finfo(float).eps)
     curvature = (np.array([0.0, 2, 6, 12, 20]) @ abs(climb)) / tolerance
@@ -33,9 +33,9 @@ def solve(climb: Array, index: NDArray[np.intp], height: Array, tolerance: Array
             move = excess / slope
             v = v - move
             newton = (v >= lo) & (v <= hi)
-            settled = newton & (move * move * curvature.take(index) <= slope)
-            if step > 2:
-                settled |= hi - lo <= tolerance.take(index)
+            enough, size = tolerance.take(index), abs(move)
+            settled = newton & (size * np.maximum(size, 2 * enough) * curvature.take(index) <= slope)
+            settled |= hi - lo <= enough
             v = np.where(newton if step % 4 else settled, v, (lo + hi) / 2)
             root[place] = v
             if settled.all():
@@ -47,10 +47,14 @@ def solve(climb: Array, index: NDArray[np.intp], height: Array, tolerance: Array
 
 
 def _first_guess(climb: Array, index: NDArray[np.intp], height: Array) -> Array:
-    """The root of the parabola a v + b v² that ends where y does and shares y's slope at the slower end, exact for constant acceleration."""
+    """The root of the parabola a v + b v² that ends where y does and has y's slope at the slower end.
+
+    Exact for constant acceleration, turning points included.
+    """
     top, start, end = climb.sum(axis=0), climb[0], np.arange(1, 6) @ climb
     a = np.maximum(np.where(end < start, 2 * top - end, start), 0.0)
     b = 4 * (top - a)
     a = a.take(index)
     guess = 2 * height / (a + np.sqrt(np.maximum(a * a + b.take(index) * height, 0.0)))
-    return np.clip(np.nan_to_num(guess, nan=0.5), 0.0, 1.0)
+    bounded: Array = np.clip(np.nan_to_num(guess, nan=0.5), 0.0, 1.0)
+    return bounded

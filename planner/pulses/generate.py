@@ -1,6 +1,7 @@
 """The pulses of a motion by the rule `nearest`: every axis fires when it is half-way between two counts."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,6 +21,8 @@ TICK_ERROR = 1e-4  # of a crossing time before it is rounded to a whole tick
 FINE = 1e-6  # of a pulse: how well the motion is met where its own noise hides more
 COARSE = 1e-3  # of a pulse: rounding may not blur a count by more
 
+Refuse = Callable[[float], Infeasible]  # from the tick where an axis is asked for too much
+
 
 def generate(
     trajectory: Motion, machine_axes: Sequence[Axis], home_q: ArrayLike, clock_hz: int = 10_000_000
@@ -27,17 +30,17 @@ def generate(
     """A pulse wherever q(t) - home crosses (k + ½)·pulse, at the true crossing time rounded to the nearest tick.
 
     |count·pulse - (q(t) - home)| ≤ ½ pulse + one tick's travel at all times, and the final counts are exact.
-    - A level counts as crossed once the motion is beyond it by more than rounding noise (some 1e-9 pulse); a motion that only touches
-      a level, or rests or ends on it, does not fire. A motion that starts on a level has the lower count.
+    - A level counts as crossed once the motion is beyond it by more than rounding noise (some 1e-9 pulse); a motion
+      that only touches a level, or rests or ends on it, does not fire. One that starts on a level has the lower count.
     - Two opposite pulses whose crossings round to the same tick cancel: both are left out.
-    home_q (n,) is the axis position from which pulses count. Raises Infeasible where an axis would need more than one pulse per tick,
-    MotionError where axes do not match or a pulse drowns in rounding.
+    home_q (n,) is the axis position from which pulses count. Raises Infeasible where an axis would need more than one
+    pulse per tick, MotionError where axes do not match or a pulse drowns in rounding.
     """
     home = np.asarray(home_q, float)
     width = trajectory.at(np.zeros(1)).q.shape[1]
     if not len(machine_axes) == width == home.size:
-        counted = f"{len(machine_axes)} machine axes, {width} axes of the motion, {home.size} home positions"
-        raise MotionError(f"{counted}: give one of each per axis")
+        given = f"{len(machine_axes)} machine axes, {width} axes of the motion, {home.size} home positions"
+        raise MotionError(f"{given}: give one of each per axis")
     pulse = np.array([axis.pulse for axis in machine_axes])
     pieces = fit(trajectory, FINE * pulse)
     slack = (pieces.noise + ROUNDING * abs(home)) / pulse
@@ -45,41 +48,31 @@ def generate(
     for k, axis in enumerate(machine_axes):
         if slack[k] > COARSE:
             raise MotionError(
-                f"axis {axis.name}: pulse {axis.pulse:.3g} {axis.unit} is blurred by {slack[k]:.2g} pulse of rounding, limit {COARSE:.2g}; "
-                f"use a longer pulse or count from nearer than {abs(home[k]):.3g} {axis.unit}"
+                f"axis {axis.name}: pulse {axis.pulse:.3g} {axis.unit} is blurred by {slack[k]:.2g} pulse of rounding, "
+                f"limit {COARSE:.2g}; use a longer pulse or count from nearer than {abs(home[k]):.3g} {axis.unit}"
             )
         counted = pieces.coefficients[k].copy()
         counted[0] -= home[k]
         stretches = monotone(pieces.start * clock_hz, pieces.length * clock_hz, counted / pulse[k], slack[k])
         counts = _follow(stretches.ends, slack[k])
-        try:
-            ticks, direction = _cancel(*_fire(stretches, counts))
-        except _TooFast as fast:
-            raise _refusal(trajectory, axis, k, fast.tick / clock_hz, clock_hz) from None
+        refuse = partial(_refusal, trajectory, axis, k, clock_hz)
+        ticks, direction = _cancel(*_fire(stretches, counts, refuse), refuse)
         ticks.flags.writeable = direction.flags.writeable = False
         axes.append(AxisPulses(axis.name, ticks, direction, int(counts[0]), axis.pulse, float(home[k])))
     return PulseSchedule(clock_hz, tuple(axes), trajectory.duration)
 
 
-class _TooFast(Exception):
-    """Two pulses of one direction fall in the same tick."""
-
-    def __init__(self, tick: float) -> None:
-        self.tick = float(tick)
-
-
-def _refusal(trajectory: Motion, axis: Axis, k: int, t: float, clock_hz: int) -> Infeasible:
+def _refusal(trajectory: Motion, axis: Axis, k: int, clock_hz: int, tick: float) -> Infeasible:
+    t = float(tick) / clock_hz
     state = trajectory.at(np.array([t]))
     rate = max(abs(float(state.qd[0, k])) / axis.pulse, clock_hz)
     place = Place(float(state.s[0]), t=t, axis=axis.name)
-    remedy = (
-        f"slow the motion to {clock_hz / rate:.0%} of its speed, use a longer pulse, or a clock above {rate:.4g} Hz"
-    )
+    remedy = f"slow the motion, use a longer pulse, or a clock above {rate:.4g} Hz"
     return Infeasible("pulse rate", axis.name, place, rate, clock_hz, "1/s", remedy)
 
 
 def _follow(x: Array, slack: float) -> Ticks:
-    """The count at each end of the stretches: the nearest to x; within `slack` of half-way, the one that the motion came with."""
+    """The count at each end of the stretches: the nearest to x; within `slack` of half-way, the one it came with."""
     low = np.ceil(x - 0.5 - slack).astype(np.int64)
     high = np.floor(x + 0.5 + slack).astype(np.int64)
     counts = low.copy()
@@ -89,13 +82,14 @@ def _follow(x: Array, slack: float) -> Ticks:
     return counts
 
 
-def _fire(stretches: Stretches, counts: Ticks) -> tuple[Ticks, Signs]:
+def _fire(stretches: Stretches, counts: Ticks, refuse: Refuse) -> tuple[Ticks, Signs]:
     """Tick and direction of every level between the counts at both ends of each stretch."""
     change = np.diff(counts)
-    sign, pulses = np.sign(change), abs(change)
+    sign: Ticks = np.sign(change)
+    pulses: Ticks = abs(change)
     crowded = pulses > stretches.length + 1
     if crowded.any():  # known before room is made for them
-        raise _TooFast(stretches.start[crowded.argmax()])
+        raise refuse(stretches.start[crowded.argmax()])
     climb = stretches.coefficients[1:] * sign
     first = sign * (counts[:-1] - stretches.coefficients[0]) + 0.5
     with np.errstate(divide="ignore"):
@@ -119,7 +113,7 @@ def _blocks(pulses: Ticks) -> Iterator[tuple[slice, NDArray[np.intp], Ticks]]:
         yield slice(lo, hi), index, np.arange(lo, hi) - begin.take(index - one)
 
 
-def _cancel(ticks: Ticks, direction: Signs) -> tuple[Ticks, Signs]:
+def _cancel(ticks: Ticks, direction: Signs, refuse: Refuse) -> tuple[Ticks, Signs]:
     """Leave out the pairs of opposite pulses in one tick: the excursion between them is below one tick's travel."""
     while True:
         same = np.flatnonzero(np.diff(ticks) <= 0)
@@ -127,7 +121,7 @@ def _cancel(ticks: Ticks, direction: Signs) -> tuple[Ticks, Signs]:
             return ticks, direction
         opposite = same[direction[same] != direction[same + 1]]
         if not len(opposite):
-            raise _TooFast(ticks[same[0]])
+            raise refuse(ticks[same[0]])
         first = opposite[np.diff(opposite, prepend=-2) > 1]
         kept = np.ones(len(ticks), bool)
         kept[first] = kept[first + 1] = False

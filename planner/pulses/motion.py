@@ -23,8 +23,8 @@ class MotionState(Protocol):
 class Motion(Protocol):
     """Axis positions over time; `planner.trajectory.Trajectory` is one.
 
-    knots     (M+1,) s, never decreasing, from 0 to the duration: q(t) is smooth inside an interval, q and q̇ are continuous
-              across a knot, and a state asked at a knot belongs to the interval on its right
+    knots     (M+1,) s, never decreasing, from 0 to the duration: q(t) is smooth inside an interval, q and q̇ are
+              continuous across a knot, and a state asked at a knot belongs to the interval on its right
     duration  s
     """
 

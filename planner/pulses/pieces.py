@@ -36,8 +36,8 @@ class Pieces:
 def fit(motion: Motion, tolerance: Array) -> Pieces:
     """Quintics through q, q̇, q̈ at both ends of every knot interval, halved until they meet the motion to rounding.
 
-    The accelerations are one-sided, since q̈ may jump at a knot. A piece is also taken when halving no longer helps (the motion's own
-    noise is reached) and it errs by at most `tolerance` (n,).
+    The accelerations are one-sided, since q̈ may jump at a knot. A piece is also taken when halving no longer helps (the
+    motion's own noise is reached) and it errs by at most `tolerance` (n,).
     Raises MotionError where a motion cannot be met within it: it is not smooth between its knots.
     """
     lo, hi = motion.knots[:-1], motion.knots[1:]
@@ -59,8 +59,8 @@ def fit(motion: Motion, tolerance: Array) -> Pieces:
     else:
         axis = int((error / tolerance).max(axis=0).argmax())
         raise MotionError(
-            f"axis {axis + 1}: the motion near t = {lo[0]:.9g} s strays {error[:, axis].max():.3g} from any polynomial, "
-            f"more than {tolerance[axis]:.3g}; put a knot where the motion is not smooth"
+            f"axis {axis + 1}: the motion near t = {lo[0]:.9g} s strays {error[:, axis].max():.3g} from any "
+            f"polynomial, more than {tolerance[axis]:.3g}; put a knot where the motion is not smooth"
         )
     start = np.concatenate([piece[0] for piece in fitted])
     end = np.concatenate([piece[1] for piece in fitted])

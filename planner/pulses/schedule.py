@@ -67,7 +67,7 @@ class PulseSchedule:
             raise MotionError(f"clock {self.clock_hz} Hz: must be a positive whole number of ticks per second")
 
     def counts(self, t: ArrayLike) -> Ticks:
-        """(N, axes) the counts at the instants t (s); a pulse counts from its own instant on, ticks / clock_hz included."""
+        """(N, axes) the counts at the instants t (s); a pulse counts from its own instant, ticks / clock_hz, on."""
         # One rounding step up: (T / clock)·clock may fall just short of the tick T it stands for.
         ticks = np.floor(np.nextafter(np.atleast_1d(np.asarray(t, float)) * self.clock_hz, np.inf))
         return np.column_stack([axis.counts(ticks) for axis in self.axes])

@@ -10,7 +10,8 @@ from kinematics.array import Array
 from planner.pulses.crossing import solve
 
 DEPTH = 48  # halvings of [0, 1]: by then a stretch is narrower than rounding
-# Bernstein coefficients of a quartic from its monomial ones: all of one sign means that it has no root in (0, 1), one change one root.
+# Bernstein coefficients of a quartic from its monomial ones. It has as many roots in (0, 1) as they change sign, or
+# fewer by an even number: none where they do not, exactly one where they change once.
 BERNSTEIN = np.array([[comb(j, i) / comb(4, i) if i <= j else 0.0 for i in range(5)] for j in range(5)])
 
 
@@ -35,7 +36,8 @@ class Stretches:
 def monotone(start: Array, length: Array, coefficients: Array, slack: float) -> Stretches:
     """The pieces (P,), (P,), (6, P) cut at their turning points; inside a stretch x runs back by no more than `slack`.
 
-    Undecided pieces are halved until the Bernstein coefficients of x′ have one sign, or change it once: there the root is found.
+    Undecided pieces are halved until the Bernstein coefficients of x′ have one sign, or change it once: there the root
+    is found.
     """
     piece, lo, width = np.arange(len(start)), np.zeros(len(start)), np.ones(len(start))
     done: list[tuple[NDArray[np.intp], Array, Array]] = []

@@ -21,3 +21,7 @@ class Profile:
     @property
     def duration(self) -> float:
         return float(self.h.sum())
+
+    def columns(self) -> Array:
+        """(4, M) of ṡ, s̈, s⃛, h: a start for another solve on the same grid."""
+        return np.stack([self.v, self.a, self.j, self.h])

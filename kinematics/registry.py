@@ -1,0 +1,60 @@
+"""Machines by name, and what every table of names shares: bundled presets, and the nearest name to a mistaken one."""
+
+from collections.abc import Iterable
+from difflib import get_close_matches
+from importlib.resources import files
+from importlib.resources.abc import Traversable
+from os import PathLike, fspath
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from kinematics.errors import MotionError
+
+if TYPE_CHECKING:
+    from kinematics.machine import Machine
+
+
+def load_machine(name_or_path: str | PathLike[str]) -> "Machine":
+    """The machine of a preset's name or of a TOML file.
+
+    Raises FileError with every fault of the file; MotionError for an unknown name, with the nearest and all known ones.
+    """
+    from kinematics.machine_file import read_machine
+
+    return read_machine(find("kinematics", "machine", name_or_path))
+
+
+def machine_names() -> tuple[str, ...]:
+    """Names of the bundled machines."""
+    return tuple(presets("kinematics"))
+
+
+def presets(package: str) -> dict[str, Traversable]:
+    """The TOML files in a package's folder `presets`, by name."""
+    entries = (files(package) / "presets").iterdir()
+    return {e.name.removesuffix(".toml"): e for e in sorted(entries, key=lambda e: e.name) if e.name.endswith(".toml")}
+
+
+def find(package: str, what: str, name_or_path: str | PathLike[str]) -> Path | Traversable:
+    """Where a preset or a file is. A plain word is a preset's name; anything with a folder or a suffix is a file's path."""
+    path = Path(name_or_path)
+    name = fspath(name_or_path)
+    if isinstance(name_or_path, PathLike) or path.suffix or path.name != name:
+        return path
+    known = presets(package)
+    if name not in known:
+        raise MotionError(
+            f'no {what} is called "{name}"{nearest(name, known)}; bundled: {", ".join(known)}; '
+            f"or give the path of a file, e.g. {name or what}.toml"
+        )
+    return known[name]
+
+
+def nearest(name: str, choices: Iterable[str]) -> str:
+    """The clause that names the choice nearest to a mistaken name, empty if none comes close."""
+    choices = tuple(choices)
+    lower = {choice.lower(): choice for choice in reversed(choices)}
+    matches = get_close_matches(name, choices, 1) or [
+        lower[match] for match in get_close_matches(name.lower(), lower, 1)
+    ]
+    return f', nearest is "{matches[0]}"' if matches else ""

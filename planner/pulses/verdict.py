@@ -1,0 +1,75 @@
+"""What the check of a pulse schedule found."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True, slots=True)
+class PulseFault:
+    """One thing wrong with the pulses of an axis, at a clock tick."""
+
+    axis: str
+    tick: int
+    what: str
+
+
+@dataclass(frozen=True, slots=True)
+class AxisCheck:
+    """The findings on one axis.
+
+    time_error         ticks, largest |pulse - true crossing|; inf where the motion crosses no level there
+    position_error     pulses, largest |count - (q - home)/pulse| beyond ½ + one tick's travel; 0 within
+    smallest_interval  s between two pulses; inf with fewer than two
+    final_error        pulses, the last count - the count that the motion ends on
+    faults             the first few of each kind; fault_count counts all
+    """
+
+    name: str
+    pulses: int
+    time_error: float
+    position_error: float
+    smallest_interval: float
+    final_error: int
+    faults: tuple[PulseFault, ...]
+    fault_count: int
+
+
+@dataclass(frozen=True, slots=True)
+class PulseCheck:
+    """The verdict on a schedule, and its worst figures over all axes (units as in AxisCheck)."""
+
+    axes: tuple[AxisCheck, ...]
+
+    @property
+    def holds(self) -> bool:
+        return self.fault_count == 0
+
+    @property
+    def faults(self) -> tuple[PulseFault, ...]:
+        return tuple(fault for axis in self.axes for fault in axis.faults)
+
+    @property
+    def fault_count(self) -> int:
+        return sum(axis.fault_count for axis in self.axes)
+
+    @property
+    def time_error(self) -> float:
+        return max((axis.time_error for axis in self.axes), default=0.0)
+
+    @property
+    def position_error(self) -> float:
+        return max((axis.position_error for axis in self.axes), default=0.0)
+
+    @property
+    def smallest_interval(self) -> float:
+        return min((axis.smallest_interval for axis in self.axes), default=np.inf)
+
+    @property
+    def highest_rate(self) -> float:
+        """Pulses per second, between the two closest pulses of any one axis; 0 where no axis has two."""
+        return 1 / self.smallest_interval if self.smallest_interval > 0 else np.inf
+
+    @property
+    def final_error(self) -> int:
+        return max((axis.final_error for axis in self.axes), key=abs, default=0)

@@ -1,0 +1,88 @@
+"""The fastest certified motion along an actuator path: solve every run, prove the whole, tighten what does not hold, again."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from kinematics.array import Array
+from kinematics.errors import MotionError
+from planner.actuation import ActuatorPath
+from planner.certify import TOLERANCE, Certificate, certify
+from planner.limits.limit import Limit
+from planner.place import Infeasible
+from planner.standing import violations
+from planner.timing.problem import Run
+from planner.timing.profile import Profile
+from planner.timing.run import attempt
+from planner.trajectory import Trajectory
+
+ROUNDS = 8
+
+
+@dataclass(frozen=True, slots=True)
+class Solution:
+    """A trajectory and the proof that it respects every limit.
+
+    order; rounds: how often it was solved until the proof held; methods: the solver that gave each run's motion
+    """
+
+    trajectory: Trajectory
+    certificate: Certificate
+    limits: tuple[Limit, ...]
+    order: int
+    rounds: int
+    methods: tuple[str, ...]
+
+
+def fastest(path: ActuatorPath, limits: Sequence[Limit], order: int) -> Solution:
+    """Solve and certify. Raises Infeasible where a geometric limit is broken, MotionError where no round holds."""
+    for refusal in violations(path, limits):
+        raise refusal
+    stops = np.flatnonzero(path.stops(order))
+    attempts = [attempt(path, limits, Run(int(a), int(b) - 1), order) for a, b in zip(stops[:-1], stops[1:], strict=True)]
+    for rounds in range(1, ROUNDS + 1):
+        trajectory, owner = assemble(path, [attempt.profile for attempt in attempts], stops)
+        certificate = certify(trajectory, limits)
+        if certificate.holds:
+            return Solution(trajectory, certificate, tuple(limits), order, rounds, tuple(a.method for a in attempts))
+        _refuse(limits, certificate)
+        for n, tried in enumerate(attempts):
+            use = {name: values[owner == n] for name, values in certificate.use.items()}
+            if any(values.max() > 1 + TOLERANCE for values in use.values()):
+                attempts[n] = tried.tightened(use)
+    raise MotionError(f"no motion could be proved within {ROUNDS} rounds; what remained:\n{certificate}")
+
+
+def assemble(path: ActuatorPath, profiles: Sequence[Profile], stops: np.ndarray) -> tuple[Trajectory, np.ndarray]:
+    """The runs one after the other, with the rests between, and the run (−1: rest) that each time piece belongs to."""
+    parts: list[tuple[Profile, int]] = []
+    for n, stop in enumerate(stops):
+        if path.dwells[stop] > 0:
+            parts.append((_rest(path, int(stop)), -1))
+        if n < len(profiles):
+            parts.append((profiles[n], n))
+    joined = Profile(*(np.concatenate([getattr(part, name) for part, _ in parts]) for name in ("s", "v", "a", "j", "h", "piece")))
+    knots = np.concatenate([[0.0], np.cumsum(joined.h)])
+    owner = np.concatenate([np.full(len(part.h), n) for part, n in parts])
+    return Trajectory(path, knots, joined.s, joined.v, joined.a, joined.j, joined.piece), owner
+
+
+def _rest(path: ActuatorPath, stop: int) -> Profile:
+    nothing = np.zeros(1)
+    return Profile(path.breaks[[stop]], nothing, nothing, nothing, path.dwells[[stop]], np.array([max(stop - 1, 0)]))
+
+
+def _refuse(limits: Sequence[Limit], certificate: Certificate) -> None:
+    """Faults that no tightening mends."""
+    for limit in limits:
+        worst = certificate.worst[limit.name]
+        if limit.geometric and worst > 1 + TOLERANCE:
+            place = certificate.where[limit.name]
+            channel = limit.channels.index(place.axis)
+            unit, scale = limit.units[channel]
+            bound = float(limit.bounds[channel]) * scale
+            raise Infeasible(limit.name, place.axis, place, worst * bound, bound, unit, "no timing can help: move the path or the start")
+    jumps = [name for name in certificate.worst if name.endswith("jump")]
+    if jumps:
+        raise MotionError(f"the motion is not continuous ({jumps[0]} at {certificate.where[jumps[0]]}); this is a fault of the planner: report it")

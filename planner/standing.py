@@ -1,0 +1,54 @@
+"""What no timing can help: travel and tilt along the path, looked at before anything is solved."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from kinematics.array import Array
+from kinematics.errors import OutOfReach
+from planner.actuation import ActuatorPath
+from planner.limits.limit import Limit
+from planner.place import Infeasible, Place
+from planner.trajectory import State
+
+# Points looked at in each piece; what lies between them is the certificate's to find.
+POINTS = 201
+ROUNDING = 1e-9
+
+
+def at_rest(path: ActuatorPath, s: Array, piece: np.ndarray) -> State:
+    """The state of standing still at places along a path."""
+    q = path.derivatives(s, piece)[0]
+    nothing = np.zeros_like(q)
+    return State(np.full(len(s), np.nan), s, q, nothing, nothing, nothing, np.zeros(len(s)), path, piece)
+
+
+def violations(path: ActuatorPath, limits: Sequence[Limit]) -> list[Infeasible]:
+    """One for every segment, limit and channel that is exceeded, at its worst place, the worst first. Raises OutOfReach."""
+    pieces = len(path.breaks) - 1
+    piece = np.repeat(np.arange(pieces), POINTS)
+    s = (path.breaks[:-1, None] + np.diff(path.breaks)[:, None] * np.linspace(0, 1, POINTS)).ravel()
+    state = at_rest(path, s, piece)
+    lost = ~np.isfinite(state.q).all(1)
+    if lost.any():
+        first = int(np.argmax(lost))
+        place = Place(float(s[first]), path.segment(int(piece[first])))
+        raise OutOfReach(f"no actuator coordinates reach the path at {place}; bring the path nearer")
+    found: list[tuple[float, Infeasible]] = []
+    for limit in limits:
+        if not limit.geometric:
+            continue
+        value = limit.value(state)
+        use = limit.use(value, value, piece).reshape(pieces, POINTS, -1)
+        for n, channel in np.argwhere(use.max(1) > 1 + ROUNDING):
+            point = int(np.argmax(use[n, :, channel]))
+            found.append((float(use[n, point, channel]), _refusal(path, limit, value, n * POINTS + point, int(channel), s, piece)))
+    return [refusal for _, refusal in sorted(found, key=lambda pair: -pair[0])]
+
+
+def _refusal(path: ActuatorPath, limit: Limit, value: Array, row: int, channel: int, s: Array, piece: np.ndarray) -> Infeasible:
+    unit, scale = limit.units[channel]
+    reached, allowed = limit.told(float(value[row, channel]), channel)
+    place = Place(float(s[row]), path.segment(int(piece[row])), None, limit.channels[channel])
+    remedy = f"no timing can help: move the path or the start by what takes {abs(reached - allowed) * scale:.4g} {unit} off it"
+    return Infeasible(limit.name, limit.channels[channel], place, reached * scale, allowed * scale, unit, remedy)

@@ -1,0 +1,114 @@
+"""One run from rest to rest, on its way to a motion that holds: posed, solved, tightened, solved again."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from kinematics.array import Array
+from kinematics.errors import MotionError
+from planner.actuation import ActuatorPath
+from planner.limits.limit import Limit, Term
+from planner.timing.problem import Block, Problem, Run, grid, pose_problem
+from planner.timing.profile import Profile
+from planner.timing.second_order import TERMS as SECOND
+from planner.timing.second_order import second_order
+from planner.timing.smooth import Smoothed
+from planner.timing.third_order import third_order
+
+# Intervals of a run at least, and for each piece in it; of the order-2 motion that starts an order-3 solve.
+SECOND_ORDER, THIRD_ORDER, START = (1000, 50), (200, 12), (400, 20)
+# Taken off beyond the excess itself, so that a tightened motion does not miss by its own rounding.
+MARGIN = 2e-7
+
+
+@dataclass(frozen=True, slots=True)
+class Attempt:
+    """problem; guess (4, N) for the jerk-limited solver, the last answer after the first; profile: the answer; method that gave it.
+
+    fallback: a jerk-limited motion that is feasible once slowed by `slowness`, for when the solver gives no answer.
+    """
+
+    problem: Problem
+    profile: Profile
+    method: str
+    fallback: Smoothed | None = None
+    slowness: float = 1.0
+
+    def tightened(self, use: Mapping[str, Array]) -> "Attempt":
+        """Solved again with less room wherever the certificate found a limit exceeded: use per limit and interval."""
+        if self.method == "averaged":
+            return self._slowed(use)
+        blocks = []
+        for block in self.problem.blocks:
+            excess = use[block.name]
+            blocks.append(replace(block, room=np.where(excess > 1, block.room / excess * (1 - MARGIN), block.room)))
+        problem = replace(self.problem, blocks=tuple(blocks))
+        if self.fallback is None:
+            return replace(self, problem=problem, profile=second_order(problem))
+        return _solve_third(problem, self.profile.columns(), self.fallback)
+
+    def _slowed(self, use: Mapping[str, Array]) -> "Attempt":
+        """The fallback, slowed as a whole until it holds: by k, a term of order n in 1/time falls by kⁿ."""
+        assert self.fallback is not None
+        powers = {block.name: min(_ORDER[term] for term in block.start) for block in self.problem.blocks}
+        more = max(float(use[name].max()) ** (1 / power) for name, power in powers.items())
+        slowness = self.slowness * max(1.0, more) * (1 + MARGIN)
+        return replace(self, slowness=slowness, profile=self.fallback.profile(slowness, self.problem))
+
+
+_ORDER = {Term.SD: 1, Term.SD2: 2, Term.SDD: 2, Term.SD3: 3, Term.SDSDD: 3, Term.SDDD: 3}
+
+
+def attempt(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int) -> Attempt:
+    """The first solve of a run. Raises MotionError when nothing bounds it."""
+    pieces = run.last - run.first + 1
+    if order == 2:
+        problem = pose_problem(path, limits, *grid(path, run, _size(SECOND_ORDER, pieces)))
+        _need(problem, Term.SDD, "acceleration")
+        return Attempt(problem, second_order(problem), "toppra")
+    start = pose_problem(path, limits, *grid(path, run, _size(START, pieces)))
+    _need(start, Term.SDDD, "jerk")
+    start, window = _second_order_start(start)
+    smoothed = Smoothed(second_order(start), window)
+    # points even in time lie ever denser towards rest, where ṡ goes with the square of time
+    shares = smoothed.at(np.linspace(0, smoothed.duration, _size(THIRD_ORDER, pieces) + 1))[0] - start.s[0]
+    s, piece = grid(path, run, len(shares) - 1, np.clip(shares / (start.s[-1] - start.s[0]), 0.0, 1.0))
+    return _solve_third(pose_problem(path, limits, s, piece), smoothed.on(s), smoothed)
+
+
+def _size(rule: tuple[int, int], pieces: int) -> int:
+    return max(rule[0], rule[1] * pieces)
+
+
+def _solve_third(problem: Problem, guess: Array, fallback: Smoothed) -> Attempt:
+    for solver in ("fatrop", "ipopt"):
+        try:
+            return Attempt(problem, third_order(problem, guess, solver=solver), solver, fallback)
+        except MotionError:
+            continue
+    return Attempt(problem, fallback.profile(1.0, problem), "averaged", fallback)
+
+
+def _need(problem: Problem, term: Term, name: str) -> None:
+    if not any(term in block.start for block in problem.blocks):
+        raise MotionError(f"nothing bounds the motion: no axis that moves states a limit of {name}; state one, or plan at another order")
+
+
+def _second_order_start(problem: Problem) -> tuple[Problem, float]:
+    """The problem without its jerk rows, and the window over which its motion is averaged: the largest A/J of any row.
+
+    Where no acceleration is limited, √(V J) stands in for it; it shapes the start only, never the answer.
+    """
+    jerk = next(block for block in problem.blocks if Term.SDDD in block.start)
+    blocks = [block for block in problem.blocks if set(block.start) <= SECOND]
+    limited = next((block for block in blocks if Term.SDD in block.start), None)
+    if limited is None:
+        speed = next((block for block in blocks if set(block.start) == {Term.SD} and block.start[Term.SD].shape == jerk.start[Term.SDDD].shape), None)
+        if speed is None:
+            raise MotionError("nothing bounds the motion: no axis that moves states a limit of speed or acceleration; state one")
+        limited = Block("start", *({Term.SDD: np.sqrt(np.abs(a[Term.SD] * b[Term.SDDD]))} for a, b in ((speed.start, jerk.start), (speed.end, jerk.end))), speed.room)
+        blocks.append(limited)
+    size_j, size_a = np.abs(jerk.start[Term.SDDD]).max(0), np.abs(limited.start[Term.SDD]).max(0)
+    window = float(size_j.max() / size_a.max()) if size_j.shape != size_a.shape else float((size_j / np.where(size_a > 0, size_a, np.inf)).max())
+    return replace(problem, blocks=tuple(blocks)), window

@@ -1,0 +1,69 @@
+"""A jerk-limited start from an acceleration-limited motion: its moving average in time."""
+
+import numpy as np
+
+from kinematics.array import Array
+from planner.timing.problem import Problem
+from planner.timing.profile import Profile
+
+
+class Smoothed:
+    """s̃(t) = 1/w ∫ s over [t − w, t]: as long as the motion plus w, its s⃛ is Δs̈/w.
+
+    Averaging over w = A/J turns steps of acceleration 2A into ramps of jerk 2A/w; it is within a percent of the optimum where
+    acceleration binds, and rests at both ends with s̈ = 0.
+    """
+
+    def __init__(self, motion: Profile, window: float) -> None:
+        self.motion, self.window = motion, window
+        h, s, v, a = motion.h, motion.s, motion.v, motion.a
+        self.knots = np.concatenate([[0.0], np.cumsum(h)])
+        self.area = np.concatenate([[0.0], np.cumsum(h * (s + h * (v / 2 + h * a / 6)))])
+        self.end = float(s[-1] + h[-1] * (v[-1] + h[-1] * a[-1] / 2))
+
+    @property
+    def duration(self) -> float:
+        return float(self.knots[-1]) + self.window
+
+    def at(self, t: Array) -> tuple[Array, Array, Array, Array]:
+        """s, ṡ, s̈, s⃛ of the average."""
+        now, before = self._motion(t), self._motion(t - self.window)
+        s, v, a, j = ((x - y) / self.window for x, y in zip(now, before, strict=True))
+        return s, v, a, j
+
+    def on(self, s: Array) -> Array:
+        """(4, N) of ṡ, s̈, s⃛, h on a grid s (N+1,), consistent with each other."""
+        dense = np.linspace(0.0, self.duration, 20 * len(s))
+        t = np.interp(s, np.maximum.accumulate(self.at(dense)[0]), dense)
+        t[0], t[-1] = 0.0, self.duration
+        h = np.maximum(np.diff(t), 1e-6 * self.duration / len(s))
+        _, v, a, _ = self.at(t)
+        return np.stack([v[:-1], a[:-1], np.diff(a) / h, h])
+
+    def profile(self, slowness: float, problem: Problem) -> Profile:
+        """The average itself as a motion, cut where its s⃛ changes and at the problem's grid, slowed as a whole."""
+        start = self.on(problem.s)
+        t = np.concatenate([[0.0], np.cumsum(start[3])])
+        knots = np.unique(np.concatenate([self.knots, self.knots + self.window, t]))
+        knots = knots[np.concatenate([np.diff(knots) > 1e-12 * self.duration, [True]])]
+        middle = (knots[1:] + knots[:-1]) / 2
+        h = np.diff(knots)
+        j = self.at(middle)[3]
+        a = np.concatenate([[0.0], np.cumsum(j * h)[:-1]])
+        v = np.concatenate([[0.0], np.cumsum(h * (a + h * j / 2))[:-1]])
+        s = problem.s[0] + np.concatenate([[0.0], np.cumsum(h * (v + h * (a / 2 + h * j / 6)))[:-1]])
+        piece = problem.piece[np.clip(np.searchsorted(problem.s, self.at(middle)[0], side="right") - 1, 0, problem.intervals - 1)]
+        k = slowness
+        return Profile(s, v / k, a / k**2, j / k**3, h * k, piece)
+
+    def _motion(self, t: Array) -> tuple[Array, Array, Array, Array]:
+        """∫ s, s, ṡ, s̈ of the motion itself, which rests before 0 and after its end."""
+        m, last = self.motion, self.knots[-1]
+        k = np.clip(np.searchsorted(self.knots, t, side="right") - 1, 0, len(m.h) - 1)
+        tau = np.clip(t, 0.0, last) - self.knots[k]
+        s, v, a = m.s[k], m.v[k], m.a[k]
+        area = self.area[k] + tau * (s + tau * (v / 2 + tau * a / 6))
+        outside = (t < 0) | (t >= last)
+        area = area + np.where(t < 0, t * m.s[0], 0.0) + np.maximum(t - last, 0.0) * self.end
+        moving = np.where(outside, 0.0, v + tau * a), np.where(outside, 0.0, a)
+        return area, s + tau * (v + tau * a / 2), *moving
