@@ -17,7 +17,7 @@ from kinematics.array import Array, frozen
 from kinematics.errors import MotionError
 
 COUNTER = (-(2**27), 2**27 - 1)
-"""Range of the 28-bit position counters [Sahbaz 2007, chapter 4: PCI-8132, PCI-8164]."""
+"""Range of the 28-bit position counters [Sahbaz 2007, Appendix A]."""
 SPEED_STEPS = 65535
 """Largest value of the 16-bit speed registers; the smallest is 1."""
 
@@ -28,7 +28,7 @@ class Refused(MotionError):
 
 @dataclass(frozen=True, slots=True)
 class Card:
-    """A model of motion card.
+    """A model of motion card; its figures are those of [Sahbaz 2007, Appendix A].
 
     max_speed     pulses/s that a channel can emit at most
     clock_hz      reference clock: a pulse falls on one of its ticks
@@ -136,7 +136,9 @@ def send(card: Card, state: CardState, move: Move, t: float) -> CardState:
         begin, start, count = np.full(len(v0), t), state.position(t)[0], state.counter(t)[0]
         waiting = ()
     fired = state.pulses(t) - _pulses(waiting, t)
-    new = trapezoid(begin, start, count, move.position.astype(np.int64), v0, v1, move.tacc, move.tdec)
+    # a ramp within one tick of the clock is none
+    tacc, tdec = (0.0 if seconds * card.clock_hz < 1 else seconds for seconds in (move.tacc, move.tdec))
+    new = trapezoid(begin, start, count, move.position.astype(np.int64), v0, v1, tacc, tdec)
     return CardState((*waiting, new), frozen(fired))
 
 

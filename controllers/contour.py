@@ -83,26 +83,36 @@ def _follow(y: Array, s_reference: Array, reach: Array, line: _Polyline) -> tupl
 
 
 def _refine(y: Array, curve: Curve, line: _Polyline, at: tuple[np.ndarray, Array]) -> Array:
-    """Newton on f(s) = (y − r)·r′, f′ = (y − r)·r″ − r′·r′, kept inside the piece and within an edge of the start; a step must come nearer."""
+    """Newton on f(s) = (y − r)·r′, kept inside the piece; a step must come nearer.
+
+    f′ = (y − r)·r″ − r′·r′ is −r′·r′ at first and the secant of the last two points then.
+    """
     edge, share = at
     piece = line.piece[edge]
     s = line.s[edge] + share * (line.s[edge + 1] - line.s[edge])
-    low = np.maximum(line.s[np.maximum(edge - 1, 0)], curve.breaks[piece])
-    high = np.minimum(line.s[np.minimum(edge + 2, len(line.s) - 1)], curve.breaks[piece + 1])
+    low, high = curve.breaks[piece], curve.breaks[piece + 1]
+    miss, f, slope = _projection(y, curve, s, piece)
     damping, active = np.ones(len(s)), np.arange(len(s))
     for _ in range(40):
-        r, r1, r2 = curve.at(s[active], piece[active])
-        miss = y[active] - r
-        slope = (miss * r1).sum(1)
-        speed2 = (r1 * r1).sum(1)
-        # beyond the centre of curvature Newton would climb: there the plain projection is used
-        bend = speed2 - (miss * r2).sum(1)
-        step = slope / np.maximum(np.where(bend > 0, bend, speed2), 1e-300) * damping[active]
+        step = damping[active] * f[active] / np.maximum(slope[active], 1e-300)
         trial = np.clip(s[active] + step, low[active], high[active])
-        nearer = np.linalg.norm(y[active] - curve.at(trial, piece[active])[0], axis=1) < np.linalg.norm(miss, axis=1)
-        s[active[nearer]] = trial[nearer]
+        moved = trial - s[active]
+        miss_there, f_there, _ = _projection(y[active], curve, trial, piece[active])
+        nearer = miss_there < miss[active]
         damping[active[~nearer]] /= 4
-        active = active[nearer | (damping[active] > 1e-3) & (trial != s[active])]
+        won = active[nearer]
+        secant = (f[won] - f_there[nearer]) / moved[nearer]
+        # beyond the centre of curvature Newton would climb: there the last slope stays
+        slope[won] = np.where(secant > 0, secant, slope[won])
+        s[won], f[won], miss[won] = trial[nearer], f_there[nearer], miss_there[nearer]
+        active = active[(moved != 0) & (damping[active] > 1e-3)]
         if not len(active):
             break
     return s
+
+
+def _projection(y: Array, curve: Curve, s: Array, piece: np.ndarray) -> tuple[Array, Array, Array]:
+    """‖y − r‖, (y − r)·r′ and r′·r′, each (N,)."""
+    r, tangent = curve.at(s, piece)
+    offset = y - r
+    return np.linalg.norm(offset, axis=1), (offset * tangent).sum(1), (tangent * tangent).sum(1)

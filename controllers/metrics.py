@@ -12,6 +12,7 @@ from controllers.curve import PathCurve
 from controllers.simulate import Planned, Tracking
 from kinematics.array import Array, frozen
 from kinematics.errors import MotionError
+from kinematics.pose import from_numbers
 from planner.actuation import MachinePath
 from planner.place import Place
 
@@ -92,7 +93,7 @@ def evaluate(tracking: Tracking, plan: Trajectory | Planned, machine: Machine, *
     every = max(1, round(period / (tracking.t[1] - tracking.t[0])))
     t, actual = tracking.t[::every], tracking.actual[::every]
     planned = trajectory.at(np.minimum(t, trajectory.duration))
-    pose = planned.pose
+    pose = from_numbers(path.pose_numbers(planned.s, planned.piece))
     # the planned pose is as near to the attained one as any: a short way to go, and to certify
     attained = machine.forward(actual, near=pose)
     lost = ~attained.certified
@@ -101,7 +102,7 @@ def evaluate(tracking: Tracking, plan: Trajectory | Planned, machine: Machine, *
         raise MotionError(f"metrics: the axis positions at t = {t[first]:.4g} s are no certain pose of machine {machine.name}; the tracking left the machine's reach")
 
     def place(i: int, axis: str = "") -> Place:
-        return Place(float(planned.s[i]), path.pieces[planned.piece[i]].segment, float(t[i]), axis)
+        return Place(float(planned.s[i]), path.segment(int(planned.piece[i])), float(t[i]), axis)
 
     def series(name: str, unit: str, value: Array) -> ErrorSeries:
         return ErrorSeries(name, unit, frozen(value), place(int(np.abs(value).argmax())))

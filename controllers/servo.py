@@ -56,7 +56,7 @@ def leg_servo(axis: Axis) -> Servo:
     From the table: position loop 30 1/s (Pn102), speed loop 30 Hz (Pn100), integral 30 ms (Pn101, printed as 3000 in units of 0.01 ms),
     four encoder counts per command pulse (Pn202/Pn203 with 2048 × 4 counts per revolution).
     Assumed: unit inertia (the loops are normalised by it, so it matters for saturation and friction alone), viscous friction of 5 1/s of
-    it, and as torque limit the 220 N of the hexapod's actuator [Sahbaz 2007, chapter 3]. The hexapod itself has stepper legs: this
+    it, and as torque limit the 220 N of the hexapod's actuator [Sahbaz 2007, Table 3.1]. The hexapod itself has stepper legs: this
     servo answers what it would do behind the drives of the thesis' other rig.
     """
     return Servo(

@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import Annotated, Any, Self, TypeVar
 
 from pydantic import (
+    AfterValidator,
     AllowInfNan,
     BaseModel,
     ConfigDict,
@@ -112,9 +113,8 @@ class Table(BaseModel):
             case "extra_forbidden":
                 message = f"unknown key{nearest(last, keys)}; valid keys: {', '.join(keys)}"
             case "missing" if last in keys:
-                message = "missing" + "".join(
-                    f": {unit.example}" for unit in keys[last].metadata if isinstance(unit, Unit)
-                )
+                examples = [unit.example for unit in keys[last].metadata if isinstance(unit, Unit)]
+                message = ": ".join(["missing", *(examples or filter(None, [keys[last].description]))])
             case "missing":
                 message = "missing: the array is too short"
             case "literal_error":
@@ -145,12 +145,20 @@ def build(document: Document, model: type[Model], plain: Mapping[str, float] | N
         raise FileError(document.file, sorted(faults, key=lambda fault: fault.line or 0)) from None
 
 
-Number = Annotated[float, AllowInfNan(False)]
-
-
 def wrong(message: str) -> PydanticCustomError:
     """What a validator raises; the message becomes the fault's."""
     return PydanticCustomError("fault", "{message}", {"message": message})
+
+
+def not_zero(value: Any) -> Any:
+    """Validator of a number or a vector."""
+    if not any(value if isinstance(value, tuple) else (value,)):
+        raise wrong(f"{shown(value)} must not be zero")
+    return value
+
+
+Number = Annotated[float, AllowInfNan(False)]
+Direction = Annotated[tuple[Number, Number, Number], AfterValidator(not_zero)]
 
 
 def chosen(pick: Callable[[Any], Any]) -> PlainValidator:

@@ -95,6 +95,13 @@ def quantity(text: object, unit: str) -> float:
         raise MotionError(f"{shown(text)}: {error}: {Unit(unit).example}") from None
 
 
+def unit_value(name: object, unit: str) -> float:
+    """SI value of one `name`, which must be a unit of the dimension of `unit`: unit_value("mm", "m") is 0.001."""
+    if not isinstance(name, str) or len(name) > MAX_LENGTH or not _UNIT.fullmatch(name):
+        raise MotionError(f'{shown(name)} is not a unit: write e.g. "{everyday(unit)}"')
+    return quantity(f"1 {name}", unit)
+
+
 def describe(value: float, unit: str) -> str:
     """An SI value in the unit asked for, for messages: describe(0.0508, "mm") is "50.8 mm"."""
     return f"{value / float(_factor(unit)[0]):.6g} {unit}"
@@ -135,13 +142,17 @@ class Unit:
         return number
 
     def _plain(self, name: str, value: float, declared: Mapping[str, float]) -> float:
+        try:
+            number = float(value) * declared.get(name, 1.0)
+        except OverflowError:  # an integer beyond any float
+            number = inf
+        if not isfinite(number):
+            raise MotionError(f"{shown(value)}: not a finite number")
         if name not in declared:
             unit = everyday(self.unit)
             remedy = f'add the line {name} = "{unit}" at the top, or write "{shown(value)} {unit}"'
             raise MotionError(f"{shown(value)}: a number without a unit: {remedy}")
-        if not abs(value) < 1e300:  # NaN, infinity, and integers beyond any float
-            raise MotionError(f"{shown(value)}: not a finite number")
-        return value * declared[name]
+        return number
 
     def __get_pydantic_core_schema__(self, source: object, handler: object) -> "CoreSchema":
         from pydantic_core import PydanticCustomError, core_schema

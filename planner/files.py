@@ -2,26 +2,20 @@
 
 from os import PathLike
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from kinematics.errors import FileError, MotionError
-from kinematics.files import Document, Number, Table, build, chosen, either, read, wrong
+from kinematics.errors import MotionError
+from kinematics.files import Direction, Table, build, chosen, either, not_zero, read, wrong
 from kinematics.pose import Pose
 from kinematics.registry import find, presets
-from kinematics.units import Unit, quantity
+from kinematics.units import Unit, shown, unit_value
 from planner.program import Arc, Blend, Dwell, Frame, Join, Line, Program, Segment, Stop, Turn
 
 PLAIN_UNITS = {"length": "m", "angle": "rad"}
 """The declarations that give plain numbers their unit, and the SI unit of each."""
-
-Coordinate = Annotated[float, Unit("m", plain="length")]
-PlainAngle = Annotated[float, Unit("rad", plain="angle")]
-ToolSpeed = Annotated[float, Unit("m/s", above=0)]
-Position = tuple[Coordinate, Coordinate, Coordinate]
-Orientation = tuple[PlainAngle, PlainAngle, PlainAngle]
 
 
 def load_program(name_or_path: str | PathLike[str]) -> Program:
@@ -31,9 +25,9 @@ def load_program(name_or_path: str | PathLike[str]) -> Program:
     """
     source = find("planner", "program", name_or_path)
     document = read(source)
-    scales = {name: _scale(document.data[name], unit) for name, unit in PLAIN_UNITS.items() if name in document.data}
-    model = build(document, ProgramFile, scales)
-    return model.program(document, Path(source.name).stem)
+    model = build(document, ProgramFile, _declared(document.data))
+    segments = [entry.segment(document.line(("segment", n))) for n, entry in enumerate(model.segment)]
+    return Program(tuple(segments), model.frame, _pose(model.start), model.machine, Path(source.name).stem)
 
 
 def program_names() -> tuple[str, ...]:
@@ -41,20 +35,146 @@ def program_names() -> tuple[str, ...]:
     return tuple(presets("planner"))
 
 
-def _scale(declared: object, unit: str) -> float:
-    """SI value of one declared unit; 1 for a faulty declaration, which is a fault of its own."""
-    try:
-        return quantity(f"1 {declared}", unit)
-    except MotionError:
-        return 1.0
+def _declared(data: dict[str, Any]) -> dict[str, float]:
+    """SI value of one plain number, per declaration; 1 for a faulty declaration, which is a fault of its own."""
+    values = {}
+    for name in PLAIN_UNITS.keys() & data.keys():
+        try:
+            values[name] = unit_value(data[name], PLAIN_UNITS[name])
+        except MotionError:
+            values[name] = 1.0
+    return values
+
+
+def _pose(start: tuple[float, ...] | None) -> Pose | None:
+    if start is None:
+        return None
+    angles = start[3:] or (0.0, 0.0, 0.0)
+    return RigidTransform.from_components(start[:3], Rotation.from_euler("XYZ", angles))
+
+
+def _rotation(angles: tuple[float, float, float] | None) -> Rotation | None:
+    """Rx(θx) · Ry(θy) · Rz(θz): about the moving axes in turn."""
+    return None if angles is None else Rotation.from_euler("XYZ", angles)
 
 
 def _unit_of(unit: str) -> AfterValidator:
-    def validate(name: str) -> str:
+    def check(name: str) -> str:
         try:
-            quantity(f"1 {name}", unit)
+            unit_value(name, unit)
         except MotionError as error:
             raise wrong(str(error)) from None
         return name
 
-    return AfterValidator(validate)
+    return AfterValidator(check)
+
+
+def _not_empty(segments: tuple[Any, ...]) -> tuple[Any, ...]:
+    if not segments:
+        raise wrong(f"empty: {_SOME_SEGMENT}")
+    return segments
+
+
+def _join_type(value: object) -> Any:
+    if isinstance(value, dict):
+        return BlendTable
+    if value != "stop":
+        raise wrong(f'{shown(value)} is not a join: write "stop" or {{ blend = "0.05 mm" }}')
+    return Literal["stop"]
+
+
+def _start_type(value: object) -> Any:
+    if isinstance(value, tuple) and len(value) not in (3, 6):
+        raise wrong(f"{len(value)} entries: give 3 (x, y, z) or 6 (x, y, z, θx, θy, θz)")
+    return tuple[(Coordinate,) * 3 + (PlainAngle,) * 3] if isinstance(value, tuple) and len(value) == 6 else Position
+
+
+_SOME_SEGMENT = "a program needs at least one [[segment]]"
+
+Coordinate = Annotated[float, Unit("m", plain="length")]
+PlainAngle = Annotated[float, Unit("rad", plain="angle")]
+ToolSpeed = Annotated[float, Unit("m/s", above=0)]
+Position = tuple[Coordinate, Coordinate, Coordinate]
+Orientation = tuple[PlainAngle, PlainAngle, PlainAngle]
+
+
+class BlendTable(Table):
+    blend: Annotated[float, Unit("m", above=0, plain="length")]
+
+
+JoinEntry = Annotated[Literal["stop"] | BlendTable, chosen(_join_type)]
+
+
+class LineTable(Table):
+    to: Position
+    rotate: Orientation | None = None
+
+
+class ArcTable(Table):
+    centre: Position
+    normal: Direction
+    angle: Annotated[PlainAngle, AfterValidator(not_zero)]
+    rotate: Orientation | None = None
+
+
+class TurnTable(Table):
+    to: Orientation
+
+
+class Entry(Table):
+    """What every segment that moves has."""
+
+    join: JoinEntry = "stop"
+
+    @property
+    def after(self) -> Join:
+        return Stop() if self.join == "stop" else Blend(self.join.blend)
+
+
+class LineEntry(Entry):
+    line: LineTable
+    speed: ToolSpeed | None = None
+
+    def segment(self, line_number: int | None) -> Segment:
+        return Line(self.line.to, _rotation(self.line.rotate), self.speed, self.after, line_number=line_number)
+
+
+class ArcEntry(Entry):
+    arc: ArcTable
+    speed: ToolSpeed | None = None
+
+    def segment(self, line_number: int | None) -> Segment:
+        arc = self.arc
+        turned = _rotation(arc.rotate)
+        return Arc(arc.centre, arc.normal, arc.angle, turned, self.speed, self.after, line_number=line_number)
+
+
+class TurnEntry(Entry):
+    turn: TurnTable
+
+    def segment(self, line_number: int | None) -> Segment:
+        return Turn(Rotation.from_euler("XYZ", self.turn.to), self.after, line_number=line_number)
+
+
+class DwellEntry(Table):
+    dwell: Annotated[float, Unit("s", above=0)]
+
+    def segment(self, line_number: int | None) -> Segment:
+        return Dwell(self.dwell, line_number=line_number)
+
+
+SegmentEntry = Annotated[
+    LineEntry | ArcEntry | TurnEntry | DwellEntry, either(LineEntry, ArcEntry, TurnEntry, DwellEntry)
+]
+
+
+class ProgramFile(Table):
+    """A program's TOML, key by key."""
+
+    version: Annotated[Literal[1], Field(alias="schema", description="write schema = 1")]
+    machine: str | None = None
+    length: Annotated[str, _unit_of("m")] | None = None
+    angle: Annotated[str, _unit_of("rad")] | None = None
+    frame: Frame = "home"
+    start: Annotated[tuple[float, ...], chosen(_start_type)] | None = None
+    segment: Annotated[tuple[SegmentEntry, ...], Field(description=_SOME_SEGMENT), AfterValidator(_not_empty)]

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from difflib import get_close_matches
+from inspect import signature
 
 from controllers.laws.closed_position import ClosedPosition
 from controllers.laws.law import Law
@@ -24,10 +25,11 @@ def find_law(name: str, **gains: float) -> Law:
     """The law of a number ("6") or name ("closed-position"), with the gains that are not its default. Raises MotionError."""
     for known, law in LAWS.items():
         if name in known:
-            try:
-                return law(**gains)
-            except TypeError:
-                raise MotionError(f"law {name}: it has no gains {', '.join(gains)}") from None
+            own = signature(law).parameters
+            for gain in gains:
+                if gain not in own:
+                    raise MotionError(f"law {name} has no gain {gain!r}: choose among {', '.join(own) or 'none'}")
+            return law(**gains)
     choices = [word for known in LAWS for word in known]
     nearest = get_close_matches(name, choices, 1)
     hint = f"; did you mean {nearest[0]!r}?" if nearest else ""

@@ -14,14 +14,14 @@ from planner.pulses.crossing import solve
 from planner.pulses.motion import Motion
 from planner.pulses.pieces import ROUNDING, fit
 from planner.pulses.schedule import AxisPulses, PulseSchedule, Signs, Ticks
-from planner.pulses.stretches import Stretches, monotone
+from planner.pulses.stretches import Stretches, derivative, monotone
 
 BLOCK = 1 << 14  # pulses solved together: their arrays stay in the processor's cache
 TICK_ERROR = 1e-4  # of a crossing time before it is rounded to a whole tick
 FINE = 1e-6  # of a pulse: how well the motion is met where its own noise hides more
 COARSE = 1e-3  # of a pulse: rounding may not blur a count by more
 
-Refuse = Callable[[float], Infeasible]  # from the tick where an axis is asked for too much
+Refuse = Callable[[], Infeasible]
 
 
 def generate(
@@ -55,20 +55,23 @@ def generate(
         counted[0] -= home[k]
         stretches = monotone(pieces.start * clock_hz, pieces.length * clock_hz, counted / pulse[k], slack[k])
         counts = _follow(stretches.ends, slack[k])
-        refuse = partial(_refusal, trajectory, axis, k, clock_hz)
+        refuse = partial(_refusal, trajectory, axis, stretches, clock_hz)
         ticks, direction = _cancel(*_fire(stretches, counts, refuse), refuse)
         ticks.flags.writeable = direction.flags.writeable = False
         axes.append(AxisPulses(axis.name, ticks, direction, int(counts[0]), axis.pulse, float(home[k])))
     return PulseSchedule(clock_hz, tuple(axes), trajectory.duration)
 
 
-def _refusal(trajectory: Motion, axis: Axis, k: int, clock_hz: int, tick: float) -> Infeasible:
-    t = float(tick) / clock_hz
-    state = trajectory.at(np.array([t]))
-    rate = max(abs(float(state.qd[0, k])) / axis.pulse, clock_hz)
-    place = Place(float(state.s[0]), t=t, axis=axis.name)
-    remedy = f"slow the motion, use a longer pulse, or a clock above {rate:.4g} Hz"
-    return Infeasible("pulse rate", axis.name, place, rate, clock_hz, "1/s", remedy)
+def _refusal(trajectory: Motion, axis: Axis, stretches: Stretches, clock_hz: int) -> Infeasible:
+    """More than one pulse per tick: named where the rate is highest."""
+    v = np.linspace(0.0, 1.0, 33)
+    rate = abs(derivative(stretches.coefficients).T @ v ** np.arange(5)[:, None]) / stretches.length[:, None]
+    worst, nth = np.unravel_index(rate.argmax(), rate.shape)
+    t = float(stretches.start[worst] + stretches.length[worst] * v[nth]) / clock_hz
+    highest = max(float(rate.max()), 1.0) * clock_hz
+    place = Place(float(trajectory.at(np.array([t])).s[0]), t=t, axis=axis.name)
+    remedy = f"slow the motion, use a longer pulse, or a clock above {highest:.4g} Hz"
+    return Infeasible("pulse rate", axis.name, place, highest, clock_hz, "1/s", remedy)
 
 
 def _follow(x: Array, slack: float) -> Ticks:
@@ -89,7 +92,7 @@ def _fire(stretches: Stretches, counts: Ticks, refuse: Refuse) -> tuple[Ticks, S
     pulses: Ticks = abs(change)
     crowded = pulses > stretches.length + 1
     if crowded.any():  # known before room is made for them
-        raise refuse(stretches.start[crowded.argmax()])
+        raise refuse()
     climb = stretches.coefficients[1:] * sign
     first = sign * (counts[:-1] - stretches.coefficients[0]) + 0.5
     with np.errstate(divide="ignore"):
@@ -121,7 +124,7 @@ def _cancel(ticks: Ticks, direction: Signs, refuse: Refuse) -> tuple[Ticks, Sign
             return ticks, direction
         opposite = same[direction[same] != direction[same + 1]]
         if not len(opposite):
-            raise refuse(ticks[same[0]])
+            raise refuse()
         first = opposite[np.diff(opposite, prepend=-2) > 1]
         kept = np.ones(len(ticks), bool)
         kept[first] = kept[first + 1] = False

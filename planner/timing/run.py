@@ -17,9 +17,9 @@ from planner.timing.smooth import Smoothed
 from planner.timing.third_order import third_order
 
 # Intervals of a run at least, and for each piece in it; of the order-2 motion that starts an order-3 solve.
-SECOND_ORDER, THIRD_ORDER, START = (1000, 50), (200, 12), (400, 20)
-# Taken off beyond the excess itself, so that a tightened motion does not miss by its own rounding.
-MARGIN = 2e-7
+SECOND_ORDER, THIRD_ORDER, START = (1000, 50), (300, 15), (400, 20)
+# Room taken off: this share of the excess more than the excess, and a little for the solver's own tolerance. It saves rounds.
+MORE, MARGIN = 1.1, 2e-7
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +42,8 @@ class Attempt:
         blocks = []
         for block in self.problem.blocks:
             excess = use[block.name]
-            blocks.append(replace(block, room=np.where(excess > 1, block.room / excess * (1 - MARGIN), block.room)))
+            less = block.room / (1 + MORE * (excess - 1)) * (1 - MARGIN)
+            blocks.append(replace(block, room=np.where(excess > 1, less, block.room)))
         problem = replace(self.problem, blocks=tuple(blocks))
         if self.fallback is None:
             return replace(self, problem=problem, profile=second_order(problem))

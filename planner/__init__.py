@@ -1,0 +1,31 @@
+"""Program -> path -> limits -> time-optimal trajectory -> certificate -> pulses -> export."""
+
+from typing import Any
+
+from planner.bare import time_optimal
+from planner.certify import Certificate
+from planner.place import Infeasible, Place
+from planner.plan import Plan, check, plan
+from planner.program import Arc, Blend, Dwell, Line, Program, Stop, Turn
+from planner.pulses import PulseSchedule
+from planner.solve import Solution
+from planner.trajectory import State, Trajectory
+
+__all__ = [
+    "Arc", "Blend", "Certificate", "Dwell", "Infeasible", "Line", "Place", "Plan", "Program", "PulseSchedule", "Solution",
+    "State", "Stop", "Trajectory", "Turn", "check", "load_program", "plan", "program_names", "time_optimal",
+]  # fmt: skip
+
+
+def load_program(name_or_path: Any) -> Program:
+    """The program of a preset's name or of a TOML file."""
+    from planner.files import load_program
+
+    return load_program(name_or_path)
+
+
+def program_names() -> tuple[str, ...]:
+    """Names of the bundled programs."""
+    from planner.files import program_names
+
+    return program_names()

@@ -1,0 +1,85 @@
+"""Time-optimal motion without a machine: any piecewise polynomial of axis values."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kinematics.array import Array
+from kinematics.axis import Axis
+from kinematics.errors import MotionError
+from planner.actuation import PolynomialPath
+from planner.limits import limits_of
+from planner.solve import Solution, fastest
+
+# A jump of the axis values themselves at a break, as a share of their range, up to which it is rounding.
+CONTINUOUS = 1e-9
+
+
+def time_optimal(path: Any, *, max_speed: ArrayLike, max_acceleration: ArrayLike, max_jerk: ArrayLike | None = None) -> Solution:
+    """The fastest certified motion along s -> (n,) axis values, from rest to rest, stopping at corners.
+
+    path: a SciPy piecewise polynomial (PPoly, CubicSpline, Akima, …, BSpline, BPoly) of any parameter; limits: scalars or (n,), on
+    |q̇|, |q̈| and, where given, |q⃛|, in units of the values per second. Corners are breaks where q′ jumps, and under a jerk limit also
+    breaks where q″ jumps. Raises MotionError for what is no path: a jump, a value that is not finite, nothing that moves.
+    """
+    breaks, coefficients = _pieces(path)
+    count = coefficients.shape[2]
+    bounds = [_per_axis(name, values, count) for name, values in (("max_speed", max_speed), ("max_acceleration", max_acceleration), ("max_jerk", max_jerk))]
+    axes = [
+        Axis(name=f"axis{k + 1}", max_speed=speed, max_acceleration=acceleration, max_jerk=jerk)
+        for k, (speed, acceleration, jerk) in enumerate(zip(*bounds, strict=True))
+    ]
+    order = 2 if max_jerk is None else 3
+    actuated = PolynomialPath(breaks, coefficients, [axis.name for axis in axes])
+    _check(actuated)
+    return fastest(actuated, limits_of(actuated, axes, order), order)
+
+
+def _per_axis(name: str, values: ArrayLike | None, count: int) -> list[float | None]:
+    if values is None:
+        return [None] * count
+    bounds = np.asarray(values, float)
+    if bounds.shape not in ((), (1,), (count,)) or not (bounds > 0).all() or not np.isfinite(bounds).all():
+        raise MotionError(f"{name} = {values} must be one positive number, or one for each of the {count} axes")
+    return [float(value) for value in np.broadcast_to(bounds, count)]
+
+
+def _pieces(path: Any) -> tuple[Array, Array]:
+    """Breaks (P+1,) and coefficients (degree+1, P, n), pieces of no length left out."""
+    from scipy.interpolate import BPoly, BSpline, PPoly
+
+    if isinstance(path, BSpline):
+        low, high = path.t[path.k], path.t[len(path.t) - path.k - 1]
+        path = PPoly.from_spline(path)
+        inside = (path.x[:-1] >= low) & (path.x[1:] <= high)
+    elif isinstance(path, BPoly):
+        path = PPoly.from_bernstein_basis(path)
+        inside = np.ones(len(path.x) - 1, bool)
+    elif isinstance(path, PPoly):
+        inside = np.ones(len(path.x) - 1, bool)
+    else:
+        raise MotionError(f"a path is a SciPy piecewise polynomial (PPoly, CubicSpline, BSpline, BPoly, …), not {type(path).__name__}")
+    if not (np.isfinite(path.c).all() and np.isfinite(path.x).all()) or path.c.dtype.kind != "f":
+        raise MotionError("the path holds coefficients or breaks that are not finite real numbers")
+    if path.c.ndim > 3:
+        raise MotionError(f"the path's values have shape {path.c.shape[2:]}; they must be one value, or (n,) axis values")
+    if (np.diff(path.x) < 0).any():
+        raise MotionError("the path's breaks fall; turn it round so that they rise")
+    inside &= np.diff(path.x) > 0
+    if not inside.any():
+        raise MotionError("the path has no length: all its breaks are the same")
+    breaks = np.concatenate([path.x[:-1][inside], [path.x[1:][inside][-1]]])
+    return breaks, path.c.reshape(*path.c.shape[:2], -1)[:, inside]
+
+
+def _check(path: PolynomialPath) -> None:
+    pieces = np.arange(len(path.breaks) - 1)
+    left, right = path.derivatives(path.breaks[:-1], pieces)[0], path.derivatives(path.breaks[1:], pieces)[0]
+    if not np.abs(path.coefficients[:-1]).max(initial=0.0) > 0:
+        raise MotionError("nothing moves along the path: every axis stays where it is")
+    gap = np.abs(left[1:] - right[:-1])
+    extent = np.ptp(np.concatenate([left, right]), axis=0).max()
+    if gap.max(initial=0.0) > CONTINUOUS * max(extent, np.abs(path.coefficients[-1]).max() * 1e-3):
+        at, axis = np.unravel_index(int(np.argmax(gap)), gap.shape)
+        raise MotionError(f"the path jumps by {gap[at, axis]:.6g} in {path.names[axis]} at s = {path.breaks[at + 1]:.6g}; a motion cannot")

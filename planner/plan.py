@@ -1,0 +1,68 @@
+"""The main job, top to bottom: program -> path -> limits -> certified motion -> pulses."""
+
+from dataclasses import dataclass, field
+
+from kinematics.errors import MotionError
+from kinematics.machine import Machine
+from planner.actuation import MachinePath
+from planner.certify import Certificate
+from planner.limits import Limit, limits_of
+from planner.path.chain import chain
+from planner.place import Infeasible
+from planner.program import Program
+from planner.pulses import PulseSchedule, generate
+from planner.solve import fastest
+from planner.standing import violations
+from planner.trajectory import Trajectory
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """A program on a machine: the path in the actuators, the fastest motion, its proof, and the pulses that make it.
+
+    order (2: to acceleration, 3: to jerk); rounds of solving until the proof held; methods: the solver of each run
+    """
+
+    program: Program
+    machine: Machine
+    path: MachinePath
+    limits: tuple[Limit, ...] = field(repr=False)
+    trajectory: Trajectory = field(repr=False)
+    certificate: Certificate
+    pulses: PulseSchedule = field(repr=False)
+    order: int
+    rounds: int
+    methods: tuple[str, ...]
+
+
+def actuate(program: Program, machine: Machine) -> MachinePath:
+    """The program's path in the machine's actuators. Raises MotionError naming the segment that cannot be drawn."""
+    chained = chain(program, machine)
+    return MachinePath(machine, chained.pieces, chained.stops, chained.dwells)
+
+
+def plan(program: Program, machine: Machine, *, order: int | None = None, clock_hz: int = 10_000_000) -> Plan:
+    """The fastest motion of a machine along a program, proved to respect every limit, and its pulses.
+
+    order 2 keeps speed and acceleration, 3 jerk as well; None: 3 where the machine states jerk limits. Raises Infeasible (what, where,
+    by how much, remedy), OutOfReach, or MotionError.
+    """
+    if order is None:
+        order = 3 if any(axis.max_jerk is not None for axis in machine.axes) else 2
+    if order not in (2, 3):
+        raise MotionError(f"order {order} is not known; 2 keeps speed and acceleration, 3 jerk as well")
+    if clock_hz <= 0 or clock_hz != int(clock_hz):
+        raise MotionError(f"clock_hz {clock_hz} must be a positive whole number of ticks per second")
+    path = actuate(program, machine)
+    limits = limits_of(path, machine.axes, order)
+    solution = fastest(path, limits, order)
+    pulses = generate(solution.trajectory, machine.axes, machine.home_q, int(clock_hz))
+    return Plan(
+        program, machine, path, limits, solution.trajectory, solution.certificate, pulses, order, solution.rounds, solution.methods
+    )
+
+
+def check(program: Program, machine: Machine) -> list[Infeasible]:
+    """Everything along a program's path that no timing can help: travel and tilt beyond their limits, the worst first."""
+    path = actuate(program, machine)
+    return violations(path, limits_of(path, machine.axes, 2))

@@ -1,0 +1,153 @@
+"""The servo against the analytic answers of its loops."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.linalg import expm
+
+from controllers.servo import Servo, drive, drives, leg_servo, measured, standing
+from kinematics.axis import Axis
+from kinematics.errors import MotionError
+
+AXIS = Axis("leg", pulse=0.75e-6)
+PLAIN = leg_servo(AXIS)
+FINE = replace(PLAIN, encoder=1e15)
+"""As good as an encoder without steps: 1e-15 m."""
+
+
+def run(servos, command):
+    model = drives(servos)
+    return model, drive(model, standing(np.zeros(len(servos))), np.asarray(command, float))
+
+
+def ramp(speed, seconds, servo):
+    return np.arange(round(seconds / servo.sample))[:, None] * servo.sample * np.atleast_1d(speed)
+
+
+@pytest.mark.parametrize("friction", [0.0, 5.0, 200.0])
+def test_following_error_at_constant_speed_is_speed_over_gain(friction):
+    """e = v/Kv in steady state, with any friction: the speed loop's integral carries that."""
+    servos = [replace(FINE, position_gain=gain, friction=friction) for gain in (20.0, 30.0, 45.0)]
+    speed = np.array([0.02, -0.013, 0.005])
+    command = ramp(speed, 2.0, FINE)
+    _, response = run(servos, command)
+    # the slowest mode of these loops, 18 1/s, has died to e^-36
+    np.testing.assert_allclose(command[-1] - response.position[-1], speed / [20.0, 30.0, 45.0], rtol=1e-9)
+
+
+def test_quantized_feedback_moves_the_following_error_by_half_a_count_at_most():
+    command = ramp(0.02, 2.0, PLAIN)
+    _, response = run([PLAIN], command)
+    error = (command - response.position)[-400:, 0]
+    assert np.abs(error - 0.02 / 30).max() <= 0.5 / PLAIN.encoder
+
+
+@pytest.mark.parametrize("step", [1e-3, -1e-3])
+def test_step_response_converges_without_leaving_the_torque_limit(step):
+    weak = replace(FINE, torque_limit=0.5)
+    command = np.full((8000, 1), step)
+    _, response = run([weak], command)
+    assert np.abs(response.torque).max() == 0.5, "the step must be large enough to saturate"
+    assert abs(response.position[-1, 0] - step) < 1e-9
+    # unsaturated the same loop needs more than that torque
+    _, free = run([FINE], command)
+    assert np.abs(free.torque).max() > 0.5 and abs(free.position[-1, 0] - step) < 1e-9
+
+
+def test_saturated_axis_accelerates_at_torque_over_inertia():
+    """No faster than the torque allows, and exactly so while it saturates: x = τ t²/2 J without friction."""
+    weak = replace(FINE, torque_limit=2.0, inertia=4.0, friction=0.0)
+    _, response = run([weak], np.full((200, 1), 1.0))
+    assert np.all(response.torque == 2.0)
+    t = np.arange(200) * weak.sample
+    np.testing.assert_allclose(response.position[:, 0], 0.5 * t**2 / 2, rtol=1e-12, atol=1e-18)
+
+
+@given(st.floats(-0.05, 0.05))
+def test_no_command_no_motion(place):
+    """At rest on whole counts, nothing moves, exactly."""
+    model = drives([PLAIN])
+    start = measured(model, np.array([place]))
+    response = drive(model, standing(start), np.full((50, 1), start[0]))
+    assert np.all(response.position == start[0]) and not response.torque.any()
+
+
+@given(st.floats(-0.3, 0.3))
+def test_encoder_reads_whole_counts_within_half_a_count(x):
+    model = drives([PLAIN])
+    reading = measured(model, np.array([x]))[0]
+    assert abs(reading - x) <= 0.5 / PLAIN.encoder * (1 + 1e-6)
+    counts = reading * PLAIN.encoder
+    assert abs(counts - round(counts)) < 1e-6
+
+
+@given(friction=st.floats(0.0, 1e4), inertia=st.floats(0.01, 100.0), sample=st.floats(1e-5, 1e-2))
+def test_motor_is_discretised_exactly(friction, inertia, sample):
+    """Against the matrix exponential of [x, v, τ], from no friction to time constants far below the sample."""
+    model = drives([replace(PLAIN, friction=friction, inertia=inertia, sample=sample)])
+    a = np.array([[0, 1, 0], [0, -friction / inertia, 1 / inertia], [0, 0, 0]])
+    exact = expm(a * sample)
+    ours = [model.gx[0], model.hx[0], model.gv[0], model.hv[0]]
+    # expm itself scales and squares: 1e-9 of a large exponent
+    np.testing.assert_allclose(ours, [exact[0, 1], exact[0, 2], exact[1, 1], exact[1, 2]], rtol=1e-8, atol=1e-18)
+
+
+def test_linear_response_is_that_of_the_matrix_model():
+    """Unsaturated and unquantized, the loop is linear: x_k = Σ Aʲ B r; checked against the state matrices written out."""
+    model, response = run([FINE], 1e-4 * np.sin(np.arange(400) * 0.05)[:, None])
+    gx, hx, gv, hv = (float(value[0]) for value in (model.gx, model.hx, model.gv, model.hv))
+    kp, ks, ki = 30.0, 2 * np.pi * 30.0, 2 * np.pi * 30.0 / 0.03 * FINE.sample
+    # the torque is linear in [x, v, I] and r
+    torque = np.array([-ks * kp, -ks, 1.0])
+    a = np.array([[1, gx, 0], [0, gv, 0], [-ki * kp, -ki, 1.0]]) + np.outer([hx, hv, 0.0], torque)
+    b = np.array([hx * ks * kp, hv * ks * kp, ki * kp])
+    state, expected = np.zeros(3), []
+    for r in 1e-4 * np.sin(np.arange(400) * 0.05):
+        expected.append(state[0])
+        state = a @ state + b * r
+    # an encoder of 1e-15 m, multiplied by the gains
+    np.testing.assert_allclose(response.position[:, 0], expected, atol=1e-13)
+
+
+def test_axes_do_not_disturb_each_other():
+    """An axis alone and the same axis among others: the same to the last bit."""
+    servos = [PLAIN, replace(PLAIN, position_gain=20.0), replace(PLAIN, inertia=3.0)]
+    command = ramp([0.02, 0.01, -0.015], 0.1, PLAIN)
+    _, together = run(servos, command)
+    for i, servo in enumerate(servos):
+        _, alone = run([servo], command[:, [i]])
+        np.testing.assert_array_equal(together.position[:, i], alone.position[:, 0])
+
+
+def test_the_drive_can_be_run_in_portions():
+    command = ramp(0.02, 0.1, PLAIN)
+    model, whole = run([PLAIN], command)
+    first = drive(model, standing(np.zeros(1)), command[:150])
+    second = drive(model, first.state, command[150:])
+    np.testing.assert_array_equal(np.concatenate([first.position, second.position]), whole.position)
+
+
+def test_default_servo_is_the_table():
+    assert (PLAIN.position_gain, PLAIN.speed_loop, PLAIN.integral_time) == (30.0, 30.0, 0.03)
+    assert PLAIN.encoder * AXIS.pulse == pytest.approx(4.0)
+
+
+@pytest.mark.parametrize("field", ["position_gain", "speed_loop", "integral_time", "torque_limit", "inertia", "encoder", "sample"])
+@pytest.mark.parametrize("value", [0.0, -1.0, np.nan, np.inf])
+def test_impossible_servos_are_refused(field, value):
+    with pytest.raises(MotionError, match=field):
+        replace(PLAIN, **{field: value})
+
+
+def test_friction_may_be_zero_but_not_negative():
+    assert Servo(30, 30, 0.03, 1, 1, 0.0, 1e6).friction == 0
+    with pytest.raises(MotionError, match="friction"):
+        replace(PLAIN, friction=-1e-9)
+
+
+def test_drives_of_different_sample_times_are_refused():
+    with pytest.raises(MotionError, match="sample times"):
+        drives([PLAIN, replace(PLAIN, sample=1e-3)])
