@@ -1,7 +1,7 @@
 """The virtual motion card: commands, position counters, and why it refuses.
 
-A command addresses all channels at once, one value per channel (n,): the host writes them one after another and starts them
-together. Positions are pulses of the step output, positive where the axis' own coordinate grows.
+A command addresses all channels at once, one value per channel (n,): the host writes them one after another and starts
+them together. Positions are pulses of the step output, positive where the axis' own coordinate grows.
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ class Card:
 
     max_speed     pulses/s that a channel can emit at most
     clock_hz      reference clock: a pulse falls on one of its ticks
-    while_moving  what a command does that arrives during a move: "replace" it from the command position of that instant, or "queue"
-                  behind it (each channel begins when its own move ends)
+    while_moving  what a command does that arrives during a move: "replace" it from the command position of that
+                  instant, or "queue" behind it (each channel begins when its own move ends)
     """
 
     name: str
@@ -55,17 +55,20 @@ PCI_8164 = Card("PCI-8164", 6.55e6, 19_660_800)
 class TAMove:
     """Trapezoidal move to an absolute position, one value per channel.
 
-    Speeds count as magnitudes; the direction is the sign of target − command position. The speed runs from `start_speed` to
-    `max_speed` linearly within `tacc` (downwards too, when the start speed is the larger), holds, and runs back to the start speed
-    within `tdec` before the target. tdec = 0 stops dead on the target. The channel then waits there.
+    Speeds count as magnitudes; the direction is the sign of target − command position. The speed runs from
+    `start_speed` to `max_speed` linearly within `tacc` (downwards too, when the start speed is the larger), holds, and
+    runs back to the start speed within `tdec` before the target. tdec = 0 stops dead on the target. The channel then
+    waits there.
 
     The card's documents do not say all of this. Assumed are:
     - magnitudes, the downward ramp, the dead stop and the waiting;
-    - acceleration is given as time for the full change of speed: a move too short for it keeps the rate and lowers the top speed;
-    - a command during a move replaces it from the command position of that instant, which keeps its share of a pulse (the pulse
-      generator's phase), and starts at its own start speed at once; `Card.while_moving = "queue"` is the other reading;
-    - a speed below one step of the speed register runs at one step, so every move arrives: in a law that commands zero speed at its
-      last sample, this brings the rounding of the last pulse home;
+    - acceleration is given as time for the full change of speed: a move too short for it keeps the rate and lowers the
+      top speed;
+    - a command during a move replaces it from the command position of that instant, which keeps its share of a pulse
+      (the pulse generator's phase), and starts at its own start speed at once; `Card.while_moving = "queue"` is the
+      other reading;
+    - a speed below one step of the speed register runs at one step, so every move arrives: in a law that commands zero
+      speed at its last sample, this brings the rounding of the last pulse home;
     - a command takes effect at the instant it is sent.
 
     position    (n,) pulses; rounded to whole ones here
@@ -83,7 +86,9 @@ class TAMove:
         target = np.rint(np.atleast_1d(np.asarray(self.position, float)))
         object.__setattr__(self, "position", frozen(target))
         for name in ("start_speed", "max_speed"):
-            object.__setattr__(self, name, frozen(np.broadcast_to(np.asarray(getattr(self, name), float), target.shape)))
+            object.__setattr__(
+                self, name, frozen(np.broadcast_to(np.asarray(getattr(self, name), float), target.shape))
+            )
 
 
 Move = TAMove
@@ -92,7 +97,7 @@ Move = TAMove
 
 @dataclass(frozen=True, slots=True)
 class CardState:
-    """Moves under way, the running one first and those queued behind it, and the pulses (n,) fired by moves before them."""
+    """Moves under way, the running one first and those queued behind, and the pulses (n,) fired before them."""
 
     moves: tuple[Profile, ...]
     fired: np.ndarray
@@ -115,7 +120,7 @@ class CardState:
 
     def pulses(self, t: float) -> np.ndarray:
         """Pulses (n,) fired until t in either direction, int64."""
-        return self.fired + _pulses(self.moves, t)
+        return np.asarray(self.fired + _pulses(self.moves, t))
 
 
 def at_rest(counts: ArrayLike) -> CardState:
@@ -125,7 +130,7 @@ def at_rest(counts: ArrayLike) -> CardState:
 
 
 def send(card: Card, state: CardState, move: Move, t: float) -> CardState:
-    """The card's state after a command sent at t (s), never earlier than the one before. Raises Refused, with the card's reason."""
+    """The card's state after a command sent at t (s), no earlier than the one before. Raises Refused, with reasons."""
     _check(card, move, len(state.fired))
     v0, v1 = (np.maximum(np.abs(speed), card.least_speed) for speed in (move.start_speed, move.max_speed))
     if card.while_moving == "queue":
@@ -163,7 +168,7 @@ def _check(card: Card, move: Move, channels: int) -> None:
     _refuse(card, "position", move.position, inside, f"{low} … {high} pulses", "28-bit position counter")
     for what, speed in (("start speed", move.start_speed), ("max speed", move.max_speed)):
         inside = np.abs(speed) <= card.max_speed
-        _refuse(card, what, speed, inside, f"±{card.max_speed:.6g} pulses/s", "pulse generator")
+        _refuse(card, what, speed, inside, f"±{card.max_speed:.10g} pulses/s", "pulse generator")
 
 
 def _refuse(card: Card, what: str, values: Array, fine: np.ndarray, limit: str, owner: str) -> None:

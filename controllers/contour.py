@@ -10,7 +10,7 @@ from controllers.curve import Curve
 from kinematics.array import Array, frozen
 
 VERTICES = 1 << 14
-"""Vertices of the polyline that the search uses, and at least 64 per piece: a few nanometres of sagitta on paths of some centimetres."""
+"""Vertices of the polyline that is searched, at least 64 per piece: nanometres of sagitta on paths of centimetres."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,25 +22,30 @@ class Contour:
 
 
 def contour_error(y: Array, s_reference: Array, curve: Curve) -> Contour:
-    """ε = min over s of ‖y(t) − r(s)‖ in a window that only moves forward, for points y (N, 3) planned to be at r(s_reference (N,)).
+    """ε = min over s of ‖y(t) − r(s)‖ in a window that only moves forward.
 
-    The window runs from the previous s* to s_reference + π‖e‖, e = y − r(s_reference): on a path that turns less than half round
-    there, nothing nearer lies beyond. Within it the nearest point of a fine polyline is taken, the first of equals (so a path that
-    runs back over itself is followed in order), then Newton on (y − r(s))·r′(s) = 0 inside the smooth piece. r(s_reference) is a
-    point of the path too, so ε ≤ ‖e‖ always, also where a monotone s* waits for the motion to come back from an overshoot.
+    The window runs from the previous s* to s_reference + π‖e‖, e = y − r(s_reference): on a path that turns less than
+    half round there, nothing nearer lies beyond. Within it the nearest point of a fine polyline is taken, the first of
+    equals (so a path that runs back over itself is followed in order), then Newton on (y − r(s))·r′(s) = 0 inside the
+    smooth piece. r(s_reference) is a point of the path too, so ε ≤ ‖e‖ always, also where a monotone s* waits for the
+    motion to come back from an overshoot.
+
+    y            (N, 3) points of the motion, m
+    s_reference  (N,) path parameter of the point planned at the same instant
     """
     s_reference = np.clip(s_reference, curve.breaks[0], curve.breaks[-1])
     tracking = np.linalg.norm(y - curve.at(s_reference, _piece(curve, s_reference))[0], axis=1)
     line = _polyline(curve)
-    at = _follow(y, s_reference, np.pi * tracking, line)
-    s = np.maximum.accumulate(_refine(y, curve, line, at))
+    reach = np.pi * tracking
+    at = _follow(y, s_reference, reach, line)
+    s = np.maximum.accumulate(_refine(y, curve, line, at, reach))
     distance = np.linalg.norm(y - curve.at(s, _piece(curve, s))[0], axis=1)
     return Contour(frozen(np.minimum(distance, tracking)), frozen(s))
 
 
 @dataclass(frozen=True, slots=True)
 class _Polyline:
-    """Vertices s (V,), r (V, 3), the piece of each edge (V − 1,), and the largest distance between an edge's middle and the curve."""
+    """Vertices s (V,) and r (V, 3), piece of each edge (V − 1,), largest distance of an edge's middle to the curve."""
 
     s: Array
     r: Array
@@ -82,15 +87,15 @@ def _follow(y: Array, s_reference: Array, reach: Array, line: _Polyline) -> tupl
     return edge, share
 
 
-def _refine(y: Array, curve: Curve, line: _Polyline, at: tuple[np.ndarray, Array]) -> Array:
-    """Newton on f(s) = (y − r)·r′, kept inside the piece; a step must come nearer.
+def _refine(y: Array, curve: Curve, line: _Polyline, at: tuple[np.ndarray, Array], reach: Array) -> Array:
+    """Newton on f(s) = (y − r)·r′, kept inside the piece and the reach; a step must come nearer.
 
     f′ = (y − r)·r″ − r′·r′ is −r′·r′ at first and the secant of the last two points then.
     """
     edge, share = at
     piece = line.piece[edge]
-    s = line.s[edge] + share * (line.s[edge + 1] - line.s[edge])
-    low, high = curve.breaks[piece], curve.breaks[piece + 1]
+    s: Array = line.s[edge] + share * (line.s[edge + 1] - line.s[edge])
+    low, high = np.maximum(curve.breaks[piece], s - reach), np.minimum(curve.breaks[piece + 1], s + reach)
     miss, f, slope = _projection(y, curve, s, piece)
     damping, active = np.ones(len(s)), np.arange(len(s))
     for _ in range(40):
@@ -115,4 +120,5 @@ def _projection(y: Array, curve: Curve, s: Array, piece: np.ndarray) -> tuple[Ar
     """‖y − r‖, (y − r)·r′ and r′·r′, each (N,)."""
     r, tangent = curve.at(s, piece)
     offset = y - r
-    return np.linalg.norm(offset, axis=1), (offset * tangent).sum(1), (tangent * tangent).sum(1)
+    distance: Array = np.linalg.norm(offset, axis=1)
+    return distance, (offset * tangent).sum(1), (tangent * tangent).sum(1)

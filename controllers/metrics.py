@@ -9,16 +9,16 @@ import numpy as np
 
 from controllers.contour import contour_error
 from controllers.curve import PathCurve
-from controllers.simulate import Planned, Tracking
+from controllers.simulate import Planned, Tracking, motion_of
 from kinematics.array import Array, frozen
 from kinematics.errors import MotionError
 from kinematics.pose import from_numbers
 from planner.actuation import MachinePath
 from planner.place import Place
+from planner.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from kinematics.machine import Machine
-    from planner.trajectory import Trajectory
 
 PERIOD = 1e-3
 """s between the instants at which errors are taken: a fifth of the time constant of a 30 Hz speed loop."""
@@ -82,14 +82,14 @@ class Metrics:
 
 
 def evaluate(tracking: Tracking, plan: Trajectory | Planned, machine: Machine, *, period: float = PERIOD) -> Metrics:
-    """The errors of a tracked plan, every `period` seconds and while it settles, through the machine's forward kinematics.
+    """The errors of a tracked plan through the machine's forward kinematics, every `period` seconds, settling included.
 
     Raises MotionError if the plan has no path in space, or if a tracked position is no pose of the machine.
     """
-    trajectory: Trajectory = getattr(plan, "trajectory", plan)
+    trajectory = motion_of(plan)
+    if not isinstance(trajectory, Trajectory) or not isinstance(trajectory.path, MachinePath):
+        raise MotionError("metrics: errors in space need a plan made on a machine; this motion has none")
     path = trajectory.path
-    if not isinstance(path, MachinePath):
-        raise MotionError("metrics: errors in space need a plan made on a machine; this one is of bare axes")
     every = max(1, round(period / (tracking.t[1] - tracking.t[0])))
     t, actual = tracking.t[::every], tracking.actual[::every]
     planned = trajectory.at(np.minimum(t, trajectory.duration))
@@ -99,18 +99,20 @@ def evaluate(tracking: Tracking, plan: Trajectory | Planned, machine: Machine, *
     lost = ~attained.certified
     if lost.any():
         first = int(np.argmax(lost))
-        raise MotionError(f"metrics: the axis positions at t = {t[first]:.4g} s are no certain pose of machine {machine.name}; the tracking left the machine's reach")
-
-    def place(i: int, axis: str = "") -> Place:
-        return Place(float(planned.s[i]), path.segment(int(planned.piece[i])), float(t[i]), axis)
+        raise MotionError(
+            f"metrics: the axis positions at t = {t[first]:.4g} s are no certain pose of machine {machine.name}; "
+            "the tracking left the machine's reach: slow the motion down, or take a law that follows"
+        )
 
     def series(name: str, unit: str, value: Array) -> ErrorSeries:
-        return ErrorSeries(name, unit, frozen(value), place(int(np.abs(value).argmax())))
+        worst = int(np.abs(value).argmax())
+        where = Place(float(planned.s[worst]), path.segment(int(planned.piece[worst])), float(t[worst]))
+        return ErrorSeries(name, unit, frozen(value), where)
 
     following = actual - tracking.reference[::every]
     position = attained.pose.translation
     away = np.linalg.norm(position - pose.translation, axis=1)
-    turned = (pose.rotation.inv() * attained.pose.rotation).magnitude()
+    turned = np.atleast_1d((pose.rotation.inv() * attained.pose.rotation).magnitude())
     beside = contour_error(position, planned.s, PathCurve(path)).error
     return Metrics(
         law=tracking.law,

@@ -1,4 +1,4 @@
-"""A move of the card as a value: the command position as a piecewise quadratic of time, and the pulses that it fires."""
+"""A move of the card as a value: its position as a piecewise quadratic of time, and the pulses that it fires."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from kinematics.array import Array, frozen
 
 @dataclass(frozen=True, slots=True)
 class Profile:
-    """One move of n channels that start together: p(t) = start + σ Σᵢ (vᵢ τᵢ + aᵢ τᵢ²/2) with τᵢ = clip(t − begin − Tᵢ, 0, lengthᵢ).
+    """One move of n channels: p(t) = start + σ Σᵢ (vᵢ τᵢ + aᵢ τᵢ²/2), τᵢ = clip(t − begin − Tᵢ, 0, lengthᵢ).
 
-    Tᵢ is the sum of the lengths before piece i, σ = ±1 the direction. p is held before the first and after the last piece, where it
-    is `target` exactly.
+    Tᵢ is the sum of the lengths before piece i, σ = ±1 the direction. p is held before the first and after the last
+    piece, where it is `target` exactly.
 
     begin    (n,) s, when each channel starts (channels of a queued move may start apart)
     start    (n,) pulses, the command position then, with its share of a pulse
@@ -50,8 +50,8 @@ class Profile:
         return np.asarray(self.begin + self.lengths.sum(0))
 
     def position(self, t: Array) -> Array:
-        """Command position (N, n), pulses, at instants t: (N,) for all channels alike or (N, n)."""
-        t = t[:, None] if t.ndim == 1 else t
+        """Command position (N, n), pulses, at instants t (N,)."""
+        t = t[:, None]
         rest = t - self.begin
         travelled = np.zeros(rest.shape)
         for length, speed, rate in zip(self.lengths, self.speeds, self.rates, strict=True):
@@ -61,13 +61,13 @@ class Profile:
         return np.where(t >= self.end, self.target, self.start + self.direction * travelled)
 
     def counter(self, t: Array) -> np.ndarray:
-        """Position counter (N, n), int64: a pulse fires when the command position gets half a pulse ahead of the counter.
+        """Position counter (N, n), int64: a pulse fires when the command position is half a pulse ahead of it.
 
         So the counter is the nearest whole number to the command position, and equals the target when the move ends.
         """
         sign = self.direction
         ahead = np.floor(sign * (self.position(t) - self.count) + 0.5)
-        return self.count + (sign * np.maximum(ahead, 0.0)).astype(np.int64)
+        return np.asarray(self.count + (sign * np.maximum(ahead, 0.0)).astype(np.int64))
 
     def pulse_times(self, channel: int) -> Array:
         """Instants (pulses,), s, at which a channel's pulses fire: p passes count ± ½, ± 3/2, … in closed form.
@@ -97,11 +97,12 @@ def standstill(count: np.ndarray) -> Profile:
 def trapezoid(
     begin: Array, start: Array, count: np.ndarray, target: np.ndarray, v0: Array, v1: Array, tacc: float, tdec: float
 ) -> Profile:
-    """Speed from v0 to v1 linearly within tacc, held, and back to v0 within tdec before the target; stopped dead at its end.
+    """Speed from v0 to v1 linearly within tacc, held, and back to v0 within tdec before the target; there it stops.
 
-    Over the distance D = |target − start| the ramps take d = (v0 + v1)/2 · (tacc + tdec). If D < d, the rates are kept and the top
-    speed is what can be reached, vp² = v0² + 2 D (v1 − v0)/(tacc + tdec), each ramp being shortened by the factor
-    λ = (vp − v0)/(v1 − v0) = 2 D/((tacc + tdec)(v0 + vp)). All of it holds for v1 < v0 too, where the ramp leads downwards.
+    Over the distance D = |target − start| the ramps take d = (v0 + v1)/2 · (tacc + tdec). If D < d, the rates are kept
+    and the top speed is what can be reached, vp² = v0² + 2 D (v1 − v0)/(tacc + tdec), each ramp being shortened by the
+    factor λ = (vp − v0)/(v1 − v0) = 2 D/((tacc + tdec)(v0 + vp)). All of it holds for v1 < v0 too, where the ramp leads
+    downwards.
 
     v0, v1  (n,) pulses/s > 0;  tacc, tdec  s ≥ 0;  the others as in `Profile`
     """
@@ -113,9 +114,7 @@ def trapezoid(
     top = np.where(short, np.sqrt(np.maximum(v0 * v0 + 2 * distance * (v1 - v0) / time, 0.0)), v1)
     share = np.where(short, 2 * distance / (time * (v0 + top)), 1.0)
     held = np.where(short, 0.0, (distance - needed) / v1)
-    # nothing to move: no ramps either
     up, down = share * tacc, share * tdec
-    rate_up = np.where(up > 0, (v1 - v0) / (tacc or 1.0), 0.0)
-    rate_down = np.where(down > 0, (v0 - v1) / (tdec or 1.0), 0.0)
+    rate_up, rate_down = (v1 - v0) / (tacc or 1.0), (v0 - v1) / (tdec or 1.0)
     lengths, speeds, rates = (up, held, down), (v0, top, top), (rate_up, np.zeros_like(held), rate_down)
     return Profile(begin, start, count, target, np.stack(lengths), np.stack(speeds), np.stack(rates))

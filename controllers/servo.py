@@ -19,12 +19,13 @@ class Servo:
     Per sample of the drive, with x the position, v the speed, x̂ the encoder's reading and r the position command:
 
         speed error    ε = K (r − x̂) − v
-        torque         τ = sat(J ω ε + I),  ω = 2π · speed loop,   I ← I + (J ω / T) ε · sample  while τ does not saturate
+        torque         τ = sat(J ω ε + I),  ω = 2π · speed loop
+        integral       I ← I + (J ω / T) ε · sample, while τ does not saturate
         motor          J v̇ = τ − b v, τ held over the sample
 
-    Assumed of a drive whose documents print only its gains: the speed loop's gain is normalised by the true inertia (the inertia
-    ratio is set right); the speed is measured without quantization (an observer); the integral stops while the torque saturates; the
-    command is read and the torque is set without delay.
+    Assumed of a drive whose documents print only its gains: the speed loop's gain is normalised by the true inertia
+    (the inertia ratio is set right); the speed is measured without quantization (an observer); the integral stops while
+    the torque saturates; the command is read and the torque is set without delay.
 
     position_gain  K, 1/s
     speed_loop     Hz;  integral_time  T, s
@@ -47,17 +48,20 @@ class Servo:
             value = getattr(self, field.name)
             lowest = 0.0 if field.name == "friction" else np.finfo(float).tiny
             if not lowest <= value < float("inf"):
-                raise MotionError(f"servo: {field.name} {value} must be a positive finite number (friction may be zero)")
+                raise MotionError(
+                    f"servo: {field.name} {value} must be a positive finite number (friction may be zero)"
+                )
 
 
 def leg_servo(axis: Axis) -> Servo:
-    """The servo assumed behind an axis that states none: the drive of [Sahbaz 2007, Table 7.4], normalised in the axis' coordinate.
+    """The servo assumed behind an axis that states none, normalised in the axis' coordinate.
 
-    From the table: position loop 30 1/s (Pn102), speed loop 30 Hz (Pn100), integral 30 ms (Pn101, printed as 3000 in units of 0.01 ms),
-    four encoder counts per command pulse (Pn202/Pn203 with 2048 × 4 counts per revolution).
-    Assumed: unit inertia (the loops are normalised by it, so it matters for saturation and friction alone), viscous friction of 5 1/s of
-    it, and as torque limit the 220 N of the hexapod's actuator [Sahbaz 2007, Table 3.1]. The hexapod itself has stepper legs: this
-    servo answers what it would do behind the drives of the thesis' other rig.
+    From [Sahbaz 2007, Table 7.4]: position loop 30 1/s (Pn102), speed loop 30 Hz (Pn100), integral 30 ms (Pn101,
+    printed as 3000 in units of 0.01 ms), four encoder counts per command pulse (Pn202/Pn203, 2048 × 4 counts per
+    revolution). Assumed: unit inertia (the loops are normalised by it, so it matters for saturation and friction
+    alone), viscous friction of 5 1/s of it, and as torque limit the 220 N of the hexapod's actuator [Sahbaz 2007,
+    Table 3.1]. The hexapod itself has stepper legs: this servo answers what it would do behind the drives of the
+    thesis' other rig.
     """
     return Servo(
         position_gain=30.0,
@@ -154,7 +158,7 @@ def measured(model: Drives, x: Array) -> Array:
 
 
 def drive(model: Drives, state: ServoState, command: Array) -> Response:
-    """Runs the axes over N samples of the position command (N, n), m or rad; `Response` holds what they did from `state` on."""
+    """What the axes do from `state` on, over N samples of the position command (N, n), m or rad."""
     x, v, integral = state.x, state.v, state.integral
     position, torque = np.empty_like(command), np.empty_like(command)
     for i, wanted in enumerate(command):

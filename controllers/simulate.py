@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from planner.pulses.motion import Motion
 
 HOST_STEP = 5e-3
-"""s. Between two commands the card's speed is a straight line, which leaves the plan by at most q̈ dt²/12 where the acceleration is
-smooth: 0.6 pulses of 0.75 µm at the hexapod's 225 mm/s². A host that polls the card's counter keeps such a step."""
+"""s. Between two commands the card's speed is a straight line, which leaves the plan by dt²/12 of what the acceleration
+changes by: at most 1.3 pulses of 0.75 µm between ±225 mm/s², the hexapod's. A host that polls the card can keep it."""
 SETTLE = 0.5
 """s after the end of the plan: fifteen time constants of a 30 1/s position loop."""
 
@@ -55,8 +55,13 @@ class Tracking:
             object.__setattr__(self, name, frozen(getattr(self, name)))
 
 
+def motion_of(plan: Motion | Planned) -> Motion:
+    """The motion that a plan holds, or that is given as it is."""
+    return plan.trajectory if hasattr(plan, "trajectory") else plan
+
+
 def sample(motion: Motion, machine: Machine, dt: float) -> Reference:
-    """The motion at k·dt, up to the first sample at or after its end: positions in whole pulses from home, speeds unrounded.
+    """The motion at k·dt, up to the first sample at or after its end: whole pulses from home, and speeds unrounded.
 
     Whole, since a feedback law that chased a share of a pulse would never come to rest at the end.
     """
@@ -78,22 +83,24 @@ def track(
 ) -> Tracking:
     """Tracks a plan (or its trajectory) and then holds its end for `settle` seconds.
 
-    Every dt the host reads the encoders (in pulses), asks the law, and sends its command, which the card takes at once. The drives
-    follow the card's counters at their own sample time, of which dt must be a whole multiple.
+    Every dt the host reads the encoders (in pulses), asks the law, and sends its command, which the card takes at once.
+    The drives follow the card's counters at their own sample time, of which dt must be a whole multiple.
 
     servo  one for all axes or one per axis; `leg_servo` by default
     card   one model; as many cards of it as the axes need
 
     Raises MotionError for a dt that does not fit the drives, and Refused by the card for a command outside its range.
     """
-    motion: Motion = getattr(plan, "trajectory", plan)
+    motion = motion_of(plan)
     model = drives(_per_axis(servo, machine))
-    inner = round(dt / model.sample)
+    inner = round(dt / model.sample) if 0 < dt < float("inf") else 0
     if inner < 1 or abs(inner * model.sample - dt) > 1e-9 * dt:
         raise MotionError(
-            f"track: the host's step {dt * 1e3:g} ms is no whole multiple of the drives' sample time {model.sample * 1e3:g} ms; "
-            f"use {max(inner, 1) * model.sample * 1e3:g} ms"
+            f"track: the host's step {dt * 1e3:g} ms is no whole multiple of the drives' sample time "
+            f"{model.sample * 1e3:g} ms; use {max(inner, 1) * model.sample * 1e3:g} ms"
         )
+    if not 0 <= settle < float("inf"):
+        raise MotionError(f"track: settling time {settle} s must be zero or more")
     reference = sample(motion, machine, dt)
     pulse = np.array([axis.pulse for axis in machine.axes])
     home = machine.home_q

@@ -21,7 +21,7 @@ class Expression:
     """
 
     def __init__(self, name: str, inputs: ca.SX, outputs: ca.SX) -> None:
-        self.function = ca.Function(name, [ca.vec(inputs)], [ca.vec(outputs)], {"cse": True})
+        self.function = ca.Function(name, [ca.vec(inputs)], [ca.densify(ca.vec(outputs))], {"cse": True})
         self.size = int(self.function.size1_in(0)), int(self.function.size1_out(0))
         self._alive: list[object] = []  # `run` holds raw pointers into these
         self._blocks: dict[int, tuple[Array, Array, Callable[[], None]]] = {}

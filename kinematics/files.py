@@ -13,18 +13,19 @@ import re
 import tomllib
 from bisect import bisect_left
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources.abc import Traversable
 from pathlib import Path
-from typing import Annotated, Any, Self, TypeVar
+from typing import Annotated, Any, Literal, Self, TypeVar
 
 from pydantic import (
     AfterValidator,
     AllowInfNan,
     BaseModel,
     ConfigDict,
+    Field,
     ModelWrapValidatorHandler,
     PlainValidator,
     TypeAdapter,
@@ -60,8 +61,8 @@ class Document:
 
     def fault(self, key: Key, message: str) -> Fault:
         """What is wrong at a key, with its line."""
-        steps = (f"[{step + 1}]" if isinstance(step, int) else f".{step}" for step in key)
-        return Fault("".join(steps).removeprefix("."), message, self.line(key))
+        names = (f"[{k + 1}]" if isinstance(k, int) else f".{k if _BARE.fullmatch(k) else shown(k)}" for k in key)
+        return Fault("".join(names).removeprefix("."), message, self.line(key))
 
 
 def read(source: Path | Traversable) -> Document:
@@ -70,26 +71,27 @@ def read(source: Path | Traversable) -> Document:
     try:
         with source.open("rb") as stream:
             raw = stream.read(MAX_BYTES + 1)
-    except OSError as error:
-        raise FileError(file, [Fault("", error.strerror or str(error))]) from None
+    except (OSError, ValueError) as error:  # ValueError: a path that no file can have
+        raise FileError(file, [Fault("", getattr(error, "strerror", None) or str(error))]) from None
     if len(raw) > MAX_BYTES:
         raise FileError(file, [Fault("", f"larger than {MAX_BYTES >> 20} MB")])
+    text, line = "", None
     try:
         text = raw.decode("utf-8-sig").replace("\r\n", "\n")
-    except UnicodeDecodeError as error:
-        raise FileError(file, [Fault("", "not UTF-8 text", raw.count(b"\n", 0, error.start) + 1)]) from None
-    try:
         return Document(file, _with_tuples(tomllib.loads(text)), _Scanner(text).scan())
+    except UnicodeDecodeError as error:
+        message, line = "not UTF-8 text", raw.count(b"\n", 0, error.start) + 1
     except RecursionError:
-        raise FileError(file, [Fault("", "tables or arrays nested too deeply")]) from None
+        message = "tables or arrays nested too deeply"
     except ValueError as error:  # tomllib's own error, or an integer of thousands of digits
-        place = re.search(r" \(at (?:line (\d+), column \d+|end of document)\)$", str(error))
-        line = None if place is None else int(place[1] or text.count("\n") + 1)
-        raise FileError(file, [Fault("", f"not TOML: {error}", line)]) from None
+        message = f"not TOML: {error}"
+        if place := re.search(r" \(at (?:line (\d+), column \d+|end of document)\)$", message):
+            line = int(place[1] or text.count("\n") + 1)
+    raise FileError(file, [Fault("", message, line)])
 
 
 class Table(BaseModel):
-    """A table of a file: every key known and of its exact type, else a fault that names the nearest key or the remedy."""
+    """A table of a file: every key known and of its exact type, else a fault that names the nearest or the remedy."""
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
 
@@ -119,30 +121,39 @@ class Table(BaseModel):
                 message = "missing: the array is too short"
             case "literal_error":
                 expected = error["ctx"]["expected"].replace("'", '"')
-                choices = expected.split('"')[1::2]
+                choices = re.findall('"(.*?)"', expected)
                 message = f"{shown(value)} is not {expected}{nearest(str(value), choices)}"
-            case "model_type":
-                message = f"{shown(value)} is not a table"
-            case "tuple_type":
-                message = f"{shown(value)} is not an array"
+            case "model_type" | "tuple_type" as kind:
+                message = f"{shown(value)} is not {'a table' if kind == 'model_type' else 'an array'}"
             case _:
                 message = f"{shown(value)}: {error['msg'][0].lower()}{error['msg'][1:]}"
         return {"type": wrong(message), "loc": error["loc"], "input": value}
 
 
-Model = TypeVar("Model", bound=Table)
+class File(Table):
+    """What every file says first."""
+
+    version: Literal[1] = Field(alias="schema", description="write schema = 1")
 
 
-def build(document: Document, model: type[Model], plain: Mapping[str, float] | None = None) -> Model:
+Model = TypeVar("Model", bound=File)
+Rule = Callable[[dict[str, Any]], Iterable[tuple[Key, str]]]
+
+
+def build(document: Document, model: type[Model], *rules: Rule, plain: Mapping[str, float] | None = None) -> Model:
     """The document as a model; raises FileError with every fault, in the order of the lines.
 
+    rules  find what no single value shows, in the raw data: (key, message) of each fault
     plain  SI value of a number without unit, by the name that `Unit.plain` gives (nothing: such numbers are faults)
     """
+    faults = [document.fault(key, message) for rule in rules for key, message in rule(document.data)]
     try:
-        return model.model_validate(document.data, context=plain)
+        made = model.model_validate(document.data, context=plain)
     except ValidationError as error:
-        faults = [document.fault(e["loc"], e["msg"]) for e in error.errors()]
-        raise FileError(document.file, sorted(faults, key=lambda fault: fault.line or 0)) from None
+        faults += [document.fault(e["loc"], e["msg"]) for e in error.errors()]
+    if faults:
+        raise FileError(document.file, sorted(faults, key=lambda fault: fault.line or 0))
+    return made
 
 
 def wrong(message: str) -> PydanticCustomError:
@@ -161,6 +172,9 @@ Number = Annotated[float, AllowInfNan(False)]
 Direction = Annotated[tuple[Number, Number, Number], AfterValidator(not_zero)]
 
 
+_adapter = cache(TypeAdapter[Any])
+
+
 def chosen(pick: Callable[[Any], Any]) -> PlainValidator:
     """Annotation of a value whose own shape says which type it has to fit: `pick` maps the raw value to that type."""
 
@@ -171,7 +185,7 @@ def chosen(pick: Callable[[Any], Any]) -> PlainValidator:
 
 
 def either(*tables: type[Table]) -> PlainValidator:
-    """Annotation of a table that is exactly one of the given: the one whose own keys (those of no other) are present."""
+    """Annotation of a table that is exactly one of the given: the one whose own keys (in no other) are present."""
     counts = Counter(key for table in tables for key in table.model_fields)
     own = {table: [key for key in table.model_fields if counts[key] == 1] for table in tables}
 
@@ -182,18 +196,12 @@ def either(*tables: type[Table]) -> PlainValidator:
             return next(iter(present))
         asked = " or ".join(", ".join(keys) for keys in own.values())
         if present:
-            raise wrong(
-                f"{' and '.join(', '.join(keys) for keys in present.values())} exclude each other: give {asked}"
-            )
-        unknown = "".join(f"; unknown key {key}{nearest(key, counts)}" for key in given if key not in counts)
-        raise wrong(f"incomplete: give {asked}{unknown}")
+            clash = " and ".join(", ".join(keys) for keys in present.values())
+            raise wrong(f"{clash} exclude each other: give {asked}")
+        unknown = [f"; unknown key {shown(key)}{nearest(key, counts)}" for key in given if key not in counts]
+        raise wrong(f"incomplete: give {asked}{''.join(unknown[:1])}")
 
     return chosen(pick)
-
-
-@cache
-def _adapter(type_: Any) -> TypeAdapter[Any]:
-    return TypeAdapter(type_)
 
 
 def _with_tuples(value: Any) -> Any:
@@ -205,7 +213,8 @@ def _with_tuples(value: Any) -> Any:
 _SPACE = re.compile(r"(?:[ \t\n]|#[^\n]*)*")
 _STRING = re.compile(r'"""(?:\\.|[^\\])*?"{3,5}|\'\'\'.*?\'{3,5}|"(?:\\.|[^"\\])*"|\'[^\']*\'', re.DOTALL)
 _SCALAR = re.compile(r"[^,\]}\n#]+")
-_STEP = re.compile(rf"[ \t]*({_STRING.pattern}|[\w-]+)[ \t]*", re.DOTALL)
+_BARE = re.compile(r"[A-Za-z0-9_-]+")
+_STEP = re.compile(rf"[ \t]*({_STRING.pattern}|{_BARE.pattern})[ \t]*", re.DOTALL)
 
 
 class _Scanner:
@@ -215,18 +224,17 @@ class _Scanner:
         self.text, self.at = text, 0
         self.line_ends = [match.start() for match in re.finditer("\n", text)]
         self.lines: dict[Key, int] = {}
-        self.lengths: dict[Key, int] = {}
-        """Entries so far of each array of tables."""
+        self.lengths: dict[Key, int] = {}  # entries so far of each array of tables
 
     def scan(self) -> dict[Key, int]:
         table: Key = ()
         while self._skip():
             if self.text[self.at] == "[":
-                brackets, line = (2 if self.text.startswith("[[", self.at) else 1), self._line()
+                header, brackets = self.at, 2 if self.text.startswith("[[", self.at) else 1
                 self.at += brackets
                 table = self._table(self._key(), brackets == 2)
                 self.at += brackets
-                self._mark(table, line)
+                self._mark(table, header)
             else:
                 self._pair(table)
         return self.lines
@@ -234,19 +242,19 @@ class _Scanner:
     def _table(self, steps: Key, array: bool) -> Key:
         """The key of a header's table: every array of tables on the way stands for its newest entry."""
         key: Key = ()
-        for step in steps:
+        for n, step in enumerate(steps, 1):
             key += (step,)
-            if array and len(steps) == sum(isinstance(s, str) for s in key):
+            if array and n == len(steps):
                 self.lengths[key] = self.lengths.get(key, 0) + 1
             if key in self.lengths:
                 key += (self.lengths[key] - 1,)
         return key
 
     def _pair(self, table: Key) -> None:
-        line = self._line()
+        start = self.at
         key = table + self._key()
         self.at += 1  # the equals sign
-        self._mark(key, line)
+        self._mark(key, start)
         self._value(key)
 
     def _value(self, key: Key) -> None:
@@ -262,7 +270,7 @@ class _Scanner:
             if bracket == "{":
                 self._pair(key)
             else:
-                self._mark((*key, entry), self._line())
+                self._mark((*key, entry), self.at)
                 self._value((*key, entry))
                 entry += 1
             if self._skip() == ",":
@@ -285,9 +293,7 @@ class _Scanner:
         self.at = space.end() if space else self.at
         return self.text[self.at : self.at + 1]
 
-    def _line(self) -> int:
-        return bisect_left(self.line_ends, self.at) + 1
-
-    def _mark(self, key: Key, line: int) -> None:
+    def _mark(self, key: Key, at: int) -> None:
+        line = bisect_left(self.line_ends, at) + 1
         for n in range(1, len(key) + 1):
             self.lines.setdefault(key[:n], line)

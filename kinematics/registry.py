@@ -36,7 +36,7 @@ def presets(package: str) -> dict[str, Traversable]:
 
 
 def find(package: str, what: str, name_or_path: str | PathLike[str]) -> Path | Traversable:
-    """Where a preset or a file is. A plain word is a preset's name; anything with a folder or a suffix is a file's path."""
+    """Where a preset or a file is: a plain word is a preset's name, anything with a folder or suffix a file's path."""
     path = Path(name_or_path)
     name = fspath(name_or_path)
     if isinstance(name_or_path, PathLike) or path.suffix or path.name != name:

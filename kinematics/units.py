@@ -21,13 +21,12 @@ if TYPE_CHECKING:
 MAX_LENGTH = 80
 """Characters of the longest quantity that is read; the longest sensible ones have about 20."""
 
-_NUMBER = re.compile(
-    r"[+-]?(?:(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d{1,3})?(?![\d.])|(?:nan|inf(?:inity)?)(?![a-z]))", re.ASCII | re.IGNORECASE
-)
+_DECIMAL = r"(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d{1,3})?(?![\d.])"
+_NUMBER = re.compile(rf"[+-]?(?:{_DECIMAL}|(?:nan|inf(?:inity)?)(?![a-z]))", re.ASCII | re.IGNORECASE)
 _FACTOR = r"[A-Za-zµ°]+(?:(?:\^|\*\*)-?[1-9])?"
 _UNIT = re.compile(rf"(?:1 ?/ ?)?{_FACTOR}(?:(?: ?[*/] ?| ){_FACTOR})*")
 
-# Only what machines and programs are measured in: pint's own thousand units would turn slips of the pen into quantities.
+# Only what machines and programs are measured in: pint's own thousand units would read slips of the pen as quantities.
 _DEFINITIONS = """
 nano- = 1e-9 = n-
 micro- = 1e-6 = µ- = u-
@@ -86,8 +85,8 @@ def quantity(text: object, unit: str) -> float:
     """A quantity such as "50.8 mm", "3000 1/s" or "35°" as the nearest float in SI (m, rad, s, kg).
 
     unit  any unit of the dimension wanted ("m/s", "deg")
-    Raises MotionError for a number without a unit, another dimension, an unknown unit, NaN and infinity. The text is matched
-    against a strict pattern first; only its unit ever reaches pint.
+    Raises MotionError for a number without a unit, another dimension, an unknown unit, NaN and infinity. The text is
+    matched against a strict pattern first; only its unit ever reaches pint.
     """
     try:
         return _parse(text, unit)
@@ -113,7 +112,7 @@ class Unit:
 
     above        the value is greater, SI
     least, most  the value is no smaller, no greater, SI
-    plain        the file's key that declares the unit of plain numbers ("length"); None: every number needs its own unit
+    plain        the file's key that declares the unit of plain numbers ("length"); None: every number needs its own
     """
 
     unit: str

@@ -7,8 +7,9 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, Field
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from kinematics.array import frozen
 from kinematics.errors import MotionError
-from kinematics.files import Direction, Table, build, chosen, either, not_zero, read, wrong
+from kinematics.files import Direction, File, Table, build, chosen, either, not_zero, read, wrong
 from kinematics.pose import Pose
 from kinematics.registry import find, presets
 from kinematics.units import Unit, shown, unit_value
@@ -25,7 +26,7 @@ def load_program(name_or_path: str | PathLike[str]) -> Program:
     """
     source = find("planner", "program", name_or_path)
     document = read(source)
-    model = build(document, ProgramFile, _declared(document.data))
+    model = build(document, ProgramFile, plain=_declared(document.data))
     segments = [entry.segment(document.line(("segment", n))) for n, entry in enumerate(model.segment)]
     return Program(tuple(segments), model.frame, _pose(model.start), model.machine, Path(source.name).stem)
 
@@ -86,7 +87,7 @@ def _join_type(value: object) -> Any:
 def _start_type(value: object) -> Any:
     if isinstance(value, tuple) and len(value) not in (3, 6):
         raise wrong(f"{len(value)} entries: give 3 (x, y, z) or 6 (x, y, z, θx, θy, θz)")
-    return tuple[(Coordinate,) * 3 + (PlainAngle,) * 3] if isinstance(value, tuple) and len(value) == 6 else Position
+    return PositionAndAngles if isinstance(value, tuple) and len(value) == 6 else Position
 
 
 _SOME_SEGMENT = "a program needs at least one [[segment]]"
@@ -96,6 +97,7 @@ PlainAngle = Annotated[float, Unit("rad", plain="angle")]
 ToolSpeed = Annotated[float, Unit("m/s", above=0)]
 Position = tuple[Coordinate, Coordinate, Coordinate]
 Orientation = tuple[PlainAngle, PlainAngle, PlainAngle]
+PositionAndAngles = tuple[Coordinate, Coordinate, Coordinate, PlainAngle, PlainAngle, PlainAngle]
 
 
 class BlendTable(Table):
@@ -136,7 +138,7 @@ class LineEntry(Entry):
     speed: ToolSpeed | None = None
 
     def segment(self, line_number: int | None) -> Segment:
-        return Line(self.line.to, _rotation(self.line.rotate), self.speed, self.after, line_number=line_number)
+        return Line(frozen(self.line.to), _rotation(self.line.rotate), self.speed, self.after, line_number=line_number)
 
 
 class ArcEntry(Entry):
@@ -144,9 +146,8 @@ class ArcEntry(Entry):
     speed: ToolSpeed | None = None
 
     def segment(self, line_number: int | None) -> Segment:
-        arc = self.arc
-        turned = _rotation(arc.rotate)
-        return Arc(arc.centre, arc.normal, arc.angle, turned, self.speed, self.after, line_number=line_number)
+        centre, normal, turned = frozen(self.arc.centre), frozen(self.arc.normal), _rotation(self.arc.rotate)
+        return Arc(centre, normal, self.arc.angle, turned, self.speed, self.after, line_number=line_number)
 
 
 class TurnEntry(Entry):
@@ -168,10 +169,9 @@ SegmentEntry = Annotated[
 ]
 
 
-class ProgramFile(Table):
+class ProgramFile(File):
     """A program's TOML, key by key."""
 
-    version: Annotated[Literal[1], Field(alias="schema", description="write schema = 1")]
     machine: str | None = None
     length: Annotated[str, _unit_of("m")] | None = None
     angle: Annotated[str, _unit_of("rad")] | None = None

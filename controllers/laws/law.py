@@ -1,4 +1,4 @@
-"""What a tracking law is: at each step of the host, from the reference and the feedback, the next command for the card."""
+"""What a tracking law is: at each step of the host, the next command from the reference and the feedback."""
 
 from __future__ import annotations
 

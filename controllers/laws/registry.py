@@ -22,7 +22,7 @@ def law_names() -> tuple[str, ...]:
 
 
 def find_law(name: str, **gains: float) -> Law:
-    """The law of a number ("6") or name ("closed-position"), with the gains that are not its default. Raises MotionError."""
+    """The law of a number ("6") or name ("closed-position"), with gains other than its own. Raises MotionError."""
     for known, law in LAWS.items():
         if name in known:
             own = signature(law).parameters

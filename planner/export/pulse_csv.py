@@ -17,6 +17,7 @@ import csv
 from collections.abc import Iterator, Sequence
 from io import BytesIO
 from os import PathLike
+from pathlib import Path
 from typing import BinaryIO
 
 import numpy as np
@@ -48,7 +49,7 @@ def write(
         raise MotionError(f"wiring {tuple(wiring)}: give +1 or -1 for each of the {len(schedule.axes)} axes")
     high = _high_ticks(schedule, width)
     names = [f"{axis.name} {line}" for axis in schedule.axes for line in ("STEP", "DIR")]
-    with open(path, "wb") as file:
+    with Path(path).open("wb") as file:
         file.write((", ".join(["Time[s]", *map(_quoted, names)]) + "\n").encode())
         for ticks, levels in _rows(schedule, wiring, high):
             file.write(_text(ticks, levels, schedule.clock_hz))
@@ -71,13 +72,13 @@ def read(
     runs back or is no tick of the clock.
     """
     name = str(path)
-    with open(path, "rb") as file:
+    with Path(path).open("rb") as file:
         expected = ["Time[s]", *(f"{axis.name} {line}" for axis in axes for line in ("STEP", "DIR"))]
         header = next(csv.reader([file.readline().decode(errors="replace")], skipinitialspace=True), [])
         if header != expected:
             raise FileError(name, [Fault("header", f"{header} should be {expected}", 1)])
         before = np.zeros(1 + 2 * len(axes))
-        before[0] = -1.0
+        before[0] = -0.5 / clock_hz  # the first row may be at time 0
         fired: list[list[tuple[Ticks, NDArray[np.int8]]]] = [[] for _ in axes]
         for line, table in _tables(file, name, len(expected)):
             ticks = _ticks(table[:, 0], before[0], clock_hz, name, line)
@@ -218,7 +219,7 @@ def _ticks(time: Array, last: float, clock_hz: int, name: str, line: int) -> Tic
     off = np.flatnonzero(~(abs(time * clock_hz - ticks) <= OFF_TICK))
     back = np.flatnonzero(~(np.diff(time, prepend=last) > 0))
     faults = [(i, f"is not a tick of {clock_hz} Hz") for i in off[:FAULTS].tolist()]
-    faults += [(i, "does not come after the row before") for i in back[:FAULTS].tolist()]
+    faults += [(i, "does not come after the row before, or after 0") for i in back[:FAULTS].tolist()]
     if faults:
         raise FileError(name, [Fault("Time[s]", f"{float(time[i])!r} s {message}", line + i) for i, message in faults])
     return ticks.astype(np.int64)

@@ -29,6 +29,11 @@ class Term(Enum):
     SDSDD = "ṡs̈"
     SDDD = "s⃛"
 
+    @property
+    def per_time(self) -> int:
+        """Its power of 1/time: a motion k times slower has it k^per_time times smaller."""
+        return {"1": 0, "ṡ": 1, "ṡ²": 2, "ṡ³": 3, "s̈": 2, "ṡs̈": 3, "s⃛": 3}[self.value]
+
 
 @dataclass(frozen=True, slots=True)
 class Rows:
@@ -71,6 +76,10 @@ class Limit(ABC):
     @property
     def geometric(self) -> bool:
         return not self.terms
+
+    def slowness(self, use: float) -> float:
+        """How many times slower a motion that uses so much of this limit must run to keep it; 1 where it does already."""
+        return 1.0 if self.geometric else max(1.0, use) ** (1 / max(1, min(term.per_time for term in self.terms)))
 
     @abstractmethod
     def value(self, motion: Motion) -> Quantity:

@@ -86,10 +86,14 @@ class _Search:
         """(N,) pulses: what rounding may have done to x."""
         return ROUNDING * (abs(s.x) + 2 * abs(self.axis.home) / self.axis.pulse + abs(s.v * s.t))
 
+    def travel(self, s: _Samples, ticks: float = 1.0) -> Array:
+        """(N,) pulses that x runs in so many ticks."""
+        time = ticks * self.tick
+        return abs(s.v) * time + abs(s.a) * time**2 / 2
+
     def allowance(self, s: _Samples) -> Array:
         """(N,) pulses by which x may be from the count: ½, and its travel while a pulse waits for its tick."""
-        wait = HALF_TICK * self.tick
-        return 0.5 + abs(s.v) * wait + abs(s.a) * wait**2 / 2 + self.noise(s)
+        return 0.5 + self.travel(s, HALF_TICK) + self.noise(s)
 
     def report(self, kind: str, ticks: NDArray[Any], text: str, values: NDArray[Any]) -> None:
         """Note a fault of one kind at each of the ticks (N,); `text` takes the value (N,) there."""
@@ -175,7 +179,7 @@ def _check_levels(search: _Search, pulse: NDArray[np.intp], s: _Samples) -> None
     error = (ticks * tick - s.t - wait) / tick
     error[np.isnan(error)] = np.inf
     search.time_error = max(search.time_error, float(abs(error).max(initial=0.0)))
-    search.position_error = max(search.position_error, float((abs(miss) - abs(s.v) * tick).max(initial=0.0)))
+    search.position_error = max(search.position_error, float((abs(miss) - search.travel(s)).max(initial=0.0)))
     off = abs(error) > HALF_TICK
     search.report("off its crossing", ticks[off], "{:+.4g} ticks", error[off])
     astray = sign * s.v < -(abs(s.a) * tick + abs(s.j) * tick**2) - noise / tick
@@ -189,7 +193,7 @@ def _check_levels(search: _Search, pulse: NDArray[np.intp], s: _Samples) -> None
 def _check_band(search: _Search, s: _Samples) -> None:
     """Each sample between pulses within half a pulse of its count."""
     away = abs(s.x - s.count)
-    beyond = away - 0.5 - search.noise(s) - abs(s.v) * search.tick
+    beyond = away - 0.5 - search.noise(s) - search.travel(s)
     search.position_error = max(search.position_error, float(beyond.max(initial=0.0)))
     out = ~(away <= search.allowance(s))
     search.report("far from its count", np.rint(s.t[out] / search.tick), "{:.6g} pulses", away[out])
@@ -212,11 +216,11 @@ def _check_between(search: _Search, chain: _Samples) -> None:
         a, b = a.followed_by(middle), middle.followed_by(b)
 
 
-def _check_end(search: _Search, kind: str, t: float, count: int) -> int:
-    """The count at one end of the motion: 0, or by how many pulses it is wrong."""
+def _check_end(search: _Search, kind: str, t: float, count: int) -> float:
+    """The count at one end of the motion: 0 where it is right, else by how many pulses it is not."""
     end = search.sample(np.array([t]), np.array([count]))
     error = count - end.x
     if abs(error[0]) <= search.allowance(end)[0]:
-        return 0
+        return 0.0
     search.report(kind, np.rint(end.t / search.tick), "{:+.6g} pulses from the motion", error)
-    return round(float(error[0]))
+    return float(error[0])

@@ -98,28 +98,28 @@ def _fire(stretches: Stretches, counts: Ticks, refuse: Refuse) -> tuple[Ticks, S
     with np.errstate(divide="ignore"):
         tolerance = TICK_ERROR / stretches.length
     ticks = np.empty(pulses.sum(), np.int64)
-    for block, index, nth in _blocks(pulses):
-        v = solve(climb, index, first.take(index) + nth, tolerance)
-        ticks[block] = np.rint(stretches.start.take(index) + stretches.length.take(index) * v)
+    for block, part, index, nth in _blocks(pulses):
+        v = solve(climb[:, part], index, first[part].take(index) + nth, tolerance[part])
+        ticks[block] = np.rint(stretches.start[part].take(index) + stretches.length[part].take(index) * v)
     return ticks, np.repeat(sign.astype(np.int8), pulses)
 
 
-def _blocks(pulses: Ticks) -> Iterator[tuple[slice, NDArray[np.intp], Ticks]]:
-    """Blocks of the pulses: where they stand, the stretch of each, and its number within the stretch."""
+def _blocks(pulses: Ticks) -> Iterator[tuple[slice, slice, NDArray[np.intp], Ticks]]:
+    """Blocks of the pulses: where they stand, their stretches, which of these each is on, and its number there."""
     end = np.cumsum(pulses)
-    total = int(end[-1]) if len(end) else 0
+    begin, total = end - pulses, int(end[-1])
     for lo in range(0, total, BLOCK):
         hi = min(lo + BLOCK, total)
-        one, last = np.searchsorted(end, lo, side="right"), np.searchsorted(end, hi, side="left") + 1
-        begin = (end - pulses)[one:last]
-        index = np.repeat(np.arange(one, last), np.minimum(end[one:last], hi) - np.maximum(begin, lo))
-        yield slice(lo, hi), index, np.arange(lo, hi) - begin.take(index - one)
+        part = slice(np.searchsorted(end, lo, side="right"), np.searchsorted(end, hi, side="left") + 1)
+        inside = np.minimum(end[part], hi) - np.maximum(begin[part], lo)
+        index = np.repeat(np.arange(len(inside)), inside)
+        yield slice(lo, hi), part, index, np.arange(lo, hi) - begin[part].take(index)
 
 
 def _cancel(ticks: Ticks, direction: Signs, refuse: Refuse) -> tuple[Ticks, Signs]:
     """Leave out the pairs of opposite pulses in one tick: the excursion between them is below one tick's travel."""
     while True:
-        same = np.flatnonzero(np.diff(ticks) <= 0)
+        same = np.flatnonzero(ticks[1:] <= ticks[:-1])
         if not len(same):
             return ticks, direction
         opposite = same[direction[same] != direction[same + 1]]

@@ -11,7 +11,7 @@ from planner.pulses.motion import Motion
 PROBES = np.array([0.3, 0.7])  # off the middle: there an error that is odd about the middle would hide
 ROUNDING = 16 * np.finfo(float).eps
 BLOCK = 1 << 14
-HALVINGS = 24
+HALVINGS, MOST = 24, 1 << 18  # a motion that asks for more, of an interval or of all together, is not smooth
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,14 +38,16 @@ def fit(motion: Motion, tolerance: Array) -> Pieces:
 
     The accelerations are one-sided, since q̈ may jump at a knot. A piece is also taken when halving no longer helps (the
     motion's own noise is reached) and it errs by at most `tolerance` (n,).
-    Raises MotionError where a motion cannot be met within it: it is not smooth between its knots.
+    Raises MotionError for a motion that is not smooth between its knots, or has no duration.
     """
     lo, hi = motion.knots[:-1], motion.knots[1:]
     lo, hi = lo[hi > lo], hi[hi > lo]
+    if not len(lo):
+        raise MotionError(f"the motion ends at {motion.duration} s, where it starts; give it time to move")
     before = np.full((len(lo), len(tolerance)), np.inf)
     fitted: list[tuple[Array, Array, Array]] = []
     reach, speed = np.zeros(len(tolerance)), np.zeros(len(tolerance))
-    for _ in range(HALVINGS):
+    for depth in range(HALVINGS):
         coefficients, error, size, rate = _quintics(motion, lo, hi)
         reach, speed = np.maximum(reach, size), np.maximum(speed, rate)
         noise = ROUNDING * (reach + speed * motion.duration)
@@ -54,19 +56,23 @@ def fit(motion: Motion, tolerance: Array) -> Pieces:
         if good.all():
             break
         lo, hi, before = lo[~good], hi[~good], np.repeat(error[~good], 2, axis=0)
+        if depth == HALVINGS - 1 or len(lo) > MOST:
+            raise _rough(lo, error[~good], tolerance)
         middle = (lo + hi) / 2
         lo, hi = np.column_stack((lo, middle)).ravel(), np.column_stack((middle, hi)).ravel()
-    else:
-        axis = int((error / tolerance).max(axis=0).argmax())
-        raise MotionError(
-            f"axis {axis + 1}: the motion near t = {lo[0]:.9g} s strays {error[:, axis].max():.3g} from any "
-            f"polynomial, more than {tolerance[axis]:.3g}; put a knot where the motion is not smooth"
-        )
     start = np.concatenate([piece[0] for piece in fitted])
     end = np.concatenate([piece[1] for piece in fitted])
     order = np.argsort(start)
     return Pieces(
         start[order], (end - start)[order], np.concatenate([p[2] for p in fitted], axis=2)[:, :, order], noise
+    )
+
+
+def _rough(lo: Array, error: Array, tolerance: Array) -> MotionError:
+    piece, axis = np.unravel_index((error / tolerance).argmax(), error.shape)
+    return MotionError(
+        f"axis {axis + 1}: the motion near t = {lo[piece]:.9g} s strays {error[piece, axis]:.3g} from any polynomial, "
+        f"more than {tolerance[axis]:.3g}; put a knot where it is not smooth, and give its true q̇ and q̈"
     )
 
 

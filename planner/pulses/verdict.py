@@ -21,7 +21,7 @@ class AxisCheck:
     time_error         ticks, largest |pulse - true crossing|; inf where the motion crosses no level there
     position_error     pulses, largest |count - (q - home)/pulse| beyond ½ + one tick's travel; 0 within
     smallest_interval  s between two pulses; inf with fewer than two
-    final_error        pulses, the last count - the count that the motion ends on
+    final_error        pulses, the last count - where the motion ends; 0 within ½
     faults             the first few of each kind; fault_count counts all
     """
 
@@ -30,7 +30,7 @@ class AxisCheck:
     time_error: float
     position_error: float
     smallest_interval: float
-    final_error: int
+    final_error: float
     faults: tuple[PulseFault, ...]
     fault_count: int
 
@@ -71,5 +71,5 @@ class PulseCheck:
         return 1 / self.smallest_interval if self.smallest_interval > 0 else np.inf
 
     @property
-    def final_error(self) -> int:
-        return max((axis.final_error for axis in self.axes), key=abs, default=0)
+    def final_error(self) -> float:
+        return max((axis.final_error for axis in self.axes), key=abs, default=0.0)

@@ -17,7 +17,7 @@ from planner.timing.smooth import Smoothed
 from planner.timing.third_order import third_order
 
 # Intervals of a run at least, and for each piece in it; of the order-2 motion that starts an order-3 solve.
-SECOND_ORDER, THIRD_ORDER, START = (1000, 50), (300, 15), (400, 20)
+SECOND_ORDER, THIRD_ORDER, START = (1000, 50), (240, 12), (400, 20)
 # Room taken off: this share of the excess more than the excess, and a little for the solver's own tolerance. It saves rounds.
 MORE, MARGIN = 1.1, 2e-7
 
@@ -52,13 +52,10 @@ class Attempt:
     def _slowed(self, use: Mapping[str, Array]) -> "Attempt":
         """The fallback, slowed as a whole until it holds: by k, a term of order n in 1/time falls by kⁿ."""
         assert self.fallback is not None
-        powers = {block.name: min(_ORDER[term] for term in block.start) for block in self.problem.blocks}
+        powers = {block.name: min(term.per_time for term in block.start) for block in self.problem.blocks}
         more = max(float(use[name].max()) ** (1 / power) for name, power in powers.items())
         slowness = self.slowness * max(1.0, more) * (1 + MARGIN)
         return replace(self, slowness=slowness, profile=self.fallback.profile(slowness, self.problem))
-
-
-_ORDER = {Term.SD: 1, Term.SD2: 2, Term.SDD: 2, Term.SD3: 3, Term.SDSDD: 3, Term.SDDD: 3}
 
 
 def attempt(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int) -> Attempt:
@@ -72,9 +69,8 @@ def attempt(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int) -
     _need(start, Term.SDDD, "jerk")
     start, window = _second_order_start(start)
     smoothed = Smoothed(second_order(start), window)
-    # points even in time lie ever denser towards rest, where ṡ goes with the square of time
-    shares = smoothed.at(np.linspace(0, smoothed.duration, _size(THIRD_ORDER, pieces) + 1))[0] - start.s[0]
-    s, piece = grid(path, run, len(shares) - 1, np.clip(shares / (start.s[-1] - start.s[0]), 0.0, 1.0))
+    shares = (smoothed.spread(_size(THIRD_ORDER, pieces)) - start.s[0]) / (start.s[-1] - start.s[0])
+    s, piece = grid(path, run, len(shares) - 1, np.clip(shares, 0.0, 1.0))
     return _solve_third(pose_problem(path, limits, s, piece), smoothed.on(s), smoothed)
 
 
@@ -103,13 +99,16 @@ def _second_order_start(problem: Problem) -> tuple[Problem, float]:
     """
     jerk = next(block for block in problem.blocks if Term.SDDD in block.start)
     blocks = [block for block in problem.blocks if set(block.start) <= SECOND]
-    limited = next((block for block in blocks if Term.SDD in block.start), None)
-    if limited is None:
-        speed = next((block for block in blocks if set(block.start) == {Term.SD} and block.start[Term.SD].shape == jerk.start[Term.SDDD].shape), None)
-        if speed is None:
-            raise MotionError("nothing bounds the motion: no axis that moves states a limit of speed or acceleration; state one")
-        limited = Block("start", *({Term.SDD: np.sqrt(np.abs(a[Term.SD] * b[Term.SDDD]))} for a, b in ((speed.start, jerk.start), (speed.end, jerk.end))), speed.room)
-        blocks.append(limited)
+    limited = next((block for block in blocks if Term.SDD in block.start), None) or _stand_in(problem, jerk)
     size_j, size_a = np.abs(jerk.start[Term.SDDD]).max(0), np.abs(limited.start[Term.SDD]).max(0)
-    window = float(size_j.max() / size_a.max()) if size_j.shape != size_a.shape else float((size_j / np.where(size_a > 0, size_a, np.inf)).max())
-    return replace(problem, blocks=tuple(blocks)), window
+    window = float(size_j.max() / size_a.max())
+    return replace(problem, blocks=(*(block for block in blocks if block is not limited), limited)), window
+
+
+def _stand_in(problem: Problem, jerk: Block) -> Block:
+    speed = next((block for block in problem.blocks if set(block.start) == {Term.SD}), None)
+    if speed is None:
+        raise MotionError("nothing bounds the motion: no axis that moves states a limit of speed or acceleration; state one")
+    rate = np.abs(speed.start[Term.SD]).max(1, keepdims=True), np.abs(speed.end[Term.SD]).max(1, keepdims=True)
+    start, end = (np.sqrt(v * np.abs(side[Term.SDDD])) for v, side in zip(rate, (jerk.start, jerk.end), strict=True))
+    return Block("start", {Term.SDD: start}, {Term.SDD: end}, speed.room)

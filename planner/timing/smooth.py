@@ -6,6 +6,9 @@ from kinematics.array import Array
 from planner.timing.problem import Problem
 from planner.timing.profile import Profile
 
+# Share of the largest jerk from which it counts as acting.
+ACTS = 0.02
+
 
 class Smoothed:
     """s̃(t) = 1/w ∫ s over [t − w, t]: as long as the motion plus w, its s⃛ is Δs̈/w.
@@ -39,6 +42,19 @@ class Smoothed:
         h = np.maximum(np.diff(t), 1e-6 * self.duration / len(s))
         _, v, a, _ = self.at(t)
         return np.stack([v[:-1], a[:-1], np.diff(a) / h, h])
+
+    def spread(self, intervals: int) -> Array:
+        """Points s (intervals+1,) for a grid: half of them even in time, half even over the time in which the jerk acts.
+
+        Even in time, they lie ever denser towards rest, where ṡ goes with the square of time; the other half sees short ramps of a
+        long motion.
+        """
+        t = np.linspace(0.0, self.duration, 40 * intervals + 1)
+        acts = np.abs(self.at((t[1:] + t[:-1]) / 2)[3])
+        acts = (acts > ACTS * acts.max()).astype(float)
+        density = 1.0 / len(acts) + acts / max(acts.sum(), 1.0)
+        passed = np.concatenate([[0.0], np.cumsum(density)])
+        return self.at(np.interp(np.linspace(0.0, passed[-1], intervals + 1), passed, t))[0]
 
     def profile(self, slowness: float, problem: Problem) -> Profile:
         """The average itself as a motion, cut where its s⃛ changes and at the problem's grid, slowed as a whole."""

@@ -42,15 +42,17 @@ def third_order(problem: Problem, guess: Array, *, solver: Solver = "fatrop") ->
     length, time = problem.s[-1] - problem.s[0], float(guess[3].sum())
     unit = np.array([length / time, length / time**2, length / time**3, time])
     start = guess / unit[:, None]
-    scale = np.abs(start).max(1, keepdims=True)
+    scale = np.repeat(np.abs(start).max(1, keepdims=True), problem.intervals, 1)
+    scale[3] = start[3]
     signature, coefficients, room = _rows(problem, length, time)
     step = np.diff(problem.s)[None] / length
-    data = np.concatenate([step, np.repeat(scale, problem.intervals, 1), coefficients])
+    data = np.concatenate([step, scale, coefficients])
     columns = _solve(_assemble(problem.intervals, signature, solver), data, room, start / scale)
     return _closed(problem, columns * scale * unit[:, None])
 
 
 def _kept_at_end(terms: Sequence[Term]) -> bool:
+    """Rows with s⃛ are kept at both ends of an interval, where the jerk jumps; the others at its start and in its middle."""
     return Term.SDDD in terms
 
 
@@ -61,9 +63,11 @@ def _rows(problem: Problem, length: float, time: float) -> tuple[Signature, Arra
         terms = tuple(block.start)
         rows = next(iter(block.start.values())).shape[1]
         signature.append((terms, rows))
-        for side in (block.start, block.end) if _kept_at_end(terms) else (block.start,):
+        middle = {term: (block.start[term] + block.end[term]) / 2 for term in terms}
+        second, room_second = (block.end, block.room) if _kept_at_end(terms) else (middle, block.room)
+        for side, share in ((block.start, _room(block)), (second, room_second)):
             coefficients += [side[term].T * (length ** _POWERS[term][0] / time ** _POWERS[term][1]) for term in terms]
-            room.append(np.repeat(_room(block)[None], rows, 0))
+            room.append(np.repeat(share[None], rows, 0))
     return tuple(signature), np.concatenate(coefficients), np.concatenate(room)
 
 
@@ -76,14 +80,14 @@ def _room(block: Block) -> Array:
 
 def _stage(signature: Signature) -> ca.Function:
     """One interval: (ṡ, s̈, s⃛, h; Δs, their scales, coefficients) -> end state (2), the relative error of Δs, and all rows."""
-    x, size = ca.SX.sym("x", 4), sum((2 if _kept_at_end(t) else 1) * len(t) * rows for t, rows in signature)
+    x, size = ca.SX.sym("x", 4), sum(2 * len(terms) * rows for terms, rows in signature)
     data = ca.SX.sym("data", 5 + size)
     step, scale = data[0], data[1:5]
     v, a, j, h = ca.vertsplit(x * scale)
     v_end, a_end = v + h * (a + h * j / 2), a + h * j
     values, at = [], 5
     for terms, rows in signature:
-        for speed, acceleration in ((v, a), (v_end, a_end)) if _kept_at_end(terms) else ((v, a),):
+        for speed, acceleration in ((v, a), (v_end, a_end) if _kept_at_end(terms) else (v + h / 2 * (a + h * j / 4), a + h * j / 2)):
             value: ca.SX = ca.SX.zeros(rows)
             for term in terms:
                 value += data[at : at + rows] * _term(term, speed, acceleration, j)
@@ -114,7 +118,7 @@ def _assemble(intervals: int, signature: Signature, solver: Solver) -> ca.Functi
         options |= {
             "structure_detection": "auto",
             "equality": equality.tolist(),
-            "fatrop": {"print_level": 0, "max_iter": 400, "tol": 1e-9},
+            "fatrop": {"print_level": 0, "max_iter": 200, "tol": 1e-9},
         }
     else:
         options |= {"ipopt": {"print_level": 0, "sb": "yes", "max_iter": 1000, "tol": 1e-9}}

@@ -20,7 +20,7 @@ HEIGHT = 0.2336362
 
 @dataclass(frozen=True)
 class AxisMotion:
-    """Axis positions as a function of time, q(u) = home + stroke · shape(u) with u = t/duration: a motion without a path."""
+    """Axis positions over time without a path: q = home + stroke · shape(t/duration)."""
 
     home: np.ndarray
     stroke: np.ndarray
@@ -39,7 +39,7 @@ def smooth(u):
 
 
 def quarter_sine(u, ramp=0.2):
-    """[Sahbaz 2007, Appendix B]: the speed is a quarter of a sine up, held, and a quarter of a sine down; concave throughout."""
+    """The speed is a quarter of a sine up, held, and down again: concave throughout. [Sahbaz 2007, Appendix B]"""
     w = np.pi / 2 / ramp
     top = 1 / (2 / w + 1 - 2 * ramp)
     rising, falling = u < ramp, u > 1 - ramp
@@ -90,7 +90,7 @@ def pose(x, y, z, angles=(0, 0, 0)):
 
 @pytest.fixture(scope="session")
 def circle_trip(hexapod):
-    """Up, out, a circle of 15 mm, a corner, a turn on the spot: a trapezoid in path length on each piece, resting between them."""
+    """Up, round a circle of 15 mm, a turn on the spot, a line inwards: a trapezoid of speed on each."""
     rim, tilted = pose(15, 0, 10), pose(0, 15, 10, (4, -3, 0))
     pieces = [
         line(pose(15, 0, 6), rim, 4e-3, 1),

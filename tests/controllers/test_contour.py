@@ -147,7 +147,11 @@ def test_contour_error_never_exceeds_tracking_error(error, curve, share):
     assert np.all(np.diff(result.s) >= 0)
 
 
-@given(arrays(np.float64, (1, 3), elements=st.floats(-5e-3, 5e-3)), st.floats(0.2, 0.8), st.sampled_from([Circle(), LINE, CORNER]))
+@given(
+    arrays(np.float64, (1, 3), elements=st.floats(-5e-3, 5e-3)),
+    st.floats(0.2, 0.8),
+    st.sampled_from([Circle(), LINE, CORNER]),
+)
 def test_one_point_against_an_exhaustive_search(error, share, curve):
     """No point of a fine grid over the window is nearer."""
     s = np.array([share * curve.breaks[-1]])
@@ -159,7 +163,7 @@ def test_one_point_against_an_exhaustive_search(error, share, curve):
 
 
 def test_path_curve_is_the_planned_path_and_its_slope(circle_trip):
-    """r as the path has it; r′ against central differences (step 1 µm: truncation h²/6R² = 1e-9, rounding 1e-16/h = 1e-10)."""
+    """r as the path has it; r′ by central differences (step h = 1 µm: truncation h²/6R² = 1e-9, rounding 1e-16/h)."""
     path, h = circle_trip.path, 1e-6
     curve = PathCurve(path)
     ends = zip(path.breaks[:-1], path.breaks[1:], strict=True)

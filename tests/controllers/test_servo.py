@@ -54,7 +54,8 @@ def test_step_response_converges_without_leaving_the_torque_limit(step):
     assert abs(response.position[-1, 0] - step) < 1e-9
     # unsaturated the same loop needs more than that torque
     _, free = run([FINE], command)
-    assert np.abs(free.torque).max() > 0.5 and abs(free.position[-1, 0] - step) < 1e-9
+    assert np.abs(free.torque).max() > 0.5
+    assert abs(free.position[-1, 0] - step) < 1e-9
 
 
 def test_saturated_axis_accelerates_at_torque_over_inertia():
@@ -64,6 +65,7 @@ def test_saturated_axis_accelerates_at_torque_over_inertia():
     assert np.all(response.torque == 2.0)
     t = np.arange(200) * weak.sample
     np.testing.assert_allclose(response.position[:, 0], 0.5 * t**2 / 2, rtol=1e-12, atol=1e-18)
+    assert response.state.integral[0] == 0, "the integral must not wind up"
 
 
 @given(st.floats(-0.05, 0.05))
@@ -72,7 +74,8 @@ def test_no_command_no_motion(place):
     model = drives([PLAIN])
     start = measured(model, np.array([place]))
     response = drive(model, standing(start), np.full((50, 1), start[0]))
-    assert np.all(response.position == start[0]) and not response.torque.any()
+    assert np.all(response.position == start[0])
+    assert not response.torque.any()
 
 
 @given(st.floats(-0.3, 0.3))
@@ -96,7 +99,7 @@ def test_motor_is_discretised_exactly(friction, inertia, sample):
 
 
 def test_linear_response_is_that_of_the_matrix_model():
-    """Unsaturated and unquantized, the loop is linear: x_k = Σ Aʲ B r; checked against the state matrices written out."""
+    """Unsaturated and unquantized, the loop is linear: against its state matrices written out."""
     model, response = run([FINE], 1e-4 * np.sin(np.arange(400) * 0.05)[:, None])
     gx, hx, gv, hv = (float(value[0]) for value in (model.gx, model.hx, model.gv, model.hv))
     kp, ks, ki = 30.0, 2 * np.pi * 30.0, 2 * np.pi * 30.0 / 0.03 * FINE.sample
@@ -135,7 +138,9 @@ def test_default_servo_is_the_table():
     assert PLAIN.encoder * AXIS.pulse == pytest.approx(4.0)
 
 
-@pytest.mark.parametrize("field", ["position_gain", "speed_loop", "integral_time", "torque_limit", "inertia", "encoder", "sample"])
+@pytest.mark.parametrize(
+    "field", ["position_gain", "speed_loop", "integral_time", "torque_limit", "inertia", "encoder", "sample"]
+)
 @pytest.mark.parametrize("value", [0.0, -1.0, np.nan, np.inf])
 def test_impossible_servos_are_refused(field, value):
     with pytest.raises(MotionError, match=field):

@@ -20,7 +20,7 @@ ROUNDING = 1e-14  # m: double precision of positions below 1 m, with room for a 
 
 
 class Polynomials:
-    """A motion of piecewise polynomials: coefficients (degree+1, pieces, axes), highest power first, local to each knot."""
+    """A motion of piecewise polynomials: coefficients (degree+1, pieces, axes), highest power first."""
 
     def __init__(self, coefficients, knots):
         self.knots = np.asarray(knots, float)
@@ -67,7 +67,7 @@ def fire(motion, home=None, pulse=PULSE, clock=CLOCK):
 
 
 def excess(schedule, motion, t):
-    """By how much (m) |count·pulse - (q - home)| passes half a pulse + one tick's travel at the instants t; (N, axes)."""
+    """By how much (m) |count·pulse - (q - home)| passes ½ pulse + one tick's travel at the instants t; (N, axes)."""
     q, tick = motion.at(t).q, 1 / schedule.clock_hz
     home = np.array([axis.home for axis in schedule.axes])
     pulse = np.array([axis.pulse for axis in schedule.axes])
@@ -123,7 +123,7 @@ def test_sine_fires_at_the_arcsines():
     count = int(amplitude / PULSE + 0.5)
     rise = np.arcsin((np.arange(count) + 0.5) * PULSE / amplitude) / frequency
     expected = np.concatenate((rise, 2 * quarter - rise[::-1], 2 * quarter + rise, 4 * quarter - rise[::-1]))
-    # 0.3 + sin rounds to 5.6e-17 m, at the slowest crossing (0.1 mm/s) 1e-5 tick: only a tie of ticks may fall the other way.
+    # 0.3 + sin rounds to 5.6e-17 m, at the slowest crossing (0.1 mm/s) 1e-5 tick: a tie may fall the other way.
     assert abs(axis.ticks - expected * CLOCK).max() <= 0.5 + 1e-4
     assert (axis.direction == np.repeat([1, -1, -1, 1], count)).all()
 
@@ -173,7 +173,7 @@ def test_the_bound_holds_at_1e5_random_instants_on_six_legs():
 
 @st.composite
 def smooth_motions(draw):
-    """Random C1 motions of two axes through random positions and speeds, with dwells, short and long pieces, and round numbers."""
+    """Random C1 motions of two axes through random places, many of them levels, at random speeds, with dwells."""
     pieces = draw(st.integers(1, 5))
     spans = draw(st.lists(st.sampled_from([1e-4, 1e-3, 0.01, 0.013, 0.1]), min_size=pieces, max_size=pieces))
     halves = st.integers(-60, 60).map(lambda n: n / 2 * PULSE)
@@ -193,14 +193,7 @@ def smooth_motions(draw):
 @settings(deadline=None, max_examples=150)
 @given(smooth_motions())
 def test_any_motion_is_followed_within_the_bound(motion):
-    try:
-        schedule = fire(motion, home=[0.0, 0.0])
-    except Infeasible as refusal:
-        fastest = abs(motion.at(np.linspace(0, motion.duration, 20_000)).qd).max() / PULSE
-        assert refusal.kind == "pulse rate"
-        assert fastest > 0.5 * CLOCK
-        return
-    assert_sound(schedule, motion)
+    assert_sound(fire(motion, home=[0.0, 0.0]), motion)
 
 
 @settings(deadline=None, max_examples=60)
@@ -224,11 +217,11 @@ def test_a_motion_run_backwards_fires_the_same_pulses_backwards():
 # Degenerate motions
 
 
-@pytest.mark.parametrize("offset", [-1e-15, -1e-16, -3e-17, 0.0, 3e-17, 1e-16, 1e-15])
+@pytest.mark.parametrize("ulps", [-8, -2, -1, 0, 1, 2, 8])
 @pytest.mark.parametrize("base", [0.0, 0.2190774])
-def test_a_turning_point_on_a_level_never_chatters(offset, base):
-    """Four parabolas that touch 1.5 pulses to within rounding: no pulse there, and never more than a pair."""
-    top, span = 1.5 * PULSE + offset, 0.01
+def test_a_turning_point_on_a_level_never_chatters(ulps, base):
+    """Four parabolas that touch 1.5 pulses to within rounding: no pulse there."""
+    top, span = 1.5 * PULSE + ulps * np.spacing(base + 1.5 * PULSE), 0.01
     curve = -(top - 0.1 * PULSE) / (span / 2) ** 2
     piece = [curve, -curve * span, base + 0.1 * PULSE]
     motion = one_axis([piece] * 4, np.arange(5) * span)
@@ -262,7 +255,7 @@ def test_an_axis_that_never_moves_never_fires():
 @pytest.mark.parametrize("level", [-1.5, -0.5, 0.5, 2.5])
 @pytest.mark.parametrize("way", [1, -1])
 def test_rests_on_a_level_do_not_fire_and_departures_fire_once(level, way):
-    """Dwell on a level, leave it, come back, dwell: the start is the lower count, the end the count that the motion came with."""
+    """Dwell on a level, leave, come back, dwell: the lower count at the start, at the end the one it came with."""
     away = way * 3.2 * PULSE
     leave, back = [-2 * away, 3 * away, 0.0, level * PULSE], [2 * away, -3 * away, 0.0, level * PULSE + away]
     rest = [0.0, 0.0, 0.0, level * PULSE]
@@ -307,12 +300,11 @@ def test_empty_intervals_between_knots_change_nothing():
 
 def test_long_programs_keep_their_ticks():
     """A minute, 6e8 ticks, with the same short move at its end as at its start."""
-    move, rest = [0.02, 0.0], [0.0, 0.02 * 0.001]
-    motion = one_axis([move, rest, [0.02, 0.02 * 0.001]], [0, 0.001, 60.0, 60.001])
+    speed = 0.0173
+    motion = one_axis([[speed, 0.0], [0.0, speed * 0.001], [speed, speed * 0.001]], [0, 0.001, 60.0, 60.001])
     (axis,) = fire(motion).axes
     first, second = axis.ticks[axis.ticks < CLOCK], axis.ticks[axis.ticks > CLOCK]
-    levels = np.arange(round(0.04 * 0.001 / PULSE)) + 0.5
-    exact = levels * PULSE / 0.02 * CLOCK
+    exact = (np.arange(round(2 * speed * 0.001 / PULSE)) + 0.5) * PULSE / speed * CLOCK
     assert (first == np.rint(exact[: len(first)])).all()
     assert abs(second - (exact[len(first) :] + 59.999 * CLOCK)).max() <= 0.5 + 1e-6  # 60 s rounds to 7e-8 tick
     assert axis.ticks[-1] > 6e8
@@ -324,14 +316,17 @@ def test_pulses_faster_than_the_clock_are_refused_with_axis_time_rate_and_remedy
         fire(motion)
     assert (refused.value.axis, refused.value.limit) == ("leg1", CLOCK)
     assert refused.value.value == pytest.approx(10.0 / PULSE, rel=1e-3)
-    assert len(fire(motion, clock=CLOCK * 2).axes[0]) == round(0.1 / PULSE)
+    assert len(fire(motion, clock=CLOCK * 2).axes[0]) == round((0.1 + 0.01 * 0.01**2) / PULSE)
 
 
 def test_speeding_up_past_the_clock_is_refused_at_the_place():
-    motion = one_axis([[1000.0, 0.0, 0.0]], [0, 0.01])  # 20 m/s at the end; one pulse per tick is 7.5 m/s, at 3.75 ms
-    with pytest.raises(Infeasible) as refused:
-        fire(motion)
-    assert refused.value.place.t == pytest.approx(3.75e-3, rel=0.1)
+    """One pulse per tick is 7.5 m/s; 20 m/s are reached at 10 ms, whether the average stays below one or not."""
+    for run_in in (0.0, 0.02):
+        motion = one_axis([[0.0, 0.0, 0.0], [1000.0, 0.0, 0.0]], [0, run_in, run_in + 0.01])
+        with pytest.raises(Infeasible) as refused:
+            fire(motion)
+        assert refused.value.place.t == pytest.approx(run_in + 0.01)
+        assert refused.value.value == pytest.approx(20 / PULSE)
 
 
 def test_a_pulse_that_drowns_in_rounding_is_refused():
@@ -344,11 +339,19 @@ def test_a_motion_with_a_hidden_kink_is_refused():
         def at(self, t):
             state = super().at(t)
             state.q = state.q + 1e-3 * abs(state.s - 0.0501)[:, None]
+            state.qd = state.qd + 1e-3 * np.sign(state.s - 0.0501)[:, None]
             return state
 
     plain = one_axis([[0.01, 0.0]], [0, 0.1])
     with pytest.raises(MotionError, match=r"axis 1: the motion near t = 0\.050.* knot"):
         fire(Kinked(plain.curves[0].c, plain.knots))
+
+
+def test_a_motion_without_duration_is_refused():
+    motion = one_axis([[1.0, 0.0]], [0, 1])
+    motion.knots, motion.duration = np.zeros(2), 0.0
+    with pytest.raises(MotionError, match="where it starts"):
+        fire(motion)
 
 
 def test_axes_must_match():

@@ -1,0 +1,33 @@
+# `make demo` and `make test` need only make and Python >= 3.11; everything else they install into .venv.
+
+BIN := .venv/bin
+READY := .venv/.ready
+CANDIDATES := python3.13 python3.12 python3.11 python3
+USABLE := import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 11))
+
+.PHONY: demo test clean
+
+demo: $(READY)
+	$(BIN)/python -m pulsepath plan circle --machine hexapod --out out/demo --force
+
+# fast checks first; the first that fails ends the run
+test: $(READY)
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/lint-imports
+	$(BIN)/mypy
+	$(BIN)/pytest -n 2
+
+$(READY): pyproject.toml
+	@$(BIN)/python -m pip --version >/dev/null 2>&1 || { \
+	  for python in $(CANDIDATES); do \
+	    if $$python -c '$(USABLE)' >/dev/null 2>&1; then echo "$$python -m venv .venv"; exec $$python -m venv --clear .venv; fi; \
+	  done; \
+	  echo "pulsepath needs Python >= 3.11 with its venv module (on Debian: apt install python3-venv); tried: $(CANDIDATES)" >&2; \
+	  exit 1; }
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
+	@touch $@
+
+clean:
+	rm -rf out build dist .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis
+	find $(wildcard kinematics planner controllers benchmarks pulsepath tests) -name __pycache__ -prune -exec rm -rf {} +

@@ -1,0 +1,1 @@
+"""Gain sweeps, published cases, comparisons with peers, reports and figures."""

@@ -1,0 +1,51 @@
+"""What the classical timing would take on the same path: the baseline of every saving that is quoted."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from kinematics.errors import MotionError
+from planner.certify import Certificate, certify
+from planner.limits import limits_of
+from planner.plan import Plan
+from planner.solve import ROUNDS, assemble
+from planner.timing.problem import Run, grid, pose_problem
+from planner.timing.trapezoid import trapezoid
+from planner.trajectory import Trajectory
+
+# Grid points of a run; the certificate finds what lies between.
+INTERVALS = 300
+MARGIN = 2e-7
+
+
+@dataclass(frozen=True, slots=True)
+class Classical:
+    """The trapezoidal motion, and its own proof at order 2 (its acceleration steps, so no jerk limit could hold)."""
+
+    trajectory: Trajectory
+    certificate: Certificate
+
+    @property
+    def duration(self) -> float:
+        return self.trajectory.duration
+
+
+def classical(plan: Plan) -> Classical:
+    """On each segment a trapezoid in arc length, with the largest constant speed and acceleration that its certificate allows at order 2."""
+    limits = limits_of(plan.path, plan.machine.axes, 2)
+    stops = np.flatnonzero(plan.path.stops(2))
+    problems = [
+        pose_problem(plan.path, limits, *grid(plan.path, Run(int(a), int(b) - 1), INTERVALS)) for a, b in zip(stops[:-1], stops[1:], strict=True)
+    ]
+    profiles = [trapezoid(problem) for problem in problems]
+    for _ in range(ROUNDS):
+        trajectory, owner = assemble(plan.path, profiles, stops)
+        certificate = certify(trajectory, limits)
+        if certificate.holds:
+            return Classical(trajectory, certificate)
+        for n, profile in enumerate(profiles):
+            k = max(limit.slowness(float(certificate.use[limit.name][owner == n].max())) for limit in limits)
+            if k > 1:
+                k *= 1 + MARGIN
+                profiles[n] = replace(profile, v=profile.v / k, a=profile.a / k**2, h=profile.h * k)
+    raise MotionError(f"the classical timing could not be proved within {ROUNDS} rounds; what remained:\n{certificate}")

@@ -1,0 +1,166 @@
+"""Figures of a plan, made from the plan alone: each function draws on `ax`, or on a figure of its own, and returns the axes."""
+
+from itertools import groupby
+from typing import Any, Literal, cast
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from mpl_toolkits.mplot3d import Axes3D
+from mpl_toolkits.mplot3d.art3d import Line3DCollection
+
+from kinematics.array import Array
+from kinematics.axis import Axis
+from kinematics.pose import from_numbers
+from planner.certify import Certificate
+from planner.plan import Plan
+from planner.trajectory import Trajectory
+
+Quantity = Literal["position", "speed", "acceleration", "jerk"]
+
+PALETTE = ("#0072B2", "#E69F00", "#009E73", "#D55E00", "#CC79A7", "#56B4E9", "#7F7F7F")
+"""Colours that colour-blind readers tell apart [Okabe and Ito 2008], with grey for their yellow and black."""
+DASHES = ("-", "--", "-.", ":")
+ACTIVE = 0.99
+"""The share of a limit from which on it holds the motion back."""
+SAMPLES = 2000
+"""Instants drawn, beside the knots of the trajectory."""
+BINS = 600
+"""Windows of time over which pulse rates are averaged."""
+
+_UNIT = {"linear": ("mm", 1e3), "rotary": ("°", 180 / np.pi)}
+_DERIVATIVE = {"position": ("q", ""), "speed": ("qd", "/s"), "acceleration": ("qdd", "/s²"), "jerk": ("qddd", "/s³")}
+
+
+def path_in_space(plan: Plan, ax: Axes3D | None = None) -> Axes3D:
+    """The way of the platform's origin in the program's frame, coloured by its speed, and where it rests."""
+    if ax is None:
+        ax = cast(Axes3D, Figure(figsize=(8, 6.4), layout="constrained").add_subplot(projection="3d"))
+    state = plan.trajectory.at(instants(plan.trajectory))
+    pose = from_numbers(plan.path.pose_numbers(state.s, state.piece))
+    from_home = plan.program.frame == "home"
+    position = 1e3 * (plan.machine.home.inv() * pose if from_home else pose).translation
+    speed = 1e3 * np.linalg.norm(state.tool_velocity, axis=1)
+    line = Line3DCollection(list(np.stack([position[:-1], position[1:]], 1)), cmap="viridis", linewidths=2.5)
+    line.set_array((speed[:-1] + speed[1:]) / 2)
+    ax.add_collection3d(line)
+    rest = position[speed <= 1e-6 * speed.max(initial=0.0)]
+    ax.scatter(*rest.T, color="black", s=14, depthshade=False, label="at rest")
+    ax.scatter(*position[0], s=80, facecolor="none", edgecolor="black", depthshade=False, label="start")
+    least = np.ptp(position, axis=0).max() / 20
+    for name, values in zip("xyz", position.T, strict=True):
+        middle, half = (values.max() + values.min()) / 2, max(np.ptp(values) / 2, least)
+        ax.set(**{f"{name}lim": (middle - half, middle + half), f"{name}label": f"{name} (mm)"})
+    ax.set_aspect("equal")
+    ax.set_title(f"Path in space, from the machine's {'home pose' if from_home else 'base frame'}")
+    ax.legend(loc="upper left", frameon=False)
+    root = ax.get_figure(root=True)
+    if root is not None:
+        root.colorbar(line, ax=ax, label="speed of the platform's origin (mm/s)", shrink=0.6, pad=0.1)
+    return ax
+
+
+def axis_motion(plan: Plan, quantity: Quantity, ax: Axes | None = None, kind: Literal["linear", "rotary"] | None = None) -> Axes:
+    """Position (from home), speed, acceleration or jerk of every axis over time, between its limits.
+
+    kind  which axes, since lengths and angles share no scale; None: the kind of the first axis
+    """
+    ax = new_axes(ax)
+    axes = plan.machine.axes
+    kind = axes[0].kind if kind is None else kind
+    unit, scale = _UNIT[kind]
+    attribute, per = _DERIVATIVE[quantity]
+    t = instants(plan.trajectory)
+    values: Array = getattr(plan.trajectory.at(t), attribute) - (plan.machine.home_q if quantity == "position" else 0.0)
+    chosen = [n for n, axis in enumerate(axes) if axis.kind == kind]
+    for place, n in enumerate(chosen):
+        ax.plot(t, scale * values[:, n], label=axes[n].name, **_style(place))
+    bounds = [_bounds(axes[n], quantity) for n in chosen]
+    for level in sorted({bound for pair in bounds for bound in pair if np.isfinite(bound)}):
+        owners = [place for place, pair in enumerate(bounds) if level in pair]
+        color = "black" if len(owners) == len(chosen) else PALETTE[owners[0] % len(PALETTE)]
+        ax.axhline(scale * level, color=color, linestyle=(0, (6, 3)), linewidth=1)
+    ax.set(xlabel="time (s)", ylabel=f"{quantity} ({unit}{per})", xlim=(0, plan.trajectory.duration))
+    return ax
+
+
+def limit_use(plan: Plan, ax: Axes | None = None, over: Literal["path", "time"] = "path") -> Axes:
+    """The proven use of every limit along the path or over time; the band on top names the limit that holds the motion back."""
+    ax = new_axes(ax)
+    trajectory, certificate = plan.trajectory, plan.certificate
+    s = np.append(trajectory.s, trajectory.at(trajectory.duration).s)
+    edges = trajectory.knots if over == "time" else 1e3 * s
+    for n, (name, use) in enumerate(certificate.use.items()):
+        ax.stairs(use, edges, label=name, baseline=None, **_style(n))
+    names, active = list(certificate.use), active_limits(certificate)
+    for owner, run in groupby(range(len(active)), key=lambda k: int(active[k])):
+        pieces = list(run)
+        color = "#E8E8E8" if owner < 0 else PALETTE[owner % len(PALETTE)]
+        low, high = edges[pieces[0]], edges[pieces[-1] + 1]
+        ax.broken_barh([(low, high - low)], (1.06, 0.12), facecolor=color, linewidth=0)
+    for edge, number in _segments(trajectory, edges):
+        ax.axvline(edge, color="#B0B0B0", linewidth=0.8, zorder=0)
+        ax.annotate(f"{number}", (edge, 1.2), xytext=(2, 0), textcoords="offset points", fontsize="small", color="#606060")
+    ax.axhline(1.0, color="black", linestyle=(0, (6, 3)), linewidth=1)
+    label = "time (s)" if over == "time" else "way along the path (mm)"
+    ax.set(xlabel=label, ylabel="proven share of the limit", xlim=(edges[0], edges[-1]), ylim=(0, 1.3), yticks=np.linspace(0, 1, 5))
+    ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.22), ncols=max(len(names), 1), frameon=False)
+    return ax
+
+
+def active_limits(certificate: Certificate) -> np.ndarray:
+    """(M,) for each time piece the place in `certificate.use` of the limit that is used most; −1 where none is near 1."""
+    use = np.stack(list(certificate.use.values()))
+    return np.where(use.max(0) >= ACTIVE, use.argmax(0), -1)
+
+
+def pulse_rate(plan: Plan, ax: Axes | None = None) -> Axes:
+    """Pulses per second of every axis over time, averaged over 1/600 of the duration, and the rate limit where there is one."""
+    ax = new_axes(ax)
+    edges = np.linspace(0, plan.pulses.duration, BINS + 1)
+    for n, axis in enumerate(plan.pulses.axes):
+        fired, _ = np.histogram(axis.ticks / plan.pulses.clock_hz, edges)
+        ax.plot((edges[1:] + edges[:-1]) / 2, fired / np.diff(edges) / 1e3, label=axis.name, **_style(n))
+    for rate in {axis.max_pulse_rate for axis in plan.machine.axes if axis.max_pulse_rate is not None}:
+        ax.axhline(rate / 1e3, color="black", linestyle=(0, (6, 3)), linewidth=1)
+    ax.set(xlabel="time (s)", ylabel="pulse rate (1000/s)", xlim=(0, plan.pulses.duration))
+    ax.set_ylim(bottom=0)
+    return ax
+
+
+def path_speed(trajectory: Trajectory, ax: Axes | None = None, **style: Any) -> Axes:
+    """The speed along the path over time; `style` goes to the line, so that two timings can share the axes."""
+    ax = new_axes(ax)
+    t = instants(trajectory)
+    ax.plot(t, 1e3 * trajectory.at(t).sd, **style)
+    ax.set(xlabel="time (s)", ylabel="speed along the path (mm/s)")
+    return ax
+
+
+def instants(trajectory: Trajectory) -> Array:
+    """Instants (N,) to draw a trajectory at: evenly spaced ones, and its knots."""
+    return np.union1d(np.linspace(0, trajectory.duration, SAMPLES), trajectory.knots)
+
+
+def new_axes(ax: Axes | None) -> Axes:
+    """`ax`, or the axes of a new figure; pyplot is not involved, so nothing is shown or kept."""
+    return Figure(figsize=(9, 3.4), layout="constrained").add_subplot() if ax is None else ax
+
+
+def _style(n: int) -> dict[str, Any]:
+    """Colour and dash of the n-th line."""
+    return {"color": PALETTE[n % len(PALETTE)], "linestyle": DASHES[n // len(PALETTE) % len(DASHES)], "linewidth": 1.3}
+
+
+def _bounds(axis: Axis, quantity: Quantity) -> tuple[float, float]:
+    if quantity == "position":
+        return axis.travel
+    bound = getattr(axis, f"max_{quantity}")
+    return (-np.inf, np.inf) if bound is None else (-bound, bound)
+
+
+def _segments(trajectory: Trajectory, edges: Array) -> list[tuple[float, int]]:
+    """Where each segment of the program begins, and its number."""
+    starts = np.flatnonzero(np.diff(trajectory.piece, prepend=-1))
+    numbered = [(float(edges[k]), trajectory.path.segment(int(trajectory.piece[k]))) for k in starts]
+    return [(edge, number) for edge, number in numbered if number is not None]
