@@ -8,7 +8,20 @@ from kinematics.machine import Machine
 from kinematics.margins import Margins
 from kinematics.pose import Pose
 
-__all__ = ["Axis", "Fault", "FileError", "Forward", "Hexapod", "Machine", "Margins", "MotionError", "OutOfReach", "Pose", "load_machine", "machine_names"]
+__all__ = [
+    "Axis",
+    "Fault",
+    "FileError",
+    "Forward",
+    "Hexapod",
+    "Machine",
+    "Margins",
+    "MotionError",
+    "OutOfReach",
+    "Pose",
+    "load_machine",
+    "machine_names",
+]
 
 
 def load_machine(name_or_path: str) -> Machine:

@@ -17,7 +17,8 @@ _BLOCKS = (256, 16, 1)
 class Expression:
     """A function of one column of inputs, x (k,) -> values (m,); called on (N, k) it returns (N, m).
 
-    The input is handed to CasADi as it lies in memory: time first is column-major for CasADi, so nothing is copied twice.
+    The input is handed to CasADi as it lies in memory: time first is column-major for CasADi, so nothing is copied
+    twice.
     """
 
     def __init__(self, name: str, inputs: ca.SX, outputs: ca.SX) -> None:
@@ -43,8 +44,8 @@ class Expression:
             mapped = self.function.map(size)
             buffer, run = mapped.buffer()
             arguments, results = np.zeros((size, self.size[0])), np.zeros((size, self.size[1]))
-            buffer.set_arg(0, memoryview(arguments))
-            buffer.set_res(0, memoryview(results))
+            buffer.set_arg(0, memoryview(arguments))  # type: ignore[call-arg, arg-type]  # CasADi's stubs miss this overload
+            buffer.set_res(0, memoryview(results))  # type: ignore[call-arg, arg-type]
             self._alive += [mapped, buffer]
             self._blocks[size] = (arguments, results, run)
         return self._blocks[size]
@@ -67,7 +68,9 @@ class Expression:
         order = x[0].order
         work: dict[int, Series] = {}
         out: list[Series] = [Series.constant(np.zeros(1), order)] * self.size[1]
-        with np.errstate(invalid="ignore", over="ignore"):  # an unbounded ball may turn into nan: both read as "no bound"
+        with np.errstate(
+            invalid="ignore", over="ignore"
+        ):  # an unbounded ball may turn into nan: both read as "no bound"
             for operation, read, write, constant in self._program:
                 if operation == ca.OP_INPUT:
                     work[write[0]] = x[read[1]]
@@ -78,7 +81,9 @@ class Expression:
                 elif operation in _RULES:
                     work[write[0]] = _RULES[operation](*(work[k] for k in read))
                 else:
-                    raise MotionError(f"{self.function.name()}: CasADi operation {operation} has no Taylor rule; add it to _RULES")
+                    raise MotionError(
+                        f"{self.function.name()}: CasADi operation {operation} has no Taylor rule; add it to _RULES"
+                    )
         return out
 
 

@@ -32,8 +32,8 @@ FINEST = 2.0**-12
 class Forward:
     """pose; residual (N,) largest |inverse(pose) − q|; certified (N,) bool. Plain scalars for a single q.
 
-    certified: the straight motion from `near` to this pose meets no singularity, proved cell by cell over the whole motion, so the
-    machine can be in no other assembly mode without having crossed one.
+    certified: the straight motion from `near` to this pose meets no singularity, proved cell by cell over the whole
+    motion, so the machine can be in no other assembly mode without having crossed one.
     """
 
     pose: Pose
@@ -45,20 +45,24 @@ def solve(machine: Machine, q: Array, near: Pose) -> Forward:
     """Damped Newton in the twist of the platform, batched, then the certificate."""
     rows = np.atleast_2d(q)
     if rows.ndim != 2 or rows.shape[1] != len(machine.axes) or not np.isfinite(rows).all():
-        raise MotionError(f"machine {machine.name}: forward takes finite coordinates (N, {len(machine.axes)}), not shape {q.shape}")
+        raise MotionError(
+            f"machine {machine.name}: forward takes finite coordinates (N, {len(machine.axes)}), not shape {q.shape}"
+        )
     start = np.broadcast_to(numbers(near), (len(rows), 12))
     x = _newton(machine, rows, start.copy())
     pose = from_numbers(x)
     residual = np.abs(machine.inverse_map(numbers(pose)) - rows).max(1)
     certified = residual < CONVERGED
-    certified[certified] = regular(machine, from_numbers(start[certified]), pose[certified]) if certified.any() else False
+    certified[certified] = (
+        regular(machine, from_numbers(start[certified]), pose[certified]) if certified.any() else False
+    )
     if q.ndim == 1:
         return Forward(pose[0], residual[0], certified[0])
     return Forward(pose, frozen(residual), frozen(certified))
 
 
 def _newton(machine: Machine, q: Array, x: Array) -> Array:
-    """x ← exp(δ) x with J δ = q − inverse(x); a step that does not reduce the residual is halved, at most one radian is turned."""
+    """x ← exp(δ) x with J δ = q − inverse(x), turning one radian at most; a step that gains nothing is quartered."""
     error = q - machine.inverse_map(x)
     active, floor = np.arange(len(q)), max(1.0, np.abs(q).max())
     damping = np.ones(len(q))
@@ -84,10 +88,9 @@ def _newton(machine: Machine, q: Array, x: Array) -> Array:
 
 def _solve(jacobian: Array, error: Array) -> Array:
     try:
-        solution: Array = np.linalg.solve(jacobian, error[..., None])[..., 0]
+        return np.asarray(np.linalg.solve(jacobian, error[..., None])[..., 0], float)
     except np.linalg.LinAlgError:  # a pose of the batch is exactly singular
-        solution = (np.linalg.pinv(jacobian) @ error[..., None])[..., 0]
-    return solution
+        return np.asarray((np.linalg.pinv(jacobian) @ error[..., None])[..., 0], float)
 
 
 def _moved(x: Array, twist: Array) -> Array:
@@ -104,9 +107,9 @@ def _motion() -> Expression:
 def regular(machine: Machine, start: RigidTransform, end: RigidTransform) -> np.ndarray:
     """(N,) bool: proved that the Jacobian is nonsingular along the whole straight motion from start to end.
 
-    The motion is cut into cells. Over a cell with centre c, J = J_c + J_1 τ + J_2(τ) τ², |τ| ≤ 1, in guaranteed Taylor arithmetic.
-    With C ≈ J_c⁻¹, ‖I − C J(τ)‖_∞ ≤ ‖|I − C J_c| + |C J_1| + |C| |J_2|‖_∞ < 1 proves J(τ) nonsingular for every τ.
-    Cells that fail are halved. Columns of rotation are scaled by the characteristic length.
+    The motion is cut into cells. Over a cell with centre c, J = J_c + J_1 τ + J_2(τ) τ², |τ| ≤ 1, in guaranteed Taylor
+    arithmetic. With C ≈ J_c⁻¹, ‖I − C J(τ)‖_∞ ≤ ‖|I − C J_c| + |C J_1| + |C| |J_2|‖_∞ < 1 proves J(τ) nonsingular for
+    every τ. Cells that fail are halved. Columns of rotation are scaled by the characteristic length.
     """
     parameters = straight_numbers(start, end, 1.0)
     pending = np.arange(len(parameters))

@@ -46,7 +46,10 @@ class Hexapod(Machine):
         self.base, self.platform = _points(name, "base", base), _points(name, "platform", platform)
         if len(axes) != 6:
             raise MotionError(f"machine {name}: {len(axes)} axes; a hexapod has 6")
-        self.base_rest, self.platform_rest = _directions(name, "base_rest", base_rest), _directions(name, "platform_rest", platform_rest)
+        self.base_rest, self.platform_rest = (
+            _directions(name, "base_rest", base_rest),
+            _directions(name, "platform_rest", platform_rest),
+        )
         self.tilt_names = tuple(f"{axis.name} {end} joint" for end in ("base", "platform") for axis in axes)
         ends = max_tilt if isinstance(max_tilt, tuple) else (max_tilt, max_tilt)
         self.max_tilt = frozen(np.repeat([np.pi if end is None else end for end in ends], 6))
@@ -61,7 +64,7 @@ class Hexapod(Machine):
         return ca.vertcat(*(ca.norm_2(leg) for leg in self._legs(position, rotation)))
 
     def tilts(self, position: ca.SX, rotation: ca.SX) -> ca.SX:
-        """cos of the angle between leg and rest axis: base joints in the base frame, platform joints in the moving frame."""
+        """cos of the angle between leg and rest axis: base joints first, then platform joints, each in its frame."""
         legs = self._legs(position, rotation)
         base = [ca.dot(leg, rest) for leg, rest in zip(legs, self.base_rest, strict=True)]
         platform = [ca.dot(leg, rotation @ rest) for leg, rest in zip(legs, self.platform_rest, strict=True)]
@@ -72,7 +75,9 @@ class Hexapod(Machine):
 def _points(machine: str, what: str, values: ArrayLike) -> Array:
     points = np.asarray(values, float)
     if points.shape != (6, 3) or not np.isfinite(points).all():
-        raise MotionError(f"machine {machine}: {what} must be six finite points (6, 3) in m, not an array of shape {points.shape}")
+        raise MotionError(
+            f"machine {machine}: {what} must be six finite points (6, 3) in m, not an array of shape {points.shape}"
+        )
     return frozen(points)
 
 

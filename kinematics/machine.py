@@ -21,18 +21,20 @@ from kinematics.pose import Pose, numbers, symbols
 class Machine(ABC):
     """A machine of n axes that carries a platform (or tool).
 
-    A kind of machine states its map from pose to actuator coordinates once, symbolically, in `expression`; numeric evaluation,
-    Jacobian, path derivatives, guaranteed enclosures and optimisation all come from that.
+    A kind of machine states its map from pose to actuator coordinates once, symbolically, in `expression`; numeric
+    evaluation, Jacobian, path derivatives, guaranteed enclosures and optimisation all come from that.
     """
 
     freedom: ClassVar[tuple[str, ...]] = ("x", "y", "z", "rx", "ry", "rz")
     characteristic_length: float
-    """m that count as one radian where lengths and angles meet: condition numbers, the path parameter of a pure turn."""
+    """m that count as one radian where lengths and angles meet, as in the path parameter of a pure turn."""
 
     def __init__(self, name: str, axes: Sequence[Axis], home: Pose) -> None:
         self.name, self.axes, self.home = name, tuple(axes), home
         if len({axis.name for axis in self.axes}) < len(self.axes):
-            raise MotionError(f"machine {name}: two axes have the same name; names tell the limits of one from another's")
+            raise MotionError(
+                f"machine {name}: two axes have the same name; names tell the limits of one from another's"
+            )
         self.home_q: Array = frozen(self.inverse(home))
 
     @abstractmethod
@@ -55,7 +57,7 @@ class Machine(ABC):
 
     @cached_property
     def jacobian_map(self) -> Expression:
-        """Pose numbers (12) -> J (n, 6) row by row: dq = J [dx, dy, dz, wx, wy, wz], base frame, about the platform's origin."""
+        """Pose numbers (12) -> J (n, 6) row by row, as in `jacobian`."""
         x, twist = ca.SX.sym("x", 12), ca.SX.sym("twist", 6)
         position, rotation = symbols(x)
         moved = self.expression(position + twist[:3], rotation + ca.skew(twist[3:]) @ rotation)
@@ -78,11 +80,17 @@ class Machine(ABC):
         if lost.any():
             first = int(np.argmax(lost))
             where = np.atleast_2d(pose.translation)[first]
-            raise OutOfReach(f"machine {self.name}: no actuator coordinates reach pose {first}, position {where * 1e3} mm; bring it nearer")
+            raise OutOfReach(
+                f"machine {self.name}: no actuator coordinates reach pose {first}, "
+                f"position {where * 1e3} mm; bring it nearer"
+            )
         return q[0] if pose.single else q
 
     def jacobian(self, pose: Pose) -> Array:
-        """J (N, n, 6) of N poses, (n, 6) of one: dq = J [dx, dy, dz, wx, wy, wz], base frame, about the platform's origin."""
+        """J (N, n, 6) of N poses, (n, 6) of one: dq = J [dx, dy, dz, wx, wy, wz] in the base frame.
+
+        The velocity is that of the platform's origin, the reference point.
+        """
         j = self.jacobian_map(numbers(pose)).reshape(-1, len(self.axes), 6)
         return j[0] if pose.single else j
 

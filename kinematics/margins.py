@@ -33,7 +33,7 @@ class Margins:
     @property
     def ok(self) -> np.ndarray:
         """(N,) bool: every limit respected."""
-        return self._all().max(1) <= 1 + ROUNDING
+        return np.asarray(self._all().max(1) <= 1 + ROUNDING)
 
     def worst(self) -> str:
         """Name and use of the limit that is used most, over all poses."""
@@ -54,4 +54,9 @@ def measure(machine: Machine, pose: Pose) -> Margins:
     with np.errstate(invalid="ignore"):  # unlimited travel: ∞ / ∞
         travel = np.abs(np.atleast_2d(machine.inverse(pose)) - machine.home_q - (lo + hi) / 2) / ((hi - lo) / 2)
     tilt = np.arccos(np.clip(machine.tilt_map(x), -1.0, 1.0)) / machine.max_tilt
-    return Margins(frozen(np.nan_to_num(travel, nan=0.0)), frozen(tilt), tuple(axis.name for axis in machine.axes), machine.tilt_names)
+    return Margins(
+        frozen(np.nan_to_num(travel, nan=0.0)),
+        frozen(tilt),
+        tuple(axis.name for axis in machine.axes),
+        machine.tilt_names,
+    )

@@ -1,6 +1,7 @@
 """Poses: SciPy's rigid transforms outside, twelve plain numbers inside compiled code.
 
-The twelve numbers are the position (3) and the rotation matrix row by row (9), of the platform's frame in the base frame.
+The twelve numbers are the position (3) and the rotation matrix row by row (9), of the platform's frame in the base
+frame.
 """
 
 import casadi as ca
@@ -56,7 +57,9 @@ def straight_numbers(start: Pose, end: Pose, length: Array | float) -> Array:
     axis, angle = axis_angle(start.rotation, end.rotation)
     length = np.broadcast_to(np.asarray(length, float), len(angle))
     first = np.broadcast_to(numbers(start)[:, 3:], (len(angle), 9))
-    return np.concatenate([np.broadcast_to(p0, p1.shape), (p1 - p0) / length[:, None], first, axis, (angle / length)[:, None]], 1)
+    return np.concatenate(
+        [np.broadcast_to(p0, p1.shape), (p1 - p0) / length[:, None], first, axis, (angle / length)[:, None]], 1
+    )
 
 
 def axis_angle(start: Rotation, end: Rotation) -> tuple[Array, Array]:

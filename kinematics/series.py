@@ -1,9 +1,9 @@
 """Truncated Taylor series with guaranteed error: ball arithmetic on the coefficients.
 
-A series holds, for every entry of an array, the coefficients c_0 … c_d of c_k τ^k, each as a ball |c_k − mid_k| ≤ rad_k.
-The balls enclose the exact coefficients: the error of the arguments and the rounding of every operation are carried along.
-Recurrences of automatic differentiation: Moore, Kearfott, Cloud, Introduction to Interval Analysis (2009), chapter 9.
-Balls (midpoint and radius): Rump, Acta Numerica 19 (2010), section 5.
+A series holds, for every entry of an array, the coefficients c_0 … c_d of c_k τ^k, each as a ball |c_k − mid_k| ≤
+rad_k. The balls enclose the exact coefficients: the error of the arguments and the rounding of every operation are
+carried along. Recurrences of automatic differentiation: Moore, Kearfott, Cloud, Introduction to Interval Analysis
+(2009), chapter 9. Balls (midpoint and radius): Rump, Acta Numerica 19 (2010), section 5.
 """
 
 from __future__ import annotations
@@ -161,11 +161,16 @@ class Series:
         """k s_k = Σ j θ_j c_{k−j},  k c_k = −Σ j θ_j s_{k−j}, with j from 1 to k."""
         order = self.order if self.degree else 0
         shape = self.mid.shape[1:]
-        sine, cosine = (Series(np.zeros((order + 1, *shape)), np.zeros((order + 1, *shape)), self.order) for _ in range(2))
+        sine, cosine = (
+            Series(np.zeros((order + 1, *shape)), np.zeros((order + 1, *shape)), self.order) for _ in range(2)
+        )
         for out, value, slope in ((sine, np.sin, np.cos), (cosine, np.cos, np.sin)):
             out.mid[0] = value(self.mid[0])
             # second-order bound, and never more than the whole range; libm is trusted to two units in the last place
-            out.rad[0] = np.minimum(np.abs(slope(self.mid[0])) * self.rad[0] + self.rad[0] ** 2 / 2, 2.0) * (1 + 4 * EPS) + 4 * EPS
+            out.rad[0] = (
+                np.minimum(np.abs(slope(self.mid[0])) * self.rad[0] + self.rad[0] ** 2 / 2, 2.0) * (1 + 4 * EPS)
+                + 4 * EPS
+            )
         rate = self.derivative()
         for k in range(1, order + 1):
             up, down = _convolve(rate, _head(cosine, k), k - 1), _convolve(rate, _head(sine, k), k - 1)

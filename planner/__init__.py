@@ -12,8 +12,8 @@ from planner.solve import Solution
 from planner.trajectory import State, Trajectory
 
 __all__ = [
-    "Arc", "Blend", "Certificate", "Dwell", "Infeasible", "Line", "Place", "Plan", "Program", "PulseSchedule", "Solution",
-    "State", "Stop", "Trajectory", "Turn", "check", "load_program", "plan", "program_names", "time_optimal",
+    "Arc", "Blend", "Certificate", "Dwell", "Infeasible", "Line", "Place", "Plan", "Program", "PulseSchedule",
+    "Solution", "State", "Stop", "Trajectory", "Turn", "check", "load_program", "plan", "program_names", "time_optimal",
 ]  # fmt: skip
 
 

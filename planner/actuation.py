@@ -22,7 +22,7 @@ Derivatives = tuple[Array, Array, Array, Array]
 
 
 class ActuatorPath(Protocol):
-    """q(s) of n axes: P smooth pieces between `breaks` (P+1,), which tell of `s` on a break which side is meant by the piece's index."""
+    """q(s) of n axes: P smooth pieces between `breaks` (P+1,). For s on a break the piece's index tells the side."""
 
     @property
     def breaks(self) -> Array: ...
@@ -46,7 +46,7 @@ class ActuatorPath(Protocol):
         """(N, 3) dp/ds of the platform's origin, None where there is no machine."""
 
     def enclose(self, s: Series, piece: np.ndarray) -> tuple[Series, Series | None]:
-        """q as series (order+1, N, n) of whatever s (order+1, N) is a series of, and the pose's numbers (order+1, N, 12)."""
+        """q (order+1, N, n) and the pose's numbers (order+1, N, 12), as series of whatever s (order+1, N) is one of."""
 
 
 @lru_cache(maxsize=64)
@@ -72,7 +72,8 @@ class MachinePath:
         self._shapes = list({piece.shape: None for piece in pieces})
         self._shape_of = np.array([self._shapes.index(piece.shape) for piece in pieces])
         self._parameters = [
-            np.array([p.parameters if p.shape is shape else np.zeros(shape.size) for p in pieces]) for shape in self._shapes
+            np.array([p.parameters if p.shape is shape else np.zeros(shape.size) for p in pieces])
+            for shape in self._shapes
         ]
 
     def stops(self, order: int) -> np.ndarray:
@@ -129,7 +130,10 @@ class PolynomialPath:
         stops = np.ones(len(self.breaks), bool)
         stops[inner] = False
         for k in range(1, order):
-            gap, size = np.abs(left[k] - right[k]).max(1), np.maximum(np.abs(left[k]), np.abs(right[k])).max(initial=0.0)
+            gap, size = (
+                np.abs(left[k] - right[k]).max(1),
+                np.maximum(np.abs(left[k]), np.abs(right[k])).max(initial=0.0),
+            )
             stops[inner] |= gap > SMOOTH * size
         return stops
 

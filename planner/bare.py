@@ -16,16 +16,22 @@ from planner.solve import Solution, fastest
 CONTINUOUS = 1e-9
 
 
-def time_optimal(path: Any, *, max_speed: ArrayLike, max_acceleration: ArrayLike, max_jerk: ArrayLike | None = None) -> Solution:
+def time_optimal(
+    path: Any, *, max_speed: ArrayLike, max_acceleration: ArrayLike, max_jerk: ArrayLike | None = None
+) -> Solution:
     """The fastest certified motion along s -> (n,) axis values, from rest to rest, stopping at corners.
 
-    path: a SciPy piecewise polynomial (PPoly, CubicSpline, Akima, …, BSpline, BPoly) of any parameter; limits: scalars or (n,), on
-    |q̇|, |q̈| and, where given, |q⃛|, in units of the values per second. Corners are breaks where q′ jumps, and under a jerk limit also
-    breaks where q″ jumps. Raises MotionError for what is no path: a jump, a value that is not finite, nothing that moves.
+    path: a SciPy piecewise polynomial (PPoly, CubicSpline, Akima, …, BSpline, BPoly) of any parameter; limits: scalars
+    or (n,), on |q̇|, |q̈| and, where given, |q⃛|, in units of the values per second. Corners are breaks where q′ jumps,
+    and under a jerk limit also breaks where q″ jumps. Raises MotionError for what is no path: a jump, a value that is
+    not finite, nothing that moves.
     """
     breaks, coefficients = _pieces(path)
     count = coefficients.shape[2]
-    bounds = [_per_axis(name, values, count) for name, values in (("max_speed", max_speed), ("max_acceleration", max_acceleration), ("max_jerk", max_jerk))]
+    bounds = [
+        _per_axis(name, values, count)
+        for name, values in (("max_speed", max_speed), ("max_acceleration", max_acceleration), ("max_jerk", max_jerk))
+    ]
     axes = [
         Axis(name=f"axis{k + 1}", max_speed=speed, max_acceleration=acceleration, max_jerk=jerk)
         for k, (speed, acceleration, jerk) in enumerate(zip(*bounds, strict=True))
@@ -51,7 +57,7 @@ def _pieces(path: Any) -> tuple[Array, Array]:
 
     if isinstance(path, BSpline):
         low, high = path.t[path.k], path.t[len(path.t) - path.k - 1]
-        path = PPoly.from_spline(path)
+        path = PPoly.from_spline(path)  # type: ignore[arg-type]  # takes a BSpline since SciPy 1.8
         inside = (path.x[:-1] >= low) & (path.x[1:] <= high)
     elif isinstance(path, BPoly):
         path = PPoly.from_bernstein_basis(path)
@@ -59,11 +65,15 @@ def _pieces(path: Any) -> tuple[Array, Array]:
     elif isinstance(path, PPoly):
         inside = np.ones(len(path.x) - 1, bool)
     else:
-        raise MotionError(f"a path is a SciPy piecewise polynomial (PPoly, CubicSpline, BSpline, BPoly, …), not {type(path).__name__}")
+        raise MotionError(
+            f"a path is a SciPy piecewise polynomial (PPoly, CubicSpline, BSpline, BPoly, …), not {type(path).__name__}"
+        )
     if not (np.isfinite(path.c).all() and np.isfinite(path.x).all()) or path.c.dtype.kind != "f":
         raise MotionError("the path holds coefficients or breaks that are not finite real numbers")
     if path.c.ndim > 3:
-        raise MotionError(f"the path's values have shape {path.c.shape[2:]}; they must be one value, or (n,) axis values")
+        raise MotionError(
+            f"the path's values have shape {path.c.shape[2:]}; they must be one value, or (n,) axis values"
+        )
     if (np.diff(path.x) < 0).any():
         raise MotionError("the path's breaks fall; turn it round so that they rise")
     inside &= np.diff(path.x) > 0
@@ -82,4 +92,7 @@ def _check(path: PolynomialPath) -> None:
     extent = np.ptp(np.concatenate([left, right]), axis=0).max()
     if gap.max(initial=0.0) > CONTINUOUS * max(extent, np.abs(path.coefficients[-1]).max() * 1e-3):
         at, axis = np.unravel_index(int(np.argmax(gap)), gap.shape)
-        raise MotionError(f"the path jumps by {gap[at, axis]:.6g} in {path.names[axis]} at s = {path.breaks[at + 1]:.6g}; a motion cannot")
+        raise MotionError(
+            f"the path jumps by {gap[at, axis]:.6g} in {path.names[axis]} "
+            f"at s = {path.breaks[at + 1]:.6g}; a motion cannot"
+        )

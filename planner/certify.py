@@ -1,7 +1,8 @@
 """The certificate: a bound of every limit over continuous time, from the trajectory and the limits' `value` alone.
 
-Time is cut into cells; over each, the motion is enclosed by Taylor series (planner.enclosure) and a limit's value follows by its own
-formula. A cell's bound is its largest Bernstein coefficient plus the error; cells are halved until the bounds are tight.
+Time is cut into cells; over each, the motion is enclosed by Taylor series (planner.enclosure) and a limit's value
+follows by its own formula. A cell's bound is its largest Bernstein coefficient plus the error; cells are halved until
+the bounds are tight.
 """
 
 from collections.abc import Sequence
@@ -19,7 +20,8 @@ TOLERANCE = 1e-6
 """A limit holds when its proven bound is at most 1 + TOLERANCE: room for the solvers' own tolerance."""
 # How far above the attained value a bound may stay, and how long cells are halved for it.
 TIGHT, HALVINGS, MOST_CELLS = 5e-7, 24, 400_000
-# A jump of q, q̇ (and q̈ under jerk limits) between two pieces, as a share of the largest value met, up to which it is rounding.
+# A jump of q, q̇ (and q̈ under jerk limits) between two pieces, as a share of the largest value met, up to which it is
+# rounding.
 JUMP = 1e-9
 NARROW = 1e-3
 
@@ -59,7 +61,7 @@ class _Finding:
 
 
 def certify(trajectory: Trajectory, limits: Sequence[Limit]) -> Certificate:
-    """Prove what the trajectory uses of every limit, and that position, speed (and acceleration under jerk limits) never jump."""
+    """Prove what the trajectory uses of every limit, and that it is as smooth as its order asks: nothing jumps."""
     lengths = np.diff(trajectory.knots)
     cells = Cells(np.arange(len(lengths)), np.zeros(len(lengths)), lengths)[lengths > 0]
     findings = [_Finding() for _ in limits]
@@ -127,7 +129,9 @@ def _jumps(trajectory: Trajectory, cells: Cells, third: bool) -> dict[str, Place
         _, _, (left, _, right) = bounds(series, 2 * count)
         start, end = left[:count], right[count:]
         # before the first piece and after the last there is rest: where it stood, without speed or acceleration
-        before, after = (start[:1], end[-1:]) if name == "position jump" else (np.zeros_like(start[:1]), np.zeros_like(end[:1]))
+        before, after = (
+            (start[:1], end[-1:]) if name == "position jump" else (np.zeros_like(start[:1]), np.zeros_like(end[:1]))
+        )
         gaps = np.abs(np.concatenate([start, after]) - np.concatenate([before, end]))
         scale = np.ptp(start, axis=0).max() + 1e-6 * np.abs(start).max()
         if gaps.max() > JUMP * scale:

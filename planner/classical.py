@@ -1,6 +1,7 @@
 """What the classical timing would take on the same path: the baseline of every saving that is quoted."""
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -31,11 +32,15 @@ class Classical:
 
 
 def classical(plan: Plan) -> Classical:
-    """On each segment a trapezoid in arc length, with the largest constant speed and acceleration that its certificate allows at order 2."""
+    """On each segment a trapezoid in arc length, as fast as its certificate allows at order 2.
+
+    Speed and acceleration along the path are constant over the segment, the largest that keep every limit.
+    """
     limits = limits_of(plan.path, plan.machine.axes, 2)
     stops = np.flatnonzero(plan.path.stops(2))
     problems = [
-        pose_problem(plan.path, limits, *grid(plan.path, Run(int(a), int(b) - 1), INTERVALS)) for a, b in zip(stops[:-1], stops[1:], strict=True)
+        pose_problem(plan.path, limits, *grid(plan.path, Run(int(a), int(b) - 1), INTERVALS))
+        for a, b in pairwise(stops)
     ]
     profiles = [trapezoid(problem) for problem in problems]
     for _ in range(ROUNDS):

@@ -1,8 +1,8 @@
 """A motion over cells of time, with guaranteed error: Taylor series in time of the actuators and of the pose.
 
-s(t) is put into the path's own expression, so no chain rule of a solver takes part; q̇, q̈, q⃛ follow by differentiating the series.
-Remainder: Taylor's theorem with Lagrange's form, the last coefficient taken over the whole cell.
-Bernstein form: Farouki, Computer Aided Geometric Design 29 (2012), 379.
+s(t) is put into the path's own expression, so no chain rule of a solver takes part; q̇, q̈, q⃛ follow by
+differentiating the series. Remainder: Taylor's theorem with Lagrange's form, the last coefficient taken over the whole
+cell. Bernstein form: Farouki, Computer Aided Geometric Design 29 (2012), 379.
 """
 
 from dataclasses import dataclass
@@ -12,7 +12,6 @@ from math import comb
 import numpy as np
 
 from kinematics.array import Array, frozen
-from kinematics.errors import MotionError
 from kinematics.expression import Expression
 from kinematics.series import EPS, Series
 from planner.trajectory import Trajectory
@@ -41,7 +40,7 @@ class Cells:
 
 @dataclass(frozen=True, slots=True)
 class Enclosure:
-    """The motion over N cells: series in τ ∈ [−1, 1] about each centre in the first N rows, over the whole cell in the last N."""
+    """The motion over N cells, in τ ∈ [−1, 1]: the first N rows about each centre, the last N over the whole cell."""
 
     q: Series
     pose: Series | None
@@ -103,7 +102,8 @@ def _bernstein(powers: int) -> Array:
     return frozen(
         [
             [
-                sum((-1) ** (k - i) * comb(j, i) * comb(n - j, k - i) for i in range(max(0, k - n + j), min(j, k) + 1)) / comb(n, k)
+                sum((-1) ** (k - i) * comb(j, i) * comb(n - j, k - i) for i in range(max(0, k - n + j), min(j, k) + 1))
+                / comb(n, k)
                 for k in range(powers)
             ]
             for j in range(n + 1)
@@ -112,7 +112,7 @@ def _bernstein(powers: int) -> Array:
 
 
 def bounds(series: Series, cells: int) -> tuple[Array, Array, Array]:
-    """(low, high) of a series (…, 2·cells, m) over its cells, and its values (3, cells, m) at their start, centre and end."""
+    """Bounds low and high (cells, m) of a series, and its values (3, cells, m) at each cell's start, centre and end."""
     full = series.padded(series.order)
     polynomial, error = full.mid[:-1, :cells], full.rad[:-1, :cells].sum(0)
     remainder = np.abs(full.mid[-1, cells:]) + full.rad[-1, cells:]

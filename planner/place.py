@@ -7,7 +7,7 @@ from kinematics.errors import MotionError
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """A place along a plan: segment (from 1; None without a program), arc length s from the path's start (m), time (s; None before timing), and whose limit."""
+    """A place along a plan: path length s (m) and, where known, segment (from 1), time t (s) and whose limit."""
 
     s: float
     segment: int | None = None
@@ -25,10 +25,13 @@ class Place:
 
 
 class Infeasible(MotionError):
-    """The motion asked for cannot respect a limit: kind of limit, axis, place, value, limit and unit, and what to change."""
+    """The motion asked for cannot keep a limit: kind, axis, place, value and limit in a unit, and what to change."""
 
-    def __init__(self, kind: str, axis: str, place: Place | None, value: float, limit: float, unit: str, remedy: str) -> None:
+    def __init__(
+        self, kind: str, axis: str, place: Place | None, value: float, limit: float, unit: str, remedy: str
+    ) -> None:
         self.kind, self.axis, self.place = kind, axis, place
         self.value, self.limit, self.unit, self.remedy = value, limit, unit, remedy
         where = "" if place is None else f" at {place}"
-        super().__init__(f"{axis + ' ' if axis and (place is None or not place.axis) else ''}{kind} {value:.6g} {unit} is beyond {limit:.6g} {unit}{where}; {remedy}")
+        who = f"{axis} " if axis and (place is None or not place.axis) else ""
+        super().__init__(f"{who}{kind} {value:.6g} {unit} is beyond {limit:.6g} {unit}{where}; {remedy}")

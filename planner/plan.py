@@ -44,8 +44,8 @@ def actuate(program: Program, machine: Machine) -> MachinePath:
 def plan(program: Program, machine: Machine, *, order: int | None = None, clock_hz: int = 10_000_000) -> Plan:
     """The fastest motion of a machine along a program, proved to respect every limit, and its pulses.
 
-    order 2 keeps speed and acceleration, 3 jerk as well; None: 3 where the machine states jerk limits. Raises Infeasible (what, where,
-    by how much, remedy), OutOfReach, or MotionError.
+    order 2 keeps speed and acceleration, 3 jerk as well; None: 3 where the machine states jerk limits. Raises
+    Infeasible (what, where, by how much, remedy), OutOfReach, or MotionError.
     """
     if order is None:
         order = 3 if any(axis.max_jerk is not None for axis in machine.axes) else 2
@@ -58,11 +58,20 @@ def plan(program: Program, machine: Machine, *, order: int | None = None, clock_
     solution = fastest(path, limits, order)
     pulses = generate(solution.trajectory, machine.axes, machine.home_q, int(clock_hz))
     return Plan(
-        program, machine, path, limits, solution.trajectory, solution.certificate, pulses, order, solution.rounds, solution.methods
+        program,
+        machine,
+        path,
+        limits,
+        solution.trajectory,
+        solution.certificate,
+        pulses,
+        order,
+        solution.rounds,
+        solution.methods,
     )
 
 
 def check(program: Program, machine: Machine) -> list[Infeasible]:
-    """Everything along a program's path that no timing can help: travel and tilt beyond their limits, the worst first."""
+    """Everything along a program's path that no timing can help: travel and tilt beyond limits, the worst first."""
     path = actuate(program, machine)
     return violations(path, limits_of(path, machine.axes, 2))

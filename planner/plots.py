@@ -6,13 +6,13 @@ from typing import Any, Literal, cast
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 from mpl_toolkits.mplot3d import Axes3D
 from mpl_toolkits.mplot3d.art3d import Line3DCollection
 
 from kinematics.array import Array
 from kinematics.axis import Axis
 from kinematics.pose import from_numbers
-from planner.certify import Certificate
 from planner.plan import Plan
 from planner.trajectory import Trajectory
 
@@ -35,7 +35,7 @@ _DERIVATIVE = {"position": ("q", ""), "speed": ("qd", "/s"), "acceleration": ("q
 def path_in_space(plan: Plan, ax: Axes3D | None = None) -> Axes3D:
     """The way of the platform's origin in the program's frame, coloured by its speed, and where it rests."""
     if ax is None:
-        ax = cast(Axes3D, Figure(figsize=(8, 6.4), layout="constrained").add_subplot(projection="3d"))
+        ax = cast(Axes3D, Figure(figsize=(9, 5.4), layout="constrained").add_subplot(projection="3d"))
     state = plan.trajectory.at(instants(plan.trajectory))
     pose = from_numbers(plan.path.pose_numbers(state.s, state.piece))
     from_home = plan.program.frame == "home"
@@ -47,20 +47,23 @@ def path_in_space(plan: Plan, ax: Axes3D | None = None) -> Axes3D:
     rest = position[speed <= 1e-6 * speed.max(initial=0.0)]
     ax.scatter(*rest.T, color="black", s=14, depthshade=False, label="at rest")
     ax.scatter(*position[0], s=80, facecolor="none", edgecolor="black", depthshade=False, label="start")
-    least = np.ptp(position, axis=0).max() / 20
-    for name, values in zip("xyz", position.T, strict=True):
-        middle, half = (values.max() + values.min()) / 2, max(np.ptp(values) / 2, least)
-        ax.set(**{f"{name}lim": (middle - half, middle + half), f"{name}label": f"{name} (mm)"})
+    extent = np.ptp(position, axis=0)
+    for name, low, size in zip("xyz", position.min(0), extent, strict=True):
+        half = max(size, extent.max() / 10) / 2
+        ax.set(**{f"{name}lim": (low + size / 2 - half, low + size / 2 + half), f"{name}label": f"{name} (mm)"})
+        getattr(ax, f"{name}axis").set_major_locator(MaxNLocator(2 if 4 * size < extent.max() else 6))
     ax.set_aspect("equal")
     ax.set_title(f"Path in space, from the machine's {'home pose' if from_home else 'base frame'}")
     ax.legend(loc="upper left", frameon=False)
     root = ax.get_figure(root=True)
     if root is not None:
-        root.colorbar(line, ax=ax, label="speed of the platform's origin (mm/s)", shrink=0.6, pad=0.1)
+        root.colorbar(line, ax=ax, label="speed of the platform's origin (mm/s)", shrink=0.7, pad=0.1)
     return ax
 
 
-def axis_motion(plan: Plan, quantity: Quantity, ax: Axes | None = None, kind: Literal["linear", "rotary"] | None = None) -> Axes:
+def axis_motion(
+    plan: Plan, quantity: Quantity, ax: Axes | None = None, kind: Literal["linear", "rotary"] | None = None
+) -> Axes:
     """Position (from home), speed, acceleration or jerk of every axis over time, between its limits.
 
     kind  which axes, since lengths and angles share no scale; None: the kind of the first axis
@@ -87,12 +90,12 @@ def axis_motion(plan: Plan, quantity: Quantity, ax: Axes | None = None, kind: Li
 def limit_use(plan: Plan, ax: Axes | None = None, over: Literal["path", "time"] = "path") -> Axes:
     """The proven use of every limit along the path or over time; the band on top names the limit that holds the motion back."""
     ax = new_axes(ax)
-    trajectory, certificate = plan.trajectory, plan.certificate
+    trajectory = plan.trajectory
     s = np.append(trajectory.s, trajectory.at(trajectory.duration).s)
     edges = trajectory.knots if over == "time" else 1e3 * s
-    for n, (name, use) in enumerate(certificate.use.items()):
-        ax.stairs(use, edges, label=name, baseline=None, **_style(n))
-    names, active = list(certificate.use), active_limits(certificate)
+    for n, limit in enumerate(plan.limits):
+        ax.stairs(plan.certificate.use[limit.name], edges, label=limit.name, baseline=None, **_style(n))
+    active = active_limits(plan)
     for owner, run in groupby(range(len(active)), key=lambda k: int(active[k])):
         pieces = list(run)
         color = "#E8E8E8" if owner < 0 else PALETTE[owner % len(PALETTE)]
@@ -100,17 +103,28 @@ def limit_use(plan: Plan, ax: Axes | None = None, over: Literal["path", "time"] 
         ax.broken_barh([(low, high - low)], (1.06, 0.12), facecolor=color, linewidth=0)
     for edge, number in _segments(trajectory, edges):
         ax.axvline(edge, color="#B0B0B0", linewidth=0.8, zorder=0)
-        ax.annotate(f"{number}", (edge, 1.2), xytext=(2, 0), textcoords="offset points", fontsize="small", color="#606060")
+        ax.annotate(
+            f"{number}", (edge, 1.2), xytext=(2, 0), textcoords="offset points", fontsize="small", color="#606060"
+        )
     ax.axhline(1.0, color="black", linestyle=(0, (6, 3)), linewidth=1)
-    label = "time (s)" if over == "time" else "way along the path (mm)"
-    ax.set(xlabel=label, ylabel="proven share of the limit", xlim=(edges[0], edges[-1]), ylim=(0, 1.3), yticks=np.linspace(0, 1, 5))
-    ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.22), ncols=max(len(names), 1), frameon=False)
+    label = "time (s)" if over == "time" else "distance along the path (mm)"
+    ax.set(
+        xlabel=label,
+        ylabel="proven share of the limit",
+        xlim=(edges[0], edges[-1]),
+        ylim=(0, 1.3),
+        yticks=np.linspace(0, 1, 5),
+    )
+    ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.22), ncols=len(plan.limits), frameon=False)
     return ax
 
 
-def active_limits(certificate: Certificate) -> np.ndarray:
-    """(M,) for each time piece the place in `certificate.use` of the limit that is used most; −1 where none is near 1."""
-    use = np.stack(list(certificate.use.values()))
+def active_limits(plan: Plan) -> np.ndarray:
+    """(M,) for each time piece the index in `plan.limits` of the limit that holds the motion back; −1 where none is near 1.
+
+    Geometric limits, which no timing can help, hold nothing back.
+    """
+    use = np.stack([plan.certificate.use[limit.name] * (not limit.geometric) for limit in plan.limits])
     return np.where(use.max(0) >= ACTIVE, use.argmax(0), -1)
 
 

@@ -1,11 +1,11 @@
-"""The fastest certified motion along an actuator path: solve every run, prove the whole, tighten what does not hold, again."""
+"""The fastest certified motion along an actuator path: solve every run, prove the whole, tighten what fails, again."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
-from kinematics.array import Array
 from kinematics.errors import MotionError
 from planner.actuation import ActuatorPath
 from planner.certify import TOLERANCE, Certificate, certify
@@ -40,7 +40,7 @@ def fastest(path: ActuatorPath, limits: Sequence[Limit], order: int) -> Solution
     for refusal in violations(path, limits):
         raise refusal
     stops = np.flatnonzero(path.stops(order))
-    attempts = [attempt(path, limits, Run(int(a), int(b) - 1), order) for a, b in zip(stops[:-1], stops[1:], strict=True)]
+    attempts = [attempt(path, limits, Run(int(a), int(b) - 1), order) for a, b in pairwise(stops)]
     for rounds in range(1, ROUNDS + 1):
         trajectory, owner = assemble(path, [attempt.profile for attempt in attempts], stops)
         certificate = certify(trajectory, limits)
@@ -62,7 +62,9 @@ def assemble(path: ActuatorPath, profiles: Sequence[Profile], stops: np.ndarray)
             parts.append((_rest(path, int(stop)), -1))
         if n < len(profiles):
             parts.append((profiles[n], n))
-    joined = Profile(*(np.concatenate([getattr(part, name) for part, _ in parts]) for name in ("s", "v", "a", "j", "h", "piece")))
+    joined = Profile(
+        *(np.concatenate([getattr(part, name) for part, _ in parts]) for name in ("s", "v", "a", "j", "h", "piece"))
+    )
     knots = np.concatenate([[0.0], np.cumsum(joined.h)])
     owner = np.concatenate([np.full(len(part.h), n) for part, n in parts])
     return Trajectory(path, knots, joined.s, joined.v, joined.a, joined.j, joined.piece), owner
@@ -82,7 +84,18 @@ def _refuse(limits: Sequence[Limit], certificate: Certificate) -> None:
             channel = limit.channels.index(place.axis)
             unit, scale = limit.units[channel]
             bound = float(limit.bounds[channel]) * scale
-            raise Infeasible(limit.name, place.axis, place, worst * bound, bound, unit, "no timing can help: move the path or the start")
+            raise Infeasible(
+                limit.name,
+                place.axis,
+                place,
+                worst * bound,
+                bound,
+                unit,
+                "no timing can help: move the path or the start",
+            )
     jumps = [name for name in certificate.worst if name.endswith("jump")]
     if jumps:
-        raise MotionError(f"the motion is not continuous ({jumps[0]} at {certificate.where[jumps[0]]}); this is a fault of the planner: report it")
+        raise MotionError(
+            f"the motion is not continuous ({jumps[0]} at {certificate.where[jumps[0]]}); "
+            "this is a fault of the planner: report it"
+        )

@@ -24,7 +24,7 @@ def at_rest(path: ActuatorPath, s: Array, piece: np.ndarray) -> State:
 
 
 def violations(path: ActuatorPath, limits: Sequence[Limit]) -> list[Infeasible]:
-    """One for every segment, limit and channel that is exceeded, at its worst place, the worst first. Raises OutOfReach."""
+    """One for every piece, limit and channel that is exceeded, at its worst place, worst first. Raises OutOfReach."""
     pieces = len(path.breaks) - 1
     piece = np.repeat(np.arange(pieces), POINTS)
     s = (path.breaks[:-1, None] + np.diff(path.breaks)[:, None] * np.linspace(0, 1, POINTS)).ravel()
@@ -42,13 +42,20 @@ def violations(path: ActuatorPath, limits: Sequence[Limit]) -> list[Infeasible]:
         use = limit.use(value, value, piece).reshape(pieces, POINTS, -1)
         for n, channel in np.argwhere(use.max(1) > 1 + ROUNDING):
             point = int(np.argmax(use[n, :, channel]))
-            found.append((float(use[n, point, channel]), _refusal(path, limit, value, n * POINTS + point, int(channel), s, piece)))
+            found.append(
+                (
+                    float(use[n, point, channel]),
+                    _refusal(path, limit, value, n * POINTS + point, int(channel), s, piece),
+                )
+            )
     return [refusal for _, refusal in sorted(found, key=lambda pair: -pair[0])]
 
 
-def _refusal(path: ActuatorPath, limit: Limit, value: Array, row: int, channel: int, s: Array, piece: np.ndarray) -> Infeasible:
+def _refusal(
+    path: ActuatorPath, limit: Limit, value: Array, row: int, channel: int, s: Array, piece: np.ndarray
+) -> Infeasible:
     unit, scale = limit.units[channel]
     reached, allowed = limit.told(float(value[row, channel]), channel)
     place = Place(float(s[row]), path.segment(int(piece[row])), None, limit.channels[channel])
-    remedy = f"no timing can help: move the path or the start by what takes {abs(reached - allowed) * scale:.4g} {unit} off it"
+    remedy = f"no timing can help: move the path so that it uses {abs(reached - allowed) * scale:.4g} {unit} less"
     return Infeasible(limit.name, limit.channels[channel], place, reached * scale, allowed * scale, unit, remedy)

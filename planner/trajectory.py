@@ -13,7 +13,10 @@ from planner.actuation import ActuatorPath
 
 @dataclass(frozen=True, slots=True)
 class State:
-    """The motion at instants t (N,): path length s and its speed sd (N,), q, q̇, q̈, q⃛ (N, axes), the pose (None without a machine)."""
+    """The motion at instants t (N,): path length s and its speed sd (N,), q, q̇, q̈, q⃛ (N, axes).
+
+    pose is None without a machine.
+    """
 
     t: Array
     s: Array

@@ -62,7 +62,10 @@ class Motion(Protocol):
 
 
 class Limit(ABC):
-    """One kind of limit on m channels (axes, joints, or the tool). A new kind is one file with `value` and one registry line."""
+    """One kind of limit on m channels (axes, joints, or the tool).
+
+    A new kind is one file with `value`, `use` and, where timing can help, `rows`, and one registry line.
+    """
 
     name: ClassVar[str]
     terms: ClassVar[frozenset[Term]] = frozenset()
@@ -78,7 +81,7 @@ class Limit(ABC):
         return not self.terms
 
     def slowness(self, use: float) -> float:
-        """How many times slower a motion that uses so much of this limit must run to keep it; 1 where it does already."""
+        """How many times slower a motion must run that uses so much of this limit; 1 where it keeps it already."""
         return 1.0 if self.geometric else max(1.0, use) ** (1 / max(1, min(term.per_time for term in self.terms)))
 
     @abstractmethod
@@ -96,7 +99,6 @@ class Limit(ABC):
     def rows(self, derivatives: Derivatives, piece: np.ndarray) -> Rows:
         """What the solvers must keep at N grid points."""
         raise MotionError(f"{self.name} is geometric: it puts no row into a timing problem")
-
 
 
 class AxisLimit(Limit):

@@ -29,7 +29,7 @@ class ToolSpeed(Limit):
         return x * x + y * y + z * z
 
     def use(self, low: Array, high: Array, piece: np.ndarray) -> Array:
-        return np.sqrt(np.maximum(high, 0.0)) / self.caps[piece][:, None]
+        return np.asarray(np.sqrt(np.maximum(high, 0.0)) / self.caps[piece][:, None])
 
     def rows(self, derivatives: Derivatives, piece: np.ndarray) -> Rows:
         return Rows({Term.SD: np.ones((len(piece), 1))}, self.caps[piece][:, None])

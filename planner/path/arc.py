@@ -19,12 +19,28 @@ def _motion(s: ca.SX, parameters: ca.SX) -> tuple[ca.SX, ca.SX]:
 ARC = Shape("arc", 23, _motion)
 
 
-def arc(start: Pose, centre: Array, normal: Array, angle: float, end_rotation: Rotation, segment: int, tool_speed: float | None = None) -> Piece:
-    """The arc from start about `centre` by the signed angle (right hand about the unit normal), turning to `end_rotation`."""
+def arc(
+    start: Pose,
+    centre: Array,
+    normal: Array,
+    angle: float,
+    end_rotation: Rotation,
+    segment: int,
+    tool_speed: float | None = None,
+) -> Piece:
+    """The arc from start about `centre` by the signed angle, right hand about the unit normal, to `end_rotation`."""
     centre = centre + ((start.translation - centre) @ normal) * normal  # in the start's own plane, to the last digit
     u = start.translation - centre
     radius = float(np.linalg.norm(u))
     length = radius * abs(angle)
     axis, turn = axis_angle(start.rotation, end_rotation)
-    numbers = [centre, u, np.cross(normal, u), [np.sign(angle) / radius], start.rotation.as_matrix().ravel(), axis[0], turn / length]
+    numbers = [
+        centre,
+        u,
+        np.cross(normal, u),
+        [np.sign(angle) / radius],
+        start.rotation.as_matrix().ravel(),
+        axis[0],
+        turn / length,
+    ]
     return Piece(ARC, frozen(np.concatenate(numbers)), length, segment, tool_speed)

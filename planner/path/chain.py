@@ -14,7 +14,8 @@ from planner.path.line import line, turn_angle
 from planner.path.shape import Piece
 from planner.program import Arc, Blend, Dwell, Line, Program, Segment, Turn
 
-# Points nearer than this are the same (m), angles likewise (rad); an arc may start this share of its radius out of its plane.
+# Points nearer than this are the same (m), angles likewise (rad); an arc may start this share of its radius out of its
+# plane.
 SAME, IN_PLANE = 1e-9, 1e-6
 
 
@@ -38,7 +39,7 @@ def chain(program: Program, machine: Machine) -> Chain:
             dwells[-1] += segment.duration
             continue
         if isinstance(segment.join, Blend) and number < len(program.segments):
-            raise MotionError(f"{_name(segment, number)}: blends are not built yet; join = \"stop\" stops there")
+            raise MotionError(f'{_name(segment, number)}: blends are not built yet; join = "stop" stops there')
         there = _end(segment, number, here)
         pieces.append(_piece(segment, number, here, there, frame, machine.characteristic_length))
         dwells.append(0.0)
@@ -65,7 +66,10 @@ def _end(segment: Line | Arc | Turn, number: int, here: Pose) -> Pose:
         case Line():
             position = np.asarray(segment.to, float)
             if np.linalg.norm(position - here.translation) <= SAME:
-                raise MotionError(f"{_name(segment, number)}: it ends where it starts, at {_mm(position)}; leave it out, or use turn to rotate on the spot")
+                raise MotionError(
+                    f"{_name(segment, number)}: it ends where it starts, at {_mm(position)}; "
+                    "leave it out, or use turn to rotate on the spot"
+                )
         case Arc():
             position = _arc_end(segment, number, here)
     rotation = here.rotation if segment.rotate is None else segment.rotate
@@ -77,17 +81,23 @@ def _arc_end(segment: Arc, number: int, here: Pose) -> Array:
     u = here.translation - centre
     radius, height = float(np.linalg.norm(u)), float(u @ normal)
     if radius <= SAME:
-        raise MotionError(f"{_name(segment, number)}: the path stands on the arc's centre {_mm(centre)}; the centre must lie beside it")
+        raise MotionError(
+            f"{_name(segment, number)}: the path stands on the arc's centre {_mm(centre)}; "
+            "the centre must lie beside it"
+        )
     if abs(height) > IN_PLANE * radius + SAME:
         raise MotionError(
-            f"{_name(segment, number)}: the path stands {abs(height) * 1e3:.4g} mm out of the plane through the centre {_mm(centre)}, at "
-            f"{_mm(here.translation)}; move the centre by {_mm(height * normal)} or correct the normal"
+            f"{_name(segment, number)}: the path stands {abs(height) * 1e3:.4g} mm out of the plane "
+            f"through the centre {_mm(centre)}, at {_mm(here.translation)}; "
+            f"move the centre by {_mm(height * normal)} or correct the normal"
         )
     position: Array = centre + Rotation.from_rotvec(segment.angle * normal).apply(u)
     return position
 
 
-def _piece(segment: Line | Arc | Turn, number: int, here: Pose, there: Pose, frame: Pose, characteristic: float) -> Piece:
+def _piece(
+    segment: Line | Arc | Turn, number: int, here: Pose, there: Pose, frame: Pose, characteristic: float
+) -> Piece:
     start, end = frame * here, frame * there
     match segment:
         case Turn():

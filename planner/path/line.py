@@ -8,7 +8,7 @@ LINE = Shape("line", STRAIGHT, straight)
 
 
 def line(start: Pose, end: Pose, length: float, segment: int, tool_speed: float | None = None) -> Piece:
-    """The straight motion from start to end, turning the shorter way in proportion to the path, over the given length."""
+    """The straight motion from start to end over a length, turning the shorter way in proportion to the path."""
     return Piece(LINE, frozen(straight_numbers(start, end, length)[0]), length, segment, tool_speed)
 
 

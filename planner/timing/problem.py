@@ -20,7 +20,9 @@ class Run:
 
 @dataclass(frozen=True, slots=True)
 class Block:
-    """One limit on N intervals, |Σ coefficient · term| ≤ room: coefficients (N, m) at each interval's start and end, divided by the bound.
+    """One limit on N intervals, |Σ coefficient · term| ≤ room, at each interval's start and end.
+
+    The coefficients (N, m) are divided by the bound.
 
     room (N,) is 1, or less where the certificate asked for it.
     """

@@ -18,13 +18,14 @@ from planner.timing.third_order import third_order
 
 # Intervals of a run at least, and for each piece in it; of the order-2 motion that starts an order-3 solve.
 SECOND_ORDER, THIRD_ORDER, START = (1000, 50), (240, 12), (400, 20)
-# Room taken off: this share of the excess more than the excess, and a little for the solver's own tolerance. It saves rounds.
+# Room taken off: this share of the excess more than the excess, and a little for the solver's own tolerance. It saves
+# rounds.
 MORE, MARGIN = 1.1, 2e-7
 
 
 @dataclass(frozen=True, slots=True)
 class Attempt:
-    """problem; guess (4, N) for the jerk-limited solver, the last answer after the first; profile: the answer; method that gave it.
+    """A problem, the profile that answers it, and the method that gave it.
 
     fallback: a jerk-limited motion that is feasible once slowed by `slowness`, for when the solver gives no answer.
     """
@@ -89,7 +90,10 @@ def _solve_third(problem: Problem, guess: Array, fallback: Smoothed) -> Attempt:
 
 def _need(problem: Problem, term: Term, name: str) -> None:
     if not any(term in block.start for block in problem.blocks):
-        raise MotionError(f"nothing bounds the motion: no axis that moves states a limit of {name}; state one, or plan at another order")
+        raise MotionError(
+            f"nothing bounds the motion: no axis that moves states a limit of {name}; "
+            "state one, or plan at another order"
+        )
 
 
 def _second_order_start(problem: Problem) -> tuple[Problem, float]:
@@ -108,7 +112,9 @@ def _second_order_start(problem: Problem) -> tuple[Problem, float]:
 def _stand_in(problem: Problem, jerk: Block) -> Block:
     speed = next((block for block in problem.blocks if set(block.start) == {Term.SD}), None)
     if speed is None:
-        raise MotionError("nothing bounds the motion: no axis that moves states a limit of speed or acceleration; state one")
+        raise MotionError(
+            "nothing bounds the motion: no axis that moves states a limit of speed or acceleration; state one"
+        )
     rate = np.abs(speed.start[Term.SD]).max(1, keepdims=True), np.abs(speed.end[Term.SD]).max(1, keepdims=True)
     start, end = (np.sqrt(v * np.abs(side[Term.SDDD])) for v, side in zip(rate, (jerk.start, jerk.end), strict=True))
     return Block("start", {Term.SDD: start}, {Term.SDD: end}, speed.room)

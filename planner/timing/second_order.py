@@ -1,6 +1,7 @@
 """Time-optimal motion under limits on speed and acceleration, by toppra (the only file that imports it).
 
-Pham and Pham, A new approach to time-optimal path parameterization based on reachability analysis, IEEE T-RO 34 (2018), 645.
+Pham and Pham, A new approach to time-optimal path parameterization based on reachability analysis, IEEE T-RO 34 (2018),
+645.
 """
 
 from functools import lru_cache
@@ -20,9 +21,9 @@ TERMS = frozenset({Term.ONE, Term.SD, Term.SD2, Term.SDD})
 def second_order(problem: Problem) -> Profile:
     """The fastest rest-to-rest motion with s̈ constant on each interval, every row kept at both ends of every interval.
 
-    With x = ṡ² and u = s̈, x grows by 2 u Δs over an interval, so a row a u + b x + c at its end is (a + 2 Δs b) u + b x + c at its start:
-    that is the interpolation scheme, with the derivatives of the interval's own side at both ends. toppra solves stage problems in x and
-    u; lengths and times are scaled so that both are about one.
+    With x = ṡ² and u = s̈, x grows by 2 u Δs over an interval, so a row a u + b x + c at its end is (a + 2 Δs b) u + b
+    x + c at its start: that is the interpolation scheme, with the derivatives of the interval's own side at both ends.
+    toppra solves stage problems in x and u; lengths and times are scaled so that both are about one.
     """
     length = problem.s[-1] - problem.s[0]
     time = _time_scale(problem, length)
@@ -82,7 +83,8 @@ def _solve(problem: Problem, rows: list[Array], ceiling: Array, step: Array) -> 
     _, speed, _, _ = solver.compute_parameterization(0.0, 0.0, return_data=True)
     if speed is None or not np.isfinite(speed).all() or (speed[1:] + speed[:-1] <= 0).any():
         raise MotionError(
-            f"the second-order solver found no motion over {problem.s[-1] - problem.s[0]:.6g} of path with {problem.intervals} intervals; "
+            f"the second-order solver found no motion over {problem.s[-1] - problem.s[0]:.6g} of path "
+            f"with {problem.intervals} intervals; "
             "check for a limit that leaves no room, or a path that stands still"
         )
     return np.asarray(speed, float) ** 2
@@ -105,7 +107,9 @@ def _toppra() -> tuple[Any, Any]:
         import toppra.algorithm as algorithm
         from toppra.constraint.linear_constraint import LinearConstraint
     except ImportError as missing:
-        raise MotionError("order 2 needs toppra, which has no wheel for this platform; plan with order 3 instead") from missing
+        raise MotionError(
+            "order 2 needs toppra, which has no wheel for this platform; plan with order 3 instead"
+        ) from missing
     import logging
 
     logging.getLogger("toppra").setLevel(logging.ERROR)

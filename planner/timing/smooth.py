@@ -13,8 +13,8 @@ ACTS = 0.02
 class Smoothed:
     """s̃(t) = 1/w ∫ s over [t − w, t]: as long as the motion plus w, its s⃛ is Δs̈/w.
 
-    Averaging over w = A/J turns steps of acceleration 2A into ramps of jerk 2A/w; it is within a percent of the optimum where
-    acceleration binds, and rests at both ends with s̈ = 0.
+    Averaging over w = A/J turns steps of acceleration 2A into ramps of jerk 2A/w; it is within a percent of the optimum
+    where acceleration binds, and rests at both ends with s̈ = 0.
     """
 
     def __init__(self, motion: Profile, window: float) -> None:
@@ -44,10 +44,10 @@ class Smoothed:
         return np.stack([v[:-1], a[:-1], np.diff(a) / h, h])
 
     def spread(self, intervals: int) -> Array:
-        """Points s (intervals+1,) for a grid: half of them even in time, half even over the time in which the jerk acts.
+        """Points s (intervals+1,) for a grid: half even in time, half even over the time in which the jerk acts.
 
-        Even in time, they lie ever denser towards rest, where ṡ goes with the square of time; the other half sees short ramps of a
-        long motion.
+        Even in time, they lie ever denser towards rest, where ṡ goes with the square of time; the other half sees short
+        ramps of a long motion.
         """
         t = np.linspace(0.0, self.duration, 40 * intervals + 1)
         acts = np.abs(self.at((t[1:] + t[:-1]) / 2)[3])
@@ -68,7 +68,9 @@ class Smoothed:
         a = np.concatenate([[0.0], np.cumsum(j * h)[:-1]])
         v = np.concatenate([[0.0], np.cumsum(h * (a + h * j / 2))[:-1]])
         s = problem.s[0] + np.concatenate([[0.0], np.cumsum(h * (v + h * (a / 2 + h * j / 6)))[:-1]])
-        piece = problem.piece[np.clip(np.searchsorted(problem.s, self.at(middle)[0], side="right") - 1, 0, problem.intervals - 1)]
+        piece = problem.piece[
+            np.clip(np.searchsorted(problem.s, self.at(middle)[0], side="right") - 1, 0, problem.intervals - 1)
+        ]
         k = slowness
         return Profile(s, v / k, a / k**2, j / k**3, h * k, piece)
 

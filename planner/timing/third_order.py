@@ -1,12 +1,13 @@
 """Time-optimal motion under limits on speed, acceleration and jerk, by CasADi and FATROP (IPOPT as the reference).
 
-Each interval of the fixed grid has the state (ṡ, s̈) at its start and the controls (s⃛, h): constant jerk over the duration h.
+Each interval of the fixed grid has the state (ṡ, s̈) at its start and the controls (s⃛, h): constant jerk over the
+duration h.
 
     minimise Σ h   such that   Δs = ṡ h + s̈ h²/2 + s⃛ h³/6,   the next state follows, and every row is kept
 
-Rows with s⃛ are kept at both ends of every interval (the jerk jumps there), the others at the starts. Time is a variable and ṡ², the
-usual choice, is not: nothing is singular at rest, derivatives of q are constants, s(t) is exact in closed form.
-FATROP: Vanroye et al., IROS 2023.
+Rows with s⃛ are kept at both ends of every interval (the jerk jumps there), the others at starts and middles. Time is a
+variable and ṡ², the usual choice, is not: nothing is singular at rest, derivatives of q are constants, s(t) is exact in
+closed form. FATROP: Vanroye et al., IROS 2023.
 """
 
 from collections.abc import Sequence
@@ -30,14 +31,23 @@ Signature = tuple[tuple[tuple[Term, ...], int], ...]
 """Of each block: its terms and its number of rows."""
 
 # L^p / T^q of each term, when lengths are counted in L and times in T.
-_POWERS = {Term.ONE: (0, 0), Term.SD: (1, 1), Term.SD2: (2, 2), Term.SD3: (3, 3), Term.SDD: (1, 2), Term.SDSDD: (2, 3), Term.SDDD: (1, 3)}
+_POWERS = {
+    Term.ONE: (0, 0),
+    Term.SD: (1, 1),
+    Term.SD2: (2, 2),
+    Term.SD3: (3, 3),
+    Term.SDD: (1, 2),
+    Term.SDSDD: (2, 3),
+    Term.SDDD: (1, 3),
+}
 
 
 def third_order(problem: Problem, guess: Array, *, solver: Solver = "fatrop") -> Profile:
     """The fastest rest-to-rest motion, s̈ zero at both ends. guess (4, N): ṡ, s̈, s⃛, h to start from.
 
-    Lengths are counted in the run's, times in the guess' duration, and each variable in its largest guess: with all of them about one,
-    35 iterations suffice where the plain problem takes 400. Raises MotionError when the solver does not converge.
+    Lengths are counted in the run's, times in the guess' duration, and each variable in its largest guess: with all of
+    them about one, 35 iterations suffice where the plain problem takes 400. Raises MotionError when the solver does not
+    converge.
     """
     length, time = problem.s[-1] - problem.s[0], float(guess[3].sum())
     unit = np.array([length / time, length / time**2, length / time**3, time])
@@ -52,7 +62,7 @@ def third_order(problem: Problem, guess: Array, *, solver: Solver = "fatrop") ->
 
 
 def _kept_at_end(terms: Sequence[Term]) -> bool:
-    """Rows with s⃛ are kept at both ends of an interval, where the jerk jumps; the others at its start and in its middle."""
+    """Rows with s⃛ are kept at both ends of an interval, as the jerk jumps; others at its start and in its middle."""
     return Term.SDDD in terms
 
 
@@ -75,11 +85,11 @@ def _room(block: Block) -> Array:
     """Room of the rows at an interval's start; rows that are kept there only speak for the interval before it too."""
     if _kept_at_end(tuple(block.start)):
         return block.room
-    return np.minimum(block.room, np.concatenate([block.room[:1], block.room[:-1]]))
+    return np.asarray(np.minimum(block.room, np.concatenate([block.room[:1], block.room[:-1]])))
 
 
 def _stage(signature: Signature) -> ca.Function:
-    """One interval: (ṡ, s̈, s⃛, h; Δs, their scales, coefficients) -> end state (2), the relative error of Δs, and all rows."""
+    """One interval: (ṡ, s̈, s⃛, h; Δs, scales, coefficients) -> end state (2), relative error of Δs, and all rows."""
     x, size = ca.SX.sym("x", 4), sum(2 * len(terms) * rows for terms, rows in signature)
     data = ca.SX.sym("data", 5 + size)
     step, scale = data[0], data[1:5]
@@ -87,19 +97,25 @@ def _stage(signature: Signature) -> ca.Function:
     v_end, a_end = v + h * (a + h * j / 2), a + h * j
     values, at = [], 5
     for terms, rows in signature:
-        for speed, acceleration in ((v, a), (v_end, a_end) if _kept_at_end(terms) else (v + h / 2 * (a + h * j / 4), a + h * j / 2)):
+        for speed, acceleration in (
+            (v, a),
+            (v_end, a_end) if _kept_at_end(terms) else (v + h / 2 * (a + h * j / 4), a + h * j / 2),
+        ):
             value: ca.SX = ca.SX.zeros(rows)
             for term in terms:
                 value += data[at : at + rows] * _term(term, speed, acceleration, j)
                 at += rows
             values.append(value)
     travelled = h * (v + h * (a / 2 + h * j / 6)) / step - 1
-    return ca.Function("stage", [x, data], [ca.vertcat(v_end, a_end) / scale[:2], travelled, ca.vertcat(*values)], {"cse": True})
+    return ca.Function(
+        "stage", [x, data], [ca.vertcat(v_end, a_end) / scale[:2], travelled, ca.vertcat(*values)], {"cse": True}
+    )
 
 
 def _term(term: Term, v: ca.SX, a: ca.SX, j: ca.SX) -> ca.SX:
-    values = {Term.ONE: ca.SX(1), Term.SD: v, Term.SD2: v**2, Term.SD3: v**3, Term.SDD: a, Term.SDSDD: v * a, Term.SDDD: j}
-    return values[term]
+    square: ca.SX = v**2
+    values = {Term.ONE: ca.SX(1), Term.SD: v, Term.SD2: square, Term.SD3: square * v, Term.SDD: a, Term.SDSDD: v * a}
+    return values.get(term, j)
 
 
 @lru_cache(maxsize=16)
@@ -146,7 +162,10 @@ def _solve(solver: ca.Function, data: Array, room: Array, guess: Array) -> Array
     columns = np.asarray(answer["x"]).ravel()[:-2].reshape(count, 4).T
     stats = solver.stats()
     if not stats["success"] or not np.isfinite(columns).all():
-        raise MotionError(f"the jerk-limited solver stopped without an answer ({stats['return_status']}, {stats['iter_count']} iterations)")
+        raise MotionError(
+            "the jerk-limited solver stopped without an answer "
+            f"({stats['return_status']}, {stats['iter_count']} iterations)"
+        )
     return columns
 
 
@@ -161,7 +180,7 @@ def _closed(problem: Problem, columns: Array) -> Profile:
         s, v, a = _integrate(j, h)
         rest = np.cumsum(h[::-1])[::-1]
         after = rest - h
-        # what a change in one interval does at the end: s⃛ acts over h, longer h carries on at the interval's end; then all coasts
+        # what a change in one interval does at the end: s⃛ acts over h, a longer h carries on; then all coasts
         by_j = np.stack([(rest**3 - after**3) / 6, (rest**2 - after**2) / 2, h])
         by_h = np.stack([v[1:] + after * (a[1:] + after * j / 2), a[1:] + after * j, j])
         effect = np.concatenate([by_j * np.abs(j).max(), by_h * h], 1)

@@ -1,4 +1,4 @@
-"""The classical timing of a run: one trapezoid of speed along the path, as fast as constant speed and acceleration can be."""
+"""The classical timing of a run: one trapezoid of speed along the path, as fast as such a one can be."""
 
 import numpy as np
 
@@ -11,8 +11,8 @@ from planner.timing.profile import Profile
 def trapezoid(problem: Problem) -> Profile:
     """The shortest trapezoid or triangle in arc length that keeps every order-2 row of the problem at its grid points.
 
-    With ramps of length d and top speed V, ṡ² = V² x/d at the distance x from an end and s̈ = V²/2d, and the run of length L takes
-    (L + 2d)/V. For every d on the grid the largest V is the least of what three kinds of rows allow:
+    With ramps of length d and top speed V, ṡ² = V² x/d at the distance x from an end and s̈ = V²/2d, and the run of
+    length L takes (L + 2d)/V. For every d on the grid the largest V is the least of what three kinds of rows allow:
     speed and curvature while cruising, |c| V ≤ 1 and |b| V² ≤ 1;  speed on the ramps, |c| V √(x/d) ≤ 1;
     acceleration on the ramps, |±a + 2 b x| V²/2d ≤ 1. Running maxima from both ends give all d at once.
     """
