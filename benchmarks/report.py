@@ -2,7 +2,6 @@
 
 from base64 import b64encode
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from io import BytesIO
 from itertools import cycle
 from math import ceil, floor, inf
@@ -26,11 +25,203 @@ if TYPE_CHECKING:
 DPI = 150
 
 
-@dataclass(frozen=True, slots=True)
-class Findings:
-    """All that is told of one plan: the baseline it is compared with, the check of its pulses, the errors of each tracking law."""
+def write_report(
+    plan: Plan, classical: Classical, metrics: Sequence[Metrics], path: Path, *, verdict: PulseCheck
+) -> None:
+    """Write the page to `path` and its figures to `figures/*.png` beside it.
 
-    plan: Plan
-    classical: Classical
-    verdict: PulseCheck
-    metrics: tuple[Metrics, ...] = ()
+    classical  the baseline of the saving
+    metrics    the errors of each tracking law; none: the page has no such part
+    verdict    of the independent check of the plan's pulses
+    """
+    figures = draw(plan, classical, metrics)
+    path.write_text(_page(plan, classical, metrics, verdict, figures), encoding="utf-8")
+    folder = path.parent / "figures"
+    folder.mkdir(exist_ok=True)
+    for name, png in figures.items():
+        (folder / f"{name}.png").write_bytes(png)
+
+
+def summary(plan: Plan, classical: Classical, verdict: PulseCheck) -> dict[str, str]:
+    """The table that the page begins with, as it stands there."""
+    saved = classical.duration - plan.trajectory.duration
+    bare, kept = ("", "speed and acceleration") if plan.order == 2 else (BARE_JERK, "speed, acceleration and jerk")
+    radian = f"a pure turn counts its angle times {1e3 * plan.machine.characteristic_length:.3f} mm"
+    return {
+        "Duration": f"{plan.trajectory.duration:.6f} s",
+        "Classical timing": f"{classical.duration:.6f} s{bare}",
+        "Time saved": f"{saved:.6f} s ({100 * saved / classical.duration:.2f} %)",
+        "Segments": f"{len(plan.program.segments)}",
+        "Length of the path": f"{1e3 * float(plan.path.breaks[-1]):.3f} mm ({radian})",
+        "Order": f"{plan.order} ({kept})",
+        "Solved by": f"{', '.join(sorted(set(plan.methods)))}; the proof held in round {plan.rounds}",
+        "Pulses": f"{grouped(plan.pulses.total)} on a clock of {grouped(plan.pulses.clock_hz)} Hz",
+        "Highest pulse rate": f"{verdict.highest_rate:.1f} 1/s",
+        "Pulse check": f"{verdict.fault_count} faults; largest time error {verdict.time_error:.4f} ticks",
+    }
+
+
+BARE_JERK = " (without a jerk limit)"
+
+
+def draw(plan: Plan, classical: Classical, metrics: Sequence[Metrics]) -> dict[str, bytes]:
+    """Every figure of the page as a PNG, by name."""
+    from matplotlib import rc_context
+
+    from planner.plots import path_in_space, pulse_rate
+
+    with rc_context({"axes.grid": True, "grid.color": "#E6E6E6", "axes.spines.top": False, "axes.spines.right": False}):
+        figures = {
+            "path": _png(path_in_space(plan)),
+            "axes": _png(*_axes(plan)),
+            "limits": _png(*_limits(plan)),
+            "pulses": _png(_with_legend(pulse_rate(plan))),
+            "classical": _png(_classical(plan, classical)),
+        }
+        return figures | ({"tracking": _png(*_tracking(metrics))} if metrics else {})
+
+
+def _axes(plan: Plan) -> "list[Axes]":
+    from planner.plots import axis_motion
+
+    every: tuple[Quantity, ...] = ("position", "speed", "acceleration", "jerk")
+    kinds = sorted({axis.kind for axis in plan.machine.axes})
+    # order 2 leaves the jerk without bound
+    panels = [(quantity, kind) for quantity in every[: plan.order + 1] for kind in kinds]
+    axes = _rows(len(panels), 2.3)
+    for ax, (quantity, kind) in zip(axes, panels, strict=True):
+        axis_motion(plan, quantity, ax, kind)
+    _with_legend(axes[0])
+    return axes
+
+
+def _limits(plan: Plan) -> "list[Axes]":
+    from planner.plots import limit_use
+
+    axes = _rows(2, 3.2, share=False)
+    limit_use(plan, axes[0], "path")
+    limit_use(plan, axes[1], "time")
+    _with_legend(axes[0])
+    return axes
+
+
+def _tracking(metrics: Sequence[Metrics]) -> "list[Axes]":
+    from controllers.plots import contour_error, tracking_error
+    from planner.plots import PALETTE
+
+    axes = _rows(2, 2.6)
+    for law, color in zip(metrics, cycle(PALETTE)):
+        contour_error(law, axes[0], color=color)
+        tracking_error(law, axes[1], color=color)
+    _with_legend(axes[0])
+    return axes
+
+
+def _classical(plan: Plan, classical: Classical) -> "Axes":
+    from planner.plots import PALETTE, path_speed
+
+    (ax,) = _rows(1, 3.0)
+    path_speed(plan.trajectory, ax, label=f"this plan, {plan.trajectory.duration:.4f} s", color=PALETTE[0])
+    path_speed(classical.trajectory, ax, label=f"classical, {classical.duration:.4f} s", color=PALETTE[3], linewidth=1)
+    ax.set(xlim=(0, max(plan.trajectory.duration, classical.duration)), ylim=(0, None))
+    return _with_legend(ax)
+
+
+def _rows(count: int, height: float, share: bool = True) -> "list[Axes]":
+    """Axes of one figure, one below the other; with `share`, on one time axis."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(9, count * height + 0.4), layout="constrained")
+    return list(figure.subplots(count, 1, sharex=share, squeeze=False)[:, 0])
+
+
+def _with_legend(ax: "Axes") -> "Axes":
+    """The axes with their legend above them, where it hides nothing."""
+    ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=6, frameon=False)
+    return ax
+
+
+def _png(*axes: "Axes") -> bytes:
+    """The figure that the axes belong to; of those that share their time axis only the last is labelled."""
+    for ax in axes[:-1]:
+        if ax.get_shared_x_axes().joined(ax, axes[-1]):
+            ax.set_xlabel("")
+    figure: Figure | None = axes[0].get_figure(root=True)
+    buffer = BytesIO()
+    if figure is not None:
+        figure.savefig(buffer, format="png", dpi=DPI)
+    return buffer.getvalue()
+
+
+def _page(
+    plan: Plan,
+    classical: Classical,
+    metrics: Sequence[Metrics],
+    verdict: PulseCheck,
+    figures: dict[str, bytes],
+) -> str:
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    from planner.plots import ACTIVE, BINS
+
+    pages = Environment(
+        loader=PackageLoader("benchmarks"), autoescape=True, undefined=StrictUndefined, trim_blocks=True
+    )
+    pages.filters.update(FILTERS)
+    return pages.get_template("report.html.j2").render(
+        plan=plan,
+        classical=classical,
+        metrics=metrics,
+        verdict=verdict,
+        figures={name: b64encode(png).decode("ascii") for name, png in figures.items()},
+        summary=summary(plan, classical, verdict),
+        saved=classical.duration - plan.trajectory.duration,
+        bare_jerk=BARE_JERK,
+        allowed={limit.name: _allowed(limit) for limit in plan.limits},
+        active=dict(_active_time(plan)),
+        active_share=ACTIVE,
+        window=plan.pulses.duration / BINS,
+        axes=list(zip(plan.pulses.axes, verdict.axes, plan.machine.axes, strict=True)),
+    )
+
+
+def _allowed(limit: Limit) -> str:
+    """The bounds of a limit in the units that people read; their range where the channels differ."""
+    shown: dict[str, list[float]] = {}
+    for bound, (unit, scale) in zip(limit.bounds.tolist(), limit.units, strict=True):
+        if bound < inf:
+            shown.setdefault(unit, []).append(bound * scale)
+    return ", ".join(
+        f"{' … '.join(f'{bound:.6g}' for bound in sorted({min(bounds), max(bounds)}))} {unit}"
+        for unit, bounds in shown.items()
+    )
+
+
+def _active_time(plan: Plan) -> Iterator[tuple[str, float]]:
+    """For how many seconds each limit that timing can help holds the motion back, and for how many none does."""
+    from planner.plots import active_limits
+
+    active, lengths = active_limits(plan), np.diff(plan.trajectory.knots)
+    for n, limit in enumerate(plan.limits):
+        if not limit.geometric:
+            yield limit.name, float(lengths[active == n].sum())
+    yield "none of them", float(lengths[active < 0].sum())
+
+
+def grouped(number: int | str) -> str:
+    """A whole number in groups of three digits, kept together by narrow spaces."""
+    return f"{int(number):,}".replace(",", "\N{NARROW NO-BREAK SPACE}")
+
+
+def up(value: float, digits: int) -> str:
+    """An upper bound, rounded up, so that the text is a bound too."""
+    return f"{ceil(value * 10**digits) / 10**digits:.{digits}f}" if value < inf else "∞"
+
+
+FILTERS: dict[str, Callable[..., Any]] = {
+    "down": lambda value, digits: f"{floor(value * 10**digits) / 10**digits:.{digits}f}",
+    "fixed": lambda value, digits: f"{value:.{digits}f}",
+    "general": lambda value, digits: f"{value:.{digits}g}",
+    "grouped": grouped,
+    "up": up,
+}

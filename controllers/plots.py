@@ -1,4 +1,4 @@
-"""Figures of a tracked motion's errors: each function draws on `ax`, or on a figure of its own, and returns the axes."""
+"""Figures of tracking errors: each function draws on `ax`, or on a figure of its own, and returns the axes."""
 
 from typing import Any
 

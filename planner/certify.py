@@ -20,8 +20,9 @@ TOLERANCE = 1e-6
 """A limit holds when its proven bound is at most 1 + TOLERANCE: room for the solvers' own tolerance."""
 # How far above the attained value a bound may stay, and how long cells are halved for it.
 TIGHT, HALVINGS, MOST_CELLS = 5e-7, 24, 400_000
-# A jump of q, q̇ (and q̈ under jerk limits) between two pieces, as a share of the largest value met, up to which it is
-# rounding.
+# Order of the expansions in time, by the highest derivative looked at: q̈ or q⃛ keep a polynomial of degree 3 or 4.
+EXPANSION = {2: 6, 3: 8}
+# A jump of q, q̇ (and q̈ under jerk limits) between two pieces up to this share of the largest value met is rounding.
 JUMP = 1e-9
 NARROW = 1e-3
 
@@ -30,86 +31,84 @@ NARROW = 1e-3
 class Certificate:
     """worst: proven upper bound of value/limit over continuous time, per limit; where: the place of each.
 
-    attained  the largest value/limit met at the points looked at: the truth lies between attained and worst
-    use       per limit, the bound over each time piece of the trajectory (M,)
+    use       per limit, the proven bound over each time piece of the trajectory (M,); worst is its maximum
+    attained  per limit, the largest value/limit met in each time piece (M,): the truth lies between the two
     """
 
     holds: bool
     worst: dict[str, float]
     where: dict[str, Place]
-    attained: dict[str, float]
     use: dict[str, Array] = field(repr=False)
+    attained: dict[str, Array] = field(repr=False)
 
     def __str__(self) -> str:
         lines = [f"  {name:<13} ≤ {value:.9f}  at {self.where[name]}" for name, value in self.worst.items()]
         return "\n".join(["the certificate holds" if self.holds else "THE CERTIFICATE DOES NOT HOLD", *lines])
 
 
-@dataclass(slots=True)
-class _Finding:
-    """What is known of one limit while cells are settled."""
+@dataclass(frozen=True, slots=True)
+class Known:
+    """What is proved already: per limit, use and attained of each time piece (M,), NaN where it is still to be proved."""
 
-    attained: float = 0.0
-    proven: float = 0.0
-    cell: tuple[int, float] = (0, 0.0)
-    channel: int = 0
-
-    def settle(self, bound: Array, cells: Cells) -> None:
-        if bound.size and bound.max() >= self.proven:
-            row, self.channel = (int(n) for n in np.unravel_index(int(np.argmax(bound)), bound.shape))
-            self.proven, self.cell = float(bound.max()), (int(cells.k[row]), float((cells.lo[row] + cells.hi[row]) / 2))
+    use: dict[str, Array]
+    attained: dict[str, Array]
 
 
-def certify(trajectory: Trajectory, limits: Sequence[Limit]) -> Certificate:
-    """Prove what the trajectory uses of every limit, and that it is as smooth as its order asks: nothing jumps."""
+def certify(trajectory: Trajectory, limits: Sequence[Limit], known: Known | None = None) -> Certificate:
+    """Prove what the trajectory uses of every limit, and that it is as smooth as its order asks: nothing jumps.
+
+    known spares the work on time pieces that did not change since they were proved.
+    """
+    order = 3 if any(Term.SDDD in limit.terms for limit in limits) else 2
     lengths = np.diff(trajectory.knots)
-    cells = Cells(np.arange(len(lengths)), np.zeros(len(lengths)), lengths)[lengths > 0]
-    findings = [_Finding() for _ in limits]
-    use = [np.zeros(len(lengths)) for _ in limits]
-    jumps = _jumps(trajectory, cells, any(Term.SDDD in limit.terms for limit in limits))
+    whole = Cells(np.arange(len(lengths)), np.zeros(len(lengths)), lengths)[lengths > 0]
+    use = {limit.name: np.zeros(len(lengths)) for limit in limits}
+    attained = {limit.name: np.zeros(len(lengths)) for limit in limits}
+    cells = whole
+    if known is not None:
+        for name, values in use.items():
+            values[:], attained[name][:] = np.nan_to_num(known.use[name]), np.nan_to_num(known.attained[name])
+        cells = whole[np.isnan(known.use[limits[0].name])[whole.k]]
     for halving in range(HALVINGS + 1):
-        enclosure = enclose(trajectory, cells)
-        judged = [_judge(limit, enclosure, len(cells.k)) for limit in limits]
+        enclosure = enclose(trajectory, cells, EXPANSION[order])
         loose = np.zeros(len(cells.k), bool)
-        for finding, (proven, attained) in zip(findings, judged, strict=True):
-            finding.attained = max(finding.attained, float(attained.max()))
-            target = np.maximum(attained, min(finding.attained, 1.0)) + TIGHT
-            loose |= (proven > target).any(1)
+        proven = {}
+        for limit in limits:
+            bound, met = _judge(limit, enclosure, len(cells.k))
+            np.maximum.at(attained[limit.name], cells.k, met)
+            target = np.maximum(met, min(attained[limit.name].max(), 1.0)) + TIGHT
+            proven[limit.name] = bound
+            loose |= bound > target
         if halving == HALVINGS or 2 * loose.sum() > MOST_CELLS:
             loose[:] = False
-        settled = cells[~loose]
-        for finding, found, (proven, _) in zip(findings, use, judged, strict=True):
-            finding.settle(proven[~loose], settled)
-            np.maximum.at(found, settled.k, proven[~loose].max(1))
+        for name, bound in proven.items():
+            np.maximum.at(use[name], cells.k[~loose], bound[~loose])
         if not loose.any():
             break
         cells = cells[loose].halves()
-    worst = {limit.name: finding.proven for limit, finding in zip(limits, findings, strict=True)}
-    where = {
-        limit.name: _place(trajectory, *finding.cell, limit.channels[finding.channel])
-        for limit, finding in zip(limits, findings, strict=True)
-    }
-    for name, place in jumps.items():
+    worst = {name: float(values.max()) for name, values in use.items()}
+    where = {limit.name: _place(trajectory, limit, int(np.argmax(use[limit.name]))) for limit in limits}
+    for name, place in _jumps(trajectory, whole, order).items():
         worst[name], where[name] = float("inf"), place
     return Certificate(
         holds=all(value <= 1 + TOLERANCE for value in worst.values()),
         worst=worst,
         where=where,
-        attained={limit.name: finding.attained for limit, finding in zip(limits, findings, strict=True)},
-        use={limit.name: frozen(found) for limit, found in zip(limits, use, strict=True)},
+        use={name: frozen(values) for name, values in use.items()},
+        attained={name: frozen(values) for name, values in attained.items()},
     )
 
 
 def _judge(limit: Limit, enclosure: Enclosure, cells: int) -> tuple[Array, Array]:
-    """The bound (N, m) of a limit's use over each cell, and the use attained in it."""
+    """The bound (N,) of a limit's use over each cell, over all channels, and the use attained in it."""
     with np.errstate(invalid="ignore", over="ignore"):
         low, high, values = bounds(limit.value(enclosure), cells)
-        proven = limit.use(low, high, enclosure.piece)
-        attained = np.max([limit.use(value, value, enclosure.piece) for value in values], 0)
+        proven = limit.use(low, high, enclosure.piece).max(1)
+        attained = np.max([limit.use(value, value, enclosure.piece).max(1) for value in values], 0)
     return np.where(np.isnan(proven), np.inf, proven), np.nan_to_num(attained, nan=0.0)
 
 
-def _jumps(trajectory: Trajectory, cells: Cells, third: bool) -> dict[str, Place]:
+def _jumps(trajectory: Trajectory, cells: Cells, order: int) -> dict[str, Place]:
     """Each quantity that is not continuous between the pieces, or not at rest at the ends, and where it jumps most.
 
     Seen in the outermost thousandths of every piece, where a short series leaves nothing to the remainder.
@@ -120,9 +119,9 @@ def _jumps(trajectory: Trajectory, cells: Cells, third: bool) -> dict[str, Place
         np.concatenate([cells.lo, cells.hi - lengths * NARROW]),
         np.concatenate([cells.lo + lengths * NARROW, cells.hi]),
     )
-    enclosure = enclose(trajectory, ends, 5)
+    enclosure = enclose(trajectory, ends, order + 2)
     quantities = {"position jump": enclosure.q, "speed jump": enclosure.qd}
-    if third:
+    if order == 3:
         quantities["acceleration jump"] = enclosure.qdd
     found: dict[str, Place] = {}
     for name, series in quantities.items():
@@ -137,12 +136,21 @@ def _jumps(trajectory: Trajectory, cells: Cells, third: bool) -> dict[str, Place
         if gaps.max() > JUMP * scale:
             row, axis = np.unravel_index(int(np.argmax(gaps)), gaps.shape)
             cell = min(int(row), count - 1)
-            tau = 0.0 if row < count else float(cells.hi[cell])
-            found[name] = _place(trajectory, int(cells.k[cell]), tau, trajectory.path.names[int(axis)])
+            k = int(cells.k[cell])
+            t = float(trajectory.knots[k + (0 if row < count else 1)])
+            found[name] = _at(trajectory, k, t, trajectory.path.names[int(axis)])
     return found
 
 
-def _place(trajectory: Trajectory, k: int, tau: float, axis: str) -> Place:
-    t = float(trajectory.knots[k] + tau)
-    s = trajectory.s[k] + tau * (trajectory.v[k] + tau * (trajectory.a[k] / 2 + tau * trajectory.j[k] / 6))
-    return Place(float(s), trajectory.path.segment(int(trajectory.piece[k])), t, axis)
+def _place(trajectory: Trajectory, limit: Limit, k: int) -> Place:
+    """Where in time piece k, and in which channel, a limit is used most."""
+    span = trajectory.knots[k + 1] - trajectory.knots[k]
+    t = trajectory.knots[k] + span * np.linspace(0.0, 1.0, 9, endpoint=False)
+    state = trajectory.at(t)
+    value = limit.value(state)
+    row, channel = np.unravel_index(int(np.argmax(limit.use(value, value, state.piece))), value.shape)
+    return _at(trajectory, k, float(t[row]), limit.channels[int(channel)])
+
+
+def _at(trajectory: Trajectory, k: int, t: float, axis: str) -> Place:
+    return Place(float(trajectory.at(t).s[0]), trajectory.path.segment(int(trajectory.piece[k])), t, axis)

@@ -16,8 +16,6 @@ from kinematics.expression import Expression
 from kinematics.series import EPS, Series
 from planner.trajectory import Trajectory
 
-# Order of the expansion in time: of the jerk there remain a polynomial of degree 4 and a remainder of order 5.
-ORDER = 8
 # Degree to which Bernstein forms are raised: a parabola of height h is then over-estimated by h/15 at most.
 RAISED = 16
 
@@ -74,8 +72,8 @@ class Enclosure:
         return Series.stack(expression.enclose(self.pose.columns()))
 
 
-def enclose(trajectory: Trajectory, cells: Cells, order: int = ORDER) -> Enclosure:
-    """The motion over cells, as series in τ with t = centre + τ · half width."""
+def enclose(trajectory: Trajectory, cells: Cells, order: int) -> Enclosure:
+    """The motion over cells, as series in τ up to τ^order, with t = centre + τ · half width."""
     k, centre, half = cells.k, (cells.lo + cells.hi) / 2, (cells.hi - cells.lo) / 2
     piece = trajectory.piece[k]
     powers = [trajectory.s[k], trajectory.v[k], trajectory.a[k] / 2, trajectory.j[k] / 6]

@@ -1,4 +1,4 @@
-"""Figures of a plan, made from the plan alone: each function draws on `ax`, or on a figure of its own, and returns the axes."""
+"""Figures of a plan: each function draws on `ax`, or on a figure of its own, and returns the axes."""
 
 from itertools import groupby
 from typing import Any, Literal, cast
@@ -88,13 +88,14 @@ def axis_motion(
 
 
 def limit_use(plan: Plan, ax: Axes | None = None, over: Literal["path", "time"] = "path") -> Axes:
-    """The proven use of every limit along the path or over time; the band on top names the limit that holds the motion back."""
+    """The proven use of every limit, along the path or over time, under a band in the colour of the active limit."""
     ax = new_axes(ax)
     trajectory = plan.trajectory
     s = np.append(trajectory.s, trajectory.at(trajectory.duration).s)
     edges = trajectory.knots if over == "time" else 1e3 * s
     for n, limit in enumerate(plan.limits):
         ax.stairs(plan.certificate.use[limit.name], edges, label=limit.name, baseline=None, **_style(n))
+    ax.set_axisbelow(True)
     active = active_limits(plan)
     for owner, run in groupby(range(len(active)), key=lambda k: int(active[k])):
         pieces = list(run)
@@ -115,21 +116,20 @@ def limit_use(plan: Plan, ax: Axes | None = None, over: Literal["path", "time"] 
         ylim=(0, 1.3),
         yticks=np.linspace(0, 1, 5),
     )
-    ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.22), ncols=len(plan.limits), frameon=False)
     return ax
 
 
 def active_limits(plan: Plan) -> np.ndarray:
-    """(M,) for each time piece the index in `plan.limits` of the limit that holds the motion back; −1 where none is near 1.
+    """(M,) for each time piece the index in `plan.limits` of the limit that holds the motion back; −1 where none does.
 
-    Geometric limits, which no timing can help, hold nothing back.
+    It is the most used one from 99 % on. Geometric limits, which no timing can help, hold nothing back.
     """
     use = np.stack([plan.certificate.use[limit.name] * (not limit.geometric) for limit in plan.limits])
     return np.where(use.max(0) >= ACTIVE, use.argmax(0), -1)
 
 
 def pulse_rate(plan: Plan, ax: Axes | None = None) -> Axes:
-    """Pulses per second of every axis over time, averaged over 1/600 of the duration, and the rate limit where there is one."""
+    """Pulses per second of every axis over time, averaged over windows of 1/600 of the duration, and their limits."""
     ax = new_axes(ax)
     edges = np.linspace(0, plan.pulses.duration, BINS + 1)
     for n, axis in enumerate(plan.pulses.axes):

@@ -6,9 +6,10 @@ from itertools import pairwise
 
 import numpy as np
 
+from kinematics.array import Array
 from kinematics.errors import MotionError
 from planner.actuation import ActuatorPath
-from planner.certify import TOLERANCE, Certificate, certify
+from planner.certify import TOLERANCE, Certificate, Known, certify
 from planner.limits.limit import Limit
 from planner.place import Infeasible
 from planner.standing import violations
@@ -41,25 +42,30 @@ def fastest(path: ActuatorPath, limits: Sequence[Limit], order: int) -> Solution
         raise refusal
     stops = np.flatnonzero(path.stops(order))
     attempts = [attempt(path, limits, Run(int(a), int(b) - 1), order) for a, b in pairwise(stops)]
+    trajectory, owner = assemble(path, [attempt.profile for attempt in attempts], stops)
+    certificate = certify(trajectory, limits)
     for rounds in range(1, ROUNDS + 1):
-        trajectory, owner = assemble(path, [attempt.profile for attempt in attempts], stops)
-        certificate = certify(trajectory, limits)
         if certificate.holds:
             return Solution(trajectory, certificate, tuple(limits), order, rounds, tuple(a.method for a in attempts))
         _refuse(limits, certificate)
+        failed = set()
         for n, tried in enumerate(attempts):
             use = {name: values[owner == n] for name, values in certificate.use.items()}
             if any(values.max() > 1 + TOLERANCE for values in use.values()):
                 attempts[n] = tried.tightened(use)
+                failed.add(n)
+        before = owner
+        trajectory, owner = assemble(path, [attempt.profile for attempt in attempts], stops)
+        certificate = certify(trajectory, limits, _known(certificate, before, owner, failed))
     raise MotionError(f"no motion could be proved within {ROUNDS} rounds; what remained:\n{certificate}")
 
 
 def assemble(path: ActuatorPath, profiles: Sequence[Profile], stops: np.ndarray) -> tuple[Trajectory, np.ndarray]:
-    """The runs one after the other, with the rests between, and the run (−1: rest) that each time piece belongs to."""
+    """The runs one after the other with the rests between, and the run that each time piece belongs to; −1 − n at stop n."""
     parts: list[tuple[Profile, int]] = []
     for n, stop in enumerate(stops):
         if path.dwells[stop] > 0:
-            parts.append((_rest(path, int(stop)), -1))
+            parts.append((_rest(path, int(stop)), -1 - n))
         if n < len(profiles):
             parts.append((profiles[n], n))
     joined = Profile(
@@ -68,6 +74,21 @@ def assemble(path: ActuatorPath, profiles: Sequence[Profile], stops: np.ndarray)
     knots = np.concatenate([[0.0], np.cumsum(joined.h)])
     owner = np.concatenate([np.full(len(part.h), n) for part, n in parts])
     return Trajectory(path, knots, joined.s, joined.v, joined.a, joined.j, joined.piece), owner
+
+
+def _known(certificate: Certificate, before: np.ndarray, after: np.ndarray, failed: set[int]) -> Known:
+    """What stays proved of the parts that were not solved again, laid out as the new trajectory has them."""
+
+    def carried(values: Array) -> Array:
+        laid = np.full(len(after), np.nan)
+        for part in set(after.tolist()) - failed:
+            laid[after == part] = values[before == part]
+        return laid
+
+    return Known(
+        {name: carried(values) for name, values in certificate.use.items()},
+        {name: carried(values) for name, values in certificate.attained.items()},
+    )
 
 
 def _rest(path: ActuatorPath, stop: int) -> Profile:

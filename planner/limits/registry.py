@@ -29,7 +29,7 @@ MACHINE_LIMITS: dict[type[Limit], Callable[[Machine, MachinePath], Limit]] = {
 
 
 def limits_of(path: ActuatorPath, axes: Sequence[Axis], order: int) -> tuple[Limit, ...]:
-    """The limits of a motion of order 2 (to acceleration) or 3 (to jerk) along a path, without those that bind nothing."""
+    """The limits of a motion of an order (2: to acceleration, 3: to jerk) along a path, if they bind anything."""
     limits = [make(axes) for least, make in AXIS_LIMITS.values() if least <= order]
     if isinstance(path, MachinePath):
         limits += [make(path.machine, path) for make in MACHINE_LIMITS.values()]

@@ -134,7 +134,7 @@ def _assemble(intervals: int, signature: Signature, solver: Solver) -> ca.Functi
         options |= {
             "structure_detection": "auto",
             "equality": equality.tolist(),
-            "fatrop": {"print_level": 0, "max_iter": 200, "tol": 1e-9},
+            "fatrop": {"print_level": 0, "max_iter": 200, "tol": 1e-8, "mu_init": 1e-2},
         }
     else:
         options |= {"ipopt": {"print_level": 0, "sb": "yes", "max_iter": 1000, "tol": 1e-9}}

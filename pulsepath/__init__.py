@@ -1,0 +1,107 @@
+"""The fastest motion a machine can make along a path, proved to respect every limit, as exact pulse times.
+
+    import pulsepath as pp
+
+    plan = pp.plan(pp.load_program("circle"), pp.load_machine("hexapod"))
+    print(plan.trajectory.duration, plan.certificate)
+
+Names load when they are first used, so that importing this package costs nothing.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+__version__ = "0.1.0"
+
+if TYPE_CHECKING:
+    from benchmarks.report import write_report
+    from controllers import Metrics, Tracking, evaluate, find_law, law_names, track
+    from kinematics import (
+        Axis,
+        FileError,
+        Hexapod,
+        Machine,
+        MotionError,
+        OutOfReach,
+        Pose,
+        load_machine,
+        machine_names,
+    )
+    from planner import (
+        Arc,
+        Blend,
+        Certificate,
+        Dwell,
+        Infeasible,
+        Line,
+        Place,
+        Plan,
+        Program,
+        PulseSchedule,
+        Solution,
+        Stop,
+        Trajectory,
+        Turn,
+        check,
+        load_program,
+        plan,
+        program_names,
+        time_optimal,
+    )
+    from planner.classical import Classical, classical
+
+__all__ = [
+    "Arc",
+    "Axis",
+    "Blend",
+    "Certificate",
+    "Classical",
+    "Dwell",
+    "FileError",
+    "Hexapod",
+    "Infeasible",
+    "Line",
+    "Machine",
+    "Metrics",
+    "MotionError",
+    "OutOfReach",
+    "Place",
+    "Plan",
+    "Pose",
+    "Program",
+    "PulseSchedule",
+    "Solution",
+    "Stop",
+    "Tracking",
+    "Trajectory",
+    "Turn",
+    "check",
+    "classical",
+    "evaluate",
+    "find_law",
+    "law_names",
+    "load_machine",
+    "load_program",
+    "machine_names",
+    "plan",
+    "program_names",
+    "time_optimal",
+    "track",
+    "write_report",
+]
+
+_FLOORS = ("kinematics", "planner", "controllers", "benchmarks.report")
+
+
+def __getattr__(name: str) -> Any:
+    """A public name from the lowest floor that has it [PEP 562]; kept here from then on."""
+    if name in __all__:
+        for floor in map(import_module, _FLOORS):
+            if hasattr(floor, name):
+                globals()[name] = value = getattr(floor, name)
+                return value
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *__all__])

@@ -1,0 +1,5 @@
+"""`python -m pulsepath`: the command line."""
+
+from pulsepath.cli import main
+
+main()
