@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from kinematics.array import Array, frozen
-from planner.enclosure import Cells, Enclosure, bounds, enclose
+from planner.enclosure import Cells, bounds, enclose
 from planner.limits.limit import Limit, Term
 from planner.place import Place
 from planner.trajectory import Trajectory
@@ -20,11 +20,12 @@ TOLERANCE = 1e-6
 """A limit holds when its proven bound is at most 1 + TOLERANCE: room for the solvers' own tolerance."""
 # How far above the attained value a bound may stay, and how long cells are halved for it.
 TIGHT, HALVINGS, MOST_CELLS = 5e-7, 24, 400_000
-# Order of the expansions in time, by the highest derivative looked at: q̈ or q⃛ keep a polynomial of degree 3 or 4.
+# Order of the expansions in time, by the highest derivative: q̈ or q⃛ keep a polynomial of degree 3 or 4.
 EXPANSION = {2: 6, 3: 8}
 # A jump of q, q̇ (and q̈ under jerk limits) between two pieces up to this share of the largest value met is rounding.
 JUMP = 1e-9
-NARROW = 1e-3
+# Cells that are looked at together: their series stay in the processor's cache.
+TOGETHER = 1024
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +49,7 @@ class Certificate:
 
 @dataclass(frozen=True, slots=True)
 class Known:
-    """What is proved already: per limit, use and attained of each time piece (M,), NaN where it is still to be proved."""
+    """What is proved already: per limit, use and attained of each time piece (M,), NaN where nothing is yet."""
 
     use: dict[str, Array]
     attained: dict[str, Array]
@@ -70,25 +71,21 @@ def certify(trajectory: Trajectory, limits: Sequence[Limit], known: Known | None
             values[:], attained[name][:] = np.nan_to_num(known.use[name]), np.nan_to_num(known.attained[name])
         cells = whole[np.isnan(known.use[limits[0].name])[whole.k]]
     for halving in range(HALVINGS + 1):
-        enclosure = enclose(trajectory, cells, EXPANSION[order])
+        bound, met = _judge(trajectory, limits, cells, EXPANSION[order])
         loose = np.zeros(len(cells.k), bool)
-        proven = {}
-        for limit in limits:
-            bound, met = _judge(limit, enclosure, len(cells.k))
-            np.maximum.at(attained[limit.name], cells.k, met)
-            target = np.maximum(met, min(attained[limit.name].max(), 1.0)) + TIGHT
-            proven[limit.name] = bound
-            loose |= bound > target
+        for n, values in enumerate(attained.values()):
+            np.maximum.at(values, cells.k, met[n])
+            loose |= bound[n] > np.maximum(met[n], min(values.max(), 1.0)) + TIGHT
         if halving == HALVINGS or 2 * loose.sum() > MOST_CELLS:
             loose[:] = False
-        for name, bound in proven.items():
-            np.maximum.at(use[name], cells.k[~loose], bound[~loose])
+        for n, values in enumerate(use.values()):
+            np.maximum.at(values, cells.k[~loose], bound[n, ~loose])
         if not loose.any():
             break
         cells = cells[loose].halves()
     worst = {name: float(values.max()) for name, values in use.items()}
     where = {limit.name: _place(trajectory, limit, int(np.argmax(use[limit.name]))) for limit in limits}
-    for name, place in _jumps(trajectory, whole, order).items():
+    for name, place in _jumps(trajectory, order).items():
         worst[name], where[name] = float("inf"), place
     return Certificate(
         holds=all(value <= 1 + TOLERANCE for value in worst.values()),
@@ -99,58 +96,51 @@ def certify(trajectory: Trajectory, limits: Sequence[Limit], known: Known | None
     )
 
 
-def _judge(limit: Limit, enclosure: Enclosure, cells: int) -> tuple[Array, Array]:
-    """The bound (N,) of a limit's use over each cell, over all channels, and the use attained in it."""
-    with np.errstate(invalid="ignore", over="ignore"):
-        low, high, values = bounds(limit.value(enclosure), cells)
-        proven = limit.use(low, high, enclosure.piece).max(1)
-        attained = np.max([limit.use(value, value, enclosure.piece).max(1) for value in values], 0)
-    return np.where(np.isnan(proven), np.inf, proven), np.nan_to_num(attained, nan=0.0)
+def _judge(trajectory: Trajectory, limits: Sequence[Limit], cells: Cells, expansion: int) -> tuple[Array, Array]:
+    """Over each of N cells, the bound of every limit's use over all its channels, and the use attained: (limits, N)."""
+    bound, met = np.zeros((len(limits), len(cells.k))), np.zeros((len(limits), len(cells.k)))
+    for first in range(0, len(cells.k), TOGETHER):
+        chosen = np.arange(first, min(first + TOGETHER, len(cells.k)))
+        enclosure = enclose(trajectory, cells[chosen], expansion)
+        with np.errstate(invalid="ignore", over="ignore"):
+            for n, limit in enumerate(limits):
+                low, high, values = bounds(limit.value(enclosure), len(chosen))
+                bound[n, chosen] = limit.use(low, high, enclosure.piece).max(1)
+                met[n, chosen] = np.max([limit.use(value, value, enclosure.piece).max(1) for value in values], 0)
+    return np.where(np.isnan(bound), np.inf, bound), np.nan_to_num(met, nan=0.0)
 
 
-def _jumps(trajectory: Trajectory, cells: Cells, order: int) -> dict[str, Place]:
-    """Each quantity that is not continuous between the pieces, or not at rest at the ends, and where it jumps most.
-
-    Seen in the outermost thousandths of every piece, where a short series leaves nothing to the remainder.
-    """
-    lengths, count = cells.hi - cells.lo, len(cells.k)
-    ends = Cells(
-        np.tile(cells.k, 2),
-        np.concatenate([cells.lo, cells.hi - lengths * NARROW]),
-        np.concatenate([cells.lo + lengths * NARROW, cells.hi]),
-    )
-    enclosure = enclose(trajectory, ends, order + 2)
-    quantities = {"position jump": enclosure.q, "speed jump": enclosure.qd}
+def _jumps(trajectory: Trajectory, order: int) -> dict[str, Place]:
+    """Each quantity that is not continuous between the pieces, or not at rest at the ends, and where it jumps most."""
+    k = np.arange(len(trajectory.s))
+    start, end = trajectory.within(k, np.zeros(len(k))), trajectory.within(k, np.diff(trajectory.knots))
+    rest = np.zeros((1, start.q.shape[1]))
+    quantities = {
+        "position jump": (start.q, end.q, start.q[:1], end.q[-1:]),
+        "speed jump": (start.qd, end.qd, rest, rest),
+    }
     if order == 3:
-        quantities["acceleration jump"] = enclosure.qdd
+        quantities["acceleration jump"] = (start.qdd, end.qdd, rest, rest)
     found: dict[str, Place] = {}
-    for name, series in quantities.items():
-        _, _, (left, _, right) = bounds(series, 2 * count)
-        start, end = left[:count], right[count:]
-        # before the first piece and after the last there is rest: where it stood, without speed or acceleration
-        before, after = (
-            (start[:1], end[-1:]) if name == "position jump" else (np.zeros_like(start[:1]), np.zeros_like(end[:1]))
-        )
-        gaps = np.abs(np.concatenate([start, after]) - np.concatenate([before, end]))
-        scale = np.ptp(start, axis=0).max() + 1e-6 * np.abs(start).max()
-        if gaps.max() > JUMP * scale:
-            row, axis = np.unravel_index(int(np.argmax(gaps)), gaps.shape)
-            cell = min(int(row), count - 1)
-            k = int(cells.k[cell])
-            t = float(trajectory.knots[k + (0 if row < count else 1)])
-            found[name] = _at(trajectory, k, t, trajectory.path.names[int(axis)])
+    for name, (starts, ends, before, after) in quantities.items():
+        gaps = np.abs(np.concatenate([starts, after]) - np.concatenate([before, ends])).max(1)
+        scale = np.ptp(starts, axis=0).max() + 1e-6 * np.abs(starts).max()
+        if not gaps.max() <= JUMP * scale:
+            knot = int(np.argmax(gaps))
+            axis = int(np.argmax(np.abs(np.concatenate([starts, after]) - np.concatenate([before, ends]))[knot]))
+            found[name] = _at(trajectory, float(trajectory.knots[knot]), trajectory.path.names[axis])
     return found
 
 
 def _place(trajectory: Trajectory, limit: Limit, k: int) -> Place:
     """Where in time piece k, and in which channel, a limit is used most."""
     span = trajectory.knots[k + 1] - trajectory.knots[k]
-    t = trajectory.knots[k] + span * np.linspace(0.0, 1.0, 9, endpoint=False)
-    state = trajectory.at(t)
+    state = trajectory.within(np.full(9, k), span * np.linspace(0.0, 1.0, 9))
     value = limit.value(state)
     row, channel = np.unravel_index(int(np.argmax(limit.use(value, value, state.piece))), value.shape)
-    return _at(trajectory, k, float(t[row]), limit.channels[int(channel)])
+    return _at(trajectory, float(state.t[row]), limit.channels[int(channel)])
 
 
-def _at(trajectory: Trajectory, k: int, t: float, axis: str) -> Place:
-    return Place(float(trajectory.at(t).s[0]), trajectory.path.segment(int(trajectory.piece[k])), t, axis)
+def _at(trajectory: Trajectory, t: float, axis: str) -> Place:
+    state = trajectory.at(t)
+    return Place(float(state.s[0]), trajectory.path.segment(int(state.piece[0])), t, axis)

@@ -61,7 +61,7 @@ def fastest(path: ActuatorPath, limits: Sequence[Limit], order: int) -> Solution
 
 
 def assemble(path: ActuatorPath, profiles: Sequence[Profile], stops: np.ndarray) -> tuple[Trajectory, np.ndarray]:
-    """The runs one after the other with the rests between, and the run that each time piece belongs to; −1 − n at stop n."""
+    """The runs one after the other, the rests between, and whose each time piece is: run n, or −1 − n at stop n."""
     parts: list[tuple[Profile, int]] = []
     for n, stop in enumerate(stops):
         if path.dwells[stop] > 0:

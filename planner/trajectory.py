@@ -86,14 +86,16 @@ class Trajectory:
         asked = np.atleast_1d(np.asarray(t, float))
         held = np.clip(asked, 0.0, self.duration)
         k = self.locate(held)
-        tau = held - self.knots[k]
-        v0, a0, j = self.v[k], self.a[k], self.j[k]
-        s = self.s[k] + tau * (v0 + tau * (a0 / 2 + tau * j / 6))
-        moving = (asked == held).astype(float)
-        v = moving * (v0 + tau * (a0 + tau * j / 2))
-        a = moving * (a0 + tau * j)
-        j = moving * j
+        return self.within(k, held - self.knots[k], asked, moving=asked == held)
+
+    def within(self, k: np.ndarray, tau: Array, t: Array | None = None, moving: np.ndarray | None = None) -> State:
+        """The state tau after the start of time piece k, each (N,): on a knot, the side is the caller's choice."""
+        share = np.ones(len(k)) if moving is None else moving.astype(float)
+        v0, a0, j0 = self.v[k], self.a[k], self.j[k]
+        s = self.s[k] + tau * (v0 + tau * (a0 / 2 + tau * j0 / 6))
+        sd = share * (v0 + tau * (a0 + tau * j0 / 2))
         q, q1, q2, q3 = self.path.derivatives(s, self.piece[k])
-        v, a, j = v[:, None], a[:, None], j[:, None]
-        qddd = q1 * j + 3 * q2 * v * a + q3 * v**3
-        return State(asked, s, q, q1 * v, q1 * a + q2 * v**2, qddd, v[:, 0], self.path, self.piece[k])
+        v, a, j = sd[:, None], (share * (a0 + tau * j0))[:, None], (share * j0)[:, None]
+        qdd, qddd = q1 * a + q2 * v**2, q1 * j + 3 * q2 * v * a + q3 * v**3
+        when = self.knots[k] + tau if t is None else t
+        return State(when, s, q, q1 * v, qdd, qddd, sd, self.path, self.piece[k])

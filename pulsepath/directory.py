@@ -1,0 +1,96 @@
+"""A directory that is written whole or not at all, and never over something that is not ours."""
+
+import json
+import os
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from tempfile import mkdtemp
+
+from kinematics.errors import MotionError
+
+RECORD = "plan.json"
+"""The file by which a directory that `plan` wrote is known."""
+
+
+def refuse_overwrite(target: Path, force: bool) -> None:
+    """Raise MotionError unless the target is absent or an empty directory, or, with `force`, one that `plan` wrote."""
+    if not os.path.lexists(target):
+        return
+    if not target.is_dir():
+        raise MotionError(f"{target} exists and is no directory; give another --out")
+    if not any(target.iterdir()):
+        return
+    if not force:
+        raise MotionError(f"{target} exists and is not empty; give another --out, or --force to replace it")
+    if not is_ours(target):
+        raise MotionError(f"{target} was not written by pulsepath plan, so --force does not replace it; give another")
+
+
+def is_ours(directory: Path) -> bool:
+    """Whether `plan` wrote a directory."""
+    try:
+        record = json.loads((directory / RECORD).read_bytes())
+    except (OSError, ValueError):
+        return False
+    return isinstance(record, dict) and str(record.get("kind")).startswith("pulsepath ")
+
+
+@contextmanager
+def replacing(target: Path, force: bool) -> Iterator[Path]:
+    """A new directory to fill, which becomes `target` when the block ends well.
+
+    Whatever else happens, an interruption included, nothing of it remains and what stood there before still does.
+    """
+    refuse_overwrite(target, force)
+    place = target.resolve()
+    created = [parent for parent in place.parents if not parent.exists()]
+    place.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        staged = Path(mkdtemp(prefix=f".{place.name}-", dir=place.parent))
+        try:
+            yield staged
+            refuse_overwrite(target, force)
+            staged.chmod(0o777 & ~_umask())  # mkdtemp lets only the owner in
+            _swap(staged, place)
+        finally:
+            shutil.rmtree(staged, ignore_errors=True)
+    except BaseException:
+        for parent in created:
+            with suppress(OSError):
+                parent.rmdir()
+        raise
+
+
+def _swap(staged: Path, place: Path) -> None:
+    """Put the staged directory in place, and only then delete what stood there."""
+    if not place.exists():
+        staged.rename(place)
+        return
+    old = Path(mkdtemp(prefix=f".{place.name}-", dir=place.parent)) / "old"
+    try:
+        place.rename(old)
+        try:
+            staged.rename(place)
+        except BaseException:
+            old.rename(place)
+            raise
+    finally:
+        shutil.rmtree(old.parent, ignore_errors=True)
+
+
+def write_whole(path: Path, text: str) -> None:
+    """Write a file so that it is there complete or as it was before."""
+    staged = path.with_name(f".{path.name}-{os.getpid()}")
+    try:
+        staged.write_text(text, encoding="utf-8")
+        staged.replace(path)
+    finally:
+        staged.unlink(missing_ok=True)
+
+
+def _umask() -> int:
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask

@@ -1,0 +1,132 @@
+"""What the commands found, as plain data: the content of plan.json and track.json, and of `--json`."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict
+from importlib.metadata import PackageNotFoundError, version
+from math import isfinite
+from platform import python_version
+from typing import Any
+
+from controllers import Metrics
+from controllers.metrics import ErrorSeries
+from kinematics import Axis, Machine, MotionError
+from planner import Infeasible, Place
+from pulsepath import __version__
+from pulsepath.inputs import Inputs
+from pulsepath.job import Job
+
+SCHEMA = 1
+PLAN, TRACK = "pulsepath plan", "pulsepath tracking"
+"""What tells these files from others of the same name."""
+
+Record = dict[str, Any]
+
+
+def of_plan(job: Job, inputs: Inputs) -> Record:
+    """A plan: SI units, which the keys name where they are not plain."""
+    plan, certificate = job.plan, job.plan.certificate
+    return {
+        "schema": SCHEMA,
+        "kind": PLAN,
+        "program": plan.program.name,
+        "machine": plan.machine.name,
+        "order": plan.order,
+        "duration_s": plan.trajectory.duration,
+        "path_length_m": float(plan.path.breaks[-1]),
+        "classical": {"duration_s": job.classical.duration, "saved_s": job.saved},
+        "certificate": {
+            "holds": certificate.holds,
+            "limits": {
+                name: {
+                    "worst_ratio": worst,
+                    "attained_ratio": certificate.attained[name],
+                    "where": _place(certificate.where[name]),
+                }
+                for name, worst in certificate.worst.items()
+            },
+        },
+        "solver": {"rounds": plan.rounds, "methods": list(plan.methods)},
+        "pulses": {
+            "clock_hz": plan.pulses.clock_hz,
+            "total": plan.pulses.total,
+            "axes": {
+                axis.name: {
+                    "pulses": len(axis),
+                    "start_count": axis.start,
+                    "final_count": axis.final,
+                    "net_count": axis.final - axis.start,
+                    "pulse": axis.pulse,
+                    "unit": driven.unit,
+                }
+                for axis, driven in zip(plan.pulses.axes, plan.machine.axes, strict=True)
+            },
+            "check": {
+                "holds": job.verdict.holds,
+                "faults": job.verdict.fault_count,
+                "time_error_ticks": job.verdict.time_error,
+                "highest_rate_hz": job.verdict.highest_rate,
+            },
+        },
+        "tracking": of_tracking(job.metrics),
+        "provenance": {
+            "sha256": inputs.digests,
+            "versions": {"pulsepath": __version__, "python": python_version(), **_versions("casadi", "toppra", "numpy")},
+        },
+    }
+
+
+def of_tracking(metrics: Iterable[Metrics]) -> Record:
+    """Errors under each law, in m or rad."""
+    return {law.law: {series.name: _errors(series) for series in law.series} for law in metrics}
+
+
+def of_check(violations: Sequence[MotionError], largest: Mapping[str, tuple[float, Place]]) -> Record:
+    """The findings of a geometric check: what is violated, or how near the path comes to each limit."""
+    return {
+        "feasible": not violations,
+        "violations": [_violation(violation) for violation in violations],
+        "largest_use": {name: {"ratio": use, "where": _place(place)} for name, (use, place) in largest.items()},
+    }
+
+
+def of_machine(machine: Machine) -> Record:
+    """A machine: its axes as they are, None for what is unlimited."""
+    return {
+        "name": machine.name,
+        "kind": type(machine).__name__.lower(),
+        "freedom": list(machine.freedom),
+        "axes": [_axis(axis) for axis in machine.axes],
+    }
+
+
+def _errors(series: ErrorSeries) -> Record:
+    figures = {"rms": series.rms, "p95": series.p95, "max": series.max}
+    return {**figures, "unit": series.unit, "where": _place(series.where)}
+
+
+def _place(place: Place) -> Record:
+    return {"axis": place.axis or None, "segment": place.segment, "distance_m": place.s, "time_s": place.t}
+
+
+def _violation(violation: MotionError) -> Record:
+    if not isinstance(violation, Infeasible):
+        return {"kind": "reach", "message": str(violation)}
+    named = {name: getattr(violation, name) for name in ("kind", "axis", "value", "limit", "unit", "remedy")}
+    where = None if violation.place is None else _place(violation.place)
+    return {**named, "where": where, "message": str(violation)}
+
+
+def _axis(axis: Axis) -> Record:
+    finite = tuple(bound if isfinite(bound) else None for bound in axis.travel)
+    return {**asdict(axis), "travel": finite, "unit": axis.unit}
+
+
+def _versions(*packages: str) -> dict[str, str | None]:
+    """Installed versions; None for what is not there."""
+    found: dict[str, str | None] = {}
+    for package in packages:
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            found[package] = None
+    return found
