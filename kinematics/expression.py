@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from functools import cached_property
+from threading import Lock
 
 import casadi as ca
 import numpy as np
@@ -24,19 +25,21 @@ class Expression:
     def __init__(self, name: str, inputs: ca.SX, outputs: ca.SX) -> None:
         self.function = ca.Function(name, [ca.vec(inputs)], [ca.densify(ca.vec(outputs))], {"cse": True})
         self.size = int(self.function.size1_in(0)), int(self.function.size1_out(0))
+        self._lock = Lock()
         self._alive: list[object] = []  # `run` holds raw pointers into these
         self._blocks: dict[int, tuple[Array, Array, Callable[[], None]]] = {}
 
     def __call__(self, x: Array) -> Array:
         rows, out = len(x), np.empty((len(x), self.size[1]))
         done = 0
-        for size in _BLOCKS:
-            while rows - done >= size:
-                arguments, results, run = self._block(size)
-                arguments[:] = x[done : done + size]
-                run()
-                out[done : done + size] = results
-                done += size
+        with self._lock:  # the blocks' memory is shared by all callers
+            for size in _BLOCKS:
+                while rows - done >= size:
+                    arguments, results, run = self._block(size)
+                    arguments[:] = x[done : done + size]
+                    run()
+                    out[done : done + size] = results
+                    done += size
         return out
 
     def _block(self, size: int) -> tuple[Array, Array, Callable[[], None]]:

@@ -10,8 +10,8 @@ from tempfile import mkdtemp
 
 from kinematics.errors import MotionError
 
-RECORD = "plan.json"
-"""The file by which a directory that `plan` wrote is known."""
+RECORD, KIND = "plan.json", "pulsepath plan"
+"""The file by which a directory that `plan` wrote is known, and what it says it is."""
 
 
 def refuse_overwrite(target: Path, force: bool) -> None:
@@ -34,7 +34,7 @@ def is_ours(directory: Path) -> bool:
         record = json.loads((directory / RECORD).read_bytes())
     except (OSError, ValueError):
         return False
-    return isinstance(record, dict) and str(record.get("kind")).startswith("pulsepath ")
+    return isinstance(record, dict) and record.get("kind") == KIND
 
 
 @contextmanager
@@ -51,7 +51,6 @@ def replacing(target: Path, force: bool) -> Iterator[Path]:
         staged = Path(mkdtemp(prefix=f".{place.name}-", dir=place.parent))
         try:
             yield staged
-            refuse_overwrite(target, force)
             staged.chmod(0o777 & ~_umask())  # mkdtemp lets only the owner in
             _swap(staged, place)
         finally:

@@ -29,7 +29,7 @@ class Job:
 
     @property
     def saved(self) -> float:
-        """s that the plan is shorter than the classical timing; negative where that, free of jerk limits, is shorter."""
+        """s that the plan is shorter than the classical timing; negative where that, having no jerk limit, is shorter."""
         return self.classical.duration - self.plan.trajectory.duration
 
 

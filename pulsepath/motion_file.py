@@ -19,7 +19,7 @@ def write(trajectory: Trajectory, path: Path) -> None:
 
 
 def read(path: Path, along: ActuatorPath) -> Trajectory:
-    """The trajectory in a file, along its path. Raises FileError where the file is damaged or belongs to another path."""
+    """The trajectory in a file, along its path. Raises FileError where it is damaged or belongs to another path."""
     try:
         table = json.loads(path.read_bytes())
         knots = np.array(table["knots"], float)

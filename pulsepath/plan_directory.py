@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
 
-from kinematics import FileError, Machine, MotionError, load_machine
+from kinematics import Machine, MotionError, load_machine
 from planner import Program, Trajectory, load_program
 from planner.plan import actuate
 from pulsepath import motion_file
@@ -43,7 +43,7 @@ def write(folder: Path, job: Job, inputs: Inputs) -> None:
 
 
 def read(folder: Path) -> Planned:
-    """The plan in a folder. Raises MotionError where there is none, or where its files are not those it was made from."""
+    """The plan in a folder. Raises MotionError where there is none, or where its sources are no longer the same."""
     if not is_ours(folder):
         raise MotionError(f"{folder} holds no plan: make one with pulsepath plan PROGRAM --out {folder}")
     digests = json.loads((folder / RECORD).read_bytes()).get("provenance", {}).get("sha256", {})
@@ -51,7 +51,7 @@ def read(folder: Path) -> Planned:
         content = (folder / name).read_bytes()
         if sha256(content).hexdigest() != digests.get(what):
             raise MotionError(f"{folder / name} is not the {what} that the plan was made from: plan it again")
-    program, machine = (load_program(folder / SOURCES["program"]), load_machine(folder / SOURCES["machine"]))
+    program, machine = load_program(folder / SOURCES["program"]), load_machine(str(folder / SOURCES["machine"]))
     return Planned(program, machine, motion_file.read(folder / MOTION, actuate(program, machine)))
 
 

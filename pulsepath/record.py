@@ -12,12 +12,11 @@ from controllers.metrics import ErrorSeries
 from kinematics import Axis, Machine, MotionError
 from planner import Infeasible, Place
 from pulsepath import __version__
+from pulsepath.directory import KIND
 from pulsepath.inputs import Inputs
 from pulsepath.job import Job
 
 SCHEMA = 1
-PLAN, TRACK = "pulsepath plan", "pulsepath tracking"
-"""What tells these files from others of the same name."""
 
 Record = dict[str, Any]
 
@@ -27,7 +26,7 @@ def of_plan(job: Job, inputs: Inputs) -> Record:
     plan, certificate = job.plan, job.plan.certificate
     return {
         "schema": SCHEMA,
-        "kind": PLAN,
+        "kind": KIND,
         "program": plan.program.name,
         "machine": plan.machine.name,
         "order": plan.order,
@@ -39,7 +38,7 @@ def of_plan(job: Job, inputs: Inputs) -> Record:
             "limits": {
                 name: {
                     "worst_ratio": worst,
-                    "attained_ratio": certificate.attained[name],
+                    "attained_ratio": float(certificate.attained[name].max()),
                     "where": _place(certificate.where[name]),
                 }
                 for name, worst in certificate.worst.items()
@@ -70,7 +69,11 @@ def of_plan(job: Job, inputs: Inputs) -> Record:
         "tracking": of_tracking(job.metrics),
         "provenance": {
             "sha256": inputs.digests,
-            "versions": {"pulsepath": __version__, "python": python_version(), **_versions("casadi", "toppra", "numpy")},
+            "versions": {
+                "pulsepath": __version__,
+                "python": python_version(),
+                **_versions("casadi", "toppra", "numpy"),
+            },
         },
     }
 

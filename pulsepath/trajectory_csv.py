@@ -1,7 +1,7 @@
 """A trajectory as a table: one row per instant, for spreadsheets and plots; the exact pieces are in motion.json.
 
-Columns are time, distance along the path, the pose of the platform in the base frame (rx, ry, rz about the moving axes in
-turn), and position (natural coordinate), speed, acceleration and jerk of every axis. SI units, named in the header.
+Columns are time, distance along the path, the pose of the platform in the base frame (rx, ry, rz about the moving axes
+in turn), and position (natural coordinate), speed, acceleration and jerk of every axis. SI units, as the header says.
 """
 
 import csv
@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from kinematics.array import Array
+from kinematics.pose import from_numbers
 from planner import Plan
 
 PERIOD = 1e-3
@@ -32,12 +33,14 @@ def write(plan: Plan, path: Path) -> None:
 def _header(plan: Plan) -> list[str]:
     place = ["t [s]", "s [m]", *(f"{name} [m]" for name in "xyz"), *(f"r{name} [rad]" for name in "xyz")]
     quantities = {"q": "", "qd": "/s", "qdd": "/s^2", "qddd": "/s^3"}
-    return place + [f"{axis.name} {q} [{axis.unit}{per}]" for axis in plan.machine.axes for q, per in quantities.items()]
+    return place + [
+        f"{axis.name} {q} [{axis.unit}{per}]" for axis in plan.machine.axes for q, per in quantities.items()
+    ]
 
 
 def _rows(plan: Plan, t: Array) -> Array:
     state = plan.trajectory.at(t)
-    pose = state.pose
+    pose = from_numbers(plan.path.pose_numbers(state.s, state.piece))
     angles = pose.rotation.as_euler("XYZ", suppress_warnings=True)
     axes = np.stack([state.q, state.qd, state.qdd, state.qddd], 2).reshape(len(t), -1)
     return np.column_stack([t, state.s, pose.translation, angles, axes])

@@ -61,18 +61,24 @@ class Attempt:
 
 def attempt(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int) -> Attempt:
     """The first solve of a run. Raises MotionError when nothing bounds it."""
-    pieces = run.last - run.first + 1
     if order == 2:
-        problem = pose_problem(path, limits, *grid(path, run, _size(SECOND_ORDER, pieces)))
+        problem = pose_problem(path, limits, *grid(path, run, _size(SECOND_ORDER, run.last - run.first + 1)))
         _need(problem, Term.SDD, "acceleration")
         return Attempt(problem, second_order(problem), "toppra")
-    start = pose_problem(path, limits, *grid(path, run, _size(START, pieces)))
-    _need(start, Term.SDDD, "jerk")
-    start, window = _second_order_start(start)
-    smoothed = Smoothed(second_order(start), window)
-    shares = (smoothed.spread(_size(THIRD_ORDER, pieces)) - start.s[0]) / (start.s[-1] - start.s[0])
+    problem, start = jerk_problem(path, limits, run)
+    return _solve_third(problem, start.on(problem.s), start)
+
+
+def jerk_problem(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> tuple[Problem, Smoothed]:
+    """The order-3 problem of a run, on a grid graded for it, and the averaged order-2 motion to start from."""
+    pieces = run.last - run.first + 1
+    coarse = pose_problem(path, limits, *grid(path, run, _size(START, pieces)))
+    _need(coarse, Term.SDDD, "jerk")
+    coarse, window = _second_order_start(coarse)
+    start = Smoothed(second_order(coarse), window)
+    shares = (start.spread(_size(THIRD_ORDER, pieces)) - coarse.s[0]) / (coarse.s[-1] - coarse.s[0])
     s, piece = grid(path, run, len(shares) - 1, np.clip(shares, 0.0, 1.0))
-    return _solve_third(pose_problem(path, limits, s, piece), smoothed.on(s), smoothed)
+    return pose_problem(path, limits, s, piece), start
 
 
 def _size(rule: tuple[int, int], pieces: int) -> int:
@@ -89,7 +95,7 @@ def _solve_third(problem: Problem, guess: Array, fallback: Smoothed) -> Attempt:
 
 
 def _need(problem: Problem, term: Term, name: str) -> None:
-    if not any(term in block.start for block in problem.blocks):
+    if not any(np.any(block.start.get(term, 0.0)) for block in problem.blocks):
         raise MotionError(
             f"nothing bounds the motion: no axis that moves states a limit of {name}; "
             "state one, or plan at another order"

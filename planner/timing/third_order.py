@@ -12,6 +12,7 @@ closed form. FATROP: Vanroye et al., IROS 2023.
 
 from collections.abc import Sequence
 from functools import lru_cache
+from threading import Lock
 from typing import Any, Literal
 
 import casadi as ca
@@ -27,6 +28,8 @@ TERMS = frozenset(Term)
 Solver = Literal["fatrop", "ipopt"]
 # Least duration of an interval, as a share of the longest in the guess.
 _SHORTEST = 1e-9
+# CasADi's solvers share state between threads.
+_ONE_AT_A_TIME = Lock()
 Signature = tuple[tuple[tuple[Term, ...], int], ...]
 """Of each block: its terms and its number of rows."""
 
@@ -151,16 +154,20 @@ def _solve(solver: ca.Function, data: Array, room: Array, guess: Array) -> Array
     low[0, :2] = high[0, :2] = 0.0
     bounds = np.concatenate([np.zeros((3, count)), room]).T.ravel()
     rest = [0.0, 0.0]
-    answer = solver(
-        x0=np.concatenate([guess.T.ravel(), rest]),
-        p=data.T.ravel(),
-        lbx=np.concatenate([low.ravel(), rest]),
-        ubx=np.concatenate([high.ravel(), rest]),
-        lbg=-bounds,
-        ubg=bounds,
-    )
+    with _ONE_AT_A_TIME:
+        try:
+            answer = solver(
+                x0=np.concatenate([guess.T.ravel(), rest]),
+                p=data.T.ravel(),
+                lbx=np.concatenate([low.ravel(), rest]),
+                ubx=np.concatenate([high.ravel(), rest]),
+                lbg=-bounds,
+                ubg=bounds,
+            )
+        except RuntimeError as failure:  # CasADi's own, as when an evaluation overflows
+            raise MotionError(f"the jerk-limited solver failed: {failure}") from failure
+        stats = solver.stats()
     columns = np.asarray(answer["x"]).ravel()[:-2].reshape(count, 4).T
-    stats = solver.stats()
     if not stats["success"] or not np.isfinite(columns).all():
         raise MotionError(
             "the jerk-limited solver stopped without an answer "

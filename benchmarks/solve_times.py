@@ -1,0 +1,71 @@
+"""How long the bare circle takes to solve and certify, beside the solvers alone: `python -m benchmarks.solve_times`.
+
+The circle has a radius of 15 mm and lies 25 mm above home; rest to rest. Reference durations: independent solves on
+graded grids found 1.2615 to 1.2617 s with jerk limits, toppra with 4000 points 1.2040 s without.
+"""
+
+from collections.abc import Callable
+from statistics import median
+from time import perf_counter
+from typing import TypeVar
+
+from kinematics import load_machine
+from planner import load_program
+from planner.limits import limits_of
+from planner.plan import actuate
+from planner.solve import fastest
+from planner.timing.problem import Run, grid, pose_problem
+from planner.timing.run import jerk_problem
+from planner.timing.second_order import second_order
+from planner.timing.third_order import third_order
+
+REPEATS = 7
+# What order 2 and 3 are held against, and the time that solving and certifying may take (s).
+TARGETS = {2: (1.2046, 0.4), 3: (1.2630, 1.5)}
+
+Result = TypeVar("Result")
+
+
+def timed(work: Callable[[], Result]) -> tuple[Result, float, float]:
+    """The result, the time of the first call, and the median time of those after it (s)."""
+    times = []
+    for _ in range(REPEATS):
+        begin = perf_counter()
+        result = work()
+        times.append(perf_counter() - begin)
+    return result, times[0], median(times[1:])
+
+
+def main() -> None:
+    machine, program = load_machine("hexapod"), load_program("bare-circle")
+    path = actuate(program, machine)
+    second_order(pose_problem(path, limits_of(path, machine.axes, 2), *grid(path, Run(0, 0), 10)))  # the imports
+    print(f"{'':<44}{'duration':>12}{'first call':>12}{'again':>12}")
+    for order in (2, 3):
+        limits = limits_of(path, machine.axes, order)
+        solution, first, again = timed(lambda order=order, limits=limits: fastest(path, limits, order))  # type: ignore[misc]
+        worst = max(solution.certificate.worst.values())
+        line(
+            f"order {order}, solved and certified ({solution.rounds} rounds)",
+            solution.trajectory.duration,
+            first,
+            again,
+        )
+        longest, slowest = TARGETS[order]
+        print(f"    worst proven ratio {worst:.9f}; wanted: at most {longest} s, solved within {slowest} s")
+    for points in (1000, 4000):
+        problem = pose_problem(path, limits_of(path, machine.axes, 2), *grid(path, Run(0, 0), points))
+        profile, first, again = timed(lambda problem=problem: second_order(problem))  # type: ignore[misc]
+        line(f"toppra alone, {points} intervals, not certified", profile.duration, first, again)
+    third, start = jerk_problem(path, limits_of(path, machine.axes, 3), Run(0, 0))
+    for solver in ("fatrop", "ipopt"):
+        profile, first, again = timed(lambda solver=solver: third_order(third, start.on(third.s), solver=solver))  # type: ignore[misc]
+        line(f"{solver} alone, {third.intervals} intervals, not certified", profile.duration, first, again)
+
+
+def line(what: str, duration: float, first: float, again: float) -> None:
+    print(f"{what:<44}{duration:>10.6f} s{first:>10.3f} s{again:>10.3f} s")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,129 @@
+"""The command line: options in; tables, or JSON with --json, out. Whatever is slow loads inside the commands."""
+
+from pathlib import Path
+
+import click
+
+from pulsepath import __version__
+from pulsepath.exits import BAD_INPUT, INFEASIBLE, INTERNAL, Commands
+
+json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON instead of tables.")
+machine_option = click.option(
+    "--machine", metavar="MACHINE", help="Preset or file; default: the one the program names."
+)
+
+
+@click.group(
+    cls=Commands,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    epilog=f"Exit codes: 0 done, {INFEASIBLE} infeasible, {BAD_INPUT} bad input, {INTERNAL} internal error.",
+)
+@click.version_option(__version__, prog_name="pulsepath")
+def main() -> None:
+    """The fastest motion a machine can make along a path, proved to respect every limit, as exact pulse times.
+
+    PROGRAM and MACHINE are names of presets, or paths of TOML files.
+    """
+
+
+@main.command()
+@click.argument("program")
+@machine_option
+@click.option("--out", type=click.Path(path_type=Path), required=True, metavar="DIR", help="Directory to write.")
+@click.option(
+    "--order",
+    type=click.Choice(["2", "3"]),
+    help="2: speed and acceleration; 3: and jerk. Default: 3 if the machine limits jerk.",
+)
+@click.option(
+    "--clock-hz", type=click.IntRange(min=1), default=10_000_000, show_default=True, help="Ticks/s of pulses."
+)
+@click.option("--force", is_flag=True, help="Replace DIR, if an earlier plan is in it.")
+@json_option
+def plan(
+    program: str, machine: str | None, out: Path, order: str | None, clock_hz: int, force: bool, as_json: bool
+) -> None:
+    """Plan PROGRAM, and write motion, pulses and report into DIR."""
+    from pulsepath import plan_directory, record, tables
+    from pulsepath.directory import refuse_overwrite, replacing
+    from pulsepath.inputs import read_inputs
+    from pulsepath.job import run
+    from pulsepath.progress import step
+
+    refuse_overwrite(out, force)
+    inputs = read_inputs(program, machine)
+    job = run(inputs.program, inputs.machine, None if order is None else int(order), clock_hz)
+    with replacing(out, force) as folder, step("writing the files"):
+        plan_directory.write(folder, job, inputs)
+    report = str(out / plan_directory.REPORT)
+    if as_json:
+        click.echo(plan_directory.as_json({**record.of_plan(job, inputs), "report": report}), nl=False)
+    else:
+        tables.console().print(*tables.of_plan(job))
+        click.echo(f"report: {report}")
+
+
+@main.command()
+@click.argument("program")
+@machine_option
+@json_option
+def check(program: str, machine: str | None, as_json: bool) -> None:
+    """Check the path of PROGRAM for reach, travel and tilt, which no timing can help."""
+    from pulsepath import geometric_check, plan_directory, record, tables
+    from pulsepath.inputs import read_inputs
+
+    inputs = read_inputs(program, machine)
+    found = geometric_check.check(inputs.program, inputs.machine)
+    if as_json:
+        click.echo(plan_directory.as_json(record.of_check(found.violations, found.largest)), nl=False)
+    elif found.violations:
+        click.echo("\n".join(map(str, found.violations)))
+    else:
+        tables.console().print(*tables.of_check(found))
+    if found.violations:
+        click.get_current_context().exit(INFEASIBLE)
+
+
+@main.command()
+@click.argument("directory", metavar="DIR", type=click.Path(path_type=Path))
+@click.option("--law", "laws", multiple=True, required=True, metavar="LAW", help="Number or name; may be repeated.")
+@click.option("--force", is_flag=True, help="Replace an earlier track.json.")
+@json_option
+def track(directory: Path, laws: tuple[str, ...], force: bool, as_json: bool) -> None:
+    """Run the plan in DIR through an emulated card and drives under each LAW."""
+    from controllers import evaluate, find_law
+    from controllers import track as run
+    from kinematics import MotionError
+    from pulsepath import plan_directory, record, tables
+    from pulsepath.directory import write_whole
+    from pulsepath.progress import step
+
+    target = directory / plan_directory.TRACK
+    if target.exists() and not force:
+        raise MotionError(f"{target} exists; give --force to replace it")
+    chosen = [find_law(law) for law in laws]
+    planned = plan_directory.read(directory)
+    metrics = []
+    for law in chosen:
+        with step(f"tracking under {law.name}"):
+            metrics.append(evaluate(run(planned.trajectory, planned.machine, law), planned.trajectory, planned.machine))
+    text = plan_directory.as_json({"schema": record.SCHEMA, "laws": record.of_tracking(metrics)})
+    write_whole(target, text)
+    if as_json:
+        click.echo(text, nl=False)
+    else:
+        tables.console().print(*tables.of_tracking(metrics))
+
+
+@main.command()
+@json_option
+def machines(as_json: bool) -> None:
+    """List the bundled machines."""
+    from kinematics import load_machine, machine_names
+    from pulsepath import plan_directory, record, tables
+
+    bundled = [load_machine(name) for name in machine_names()]
+    if as_json:
+        click.echo(plan_directory.as_json([record.of_machine(machine) for machine in bundled]), nl=False)
+    else:
+        tables.console().print(*tables.of_machines(bundled))

@@ -1,0 +1,107 @@
+"""The tables that the commands print."""
+
+import sys
+from collections.abc import Iterable, Sequence
+from math import ceil, inf
+
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
+from rich.table import Table
+
+from controllers import Metrics
+from kinematics import Axis, Machine
+from planner import Place
+from pulsepath.geometric_check import GeometricCheck
+from pulsepath.job import Job
+
+WIDTH = 110
+"""Columns where the output is no terminal, which would say."""
+MICRO = {"m": "µm", "rad": "µrad"}
+HUMAN = {"m": ("mm", 1e3), "rad": ("°", 57.29577951308232)}
+
+
+def console() -> Console:
+    """Where tables go. Names come from files, so nothing in them is taken for markup."""
+    return Console(width=None if sys.stdout.isatty() else WIDTH, markup=False, emoji=False, highlight=False)
+
+
+def of_plan(job: Job) -> list[Table]:
+    """Duration and saving, the worst proven ratio of each limit and where, and the pulses of each axis."""
+    plan, certificate = job.plan, job.plan.certificate
+    percent = 100 * job.saved / job.classical.duration
+    bare = ", which has no jerk limit" if plan.order == 3 else ""
+    times = _table(f"{plan.program.name} on {plan.machine.name}, order {plan.order}", "", "time (s)#", "")
+    times.add_row("duration", f"{plan.trajectory.duration:.6f}")
+    times.add_row("classical timing", f"{job.classical.duration:.6f}", bare.removeprefix(", which "))
+    times.add_row("time saved", f"{job.saved:.6f}", f"{percent:.2f} %")
+    limits = _table("limits, proved over continuous time", "limit", "ratio ≤#", "at", "segment#", "mm#", "s#")
+    for name, worst in certificate.worst.items():
+        limits.add_row(name, _up(worst), *_where(certificate.where[name]))
+    pulses = _table(f"pulses on a clock of {plan.pulses.clock_hz} Hz, checked", "axis", "pulses#", "net count#")
+    for axis in plan.pulses.axes:
+        pulses.add_row(axis.name, f"{len(axis)}", f"{axis.final - axis.start}")
+    pulses.add_row("all", f"{plan.pulses.total}")
+    return [times, limits, pulses]
+
+
+def of_check(found: GeometricCheck) -> list[Table]:
+    """How near a path comes to each limit."""
+    table = _table("largest use of each limit along the path", "limit", "ratio#", "at", "segment#", "mm#")
+    for name, (use, place) in found.largest.items():
+        table.add_row(name, f"{use:.6f}", *_where(place)[:3])
+    return [table]
+
+
+def of_tracking(metrics: Iterable[Metrics]) -> list[Table]:
+    """Errors of each axis and in space, one table per law."""
+    tables = []
+    for law in metrics:
+        table = _table(law.law, "error", "RMS#", "P95#", "max#", "unit", "segment#", "mm#", "s#")
+        for series in law.series:
+            figures = (f"{1e6 * value:.3f}" for value in (series.rms, series.p95, series.max))
+            table.add_row(series.name, *figures, MICRO[series.unit], *_where(series.where)[1:])
+        tables.append(table)
+    return tables
+
+
+def of_machines(machines: Iterable[Machine]) -> list[Table]:
+    """Axes, travel and limits of each machine; axes that share them share a row."""
+    head = ("machine", "axes", "freedom", "travel", "pulse", "speed", "acceleration", "jerk")
+    table = _table("bundled machines", *head)
+    for machine in machines:
+        alike: dict[tuple[str, ...], list[str]] = {}
+        for axis in machine.axes:
+            alike.setdefault(_limits(axis), []).append(axis.name)
+        for n, (limits, names) in enumerate(alike.items()):
+            start = (
+                (machine.name, ", ".join(names), " ".join(machine.freedom)) if n == 0 else ("", ", ".join(names), "")
+            )
+            table.add_row(*start, *limits)
+    return [table]
+
+
+def _limits(axis: Axis) -> tuple[str, ...]:
+    unit, scale = HUMAN[axis.unit]
+    low, high = (f"{scale * bound:g}" for bound in axis.travel)
+    bounds = ((axis.max_speed, "/s"), (axis.max_acceleration, "/s²"), (axis.max_jerk, "/s³"))
+    shown = ("unlimited" if bound is None else f"{scale * bound:g} {unit}{per}" for bound, per in bounds)
+    return f"{low} … {high} {unit}", f"{1e6 * axis.pulse:g} {MICRO[axis.unit]}", *shown
+
+
+def _table(title: str, *columns: str) -> Table:
+    """A table; a column whose name ends in # holds numbers."""
+    table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, pad_edge=False)
+    for name in columns:
+        table.add_column(name.removesuffix("#"), justify="right" if name.endswith("#") else "left")
+    return table
+
+
+def _where(place: Place) -> Sequence[str]:
+    """Axis, segment, distance (mm) and time (s) of a place."""
+    segment = "" if place.segment is None else str(place.segment)
+    return place.axis, segment, f"{1e3 * place.s:.3f}", "" if place.t is None else f"{place.t:.4f}"
+
+
+def _up(ratio: float) -> str:
+    """A bound, rounded up, so that the text is a bound too."""
+    return f"{ceil(ratio * 1e7) / 1e7:.7f}" if ratio < inf else "∞"
