@@ -90,7 +90,8 @@ __all__ = [
     "write_report",
 ]
 
-_FLOORS = ("kinematics", "planner", "controllers", "benchmarks.report")
+# the module planner.classical comes first, or it would be found under the name of the function in it
+_FLOORS = ("kinematics", "planner.classical", "planner", "controllers", "benchmarks.report")
 
 
 def __getattr__(name: str) -> Any:

@@ -57,9 +57,9 @@ def plan(
         plan_directory.write(folder, job, inputs)
     report = str(out / plan_directory.REPORT)
     if as_json:
-        click.echo(plan_directory.as_json({**record.of_plan(job, inputs), "report": report}), nl=False)
+        click.echo(record.as_json({**record.of_plan(job, inputs), "report": report}), nl=False)
     else:
-        tables.console().print(*tables.of_plan(job))
+        tables.show(tables.of_plan(job))
         click.echo(f"report: {report}")
 
 
@@ -68,18 +68,21 @@ def plan(
 @machine_option
 @json_option
 def check(program: str, machine: str | None, as_json: bool) -> None:
-    """Check the path of PROGRAM for reach, travel and tilt, which no timing can help."""
-    from pulsepath import geometric_check, plan_directory, record, tables
+    """Check what no timing can help: reach, travel and tilt.
+
+    Lists every violation along the path of PROGRAM, or else how near it comes to each limit.
+    """
+    from pulsepath import geometric_check, record, tables
     from pulsepath.inputs import read_inputs
 
     inputs = read_inputs(program, machine)
     found = geometric_check.check(inputs.program, inputs.machine)
     if as_json:
-        click.echo(plan_directory.as_json(record.of_check(found.violations, found.largest)), nl=False)
+        click.echo(record.as_json(record.of_check(found.violations, found.largest)), nl=False)
     elif found.violations:
         click.echo("\n".join(map(str, found.violations)))
     else:
-        tables.console().print(*tables.of_check(found))
+        tables.show(tables.of_check(found))
     if found.violations:
         click.get_current_context().exit(INFEASIBLE)
 
@@ -90,7 +93,10 @@ def check(program: str, machine: str | None, as_json: bool) -> None:
 @click.option("--force", is_flag=True, help="Replace an earlier track.json.")
 @json_option
 def track(directory: Path, laws: tuple[str, ...], force: bool, as_json: bool) -> None:
-    """Run the plan in DIR through an emulated card and drives under each LAW."""
+    """Track the plan in DIR on emulated hardware.
+
+    Runs it through an emulated motion card and servo drives under each LAW, and writes the errors into DIR/track.json.
+    """
     from controllers import evaluate, find_law
     from controllers import track as run
     from kinematics import MotionError
@@ -107,12 +113,12 @@ def track(directory: Path, laws: tuple[str, ...], force: bool, as_json: bool) ->
     for law in chosen:
         with step(f"tracking under {law.name}"):
             metrics.append(evaluate(run(planned.trajectory, planned.machine, law), planned.trajectory, planned.machine))
-    text = plan_directory.as_json({"schema": record.SCHEMA, "laws": record.of_tracking(metrics)})
+    text = record.as_json({"schema": record.SCHEMA, "laws": record.of_tracking(metrics)})
     write_whole(target, text)
     if as_json:
         click.echo(text, nl=False)
     else:
-        tables.console().print(*tables.of_tracking(metrics))
+        tables.show(tables.of_tracking(metrics))
 
 
 @main.command()
@@ -120,10 +126,10 @@ def track(directory: Path, laws: tuple[str, ...], force: bool, as_json: bool) ->
 def machines(as_json: bool) -> None:
     """List the bundled machines."""
     from kinematics import load_machine, machine_names
-    from pulsepath import plan_directory, record, tables
+    from pulsepath import record, tables
 
     bundled = [load_machine(name) for name in machine_names()]
     if as_json:
-        click.echo(plan_directory.as_json([record.of_machine(machine) for machine in bundled]), nl=False)
+        click.echo(record.as_json([record.of_machine(machine) for machine in bundled]), nl=False)
     else:
-        tables.console().print(*tables.of_machines(bundled))
+        tables.show(tables.of_machines(bundled))

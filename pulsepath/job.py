@@ -29,7 +29,7 @@ class Job:
 
     @property
     def saved(self) -> float:
-        """s that the plan is shorter than the classical timing; negative where that, having no jerk limit, is shorter."""
+        """s that the plan is shorter than the classical timing; negative where that is: it has no jerk limit."""
         return self.classical.duration - self.plan.trajectory.duration
 
 

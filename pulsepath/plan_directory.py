@@ -12,7 +12,7 @@ from pulsepath import motion_file
 from pulsepath.directory import RECORD, is_ours
 from pulsepath.inputs import Inputs
 from pulsepath.job import Job
-from pulsepath.record import of_plan
+from pulsepath.record import as_json, of_plan
 
 MOTION, TRAJECTORY, PULSES, REPORT, TRACK = "motion.json", "trajectory.csv", "pulses.csv", "report.html", "track.json"
 SOURCES = {"program": "program.toml", "machine": "machine.toml"}
@@ -53,8 +53,3 @@ def read(folder: Path) -> Planned:
             raise MotionError(f"{folder / name} is not the {what} that the plan was made from: plan it again")
     program, machine = load_program(folder / SOURCES["program"]), load_machine(str(folder / SOURCES["machine"]))
     return Planned(program, machine, motion_file.read(folder / MOTION, actuate(program, machine)))
-
-
-def as_json(record: object) -> str:
-    """JSON text, indented; refuses numbers that JSON does not have."""
-    return json.dumps(record, indent=2, ensure_ascii=False, allow_nan=False) + "\n"

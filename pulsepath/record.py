@@ -1,5 +1,6 @@
 """What the commands found, as plain data: the content of plan.json and track.json, and of `--json`."""
 
+import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
 from importlib.metadata import PackageNotFoundError, version
@@ -66,7 +67,6 @@ def of_plan(job: Job, inputs: Inputs) -> Record:
                 "highest_rate_hz": job.verdict.highest_rate,
             },
         },
-        "tracking": of_tracking(job.metrics),
         "provenance": {
             "sha256": inputs.digests,
             "versions": {
@@ -100,6 +100,11 @@ def of_machine(machine: Machine) -> Record:
         "freedom": list(machine.freedom),
         "axes": [_axis(axis) for axis in machine.axes],
     }
+
+
+def as_json(record: object) -> str:
+    """JSON text, indented; refuses numbers that JSON does not have."""
+    return json.dumps(record, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
 
 def _errors(series: ErrorSeries) -> Record:

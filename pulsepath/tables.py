@@ -2,8 +2,9 @@
 
 import sys
 from collections.abc import Iterable, Sequence
-from math import ceil, inf
+from math import ceil, degrees, inf
 
+import click
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
@@ -17,12 +18,15 @@ from pulsepath.job import Job
 WIDTH = 110
 """Columns where the output is no terminal, which would say."""
 MICRO = {"m": "µm", "rad": "µrad"}
-HUMAN = {"m": ("mm", 1e3), "rad": ("°", 57.29577951308232)}
+HUMAN = {"m": ("mm", 1e3), "rad": ("°", degrees(1))}
 
 
-def console() -> Console:
-    """Where tables go. Names come from files, so nothing in them is taken for markup."""
-    return Console(width=None if sys.stdout.isatty() else WIDTH, markup=False, emoji=False, highlight=False)
+def show(tables: Iterable[Table]) -> None:
+    """Print tables. Names in them come from files, so nothing is taken for markup."""
+    console = Console(width=None if sys.stdout.isatty() else WIDTH, markup=False, emoji=False, highlight=False)
+    with console.capture() as printed:
+        console.print(*tables)
+    click.echo("\n".join(line.rstrip() for line in printed.get().splitlines()))
 
 
 def of_plan(job: Job) -> list[Table]:
@@ -37,7 +41,7 @@ def of_plan(job: Job) -> list[Table]:
     limits = _table("limits, proved over continuous time", "limit", "ratio ≤#", "at", "segment#", "mm#", "s#")
     for name, worst in certificate.worst.items():
         limits.add_row(name, _up(worst), *_where(certificate.where[name]))
-    pulses = _table(f"pulses on a clock of {plan.pulses.clock_hz} Hz, checked", "axis", "pulses#", "net count#")
+    pulses = _table("pulses, checked", "axis", "pulses#", "net count#")
     for axis in plan.pulses.axes:
         pulses.add_row(axis.name, f"{len(axis)}", f"{axis.final - axis.start}")
     pulses.add_row("all", f"{plan.pulses.total}")

@@ -43,4 +43,4 @@ def _rows(plan: Plan, t: Array) -> Array:
     pose = from_numbers(plan.path.pose_numbers(state.s, state.piece))
     angles = pose.rotation.as_euler("XYZ", suppress_warnings=True)
     axes = np.stack([state.q, state.qd, state.qdd, state.qddd], 2).reshape(len(t), -1)
-    return np.column_stack([t, state.s, pose.translation, angles, axes])
+    return np.column_stack([t, state.s, pose.translation, angles, axes]) + 0.0  # no row shows −0

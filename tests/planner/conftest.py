@@ -1,0 +1,54 @@
+"""What the tests of planning share: the hexapod, its plans (each made once), and its legs recomputed without it."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from kinematics import load_machine
+from planner import load_program, plan
+
+
+@pytest.fixture(scope="session")
+def hexapod():
+    return load_machine("hexapod")
+
+
+@pytest.fixture(scope="session")
+def planned(hexapod):
+    """(program's name, order) -> its plan on the hexapod."""
+
+    @cache
+    def make(name, order):
+        return plan(load_program(name), hexapod, order=order)
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def own_lengths():
+    """(positions (N, 3), rotation matrices (N, 3, 3)) -> leg lengths (N, 6), from the numbers of [Sahbaz 2007, 5]."""
+
+    def circle(radius, gap, height):
+        azimuth = np.deg2rad([gap / 2, 120 - gap / 2, 120 + gap / 2, 240 - gap / 2, 240 + gap / 2, -gap / 2])
+        return np.stack([radius * np.cos(azimuth), radius * np.sin(azimuth), np.full(6, height)], 1)
+
+    base, platform = circle(0.149, 30, 0.0115), circle(0.1, 60, -0.011)
+
+    def lengths(position, rotation):
+        return np.linalg.norm(position[:, None] + np.einsum("nij,kj->nki", rotation, platform) - base, axis=2)
+
+    return lengths
+
+
+@pytest.fixture(scope="session")
+def rodrigues():
+    """(vector (3,), angles (N,)) -> the rotations (N, 3, 3) by these angles about the vector."""
+
+    def matrices(vector, angles):
+        x, y, z = np.asarray(vector, float) / np.linalg.norm(vector)
+        cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+        angles = np.asarray(angles, float)[:, None, None]
+        return np.eye(3) + np.sin(angles) * cross + (1 - np.cos(angles)) * (cross @ cross)
+
+    return matrices

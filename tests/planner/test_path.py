@@ -1,0 +1,248 @@
+"""Paths in space: what lines, arcs, turns and dwells become, piece by piece."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from kinematics import Hexapod, MotionError
+from planner import Arc, Blend, Dwell, Line, Program, Turn
+from planner.path.chain import chain
+from planner.plan import actuate
+
+ROUNDING = 1e-15  # m: a few roundings of coordinates of decimetres
+UP = (0.0, 0.0, 0.025)
+RIM = RigidTransform.from_components([0.015, 0, 0.025], Rotation.identity())
+
+
+def drawn(machine, *segments, start=RIM, frame="home"):
+    """The path of some segments in the machine's actuators."""
+    return actuate(Program(segments, frame=frame, start=start), machine)
+
+
+def along(path, piece=0, points=101):
+    """s (N,) over a piece, positions (N, 3) and rotations (N, 3, 3) there."""
+    s = np.linspace(path.breaks[piece], path.breaks[piece + 1], points)
+    numbers = path.pose_numbers(s, np.full(points, piece))
+    return s, numbers[:, :3], numbers[:, 3:].reshape(-1, 3, 3)
+
+
+def degrees(x, y, z):
+    return Rotation.from_euler("XYZ", [x, y, z], degrees=True)
+
+
+def angle_between(first, second):
+    """Angle of the rotation between matrices, from the chord ‖A − B‖ = 2√2 sin(θ/2): exact near zero."""
+    return 2 * np.arcsin(np.clip(np.linalg.norm(first - second, axis=(-2, -1)) / np.sqrt(8), 0, 1))
+
+
+points = st.tuples(*[st.floats(-0.05, 0.05)] * 3).map(np.array)
+directions = st.tuples(*[st.floats(-1, 1)] * 3).map(np.array).filter(lambda v: np.linalg.norm(v) > 0.1)
+angles = st.floats(-4 * np.pi, 4 * np.pi).filter(lambda angle: abs(angle) > 0.01)
+
+
+@settings(max_examples=40, deadline=None)
+@given(start=points, end=points)
+def test_a_line_runs_straight_and_at_unit_speed(hexapod, start, end):
+    length = np.linalg.norm(end - start)
+    assume(length > 1e-4)
+    pose = RigidTransform.from_components(start, Rotation.identity())
+    path = drawn(hexapod, Line(end), start=pose)
+    s, position, _ = along(path)
+    assert path.breaks[-1] == pytest.approx(length, abs=ROUNDING)
+    straight = hexapod.home.translation + start + (end - start) * (s / length)[:, None]
+    assert np.abs(position - straight).max() < ROUNDING
+    # the direction is a difference of decimetres over the length: its rounding grows as the line shrinks
+    speed = np.linalg.norm(path.tool_slope(s, np.zeros(len(s), int)), axis=1)
+    assert np.abs(speed - 1).max() < ROUNDING / length + 1e-15
+
+
+@settings(max_examples=40, deadline=None)
+@given(centre=points, normal=directions, radial=directions, radius=st.floats(1e-3, 0.05), angle=angles)
+def test_an_arc_keeps_radius_and_plane_and_turns_by_its_signed_angle(
+    hexapod, rodrigues, centre, normal, radial, radius, angle
+):
+    unit = normal / np.linalg.norm(normal)
+    u = np.cross(unit, radial)
+    assume(np.linalg.norm(u) > 0.05)
+    u *= radius / np.linalg.norm(u)
+    pose = RigidTransform.from_components(centre + u, Rotation.identity())
+    path = drawn(hexapod, Arc(centre, normal, angle), start=pose)
+    s, position, _ = along(path)
+    assert path.breaks[-1] == pytest.approx(radius * abs(angle), rel=1e-13)
+    spoke = position - hexapod.home.translation - centre
+    assert np.abs(np.linalg.norm(spoke, axis=1) - radius).max() < 2 * ROUNDING
+    assert np.abs(spoke @ unit).max() < 2 * ROUNDING
+    # more than 360° and negative angles: the right hand about the normal, all the way
+    swept = rodrigues(unit, angle * (s - s[0]) / (s[-1] - s[0])) @ u
+    assert np.abs(spoke - swept).max() < 1e-14
+    assert np.abs(np.linalg.norm(path.tool_slope(s, np.zeros(len(s), int)), axis=1) - 1).max() < 1e-12
+    # path length is true length: the chord of an arc of length d is 2 r sin(d/2r)
+    chord = np.linalg.norm(np.diff(position, axis=0), axis=1)
+    assert np.abs(chord - 2 * radius * np.abs(np.sin(np.diff(s) / (2 * radius)))).max() < 1e-14
+
+
+@pytest.mark.parametrize(("angle", "end"), [(90, (0, 15)), (-90, (0, -15)), (450, (0, 15)), (-720, (15, 0))])
+def test_an_arc_ends_where_its_angle_says(hexapod, angle, end):
+    path = drawn(hexapod, Arc(UP, [0, 0, 1], np.deg2rad(angle)))
+    offset = (along(path)[1][-1] - hexapod.home.translation) * 1e3
+    assert offset == pytest.approx([*end, 25], abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    "segment", [Line([0.0, 0.01, 0.03], degrees(3, -8, 20)), Arc(UP, [0, 0, 1], 4, degrees(3, -8, 20))]
+)
+def test_orientation_turns_the_shorter_way_in_proportion_to_path_length(hexapod, rodrigues, segment):
+    start = RigidTransform.from_components(RIM.translation, degrees(-5, 2, -170))
+    end = segment.rotate.as_matrix()
+    path = drawn(hexapod, segment, start=start)
+    s, _, rotation = along(path)
+    share = (s - s[0]) / (s[-1] - s[0])
+    total = angle_between(rotation[0], end)
+    assert total == pytest.approx(np.arccos((np.trace(rotation[0].T @ end) - 1) / 2), abs=1e-9)  # ≤ 180° by nature
+    assert angle_between(rotation, rotation[0]) == pytest.approx(total * share, abs=1e-14)
+    assert np.abs(rotation[-1] - end).max() < 1e-14
+    # one axis all the way, fixed in the platform
+    skew = rotation[0].T @ rotation[50]
+    axis = np.array([skew[2, 1] - skew[1, 2], skew[0, 2] - skew[2, 0], skew[1, 0] - skew[0, 1]])
+    assert np.abs(rotation - rotation[0] @ rodrigues(axis, total * share)).max() < 1e-13
+
+
+def test_the_shorter_way_crosses_half_a_turn(hexapod):
+    start = RigidTransform.from_components(RIM.translation, degrees(0, 0, 170))
+    path = drawn(hexapod, Turn(degrees(0, 0, -170)), start=start)
+    heading = np.rad2deg(Rotation.from_matrix(along(path, points=5)[2]).as_rotvec()[:, 2])
+    assert heading % 360 == pytest.approx([170, 175, 180, 185, 190], abs=1e-10)
+
+
+def test_orientation_is_kept_where_none_is_asked_for(hexapod):
+    turned = degrees(3, -4, 5)
+    path = drawn(hexapod, Turn(turned), Line([0, 0, 0.02]), Arc([0, 0.01, 0.02], [1, 0, 0], 1.0))
+    for piece in (1, 2):
+        assert np.abs(along(path, piece)[2] - turned.as_matrix()).max() < 1e-14
+
+
+def test_a_turn_is_as_long_as_its_angle_times_the_characteristic_length(hexapod, rodrigues):
+    vector, angle = np.array([1.0, -2.0, 0.5]), 0.3
+    to = Rotation.from_matrix(rodrigues(vector, [angle])[0])
+    path = drawn(hexapod, Turn(to))
+    # of the hexapod: root mean square distance of the platform's joints from its origin
+    assert hexapod.characteristic_length == pytest.approx(np.hypot(0.1, 0.011), rel=1e-14)
+    assert path.breaks[-1] == pytest.approx(angle * np.hypot(0.1, 0.011), rel=1e-13)
+    s, position, rotation = along(path)
+    assert np.abs(position - position[0]).max() == 0
+    assert np.abs(rotation - rodrigues(vector, angle * s / s[-1])).max() < 1e-14
+
+
+def test_frames(hexapod):
+    """A program in the frame "home" is the same program in the base frame, moved by the home pose."""
+    home = RigidTransform.from_components([0.01, -0.02, 0.24], degrees(10, -20, 30))
+    matrix = home.rotation.as_matrix()
+    machine = Hexapod(hexapod.base, hexapod.platform, axes=hexapod.axes, home=home)
+    start = RigidTransform.from_components([0.0, 0.0, 0.01], degrees(1, 2, 3))
+    line, arc, turn = segments = (
+        Line([0.01, 0, 0.01], degrees(4, 5, 6)),
+        Arc([0, 0, 0.01], [0, -0.6, 0.8], -5.0, degrees(0, 0, 1)),
+        Turn(degrees(-2, 0, 0)),
+    )
+    moved = (
+        Line(matrix @ line.to + home.translation, home.rotation * line.rotate),
+        Arc(matrix @ arc.centre + home.translation, matrix @ arc.normal, arc.angle, home.rotation * arc.rotate),
+        Turn(home.rotation * turn.to),
+    )
+    relative = drawn(machine, *segments, start=start, frame="home")
+    absolute = drawn(machine, *moved, start=home * start, frame="base")
+    for piece in range(3):
+        _, position, rotation = along(relative, piece)
+        _, position_base, rotation_base = along(absolute, piece)
+        assert np.abs(position - position_base).max() < 1e-14
+        assert np.abs(rotation - rotation_base).max() < 1e-14
+    # and it lies where the home pose says
+    assert np.abs(along(relative, 0)[1][-1] - matrix @ line.to - home.translation).max() < 1e-14
+
+
+@pytest.mark.parametrize("frame", ["home", "base"])
+def test_a_program_without_a_start_starts_at_home(hexapod, frame):
+    to = [0.0, 0, 0.02] if frame == "home" else [0, 0, 0.25]
+    _, position, rotation = along(drawn(hexapod, Line(to), start=None, frame=frame))
+    assert np.abs(position[0] - hexapod.home.translation).max() < ROUNDING
+    assert np.abs(rotation[0] - np.eye(3)).max() < ROUNDING
+
+
+def test_dwells_lie_between_the_pieces_and_add_up(hexapod):
+    path = drawn(
+        hexapod,
+        Dwell(0.1),
+        Dwell(0.2),
+        Line([0, 0, 0.02]),
+        Line([0, 0, 0.03]),
+        Dwell(0.5),
+        Turn(degrees(1, 0, 0)),
+        Dwell(0.25),
+    )
+    assert path.dwells == pytest.approx([0.1 + 0.2, 0, 0.5, 0.25], abs=0)
+    assert [path.segment(piece) for piece in range(3)] == [3, 4, 6]
+    assert path.stops(2).all()
+    assert path.stops(3).all()
+
+
+def test_pieces_meet(hexapod, planned):
+    """Every piece of the preset `circle` starts in the pose in which the one before it ends, and the last at home."""
+    path = planned("circle", 2).path
+    ends = [along(path, piece, points=2) for piece in range(len(path.pieces))]
+    for (_, before, turned), (_, after, turned_after) in pairwise(ends):
+        assert np.abs(before[-1] - after[0]).max() < ROUNDING
+        assert np.abs(turned[-1] - turned_after[0]).max() < ROUNDING
+    assert np.abs(ends[-1][1][-1] - hexapod.home.translation).max() < ROUNDING
+
+
+def test_tool_speed_caps_belong_to_their_segment(hexapod):
+    chained = chain(Program([Line([0, 0, 0.02]), Line([0, 0, 0.03], speed=0.01), Turn(degrees(1, 0, 0))]), hexapod)
+    assert [piece.tool_speed for piece in chained.pieces] == [None, 0.01, None]
+
+
+@pytest.mark.parametrize(
+    ("segments", "phrases"),
+    [
+        (
+            [Line([0, 0, 0.03]), Line([0, 0, 0.03], degrees(1, 0, 0))],
+            ["segment 2, line", "ends where it starts", "[0, 0, 30] mm", "turn"],
+        ),
+        (
+            [Dwell(0.1), Arc([0, 0, 0.022], [0, 0, 1], 1.0)],
+            ["segment 2, arc", "3 mm out of the plane", "move the centre by [0, 0, 3] mm", "normal"],
+        ),
+        ([Arc(RIM.translation, [0, 0, 1], 1.0)], ["segment 1, arc", "on the arc's centre", "[15, 0, 25] mm", "beside"]),
+        ([Turn(Rotation.identity())], ["segment 1, turn", "reached already", "leave it out"]),
+        (
+            [Line([0, 0, 0.03], join=Blend(1e-4)), Line([0, 0, 0.02])],
+            ["segment 1, line", "blends are not built yet", 'join = "stop"'],
+        ),
+        ([Dwell(1.0)], ["nothing moves", "add a line"]),
+    ],
+)
+def test_what_cannot_be_drawn_is_refused_by_name(hexapod, segments, phrases):
+    with pytest.raises(MotionError) as refusal:
+        drawn(hexapod, *segments)
+    for phrase in phrases:
+        assert phrase in str(refusal.value)
+
+
+def test_a_refusal_names_the_line_of_the_file(hexapod):
+    with pytest.raises(MotionError, match=r"segment 1, line \(line 12\)"):
+        drawn(hexapod, Line(RIM.translation, line_number=12))
+
+
+def test_moving_the_centre_as_told_mends_an_arc_out_of_its_plane(hexapod):
+    normal = np.array([0, -np.sin(0.3), np.cos(0.3)])
+    centre = np.array([0.001, 0.002, 0.02])
+    with pytest.raises(MotionError) as refusal:
+        drawn(hexapod, Arc(centre, normal, 1.0))
+    told = str(refusal.value).split("move the centre by [")[1].split("]")[0]
+    moved = centre + np.array([float(number) for number in told.split(",")]) * 1e-3
+    _, position, _ = along(drawn(hexapod, Arc(moved, normal, 1.0)))
+    assert np.abs((position - hexapod.home.translation - moved) @ normal).max() < 1e-8  # told to six digits
+    assert np.abs(position[0] - hexapod.home.translation - RIM.translation).max() < ROUNDING
