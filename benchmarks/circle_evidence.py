@@ -1,8 +1,8 @@
-"""The bare circle, held against a few lines that share nothing with the package: `python -m benchmarks.circle_evidence`.
+"""The bare circle, held against a few lines of its own: `python -m benchmarks.circle_evidence`.
 
-On a circle of radius r about the z axis, with the platform level, the squared length of leg i between base joint b and
-platform joint a is A + B cos φ + C sin φ: with c = centre + a − b, A = r² + c·c, B = 2 r c_x, C = 2 r c_y. Lengths and their
-derivatives follow by hand; only s(t) is taken from the plan, with φ = s/r.
+On a circle of radius r about the z axis, with the platform level, the squared length of a leg between base joint b
+and platform joint a is A + B cos φ + C sin φ: with c = centre + a − b, A = r² + c·c, B = 2 r c_x, C = 2 r c_y. Lengths
+and their derivatives follow by hand; only s(t) is taken from the plan, with φ = s/r.
 """
 
 import numpy as np
@@ -74,9 +74,8 @@ def main() -> None:
         for name, value in planned.certificate.worst.items():
             beside = f", by hand at {INSTANTS} instants {seen[name]:.9f}" if name in seen else ""
             print(f"    {name:<13} proved ≤ {value:.9f}{beside}")
-        print(
-            f"    pulses        {planned.pulses.total}, at most {pulse_error(planned):.3f} ticks' travel beyond half a pulse"
-        )
+        beyond = pulse_error(planned)
+        print(f"    pulses        {planned.pulses.total}, at most {beyond:.3f} ticks' travel beyond half a pulse")
         print(
             f"    the checker   {'agrees' if verdict.holds else 'DISAGREES'}, final count error {verdict.final_error}"
         )

@@ -1,6 +1,7 @@
 """The main job, top to bottom: program -> path -> limits -> certified motion -> pulses."""
 
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 from kinematics.errors import MotionError
 from kinematics.machine import Machine
@@ -14,6 +15,9 @@ from planner.pulses import PulseSchedule, generate
 from planner.solve import fastest
 from planner.standing import violations
 from planner.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from mpl_toolkits.mplot3d import Axes3D
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,6 +37,12 @@ class Plan:
     order: int
     rounds: int
     methods: tuple[str, ...]
+
+    def plot(self, ax: "Axes3D | None" = None) -> "Axes3D":
+        """The path in space, coloured by speed; planner.plots has the other figures of a plan."""
+        from planner.plots import path_in_space
+
+        return path_in_space(self, ax)
 
 
 def actuate(program: Program, machine: Machine) -> MachinePath:

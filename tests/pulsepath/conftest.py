@@ -1,0 +1,41 @@
+"""One plan of the bare circle that the tests of the front door share, and a command line without a process."""
+
+import pytest
+from click.testing import CliRunner
+
+from pulsepath.cli import main
+from pulsepath.inputs import read_inputs
+from pulsepath.job import run
+
+
+@pytest.fixture(scope="session")
+def inputs():
+    return read_inputs("bare-circle", None)
+
+
+@pytest.fixture(scope="session")
+def job(inputs):
+    return run(inputs.program, inputs.machine, None, 10_000_000)
+
+
+@pytest.fixture
+def call():
+    """Calls the command line; the result has .exit_code, .stdout and .stderr."""
+    return lambda *arguments: CliRunner().invoke(main, [str(argument) for argument in arguments])
+
+
+@pytest.fixture
+def planned(monkeypatch, job):
+    """Lets `plan` take the shared plan instead of making its own: for tests of what is done with it."""
+    monkeypatch.setattr("pulsepath.job.run", lambda *_: job)
+
+
+@pytest.fixture(scope="session")
+def directory(tmp_path_factory, inputs, job):
+    """What `plan` writes for the shared plan; not to be changed."""
+    from pulsepath import plan_directory
+
+    folder = tmp_path_factory.mktemp("plans") / "bare-circle"
+    folder.mkdir()
+    plan_directory.write(folder, job, inputs)
+    return folder

@@ -1,0 +1,59 @@
+"""What the front door loads, and when."""
+
+import ast
+import json
+import subprocess
+import sys
+from pathlib import Path
+from time import perf_counter
+
+import pytest
+
+import pulsepath as pp
+
+SLOW = {"numpy", "scipy", "casadi", "toppra", "matplotlib", "pint", "pydantic", "rich", "jinja2"}
+
+
+def loaded_after(code):
+    """Those of the slow packages that a fresh interpreter has loaded after some code."""
+    report = f"import json, sys\n{code}\nprint(json.dumps(sorted({SLOW!r} & set(sys.modules))), file=sys.stderr)"
+    done = subprocess.run([sys.executable, "-c", report], capture_output=True, text=True, check=True)
+    return json.loads(done.stderr)
+
+
+@pytest.mark.parametrize("arguments", [["--help"], ["plan", "--help"], ["--version"]])
+def test_help_loads_nothing_slow(arguments):
+    code = f"from pulsepath.cli import main\ntry: main({arguments!r})\nexcept SystemExit as end: assert not end.code"
+    assert loaded_after(code) == []
+
+
+def test_importing_the_package_loads_nothing_slow():
+    assert loaded_after("import pulsepath as pp; pp.__version__; dir(pp)") == []
+    assert "numpy" in loaded_after("import pulsepath as pp; pp.Axis")
+
+
+def test_help_within_150_ms_of_a_bare_interpreter():
+    def fastest(*arguments):
+        def once():
+            begin = perf_counter()
+            subprocess.run([sys.executable, *arguments], capture_output=True, check=True)
+            return perf_counter() - begin
+
+        return min(once() for _ in range(5))
+
+    assert fastest("-m", "pulsepath", "--help") - fastest("-c", "pass") < 0.150
+
+
+def test_every_name_resolves_to_what_the_type_checker_is_told():
+    (guarded,) = [node for node in ast.parse(Path(pp.__file__).read_text()).body if isinstance(node, ast.If)]
+    told = {alias.name: statement.module for statement in guarded.body for alias in statement.names}
+    assert sorted(told) == pp.__all__
+    for name, module in told.items():
+        value = getattr(pp, name)
+        assert value is getattr(sys.modules[module], name)
+        assert not isinstance(value, type(sys))
+
+
+def test_an_unknown_name_is_an_attribute_error():
+    with pytest.raises(AttributeError, match="no attribute 'plann'"):
+        _ = pp.plann
