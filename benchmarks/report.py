@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from controllers.metrics import Metrics
-from planner.classical import Classical
+from planner.baseline import Classical
 from planner.limits import Limit
 from planner.plan import Plan
 from planner.pulses import PulseCheck

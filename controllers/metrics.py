@@ -18,6 +18,8 @@ from planner.place import Place
 from planner.trajectory import Trajectory
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
     from kinematics.machine import Machine
 
 PERIOD = 1e-3
@@ -71,6 +73,12 @@ class Metrics:
     def series(self) -> tuple[ErrorSeries, ...]:
         """All of them, axes first."""
         return (*self.following, self.tracking, self.orientation, self.contour)
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """The contour error over time; controllers.plots has the other figures."""
+        from controllers.plots import contour_error
+
+        return contour_error(self, ax)
 
     def __str__(self) -> str:
         width = max(len(series.name) for series in self.series)

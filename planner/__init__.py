@@ -3,6 +3,7 @@
 from typing import Any
 
 from planner.bare import time_optimal
+from planner.baseline import Classical, classical
 from planner.certify import Certificate
 from planner.place import Infeasible, Place
 from planner.plan import Plan, check, plan
@@ -12,8 +13,9 @@ from planner.solve import Solution
 from planner.trajectory import State, Trajectory
 
 __all__ = [
-    "Arc", "Blend", "Certificate", "Dwell", "Infeasible", "Line", "Place", "Plan", "Program", "PulseSchedule",
-    "Solution", "State", "Stop", "Trajectory", "Turn", "check", "load_program", "plan", "program_names", "time_optimal",
+    "Arc", "Blend", "Certificate", "Classical", "Dwell", "Infeasible", "Line", "Place", "Plan", "Program",
+    "PulseSchedule", "Solution", "State", "Stop", "Trajectory", "Turn", "check", "classical", "load_program", "plan",
+    "program_names", "time_optimal",
 ]  # fmt: skip
 
 

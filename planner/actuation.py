@@ -57,7 +57,7 @@ def _along(machine: Machine, shape: Shape) -> Expression:
     orders = [machine.expression(*symbols(x))]
     for _ in range(3):
         orders.append(ca.jacobian(orders[-1], s))
-    return Expression(f"{machine.name}_{shape.name}", ca.vertcat(s, parameters), ca.vertcat(*orders))
+    return Expression(f"{shape.name}_actuated", ca.vertcat(s, parameters), ca.vertcat(*orders))
 
 
 class MachinePath:

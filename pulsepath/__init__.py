@@ -31,6 +31,7 @@ if TYPE_CHECKING:
         Arc,
         Blend,
         Certificate,
+        Classical,
         Dwell,
         Infeasible,
         Line,
@@ -43,12 +44,12 @@ if TYPE_CHECKING:
         Trajectory,
         Turn,
         check,
+        classical,
         load_program,
         plan,
         program_names,
         time_optimal,
     )
-    from planner.classical import Classical, classical
 
 __all__ = [
     "Arc",
@@ -90,8 +91,7 @@ __all__ = [
     "write_report",
 ]
 
-# the module planner.classical comes first, or it would be found under the name of the function in it
-_FLOORS = ("kinematics", "planner.classical", "planner", "controllers", "benchmarks.report")
+_FLOORS = ("kinematics", "planner", "controllers", "benchmarks.report")
 
 
 def __getattr__(name: str) -> Any:

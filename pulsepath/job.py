@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from controllers import Metrics, evaluate, find_law, track
 from kinematics import Machine, MotionError
 from planner import Plan, Program, plan
-from planner.classical import Classical, classical
+from planner.baseline import Classical, classical
 from planner.pulses import PulseCheck, check
 from pulsepath.progress import step
 

@@ -3,7 +3,8 @@
 Each interval of the fixed grid has the state (ṡ, s̈) at its start and the controls (s⃛, h): constant jerk over the
 duration h.
 
-    minimise Σ h   such that   Δs = ṡ h + s̈ h²/2 + s⃛ h³/6,   the next state follows, and every row is kept
+    minimise Σ h (and a trace of jerk)
+    such that Δs = ṡ h + s̈ h²/2 + s⃛ h³/6, the next state follows, and every row is kept
 
 Rows with s⃛ are kept at both ends of every interval (the jerk jumps there), the others at starts and middles. Time is a
 variable and ṡ², the usual choice, is not: nothing is singular at rest, derivatives of q are constants, s(t) is exact in
@@ -26,6 +27,9 @@ from planner.timing.profile import Profile
 
 TERMS = frozenset(Term)
 Solver = Literal["fatrop", "ipopt"]
+# The cost is the duration in thousandths of the guess', which suits the solver's tolerances, and a little for jerk:
+# where many motions take the same time it chooses a calm one, which also strays less between grid points.
+WEIGHT, SMOOTH = 1000.0, 2e-3
 # Least duration of an interval, as a share of the longest in the guess.
 _SHORTEST = 1e-9
 # CasADi's solvers share state between threads.
@@ -142,7 +146,9 @@ def _assemble(intervals: int, signature: Signature, solver: Solver) -> ca.Functi
     else:
         options |= {"ipopt": {"print_level": 0, "sb": "yes", "max_iter": 1000, "tol": 1e-9}}
     variables = ca.vertcat(ca.vec(columns), last)
-    problem = {"x": variables, "p": ca.vec(data), "f": ca.sum2(columns[3, :]), "g": constraints}
+    duration, roughness = ca.sum2(columns[3, :] * data[4, :]), ca.sumsqr(columns[2, :]) / intervals
+    cost = WEIGHT * (duration + SMOOTH * roughness)
+    problem = {"x": variables, "p": ca.vec(data), "f": cost, "g": constraints}
     return ca.nlpsol("third_order", solver, problem, options)
 
 

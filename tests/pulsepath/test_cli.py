@@ -7,12 +7,7 @@ from functools import partial
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import RigidTransform, Rotation
 
-from controllers import evaluate, find_law, track
-from planner.export import pulse_csv
-from planner.pulses import check
-from pulsepath import plan_directory
 from pulsepath.job import Defect
 
 FILES = {
@@ -70,78 +65,6 @@ def test_plan_from_end_to_end(tmp_path):
     assert written["order"] == 2
     assert written["certificate"]["holds"]
     assert "jerk" not in written["certificate"]["limits"]
-
-
-def test_the_record(directory, job):
-    record = json.loads((directory / "plan.json").read_text())
-    assert record["duration_s"] == job.plan.trajectory.duration <= 1.2630
-    assert record["classical"]["duration_s"] - record["duration_s"] == record["classical"]["saved_s"]
-    limits = record["certificate"]["limits"]
-    assert set(limits) == {"speed", "acceleration", "jerk", "travel", "tilt"}
-    for limit in limits.values():
-        assert limit["attained_ratio"] <= limit["worst_ratio"] <= 1 + 1e-6
-        assert 0 <= limit["where"]["time_s"] <= record["duration_s"]
-        assert limit["where"]["segment"] == 1
-    pulses = record["pulses"]
-    assert sum(axis["pulses"] for axis in pulses["axes"].values()) == pulses["total"]
-    # the circle closes: every leg ends where it began
-    assert {axis["net_count"] for axis in pulses["axes"].values()} == {0}
-    # no leg steps faster than its speed limit, but for the tick to which each of two pulses is rounded
-    interval = 0.75e-6 / 20e-3
-    assert pulses["check"]["highest_rate_hz"] <= 1 / (interval - 1 / pulses["clock_hz"])
-
-
-def test_nothing_written_tells_where_or_when_it_was_made(directory, inputs, job, tmp_path):
-    for name in FILES - {"figures"}:
-        text = (directory / name).read_text()
-        assert str(directory.parent) not in text
-        assert sys.prefix not in text
-    plan_directory.write(tmp_path, job, inputs)
-    for path in directory.rglob("*"):
-        if path.is_file():
-            assert path.read_bytes() == (tmp_path / path.relative_to(directory)).read_bytes(), path.name
-
-
-def test_the_trajectory_table(directory, job):
-    path = directory / "trajectory.csv"
-    header = path.read_text().partition("\n")[0].split(",")
-    table = np.loadtxt(path, delimiter=",", skiprows=1)
-    assert header[:8] == ["t [s]", "s [m]", "x [m]", "y [m]", "z [m]", "rx [rad]", "ry [rad]", "rz [rad]"]
-    assert header[8:12] == ["leg1 q [m]", "leg1 qd [m/s]", "leg1 qdd [m/s^2]", "leg1 qddd [m/s^3]"]
-    assert table.shape == (1263, len(header))
-    t = table[:, 0]
-    np.testing.assert_allclose(np.diff(t)[:-1], 1e-3, rtol=1e-9)
-    np.testing.assert_allclose(t[-1], job.plan.trajectory.duration, rtol=1e-11)
-    # the circle of 15 mm, 25 mm above home, run once
-    np.testing.assert_allclose(np.hypot(table[:, 2], table[:, 3]), 15e-3, atol=1e-12)
-    np.testing.assert_allclose(table[[0, -1], 1], [0, 2 * np.pi * 15e-3], atol=1e-12)
-    # lengths between joints, from the poses of the same rows; twelve digits of a length of decimetres
-    pose = RigidTransform.from_components(table[:, 2:5], Rotation.from_euler("XYZ", table[:, 5:8]))
-    np.testing.assert_allclose(table[:, 8::4], job.plan.machine.inverse(pose), atol=2e-12)
-    # each column is the slope of the one before: the trapezoidal rule misses by |third derivative| h³/12 a step
-    h = np.diff(t)[:, None]
-    q, qd, qdd = table[:, 8::4], table[:, 9::4], table[:, 10::4]
-    np.testing.assert_allclose(np.diff(q, axis=0), h * (qd[1:] + qd[:-1]) / 2, atol=4.0 * 1e-9 / 12 + 1e-11)
-    np.testing.assert_allclose(np.diff(qd, axis=0), h * (qdd[1:] + qdd[:-1]) / 2, atol=4.0 * 1e-6)
-
-
-def test_the_pulse_file_holds_the_plans_pulses(directory, job):
-    plan = job.plan
-    start, machine = [axis.start for axis in plan.pulses.axes], plan.machine
-    duration = plan.trajectory.duration
-    read = pulse_csv.read(
-        directory / "pulses.csv", 10_000_000, machine.axes, machine.home_q, start=start, duration=duration
-    )
-    assert check(read, plan.trajectory).holds
-    assert read.total == plan.pulses.total
-
-
-def test_a_plan_taken_up_again_is_the_same_to_the_last_bit(directory, job):
-    again = plan_directory.read(directory).trajectory
-    for name in ("knots", "s", "v", "a", "j", "piece"):
-        np.testing.assert_array_equal(getattr(again, name), getattr(job.plan.trajectory, name))
-    t = np.linspace(0, again.duration, 101)
-    np.testing.assert_array_equal(again.at(t).q, job.plan.trajectory.at(t).q)
 
 
 @pytest.mark.usefixtures("planned")
@@ -244,7 +167,8 @@ def test_travel_violations_name_leg_place_value_and_limit(call, tmp_path, progra
         assert (found["kind"], found["unit"], found["limit"]) == ("travel", "mm", pytest.approx(50.8))
         # the thesis gives lengths and heights to a tenth of a µm
         assert found["value"] == pytest.approx(1e3 * stroke(60e-3), abs=2e-4)
-        assert found["where"] == {"axis": found["axis"], "segment": 2, "distance_m": 0.06, "time_s": None}
+        where = {"axis": found["axis"], "segment": 2, "distance_m": pytest.approx(0.06), "time_s": None}
+        assert found["where"] == where
     assert call("check", path).stdout.count("travel 58.2874 mm is beyond 50.8 mm at leg") == 6
     refused = call("plan", path, "--out", tmp_path / "out")
     assert refused.exit_code == 1
@@ -255,7 +179,7 @@ def test_travel_violations_name_leg_place_value_and_limit(call, tmp_path, progra
 
 
 def test_tilt_violations_name_the_joint(call, program, tilting):
-    path = program(LINE + "[[segment]]\nturn = { to = [6, -7, 0] }\n")
+    path = program("[[segment]]\nline = { to = [0, 0, 25] }\n[[segment]]\nturn = { to = [6, -7, 0] }\n")
     assert call("check", path).exit_code == 0
     done = call("check", path, "--machine", tilting, "--json")
     assert done.exit_code == 1
@@ -380,83 +304,6 @@ def test_pulses_that_fail_their_check_are_not_written(call, tmp_path, monkeypatc
     assert done.exit_code == 3
     assert "leg1" in done.stderr
     assert list(tmp_path.iterdir()) == []
-
-
-class TestTrack:
-    @pytest.fixture
-    def plan(self, tmp_path, directory):
-        """A copy of the shared plan, of which only what `track` needs."""
-        folder = tmp_path / "plan"
-        folder.mkdir()
-        for name in ("plan.json", "motion.json", "program.toml", "machine.toml"):
-            (folder / name).write_bytes((directory / name).read_bytes())
-        return folder
-
-    def test_it_is_the_motion_that_was_planned(self, call, plan, job):
-        done = call("track", plan, "--law", "3", "--json")
-        assert done.exit_code == 0
-        record = json.loads(done.stdout)
-        assert record == json.loads((plan / "track.json").read_text())
-        machine = job.plan.machine
-        expected = evaluate(track(job.plan, machine, find_law("3")), job.plan, machine)
-        for series in expected.series:
-            found = record["laws"][expected.law][series.name]
-            assert (found["rms"], found["p95"], found["max"]) == (series.rms, series.p95, series.max)
-
-    def test_it_prints_a_table_per_law(self, call, plan):
-        done = call("track", plan, "--law", "open-position", "--law", "6")
-        assert done.exit_code == 0
-        laws = json.loads((plan / "track.json").read_text())["laws"]
-        assert len(laws) == 2
-        for law, errors in laws.items():
-            text = done.stdout[done.stdout.index(law) :]
-            (row,) = [line.split() for line in text.splitlines() if line.startswith(" contour")][:1]
-            assert [float(cell) for cell in row[1:4]] == pytest.approx(
-                [1e6 * errors["contour"][name] for name in ("rms", "p95", "max")], abs=5e-4
-            )
-
-    def test_an_earlier_result_is_replaced_only_by_force(self, call, plan):
-        (plan / "track.json").write_text("mine")
-        done = call("track", plan, "--law", "3")
-        assert done.exit_code == 2
-        assert (plan / "track.json").read_text() == "mine"
-        assert call("track", plan, "--law", "3", "--force").exit_code == 0
-        assert "open-position" in json.loads((plan / "track.json").read_text())["laws"]
-
-    @pytest.mark.parametrize(
-        ("name", "text", "told"),
-        [
-            ("plan.json", "{}", "holds no plan"),
-            ("machine.toml", "# touched", "machine.toml is not the machine that the plan was made from"),
-            ("program.toml", "# touched", "program.toml is not the program that the plan was made from"),
-            ("motion.json", '{"knots": [0, 1]}', "motion.json"),
-            (
-                "motion.json",
-                '{"knots": [0, 1], "s": [0], "v": [0], "a": [0], "j": [NaN], "piece": [0]}',
-                "do not make a motion",
-            ),
-            (
-                "motion.json",
-                '{"knots": [0, 1], "s": [0], "v": [0], "a": [0], "j": [0], "piece": [1]}',
-                "belongs to another path",
-            ),
-        ],
-    )
-    def test_a_damaged_plan_is_refused(self, call, plan, name, text, told):
-        (plan / name).write_text(text)
-        done = call("track", plan, "--law", "3")
-        assert done.exit_code == 2
-        assert told in done.stderr
-        assert not (plan / "track.json").exists()
-
-    def test_other_bad_calls(self, call, plan, tmp_path):
-        for arguments, told in [
-            ([plan, "--law", "9"], "law '9' is not known"),
-            ([tmp_path / "none", "--law", "3"], "holds no plan"),
-        ]:
-            done = call("track", *arguments)
-            assert done.exit_code == 2
-            assert told in done.stderr
 
 
 def test_machines(call):

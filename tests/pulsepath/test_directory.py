@@ -11,6 +11,12 @@ def fill(folder, text):
     (folder / "text").write_text(text)
 
 
+def break_off(target, end):
+    with replacing(target, force=True) as folder:
+        fill(folder, "half")
+        raise end
+
+
 def tree(folder):
     return {path.relative_to(folder).as_posix(): path.is_file() and path.read_bytes() for path in folder.rglob("*")}
 
@@ -97,17 +103,15 @@ def test_a_file_is_never_replaced(tmp_path):
 @pytest.mark.parametrize("end", [OSError("disk full"), KeyboardInterrupt()])
 def test_a_failure_leaves_what_was_there(tmp_path, old, end):
     before = tree(tmp_path)
-    with pytest.raises(type(end)), replacing(old, force=True) as folder:
-        fill(folder, "half")
-        raise end
+    with pytest.raises(type(end)):
+        break_off(old, end)
     assert tree(tmp_path) == before
 
 
 @pytest.mark.parametrize("end", [OSError("disk full"), KeyboardInterrupt()])
 def test_a_failure_leaves_nothing_new(tmp_path, end):
-    with pytest.raises(type(end)), replacing(tmp_path / "a" / "b" / "out", force=False) as folder:
-        fill(folder, "half")
-        raise end
+    with pytest.raises(type(end)):
+        break_off(tmp_path / "a" / "b" / "out", end)
     assert tree(tmp_path) == {}
 
 

@@ -1,0 +1,106 @@
+"""The machines that every test of the kinematics runs on, and poses to put them in."""
+
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from kinematics import Axis, Hexapod, load_machine
+from kinematics.hexapod import joint_circle
+
+PUBLISHED = tomllib.loads((Path(__file__).parents[1] / "data" / "conformance.toml").read_text())
+INCH = 0.0254
+
+
+def hexapod(base, platform, home, **options):
+    return Hexapod(base, platform, axes=[Axis(f"leg{n}") for n in range(1, 7)], home=home, **options)
+
+
+def table_4_3():
+    """The final design with both joint circles of 149 mm, joints 389.5 mm apart [Sahbaz 2007, Table 4.3]."""
+    base, platform = joint_circle(0.149, np.deg2rad(30), 0), joint_circle(0.149, np.deg2rad(60), -0.0105)
+    return hexapod(base, platform, RigidTransform.from_translation([0, 0, 0.4]))
+
+
+def mini_tetra():
+    """Pairs of base joints coincide; in metres."""
+    data = PUBLISHED["mini_tetra"]
+    base, platform, home = (INCH * np.array(data[key]) for key in ("base", "platform", "home"))
+    return hexapod(base, platform, RigidTransform.from_translation(home))
+
+
+def rubin():
+    """A platform that hangs below its base."""
+    data = PUBLISHED["rubin_simulink"]
+    base, platform = (1e-6 * np.stack([data[f"{end}_{c}"] for c in "xyz"], 1) for end in ("fixed", "moved"))
+    return hexapod(base, platform, RigidTransform.identity(), base_rest=[0, 0, -1], platform_rest=[0, 0, -1])
+
+
+def irregular(seed):
+    """Joints off every plane and circle, frames anywhere, a rest axis of its own for every joint."""
+    random = np.random.default_rng(seed)
+    base = joint_circle(0.3, 0.5, 0) + random.uniform(-0.05, 0.05, (6, 3))
+    platform = joint_circle(0.15, 1.0, 0) + random.uniform(-0.03, 0.03, (6, 3))
+    home = RigidTransform.from_components([0.02, -0.03, 0.35], Rotation.from_rotvec(random.uniform(-0.15, 0.15, 3)))
+    below, above = (
+        RigidTransform.from_components(random.uniform(-0.1, 0.1, 3), Rotation.random(rng=random)) for _ in range(2)
+    )
+    legs = home.apply(platform) - base
+    base_rest = below.rotation.apply(legs + random.uniform(-0.05, 0.05, (6, 3)))
+    platform_rest = (above.rotation * home.rotation.inv()).apply(legs + random.uniform(-0.05, 0.05, (6, 3)))
+    return hexapod(
+        below.apply(base),
+        above.apply(platform),
+        below * home * above.inv(),
+        base_rest=base_rest,
+        platform_rest=platform_rest,
+        max_tilt=(0.6, 0.7),
+    )
+
+
+HEXAPODS = {
+    "preset": lambda: load_machine("hexapod"),
+    "table 4.3": table_4_3,
+    "mini tetra": mini_tetra,
+    "rubin": rubin,
+    "irregular 1": lambda: irregular(1),
+    "irregular 2": lambda: irregular(2),
+}
+ZOO = HEXAPODS | {}  # machines of other kinds, one line each
+
+
+@pytest.fixture(scope="session", params=ZOO)
+def machine(request):
+    return ZOO[request.param]()
+
+
+@pytest.fixture(scope="session", params=HEXAPODS)
+def any_hexapod(request):
+    return HEXAPODS[request.param]()
+
+
+@pytest.fixture(scope="session")
+def preset():
+    return load_machine("hexapod")
+
+
+@pytest.fixture(scope="session")
+def published():
+    """Numbers that others published, by name."""
+    return PUBLISHED
+
+
+@pytest.fixture(scope="session")
+def poses_about():
+    """(pose, machine, count, share, seed) -> poses shifted and turned by up to `share` of the machine's size."""
+
+    def make(pose, machine, count, share, seed=0):
+        random = np.random.default_rng(seed)
+        shift, turn = share * random.uniform(-1, 1, (2, count, 3))
+        return RigidTransform.from_components(
+            pose.translation + machine.characteristic_length * shift, Rotation.from_rotvec(turn) * pose.rotation
+        )
+
+    return make

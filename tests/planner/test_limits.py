@@ -1,0 +1,269 @@
+"""Every limit of the registry: what the solvers are told is what the certificate measures."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from kinematics import MotionError
+from kinematics.axis import Axis
+from planner import Arc, Line, Program, Turn
+from planner.actuation import PolynomialPath
+from planner.limits import Term, limits_of
+from planner.limits.acceleration import Acceleration
+from planner.limits.jerk import Jerk
+from planner.limits.registry import AXIS_LIMITS, MACHINE_LIMITS
+from planner.limits.speed import Speed
+from planner.limits.tilt import Tilt
+from planner.limits.tool_speed import ToolSpeed
+from planner.limits.travel import Travel
+from planner.plan import actuate
+from planner.timing.problem import pose_problem
+from planner.trajectory import Trajectory
+
+COUNT = 400
+
+
+@dataclass(frozen=True)
+class Case:
+    """A limit in the zoo: its value at full use (N, m) on pieces (N,).
+
+    row: what the rows' sum must be, of the value; None where no timing can help, so that there are no rows
+    """
+
+    full: Callable[[object, np.ndarray], np.ndarray]
+    row: Callable[[np.ndarray], np.ndarray] | None = None
+
+
+def bounds(limit, piece):
+    return np.broadcast_to(limit.bounds, (len(piece), len(limit.bounds)))
+
+
+ZOO = {
+    Speed: Case(bounds, row=lambda value: value),
+    Acceleration: Case(bounds, row=lambda value: value),
+    Jerk: Case(bounds, row=lambda value: value),
+    Travel: Case(lambda limit, piece: -bounds(limit, piece)),
+    Tilt: Case(lambda limit, piece: np.cos(bounds(limit, piece))),
+    ToolSpeed: Case(lambda limit, piece: limit.caps[piece][:, None] ** 2, row=np.sqrt),
+}
+
+
+def test_every_limit_is_in_the_zoo():
+    assert set(ZOO) == set(AXIS_LIMITS) | set(MACHINE_LIMITS)
+
+
+@pytest.fixture(scope="module")
+def path(hexapod):
+    program = Program(
+        [
+            Line([0.01, 0, 0.02], Rotation.from_euler("XYZ", [3, -4, 5], degrees=True), speed=0.03),
+            Arc([0, 0, 0.02], [0, 0, 1], -8.0, speed=0.015),
+            Turn(Rotation.identity()),
+        ],
+        start=RigidTransform.from_components([0, 0, 0.025], Rotation.identity()),
+    )
+    return actuate(program, hexapod)
+
+
+@pytest.fixture(scope="module")
+def limits(path, hexapod):
+    return {type(limit): limit for limit in limits_of(path, hexapod.axes, 3)}
+
+
+@pytest.fixture(scope="module", params=list(ZOO), ids=lambda kind: kind.__name__)
+def limit(request, limits):
+    return limits[request.param]
+
+
+@pytest.fixture(scope="module", params=[kind for kind in ZOO if ZOO[kind].row], ids=lambda kind: kind.__name__)
+def timing_limit(request, limits):
+    return limits[request.param]
+
+
+@dataclass(frozen=True)
+class Moving:
+    """A random motion: unconnected instants anywhere on the path, k times slower."""
+
+    trajectory: Trajectory
+    v: np.ndarray
+    a: np.ndarray
+    j: np.ndarray
+
+    @property
+    def state(self):
+        return self.trajectory.at(self.trajectory.knots[:-1])
+
+    def slowed(self, k):
+        return moving(
+            self.trajectory.path, self.trajectory.s, self.trajectory.piece, self.v / k, self.a / k**2, self.j / k**3
+        )
+
+
+def moving(path, s, piece, v, a, j):
+    return Moving(Trajectory(path, np.arange(len(s) + 1.0), s, v, a, j, piece), v, a, j)
+
+
+@pytest.fixture(scope="module")
+def motion(path):
+    rng = np.random.default_rng(11)
+    piece = rng.integers(0, 3, COUNT)
+    s = path.breaks[piece] + rng.random(COUNT) * np.diff(path.breaks)[piece]
+    return moving(path, s, piece, rng.uniform(0, 0.1, COUNT), rng.normal(0, 1, COUNT), rng.normal(0, 20, COUNT))
+
+
+def term_values(motion):
+    v, a, j = motion.v, motion.a, motion.j
+    return {
+        Term.ONE: v**0, Term.SD: v, Term.SD2: v**2, Term.SD3: v**3, Term.SDD: a, Term.SDSDD: v * a, Term.SDDD: j,
+    }  # fmt: skip
+
+
+def row_sum(limit, motion):
+    """Σ coefficient · term (N, m), and the rows' bound."""
+    trajectory = motion.trajectory
+    rows = limit.rows(trajectory.path.derivatives(trajectory.s, trajectory.piece), trajectory.piece)
+    assert set(rows.coefficients) == limit.terms
+    values = term_values(motion)
+    return sum(rows.coefficients[term] * values[term][:, None] for term in rows.coefficients), rows.bound
+
+
+def test_rows_sum_to_the_value_that_the_certificate_bounds(timing_limit, motion):
+    total, bound = row_sum(timing_limit, motion)
+    value = timing_limit.value(motion.state)
+    expected = ZOO[type(timing_limit)].row(value)
+    moves = np.ones(len(value), bool)
+    if isinstance(timing_limit, ToolSpeed):  # a turn's path length is no way of the tool: it stands, and has no cap
+        moves = motion.trajectory.piece < 2
+        assert (value[~moves] == 0).all()
+        assert np.isinf(bound[~moves]).all()
+    assert np.abs(total[moves] - expected[moves]).max() <= 1e-13 * np.abs(expected).max()
+    # and both are shares of the same bound
+    use = timing_limit.use(value, value, motion.trajectory.piece)
+    share = np.abs(total) / bound
+    assert share[moves] == pytest.approx(use[moves], rel=1e-9, abs=1e-12)
+
+
+def test_use_is_one_exactly_at_the_bound(limit):
+    piece = np.array([0, 1])
+    full = ZOO[type(limit)].full(limit, piece)
+    assert np.abs(limit.use(full, full, piece) - 1).max() <= 2**-51  # a root or an arc cosine may round
+    for share in (0.5, 0.999, 1.001, 1.4):
+        part = np.cos(limit.bounds * share) + 0 * full if isinstance(limit, Tilt) else full * share
+        use = limit.use(part, part, piece)
+        assert use == pytest.approx(np.sqrt(share) if isinstance(limit, ToolSpeed) else share, rel=1e-12)
+
+
+def test_use_of_a_range_is_its_worst_value_s(limit, motion):
+    value = limit.value(motion.state)
+    piece = motion.trajectory.piece
+    low, high = np.minimum(value, value[::-1]), np.maximum(value, value[::-1])
+    both = limit.use(low, high, piece)
+    inside = [limit.use(x, x, piece) for x in (low, high, 0.3 * low + 0.7 * high)]
+    assert both == pytest.approx(np.maximum(*inside[:2]), rel=1e-15)
+    assert (both >= inside[2] * (1 - 1e-15)).all()
+
+
+@pytest.mark.parametrize("excess", [1.0, 1 + 1e-6, 1.3, 40.0])
+def test_slowness_brings_a_motion_to_the_limit(timing_limit, motion, excess):
+    """Slowed k times, each term falls by its own power of k; a motion that used `excess` then uses 1."""
+
+    def used(motion):
+        value = timing_limit.value(motion.state)
+        return timing_limit.use(value, value, motion.trajectory.piece).max()
+
+    power = {Speed: 1, Acceleration: 2, Jerk: 3, ToolSpeed: 1}[type(timing_limit)]
+    quick = motion.slowed((used(motion) / excess) ** (1 / power))
+    assert used(quick) == pytest.approx(excess, rel=1e-12)
+    k = timing_limit.slowness(used(quick))
+    assert used(quick.slowed(k)) == pytest.approx(1.0, rel=1e-12)
+
+
+def test_slowness_is_one_where_a_limit_is_kept(limit):
+    assert limit.slowness(0.0) == limit.slowness(0.7) == limit.slowness(1.0) == 1.0
+
+
+def test_geometric_limits_put_no_rows(limits, path, motion):
+    geometric = {kind for kind, limit in limits.items() if limit.geometric}
+    assert geometric == {kind for kind, case in ZOO.items() if case.row is None}
+    for kind in geometric:
+        with pytest.raises(MotionError, match=f"{limits[kind].name} is geometric"):
+            limits[kind].rows(path.derivatives(path.breaks[:1], np.zeros(1, int)), np.zeros(1, int))
+        assert limits[kind].slowness(7.0) == 1.0
+    problem = pose_problem(path, list(limits.values()), np.linspace(0, path.breaks[1], 11), np.zeros(10, int))
+    assert {block.name for block in problem.blocks} == {limit.name for limit in limits.values() if not limit.geometric}
+
+
+def test_channels_bounds_and_units_belong_together(limit, motion):
+    assert len(limit.channels) == len(limit.bounds) == len(limit.units) == limit.value(motion.state).shape[1]
+    for channel, (unit, scale) in enumerate(limit.units):
+        said, allowed = limit.told(float(ZOO[type(limit)].full(limit, np.zeros(1, int))[0, channel]), channel)
+        assert scale == (180 / np.pi if unit.startswith("deg") else 1e3)
+        if not isinstance(limit, ToolSpeed):  # whose value is a square
+            assert said == pytest.approx(allowed, rel=1e-12, abs=1e-12)
+
+
+def test_travel_is_told_as_the_stroke_from_home(limits, hexapod):
+    travel = limits[Travel]
+    q = hexapod.home_q + 0.06
+    assert travel.told(float((q - travel.middle)[2]), 2) == pytest.approx((0.06, 0.0508), rel=1e-12)
+    q = hexapod.home_q - 0.004
+    assert travel.told(float((q - travel.middle)[2]), 2) == pytest.approx((-0.004, 0.0), abs=1e-15)
+
+
+def test_tilt_is_the_angle_of_leg_and_rest_axis(limits, motion, hexapod):
+    """Against angles from joint positions: between leg and base z, and between leg and platform z."""
+    pose = motion.state.pose
+    rotation = pose.rotation.as_matrix()
+    legs = pose.translation[:, None] + np.einsum("nij,kj->nki", rotation, hexapod.platform) - hexapod.base
+    along = np.stack([np.broadcast_to([0.0, 0, 1], (COUNT, 3)), rotation[:, :, 2]], 1)  # base, platform
+    crossed = np.linalg.norm(np.cross(along[:, :, None], legs[:, None]), axis=3)
+    angle = np.arctan2(crossed, np.einsum("nej,nkj->nek", along, legs)).reshape(COUNT, 12)
+    value = limits[Tilt].value(motion.state)
+    assert limits[Tilt].use(value, value, motion.trajectory.piece) * np.deg2rad(35) == pytest.approx(angle, abs=1e-12)
+
+
+def test_an_axis_without_a_limit_is_free(path, hexapod):
+    free = [replace(axis, max_speed=None, travel=(-np.inf, np.inf)) for axis in hexapod.axes[:5]]
+    found = {limit.name: limit for limit in limits_of(path, [*free, hexapod.axes[5]], 3)}
+    speed = found["speed"]
+    value = np.full((1, 6), 0.01)
+    assert speed.use(value, value, np.zeros(1, int))[0].tolist() == [0, 0, 0, 0, 0, 0.5]
+    problem = pose_problem(path, [speed], np.linspace(0, path.breaks[1], 11), np.zeros(10, int))
+    assert problem.blocks[0].start[Term.SD].shape == (10, 1)
+
+
+def test_unlimited_travel_is_no_travel_used():
+    axes = [Axis("x"), Axis("y", travel=(-1.0, 3.0))]
+    travel = Travel(axes, np.array([0.5, 0.5]))
+    assert travel.middle.tolist() == [0.0, 1.5]
+    value = np.array([[1e6, 2.0]])
+    assert travel.use(value, value, np.zeros(1, int)).tolist() == [[0.0, 1.0]]
+
+
+def test_limits_that_bind_nothing_are_left_out():
+    path = PolynomialPath([0.0, 1.0], np.array([[[1.0]], [[0.0]]]), ["x"])
+    assert limits_of(path, [Axis("x")], 3) == ()
+    assert [limit.name for limit in limits_of(path, [Axis("x", max_jerk=1.0)], 3)] == ["jerk"]
+    assert limits_of(path, [Axis("x", max_jerk=1.0)], 2) == ()
+
+
+def test_a_tool_speed_is_a_limit_only_where_a_program_caps_it(hexapod):
+    free = actuate(Program([Line([0, 0, 0.01])]), hexapod)
+    assert "tool speed" not in {limit.name for limit in limits_of(free, hexapod.axes, 2)}
+    capped = actuate(Program([Line([0, 0, 0.01]), Line([0, 0, 0.02], speed=0.007)]), hexapod)
+    tool = next(limit for limit in limits_of(capped, hexapod.axes, 2) if limit.name == "tool speed")
+    assert tool.caps.tolist() == [np.inf, 0.007]
+    fast = np.full((2, 1), 0.014**2)
+    assert tool.use(fast, fast, np.array([0, 1])).ravel() == pytest.approx([0, 2], rel=1e-12)
+
+
+@pytest.mark.parametrize("kind", ["linear", "rotary"])
+def test_units_follow_the_axis(kind):
+    axes = [Axis("a", kind=kind, max_speed=1.0, max_acceleration=1.0, max_jerk=1.0)]
+    path = PolynomialPath([0.0, 1.0], np.array([[[1.0]], [[0.0]]]), ["a"])
+    unit = "mm" if kind == "linear" else "deg"
+    told = {limit.name: limit.units[0][0] for limit in limits_of(path, axes, 3)}
+    assert told == {"speed": f"{unit}/s", "acceleration": f"{unit}/s²", "jerk": f"{unit}/s³"}

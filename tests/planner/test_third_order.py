@@ -1,0 +1,221 @@
+"""Order 3: against the closed-form seven-segment motion, IPOPT against FATROP, and what happens when both fail."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from kinematics import MotionError
+from kinematics.axis import Axis
+from planner.actuation import PolynomialPath
+from planner.certify import certify
+from planner.limits import limits_of
+from planner.solve import fastest
+from planner.timing import run as runs
+from planner.timing.problem import Run
+from planner.timing.run import attempt, jerk_problem
+from planner.timing.third_order import third_order
+from planner.trajectory import Trajectory
+
+
+def line(length):
+    return PolynomialPath([0.0, length], np.array([[[1.0]], [[0.0]]]), ["x"])
+
+
+def curve(backwards=False):
+    """x = s, y = s² − s³, z = s⁴/2 over [0, 1]: bends one way and then the other. Or the same, run from 1 to 0."""
+    c = np.zeros((5, 1, 3))
+    c[3, 0, 0] = 1.0
+    c[2, 0, 1], c[1, 0, 1] = 1.0, -1.0
+    c[0, 0, 2] = 0.5
+    if backwards:
+        for axis in range(3):
+            c[:, 0, axis] = flipped(c[:, 0, axis])
+    return PolynomialPath([0.0, 1.0], c, ["x", "y", "z"])
+
+
+def flipped(coefficients):
+    """p(1 − s), highest power first."""
+    composed = np.poly1d([0.0])
+    for c in coefficients:
+        composed = composed * np.poly1d([-1.0, 1.0]) + c
+    return np.pad(composed.coeffs, (len(coefficients) - len(composed.coeffs), 0))
+
+
+def limits_on(path, speed, acceleration, jerk):
+    axes = [Axis(name, max_speed=speed, max_acceleration=acceleration, max_jerk=jerk) for name in path.names]
+    return limits_of(path, axes, 3)
+
+
+CURVE = {"speed": 0.6, "acceleration": 1.5, "jerk": 8.0}
+
+
+def seven_segments(length, speed, acceleration, jerk):
+    """Least rest-to-rest time under |v| ≤ V, |a| ≤ A, |j| ≤ J, by which limits the motion reaches."""
+    a = min(acceleration, np.sqrt(speed * jerk))  # reached on the way to V
+    if length >= speed * (speed / a + a / jerk):
+        return length / speed + speed / a + a / jerk  # V is reached
+    a = acceleration
+    top = (np.sqrt(a**4 / jerk**2 + 4 * a * length) - a**2 / jerk) / 2  # of a motion that reaches A but not V
+    if top >= a**2 / jerk:
+        return 2 * (top / a + a / jerk)
+    return 4 * np.cbrt(length / (2 * jerk))  # neither
+
+
+def test_the_reference_keeps_what_it_says():
+    """Its regimes meet: at their borders the closed forms agree, and the motion with J alone covers L = 2 J (T/4)³."""
+    v, a, j = 0.7, 1.3, 9.0
+    for length in (v * (v / a + a / j), 2 * a**3 / j**2):
+        below, above = seven_segments(length * (1 - 1e-12), v, a, j), seven_segments(length * (1 + 1e-12), v, a, j)
+        assert below == pytest.approx(above, rel=1e-10)
+    assert 2 * j * (seven_segments(1e-3, v, a, j) / 4) ** 3 == pytest.approx(1e-3)
+
+
+@pytest.mark.parametrize(
+    ("length", "speed", "acceleration", "jerk"),
+    [
+        pytest.param(1.0, 1.0, 2.0, 10.0, id="V and A are reached"),
+        pytest.param(1.0, 10.0, 1.0, 10.0, id="A is reached"),
+        pytest.param(1.0, 0.2, 100.0, 1.0, id="V is reached"),
+        pytest.param(1.0, 10.0, 100.0, 1.0, id="neither is reached"),
+        pytest.param(0.0508, 0.02, 0.225, 4.0, id="the hexapod's stroke"),
+        pytest.param(1e-5, 0.02, 0.225, 4.0, id="ten microns"),
+        pytest.param(10.0, 0.02, 0.225, 4.0, id="ten metres"),
+        pytest.param(0.0508, 0.02, 0.225, 4000.0, id="jerk all but free"),
+        pytest.param(5.0, 0.02, 2.25, 40.0, id="ramps of 50 000th of the way"),
+    ],
+)
+def test_a_line_takes_its_seven_segment_time(length, speed, acceleration, jerk):
+    """240 intervals of constant jerk do not hit the seven segments' corners exactly: within 1e-3, and never faster."""
+    path = line(length)
+    profile = attempt(path, limits_on(path, speed, acceleration, jerk), Run(0, 0), 3).profile
+    time = seven_segments(length, speed, acceleration, jerk)
+    assert time * (1 - 1e-6) <= profile.duration <= time * (1 + 1e-3)
+
+
+def test_the_motion_is_continuous_and_rests_at_both_ends():
+    path = curve()
+    profile = attempt(path, limits_on(path, **CURVE), Run(0, 0), 3).profile
+    s, v, a, j, h = profile.s, profile.v, profile.a, profile.j, profile.h
+    ends = [s + h * (v + h * (a / 2 + h * j / 6)), v + h * (a + h * j / 2), a + h * j]
+    for values, end, size in zip((s, v, a), ends, (1.0, v.max(), np.abs(a).max()), strict=True):
+        assert np.abs(values[1:] - end[:-1]).max() <= 1e-12 * size
+    assert (s[0], v[0], a[0]) == (0.0, 0.0, 0.0)
+    # closed by least squares after the solver: rounding of sums over 240 intervals
+    assert ends[0][-1] == pytest.approx(1.0, abs=1e-11)
+    assert ends[1][-1] == pytest.approx(0.0, abs=1e-11 * v.max())
+    assert ends[2][-1] == pytest.approx(0.0, abs=1e-11 * np.abs(a).max())
+    assert (h > 0).all()
+
+
+def test_every_limit_is_kept_and_some_limit_used_nearly_everywhere():
+    """A time-optimal motion has a limit active at all times, but for the intervals in which the active one changes."""
+    path = curve()
+    limits = limits_on(path, **CURVE)
+    profile = attempt(path, limits, Run(0, 0), 3).profile
+    knots = np.append(0.0, np.cumsum(profile.h))
+    use = certify(Trajectory(path, knots, profile.s, profile.v, profile.a, profile.j, profile.piece), limits).use
+    together = np.max(list(use.values()), 0)
+    assert together.max() < 1 + 1e-3  # between grid points; the rounds of certifying take that off
+    assert profile.h[together < 0.99].sum() < 0.03 * profile.duration
+
+
+def test_fatrop_finds_what_ipopt_finds():
+    path = curve()
+    problem, start = jerk_problem(path, limits_on(path, **CURVE), Run(0, 0))
+    guess = start.on(problem.s)
+    ours, reference = third_order(problem, guess, solver="fatrop"), third_order(problem, guess, solver="ipopt")
+    assert ours.duration == pytest.approx(reference.duration, rel=1e-6)  # both stop at 1e-9 of their own measure
+    assert np.abs(ours.v - reference.v).max() < 1e-2 * reference.v.max()
+
+
+def test_a_path_takes_as_long_backwards():
+    forth, back = (
+        attempt(path, limits_on(path, **CURVE), Run(0, 0), 3).profile.duration
+        for path in (curve(), curve(backwards=True))
+    )
+    assert back == pytest.approx(forth, rel=1e-3)
+
+
+def test_slower_limits_by_powers_of_k_take_k_times_as_long():
+    """V/k, A/k², J/k³: the same motion in another unit of time."""
+    path, k = curve(), 1000.0
+    slow = limits_on(path, CURVE["speed"] / k, CURVE["acceleration"] / k**2, CURVE["jerk"] / k**3)
+    found = [attempt(path, limits, Run(0, 0), 3).profile.duration for limits in (limits_on(path, **CURVE), slow)]
+    assert found[1] == pytest.approx(k * found[0], rel=1e-6)
+
+
+def test_less_room_is_kept():
+    """Room taken off a limit on some intervals is kept there."""
+    path = curve()
+    problem, start = jerk_problem(path, limits_on(path, **CURVE), Run(0, 0))
+    middle = slice(100, 140)
+    rooms = np.ones(problem.intervals)
+    rooms[middle] = 0.5
+    tight = replace(
+        problem, blocks=tuple(replace(b, room=rooms if b.name == "speed" else b.room) for b in problem.blocks)
+    )
+    free, kept = (third_order(p, start.on(problem.s)) for p in (problem, tight))
+    speed = np.abs(path.derivatives(kept.s, kept.piece)[1] * kept.v[:, None]).max(1)
+    assert (speed[middle] <= 0.5 * CURVE["speed"] * (1 + 1e-6)).all()
+    assert speed.max() > 0.5 * CURVE["speed"]
+    assert kept.duration > free.duration
+
+
+def failing(*solvers):
+    """third_order, but for these solvers."""
+
+    def third_order_or_not(problem, guess, *, solver):
+        if solver in solvers:
+            raise MotionError("stopped without an answer")
+        return third_order(problem, guess, solver=solver)
+
+    return third_order_or_not
+
+
+def test_ipopt_steps_in_for_fatrop(monkeypatch):
+    path = curve()
+    limits = limits_on(path, **CURVE)
+    best = fastest(path, limits, 3)
+    monkeypatch.setattr(runs, "third_order", failing("fatrop"))
+    found = fastest(path, limits, 3)
+    assert (best.methods, found.methods) == (("fatrop",), ("ipopt",))
+    assert found.certificate.holds
+    assert found.trajectory.duration == pytest.approx(best.trajectory.duration, rel=1e-4)
+
+
+@pytest.mark.parametrize("path", [curve(), line(0.0508)], ids=["curve", "line"])
+def test_without_solvers_the_averaged_motion_holds_its_certificate(monkeypatch, path):
+    limits = limits_on(path, **CURVE)
+    best = fastest(path, limits, 3)
+    monkeypatch.setattr(runs, "third_order", failing("fatrop", "ipopt"))
+    found = fastest(path, limits, 3)
+    assert found.methods == ("averaged",)
+    assert found.certificate.holds
+    # slowed as a whole until it holds: slower than the optimum, and at the limit somewhere
+    assert best.trajectory.duration < found.trajectory.duration < 1.3 * best.trajectory.duration
+    assert max(found.certificate.worst.values()) > 1 - 1e-3
+    state = found.trajectory.at(np.array([0.0, found.trajectory.duration]))
+    assert np.abs(np.stack([state.qd, state.qdd])).max() < 1e-9
+    target = path.derivatives(path.breaks[-1:], np.zeros(1, int))[0]
+    assert np.abs(state.q[1] - target[0]).max() < 1e-9
+
+
+@pytest.mark.parametrize("missing", ["speed", "acceleration"])
+def test_one_limit_may_be_missing(missing):
+    """Speed free: A and J alone; acceleration free: V and J alone. Both closed forms."""
+    bounds = {"speed": 0.5, "acceleration": 1.0, "jerk": 10.0}
+    path = line(1.0)
+    profile = attempt(path, limits_on(path, **(bounds | {missing: None})), Run(0, 0), 3).profile
+    time = seven_segments(1.0, **(bounds | {missing: 1e9}))
+    assert time * (1 - 1e-6) <= profile.duration <= time * (1 + 1e-3)
+
+
+@pytest.mark.parametrize(
+    ("bounds", "phrase"),
+    [((1.0, 1.0, None), "jerk"), ((None, None, 1.0), "speed or acceleration")],
+)
+def test_what_nothing_bounds_is_refused(bounds, phrase):
+    path = line(1.0)
+    with pytest.raises(MotionError, match=f"nothing bounds the motion.*{phrase}"):
+        attempt(path, limits_on(path, *bounds), Run(0, 0), 3)

@@ -1,0 +1,83 @@
+"""What `plan` writes: each file holds the plan, and nothing of where or when it was made."""
+
+import json
+import sys
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from planner.export import pulse_csv
+from planner.pulses import check
+from pulsepath import plan_directory
+
+
+def test_the_record(directory, job):
+    record = json.loads((directory / "plan.json").read_text())
+    assert record["duration_s"] == job.plan.trajectory.duration <= 1.2630
+    assert record["classical"]["duration_s"] - record["duration_s"] == record["classical"]["saved_s"]
+    limits = record["certificate"]["limits"]
+    assert set(limits) == {"speed", "acceleration", "jerk", "travel", "tilt"}
+    for limit in limits.values():
+        assert limit["attained_ratio"] <= limit["worst_ratio"] <= 1 + 1e-6
+        assert 0 <= limit["where"]["time_s"] <= record["duration_s"]
+        assert limit["where"]["segment"] == 1
+    pulses = record["pulses"]
+    assert sum(axis["pulses"] for axis in pulses["axes"].values()) == pulses["total"]
+    # the circle closes: every leg ends where it began
+    assert {axis["net_count"] for axis in pulses["axes"].values()} == {0}
+    # no leg steps faster than its speed limit, but for the tick to which each of two pulses is rounded
+    interval = 0.75e-6 / 20e-3
+    assert pulses["check"]["highest_rate_hz"] <= 1 / (interval - 1 / pulses["clock_hz"])
+
+
+def test_nothing_written_tells_where_or_when_it_was_made(directory, inputs, job, tmp_path):
+    for path in directory.glob("*.*"):
+        text = path.read_text()
+        assert str(directory.parent) not in text
+        assert sys.prefix not in text
+    plan_directory.write(tmp_path, job, inputs)
+    for path in directory.rglob("*"):
+        if path.is_file():
+            assert path.read_bytes() == (tmp_path / path.relative_to(directory)).read_bytes(), path.name
+
+
+def test_the_trajectory_table(directory, job):
+    path = directory / "trajectory.csv"
+    header = path.read_text().partition("\n")[0].split(",")
+    table = np.loadtxt(path, delimiter=",", skiprows=1)
+    assert header[:8] == ["t [s]", "s [m]", "x [m]", "y [m]", "z [m]", "rx [rad]", "ry [rad]", "rz [rad]"]
+    assert header[8:12] == ["leg1 q [m]", "leg1 qd [m/s]", "leg1 qdd [m/s^2]", "leg1 qddd [m/s^3]"]
+    assert table.shape == (1263, len(header))
+    t = table[:, 0]
+    np.testing.assert_allclose(np.diff(t)[:-1], 1e-3, rtol=1e-9)
+    np.testing.assert_allclose(t[-1], job.plan.trajectory.duration, rtol=1e-11)
+    # the circle of 15 mm, 25 mm above home, run once
+    np.testing.assert_allclose(np.hypot(table[:, 2], table[:, 3]), 15e-3, atol=1e-12)
+    np.testing.assert_allclose(table[[0, -1], 1], [0, 2 * np.pi * 15e-3], atol=1e-12)
+    # lengths between joints, from the poses of the same rows; twelve digits of a length of decimetres
+    pose = RigidTransform.from_components(table[:, 2:5], Rotation.from_euler("XYZ", table[:, 5:8]))
+    np.testing.assert_allclose(table[:, 8::4], job.plan.machine.inverse(pose), atol=2e-12)
+    # each column is the slope of the one before: the trapezoidal rule misses by |third derivative| h³/12 a step
+    h = np.diff(t)[:, None]
+    q, qd, qdd = table[:, 8::4], table[:, 9::4], table[:, 10::4]
+    np.testing.assert_allclose(np.diff(q, axis=0), h * (qd[1:] + qd[:-1]) / 2, atol=4.0 * 1e-9 / 12 + 1e-11)
+    np.testing.assert_allclose(np.diff(qd, axis=0), h * (qdd[1:] + qdd[:-1]) / 2, atol=4.0 * 1e-6)
+
+
+def test_the_pulse_file_holds_the_plans_pulses(directory, job):
+    plan = job.plan
+    start, machine = [axis.start for axis in plan.pulses.axes], plan.machine
+    duration = plan.trajectory.duration
+    read = pulse_csv.read(
+        directory / "pulses.csv", 10_000_000, machine.axes, machine.home_q, start=start, duration=duration
+    )
+    assert check(read, plan.trajectory).holds
+    assert read.total == plan.pulses.total
+
+
+def test_a_plan_taken_up_again_is_the_same_to_the_last_bit(directory, job):
+    again = plan_directory.read(directory).trajectory
+    for name in ("knots", "s", "v", "a", "j", "piece"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(job.plan.trajectory, name))
+    t = np.linspace(0, again.duration, 101)
+    np.testing.assert_array_equal(again.at(t).q, job.plan.trajectory.at(t).q)
