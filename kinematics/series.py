@@ -21,7 +21,10 @@ EPS = 2.0**-52
 
 @dataclass(frozen=True, slots=True)
 class Series:
-    """Coefficients `mid` ± `rad`, both (degree+1, …); products are cut after τ^order."""
+    """Coefficients `mid` ± `rad`, both (degree+1, …), known up to τ^order.
+
+    What is made of several series is known as far as the one that is known least.
+    """
 
     mid: Array
     rad: Array
@@ -88,10 +91,12 @@ class Series:
 
     def __add__(self, other: Series | Array | float) -> Series:
         other = self._other(other)
-        degree = max(self.degree, other.degree)
+        order = min(self.order, other.order)
+        degree = min(max(self.degree, other.degree), order)
         a, b = self.padded(degree), other.padded(degree)
-        mid = a.mid + b.mid
-        return Series(mid, (a.rad + b.rad) * (1 + EPS) + EPS * np.abs(mid), self.order)
+        mid = a.mid[: degree + 1] + b.mid[: degree + 1]
+        rad = a.rad[: degree + 1] + b.rad[: degree + 1]
+        return Series(mid, rad * (1 + EPS) + EPS * np.abs(mid), order)
 
     __radd__ = __add__
 
@@ -104,33 +109,34 @@ class Series:
     def __mul__(self, other: Series | Array | float) -> Series:
         """Cauchy product: c_k = Σ a_j b_{k−j}."""
         few, many = sorted((self, self._other(other)), key=lambda series: series.degree)
-        if few.degree == 0 and not (few.mid.any() or few.rad.any()):
-            return few  # nothing remains: what follows stays short
-        degree = min(few.degree + many.degree, self.order)
+        order = min(few.order, many.order)
+        if few.degree == 0 and not (few.mid.any() or few.rad.any()) and np.isfinite(many.rad).all():
+            return Series(few.mid, few.rad, order)  # nothing remains: what follows stays short
+        degree = min(few.degree + many.degree, order)
         shape = (degree + 1, *np.broadcast_shapes(few.mid.shape[1:], many.mid.shape[1:]))
         mid, size, rad = np.zeros(shape), np.zeros(shape), np.zeros(shape)
         far = np.abs(many.mid) + many.rad
-        for j in range(few.degree + 1):
-            n = min(many.degree, self.order - j) + 1
+        for j in range(min(few.degree, order) + 1):
+            n = min(many.degree, order - j) + 1
             product = few.mid[j] * many.mid[:n]
             mid[j : j + n] += product
             size[j : j + n] += np.abs(product)
             rad[j : j + n] += np.abs(few.mid[j]) * many.rad[:n] + few.rad[j] * far[:n]
         terms = few.degree + 1
-        return Series(mid, (rad + terms * EPS * size) * (1 + (terms + 2) * EPS), self.order)
+        return Series(mid, (rad + terms * EPS * size) * (1 + (terms + 2) * EPS), order)
 
     __rmul__ = __mul__
 
     def __truediv__(self, other: Series | Array | float) -> Series:
         """q_k = (a_k − Σ_{j<k} q_j b_{k−j}) / b_0; unbounded where b_0 may vanish."""
         other = self._other(other)
+        order = min(self.order, other.order)
         inverse = _inverse(other.mid[0], other.rad[0])
         if other.degree == 0:
-            return self * Series(inverse[0][None], inverse[1][None], self.order)
-        shape = np.broadcast_shapes(self.mid.shape[1:], other.mid.shape[1:])
-        top = self.padded(self.order)
-        out = Series.zeros(self.order, shape)
-        for k in range(self.order + 1):
+            return self * Series(inverse[0][None], inverse[1][None], order)
+        top = self.padded(order)
+        out = Series.zeros(order, np.broadcast_shapes(self.mid.shape[1:], other.mid.shape[1:]))
+        for k in range(order + 1):
             known = (top.mid[k], top.rad[k])
             if k:
                 known = _minus(known, _convolve(_head(out, k), other, k))
@@ -147,6 +153,7 @@ class Series:
         low, high = np.sqrt(np.maximum(top.mid[0] - top.rad[0], 0.0)), np.sqrt(np.maximum(top.mid[0] + top.rad[0], 0.0))
         out.mid[0] = (low + high) / 2
         out.rad[0] = (high - low) / 2 * (1 + EPS) + 2 * EPS * high
+        out.rad[0] = np.where(top.mid[0] + top.rad[0] < 0, np.inf, out.rad[0])  # the root of nothing real
         half = _inverse(2 * out.mid[0], 2 * out.rad[0])
         inside = Series(out.mid[1:], out.rad[1:], self.order)
         for k in range(1, self.order + 1):

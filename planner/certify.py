@@ -97,17 +97,23 @@ def certify(trajectory: Trajectory, limits: Sequence[Limit], known: Known | None
 
 
 def _judge(trajectory: Trajectory, limits: Sequence[Limit], cells: Cells, expansion: int) -> tuple[Array, Array]:
-    """Over each of N cells, the bound of every limit's use over all its channels, and the use attained: (limits, N)."""
+    """Over each of N cells, the bound of every limit's use over all its channels, and the use attained: (limits, N).
+
+    The bound comes from the enclosure, the attained use from the motion itself at each cell's ends and centre.
+    """
     bound, met = np.zeros((len(limits), len(cells.k))), np.zeros((len(limits), len(cells.k)))
     for first in range(0, len(cells.k), TOGETHER):
         chosen = np.arange(first, min(first + TOGETHER, len(cells.k)))
-        enclosure = enclose(trajectory, cells[chosen], expansion)
+        some = cells[chosen]
+        enclosure = enclose(trajectory, some, expansion)
+        places = np.concatenate([some.lo, (some.lo + some.hi) / 2, some.hi])
+        seen = trajectory.within(np.tile(some.k, 3), places)
         with np.errstate(invalid="ignore", over="ignore"):
             for n, limit in enumerate(limits):
-                low, high, values = bounds(limit.value(enclosure), len(chosen))
-                bound[n, chosen] = limit.use(low, high, enclosure.piece).max(1)
-                met[n, chosen] = np.max([limit.use(value, value, enclosure.piece).max(1) for value in values], 0)
-    return np.where(np.isnan(bound), np.inf, bound), np.nan_to_num(met, nan=0.0)
+                bound[n, chosen] = limit.use(*bounds(limit.value(enclosure), len(chosen)), enclosure.piece).max(1)
+                value = limit.value(seen)
+                met[n, chosen] = limit.use(value, value, seen.piece).max(1).reshape(3, -1).max(0)
+    return np.where(np.isnan(bound), np.inf, bound), met
 
 
 def _jumps(trajectory: Trajectory, order: int) -> dict[str, Place]:

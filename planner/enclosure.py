@@ -109,12 +109,12 @@ def _bernstein(powers: int) -> Array:
     )
 
 
-def bounds(series: Series, cells: int) -> tuple[Array, Array, Array]:
-    """Bounds low and high (cells, m) of a series, and its values (3, cells, m) at each cell's start, centre and end."""
+def bounds(series: Series, cells: int) -> tuple[Array, Array]:
+    """Bounds low and high (cells, m) of a series over each cell."""
     full = series.padded(series.order)
     polynomial, error = full.mid[:-1, :cells], full.rad[:-1, :cells].sum(0)
     remainder = np.abs(full.mid[-1, cells:]) + full.rad[-1, cells:]
     control = np.tensordot(_bernstein(full.order), polynomial, 1)
     slack = (error + remainder) * (1 + 32 * EPS) + 32 * EPS * np.abs(polynomial).sum(0)
     slack = np.where(np.isfinite(slack), slack, np.inf)
-    return control.min(0) - slack, control.max(0) + slack, np.stack([control[0], polynomial[0], control[-1]])
+    return control.min(0) - slack, control.max(0) + slack

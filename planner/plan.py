@@ -61,12 +61,12 @@ def plan(program: Program, machine: Machine, *, order: int | None = None, clock_
         order = 3 if any(axis.max_jerk is not None for axis in machine.axes) else 2
     if order not in (2, 3):
         raise MotionError(f"order {order} is not known; 2 keeps speed and acceleration, 3 jerk as well")
-    if clock_hz <= 0 or clock_hz != int(clock_hz):
+    if not isinstance(clock_hz, int) or clock_hz <= 0:
         raise MotionError(f"clock_hz {clock_hz} must be a positive whole number of ticks per second")
     path = actuate(program, machine)
     limits = limits_of(path, machine.axes, order)
     solution = fastest(path, limits, order)
-    pulses = generate(solution.trajectory, machine.axes, machine.home_q, int(clock_hz))
+    pulses = generate(solution.trajectory, machine.axes, machine.home_q, clock_hz)
     return Plan(
         program,
         machine,

@@ -11,8 +11,7 @@ from kinematics.errors import MotionError
 from planner.actuation import ActuatorPath
 from planner.certify import TOLERANCE, Certificate, Known, certify
 from planner.limits.limit import Limit
-from planner.place import Infeasible
-from planner.standing import violations
+from planner.standing import refusal, violations
 from planner.timing.problem import Run
 from planner.timing.profile import Profile
 from planner.timing.run import attempt
@@ -38,8 +37,8 @@ class Solution:
 
 def fastest(path: ActuatorPath, limits: Sequence[Limit], order: int) -> Solution:
     """Solve and certify. Raises Infeasible where a geometric limit is broken, MotionError where no round holds."""
-    for refusal in violations(path, limits):
-        raise refusal
+    for worst in violations(path, limits):
+        raise worst
     stops = np.flatnonzero(path.stops(order))
     attempts = [attempt(path, limits, Run(int(a), int(b) - 1), order) for a, b in pairwise(stops)]
     trajectory, owner = assemble(path, [attempt.profile for attempt in attempts], stops)
@@ -47,7 +46,7 @@ def fastest(path: ActuatorPath, limits: Sequence[Limit], order: int) -> Solution
     for rounds in range(1, ROUNDS + 1):
         if certificate.holds:
             return Solution(trajectory, certificate, tuple(limits), order, rounds, tuple(a.method for a in attempts))
-        _refuse(limits, certificate)
+        _refuse(trajectory, limits, certificate)
         failed = set()
         for n, tried in enumerate(attempts):
             use = {name: values[owner == n] for name, values in certificate.use.items()}
@@ -96,24 +95,14 @@ def _rest(path: ActuatorPath, stop: int) -> Profile:
     return Profile(path.breaks[[stop]], nothing, nothing, nothing, path.dwells[[stop]], np.array([max(stop - 1, 0)]))
 
 
-def _refuse(limits: Sequence[Limit], certificate: Certificate) -> None:
+def _refuse(trajectory: Trajectory, limits: Sequence[Limit], certificate: Certificate) -> None:
     """Faults that no tightening mends."""
     for limit in limits:
-        worst = certificate.worst[limit.name]
-        if limit.geometric and worst > 1 + TOLERANCE:
+        if limit.geometric and certificate.worst[limit.name] > 1 + TOLERANCE:
             place = certificate.where[limit.name]
             channel = limit.channels.index(place.axis)
-            unit, scale = limit.units[channel]
-            bound = float(limit.bounds[channel]) * scale
-            raise Infeasible(
-                limit.name,
-                place.axis,
-                place,
-                worst * bound,
-                bound,
-                unit,
-                "no timing can help: move the path or the start",
-            )
+            value = limit.value(trajectory.at(place.t if place.t is not None else 0.0))
+            raise refusal(limit, float(value[0, channel]), channel, place)
     jumps = [name for name in certificate.worst if name.endswith("jump")]
     if jumps:
         raise MotionError(

@@ -41,21 +41,16 @@ def violations(path: ActuatorPath, limits: Sequence[Limit]) -> list[Infeasible]:
         value = limit.value(state)
         use = limit.use(value, value, piece).reshape(pieces, POINTS, -1)
         for n, channel in np.argwhere(use.max(1) > 1 + ROUNDING):
-            point = int(np.argmax(use[n, :, channel]))
-            found.append(
-                (
-                    float(use[n, point, channel]),
-                    _refusal(path, limit, value, n * POINTS + point, int(channel), s, piece),
-                )
-            )
-    return [refusal for _, refusal in sorted(found, key=lambda pair: -pair[0])]
+            row = n * POINTS + int(np.argmax(use[n, :, channel]))
+            place = Place(float(s[row]), path.segment(int(n)), None, limit.channels[channel])
+            told = refusal(limit, float(value[row, channel]), int(channel), place)
+            found.append((float(use[n, :, channel].max()), told))
+    return [told for _, told in sorted(found, key=lambda pair: -pair[0])]
 
 
-def _refusal(
-    path: ActuatorPath, limit: Limit, value: Array, row: int, channel: int, s: Array, piece: np.ndarray
-) -> Infeasible:
+def refusal(limit: Limit, value: float, channel: int, place: Place) -> Infeasible:
+    """What to say where a geometric limit is broken."""
     unit, scale = limit.units[channel]
-    reached, allowed = limit.told(float(value[row, channel]), channel)
-    place = Place(float(s[row]), path.segment(int(piece[row])), None, limit.channels[channel])
+    reached, allowed = limit.told(value, channel)
     remedy = f"no timing can help: move the path so that it uses {abs(reached - allowed) * scale:.4g} {unit} less"
     return Infeasible(limit.name, limit.channels[channel], place, reached * scale, allowed * scale, unit, remedy)

@@ -103,24 +103,29 @@ def _need(problem: Problem, term: Term, name: str) -> None:
 
 
 def _second_order_start(problem: Problem) -> tuple[Problem, float]:
-    """The problem without its jerk rows, and the window over which its motion is averaged: the largest A/J of any row.
+    """The problem without its jerk rows, and the window A/J over which its motion is averaged.
 
-    Where no acceleration is limited, √(V J) stands in for it; it shapes the start only, never the answer.
+    A is the least of the limit on acceleration and what the jerk lets a motion reach before full speed, √(V J), or
+    halfway, (J² L/2)^⅓; speeds, accelerations and jerks are along the path, on average. It shapes the start only,
+    never the answer.
     """
-    jerk = next(block for block in problem.blocks if Term.SDDD in block.start)
-    blocks = [block for block in problem.blocks if set(block.start) <= SECOND]
-    limited = next((block for block in blocks if Term.SDD in block.start), None) or _stand_in(problem, jerk)
-    size_j, size_a = np.abs(jerk.start[Term.SDDD]).max(0), np.abs(limited.start[Term.SDD]).max(0)
-    window = float(size_j.max() / size_a.max())
-    return replace(problem, blocks=(*(block for block in blocks if block is not limited), limited)), window
-
-
-def _stand_in(problem: Problem, jerk: Block) -> Block:
-    speed = next((block for block in problem.blocks if set(block.start) == {Term.SD}), None)
-    if speed is None:
+    jerk, speed, push = _along(problem, Term.SDDD), _along(problem, Term.SD), _along(problem, Term.SDD)
+    reached = min(np.sqrt(speed * jerk), np.cbrt(jerk**2 * (problem.s[-1] - problem.s[0]) / 2))
+    if not np.isfinite(reached):
         raise MotionError(
             "nothing bounds the motion: no axis that moves states a limit of speed or acceleration; state one"
         )
-    rate = np.abs(speed.start[Term.SD]).max(1, keepdims=True), np.abs(speed.end[Term.SD]).max(1, keepdims=True)
-    start, end = (np.sqrt(v * np.abs(side[Term.SDDD])) for v, side in zip(rate, (jerk.start, jerk.end), strict=True))
-    return Block("start", {Term.SDD: start}, {Term.SDD: end}, speed.room)
+    blocks = [block for block in problem.blocks if set(block.start) <= SECOND]
+    if reached < push:
+        size = np.full((problem.intervals, 1), 1 / reached)
+        blocks.append(Block("start", {Term.SDD: size}, {Term.SDD: size}, np.ones(problem.intervals)))
+    return replace(problem, blocks=tuple(blocks)), min(reached, push) / jerk
+
+
+def _along(problem: Problem, term: Term) -> float:
+    """How large a term may be along the path by itself, on average; ∞ where no row holds it."""
+    size = np.zeros(problem.intervals)
+    for block in problem.blocks:
+        if term in block.start:
+            np.maximum(size, np.abs(block.start[term]).max(1), out=size)
+    return 1 / float(size.mean()) if size.any() else float("inf")

@@ -8,6 +8,8 @@ from planner.timing.profile import Profile
 
 # Share of the largest jerk from which it counts as acting.
 ACTS = 0.02
+# Least step of a grid, as a share of an even one's: a step of no length would divide by zero.
+LEAST = 1e-6
 
 
 class Smoothed:
@@ -36,7 +38,7 @@ class Smoothed:
 
     def on(self, s: Array) -> Array:
         """(4, N) of ṡ, s̈, s⃛, h on a grid s (N+1,), consistent with each other."""
-        dense = np.linspace(0.0, self.duration, 20 * len(s))
+        dense = self._instants(len(s))
         t = np.interp(s, np.maximum.accumulate(self.at(dense)[0]), dense)
         t[0], t[-1] = 0.0, self.duration
         h = np.maximum(np.diff(t), 1e-6 * self.duration / len(s))
@@ -49,12 +51,20 @@ class Smoothed:
         Even in time, they lie ever denser towards rest, where ṡ goes with the square of time; the other half sees short
         ramps of a long motion.
         """
-        t = np.linspace(0.0, self.duration, 40 * intervals + 1)
-        acts = np.abs(self.at((t[1:] + t[:-1]) / 2)[3])
-        acts = (acts > ACTS * acts.max()).astype(float)
-        density = 1.0 / len(acts) + acts / max(acts.sum(), 1.0)
-        passed = np.concatenate([[0.0], np.cumsum(density)])
-        return self.at(np.interp(np.linspace(0.0, passed[-1], intervals + 1), passed, t))[0]
+        t = self._instants(intervals)
+        step = np.diff(t)
+        jerk = np.abs(self.at((t[1:] + t[:-1]) / 2)[3])
+        acts = step * (jerk > ACTS * jerk.max())
+        passed = np.concatenate([[0.0], np.cumsum(step / step.sum() + acts / acts.sum())])
+        even = np.linspace(0.0, 1.0, intervals + 1)
+        s = np.maximum.accumulate(self.at(np.interp(even * passed[-1], passed, t))[0])
+        return s[0] + (1 - LEAST) * (s - s[0]) + LEAST * (s[-1] - s[0]) * even
+
+    def _instants(self, count: int) -> Array:
+        """Rising instants from rest to rest: some for every interval, and every one at which s⃛ changes."""
+        even = np.linspace(0.0, self.duration, 20 * count + 1)
+        t = np.unique(np.concatenate([even, self.knots, self.knots + self.window]))
+        return np.asarray(t[np.concatenate([np.diff(t) > 1e-12 * self.duration, [True]])])
 
     def profile(self, slowness: float, problem: Problem) -> Profile:
         """The average itself as a motion, cut where its s⃛ changes and at the problem's grid, slowed as a whole."""

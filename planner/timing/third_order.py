@@ -22,14 +22,18 @@ import numpy as np
 from kinematics.array import Array
 from kinematics.errors import MotionError
 from planner.limits.limit import Term
+from planner.timing.patience import Patience
 from planner.timing.problem import Block, Problem
 from planner.timing.profile import Profile
 
 TERMS = frozenset(Term)
 Solver = Literal["fatrop", "ipopt"]
-# The cost is the duration in thousandths of the guess', which suits the solver's tolerances, and a little for jerk:
-# where many motions take the same time it chooses a calm one, which also strays less between grid points.
+# The cost is the duration in thousandths of the guess', which suits the solver's tolerances, and a trace for jerk: as a
+# share of its limit, squared and averaged over the guess' time. Where many motions take the same time it chooses a calm
+# one, which also strays less between grid points.
 WEIGHT, SMOOTH = 1000.0, 2e-3
+# Iterations of a solver, and evaluations of the constraints, after which it is given up; 40 of either are usual.
+ITERATIONS, EVALUATIONS = 200, 600
 # Least duration of an interval, as a share of the longest in the guess.
 _SHORTEST = 1e-9
 # CasADi's solvers share state between threads.
@@ -63,9 +67,19 @@ def third_order(problem: Problem, guess: Array, *, solver: Solver = "fatrop") ->
     scale[3] = start[3]
     signature, coefficients, room = _rows(problem, length, time)
     step = np.diff(problem.s)[None] / length
-    data = np.concatenate([step, scale, coefficients])
-    columns = _solve(_assemble(problem.intervals, signature, solver), data, room, start / scale)
+    jerk = _jerk_share(problem, unit) * scale[2:3] * np.sqrt(start[3])
+    data = np.concatenate([step, scale, jerk, coefficients])
+    columns = _solve(*_assemble(problem.intervals, signature, solver), data, room, start / scale)
     return _closed(problem, columns * scale * unit[:, None])
+
+
+def _jerk_share(problem: Problem, unit: Array) -> Array:
+    """(1, N) what one (scaled) unit of s⃛ uses of the tightest jerk limit."""
+    share = np.zeros(problem.intervals)
+    for block in problem.blocks:
+        if Term.SDDD in block.start:
+            np.maximum(share, np.abs(block.start[Term.SDDD]).max(1) * unit[2], out=share)
+    return share[None]
 
 
 def _kept_at_end(terms: Sequence[Term]) -> bool:
@@ -96,13 +110,13 @@ def _room(block: Block) -> Array:
 
 
 def _stage(signature: Signature) -> ca.Function:
-    """One interval: (ṡ, s̈, s⃛, h; Δs, scales, coefficients) -> end state (2), relative error of Δs, and all rows."""
+    """One interval: (ṡ, s̈, s⃛, h; Δs, scales, jerk's weight, coefficients) -> end state (2), error of Δs, all rows."""
     x, size = ca.SX.sym("x", 4), sum(2 * len(terms) * rows for terms, rows in signature)
-    data = ca.SX.sym("data", 5 + size)
+    data = ca.SX.sym("data", 6 + size)
     step, scale = data[0], data[1:5]
     v, a, j, h = ca.vertsplit(x * scale)
     v_end, a_end = v + h * (a + h * j / 2), a + h * j
-    values, at = [], 5
+    values, at = [], 6
     for terms, rows in signature:
         for speed, acceleration in (
             (v, a),
@@ -126,7 +140,7 @@ def _term(term: Term, v: ca.SX, a: ca.SX, j: ca.SX) -> ca.SX:
 
 
 @lru_cache(maxsize=16)
-def _assemble(intervals: int, signature: Signature, solver: Solver) -> ca.Function:
+def _assemble(intervals: int, signature: Signature, solver: Solver) -> tuple[ca.Function, Patience]:
     """The problem for N intervals, built once: variables in stages, coefficients as parameters."""
     stage = _stage(signature)
     size, rows = stage.size1_in(1), stage.size1_out(2)
@@ -136,23 +150,30 @@ def _assemble(intervals: int, signature: Signature, solver: Solver) -> ca.Functi
     following = ca.horzcat(columns[:2, 1:], last)
     constraints = ca.vec(ca.vertcat(following - ends, travelled, values))
     equality = np.tile(np.arange(3 + rows) < 3, intervals)
-    options: dict[str, Any] = {"print_time": False, "expand": False, "error_on_fail": False}
+    options: dict[str, Any] = {
+        "print_time": False,
+        "expand": False,
+        "error_on_fail": False,
+        "show_eval_warnings": False,
+    }
     if solver == "fatrop":
         options |= {
             "structure_detection": "auto",
             "equality": equality.tolist(),
-            "fatrop": {"print_level": 0, "max_iter": 200, "tol": 1e-8, "mu_init": 1e-2},
+            "fatrop": {"print_level": 0, "max_iter": ITERATIONS, "tol": 1e-8, "mu_init": 1e-2},
         }
     else:
-        options |= {"ipopt": {"print_level": 0, "sb": "yes", "max_iter": 1000, "tol": 1e-9}}
+        options |= {"ipopt": {"print_level": 0, "sb": "yes", "max_iter": ITERATIONS, "tol": 1e-9}}
     variables = ca.vertcat(ca.vec(columns), last)
-    duration, roughness = ca.sum2(columns[3, :] * data[4, :]), ca.sumsqr(columns[2, :]) / intervals
+    duration, roughness = ca.sum2(columns[3, :] * data[4, :]), ca.sumsqr(columns[2, :] * data[5, :])
     cost = WEIGHT * (duration + SMOOTH * roughness)
+    patience = Patience(EVALUATIONS)
+    constraints = ca.vertcat(constraints[0] + patience(variables[0]), constraints[1:])
     problem = {"x": variables, "p": ca.vec(data), "f": cost, "g": constraints}
-    return ca.nlpsol("third_order", solver, problem, options)
+    return ca.nlpsol("third_order", solver, problem, options), patience
 
 
-def _solve(solver: ca.Function, data: Array, room: Array, guess: Array) -> Array:
+def _solve(solver: ca.Function, patience: Patience, data: Array, room: Array, guess: Array) -> Array:
     """Columns (4, N), scaled."""
     count = guess.shape[1]
     low = np.tile([0.0, -np.inf, -np.inf, _SHORTEST], (count, 1))
@@ -161,6 +182,7 @@ def _solve(solver: ca.Function, data: Array, room: Array, guess: Array) -> Array
     bounds = np.concatenate([np.zeros((3, count)), room]).T.ravel()
     rest = [0.0, 0.0]
     with _ONE_AT_A_TIME:
+        patience.used = 0
         try:
             answer = solver(
                 x0=np.concatenate([guess.T.ravel(), rest]),

@@ -26,8 +26,8 @@ def planned(hexapod):
 
 
 @pytest.fixture(scope="session")
-def own_lengths():
-    """(positions (N, 3), rotation matrices (N, 3, 3)) -> leg lengths (N, 6), from the numbers of [Sahbaz 2007, 5]."""
+def own_legs():
+    """(positions (N, 3), rotation matrices (N, 3, 3)) -> leg vectors (N, 6, 3), by the numbers of [Sahbaz 2007, 5]."""
 
     def circle(radius, gap, height):
         azimuth = np.deg2rad([gap / 2, 120 - gap / 2, 120 + gap / 2, 240 - gap / 2, 240 + gap / 2, -gap / 2])
@@ -35,10 +35,16 @@ def own_lengths():
 
     base, platform = circle(0.149, 30, 0.0115), circle(0.1, 60, -0.011)
 
-    def lengths(position, rotation):
-        return np.linalg.norm(position[:, None] + np.einsum("nij,kj->nki", rotation, platform) - base, axis=2)
+    def legs(position, rotation):
+        return position[:, None] + np.einsum("nij,kj->nki", rotation, platform) - base
 
-    return lengths
+    return legs
+
+
+@pytest.fixture(scope="session")
+def own_lengths(own_legs):
+    """(positions (N, 3), rotation matrices (N, 3, 3)) -> leg lengths (N, 6)."""
+    return lambda position, rotation: np.linalg.norm(own_legs(position, rotation), axis=2)
 
 
 @pytest.fixture(scope="session")

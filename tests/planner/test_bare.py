@@ -43,17 +43,19 @@ PATHS = {
     "CubicSpline": (CubicSpline(KNOTS, POINTS), POINTS[0], POINTS[-1]),
     "clamped": (CubicSpline(KNOTS, POINTS, bc_type="clamped"), POINTS[0], POINTS[-1]),
     "BSpline": (make_interp_spline(KNOTS, POINTS, k=3), POINTS[0], POINTS[-1]),
-    "quintic BSpline": (make_interp_spline(np.linspace(0, 1, 7), np.tile(POINTS, (2, 1))[:7], k=5), POINTS[0], POINTS[1]),
+    "quintic BSpline": (make_interp_spline(np.arange(7.0), np.tile(POINTS, (2, 1))[:7], k=5), POINTS[0], POINTS[1]),
+    "BSpline of one axis": (make_interp_spline(KNOTS, POINTS[:, 1], k=3), [0.0], [0.1]),
+    "BSpline with knots outside": (BSpline(np.arange(10) - 3.0, [9.0, 0, 1, 3, 2, 9], 3), [5 / 3], [10 / 3]),
     "Akima": (Akima1DInterpolator(KNOTS, POINTS), POINTS[0], POINTS[-1]),
     "BPoly": (bernstein(), [0.0, 0.0], [0.5, 0.3]),
     "PPoly": (PPoly(np.array([[[1.0, 0.5]], [[0.0, 1.0]], [[3.0, 4.0]]]), [0.0, 1.0]), [3.0, 4.0], [4.0, 5.5]),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("kind", PATHS)
 def test_every_kind_of_piecewise_polynomial(kind):
     path, start, end = PATHS[kind]
-    checked(path, start, end, max_speed=1.0, max_acceleration=[5.0, 4.0])
+    checked(path, start, end, max_speed=1.0, max_acceleration=np.array([5.0, 4.0])[: len(start)])
 
 
 @pytest.mark.parametrize("kind", ["CubicSpline", "clamped", "BPoly", "PPoly"])
@@ -99,7 +101,7 @@ def test_scalar_values_are_one_axis():
 @pytest.mark.parametrize("jerk", [None, 60.0])
 def test_the_motion_stops_at_a_corner(jerk):
     """Two lines at right angles: each is a motion of its own, and the corner is a rest."""
-    corner = BSpline([0, 0, 1, 2, 2], [[0.0, 0], [1.0, 0], [1.0, 1.0]], 1)
+    corner = PPoly(np.array([[[1.0, 0], [0, 1.0]], [[0.0, 0], [1.0, 0]]]), [0.0, 1.0, 2.0])
     limits = {"max_speed": 1.0, "max_acceleration": 2.0} | ({} if jerk is None else {"max_jerk": jerk})
     found = checked(corner, [0, 0], [1, 1], **limits)
     each = 1 / 1.0 + 1.0 / 2.0 + (0 if jerk is None else 2.0 / jerk)
@@ -163,19 +165,20 @@ def test_a_parameter_that_starts_far_from_zero():
     assert found.trajectory.duration == pytest.approx(plain.trajectory.duration, rel=1e-4)
 
 
-@pytest.mark.parametrize("jerk", [{}, {"max_jerk": 5e4}])
-def test_hundreds_of_pieces(jerk):
-    """A spline through 301 points of an ellipse: one run, hardly slower than the few-piece spline of the same curve."""
+@pytest.mark.parametrize(("count", "jerk"), [(301, {}), (101, {"max_jerk": 500.0})])
+def test_hundreds_of_pieces(count, jerk):
+    """A spline through so many points of an ellipse is one run, as fast as a spline through 41 of them."""
 
     def ellipse(count):
         phi = np.linspace(0, 2 * np.pi, count)
         return CubicSpline(phi, np.stack([0.2 * np.cos(phi), 0.1 * np.sin(phi)], 1), bc_type="periodic")
 
     limits = {"max_speed": 1.0, "max_acceleration": 20.0, **jerk}
-    fine = checked(ellipse(301), [0.2, 0], [0.2, 0], **limits)
+    fine = checked(ellipse(count), [0.2, 0], [0.2, 0], **limits)
     coarse = time_optimal(ellipse(41), **limits)
     assert len(fine.methods) == 1
-    assert fine.trajectory.duration == pytest.approx(coarse.trajectory.duration, rel=5e-3)
+    # the third derivative of a spline is a staircase: 1e-3 is what its coarser one costs under the jerk limit
+    assert fine.trajectory.duration == pytest.approx(coarse.trajectory.duration, rel=1e-3)
 
 
 def test_pieces_of_no_length_are_left_out():
@@ -226,7 +229,6 @@ def test_what_is_no_path_is_refused(path, phrases):
         ("max_speed", "fast"),
         ("max_speed", [1.0, None]),
         ("max_speed", 1j),
-        ("max_speed", None),
     ],
 )
 def test_what_is_no_limit_is_refused(name, value):

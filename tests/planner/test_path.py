@@ -236,6 +236,18 @@ def test_a_refusal_names_the_line_of_the_file(hexapod):
         drawn(hexapod, Line(RIM.translation, line_number=12))
 
 
+@pytest.mark.parametrize(("height", "refused"), [(1e-6, True), (-1e-6, True), (1e-9, False), (-1e-9, False)])
+def test_an_arc_may_start_out_of_its_plane_by_rounding_only(hexapod, height, refused):
+    """A micron at a radius of 15 mm is refused; a nanometre is taken into the plane of the start itself."""
+    segment = Arc([0, 0, 0.025 + height], [0, 0, 1], 1.0)
+    if refused:
+        with pytest.raises(MotionError, match=r"0\.001 mm out of the plane"):
+            drawn(hexapod, segment)
+    else:
+        position = along(drawn(hexapod, segment))[1] - hexapod.home.translation
+        assert np.abs(position[:, 2] - 0.025).max() < ROUNDING
+
+
 def test_moving_the_centre_as_told_mends_an_arc_out_of_its_plane(hexapod):
     normal = np.array([0, -np.sin(0.3), np.cos(0.3)])
     centre = np.array([0.001, 0.002, 0.02])

@@ -191,6 +191,20 @@ def test_less_room_takes_longer_by_its_root():
     assert second_order(tight).duration == pytest.approx(2 * second_order(problem).duration, rel=5e-6)
 
 
+def test_less_room_is_kept_from_an_interval_s_start_to_its_end():
+    path = line(1.0)
+    problem = pose_problem(path, limits_of(path, axes_of([1.0], [2.0]), 2), *grid(path, Run(0, 0), 500))
+    rooms = np.ones(500)
+    rooms[200:300] = 0.5
+    tight = replace(
+        problem, blocks=tuple(replace(b, room=rooms if b.name == "speed" else b.room) for b in problem.blocks)
+    )
+    profile = second_order(tight)
+    v_end = profile.v + profile.a * profile.h
+    assert max(profile.v[200:300].max(), v_end[200:300].max()) <= 0.5 * (1 + 1e-9)
+    assert profile.v.max() > 0.7
+
+
 def test_what_nothing_bounds_is_refused():
     with pytest.raises(MotionError, match=r"nothing bounds the motion.*acceleration"):
         solved(line(1.0), [Axis("axis0", max_speed=1.0)])
