@@ -1,6 +1,7 @@
 """One driven axis of a machine: its coordinate, its limits and its wiring, as data."""
 
 from dataclasses import dataclass
+from math import inf, isinf
 from typing import Literal
 
 from kinematics.errors import MotionError
@@ -10,7 +11,7 @@ from kinematics.errors import MotionError
 class Axis:
     """A linear (m) or rotary (rad) actuator; limits are magnitudes in SI units, None means unlimited.
 
-    travel          (lo, hi) relative to home
+    travel          (lo, hi) relative to home; both ends or neither, since its use is counted from the middle
     pulse           m or rad that one pulse moves the axis
     direction       +1/-1: the sign in which a positive coordinate is counted by the wiring
     torque_speed    ((speed, force), ...) falling curve of the motor, speeds rising
@@ -19,7 +20,7 @@ class Axis:
 
     name: str
     kind: Literal["linear", "rotary"] = "linear"
-    travel: tuple[float, float] = (-float("inf"), float("inf"))
+    travel: tuple[float, float] = (-inf, inf)
     pulse: float = 1e-6
     direction: Literal[1, -1] = 1
     max_speed: float | None = None
@@ -33,12 +34,19 @@ class Axis:
         lo, hi = self.travel
         if not lo < hi:
             raise MotionError(f"axis {self.name}: travel {lo} .. {hi} is empty; the first bound must be the smaller")
-        if not 0 < self.pulse < float("inf"):
-            raise MotionError(f"axis {self.name}: pulse {self.pulse} must be a positive length or angle")
+        if isinf(lo) != isinf(hi):
+            raise MotionError(
+                f"axis {self.name}: travel {lo} .. {hi} {self.unit} has one end only; "
+                "give both, or leave travel out where there is no end"
+            )
+        if not 0 < self.pulse < inf:
+            raise MotionError(f"axis {self.name}: pulse {self.pulse} {self.unit} must be positive and finite")
+        if self.direction not in (1, -1):
+            raise MotionError(f"axis {self.name}: direction {self.direction} is neither 1 nor -1")
         for field in ("max_speed", "max_acceleration", "max_jerk", "max_force", "max_pulse_rate"):
             value = getattr(self, field)
-            if value is not None and not value > 0:
-                raise MotionError(f"axis {self.name}: {field} {value} must be positive (or absent: unlimited)")
+            if value is not None and not 0 < value < inf:
+                raise MotionError(f"axis {self.name}: {field} {value} must be positive and finite (or None: unlimited)")
 
     @property
     def unit(self) -> str:

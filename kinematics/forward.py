@@ -32,8 +32,8 @@ FINEST = 2.0**-12
 class Forward:
     """pose; residual (N,) largest |inverse(pose) − q|; certified (N,) bool. Plain scalars for a single q.
 
-    certified: the straight motion from `near` to this pose meets no singularity, proved cell by cell over the whole
-    motion, so the machine can be in no other assembly mode without having crossed one.
+    certified: inverse(pose) is q, and the straight motion from `near` to this pose meets no singularity, proved cell by
+    cell over the whole motion: a machine that goes this way from `near` arrives in this pose and no other.
     """
 
     pose: Pose
@@ -43,19 +43,24 @@ class Forward:
 
 def solve(machine: Machine, q: Array, near: Pose) -> Forward:
     """Damped Newton in the twist of the platform, batched, then the certificate."""
-    rows = np.atleast_2d(q)
-    if rows.ndim != 2 or rows.shape[1] != len(machine.axes) or not np.isfinite(rows).all():
+    rows, start = np.atleast_2d(q), numbers(near)
+    what = f"machine {machine.name}: forward takes"
+    if rows.ndim != 2 or rows.shape[1] != len(machine.axes):
+        raise MotionError(f"{what} finite coordinates (N, {len(machine.axes)}), not shape {q.shape}")
+    if not np.isfinite(rows).all():
+        row, axis = np.argwhere(~np.isfinite(rows))[0]
         raise MotionError(
-            f"machine {machine.name}: forward takes finite coordinates (N, {len(machine.axes)}), not shape {q.shape}"
+            f"{what} finite coordinates (N, {len(machine.axes)}), "
+            f"not {rows[row, axis]} {machine.axes[axis].unit} for {machine.axes[axis].name} in row {row}"
         )
-    start = np.broadcast_to(numbers(near), (len(rows), 12))
+    if len(start) not in (1, len(rows)) or not np.isfinite(start).all():
+        raise MotionError(f"{what} one finite pose `near`, or one for each of {len(rows)} rows of q, not {len(start)}")
+    start = np.broadcast_to(start, (len(rows), 12))
     x = _newton(machine, rows, start.copy())
     pose = from_numbers(x)
     residual = np.abs(machine.inverse_map(numbers(pose)) - rows).max(1)
     certified = residual < CONVERGED
-    certified[certified] = (
-        regular(machine, from_numbers(start[certified]), pose[certified]) if certified.any() else False
-    )
+    certified[certified] = regular(machine, from_numbers(start[certified]), pose[certified])
     if q.ndim == 1:
         return Forward(pose[0], residual[0], certified[0])
     return Forward(pose, frozen(residual), frozen(certified))
@@ -64,7 +69,7 @@ def solve(machine: Machine, q: Array, near: Pose) -> Forward:
 def _newton(machine: Machine, q: Array, x: Array) -> Array:
     """x ← exp(δ) x with J δ = q − inverse(x), turning one radian at most; a step that gains nothing is quartered."""
     error = q - machine.inverse_map(x)
-    active, floor = np.arange(len(q)), max(1.0, np.abs(q).max())
+    active, floor = np.arange(len(q)), max(1.0, np.abs(q).max(initial=0.0))
     damping = np.ones(len(q))
     for _ in range(ITERATIONS):
         size = np.abs(error[active]).max(1)
@@ -107,17 +112,20 @@ def _motion() -> Expression:
 def regular(machine: Machine, start: RigidTransform, end: RigidTransform) -> np.ndarray:
     """(N,) bool: proved that the Jacobian is nonsingular along the whole straight motion from start to end.
 
-    The motion is cut into cells. Over a cell with centre c, J = J_c + J_1 τ + J_2(τ) τ², |τ| ≤ 1, in guaranteed Taylor
-    arithmetic. With C ≈ J_c⁻¹, ‖I − C J(τ)‖_∞ ≤ ‖|I − C J_c| + |C J_1| + |C| |J_2|‖_∞ < 1 proves J(τ) nonsingular for
-    every τ. Cells that fail are halved. Columns of rotation are scaled by the characteristic length.
+    Where det J has other signs at the two ends, it vanishes between them. Any other motion is cut into cells. Over a
+    cell with centre c, J = J_c + J_1 τ + J_2(τ) τ², |τ| ≤ 1, in guaranteed Taylor arithmetic. With C ≈ J_c⁻¹,
+    ‖I − C J(τ)‖_∞ ≤ ‖|I − C J_c| + |C J_1| + |C| |J_2|‖_∞ < 1 proves J(τ) nonsingular for every τ. Cells that fail are
+    halved, unless J_c itself is singular to rounding, which ends the search of its motion. Columns of rotation are
+    scaled by the characteristic length.
     """
     parameters = straight_numbers(start, end, 1.0)
-    pending = np.arange(len(parameters))
-    low, width = np.zeros(len(parameters)), np.ones(len(parameters))
-    proved = np.ones(len(parameters), bool)
+    first, last = (np.linalg.slogdet(machine.jacobian(pose)).sign for pose in (start, end))
+    proved = np.broadcast_to(first * last > 0, len(parameters)).copy()
+    pending = np.flatnonzero(proved)
+    low, width = np.zeros(len(pending)), np.ones(len(pending))
     while len(pending):
-        fine = _cells_regular(machine, parameters[pending], low, width)
-        hopeless = ~fine & (width <= FINEST)
+        fine, centre = _cells_regular(machine, parameters[pending], low, width)
+        hopeless = ~centre | ~fine & (width <= FINEST)
         proved[pending[hopeless]] = False
         again = ~fine & ~hopeless & proved[pending]
         half = width[again] / 2
@@ -126,7 +134,8 @@ def regular(machine: Machine, start: RigidTransform, end: RigidTransform) -> np.
     return proved
 
 
-def _cells_regular(machine: Machine, parameters: Array, low: Array, width: Array) -> np.ndarray:
+def _cells_regular(machine: Machine, parameters: Array, low: Array, width: Array) -> tuple[np.ndarray, np.ndarray]:
+    """Two of (N,) bool: proved that the Jacobian is nonsingular in the whole cell, and at its centre."""
     count, axes = len(low), len(machine.axes)
     half = width / 2
     # columns: the centres of all cells, then the cells whole
@@ -146,7 +155,8 @@ def _cells_regular(machine: Machine, parameters: Array, low: Array, width: Array
     bend = (np.abs(jacobian.mid[2, count:]) + jacobian.rad[2, count:]).reshape(shape) * length
     inverse = np.linalg.pinv(middle_j)
     size = np.abs(inverse)
-    distance = np.abs(np.eye(6) - inverse @ middle_j) + np.abs(inverse @ slope) + size @ (error_j + error_slope + bend)
-    # a little below 1, for the rounding of this line itself
+    # a little below 1, for the rounding of these lines themselves
     with np.errstate(invalid="ignore"):
-        return np.asarray(distance.sum(-1).max(-1) < 1 - 1e-9)
+        centre = np.abs(np.eye(6) - inverse @ middle_j) + size @ error_j
+        whole = centre + np.abs(inverse @ slope) + size @ (error_slope + bend)
+        return whole.sum(-1).max(-1) < 1 - 1e-9, centre.sum(-1).max(-1) < 1 - 1e-9

@@ -40,19 +40,16 @@ class Hexapod(Machine):
         home: Pose,
         base_rest: ArrayLike | None = None,
         platform_rest: ArrayLike | None = None,
-        max_tilt: float | tuple[float, float] | None = None,
+        max_tilt: float | tuple[float | None, float | None] | None = None,
         name: str = "hexapod",
     ) -> None:
         self.base, self.platform = _points(name, "base", base), _points(name, "platform", platform)
         if len(axes) != 6:
             raise MotionError(f"machine {name}: {len(axes)} axes; a hexapod has 6")
-        self.base_rest, self.platform_rest = (
-            _directions(name, "base_rest", base_rest),
-            _directions(name, "platform_rest", platform_rest),
-        )
+        self.base_rest = _directions(name, "base_rest", base_rest)
+        self.platform_rest = _directions(name, "platform_rest", platform_rest)
         self.tilt_names = tuple(f"{axis.name} {end} joint" for end in ("base", "platform") for axis in axes)
-        ends = max_tilt if isinstance(max_tilt, tuple) else (max_tilt, max_tilt)
-        self.max_tilt = frozen(np.repeat([np.pi if end is None else end for end in ends], 6))
+        self.max_tilt = _tilts(name, max_tilt)
         self.characteristic_length = float(np.sqrt((self.platform**2).sum(1).mean()))
         super().__init__(name, axes, home)
 
@@ -75,15 +72,32 @@ class Hexapod(Machine):
 def _points(machine: str, what: str, values: ArrayLike) -> Array:
     points = np.asarray(values, float)
     if points.shape != (6, 3) or not np.isfinite(points).all():
-        raise MotionError(
-            f"machine {machine}: {what} must be six finite points (6, 3) in m, not an array of shape {points.shape}"
-        )
+        raise MotionError(f"machine {machine}: {what} must be six finite points (6, 3) in m, not {_outline(points)}")
     return frozen(points)
 
 
 def _directions(machine: str, what: str, values: ArrayLike | None) -> Array:
     rest = np.asarray([0.0, 0.0, 1.0] if values is None else values, float)
-    norm = np.linalg.norm(rest, axis=-1, keepdims=True)
-    if rest.shape not in ((3,), (6, 3)) or not np.isfinite(norm).all() or (norm == 0).any():
-        raise MotionError(f"machine {machine}: {what} must be one direction (3,) or six (6, 3), finite and not zero")
-    return frozen(np.broadcast_to(rest / norm, (6, 3)))
+    if rest.shape not in ((3,), (6, 3)) or not np.isfinite(rest).all() or not rest.any(-1).all():
+        raise MotionError(
+            f"machine {machine}: {what} must be one direction (3,) or six (6, 3), finite and not zero, "
+            f"not {_outline(rest)}"
+        )
+    return frozen(np.broadcast_to(rest / np.linalg.norm(rest, axis=-1, keepdims=True), (6, 3)))
+
+
+def _tilts(machine: str, limit: float | tuple[float | None, float | None] | None) -> Array:
+    """(12,) rad: six base joints, six platform joints; no joint can turn further than π."""
+    ends = limit if isinstance(limit, tuple) else (limit, limit)
+    angles = [np.pi if end is None else end for end in ends]
+    if len(angles) != 2 or not all(0 < angle <= np.pi for angle in angles):
+        raise MotionError(
+            f"machine {machine}: max_tilt {limit} must be one angle or (base, platform), "
+            "each above 0 and at most π rad (or None: unlimited)"
+        )
+    return frozen(np.repeat(angles, 6))
+
+
+def _outline(array: Array) -> str:
+    """What was given instead: its shape, and the values where they are few."""
+    return f"shape {array.shape}{f': {array.tolist()}' if array.size <= 18 else ''}"

@@ -31,6 +31,8 @@ class Machine(ABC):
 
     def __init__(self, name: str, axes: Sequence[Axis], home: Pose) -> None:
         self.name, self.axes, self.home = name, tuple(axes), home
+        if not home.single:
+            raise MotionError(f"machine {name}: home must be one pose, not {len(home)}; index the one that is meant")
         if len({axis.name for axis in self.axes}) < len(self.axes):
             raise MotionError(
                 f"machine {name}: two axes have the same name; names tell the limits of one from another's"

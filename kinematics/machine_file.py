@@ -12,12 +12,13 @@ from pydantic import AfterValidator, Field
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics.axis import Axis
+from kinematics.document import Key, read
 from kinematics.errors import FileError, MotionError
-from kinematics.files import Direction, File, Key, Table, build, chosen, either, read, wrong
 from kinematics.hexapod import Hexapod, joint_circle
 from kinematics.machine import Machine
 from kinematics.pose import Pose
 from kinematics.registry import nearest
+from kinematics.schema import Direction, File, Table, build, chosen, either, wrong
 from kinematics.units import Angle, Length, Unit, shown
 
 

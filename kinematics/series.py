@@ -2,8 +2,9 @@
 
 A series holds, for every entry of an array, the coefficients c_0 … c_d of c_k τ^k, each as a ball |c_k − mid_k| ≤
 rad_k. The balls enclose the exact coefficients: the error of the arguments and the rounding of every operation are
-carried along. Recurrences of automatic differentiation: Moore, Kearfott, Cloud, Introduction to Interval Analysis
-(2009), chapter 9. Balls (midpoint and radius): Rump, Acta Numerica 19 (2010), section 5.
+carried along. Underflow is not: no length or angle that matters comes near 1e-290. Recurrences of automatic
+differentiation: Moore, Kearfott, Cloud, Introduction to Interval Analysis (2009), chapter 9. Balls (midpoint and
+radius): Rump, Acta Numerica 19 (2010), section 5.
 """
 
 from __future__ import annotations

@@ -228,6 +228,8 @@ def _factor(unit: str) -> tuple[Decimal, str]:
     except UndefinedUnitError as error:
         unknown = error.unit_names if isinstance(error.unit_names, str) else next(iter(error.unit_names))
         raise MotionError(f'unknown unit "{unknown}"{nearest(unknown, _unit_names())}') from None
+    except ValueError:  # pint reads "nan" and "inf" as numbers
+        raise MotionError(f"{shown(unit)} is not a unit") from None
     return Decimal(one.magnitude), str(one.dimensionality)
 
 

@@ -8,10 +8,11 @@ from pydantic import AfterValidator, Field
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics.array import frozen
+from kinematics.document import read
 from kinematics.errors import MotionError
-from kinematics.files import Direction, File, Table, build, chosen, either, not_zero, read, wrong
 from kinematics.pose import Pose
 from kinematics.registry import find, presets
+from kinematics.schema import Direction, File, Table, build, chosen, either, not_zero, wrong
 from kinematics.units import Unit, shown, unit_value
 from planner.program import Arc, Blend, Dwell, Frame, Join, Line, Program, Segment, Stop, Turn
 

@@ -43,20 +43,23 @@ def fastest(path: ActuatorPath, limits: Sequence[Limit], order: int) -> Solution
     attempts = [attempt(path, limits, Run(int(a), int(b) - 1), order) for a, b in pairwise(stops)]
     trajectory, owner = assemble(path, [attempt.profile for attempt in attempts], stops)
     certificate = certify(trajectory, limits)
-    for rounds in range(1, ROUNDS + 1):
-        if certificate.holds:
-            return Solution(trajectory, certificate, tuple(limits), order, rounds, tuple(a.method for a in attempts))
+    rounds = 1
+    while not certificate.holds:
         _refuse(trajectory, limits, certificate)
+        if rounds == ROUNDS:
+            raise MotionError(f"no motion could be proved within {ROUNDS} rounds; what remained:\n{certificate}")
         failed = set()
         for n, tried in enumerate(attempts):
             use = {name: values[owner == n] for name, values in certificate.use.items()}
             if any(values.max() > 1 + TOLERANCE for values in use.values()):
-                attempts[n] = tried.tightened(use)
+                slowness = max(limit.slowness(float(use[limit.name].max())) for limit in limits)
+                attempts[n] = tried.tightened(use, slowness)
                 failed.add(n)
         before = owner
         trajectory, owner = assemble(path, [attempt.profile for attempt in attempts], stops)
         certificate = certify(trajectory, limits, _known(certificate, before, owner, failed))
-    raise MotionError(f"no motion could be proved within {ROUNDS} rounds; what remained:\n{certificate}")
+        rounds += 1
+    return Solution(trajectory, certificate, tuple(limits), order, rounds, tuple(a.method for a in attempts))
 
 
 def assemble(path: ActuatorPath, profiles: Sequence[Profile], stops: np.ndarray) -> tuple[Trajectory, np.ndarray]:
@@ -103,9 +106,9 @@ def _refuse(trajectory: Trajectory, limits: Sequence[Limit], certificate: Certif
             channel = limit.channels.index(place.axis)
             value = limit.value(trajectory.at(place.t if place.t is not None else 0.0))
             raise refusal(limit, float(value[0, channel]), channel, place)
-    jumps = [name for name in certificate.worst if name.endswith("jump")]
-    if jumps:
+    unproved = [name for name, worst in certificate.worst.items() if not np.isfinite(worst)]
+    if unproved:
         raise MotionError(
-            f"the motion is not continuous ({jumps[0]} at {certificate.where[jumps[0]]}); "
+            f"the motion could not be proved: {unproved[0]} at {certificate.where[unproved[0]]} has no bound; "
             "this is a fault of the planner: report it"
         )

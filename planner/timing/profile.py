@@ -1,6 +1,6 @@
 """A motion along one run, as the solvers return it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -21,6 +21,10 @@ class Profile:
     @property
     def duration(self) -> float:
         return float(self.h.sum())
+
+    def slowed(self, k: float) -> "Profile":
+        """The same motion, k times as long: a quantity with sⁿ/tᵐ falls by kᵐ, so every limit on time falls."""
+        return replace(self, v=self.v / k, a=self.a / k**2, j=self.j / k**3, h=self.h * k)
 
     def columns(self) -> Array:
         """(4, M) of ṡ, s̈, s⃛, h: a start for another solve on the same grid."""

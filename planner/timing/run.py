@@ -18,45 +18,49 @@ from planner.timing.third_order import third_order
 
 # Intervals of a run at least, and for each piece in it; of the order-2 motion that starts an order-3 solve.
 SECOND_ORDER, THIRD_ORDER, START = (1000, 50), (240, 12), (400, 20)
-# Room taken off: this share of the excess more than the excess, and a little for the solver's own tolerance. It saves
-# rounds.
+# Room taken off: this share of the excess, more with every try, and a little for the solver's own tolerance.
 MORE, MARGIN = 1.1, 2e-7
+# How often a run is solved before it is slowed instead.
+TRIES = 5
+AVERAGED = "averaged"
 
 
 @dataclass(frozen=True, slots=True)
 class Attempt:
     """A problem, the profile that answers it, and the method that gave it.
 
-    fallback: a jerk-limited motion that is feasible once slowed by `slowness`, for when the solver gives no answer.
+    tries: how often it was solved. The peaks between grid points heed the room only in part: each try takes off more.
     """
 
     problem: Problem
     profile: Profile
     method: str
-    fallback: Smoothed | None = None
-    slowness: float = 1.0
+    order: int
+    tries: int = 1
 
-    def tightened(self, use: Mapping[str, Array]) -> "Attempt":
-        """Solved again with less room wherever the certificate found a limit exceeded: use per limit and interval."""
-        if self.method == "averaged":
-            return self._slowed(use)
-        blocks = []
-        for block in self.problem.blocks:
-            excess = use[block.name]
-            less = block.room / (1 + MORE * (excess - 1)) * (1 - MARGIN)
-            blocks.append(replace(block, room=np.where(excess > 1, less, block.room)))
-        problem = replace(self.problem, blocks=tuple(blocks))
-        if self.fallback is None:
-            return replace(self, problem=problem, profile=second_order(problem))
-        return _solve_third(problem, self.profile.columns(), self.fallback)
+    def tightened(self, use: Mapping[str, Array], slowness: float) -> "Attempt":
+        """Solved again with less room wherever the certificate found a limit exceeded: use per limit and interval.
 
-    def _slowed(self, use: Mapping[str, Array]) -> "Attempt":
-        """The fallback, slowed as a whole until it holds: by k, a term of order n in 1/time falls by kⁿ."""
-        assert self.fallback is not None
-        powers = {block.name: min(term.per_time for term in block.start) for block in self.problem.blocks}
-        more = max(float(use[name].max()) ** (1 / power) for name, power in powers.items())
-        slowness = self.slowness * max(1.0, more) * (1 + MARGIN)
-        return replace(self, slowness=slowness, profile=self.fallback.profile(slowness, self.problem))
+        Where that does not help, the same motion slowed as a whole: what holds wherever anything does.
+        """
+        if self.tries < TRIES and self.method != AVERAGED:
+            blocks = []
+            for block in self.problem.blocks:
+                excess = use[block.name]
+                less = block.room / (1 + MORE * self.tries * (excess - 1)) * (1 - MARGIN)
+                blocks.append(replace(block, room=np.where(excess > 1, less, block.room)))
+            problem = replace(self.problem, blocks=tuple(blocks))
+            try:
+                profile, method = self._solved(problem)
+                return replace(self, problem=problem, profile=profile, method=method, tries=self.tries + 1)
+            except MotionError:
+                pass
+        return replace(self, profile=self.profile.slowed(slowness * (1 + MARGIN)))
+
+    def _solved(self, problem: Problem) -> tuple[Profile, str]:
+        if self.order == 2:
+            return second_order(problem), "toppra"
+        return _third(problem, self.profile.columns())
 
 
 def attempt(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int) -> Attempt:
@@ -64,9 +68,13 @@ def attempt(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int) -
     if order == 2:
         problem = pose_problem(path, limits, *grid(path, run, _size(SECOND_ORDER, run.last - run.first + 1)))
         _need(problem, Term.SDD, "acceleration")
-        return Attempt(problem, second_order(problem), "toppra")
+        return Attempt(problem, second_order(problem), "toppra", order)
     problem, start = jerk_problem(path, limits, run)
-    return _solve_third(problem, start.on(problem.s), start)
+    try:
+        profile, method = _third(problem, start.on(problem.s))
+    except MotionError:
+        profile, method = start.profile(problem), AVERAGED
+    return Attempt(problem, profile, method, order)
 
 
 def jerk_problem(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> tuple[Problem, Smoothed]:
@@ -85,13 +93,12 @@ def _size(rule: tuple[int, int], pieces: int) -> int:
     return max(rule[0], rule[1] * pieces)
 
 
-def _solve_third(problem: Problem, guess: Array, fallback: Smoothed) -> Attempt:
-    for solver in ("fatrop", "ipopt"):
-        try:
-            return Attempt(problem, third_order(problem, guess, solver=solver), solver, fallback)
-        except MotionError:
-            continue
-    return Attempt(problem, fallback.profile(1.0, problem), "averaged", fallback)
+def _third(problem: Problem, guess: Array) -> tuple[Profile, str]:
+    """By FATROP, or by IPOPT where that gives no answer; which of them is told."""
+    try:
+        return third_order(problem, guess), "fatrop"
+    except MotionError:
+        return third_order(problem, guess, solver="ipopt"), "ipopt"
 
 
 def _need(problem: Problem, term: Term, name: str) -> None:

@@ -10,6 +10,8 @@ from planner.timing.profile import Profile
 ACTS = 0.02
 # Least step of a grid, as a share of an even one's: a step of no length would divide by zero.
 LEAST = 1e-6
+# How often the instant at which the motion comes by is enclosed more narrowly: s goes with its cube near rest.
+HALVINGS = 40
 
 
 class Smoothed:
@@ -39,7 +41,13 @@ class Smoothed:
     def on(self, s: Array) -> Array:
         """(4, N) of ṡ, s̈, s⃛, h on a grid s (N+1,), consistent with each other."""
         dense = self._instants(len(s))
-        t = np.interp(s, np.maximum.accumulate(self.at(dense)[0]), dense)
+        after = np.searchsorted(np.maximum.accumulate(self.at(dense)[0]), s).clip(1, len(dense) - 1)
+        low, high = dense[after - 1], dense[after]
+        for _ in range(HALVINGS):
+            t = (low + high) / 2
+            early = self.at(t)[0] < s
+            low, high = np.where(early, t, low), np.where(early, high, t)
+        t = (low + high) / 2
         t[0], t[-1] = 0.0, self.duration
         h = np.maximum(np.diff(t), 1e-6 * self.duration / len(s))
         _, v, a, _ = self.at(t)
@@ -58,31 +66,22 @@ class Smoothed:
         passed = np.concatenate([[0.0], np.cumsum(step / step.sum() + acts / acts.sum())])
         even = np.linspace(0.0, 1.0, intervals + 1)
         s = np.maximum.accumulate(self.at(np.interp(even * passed[-1], passed, t))[0])
-        return s[0] + (1 - LEAST) * (s - s[0]) + LEAST * (s[-1] - s[0]) * even
+        return np.asarray(s[0] + (1 - LEAST) * (s - s[0]) + LEAST * (s[-1] - s[0]) * even)
 
     def _instants(self, count: int) -> Array:
         """Rising instants from rest to rest: some for every interval, and every one at which s⃛ changes."""
         even = np.linspace(0.0, self.duration, 20 * count + 1)
-        t = np.unique(np.concatenate([even, self.knots, self.knots + self.window]))
-        return np.asarray(t[np.concatenate([np.diff(t) > 1e-12 * self.duration, [True]])])
+        return _apart(np.concatenate([even, self.knots, self.knots + self.window]), self.duration)
 
-    def profile(self, slowness: float, problem: Problem) -> Profile:
-        """The average itself as a motion, cut where its s⃛ changes and at the problem's grid, slowed as a whole."""
-        start = self.on(problem.s)
-        t = np.concatenate([[0.0], np.cumsum(start[3])])
-        knots = np.unique(np.concatenate([self.knots, self.knots + self.window, t]))
-        knots = knots[np.concatenate([np.diff(knots) > 1e-12 * self.duration, [True]])]
+    def profile(self, problem: Problem) -> Profile:
+        """The average itself as a motion, cut where its s⃛ changes and at the problem's grid."""
+        grid = np.concatenate([[0.0], np.cumsum(self.on(problem.s)[3])])
+        knots = _apart(np.concatenate([self.knots, self.knots + self.window, grid]), self.duration)
+        s, v, a, _ = self.at(knots)
         middle = (knots[1:] + knots[:-1]) / 2
-        h = np.diff(knots)
-        j = self.at(middle)[3]
-        a = np.concatenate([[0.0], np.cumsum(j * h)[:-1]])
-        v = np.concatenate([[0.0], np.cumsum(h * (a + h * j / 2))[:-1]])
-        s = problem.s[0] + np.concatenate([[0.0], np.cumsum(h * (v + h * (a / 2 + h * j / 6)))[:-1]])
-        piece = problem.piece[
-            np.clip(np.searchsorted(problem.s, self.at(middle)[0], side="right") - 1, 0, problem.intervals - 1)
-        ]
-        k = slowness
-        return Profile(s, v / k, a / k**2, j / k**3, h * k, piece)
+        place, _, _, j = self.at(middle)
+        interval = np.searchsorted(problem.s, place, side="right").clip(1, problem.intervals) - 1
+        return Profile(s[:-1], v[:-1], a[:-1], j, np.diff(knots), problem.piece[interval])
 
     def _motion(self, t: Array) -> tuple[Array, Array, Array, Array]:
         """∫ s, s, ṡ, s̈ of the motion itself, which rests before 0 and after its end."""
@@ -95,3 +94,9 @@ class Smoothed:
         area = area + np.where(t < 0, t * m.s[0], 0.0) + np.maximum(t - last, 0.0) * self.end
         moving = np.where(outside, 0.0, v + tau * a), np.where(outside, 0.0, a)
         return area, s + tau * (v + tau * a / 2), *moving
+
+
+def _apart(instants: Array, duration: float) -> Array:
+    """In order, and no two nearer to each other than rounding."""
+    t: Array = np.unique(instants)
+    return np.asarray(t[np.append(np.diff(t) > 1e-12 * duration, True)])

@@ -22,6 +22,7 @@ import numpy as np
 from kinematics.array import Array
 from kinematics.errors import MotionError
 from planner.limits.limit import Term
+from planner.timing.closing import closed
 from planner.timing.patience import Patience
 from planner.timing.problem import Block, Problem
 from planner.timing.profile import Profile
@@ -33,9 +34,10 @@ Solver = Literal["fatrop", "ipopt"]
 # one, which also strays less between grid points.
 WEIGHT, SMOOTH = 1000.0, 2e-3
 # Iterations of a solver, and evaluations of the constraints, after which it is given up; 40 of either are usual.
-ITERATIONS, EVALUATIONS = 200, 600
-# Least duration of an interval, as a share of the longest in the guess.
-_SHORTEST = 1e-9
+ITERATIONS, EVALUATIONS = 200, 400
+# Least duration of an interval, as a share of its guess: without it, solvers get stuck where some intervals vanish. It
+# holds the answer back in 2 of 100 random runs, by 1e-3 at most, until the next solve starts from there.
+_SHORTEST = 0.1
 # CasADi's solvers share state between threads.
 _ONE_AT_A_TIME = Lock()
 Signature = tuple[tuple[tuple[Term, ...], int], ...]
@@ -70,7 +72,7 @@ def third_order(problem: Problem, guess: Array, *, solver: Solver = "fatrop") ->
     jerk = _jerk_share(problem, unit) * scale[2:3] * np.sqrt(start[3])
     data = np.concatenate([step, scale, jerk, coefficients])
     columns = _solve(*_assemble(problem.intervals, signature, solver), data, room, start / scale)
-    return _closed(problem, columns * scale * unit[:, None])
+    return closed(problem.s, columns * scale * unit[:, None], problem.piece)
 
 
 def _jerk_share(problem: Problem, unit: Array) -> Array:
@@ -160,7 +162,8 @@ def _assemble(intervals: int, signature: Signature, solver: Solver) -> tuple[ca.
         options |= {
             "structure_detection": "auto",
             "equality": equality.tolist(),
-            "fatrop": {"print_level": 0, "max_iter": ITERATIONS, "tol": 1e-8, "mu_init": 1e-2},
+            # no step too short: else its restoration begins, which knows no end (see Patience)
+            "fatrop": {"print_level": 0, "max_iter": ITERATIONS, "tol": 1e-8, "mu_init": 1e-2, "alpha_min_frac": 0.0},
         }
     else:
         options |= {"ipopt": {"print_level": 0, "sb": "yes", "max_iter": ITERATIONS, "tol": 1e-9}}
@@ -197,40 +200,9 @@ def _solve(solver: ca.Function, patience: Patience, data: Array, room: Array, gu
         stats = solver.stats()
     columns = np.asarray(answer["x"]).ravel()[:-2].reshape(count, 4).T
     if not stats["success"] or not np.isfinite(columns).all():
+        _assemble.cache_clear()  # a failed solve can leave infinities behind, and all that follow would fail
         raise MotionError(
             "the jerk-limited solver stopped without an answer "
             f"({stats['return_status']}, {stats['iter_count']} iterations)"
         )
     return columns
-
-
-def _closed(problem: Problem, columns: Array) -> Profile:
-    """Integrate s⃛ and h from rest exactly, and move both by the least that makes the motion end at its end, at rest.
-
-    The solver leaves 1e-9 or so; closed, s, ṡ and s̈ are continuous to rounding.
-    """
-    j, h = columns[2].copy(), columns[3].copy()
-    target = np.array([problem.s[-1] - problem.s[0], 0.0, 0.0])
-    for _ in range(3):
-        s, v, a = _integrate(j, h)
-        rest = np.cumsum(h[::-1])[::-1]
-        after = rest - h
-        # what a change in one interval does at the end: s⃛ acts over h, a longer h carries on; then all coasts
-        by_j = np.stack([(rest**3 - after**3) / 6, (rest**2 - after**2) / 2, h])
-        by_h = np.stack([v[1:] + after * (a[1:] + after * j / 2), a[1:] + after * j, j])
-        effect = np.concatenate([by_j * np.abs(j).max(), by_h * h], 1)
-        row = np.abs(effect).max(1)
-        miss = target - [s[-1], v[-1], a[-1]]
-        change = np.linalg.lstsq(effect / row[:, None], miss / row, rcond=None)[0]
-        j += change[: len(j)] * np.abs(j).max()
-        h *= 1 + change[len(j) :]
-    s, v, a = _integrate(j, h)
-    return Profile(problem.s[0] + s[:-1], v[:-1], a[:-1], j, h, problem.piece)
-
-
-def _integrate(j: Array, h: Array) -> tuple[Array, Array, Array]:
-    """s, ṡ, s̈ (N+1,) from rest at zero."""
-    a = np.concatenate([[0.0], np.cumsum(j * h)])
-    v = np.concatenate([[0.0], np.cumsum(h * (a[:-1] + h * j / 2))])
-    s = np.concatenate([[0.0], np.cumsum(h * (v[:-1] + h * (a[:-1] / 2 + h * j / 6)))])
-    return s, v, a

@@ -8,6 +8,7 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics import Axis, Hexapod, load_machine
+from kinematics.document import read
 from kinematics.hexapod import joint_circle
 
 PUBLISHED = tomllib.loads((Path(__file__).parents[1] / "data" / "conformance.toml").read_text())
@@ -86,10 +87,33 @@ def preset():
     return load_machine("hexapod")
 
 
+@pytest.fixture
+def document(tmp_path):
+    """Text (str or bytes) -> the document in a file that holds it."""
+
+    def made(text):
+        path = tmp_path / "file.toml"
+        path.write_bytes(text if isinstance(text, bytes) else text.encode())
+        return read(path)
+
+    return made
+
+
 @pytest.fixture(scope="session")
 def published():
     """Numbers that others published, by name."""
     return PUBLISHED
+
+
+@pytest.fixture(scope="session")
+def distance():
+    """(found, expected) poses -> the largest error of a position (m) or a rotation (rad)."""
+
+    def largest(found, expected):
+        apart = found.inv() * expected
+        return max(np.linalg.norm(apart.translation, axis=-1).max(), np.max(apart.rotation.magnitude()))
+
+    return largest
 
 
 @pytest.fixture(scope="session")

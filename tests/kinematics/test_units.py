@@ -6,7 +6,7 @@ import sys
 from fractions import Fraction
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from kinematics.errors import MotionError
@@ -127,6 +127,8 @@ def test_hostile_text_never_reaches_pint(text, monkeypatch):
 
 
 @settings(deadline=None)
+@example("NaN")
+@example("inf")
 @given(st.one_of(st.text(max_size=100), st.text("0123456789.eE+-*/^ µ°mkgsdegradinN1()_\n\0\x1b", max_size=40)))
 def test_any_text_is_a_finite_number_or_a_motion_error(text):
     for candidate in (text, f"1 {text}", f"{text} mm"):

@@ -1,0 +1,148 @@
+"""Schemas of files: typed tables, and every fault of a document in one pass, in words that bring the remedy.
+
+A file's schema is a `Table` whose fields are annotated with what they accept, so that it reads like the file:
+
+    class Leg(Table):
+        travel: tuple[Length, Length]
+        max_speed: Annotated[float, Unit("m/s", above=0)] | None = None
+"""
+
+import re
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping
+from functools import cache
+from typing import Annotated, Any, Literal, Self, TypeVar
+
+from pydantic import (
+    AfterValidator,
+    AllowInfNan,
+    BaseModel,
+    ConfigDict,
+    Field,
+    ModelWrapValidatorHandler,
+    PlainValidator,
+    TypeAdapter,
+    ValidationError,
+    ValidationInfo,
+    model_validator,
+)
+from pydantic_core import ErrorDetails, InitErrorDetails, PydanticCustomError
+
+from kinematics.document import Document, Key
+from kinematics.errors import FileError
+from kinematics.registry import nearest
+from kinematics.units import Unit, shown
+
+
+class Table(BaseModel):
+    """A table of a file: every key known and of its exact type, else a fault that names the nearest or the remedy."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _explain(cls, data: object, handler: ModelWrapValidatorHandler[Self]) -> Self:
+        try:
+            return handler(data)
+        except ValidationError as error:
+            explained = [cls._explained(e) for e in error.errors()]
+            raise ValidationError.from_exception_data(cls.__name__, explained) from None
+
+    @classmethod
+    def _explained(cls, error: ErrorDetails) -> InitErrorDetails:
+        """The error in words that only its own table can find, since only it knows its keys; outer tables keep them."""
+        keys = {field.alias or name: field for name, field in cls.model_fields.items()}
+        last, value = str(error["loc"][-1]) if error["loc"] else "", error["input"]
+        match error["type"]:
+            case "fault":
+                message = error["msg"]
+            case "extra_forbidden":
+                message = f"unknown key{nearest(last, keys)}; valid keys: {', '.join(keys)}"
+            case "missing" if last in keys:
+                examples = [unit.example for unit in keys[last].metadata if isinstance(unit, Unit)]
+                message = ": ".join(["missing", *(examples or filter(None, [keys[last].description]))])
+            case "missing":
+                message = "missing: the array is too short"
+            case "literal_error":
+                expected = error["ctx"]["expected"].replace("'", '"')
+                choices = re.findall('"(.*?)"', expected)
+                message = f"{shown(value)} is not {expected}{nearest(str(value), choices)}"
+            case "model_type" | "tuple_type" as kind:
+                message = f"{shown(value)} is not {'a table' if kind == 'model_type' else 'an array'}"
+            case _:
+                message = f"{shown(value)}: {error['msg'][0].lower()}{error['msg'][1:]}"
+        return {"type": wrong(message), "loc": error["loc"], "input": value}
+
+
+class File(Table):
+    """What every file says first."""
+
+    version: Literal[1] = Field(alias="schema", description="write schema = 1")
+
+
+Model = TypeVar("Model", bound=File)
+Rule = Callable[[dict[str, Any]], Iterable[tuple[Key, str]]]
+
+
+def build(document: Document, model: type[Model], *rules: Rule, plain: Mapping[str, float] | None = None) -> Model:
+    """The document as a model; raises FileError with every fault, in the order of the lines.
+
+    rules  find what no single value shows, in the raw data: (key, message) of each fault
+    plain  SI value of a number without unit, by the name that `Unit.plain` gives (nothing: such numbers are faults)
+    """
+    faults = [document.fault(key, message) for rule in rules for key, message in rule(document.data)]
+    try:
+        made = model.model_validate(document.data, context=plain)
+    except ValidationError as error:
+        faults += [document.fault(e["loc"], e["msg"]) for e in error.errors()]
+    if faults:
+        raise FileError(document.file, sorted(faults, key=lambda fault: fault.line or 0))
+    return made
+
+
+def wrong(message: str) -> PydanticCustomError:
+    """What a validator raises; the message becomes the fault's."""
+    return PydanticCustomError("fault", "{message}", {"message": message})
+
+
+def not_zero(value: Any) -> Any:
+    """Validator of a number or a vector."""
+    if not any(value if isinstance(value, tuple) else (value,)):
+        raise wrong(f"{shown(value)} must not be zero")
+    return value
+
+
+Number = Annotated[float, AllowInfNan(False)]
+Direction = Annotated[tuple[Number, Number, Number], AfterValidator(not_zero)]
+
+
+_adapter = cache(TypeAdapter[Any])
+
+
+def chosen(pick: Callable[[Any], Any]) -> PlainValidator:
+    """Annotation of a value whose own shape says which type it has to fit: `pick` maps the raw value to that type."""
+
+    def validate(value: object, info: ValidationInfo) -> Any:
+        return _adapter(pick(value)).validate_python(value, strict=True, context=info.context)
+
+    return PlainValidator(validate)
+
+
+def either(*tables: type[Table]) -> PlainValidator:
+    """Annotation of a table that is exactly one of the given: the one whose own keys (in no other) are present."""
+    counts = Counter(key for table in tables for key in table.model_fields)
+    own = {table: [key for key in table.model_fields if counts[key] == 1] for table in tables}
+
+    def pick(value: Any) -> type[Table]:
+        given = list(value) if isinstance(value, dict) else own[tables[0]]  # what is no table fits none, and is told so
+        present = {table: found for table, keys in own.items() if (found := [key for key in given if key in keys])}
+        if len(present) == 1:
+            return next(iter(present))
+        asked = " or ".join(", ".join(keys) for keys in own.values())
+        if present:
+            clash = " and ".join(", ".join(keys) for keys in present.values())
+            raise wrong(f"{clash} exclude each other: give {asked}")
+        unknown = [f"; unknown key {shown(key)}{nearest(key, counts)}" for key in given if key not in counts]
+        raise wrong(f"incomplete: give {asked}{''.join(unknown[:1])}")
+
+    return chosen(pick)
