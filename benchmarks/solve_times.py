@@ -39,7 +39,8 @@ def timed(work: Callable[[], Result]) -> tuple[Result, float, float]:
 def main() -> None:
     machine, program = load_machine("hexapod"), load_program("bare-circle")
     path = actuate(program, machine)
-    second_order(pose_problem(path, limits_of(path, machine.axes, 2), *grid(path, Run(0, 0), 10)))  # the imports
+    tiny = pose_problem(path, limits_of(path, machine.axes, 2), *grid(path, Run(0, 0), 10))
+    second_order(tiny, solver="toppra")  # its imports
     print(f"{'':<44}{'duration':>12}{'first call':>12}{'again':>12}")
     for order in (2, 3):
         limits = limits_of(path, machine.axes, order)
@@ -55,8 +56,9 @@ def main() -> None:
         print(f"    worst proven ratio {worst:.9f}; wanted: at most {longest} s, solved within {slowest} s")
     for points in (1000, 4000):
         problem = pose_problem(path, limits_of(path, machine.axes, 2), *grid(path, Run(0, 0), points))
-        profile, first, again = timed(lambda problem=problem: second_order(problem))  # type: ignore[misc]
-        line(f"toppra alone, {points} intervals, not certified", profile.duration, first, again)
+        for solver in ("passes", "toppra"):
+            profile, first, again = timed(lambda problem=problem, solver=solver: second_order(problem, solver=solver))  # type: ignore[misc]
+            line(f"{solver} alone, {points} intervals, not certified", profile.duration, first, again)
     third, start = jerk_problem(path, limits_of(path, machine.axes, 3), Run(0, 0))
     for solver in ("fatrop", "ipopt"):
         profile, first, again = timed(lambda solver=solver: third_order(third, start.on(third.s), solver=solver))  # type: ignore[misc]

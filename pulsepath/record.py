@@ -72,7 +72,7 @@ def of_plan(job: Job, inputs: Inputs) -> Record:
             "versions": {
                 "pulsepath": __version__,
                 "python": python_version(),
-                **_versions("casadi", "toppra", "numpy"),
+                **_versions("casadi", "numpy", "scipy"),
             },
         },
     }

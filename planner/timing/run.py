@@ -59,7 +59,7 @@ class Attempt:
 
     def _solved(self, problem: Problem) -> tuple[Profile, str]:
         if self.order == 2:
-            return second_order(problem), "toppra"
+            return second_order(problem), "passes"
         return _third(problem, self.profile.columns())
 
 
@@ -68,7 +68,7 @@ def attempt(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int) -
     if order == 2:
         problem = pose_problem(path, limits, *grid(path, run, _size(SECOND_ORDER, run.last - run.first + 1)))
         _need(problem, Term.SDD, "acceleration")
-        return Attempt(problem, second_order(problem), "toppra", order)
+        return Attempt(problem, second_order(problem), "passes", order)
     problem, start = jerk_problem(path, limits, run)
     try:
         profile, method = _third(problem, start.on(problem.s))

@@ -79,8 +79,8 @@ def test_speed_and_acceleration_are_at_their_limits_all_along():
     v_end = profile.v + profile.a * profile.h
     full = np.maximum(np.maximum(profile.v, v_end) / 1.0, np.abs(profile.a) / 2.0)
     assert full.max() <= 1 + 1e-9
-    # two intervals hold the corners; in the others toppra's forward pass leaves 3e-6 of the acceleration
-    assert np.sum(full < 1 - 1e-5) <= 2
+    # two intervals hold the corners
+    assert np.sum(full < 1 - 1e-9) <= 2
     assert profile.v[0] == 0
     assert v_end[-1] == pytest.approx(0, abs=1e-9)
     assert (profile.j == 0).all()
@@ -187,8 +187,7 @@ def test_less_room_takes_longer_by_its_root():
     problem = pose_problem(path, limits_of(path, axes_of([1.0], [2.0]), 2), *grid(path, Run(0, 0), 500))
     rooms = {"speed": 0.5, "acceleration": 0.25}
     tight = replace(problem, blocks=tuple(replace(b, room=b.room * rooms[b.name]) for b in problem.blocks))
-    # toppra's forward pass leaves some 1e-6
-    assert second_order(tight).duration == pytest.approx(2 * second_order(problem).duration, rel=5e-6)
+    assert second_order(tight).duration == pytest.approx(2 * second_order(problem).duration, rel=1e-9)
 
 
 def test_less_room_is_kept_from_an_interval_s_start_to_its_end():
