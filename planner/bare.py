@@ -45,7 +45,10 @@ def time_optimal(
 def _per_axis(name: str, values: ArrayLike | None, count: int) -> list[float | None]:
     if values is None:
         return [None] * count
-    bounds = np.asarray(values, float)
+    try:
+        bounds = np.asarray(values, float)
+    except (TypeError, ValueError):
+        bounds = np.array(np.nan)  # words, complex numbers, ragged lists
     if bounds.shape not in ((), (1,), (count,)) or not (bounds > 0).all() or not np.isfinite(bounds).all():
         raise MotionError(f"{name} = {values} must be one positive number, or one for each of the {count} axes")
     return [float(value) for value in np.broadcast_to(bounds, count)]
@@ -57,7 +60,7 @@ def _pieces(path: Any) -> tuple[Array, Array]:
 
     if isinstance(path, BSpline):
         low, high = path.t[path.k], path.t[len(path.t) - path.k - 1]
-        path = PPoly.from_spline(path)  # type: ignore[arg-type]  # takes a BSpline since SciPy 1.8
+        path = _polynomials(path)
         inside = (path.x[:-1] >= low) & (path.x[1:] <= high)
     elif isinstance(path, BPoly):
         path = PPoly.from_bernstein_basis(path)
@@ -81,6 +84,15 @@ def _pieces(path: Any) -> tuple[Array, Array]:
         raise MotionError("the path has no length: all its breaks are the same")
     breaks = np.concatenate([path.x[:-1][inside], [path.x[1:][inside][-1]]])
     return breaks, path.c.reshape(*path.c.shape[:2], -1)[:, inside]
+
+
+def _polynomials(spline: Any) -> Any:
+    """A B-spline as a PPoly, one column at a time: SciPy converts scalar ones only."""
+    from scipy.interpolate import PPoly
+
+    columns = np.reshape(spline.c, (len(spline.c), -1)).T
+    parts = [PPoly.from_spline((spline.t, column, spline.k)) for column in columns]
+    return PPoly(np.stack([part.c for part in parts], 2), parts[0].x)
 
 
 def _check(path: PolynomialPath) -> None:

@@ -24,6 +24,8 @@ TIGHT, HALVINGS, MOST_CELLS = 5e-7, 24, 400_000
 EXPANSION = {2: 6, 3: 8}
 # A jump of q, q̇ (and q̈ under jerk limits) between two pieces up to this share of the largest value met is rounding.
 JUMP = 1e-9
+# Instants of a time piece that are looked at for where it uses a limit most (the bound itself needs none).
+LOOKED = 201
 # Cells that are looked at together: their series stay in the processor's cache.
 TOGETHER = 1024
 
@@ -113,7 +115,7 @@ def _judge(trajectory: Trajectory, limits: Sequence[Limit], cells: Cells, expans
                 bound[n, chosen] = limit.use(*bounds(limit.value(enclosure), len(chosen)), enclosure.piece).max(1)
                 value = limit.value(seen)
                 met[n, chosen] = limit.use(value, value, seen.piece).max(1).reshape(3, -1).max(0)
-    return np.where(np.isnan(bound), np.inf, bound), met
+    return np.where(np.isnan(bound), np.inf, bound), np.where(np.isnan(met), np.inf, met)
 
 
 def _jumps(trajectory: Trajectory, order: int) -> dict[str, Place]:
@@ -141,7 +143,7 @@ def _jumps(trajectory: Trajectory, order: int) -> dict[str, Place]:
 def _place(trajectory: Trajectory, limit: Limit, k: int) -> Place:
     """Where in time piece k, and in which channel, a limit is used most."""
     span = trajectory.knots[k + 1] - trajectory.knots[k]
-    state = trajectory.within(np.full(9, k), span * np.linspace(0.0, 1.0, 9))
+    state = trajectory.within(np.full(LOOKED, k), span * np.linspace(0.0, 1.0, LOOKED))
     value = limit.value(state)
     row, channel = np.unravel_index(int(np.argmax(limit.use(value, value, state.piece))), value.shape)
     return _at(trajectory, float(state.t[row]), limit.channels[int(channel)])

@@ -1,21 +1,45 @@
 """An end to a solve that would not end by itself."""
 
-from collections.abc import Mapping, Sequence
+import signal
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from threading import current_thread, main_thread
+from types import FrameType
 from typing import Any
 
 import casadi as ca
 
 
 class Patience(ca.Callback):
-    """A zero to add to a constraint: after `most` evaluations it is NaN instead, and the solver gives up.
+    """A zero to add to a constraint: after `most` evaluations, or a Ctrl-C, it is NaN, and the solver gives up.
 
-    FATROP's restoration phase knows no limit of its own and can go on for hours.
+    The solver must take no step for too short (FATROP: alpha_min_frac = 0): else it begins its restoration, and there a
+    matrix that is not a number keeps it for ever.
     """
 
     def __init__(self, most: int) -> None:
         ca.Callback.__init__(self)
-        self.most, self.used = most, 0
+        self.most, self.used, self.interrupted = most, 0, False
         self.construct("patience", {})
+
+    @contextmanager
+    def asked(self) -> Iterator[None]:
+        """One solve. Ctrl-C ends it at its next evaluation, by KeyboardInterrupt: CasADi would print it and go on."""
+        self.used, self.interrupted = 0, False
+        usual = signal.getsignal(signal.SIGINT) is signal.default_int_handler
+        if not usual or current_thread() is not main_thread():  # ignored, or another's to handle
+            yield
+            return
+        signal.signal(signal.SIGINT, self._interrupt)
+        try:
+            yield
+        finally:
+            signal.signal(signal.SIGINT, signal.default_int_handler)
+            if self.interrupted:
+                raise KeyboardInterrupt
+
+    def _interrupt(self, number: int, frame: FrameType | None) -> None:
+        self.interrupted = True
 
     def get_n_in(self) -> int:
         return 1
@@ -25,7 +49,7 @@ class Patience(ca.Callback):
 
     def eval(self, arguments: object) -> list[float]:
         self.used += 1
-        return [0.0 if self.used <= self.most else float("nan")]
+        return [float("nan") if self.interrupted or self.used > self.most else 0.0]
 
     def has_jacobian(self) -> bool:
         return True

@@ -178,15 +178,22 @@ def _assemble(intervals: int, signature: Signature, solver: Solver) -> tuple[ca.
 
 def _solve(solver: ca.Function, patience: Patience, data: Array, room: Array, guess: Array) -> Array:
     """Columns (4, N), scaled."""
+    try:
+        return _answer(solver, patience, data, room, guess)
+    except BaseException:
+        _assemble.cache_clear()  # a failed solve can leave infinities in the solver, and all that follow would fail
+        raise
+
+
+def _answer(solver: ca.Function, patience: Patience, data: Array, room: Array, guess: Array) -> Array:
     count = guess.shape[1]
     low = np.tile([0.0, -np.inf, -np.inf, _SHORTEST], (count, 1))
     high = np.full((count, 4), np.inf)
     low[0, :2] = high[0, :2] = 0.0
     bounds = np.concatenate([np.zeros((3, count)), room]).T.ravel()
     rest = [0.0, 0.0]
-    with _ONE_AT_A_TIME:
-        patience.used = 0
-        try:
+    try:
+        with _ONE_AT_A_TIME, patience.asked():
             answer = solver(
                 x0=np.concatenate([guess.T.ravel(), rest]),
                 p=data.T.ravel(),
@@ -195,12 +202,11 @@ def _solve(solver: ca.Function, patience: Patience, data: Array, room: Array, gu
                 lbg=-bounds,
                 ubg=bounds,
             )
-        except RuntimeError as failure:  # CasADi's own, as when an evaluation overflows
-            raise MotionError(f"the jerk-limited solver failed: {failure}") from failure
-        stats = solver.stats()
+            stats = solver.stats()
+    except RuntimeError as failure:  # CasADi's own, as when an evaluation overflows
+        raise MotionError(f"the jerk-limited solver failed: {failure}") from failure
     columns = np.asarray(answer["x"]).ravel()[:-2].reshape(count, 4).T
     if not stats["success"] or not np.isfinite(columns).all():
-        _assemble.cache_clear()  # a failed solve can leave infinities behind, and all that follow would fail
         raise MotionError(
             "the jerk-limited solver stopped without an answer "
             f"({stats['return_status']}, {stats['iter_count']} iterations)"

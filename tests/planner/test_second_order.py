@@ -4,6 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from scipy.interpolate import CubicSpline
 from scipy.optimize import linprog
 from scipy.sparse import diags_array, vstack
@@ -12,6 +14,7 @@ from kinematics import MotionError
 from kinematics.axis import Axis
 from planner.actuation import PolynomialPath
 from planner.limits import limits_of
+from planner.limits.limit import Term
 from planner.timing.problem import Run, grid, pose_problem
 from planner.timing.run import attempt
 from planner.timing.second_order import second_order
@@ -202,6 +205,55 @@ def test_less_room_is_kept_from_an_interval_s_start_to_its_end():
     v_end = profile.v + profile.a * profile.h
     assert max(profile.v[200:300].max(), v_end[200:300].max()) <= 0.5 * (1 + 1e-9)
     assert profile.v.max() > 0.7
+
+
+@given(
+    st.integers(0, 10_000),
+    st.floats(-2, 2).map(lambda x: 10**x),
+    st.floats(-0.5, 3).map(lambda x: 10**x),
+)
+@settings(max_examples=40, deadline=None)
+def test_no_motion_is_faster_and_toppra_agrees_where_it_answers(seed, slowness, softness):
+    """Random splines: every row is kept, no speed can be raised, and toppra's own tolerance is all that it is off."""
+    rng = np.random.default_rng(seed)
+    points = rng.normal(size=(rng.integers(3, 8), rng.integers(1, 5)))
+    spline = CubicSpline(np.arange(len(points)), points, bc_type=str(rng.choice(["natural", "clamped", "not-a-knot"])))
+    path = PolynomialPath(spline.x, spline.c, [f"axis{k}" for k in range(points.shape[1])])
+    speeds = slowness * 10 ** rng.uniform(-1, 1, points.shape[1])
+    problem = pose_problem(
+        path, limits_of(path, axes_of(speeds, speeds * softness), 2), *grid(path, Run(0, len(points) - 2), 300)
+    )
+    profile = second_order(problem)
+    x = np.append(profile.v, 0.0) ** 2
+    used = np.zeros((2, problem.intervals))
+    for block in problem.blocks:
+        for side, at in ((block.start, x[:-1]), (block.end, x[1:])):
+            if block.name == "speed":
+                share = np.abs(side[Term.SD]).max(1) * np.sqrt(at)
+            else:
+                share = np.abs(side[Term.SDD] * profile.a[:, None] + side[Term.SD2] * at[:, None]).max(1)
+            used = np.maximum(used, np.stack([share, share]))
+    assert used.max() <= 1 + 1e-9
+    # bang–bang: a limit is used fully on every interval, but for a few on which they take turns
+    assert np.sum(used[0] < 1 - 1e-6) <= 12
+    try:
+        other = second_order(problem, solver="toppra").duration
+    except MotionError:
+        return
+    assert profile.duration <= other * (1 + 1e-9)
+    assert profile.duration >= other * (1 - 2e-5)
+
+
+def test_a_cruise_far_slower_than_its_ramps():
+    """Ramps of 3e-8 of the way, over a spline that starts and ends with q′ = 0, where toppra gives up."""
+    points = np.array([[0.0, 0.0], [1.0, -0.5], [0.3, 0.8], [2.0, 1.0]])
+    spline = CubicSpline(np.arange(4.0), points, bc_type="clamped")
+    path = PolynomialPath(spline.x, spline.c, ["x", "y"])
+    slow = solved(path, axes_of([1e-3, 1e-3], [10.0, 10.0]), last=2).duration
+    # were acceleration free, the axis that moves more would be at full speed everywhere
+    u = np.linspace(0, 3, 300_001)
+    fastest = np.trapezoid(np.abs(spline(u, 1)).max(1), u) / 1e-3
+    assert fastest <= slow <= fastest * (1 + 2e-3)
 
 
 def test_what_nothing_bounds_is_refused():

@@ -1,5 +1,7 @@
 """Order 3: against the closed-form seven-segment motion, IPOPT against FATROP, and what happens when both fail."""
 
+import os
+import signal
 from dataclasses import replace
 
 import numpy as np
@@ -13,6 +15,7 @@ from planner.limits import limits_of
 from planner.solve import fastest
 from planner.timing import run as runs
 from planner.timing import third_order as solver_module
+from planner.timing.patience import Patience
 from planner.timing.problem import Run
 from planner.timing.run import attempt, jerk_problem
 from planner.timing.third_order import third_order
@@ -195,10 +198,57 @@ def test_what_a_solver_leaves_is_closed(monkeypatch):
     assert closed.duration == pytest.approx(exact.duration, rel=1e-5)
 
 
+@pytest.mark.parametrize("solver", ["fatrop", "ipopt"])
+def test_ctrl_c_ends_the_solve_and_the_next_one_answers(solver, capfd, monkeypatch):
+    path = curve()
+    problem, start = jerk_problem(path, limits_on(path, **CURVE), Run(0, 0))
+    guess = start.on(problem.s)
+    expected = third_order(problem, guess, solver=solver).duration
+    evaluate, evaluations = Patience.eval, []
+
+    def interrupted(self, arguments):
+        evaluations.append(self.used)
+        if self.used == 5:
+            os.kill(os.getpid(), signal.SIGINT)
+        return evaluate(self, arguments)
+
+    monkeypatch.setattr(Patience, "eval", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        third_order(problem, guess, solver=solver)
+    monkeypatch.undo()
+    assert max(evaluations) >= 5
+    assert "KeyboardInterrupt" not in capfd.readouterr().err
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    assert third_order(problem, guess, solver=solver).duration == pytest.approx(expected, rel=1e-9)
+
+
+def test_whoever_ignores_ctrl_c_still_does():
+    previous = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        with Patience(1).asked():
+            os.kill(os.getpid(), signal.SIGINT)
+        assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
+    finally:
+        signal.signal(signal.SIGINT, previous)
+
+
+def test_a_solve_ends_when_its_patience_does_and_the_next_one_answers(monkeypatch):
+    path = curve()
+    problem, start = jerk_problem(path, limits_on(path, **CURVE), Run(0, 0))
+    guess = start.on(problem.s)
+    expected = third_order(problem, guess).duration
+    monkeypatch.setattr(solver_module, "EVALUATIONS", 10)
+    solver_module._assemble.cache_clear()
+    with pytest.raises(MotionError, match="stopped without an answer"):
+        third_order(problem, guess)
+    monkeypatch.undo()
+    assert third_order(problem, guess).duration == pytest.approx(expected, rel=1e-9)
+
+
 def failing(*solvers):
     """third_order, but for these solvers."""
 
-    def third_order_or_not(problem, guess, *, solver):
+    def third_order_or_not(problem, guess, *, solver="fatrop"):
         if solver in solvers:
             raise MotionError("stopped without an answer")
         return third_order(problem, guess, solver=solver)
