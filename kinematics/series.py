@@ -186,6 +186,29 @@ class Series:
             cosine.mid[k], cosine.rad[k] = -down[0] / k, (down[1] / k + EPS * np.abs(down[0])) * (1 + EPS)
         return sine, cosine
 
+    def atan2(self, x: Series) -> Series:
+        """θ of self = r sin θ, x = r cos θ: θ̇ = (x ẏ − y ẋ)/(x² + y²); unbounded where zero or the cut may be met."""
+        order = min(self.order, x.order)
+        up, over = self.mid[0], x.mid[0]
+        away, error = np.hypot(up, over) * (1 - 2 * EPS), np.hypot(self.rad[0], x.rad[0]) * (1 + 2 * EPS)
+        met = (error >= away) | ((over <= x.rad[0]) & (np.abs(up) <= self.rad[0]) & (over < 0))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            # asin(t) ≤ t/√(1 − t²); libm is trusted to two units in the last place
+            rad = error / np.sqrt((away - error) * (away + error)) * (1 + 8 * EPS) + 8 * EPS
+        start = Series(np.arctan2(up, over)[None], np.where(met, np.inf, rad)[None], order)
+        if self.degree == 0 and x.degree == 0:
+            return start
+        rate = ((x * self.derivative()) - (self * x.derivative())) / (x * x + self * self)
+        k = np.arange(1, order + 1).reshape(-1, *[1] * (rate.mid.ndim - 1))
+        mid = rate.mid / k
+        rads = rate.rad / k * (1 + EPS) + EPS * np.abs(mid)
+        shape = mid.shape[1:]
+        return Series(
+            np.concatenate([np.broadcast_to(start.mid, (1, *shape)), mid]),
+            np.concatenate([np.broadcast_to(start.rad, (1, *shape)), rads]),
+            order,
+        )
+
     def derivative(self) -> Series:
         """d/dτ; the order falls by one."""
         if self.degree == 0:

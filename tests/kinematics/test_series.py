@@ -97,6 +97,43 @@ def circular(a, turned):
     return composed(outer, a)
 
 
+def arctangent(t):
+    """Fixed-point, |t| ≤ 1: halved three times by t/(1 + √(1 + t²)), then the power series."""
+    one = 1 << BITS
+    t = (t.numerator << BITS) // t.denominator
+    for _ in range(3):
+        t = (t << BITS) // (one + isqrt((one << BITS) + t * t))
+    total, power, n = 0, t, 0
+    while power:
+        total += (power if n % 2 == 0 else -power) // (2 * n + 1)
+        power = (power * t >> BITS) * t >> BITS
+        n += 1
+    return Fraction(8 * total, one)
+
+
+def angle(y, x):
+    """Coefficients of Im log(x + i y): the logarithm's own power series about the point, in complex fractions."""
+    if not (x[0] or y[0]):
+        return None
+    quarter = 2 * arctangent(Fraction(1))
+    if abs(x[0]) >= abs(y[0]):
+        start = arctangent(y[0] / x[0]) + (0 if x[0] > 0 else 2 * quarter * (1 if y[0] >= 0 else -1))
+    else:
+        start = quarter * (1 if y[0] > 0 else -1) - arctangent(x[0] / y[0])
+    square = x[0] ** 2 + y[0] ** 2
+    real = [Fraction(0), *((x[0] * a + y[0] * b) / square for a, b in zip(x[1:], y[1:], strict=True))]
+    imaginary = [Fraction(0), *((x[0] * b - y[0] * a) / square for a, b in zip(x[1:], y[1:], strict=True))]
+    result, power = [start, *[Fraction(0)] * (len(x) - 1)], (real, imaginary)
+    for n in range(1, len(x)):
+        result = [r + Fraction((-1) ** (n + 1), n) * p for r, p in zip(result, power[1], strict=True)]
+        (a, b), (c, d) = power, (real, imaginary)
+        power = (
+            [p - q for p, q in zip(product(a, c), product(b, d), strict=True)],
+            [p + q for p, q in zip(product(a, d), product(b, c), strict=True)],
+        )
+    return result
+
+
 EXACT = {
     "sum": (lambda a, b: a + b, lambda a, b: [x + y for x, y in zip(a, b, strict=True)], numbers, radii),
     "difference": (lambda a, b: a - b, lambda a, b: [x - y for x, y in zip(a, b, strict=True)], numbers, radii),
@@ -108,6 +145,7 @@ EXACT = {
     "root": (lambda a: a.sqrt(), root, numbers, radii),
     "sine": (lambda a: a.sincos()[0], lambda a: circular(a, 0), angles, spans),
     "cosine": (lambda a: a.sincos()[1], lambda a: circular(a, 1), angles, spans),
+    "angle": (lambda a, b: a.atan2(b), angle, numbers, radii),
     "derivative": (lambda a: a.derivative(), lambda a: [k * x for k, x in enumerate(a)][1:], numbers, radii),
 }
 """Operation on series; on exact coefficients (None where it is not defined); what to draw."""
