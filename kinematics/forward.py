@@ -13,6 +13,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from kinematics.array import Array, frozen
 from kinematics.errors import MotionError
 from kinematics.expression import Expression
+from kinematics.freedom import columns, refuse
 from kinematics.pose import STRAIGHT, Pose, column, from_numbers, numbers, straight, straight_numbers
 from kinematics.series import Series
 
@@ -55,20 +56,26 @@ def solve(machine: Machine, q: Array, near: Pose) -> Forward:
         )
     if len(start) not in (1, len(rows)) or not np.isfinite(start).all():
         raise MotionError(f"{what} one finite pose `near`, or one for each of {len(rows)} rows of q, not {len(start)}")
+    refuse(machine, start)
     start = np.broadcast_to(start, (len(rows), 12))
-    x = _newton(machine, rows, start.copy())
-    pose = from_numbers(x)
-    residual = np.abs(machine.inverse_map(numbers(pose)) - rows).max(1)
+    pose = from_numbers(_newton(machine, rows, start.copy()))
+    if machine.follows:
+        pose = from_numbers(machine.carried_map(machine.inputs(numbers(pose), rows)))
+    residual = np.abs(machine.inverse_map(machine.inputs(numbers(pose), rows)) - rows).max(1)
     certified = residual < CONVERGED
-    certified[certified] = regular(machine, from_numbers(start[certified]), pose[certified])
+    certified[certified] = regular(machine, from_numbers(start[certified]), pose[certified], rows[certified])
     if q.ndim == 1:
         return Forward(pose[0], residual[0], certified[0])
     return Forward(pose, frozen(residual), frozen(certified))
 
 
 def _newton(machine: Machine, q: Array, x: Array) -> Array:
-    """x ← exp(δ) x with J δ = q − inverse(x), turning one radian at most; a step that gains nothing is quartered."""
-    error = q - machine.inverse_map(x)
+    """x ← exp(δ) x with J δ = q − inverse(x), turning one radian at most; a step that gains nothing is quartered.
+
+    δ moves what the machine controls; what is held or follows stays.
+    """
+    free = columns(machine)
+    error = q - machine.inverse_map(machine.inputs(x, q))
     active, floor = np.arange(len(q)), max(1.0, np.abs(q).max(initial=0.0))
     damping = np.ones(len(q))
     for _ in range(ITERATIONS):
@@ -77,11 +84,12 @@ def _newton(machine: Machine, q: Array, x: Array) -> Array:
         active = active[(size > ROUNDING * floor) & (damping[active] > 1e-6)]
         if not len(active):
             break
-        step = _solve(machine.jacobian_map(x[active]).reshape(len(active), -1, 6), error[active])
+        step = np.zeros((len(active), 6))
+        step[:, free] = _solve(_jacobian(machine, x[active], q[active]), error[active])
         turn = np.linalg.norm(step[:, 3:], axis=1)
         step *= (damping[active] / np.maximum(turn, 1.0))[:, None]
         trial = _moved(x[active], step)
-        error_trial = q[active] - machine.inverse_map(trial)
+        error_trial = q[active] - machine.inverse_map(machine.inputs(trial, q[active]))
         better = np.abs(error_trial).max(1) < np.abs(error[active]).max(1)
         won = active[better]
         x[won], error[won] = trial[better], error_trial[better]
@@ -109,8 +117,10 @@ def _motion() -> Expression:
     return Expression("straight", ca.vertcat(s, parameters), column(*straight(s, parameters)))
 
 
-def regular(machine: Machine, start: RigidTransform, end: RigidTransform) -> np.ndarray:
+def regular(machine: Machine, start: RigidTransform, end: RigidTransform, near: Array | None = None) -> np.ndarray:
     """(N,) bool: proved that the Jacobian is nonsingular along the whole straight motion from start to end.
+
+    The Jacobian is that of what the machine controls, on the branch of the coordinates near (N, n), or home's.
 
     Where det J has other signs at the two ends, it vanishes between them. Any other motion is cut into cells. Over a
     cell with centre c, J = J_c + J_1 τ + J_2(τ) τ², |τ| ≤ 1, in guaranteed Taylor arithmetic. With C ≈ J_c⁻¹,
@@ -119,12 +129,13 @@ def regular(machine: Machine, start: RigidTransform, end: RigidTransform) -> np.
     scaled by the characteristic length.
     """
     parameters = straight_numbers(start, end, 1.0)
-    first, last = (np.linalg.slogdet(machine.jacobian(pose)).sign for pose in (start, end))
+    near = np.broadcast_to(machine.home_q if near is None else near, (len(parameters), len(machine.axes)))
+    first, last = (np.linalg.slogdet(_jacobian(machine, numbers(pose), near)).sign for pose in (start, end))
     proved = np.broadcast_to(first * last > 0, len(parameters)).copy()
     pending = np.flatnonzero(proved)
     low, width = np.zeros(len(pending)), np.ones(len(pending))
     while len(pending):
-        fine, centre = _cells_regular(machine, parameters[pending], low, width)
+        fine, centre = _cells_regular(machine, parameters[pending], near[pending], low, width)
         hopeless = ~centre | ~fine & (width <= FINEST)
         proved[pending[hopeless]] = False
         again = ~fine & ~hopeless & proved[pending]
@@ -134,7 +145,14 @@ def regular(machine: Machine, start: RigidTransform, end: RigidTransform) -> np.
     return proved
 
 
-def _cells_regular(machine: Machine, parameters: Array, low: Array, width: Array) -> tuple[np.ndarray, np.ndarray]:
+def _jacobian(machine: Machine, x: Array, near: Array) -> Array:
+    full = machine.jacobian_map(machine.inputs(x, near)).reshape(len(x), len(machine.axes), 6)
+    return full[:, :, columns(machine)]
+
+
+def _cells_regular(
+    machine: Machine, parameters: Array, near: Array, low: Array, width: Array
+) -> tuple[np.ndarray, np.ndarray]:
     """Two of (N,) bool: proved that the Jacobian is nonsingular in the whole cell, and at its centre."""
     count, axes = len(low), len(machine.axes)
     half = width / 2
@@ -144,10 +162,12 @@ def _cells_regular(machine: Machine, parameters: Array, low: Array, width: Array
     spread = np.concatenate([np.zeros(count), half])
     s = Series(np.stack([middle, scale]), np.stack([spread, np.zeros(2 * count)]), 2)
     rest = [Series.constant(column, 2) for column in np.concatenate([parameters, parameters]).T]
-    entries = machine.jacobian_map.enclose(_motion().enclose([s, *rest]))
-    jacobian = Series.stack(entries).padded(2)
-    shape = (count, axes, 6)
-    length = np.array([1.0, 1.0, 1.0] + [1 / machine.characteristic_length] * 3)
+    branch = [Series.constant(column, 2) for column in np.concatenate([near, near]).T if machine.branched]
+    entries = machine.jacobian_map.enclose([*_motion().enclose([s, *rest]), *branch])
+    free = columns(machine)
+    jacobian = Series.stack([entries[6 * row + k] for row in range(axes) for k in free]).padded(2)
+    shape = (count, axes, len(free))
+    length = np.array([1.0, 1.0, 1.0] + [1 / machine.characteristic_length] * 3)[free]
     middle_j = jacobian.mid[0, :count].reshape(shape) * length
     error_j = jacobian.rad[0, :count].reshape(shape) * length
     slope = jacobian.mid[1, :count].reshape(shape) * length
@@ -157,6 +177,6 @@ def _cells_regular(machine: Machine, parameters: Array, low: Array, width: Array
     size = np.abs(inverse)
     # a little below 1, for the rounding of these lines themselves
     with np.errstate(invalid="ignore"):
-        centre = np.abs(np.eye(6) - inverse @ middle_j) + size @ error_j
+        centre = np.abs(np.eye(axes) - inverse @ middle_j) + size @ error_j
         whole = centre + np.abs(inverse @ slope) + size @ (error_slope + bend)
         return whole.sum(-1).max(-1) < 1 - 1e-9, centre.sum(-1).max(-1) < 1 - 1e-9

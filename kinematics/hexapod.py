@@ -57,7 +57,7 @@ class Hexapod(Machine):
         """The six vectors from base joint to platform joint, in the base frame."""
         return [position + rotation @ a - b for a, b in zip(self.platform, self.base, strict=True)]
 
-    def expression(self, position: ca.SX, rotation: ca.SX) -> ca.SX:
+    def expression(self, position: ca.SX, rotation: ca.SX, near: ca.SX) -> ca.SX:
         return ca.vertcat(*(ca.norm_2(leg) for leg in self._legs(position, rotation)))
 
     def tilts(self, position: ca.SX, rotation: ca.SX) -> ca.SX:

@@ -9,13 +9,18 @@ import numpy as np
 
 from kinematics.array import Array, frozen
 from kinematics.expression import Expression
+from kinematics.freedom import refuse
 from kinematics.machine import Machine
-from kinematics.pose import column, symbols
+from kinematics.pose import column
 from kinematics.series import Series
+from planner.branch import branches
 from planner.path.shape import Piece, Shape, pose_map, slope_map
+from planner.place import Place
 
 # A jump of a derivative at a break up to this share of its largest value is rounding.
 SMOOTH = 1e-9
+# Points of each piece at which its pose is held against the machine's freedom.
+LOOKED = 17
 
 Derivatives = tuple[Array, Array, Array, Array]
 """q, q′, q″, q‴ with respect to path length, each (N, n)."""
@@ -51,13 +56,12 @@ class ActuatorPath(Protocol):
 
 @lru_cache(maxsize=64)
 def _along(machine: Machine, shape: Shape) -> Expression:
-    """(s, parameters) -> q, q′, q″, q‴: the machine's inverse map composed with the shape, differentiated."""
-    s, parameters = ca.SX.sym("s"), ca.SX.sym("parameters", shape.size)
-    x = column(*shape.motion(s, parameters))
-    orders = [machine.expression(*symbols(x))]
+    """(s, parameters, near) -> q, q′, q″, q‴: the machine's inverse map composed with the shape, differentiated."""
+    s, parameters, near = ca.SX.sym("s"), ca.SX.sym("parameters", shape.size), ca.SX.sym("near", len(machine.axes))
+    orders = [machine.symbolic(column(*shape.motion(s, parameters)), near)]
     for _ in range(3):
         orders.append(ca.jacobian(orders[-1], s))
-    return Expression(f"{shape.name}_actuated", ca.vertcat(s, parameters), ca.vertcat(*orders))
+    return Expression(f"{shape.name}_actuated", ca.vertcat(s, parameters, near), ca.vertcat(*orders))
 
 
 class MachinePath:
@@ -65,16 +69,28 @@ class MachinePath:
 
     def __init__(self, machine: Machine, pieces: Sequence[Piece], stops: np.ndarray, dwells: Array) -> None:
         """stops (P+1,) bool and dwells (P+1,) s at the pieces' ends; the first and the last are stops."""
-        self.machine, self.pieces = machine, tuple(pieces)
-        self._stops, self.dwells = frozen(stops), frozen(dwells)
-        self.breaks: Array = frozen(np.concatenate([[0.0], np.cumsum([piece.length for piece in pieces])]))
+        parts, near = branches(machine, pieces)
+        counts = [len(each) for each in parts]
+        self.machine, self.pieces = machine, tuple(part for each in parts for part in each)
+        self.breaks: Array = frozen(np.concatenate([[0.0], np.cumsum([piece.length for piece in self.pieces])]))
+        ends = np.concatenate([[0], np.cumsum(counts)])
+        self._stops, self.dwells = frozen(_at(ends, stops)), frozen(_at(ends, dwells))
         self.names = tuple(axis.name for axis in machine.axes)
+        self._near, self._start = np.array(near), np.array([piece.start for piece in self.pieces])
         self._shapes = list({piece.shape: None for piece in pieces})
-        self._shape_of = np.array([self._shapes.index(piece.shape) for piece in pieces])
+        self._shape_of = np.array([self._shapes.index(piece.shape) for piece in self.pieces])
         self._parameters = [
-            np.array([p.parameters if p.shape is shape else np.zeros(shape.size) for p in pieces])
+            np.array([p.parameters if p.shape is shape else np.zeros(shape.size) for p in self.pieces])
             for shape in self._shapes
         ]
+        self._refuse()
+
+    def _refuse(self) -> None:
+        """Raise OutOfReach for a path that needs what the machine holds."""
+        piece = np.repeat(np.arange(len(self.pieces)), LOOKED)
+        s = (self.breaks[:-1, None] + np.diff(self.breaks)[:, None] * np.linspace(0, 1, LOOKED)).ravel()
+        shares = self._evaluate(pose_map, s, piece)
+        refuse(self.machine, shares, lambda k: f"the path at {Place(float(s[k]), self.segment(int(piece[k])))}")
 
     def stops(self, order: int) -> np.ndarray:
         return self._stops
@@ -83,35 +99,52 @@ class MachinePath:
         return self.pieces[piece].segment
 
     def derivatives(self, s: Array, piece: np.ndarray) -> Derivatives:
-        both = self._evaluate(lambda shape: _along(self.machine, shape), s, piece)
+        both = self._evaluate(lambda shape: _along(self.machine, shape), s, piece, self._near)
         q, q1, q2, q3 = np.split(both, 4, axis=1)
         return q, q1, q2, q3
 
     def pose_numbers(self, s: Array, piece: np.ndarray) -> Array:
-        return self._evaluate(pose_map, s, piece)
+        drawn = self._evaluate(pose_map, s, piece)
+        if not self.machine.follows:
+            return drawn
+        return self.machine.carried_map(self.machine.inputs(drawn, self._near[piece]))
 
     def tool_slope(self, s: Array, piece: np.ndarray) -> Array:
         return self._evaluate(slope_map, s, piece)
 
-    def _evaluate(self, expression: Callable[[Shape], Expression], s: Array, piece: np.ndarray) -> Array:
-        local = s - self.breaks[piece]
+    def _evaluate(
+        self, expression: Callable[[Shape], Expression], s: Array, piece: np.ndarray, also: Array | None = None
+    ) -> Array:
+        """also (P, m): further inputs, constant on each piece."""
+        local = s - self.breaks[piece] + self._start[piece]
         out = np.empty((len(s), expression(self._shapes[0]).size[1]))
         for k, shape in enumerate(self._shapes):
             chosen = np.flatnonzero(self._shape_of[piece] == k)
             if not len(chosen):
                 continue
-            out[chosen] = expression(shape)(np.column_stack([local[chosen], self._parameters[k][piece[chosen]]]))
+            inputs = [local[chosen], self._parameters[k][piece[chosen]]]
+            out[chosen] = expression(shape)(np.column_stack(inputs if also is None else [*inputs, also[piece[chosen]]]))
         return out
 
     def enclose(self, s: Series, piece: np.ndarray) -> tuple[Series, Series]:
         pose = Series.zeros(s.order, (len(piece), 12))
-        local = s - self.breaks[piece]
+        local = s - self.breaks[piece] + self._start[piece]
         for k, shape in enumerate(self._shapes):
             chosen = np.flatnonzero(self._shape_of[piece] == k)
             if len(chosen):
                 parameters = [Series.constant(values, s.order) for values in self._parameters[k][piece[chosen]].T]
                 pose.put(chosen, Series.stack(pose_map(shape).enclose([local[chosen], *parameters])))
-        return Series.stack(self.machine.inverse_map.enclose(pose.columns())), pose
+        near = [Series.constant(values, s.order) for values in self._near[piece].T if self.machine.branched]
+        inputs = [*pose.columns(), *near]
+        q = Series.stack(self.machine.inverse_map.enclose(inputs))
+        return q, Series.stack(self.machine.carried_map.enclose(inputs)) if self.machine.follows else pose
+
+
+def _at(ends: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Values at the ends of whole pieces, and nothing at the ends between their parts."""
+    out = np.zeros(ends[-1] + 1, values.dtype)
+    out[ends] = values
+    return out
 
 
 class PolynomialPath:

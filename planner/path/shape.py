@@ -1,7 +1,7 @@
 """What a smooth piece of path is: a shape (one expression of path length and parameters) and its numbers."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import casadi as ca
@@ -25,7 +25,7 @@ class Shape:
 
 @dataclass(frozen=True, slots=True)
 class Piece:
-    """A curve of a shape: path length 0 … length (m), from segment number `segment` of the program.
+    """A curve of a shape over a path length (m), from the shape's own s = start, of the program's segment `segment`.
 
     tool_speed  cap on the speed of the platform's origin, m/s (None: none, or a piece in which it does not move)
     """
@@ -35,6 +35,12 @@ class Piece:
     length: float
     segment: int
     tool_speed: float | None = None
+    start: float = 0.0
+
+    def cut(self, count: int) -> "list[Piece]":
+        """The same curve in equal parts."""
+        length = self.length / count
+        return [replace(self, length=length, start=self.start + k * length) for k in range(count)]
 
 
 @cache

@@ -39,7 +39,7 @@ def test_cells_that_are_proved_hold_no_singularity(machine, poses_about):
     start, end = (poses_about(machine.home, machine, count, 2.0, seed) for seed in (4, 5))
     width = 2.0 ** random.uniform(-5, 0, count)
     low = random.uniform(0, 1 - width)
-    proved, centre = _cells_regular(machine, straight_numbers(start, end, 1.0), low, width)
+    proved, centre = _cells_regular(machine, straight_numbers(start, end, 1.0), np.zeros((len(low), 6)), low, width)
     turn = (start.rotation.inv() * end.rotation).as_rotvec()
     signs = []
     for share in (low + u * width for u in np.linspace(0, 1, 33)):
@@ -132,7 +132,7 @@ class Cubic(Machine):
 
     characteristic_length = 1.0
 
-    def expression(self, position, rotation):
+    def expression(self, position, rotation, near):
         x, y, z = ca.vertsplit(position)
         return ca.vertcat(x - x**3, y, z, rotation[2, 1], rotation[0, 2], rotation[1, 0])
 

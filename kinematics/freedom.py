@@ -1,0 +1,49 @@
+"""Which of a pose's six components a machine controls, and the refusal of poses that need another."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from kinematics.array import Array
+from kinematics.errors import OutOfReach
+from kinematics.pose import numbers
+
+if TYPE_CHECKING:
+    from kinematics.machine import Machine
+
+COMPONENTS = ("x", "y", "z", "rx", "ry", "rz")
+# m or rad off home up to which a held component counts as kept: the rounding of poses put together from rotations.
+HELD = 1e-9
+
+
+def columns(machine: Machine) -> np.ndarray:
+    """Indices of the components that the machine controls: the columns of its Jacobian that count."""
+    return np.array([COMPONENTS.index(name) for name in machine.freedom])
+
+
+def deviations(machine: Machine, x: Array) -> Array:
+    """(N, 6) of pose numbers x (N, 12) from home: position, and the vector of the turn, in the base frame."""
+    home = numbers(machine.home)
+    turn = x[:, 3:].reshape(-1, 3, 3) @ home[0, 3:].reshape(3, 3).T
+    return np.concatenate([x[:, :3] - home[:, :3], Rotation.from_matrix(turn).as_rotvec()], 1)
+
+
+def refuse(machine: Machine, x: Array, name_of: Callable[[int], str] = "pose {}".format) -> None:
+    """Raise OutOfReach, naming the component, for the first of N poses that leaves the machine's freedom."""
+    held = [k for k, name in enumerate(COMPONENTS) if name not in machine.freedom + machine.follows]
+    if not held or not len(x):
+        return
+    off = deviations(machine, x)[:, held]
+    wrong = np.abs(off) > HELD
+    if wrong.any():
+        pose, entry = np.argwhere(wrong)[0]
+        name = COMPONENTS[held[entry]]
+        value = f"{off[pose, entry] * 1e3:.6g} mm" if held[entry] < 3 else f"{np.rad2deg(off[pose, entry]):.6g} deg"
+        raise OutOfReach(
+            f"machine {machine.name} holds {name}: {name_of(int(pose))} has {name} {value} off home; "
+            f"it moves {', '.join(machine.freedom)} only"
+        )
