@@ -1,15 +1,14 @@
 """The report of a plan: one HTML page that holds everything it shows, and its figures as PNG files beside it."""
 
-from base64 import b64encode
-from collections.abc import Callable, Iterator, Sequence
-from io import BytesIO
+from collections.abc import Iterator, Sequence
 from itertools import cycle
-from math import ceil, floor, inf
+from math import inf
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from benchmarks.page import grouped, png, render, style
 from controllers.metrics import Metrics
 from planner.baseline import Classical
 from planner.limits import Limit
@@ -18,11 +17,8 @@ from planner.pulses import PulseCheck
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
     from planner.plots import Quantity
-
-DPI = 150
 
 
 def write_report(
@@ -38,8 +34,8 @@ def write_report(
     path.write_text(_page(plan, classical, metrics, verdict, figures), encoding="utf-8")
     folder = path.parent / "figures"
     folder.mkdir(exist_ok=True)
-    for name, png in figures.items():
-        (folder / f"{name}.png").write_bytes(png)
+    for name, image in figures.items():
+        (folder / f"{name}.png").write_bytes(image)
 
 
 def summary(plan: Plan, classical: Classical, verdict: PulseCheck) -> dict[str, str]:
@@ -66,19 +62,17 @@ BARE_JERK = " (without a jerk limit)"
 
 def draw(plan: Plan, classical: Classical, metrics: Sequence[Metrics]) -> dict[str, bytes]:
     """Every figure of the page as a PNG, by name."""
-    from matplotlib import rc_context
-
     from planner.plots import path_in_space, pulse_rate
 
-    with rc_context({"axes.grid": True, "grid.color": "#E6E6E6", "axes.spines.top": False, "axes.spines.right": False}):
+    with style():
         figures = {
-            "path": _png(path_in_space(plan)),
-            "axes": _png(*_axes(plan)),
-            "limits": _png(*_limits(plan)),
-            "pulses": _png(_with_legend(pulse_rate(plan))),
-            "classical": _png(_classical(plan, classical)),
+            "path": png(path_in_space(plan)),
+            "axes": png(*_axes(plan)),
+            "limits": png(*_limits(plan)),
+            "pulses": png(_with_legend(pulse_rate(plan))),
+            "classical": png(_classical(plan, classical)),
         }
-        return figures | ({"tracking": _png(*_tracking(metrics))} if metrics else {})
+        return figures | ({"tracking": png(*_tracking(metrics))} if metrics else {})
 
 
 def _axes(plan: Plan) -> "list[Axes]":
@@ -141,18 +135,6 @@ def _with_legend(ax: "Axes") -> "Axes":
     return ax
 
 
-def _png(*axes: "Axes") -> bytes:
-    """The figure that the axes belong to; of those that share their time axis only the last is labelled."""
-    for ax in axes[:-1]:
-        if ax.get_shared_x_axes().joined(ax, axes[-1]):
-            ax.set_xlabel("")
-    figure: Figure | None = axes[0].get_figure(root=True)
-    buffer = BytesIO()
-    if figure is not None:
-        figure.savefig(buffer, format="png", dpi=DPI)
-    return buffer.getvalue()
-
-
 def _page(
     plan: Plan,
     classical: Classical,
@@ -160,20 +142,15 @@ def _page(
     verdict: PulseCheck,
     figures: dict[str, bytes],
 ) -> str:
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-
     from planner.plots import ACTIVE, BINS
 
-    pages = Environment(
-        loader=PackageLoader("benchmarks"), autoescape=True, undefined=StrictUndefined, trim_blocks=True
-    )
-    pages.filters.update(FILTERS)
-    return pages.get_template("report.html.j2").render(
+    return render(
+        "report.html.j2",
+        figures,
         plan=plan,
         classical=classical,
         metrics=metrics,
         verdict=verdict,
-        figures={name: b64encode(png).decode("ascii") for name, png in figures.items()},
         summary=summary(plan, classical, verdict),
         saved=classical.duration - plan.trajectory.duration,
         bare_jerk=BARE_JERK,
@@ -206,22 +183,3 @@ def _active_time(plan: Plan) -> Iterator[tuple[str, float]]:
         if not limit.geometric:
             yield limit.name, float(lengths[active == n].sum())
     yield "none of them", float(lengths[active < 0].sum())
-
-
-def grouped(number: int | str) -> str:
-    """A whole number in groups of three digits, kept together by narrow spaces."""
-    return f"{int(number):,}".replace(",", "\N{NARROW NO-BREAK SPACE}")
-
-
-def up(value: float, digits: int) -> str:
-    """An upper bound, rounded up, so that the text is a bound too."""
-    return f"{ceil(value * 10**digits) / 10**digits:.{digits}f}" if value < inf else "∞"
-
-
-FILTERS: dict[str, Callable[..., Any]] = {
-    "down": lambda value, digits: f"{floor(value * 10**digits) / 10**digits:.{digits}f}",
-    "fixed": lambda value, digits: f"{value:.{digits}f}",
-    "general": lambda value, digits: f"{value:.{digits}g}",
-    "grouped": grouped,
-    "up": up,
-}

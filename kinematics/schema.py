@@ -29,9 +29,9 @@ from pydantic import (
 from pydantic_core import ErrorDetails, InitErrorDetails, PydanticCustomError
 
 from kinematics.document import Document, Key
-from kinematics.errors import FileError
+from kinematics.errors import FileError, MotionError
 from kinematics.registry import nearest
-from kinematics.units import Unit, shown
+from kinematics.units import Unit, shown, unit_value
 
 
 class Table(BaseModel):
@@ -117,6 +117,30 @@ Direction = Annotated[tuple[Number, Number, Number], AfterValidator(not_zero)]
 
 
 _adapter = cache(TypeAdapter[Any])
+
+
+def unit_of(unit: str) -> AfterValidator:
+    """Validator of the name of a unit of the dimension of `unit`."""
+
+    def check(name: str) -> str:
+        try:
+            unit_value(name, unit)
+        except MotionError as error:
+            raise wrong(str(error)) from None
+        return name
+
+    return AfterValidator(check)
+
+
+def declared(data: Mapping[str, Any], units: Mapping[str, str]) -> dict[str, float]:
+    """SI value of one plain number, per declaration in `units`; 1 for a faulty one, which is a fault of its own."""
+    values = {}
+    for name in units.keys() & data.keys():
+        try:
+            values[name] = unit_value(data[name], units[name])
+        except MotionError:
+            values[name] = 1.0
+    return values
 
 
 def chosen(pick: Callable[[Any], Any]) -> PlainValidator:

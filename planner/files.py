@@ -9,11 +9,10 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics.array import frozen
 from kinematics.document import read
-from kinematics.errors import MotionError
 from kinematics.pose import Pose
 from kinematics.registry import find, presets
-from kinematics.schema import Direction, File, Table, build, chosen, either, not_zero, wrong
-from kinematics.units import Unit, shown, unit_value
+from kinematics.schema import Direction, File, Table, build, chosen, declared, either, not_zero, unit_of, wrong
+from kinematics.units import Unit, shown
 from planner.program import Arc, Blend, Dwell, Frame, Join, Line, Program, Segment, Stop, Turn
 
 PLAIN_UNITS = {"length": "m", "angle": "rad"}
@@ -27,7 +26,7 @@ def load_program(name_or_path: str | PathLike[str]) -> Program:
     """
     source = find("planner", "program", name_or_path)
     document = read(source)
-    model = build(document, ProgramFile, plain=_declared(document.data))
+    model = build(document, ProgramFile, plain=declared(document.data, PLAIN_UNITS))
     segments = [entry.segment(document.line(("segment", n))) for n, entry in enumerate(model.segment)]
     return Program(tuple(segments), model.frame, _pose(model.start), model.machine, Path(source.name).stem)
 
@@ -35,17 +34,6 @@ def load_program(name_or_path: str | PathLike[str]) -> Program:
 def program_names() -> tuple[str, ...]:
     """Names of the bundled programs."""
     return tuple(presets("planner"))
-
-
-def _declared(data: dict[str, Any]) -> dict[str, float]:
-    """SI value of one plain number, per declaration; 1 for a faulty declaration, which is a fault of its own."""
-    values = {}
-    for name in PLAIN_UNITS.keys() & data.keys():
-        try:
-            values[name] = unit_value(data[name], PLAIN_UNITS[name])
-        except MotionError:
-            values[name] = 1.0
-    return values
 
 
 def _pose(start: tuple[float, ...] | None) -> Pose | None:
@@ -58,17 +46,6 @@ def _pose(start: tuple[float, ...] | None) -> Pose | None:
 def _rotation(angles: tuple[float, float, float] | None) -> Rotation | None:
     """Rx(θx) · Ry(θy) · Rz(θz): about the moving axes in turn."""
     return None if angles is None else Rotation.from_euler("XYZ", angles)
-
-
-def _unit_of(unit: str) -> AfterValidator:
-    def check(name: str) -> str:
-        try:
-            unit_value(name, unit)
-        except MotionError as error:
-            raise wrong(str(error)) from None
-        return name
-
-    return AfterValidator(check)
 
 
 def _not_empty(segments: tuple[Any, ...]) -> tuple[Any, ...]:
@@ -174,8 +151,8 @@ class ProgramFile(File):
     """A program's TOML, key by key."""
 
     machine: str | None = None
-    length: Annotated[str, _unit_of("m")] | None = None
-    angle: Annotated[str, _unit_of("rad")] | None = None
+    length: Annotated[str, unit_of("m")] | None = None
+    angle: Annotated[str, unit_of("rad")] | None = None
     frame: Frame = "home"
     start: Annotated[tuple[float, ...], chosen(_start_type)] | None = None
     segment: Annotated[tuple[SegmentEntry, ...], Field(description=_SOME_SEGMENT), AfterValidator(_not_empty)]

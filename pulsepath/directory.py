@@ -12,10 +12,13 @@ from kinematics.errors import MotionError
 
 RECORD, KIND = "plan.json", "pulsepath plan"
 """The file by which a directory that `plan` wrote is known, and what it says it is."""
+CALIBRATION, CALIBRATION_KIND = "calibration.json", "pulsepath calibrate"
+"""The same of `calibrate`."""
+RECORDS = {KIND: RECORD, CALIBRATION_KIND: CALIBRATION}
 
 
-def refuse_overwrite(target: Path, force: bool) -> None:
-    """Raise MotionError unless the target is absent or an empty directory, or, with `force`, one that `plan` wrote."""
+def refuse_overwrite(target: Path, force: bool, kind: str = KIND) -> None:
+    """Raise MotionError unless the target is absent or an empty directory, or, with `force`, one of its kind."""
     if not os.path.lexists(target):
         return
     if not target.is_dir():
@@ -24,26 +27,26 @@ def refuse_overwrite(target: Path, force: bool) -> None:
         return
     if not force:
         raise MotionError(f"{target} exists and is not empty; give another --out, or --force to replace it")
-    if not is_ours(target):
-        raise MotionError(f"{target} was not written by pulsepath plan, so --force does not replace it; give another")
+    if not is_ours(target, kind):
+        raise MotionError(f"{target} was not written by {kind}, so --force does not replace it; give another")
 
 
-def is_ours(directory: Path) -> bool:
-    """Whether `plan` wrote a directory."""
+def is_ours(directory: Path, kind: str = KIND) -> bool:
+    """Whether the command of a kind, by default `plan`, wrote a directory."""
     try:
-        record = json.loads((directory / RECORD).read_bytes())
+        record = json.loads((directory / RECORDS[kind]).read_bytes())
     except (OSError, ValueError):
         return False
-    return isinstance(record, dict) and record.get("kind") == KIND
+    return isinstance(record, dict) and record.get("kind") == kind
 
 
 @contextmanager
-def replacing(target: Path, force: bool) -> Iterator[Path]:
+def replacing(target: Path, force: bool, kind: str = KIND) -> Iterator[Path]:
     """A new directory to fill, which becomes `target` when the block ends well.
 
     Whatever else happens, an interruption included, nothing of it remains and what stood there before still does.
     """
-    refuse_overwrite(target, force)
+    refuse_overwrite(target, force, kind)
     place = target.resolve()
     created = [parent for parent in place.parents if not parent.exists()]
     place.parent.mkdir(parents=True, exist_ok=True)

@@ -2,7 +2,7 @@
 
 import sys
 from collections.abc import Iterable, Sequence
-from math import ceil, degrees, inf
+from math import ceil, degrees, inf, isfinite
 
 import click
 from rich.box import SIMPLE_HEAD
@@ -11,6 +11,8 @@ from rich.table import Table
 
 from controllers import Metrics
 from kinematics import Axis, Machine
+from kinematics.calibration import Calibration
+from kinematics.calibration.result import GROUPS
 from planner import Place
 from pulsepath.geometric_check import GeometricCheck
 from pulsepath.job import Job
@@ -66,6 +68,29 @@ def of_tracking(metrics: Iterable[Metrics]) -> list[Table]:
             table.add_row(series.name, *figures, MICRO[series.unit], *_where(series.where)[1:])
         tables.append(table)
     return tables
+
+
+def of_calibration(found: Calibration) -> list[Table]:
+    """Errors before and after, the parameters with their standard errors, and the observability."""
+    errors = _table("RMS per component at the fitted poses", "error", "before#", "after#", "left out#", "unit")
+    for group in GROUPS:
+        figures = [1e6 * found.rms(stage, group) for stage in (found.before, found.after, found.left_out)]
+        if isfinite(figures[0]):
+            shown = (f"{figure:.3f}" if isfinite(figure) else "not fitted" for figure in figures)
+            errors.add_row(group, *shown, MICRO["m" if group == "position" else "rad"])
+    parameters = _table("parameters", "", "nominal#", "identified#", "standard error#", "unit")
+    for one in found.parameters:
+        unit, scale = HUMAN[one.unit] if one.unit else ("", 1.0)
+        values = (f"{scale * value:.6f}" for value in (one.nominal, one.value))
+        error = (
+            f"{scale * one.error:.6f}" if isfinite(one.error) else "not seen apart" if one.error == inf else "unknown"
+        )
+        parameters.add_row(one.name, *values, error, unit)
+    observed = found.observability
+    title = f"{observed.rank} of {len(found.parameters)} combinations of parameters seen"
+    seen = _table(title, *(f"{name}#" for name in observed.indices))
+    seen.add_row(*(f"{value:.4g}" for value in observed.indices.values()))
+    return [errors, parameters, seen]
 
 
 def of_machines(machines: Iterable[Machine]) -> list[Table]:

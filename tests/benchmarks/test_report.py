@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from benchmarks.report import summary, up, write_report
+from benchmarks.page import up
+from benchmarks.report import summary, write_report
 from controllers import evaluate, find_law, track
 from controllers.plots import contour_error, following_error
 from kinematics import load_machine

@@ -1,0 +1,66 @@
+"""What every report page is made with: figures as PNG, numbers as text, and the template engine."""
+
+from base64 import b64encode
+from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager
+from io import BytesIO
+from math import ceil, floor, inf
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+DPI = 150
+
+
+def style() -> AbstractContextManager[None]:
+    """Inside it, figures are drawn as a page has them."""
+    from matplotlib import rc_context
+
+    return rc_context(
+        {"axes.grid": True, "grid.color": "#E6E6E6", "axes.spines.top": False, "axes.spines.right": False}
+    )
+
+
+def png(*axes: "Axes") -> bytes:
+    """The figure that the axes belong to; of those that share their time axis only the last is labelled."""
+    for ax in axes[:-1]:
+        if ax.get_shared_x_axes().joined(ax, axes[-1]):
+            ax.set_xlabel("")
+    figure: Figure | None = axes[0].get_figure(root=True)
+    buffer = BytesIO()
+    if figure is not None:
+        figure.savefig(buffer, format="png", dpi=DPI)
+    return buffer.getvalue()
+
+
+def render(template: str, figures: Mapping[str, bytes], **values: object) -> str:
+    """The page of a template; its figures are part of it, and names in it are no markup."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    pages = Environment(
+        loader=PackageLoader("benchmarks"), autoescape=True, undefined=StrictUndefined, trim_blocks=True
+    )
+    pages.filters.update(FILTERS)
+    drawn = {name: b64encode(image).decode("ascii") for name, image in figures.items()}
+    return pages.get_template(template).render(figures=drawn, **values)
+
+
+def grouped(number: int | str) -> str:
+    """A whole number in groups of three digits, kept together by narrow spaces."""
+    return f"{int(number):,}".replace(",", "\N{NARROW NO-BREAK SPACE}")
+
+
+def up(value: float, digits: int) -> str:
+    """An upper bound, rounded up, so that the text is a bound too."""
+    return f"{ceil(value * 10**digits) / 10**digits:.{digits}f}" if value < inf else "∞"
+
+
+FILTERS: dict[str, Callable[..., Any]] = {
+    "down": lambda value, digits: f"{floor(value * 10**digits) / 10**digits:.{digits}f}",
+    "fixed": lambda value, digits: f"{value:.{digits}f}",
+    "general": lambda value, digits: f"{value:.{digits}g}",
+    "grouped": grouped,
+    "up": up,
+}

@@ -1,0 +1,90 @@
+"""What a calibration found."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from kinematics.array import Array
+from kinematics.calibration.measurements import AXIS, COMPONENTS, POSITION, ROTATION, Measurements
+from kinematics.calibration.observability import Observability
+from kinematics.machine import Machine
+from kinematics.pose import Pose
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+GROUPS = {"position": POSITION, "rotation": ROTATION, "axis": AXIS}
+"""Components that share a unit: position (m), rotation (rad), direction of the platform's z axis (rad)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """A parameter: value and nominal value in `unit` ("" for a factor).
+
+    error  standard error, same unit; infinite: the data do not show it apart from others; NaN: no data to spare for it
+    """
+
+    name: str
+    unit: str
+    nominal: float
+    value: float
+    error: float
+
+
+@dataclass(frozen=True, slots=True)
+class Calibration:
+    """The calibrated machine, the parameters, and the errors (N, 8), predicted − measured, NaN where not measured.
+
+    machine     calibrated; its home is the pose at zero counts, so that offsets need no place of their own
+    frame       estimates of the measuring frame are among the parameters; they are no part of the machine
+    predicted   poses (N) with the estimates, as seen in the measuring frame, relative to the nominal home pose
+    before      errors with nominal parameters
+    after       errors with the estimates
+    left_out    errors of each fitted pose with the estimates that the other poses alone give, to first order
+                (I − H_kk)⁻¹ e_k; NaN where the others do not suffice, and for poses that are checks
+    used        (N, 8) bool: what the parameters were fitted to
+    scale       √(χ² / degrees of freedom): root of residuals over stated noise; NaN without degrees of freedom
+    degrees     of freedom
+    """
+
+    machine: Machine
+    nominal: Machine
+    measurements: Measurements
+    parts: tuple[str, ...]
+    parameters: tuple[Estimate, ...]
+    observability: Observability
+    predicted: Pose
+    before: Array
+    after: Array
+    left_out: Array
+    used: np.ndarray
+    scale: float
+    degrees: int
+
+    def rms(self, errors: Array, group: str = "position", *, fitted: bool = True) -> float:
+        """Root mean square per component of a group of errors, over the fitted poses or the checks; NaN for none."""
+        chosen = errors[self.measurements.fit == fitted][:, GROUPS[group]]
+        known = chosen[np.isfinite(chosen)]
+        return float(np.sqrt(np.mean(known**2))) if known.size else np.nan
+
+    def worst(self, errors: Array) -> str:
+        """Component and pose of the largest position error."""
+        size = np.nan_to_num(np.abs(errors[:, POSITION]))
+        pose, component = np.unravel_index(int(size.argmax()), size.shape)
+        return f"{COMPONENTS[component]} of {self.measurements.labels[pose]}"
+
+    def __getitem__(self, name: str) -> Estimate:
+        return {parameter.name: parameter for parameter in self.parameters}[name]
+
+    @property
+    def names(self) -> Sequence[str]:
+        """Names of the parameters, in the order of the observability's columns."""
+        return [parameter.name for parameter in self.parameters]
+
+    def plot(self, ax: "Axes | None" = None, group: str = "position") -> "Axes":
+        """Errors of every pose before and after, on `ax` or a figure of its own."""
+        from kinematics.calibration.plots import errors_by_pose
+
+        return errors_by_pose(self, ax, group)
