@@ -1,26 +1,66 @@
 """Machines: pose <-> actuator coordinates, joint tilt, travel, and proofs about them."""
 
+from kinematics.accuracy import Budget, error_budget
 from kinematics.axis import Axis
+from kinematics.beam import Beam
+from kinematics.calibration import Calibration, Measurements, calibrate
+from kinematics.catalogue import Actuator, Joint, load_actuators, load_joints
+from kinematics.deflection import Deflection
+from kinematics.error_sources import Backlash, LeadError, PulseLength, Quantization, Temperature
 from kinematics.errors import Fault, FileError, MotionError, OutOfReach
 from kinematics.forward import Forward
 from kinematics.hexapod import Hexapod
+from kinematics.leadscrew_axis import Leadscrew, Slide, StepMotor, Traverse
 from kinematics.machine import Machine
 from kinematics.margins import Margins
+from kinematics.needs import ActuatorNeed, AxisMotion, JointNeed, actuator_need, joint_need
 from kinematics.pose import Pose
+from kinematics.selection import Selection, select_parts
+from kinematics.sizing import StepperSizing, size_stepper
 
 __all__ = [
+    "Actuator",
+    "ActuatorNeed",
     "Axis",
+    "AxisMotion",
+    "Backlash",
+    "Beam",
+    "Budget",
+    "Calibration",
+    "Deflection",
     "Fault",
     "FileError",
     "Forward",
     "Hexapod",
+    "Joint",
+    "JointNeed",
+    "LeadError",
+    "Leadscrew",
     "Machine",
     "Margins",
+    "Measurements",
     "MotionError",
     "OutOfReach",
     "Pose",
+    "PulseLength",
+    "Quantization",
+    "Selection",
+    "Slide",
+    "StepMotor",
+    "StepperSizing",
+    "Temperature",
+    "Traverse",
+    "actuator_need",
+    "calibrate",
+    "error_budget",
+    "joint_need",
+    "load_actuators",
+    "load_joints",
     "load_machine",
+    "load_measurements",
     "machine_names",
+    "select_parts",
+    "size_stepper",
 ]
 
 
@@ -36,3 +76,10 @@ def machine_names() -> tuple[str, ...]:
     from kinematics.registry import machine_names
 
     return machine_names()
+
+
+def load_measurements(name_or_path: str) -> Measurements:
+    """The measured poses of a preset's name or of a TOML file."""
+    from kinematics.calibration.measurement_file import load_measurements
+
+    return load_measurements(name_or_path)

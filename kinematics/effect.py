@@ -1,0 +1,57 @@
+"""What a source of error does to a machine: the plug point of the accuracy budget."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+
+from kinematics.array import Array, frozen
+from kinematics.errors import MotionError
+from kinematics.pose import Pose
+
+if TYPE_CHECKING:
+    from kinematics.machine import Machine
+
+UNIFORM, EITHER_END, SINE = 1 / 3, 1.0, 1 / 2
+"""Variance of a variable within ±1: of constant density, at one of the two ends, a sine of unknown phase."""
+
+
+@dataclass(frozen=True, slots=True)
+class Effect:
+    """What a source does at N poses, by k independent variables, each within ±1 and of mean 0.
+
+    variance  (k,) of the variables
+    axes      (N, n, k) change of the axes' true coordinates for each variable at 1, m or rad
+    pose      (N, 6, k) the same for what moves the platform without an axis: [shift m, turn rad] in the base frame
+    bias      (N, 6) what is there always, as `pose`
+    None is nothing.
+    """
+
+    variance: Array
+    axes: Array | None = None
+    pose: Array | None = None
+    bias: Array | None = None
+
+
+class Source(Protocol):
+    """Anything with a name and an effect on a machine at N poses of coordinates q (N, n)."""
+
+    @property
+    def name(self) -> str: ...
+
+    def effect(self, machine: Machine, pose: Pose, q: Array) -> Effect: ...
+
+
+def not_negative(source: Any, skip: tuple[str, ...] = ()) -> None:
+    """Every number of a source is finite and no less than zero."""
+    for field in fields(source):
+        value = getattr(source, field.name)
+        if field.name in ("name", *skip) or isinstance(value, bool):
+            continue
+        numbers = np.asarray(value, float)
+        if not (np.isfinite(numbers) & (numbers >= 0)).all():
+            raise MotionError(f"{source.name}: {field.name} {value} must be finite and not negative (SI units)")
+        if numbers.ndim:
+            object.__setattr__(source, field.name, tuple(frozen(numbers).tolist()))

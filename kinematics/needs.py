@@ -1,0 +1,109 @@
+"""What a set of motions needs of the actuators and joints of a machine."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, fields
+from math import isfinite
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kinematics.array import Array, frozen
+from kinematics.errors import MotionError
+from kinematics.pose import Pose, numbers
+from kinematics.units import describe
+
+if TYPE_CHECKING:
+    from kinematics.machine import Machine
+
+UNITS = {"stroke": "mm", "speed": "mm/s", "force": "N", "precision": "um", "tilt": "deg"}
+"""The unit in which a property is shown."""
+
+
+@dataclass(frozen=True, slots=True)
+class ActuatorNeed:
+    """What every actuator must offer: stroke (m), speed (m/s), force (N); precision (m) no coarser. None: no matter."""
+
+    stroke: float | None = None
+    speed: float | None = None
+    force: float | None = None
+    precision: float | None = None
+
+    def __post_init__(self) -> None:
+        _checked(self)
+
+
+@dataclass(frozen=True, slots=True)
+class JointNeed:
+    """What every joint must offer: tilt (rad) from its rest axis, force (N). None: no matter."""
+
+    tilt: float | None = None
+    force: float | None = None
+
+    def __post_init__(self) -> None:
+        _checked(self)
+
+
+@dataclass(frozen=True, slots=True)
+class AxisMotion:
+    """q (m), qd (m/s) and force (N) of all axes over a motion, each (N, n); force may be left out."""
+
+    q: Array
+    qd: Array
+    force: Array | None = None
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if value is None:
+                continue
+            array = np.asarray(value, float)
+            if array.ndim != 2 or not array.size or not np.isfinite(array).all():
+                raise MotionError(f"motion: {field.name} must be finite numbers (N, axes), not shape {array.shape}")
+            if array.shape[1] != np.shape(self.q)[1]:
+                raise MotionError(f"motion: {field.name} has {array.shape[1]} axes, q has {np.shape(self.q)[1]}")
+            object.__setattr__(self, field.name, frozen(array))
+
+
+def actuator_need(motions: Iterable[AxisMotion], precision: float | None = None) -> ActuatorNeed:
+    """What one type of linear actuator on all axes needs for all motions, mounted once.
+
+    stroke = maxᵢ (max q_i − min q_i) over all motions together; speed = max |qd|; force = max |force|.
+    Raises MotionError for no motion, motions of different machines, and forces of some of them only.
+    """
+    runs = list(motions)
+    if not runs or len({run.q.shape[1] for run in runs}) > 1:
+        raise MotionError("selection needs at least one motion, all of the same axes")
+    q = np.concatenate([run.q for run in runs])
+    forces = [np.abs(run.force).max() for run in runs if run.force is not None]
+    if len(forces) not in (0, len(runs)):
+        raise MotionError(f"{len(forces)} of {len(runs)} motions have forces; give them for all, or for none")
+    return ActuatorNeed(
+        stroke=float(np.ptp(q, axis=0).max()) or None,
+        speed=float(max(np.abs(run.qd).max() for run in runs)) or None,
+        force=float(max(forces)) or None if forces else None,
+        precision=precision,
+    )
+
+
+def joint_need(machine: Machine, pose: Pose, force: ArrayLike | None = None) -> JointNeed:
+    """What one type of joint everywhere needs: the largest tilt over N poses, the largest |force| (any shape, N)."""
+    if not machine.tilt_names:
+        raise MotionError(f"machine {machine.name} has no joints that tilt")
+    machine.inverse(pose)  # refuses what cannot be reached
+    tilt = float(np.arccos(np.clip(machine.tilt_map(numbers(pose)), -1.0, 1.0)).max())
+    return JointNeed(tilt or None, None if force is None else float(np.abs(np.asarray(force, float)).max()) or None)
+
+
+def asked(need: ActuatorNeed | JointNeed) -> dict[str, float]:
+    """The properties that matter, SI, by name."""
+    values = {field.name: getattr(need, field.name) for field in fields(need)}
+    return {name: value for name, value in values.items() if value is not None}
+
+
+def _checked(need: ActuatorNeed | JointNeed) -> None:
+    for name, value in asked(need).items():
+        if not (isfinite(value) and value > 0):
+            raise MotionError(f"needed {name} {describe(value, UNITS[name])} must be positive and finite, or None")

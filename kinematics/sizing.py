@@ -1,0 +1,163 @@
+"""Sizing a stepper motor for an axis that a leadscrew drives."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, fields
+from math import isfinite, sqrt, tau
+
+from kinematics.errors import MotionError
+from kinematics.leadscrew_axis import Leadscrew, Slide, StepMotor, Traverse
+from kinematics.text_table import aligned
+
+GRAVITY = 9.80665
+"""m/s², standard."""
+SHARE = 5.0
+"""Steps that the wanted accuracy must hold at least [Sasidhar 1981, Appendix B]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Check:
+    """One rule: what is offered and needed, in `unit`; holds is None where the offer is not stated."""
+
+    name: str
+    offered: float | None
+    needed: float
+    unit: str
+    holds: bool | None
+
+
+@dataclass(frozen=True, slots=True)
+class StepperSizing:
+    """The sizing line by line, SI. Torques at the motor's shaft.
+
+    resolution           coarsest step allowed, m; coarsest_lead: the lead at which the motor's step is that, m/rev
+    step                 travel of one step, m
+    speed, rate          top speed, m/s, and its steps/s; duration: what the travel then takes, s
+    *_inertia            kg·m² as the motor sees it; acceleration: rad/s²
+    acceleration_torque  N·m, and so on; torque: their sum, wanted at every rate up to `rate`
+    standstill_torque    N·m that the motor must hold against the weight, counting on no friction
+    """
+
+    resolution: float
+    coarsest_lead: float
+    step: float
+    average_speed: float
+    least_speed: float
+    speed: float
+    duration: float
+    rate: float
+    slide_inertia: float
+    screw_inertia: float
+    rotor_inertia: float
+    inertia: float
+    acceleration: float
+    acceleration_torque: float
+    friction_torque: float
+    gravity_torque: float
+    torque: float
+    standstill_torque: float
+    checks: tuple[Check, ...]
+
+    @property
+    def ok(self) -> bool:
+        """No rule is broken (one whose offer is not stated is not)."""
+        return all(check.holds is not False for check in self.checks)
+
+    def __str__(self) -> str:
+        words = {True: "yes", False: "NO", None: "not stated"}
+        lines = [[name.replace("_", " "), f"{value:.6g}", unit] for name, value, unit in self._lines()]
+        rules = [
+            [c.name, "-" if c.offered is None else f"{c.offered:.6g}", f"{c.needed:.6g}", c.unit, words[c.holds]]
+            for c in self.checks
+        ]
+        table = aligned(["quantity", "value", "unit"], lines)
+        return f"{table}\n\n{aligned(['rule', 'offered', 'needed', 'unit', 'holds'], rules)}"
+
+    def _lines(self) -> Iterator[tuple[str, float, str]]:
+        for field in fields(self):
+            if field.name != "checks":
+                yield field.name, getattr(self, field.name), _UNITS.get(field.name.rpartition("_")[2], "m")
+
+
+_UNITS = {
+    "lead": "m/rev",
+    "speed": "m/s",
+    "duration": "s",
+    "rate": "1/s",
+    "inertia": "kg m²",
+    "acceleration": "rad/s²",
+    "torque": "N m",
+}
+
+
+def size_stepper(
+    slide: Slide, screw: Leadscrew, motor: StepMotor, traverse: Traverse, share: float = SHARE
+) -> StepperSizing:
+    """Size the motor of a leadscrew axis; the rules that hold and those that do not are `checks`.
+
+    lead λ per revolution, r = λ/2π, efficiency η, step angle θ, top speed v:
+    rate = v/λ · 2π/θ;  α = (v/r)/ramp;  I = m r² + π ρ L D⁴/32 + I_rotor
+    T_A = (m r²/η + I_screw + I_rotor) α;  T_F = F r/η + drag;  T_G = lift m g r/η;  T = T_A + T_F + T_G
+    standstill: lift m g r (a screw's friction helps to hold, but is not counted on)
+    Resolution rule: step λθ/2π ≤ accuracy/share. Raises MotionError for values that mean nothing.
+    Source: [Sasidhar 1981, Appendix B], with exact factors for its rounded ones, and the slide's inertia through the
+    screw's efficiency.
+    """
+    if not (isfinite(share) and share >= 1):
+        raise MotionError(f"sizing: share {share} must be at least 1 step within the accuracy")
+    radius = screw.lead / tau
+    step = radius * motor.step
+    speed = traverse.least_speed if traverse.speed is None else traverse.speed
+    rate = speed / step
+    slide_inertia = slide.mass * radius**2
+    acceleration = speed / radius / traverse.ramp
+    acceleration_torque = (slide_inertia / screw.efficiency + screw.inertia + motor.inertia) * acceleration
+    friction_torque = slide.friction * radius / screw.efficiency + screw.drag
+    weight_torque = slide.lift * slide.mass * GRAVITY * radius
+    torque = acceleration_torque + friction_torque + weight_torque / screw.efficiency
+    resolution = traverse.accuracy / share
+    duration = trapezoid_time(traverse.travel, speed, traverse.ramp)
+    return StepperSizing(
+        resolution=resolution,
+        coarsest_lead=resolution * tau / motor.step,
+        step=step,
+        average_speed=traverse.travel / traverse.time,
+        least_speed=traverse.least_speed,
+        speed=speed,
+        duration=duration,
+        rate=rate,
+        slide_inertia=slide_inertia,
+        screw_inertia=screw.inertia,
+        rotor_inertia=motor.inertia,
+        inertia=slide_inertia + screw.inertia + motor.inertia,
+        acceleration=acceleration,
+        acceleration_torque=acceleration_torque,
+        friction_torque=friction_torque,
+        gravity_torque=weight_torque / screw.efficiency,
+        torque=torque,
+        standstill_torque=weight_torque,
+        checks=(
+            _at_most("step", step, resolution, "m"),
+            _at_most("time", duration, traverse.time, "s"),
+            _at_least(f"torque up to {rate:.6g} steps/s", motor.torque(rate), torque, "N m"),
+            _at_least("holding torque", motor.holding, weight_torque, "N m"),
+        ),
+    )
+
+
+def trapezoid_time(travel: float, speed: float, ramp: float) -> float:
+    """s from rest to rest with ramps of `ramp` s to `speed`; a triangle where the travel is too short for them."""
+    if travel < speed * ramp:
+        return 2 * sqrt(travel * ramp / speed)
+    return travel / speed + ramp
+
+
+# Rounding of a rule that is met exactly.
+_ROUNDING = 1e-12
+
+
+def _at_most(name: str, offered: float, needed: float, unit: str) -> Check:
+    return Check(name, offered, needed, unit, bool(offered <= needed * (1 + _ROUNDING)))
+
+
+def _at_least(name: str, offered: float | None, needed: float, unit: str) -> Check:
+    return Check(name, offered, needed, unit, None if offered is None else bool(offered >= needed * (1 - _ROUNDING)))
