@@ -7,7 +7,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kinematics.array import Array, frozen
+from kinematics.assembly import assembly_modes
 from kinematics.axis import Axis
+from kinematics.clearance import Bodies, Disc
 from kinematics.errors import MotionError
 from kinematics.machine import Machine
 from kinematics.pose import Pose
@@ -29,6 +31,7 @@ class Hexapod(Machine):
     base, platform            (6, 3) joint centres, m
     base_rest, platform_rest  (3,) or (6, 3) rest axis of each joint in its own frame, +z by default
     max_tilt                  rad between leg and rest axis: one number, or (base, platform); None: unlimited
+    leg_radius, leg_ends, base_disc, platform_disc  what takes up room, as in `Bodies`; None: nothing is looked at
     """
 
     def __init__(
@@ -42,6 +45,10 @@ class Hexapod(Machine):
         platform_rest: ArrayLike | None = None,
         max_tilt: float | tuple[float | None, float | None] | None = None,
         name: str = "hexapod",
+        leg_radius: float | None = None,
+        leg_ends: float | None = None,
+        base_disc: Disc | None = None,
+        platform_disc: Disc | None = None,
     ) -> None:
         self.base, self.platform = _points(name, "base", base), _points(name, "platform", platform)
         if len(axes) != 6:
@@ -52,6 +59,15 @@ class Hexapod(Machine):
         self.max_tilt = _tilts(name, max_tilt)
         self.characteristic_length = float(np.sqrt((self.platform**2).sum(1).mean()))
         super().__init__(name, axes, home)
+        if leg_radius is not None:
+            legs = tuple(axis.name for axis in axes)
+            self.bodies = Bodies(self.base, self.platform, legs, leg_radius, leg_ends, base_disc, platform_disc)
+        elif leg_ends is not None or base_disc or platform_disc:
+            raise MotionError(f"machine {name}: leg_ends and discs say nothing without leg_radius; state it")
+
+    def assembly_modes(self, q: ArrayLike) -> Pose:
+        """Every pose with leg lengths q (6,), as far as they are found: see `kinematics.assembly`."""
+        return assembly_modes(self, q)
 
     def _legs(self, position: ca.SX, rotation: ca.SX) -> list[ca.SX]:
         """The six vectors from base joint to platform joint, in the base frame."""

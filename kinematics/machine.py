@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from kinematics.array import Array, frozen
 from kinematics.axis import Axis
+from kinematics.clearance import Bodies
 from kinematics.errors import MotionError, OutOfReach
 from kinematics.expression import Expression
 from kinematics.forward import Forward, solve
@@ -67,6 +68,9 @@ class Machine(ABC):
     tilt_names: tuple[str, ...] = ()
     max_tilt: Array = frozen([])
     """(m,) rad, one per joint of `tilts`."""
+
+    bodies: Bodies | None = None
+    """What takes up room, so that its clearance can be measured; nothing by default."""
 
     def symbolic(self, x: ca.SX, near: ca.SX) -> ca.SX:
         """Coordinates (n,) of pose numbers (12), to be composed with whatever they depend on."""
@@ -151,7 +155,7 @@ class Machine(ABC):
         return solve(self, np.asarray(q, float), self.home if near is None else near)
 
     def check(self, pose: Pose) -> Margins:
-        """Travel and tilt of every axis and joint against their limits."""
+        """Travel, tilt and clearance against their limits, conditioning, and distance to the nearest singularity."""
         return measure(self, pose)
 
     def __repr__(self) -> str:

@@ -12,6 +12,7 @@ from pydantic import AfterValidator, Field
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics.axis import Axis
+from kinematics.clearance import Disc
 from kinematics.document import Key, read
 from kinematics.errors import FileError, MotionError
 from kinematics.hexapod import Hexapod, joint_circle
@@ -79,6 +80,7 @@ Travel = Annotated[tuple[Length, Length], AfterValidator(_rising)]
 Pulse = Annotated[float, Unit("m", above=0)]
 TorquePoint = tuple[Annotated[float, Unit("m/s", least=0)], Annotated[float, Unit("N", least=0)]]
 Radius = Annotated[float, Unit("m", above=0)]
+Thickness = Annotated[float, Unit("m", least=0)]
 Gap = Annotated[float, Unit("rad", least=0, most=2 * pi / 3)]
 Tilt = Annotated[float, Unit("rad", above=0, most=pi)]
 Point = tuple[Length, Length, Length]
@@ -125,6 +127,19 @@ class Home(Table):
         return RigidTransform.from_components(self.to, Rotation.from_euler("XYZ", self.rotate))
 
 
+class Plate(Table):
+    """A platform's disc, in the platform's own frame."""
+
+    radius: Radius
+    thickness: Thickness
+    centre: Point = (0.0, 0.0, 0.0)
+    normal: Direction = (0.0, 0.0, 1.0)
+
+    @property
+    def disc(self) -> Disc:
+        return Disc(self.radius, self.thickness, self.centre, self.normal)
+
+
 class Platforms(Table):
     """What a hexapod's geometry has however its joints are given."""
 
@@ -132,6 +147,10 @@ class Platforms(Table):
     base_rest: Rest | None = None
     platform_rest: Rest | None = None
     max_tilt: Annotated[float | tuple[float, float], chosen(_tilt_type)] | None = None
+    leg_radius: Radius | None = None
+    leg_ends: Thickness | None = None
+    base_disc: Plate | None = None
+    platform_disc: Plate | None = None
 
 
 class JointCircles(Platforms):
@@ -182,6 +201,10 @@ def _hexapod(file: HexapodFile, name: str) -> Hexapod:
         platform_rest=geometry.platform_rest,
         max_tilt=geometry.max_tilt,
         name=name,
+        leg_radius=geometry.leg_radius,
+        leg_ends=geometry.leg_ends,
+        base_disc=geometry.base_disc.disc if geometry.base_disc else None,
+        platform_disc=geometry.platform_disc.disc if geometry.platform_disc else None,
     )
 
 

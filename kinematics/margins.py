@@ -1,4 +1,4 @@
-"""How far a pose is from each limit of a machine."""
+"""Margins: how much of each limit a pose uses, what comes nearest to what, and how far the machine is from singular."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kinematics.array import Array, frozen
+from kinematics.freedom import columns
 from kinematics.pose import Pose, numbers
 
 if TYPE_CHECKING:
@@ -21,42 +22,96 @@ ROUNDING = 1e-9
 class Margins:
     """Use of each limit at each pose: 1 is at the limit, more is beyond.
 
-    travel  (N, n) |q − middle| / half range, per axis
-    tilt    (N, m) angle / limit, per joint
+    travel        (N, n) |q − middle| / half range, per axis
+    tilt          (N, m) angle / limit, per joint
+    clearance     (N, k) m between the surfaces of legs, and of legs and discs; below 0 they overlap. Its use is
+                  contact / distance, both between axes (or axis and disc)
+    conditioning  (N,) σ_min/σ_max of the Jacobian of what the machine controls, the columns of its rotations divided by
+                  the machine's characteristic length: 1 at best, 0 in a singularity
+    singularity   (N,) σ_min of the same: the distance (2-norm) to the nearest singular Jacobian. No motion whose speed,
+                  taken with the characteristic length, is 1 m/s moves the axes slower
     """
 
     travel: Array
     tilt: Array
+    clearance: Array
+    contact: Array
+    """(k,) m between the axes of what `clearance` names when they touch."""
+    conditioning: Array
+    singularity: Array
+    characteristic_length: float
+    """m that count as one radian in `conditioning` and `singularity`."""
     travel_names: tuple[str, ...]
     tilt_names: tuple[str, ...]
+    clearance_names: tuple[str, ...]
 
     @property
     def ok(self) -> np.ndarray:
-        """(N,) bool: every limit respected."""
-        return np.asarray(self._all().max(1) <= 1 + ROUNDING)
+        """(N,) bool: every limit respected. No limit is set on conditioning and singularity."""
+        return np.asarray(self._use().max(1) <= 1 + ROUNDING)
+
+    @property
+    def use(self) -> Array:
+        """(N,) of the limit that is used most."""
+        return frozen(self._use().max(1))
 
     def worst(self) -> str:
         """Name and use of the limit that is used most, over all poses."""
-        use = self._all()
+        use = self._use()
         pose, entry = np.unravel_index(int(np.argmax(use)), use.shape)
         names = [f"{name} travel" for name in self.travel_names] + [f"{name} tilt" for name in self.tilt_names]
         at = f" at pose {pose}" if len(use) > 1 else ""
-        return f"{names[entry]}: {use[pose, entry]:.1%} of its limit{at}"
+        if entry < len(names):
+            return f"{names[entry]}: {use[pose, entry]:.1%} of its limit{at}"
+        pair = int(entry) - len(names)
+        return f"{self.clearance_names[pair]} clearance: {self.clearance[pose, pair] * 1e3:.3g} mm{at}"
 
-    def _all(self) -> Array:
-        return np.concatenate([self.travel, self.tilt], 1)
+    def _use(self) -> Array:
+        return np.concatenate([self.travel, self.tilt, clearance_use(self.clearance, self.contact)], 1)
 
 
 def measure(machine: Machine, pose: Pose) -> Margins:
     """Margins of N poses (N = 1 for a single one)."""
-    x = numbers(pose)
+    q = np.atleast_2d(machine.inverse(pose))
+    travel, tilt, clearance = limits_used(machine, numbers(pose), q)
+    stretch = _singular_values(machine, pose)
+    return Margins(
+        travel=frozen(travel),
+        tilt=frozen(tilt),
+        clearance=frozen(clearance),
+        contact=frozen(machine.bodies.contact if machine.bodies else []),
+        conditioning=frozen(stretch[:, -1] / stretch[:, 0]),
+        singularity=frozen(stretch[:, -1]),
+        characteristic_length=machine.characteristic_length,
+        travel_names=tuple(axis.name for axis in machine.axes),
+        tilt_names=machine.tilt_names,
+        clearance_names=machine.bodies.names if machine.bodies else (),
+    )
+
+
+def limits_used(machine: Machine, x: Array, q: Array) -> tuple[Array, Array, Array]:
+    """travel (N, n), tilt (N, m) and clearance (N, k), as in `Margins`, of pose numbers x and their coordinates q."""
+    tilt = np.arccos(np.clip(machine.tilt_map(x), -1.0, 1.0)) / machine.max_tilt
+    bodies = machine.bodies
+    return travel_use(machine, q), tilt, bodies.distances(x) - bodies.contact if bodies else np.zeros((len(x), 0))
+
+
+def clearance_use(clearance: Array, contact: Array) -> Array:
+    """(N, k) contact / distance of axes: 1 where bodies touch."""
+    with np.errstate(divide="ignore"):
+        return np.asarray(contact / np.maximum(clearance + contact, 0.0))
+
+
+def travel_use(machine: Machine, q: Array) -> Array:
+    """(N, n) |q − middle| / half range of coordinates (N, n); 0 where the travel has no ends."""
     lo, hi = np.array([axis.travel for axis in machine.axes]).T
     with np.errstate(invalid="ignore"):  # unlimited travel: ∞ / ∞
-        travel = np.abs(np.atleast_2d(machine.inverse(pose)) - machine.home_q - (lo + hi) / 2) / ((hi - lo) / 2)
-    tilt = np.arccos(np.clip(machine.tilt_map(x), -1.0, 1.0)) / machine.max_tilt
-    return Margins(
-        frozen(np.nan_to_num(travel, nan=0.0)),
-        frozen(tilt),
-        tuple(axis.name for axis in machine.axes),
-        machine.tilt_names,
-    )
+        use = np.abs(q - machine.home_q - (lo + hi) / 2) / ((hi - lo) / 2)
+    return np.where(np.isinf(hi), 0.0, use)
+
+
+def _singular_values(machine: Machine, pose: Pose) -> Array:
+    """(N, n), falling, of the Jacobian with every column in axis units per metre."""
+    scale = np.repeat([1.0, 1.0 / machine.characteristic_length], 3)
+    jacobian = machine.jacobian(pose).reshape(-1, len(machine.axes), 6) * scale
+    return np.asarray(np.linalg.svd(jacobian[:, :, columns(machine)], compute_uv=False))
