@@ -16,6 +16,9 @@ class Axis:
     direction       +1/-1: the sign in which a positive coordinate is counted by the wiring
     torque_speed    ((speed, force), ...) falling curve of the motor, speeds rising
     max_pulse_rate  1/s
+    backlash        m or rad lost at every reversal
+    lead_error      ((position, error), ...) of the screw, positions rising: where the axis is beyond where it counts
+    card, channel   which motion card drives it, and which of the card's axes it is
     """
 
     name: str
@@ -29,6 +32,10 @@ class Axis:
     max_force: float | None = None
     torque_speed: tuple[tuple[float, float], ...] | None = None
     max_pulse_rate: float | None = None
+    backlash: float = 0.0
+    lead_error: tuple[tuple[float, float], ...] | None = None
+    card: str | None = None
+    channel: int | None = None
 
     def __post_init__(self) -> None:
         lo, hi = self.travel

@@ -103,5 +103,6 @@ _RULES: dict[int, Callable[..., Series]] = {
     ca.OP_SQRT: lambda a: a.sqrt(),
     ca.OP_SIN: lambda a: a.sincos()[0],
     ca.OP_COS: lambda a: a.sincos()[1],
+    ca.OP_SIGN: lambda a: a.sign(),
     ca.OP_ATAN2: lambda y, x: y.atan2(x),
 }

@@ -58,7 +58,7 @@ def solve(machine: Machine, q: Array, near: Pose) -> Forward:
         raise MotionError(f"{what} one finite pose `near`, or one for each of {len(rows)} rows of q, not {len(start)}")
     refuse(machine, start)
     start = np.broadcast_to(start, (len(rows), 12))
-    pose = from_numbers(_newton(machine, rows, start.copy()))
+    pose = from_numbers(_newton(machine, rows, machine.start(rows, start).copy()))
     if machine.follows:
         pose = from_numbers(machine.carried_map(machine.inputs(numbers(pose), rows)))
     residual = np.abs(machine.inverse_map(machine.inputs(numbers(pose), rows)) - rows).max(1)

@@ -150,6 +150,10 @@ class Machine(ABC):
             raise MotionError(f"machine {self.name}: near must be {len(self.axes)} finite coordinates, not {near}")
         return chosen
 
+    def start(self, q: Array, near: Array) -> Array:
+        """Pose numbers (N, 12) from which `forward` looks for coordinates q (N, n), asked from near (N, 12)."""
+        return near
+
     def forward(self, q: ArrayLike, near: Pose | None = None) -> Forward:
         """The pose of actuator coordinates q (N, n) or (n,), by Newton on SE(3) from `near` (home by default)."""
         return solve(self, np.asarray(q, float), self.home if near is None else near)

@@ -1,26 +1,27 @@
 """Machine files: the schema of each kind's TOML, and the machine that one describes."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable
+from importlib.resources import files
 from importlib.resources.abc import Traversable
-from itertools import pairwise
 from math import pi
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from numpy.typing import ArrayLike
-from pydantic import AfterValidator, Field
-from scipy.spatial.transform import RigidTransform, Rotation
 
-from kinematics.axis import Axis
 from kinematics.clearance import Disc
-from kinematics.document import Key, read
+from kinematics.document import read
 from kinematics.errors import FileError, MotionError
 from kinematics.hexapod import Hexapod, joint_circle
+from kinematics.kinds.arm import ArmFile, arm
+from kinematics.kinds.axes import LinearAxis, LinearDefaults, axes, named_once, one_pulse
+from kinematics.kinds.linkage import LinkageFile, linkage
+from kinematics.kinds.poses import Home, Point
+from kinematics.kinds.traverser import TraverserFile, traverser
 from kinematics.machine import Machine
-from kinematics.pose import Pose
 from kinematics.registry import nearest
-from kinematics.schema import Direction, File, Table, build, chosen, either, wrong
-from kinematics.units import Angle, Length, Unit, shown
+from kinematics.schema import Direction, File, Table, build, chosen, either
+from kinematics.units import Length, Unit, shown
 
 
 def read_machine(source: Path | Traversable) -> Machine:
@@ -32,40 +33,12 @@ def read_machine(source: Path | Traversable) -> Machine:
         known = ", ".join(map(shown, KINDS))
         raise FileError(document.file, [document.fault(("kind",), f"{told}; kinds: {known}")])
     schema, construct = KINDS[kind]
-    model = build(document, schema, _named_once)
+    model = build(document, schema, named_once, one_pulse)
+    folder = source.parent if isinstance(source, Path) else files("kinematics") / "presets"
     try:
-        return construct(model, Path(source.name).stem)
+        return construct(model, Path(source.name).stem, folder)
     except MotionError as error:  # what only the whole machine shows, such as a home pose out of reach
         raise FileError(document.file, [document.fault(("geometry",), str(error))]) from error
-
-
-def _named_once(data: Mapping[str, Any]) -> Iterator[tuple[Key, str]]:
-    """Every [[axis]] table after the first of its name."""
-    seen = set()
-    tables = data.get("axis", ())
-    for n, table in enumerate(tables if isinstance(tables, tuple) else ()):
-        name = table.get("name") if isinstance(table, dict) else None
-        if isinstance(name, str) and name in seen:
-            yield ("axis", n, "name"), f"{shown(name)} has an [[axis]] table already"
-        seen.add(name if isinstance(name, str) else None)
-
-
-def _sign(direction: int) -> int:
-    if direction not in (1, -1):
-        raise wrong(f"{direction} is neither 1 nor -1")
-    return direction
-
-
-def _rising(travel: tuple[float, float]) -> tuple[float, float]:
-    if not travel[0] < travel[1]:
-        raise wrong("empty travel: the first bound must be the smaller")
-    return travel
-
-
-def _rising_speeds(curve: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
-    if len(curve) < 2 or any(after[0] <= before[0] for before, after in pairwise(curve)):
-        raise wrong("needs two or more [speed, force] points in the order of rising speed")
-    return curve
 
 
 def _tilt_type(value: object) -> Any:
@@ -76,55 +49,19 @@ def _rest_type(value: object) -> Any:
     return SixDirections if isinstance(value, tuple) and value and isinstance(value[0], tuple) else Direction
 
 
-Travel = Annotated[tuple[Length, Length], AfterValidator(_rising)]
-Pulse = Annotated[float, Unit("m", above=0)]
-TorquePoint = tuple[Annotated[float, Unit("m/s", least=0)], Annotated[float, Unit("N", least=0)]]
 Radius = Annotated[float, Unit("m", above=0)]
 Thickness = Annotated[float, Unit("m", least=0)]
 Gap = Annotated[float, Unit("rad", least=0, most=2 * pi / 3)]
 Tilt = Annotated[float, Unit("rad", above=0, most=pi)]
-Point = tuple[Length, Length, Length]
 SixPoints = tuple[Point, Point, Point, Point, Point, Point]
 SixDirections = tuple[Direction, Direction, Direction, Direction, Direction, Direction]
 Rest = Annotated[tuple[Any, ...], chosen(_rest_type)]
 
 
-class AxisLimits(Table):
-    """Travel, wiring and limits of a linear axis, as far as the file states them; an absent limit is none."""
-
-    travel: Travel | None = None
-    pulse: Pulse | None = None
-    direction: Annotated[int, AfterValidator(_sign)] | None = None
-    max_speed: Annotated[float, Unit("m/s", above=0)] | None = None
-    max_acceleration: Annotated[float, Unit("m/s^2", above=0)] | None = None
-    max_jerk: Annotated[float, Unit("m/s^3", above=0)] | None = None
-    max_force: Annotated[float, Unit("N", above=0)] | None = None
-    torque_speed: Annotated[tuple[TorquePoint, ...], AfterValidator(_rising_speeds)] | None = None
-    max_pulse_rate: Annotated[float, Unit("1/s", above=0)] | None = None
-
-
-class AxisDefaults(AxisLimits):
-    """What all axes have unless their own table says otherwise."""
-
-    travel: Annotated[Travel, Field(description='write e.g. ["0 mm", "50 mm"]')]
-    pulse: Pulse
-
-
-class Leg(AxisLimits):
+class Leg(LinearAxis):
     """What one leg has of its own."""
 
     name: Literal["leg1", "leg2", "leg3", "leg4", "leg5", "leg6"]
-
-
-class Home(Table):
-    """The pose from which travel and pulses count: a position, turned by θx, θy, θz about the moving axes in turn."""
-
-    to: tuple[Length, Length, Length]
-    rotate: tuple[Angle, Angle, Angle] = (0.0, 0.0, 0.0)
-
-    @property
-    def pose(self) -> Pose:
-        return RigidTransform.from_components(self.to, Rotation.from_euler("XYZ", self.rotate))
 
 
 class Plate(Table):
@@ -185,17 +122,20 @@ class HexapodFile(File):
 
     kind: Literal["hexapod"]
     geometry: Annotated[JointCircles | JointPoints, either(JointCircles, JointPoints)]
-    axes: AxisDefaults
+    axes: LinearDefaults
     axis: tuple[Leg, ...] = ()
 
 
-def _hexapod(file: HexapodFile, name: str) -> Hexapod:
+LEGS = tuple(f"leg{n}" for n in range(1, 7))
+
+
+def _hexapod(file: HexapodFile, name: str, folder: Path | Traversable) -> Hexapod:
     geometry = file.geometry
     base, platform = geometry.joints()
     return Hexapod(
         base,
         platform,
-        axes=_axes([f"leg{n}" for n in range(1, 7)], file.axes, file.axis),
+        axes=axes(LEGS, dict.fromkeys(LEGS, file.axes), file.axis),
         home=geometry.home.pose,
         base_rest=geometry.base_rest,
         platform_rest=geometry.platform_rest,
@@ -208,13 +148,10 @@ def _hexapod(file: HexapodFile, name: str) -> Hexapod:
     )
 
 
-def _axes(names: Sequence[str], defaults: AxisLimits, overrides: Sequence[Leg]) -> list[Axis]:
-    common = defaults.model_dump(exclude_none=True)
-    own: dict[str, dict[str, Any]] = {override.name: override.model_dump(exclude_none=True) for override in overrides}
-    return [Axis(**{"name": name, **common, **own.get(name, {})}) for name in names]
-
-
-KINDS: dict[str, tuple[type[File], Callable[[Any, str], Machine]]] = {
+KINDS: dict[str, tuple[type[File], Callable[[Any, str, Path | Traversable], Machine]]] = {
     "hexapod": (HexapodFile, _hexapod),
+    "linkage": (LinkageFile, linkage),
+    "traverser": (TraverserFile, traverser),
+    "arm": (ArmFile, arm),
 }
-"""Every kind of machine: the schema of its file, and what makes the machine of a valid one and its name."""
+"""Every kind of machine: the schema of its file, and what makes the machine of a valid one, its name and folder."""

@@ -186,6 +186,11 @@ class Series:
             cosine.mid[k], cosine.rad[k] = -down[0] / k, (down[1] / k + EPS * np.abs(down[0])) * (1 + EPS)
         return sine, cosine
 
+    def sign(self) -> Series:
+        """±1, locally constant; unbounded where a_0 may be zero."""
+        side = np.sign(self.mid[:1])
+        return Series(side, np.where(np.abs(self.mid[:1]) > self.rad[:1], 0.0, np.inf), self.order)
+
     def atan2(self, x: Series) -> Series:
         """θ of self = r sin θ, x = r cos θ: θ̇ = (x ẏ − y ẋ)/(x² + y²); unbounded where zero or the cut may be met."""
         order = min(self.order, x.order)

@@ -1,0 +1,160 @@
+"""The serial arm: a yaw and two parallel joints (3R), its geometry read from a URDF."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from kinematics.array import Array, frozen
+from kinematics.axis import Axis
+from kinematics.errors import Fault, FileError, MotionError
+from kinematics.machine import Machine
+from kinematics.pose import Pose, numbers
+from kinematics.traverser import nearest
+
+# How far (m, or sine of an angle) joints may lie off the form that the closed inverse needs.
+STRAIGHT = 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class Joints:
+    """Three revolute joints at q = 0, in the base frame: a point on each axis and its direction, both (3, 3); the tool.
+
+    tool  (3,) position and (3, 3) rotation of the tool's frame
+    """
+
+    points: Array
+    directions: Array
+    tool: Array
+    tool_rotation: Array
+
+
+class Arm(Machine):
+    """3R: yaw about an upright axis, then two joints with level, parallel axes.
+
+    In the upright plane that the yaw turns, r outwards and z up from the second joint, with E = A₃ − A₂:
+
+        r = l₂ cos A₂ + l₃ cos A₃,   z = l₂ sin A₂ + l₃ sin A₃,   cos E = (r² + z² − l₂² − l₃²)/(2 l₂ l₃),
+        A₂ = atan2(z, r) − atan2(l₃ sin E, l₂ + l₃ cos E);
+
+    the joints turn by A₂ and E less what they are at q = 0. Elbow (the sign of E), side (whether the arm reaches to the
+    front of its yaw or over its back) and turns are those at `near`. x, y, z are controlled, the orientation follows.
+    """
+
+    freedom = ("x", "y", "z")
+    follows = ("rx", "ry", "rz")
+    branched = True
+
+    def __init__(self, joints: Joints, *, axes: Sequence[Axis], home: ArrayLike, name: str = "arm") -> None:
+        """home (3,): the joint angles at home, rad."""
+        self.joints = joints
+        angles = np.asarray(home, float)
+        if angles.shape != (3,) or not np.isfinite(angles).all():
+            raise MotionError(f"machine {name}: home must be three finite joint angles in rad, not {home!r}")
+        yaw, second, third = joints.directions
+        for what, off in (
+            ("the first joint's axis must be upright", float(np.hypot(yaw[0], yaw[1]))),
+            ("the second joint's axis must be level", abs(float(second[2]))),
+            ("the third joint's axis must be parallel to the second's", float(np.linalg.norm(np.cross(second, third)))),
+        ):
+            if off > STRAIGHT:
+                degrees = np.rad2deg(np.arcsin(min(off, 1.0)))
+                raise MotionError(f"machine {name}: {what}; it is off by {degrees:.6g} deg")
+        # a turn about the second axis lifts what is outwards
+        outwards, across = np.array([-second[1], second[0], 0.0]), second
+        legs = np.diff(np.concatenate([joints.points[1:], joints.tool[None]]), axis=0)
+        (r2, r3), (z2, z3) = legs @ outwards, legs[:, 2]
+        self.upper, self.fore = float(np.hypot(r2, z2)), float(np.hypot(r3, z3))
+        if min(self.upper, self.fore) < STRAIGHT:
+            raise MotionError(f"machine {name}: its links measure {self.upper} m and {self.fore} m; neither may vanish")
+        self.out, self.height = float((joints.points[1] - joints.points[0]) @ outwards), float(joints.points[1, 2])
+        self.aside = -float((joints.tool - joints.points[0]) @ across)
+        self._sense = np.array([np.sign(yaw[2]), 1.0, float(np.sign(second @ third))])
+        a2, a3 = np.arctan2(z2, r2), np.arctan2(z3, r3)
+        self._zero = np.array([np.arctan2(outwards[1], outwards[0]), a2, a3 - a2])
+        self.characteristic_length = self.upper + self.fore
+        super().__init__(name, axes, self.pose_of(angles), near=angles)
+
+    def expression(self, position: ca.SX, rotation: ca.SX, near: ca.SX) -> ca.SX:
+        _, second, bend = (self._sense[k] * near[k] + self._zero[k] for k in range(3))
+        side = ca.sign(self.out + self.upper * ca.cos(second) + self.fore * ca.cos(second + bend))
+        x, y = position[0] - self.joints.points[0, 0], position[1] - self.joints.points[0, 1]
+        reach = side * ca.sqrt(x**2 + y**2 - self.aside**2)
+        r, z = reach - self.out, position[2] - self.height
+        cosine = (r**2 + z**2 - self.upper**2 - self.fore**2) / (2 * self.upper * self.fore)
+        sine = ca.sqrt(1 - cosine**2) * ca.sign(ca.sin(bend))
+        beside, along = self.fore * sine, self.upper + self.fore * cosine
+        angles = [
+            (y * reach - x * self.aside, x * reach + y * self.aside),
+            (z * along - r * beside, r * along + z * beside),
+            (sine, cosine),
+        ]
+        return ca.vertcat(*(self._joint(k, *angle, near[k]) for k, angle in enumerate(angles)))
+
+    def _joint(self, k: int, sine: ca.SX, cosine: ca.SX, near: ca.SX) -> ca.SX:
+        """q_k, near, of the angle sense·q + zero that has this sine and cosine (times what is positive)."""
+        return self._sense[k] * (nearest(sine, cosine, self._sense[k] * near + self._zero[k]) - self._zero[k])
+
+    def carried(self, position: ca.SX, rotation: ca.SX, q: ca.SX) -> tuple[ca.SX, ca.SX]:
+        turned = ca.SX.eye(3)
+        for k, axis in enumerate(self.joints.directions):
+            skew = ca.skew(ca.DM(axis))
+            turned = turned @ (ca.SX.eye(3) + ca.sin(q[k]) * skew + (1 - ca.cos(q[k])) * (skew @ skew))
+        oriented: ca.SX = turned @ self.joints.tool_rotation
+        return position, oriented
+
+    def pose_of(self, q: Array) -> Pose:
+        """The tool's pose at joint angles (N, 3) or (3,): the product of the joints' turns."""
+        pose = RigidTransform.from_components(self.joints.tool, Rotation.from_matrix(self.joints.tool_rotation))
+        for k in reversed(range(3)):
+            axis, on = self.joints.directions[k], self.joints.points[k]
+            turn = RigidTransform.from_rotation(Rotation.from_rotvec(q[..., k, None] * axis))
+            pose = RigidTransform.from_translation(on) * turn * RigidTransform.from_translation(-on) * pose
+        return pose
+
+    def start(self, q: Array, near: Array) -> Array:
+        return numbers(self.pose_of(q))
+
+
+def read_urdf(path: Path, joints: Sequence[str], tool: str) -> Joints:
+    """The named joints and tool frame of a URDF at q = 0, by pinocchio. Raises FileError for what it does not hold."""
+    try:
+        import pinocchio as pin
+    except ImportError as missing:
+        raise MotionError("an arm's URDF needs pinocchio (pin), which has no wheel for this platform") from missing
+    try:
+        model = pin.buildModelFromUrdf(str(path))
+    except (ValueError, RuntimeError) as failure:
+        raise FileError(str(path), [Fault("", str(failure))]) from failure
+    if not isinstance(tool, str) or not model.existFrame(tool):
+        known = ", ".join(frame.name for frame in model.frames)
+        raise FileError(str(path), [Fault("tool", f"there is no frame {tool!r}; there are {known}")])
+    absent = [name for name in joints if not model.existJointName(name)]
+    if absent or len(joints) != 3 or model.nq != 3:
+        known = ", ".join(list(model.names)[1:])
+        raise FileError(
+            str(path), [Fault("joints", f"wanted are three revolute joints, {list(joints)}; there are {known}")]
+        )
+    data = model.createData()
+    pin.framesForwardKinematics(model, data, pin.neutral(model))
+    points = [data.oMi[model.getJointId(name)].translation.copy() for name in joints]
+    # at q = 0, and with unit speed of one joint after the other: its axis in the base frame
+    directions = []
+    for name in joints:
+        speeds = np.zeros(3)
+        speeds[model.joints[model.getJointId(name)].idx_v] = 1.0
+        pin.forwardKinematics(model, data, pin.neutral(model), speeds)
+        spin = pin.getVelocity(model, data, model.getJointId(name), pin.ReferenceFrame.LOCAL_WORLD_ALIGNED)
+        directions.append(spin.angular.copy())
+    pin.framesForwardKinematics(model, data, pin.neutral(model))
+    frame = data.oMf[model.getFrameId(tool)]
+    return Joints(
+        frozen(points),
+        frozen(directions),
+        frozen(frame.translation),
+        frozen(frame.rotation),
+    )

@@ -1,0 +1,170 @@
+"""Tables of axes, which every kind's file has: `[axes]` for all of them, `[[axis]]` for what one has of its own."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import pairwise
+from typing import Annotated, Any
+
+from pydantic import AfterValidator, Field
+
+from kinematics.axis import Axis
+from kinematics.document import Key
+from kinematics.schema import Table, wrong
+from kinematics.units import Angle, Length, Unit, shown
+
+MICROSTEPS = tuple(sorted({200, 400, 1000, 2000, 5000, 10_000, 25_000, 50_000} | {400 << k for k in range(8)}))
+"""Steps per revolution that microstepping drives make of a 1.8° motor: decimal, and binary to 51 200 [KMITL 2005]."""
+
+
+def _sign(direction: int) -> int:
+    if direction not in (1, -1):
+        raise wrong(f"{direction} is neither 1 nor -1")
+    return direction
+
+
+def _rising(travel: tuple[float, float]) -> tuple[float, float]:
+    if not travel[0] < travel[1]:
+        raise wrong("empty travel: the first bound must be the smaller")
+    return travel
+
+
+def _rising_first(curve: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
+    if len(curve) < 2 or any(after[0] <= before[0] for before, after in pairwise(curve)):
+        raise wrong("needs two or more points in the order of rising first values")
+    return curve
+
+
+def _steps(count: int) -> int:
+    if count not in MICROSTEPS:
+        raise wrong(
+            f"{count} is no drive's number of steps per revolution; drives have {', '.join(map(str, MICROSTEPS))}"
+        )
+    return count
+
+
+Rate = Annotated[float, Unit("1/s", above=0)]
+Force = Annotated[float, Unit("N", above=0)]
+Steps = Annotated[int, AfterValidator(_steps)]
+
+
+class Wiring(Table):
+    """What no unit of its own depends on."""
+
+    direction: Annotated[int, AfterValidator(_sign)] | None = None
+    max_pulse_rate: Rate | None = None
+    card: str | None = None
+    channel: Annotated[int, Field(ge=0)] | None = None
+
+
+class LinearDrive(Table):
+    """A stepper on a screw: one pulse moves lead / steps."""
+
+    steps: Steps
+    lead: Annotated[float, Unit("m", above=0)]
+
+    @property
+    def pulse(self) -> float:
+        return self.lead / self.steps
+
+
+class LinearAxis(Wiring):
+    """Travel, wiring and limits of a linear axis, as far as the file states them; an absent limit is none."""
+
+    travel: Annotated[tuple[Length, Length], AfterValidator(_rising)] | None = None
+    pulse: Annotated[float, Unit("m", above=0)] | None = None
+    drive: LinearDrive | None = None
+    max_speed: Annotated[float, Unit("m/s", above=0)] | None = None
+    max_acceleration: Annotated[float, Unit("m/s^2", above=0)] | None = None
+    max_jerk: Annotated[float, Unit("m/s^3", above=0)] | None = None
+    max_force: Force | None = None
+    torque_speed: (
+        Annotated[
+            tuple[tuple[Annotated[float, Unit("m/s", least=0)], Annotated[float, Unit("N", least=0)]], ...],
+            AfterValidator(_rising_first),
+        ]
+        | None
+    ) = None
+    backlash: Annotated[float, Unit("m", least=0)] | None = None
+    lead_error: Annotated[tuple[tuple[Length, Length], ...], AfterValidator(_rising_first)] | None = None
+
+
+class RotaryDrive(Table):
+    """A stepper behind a gear: one pulse turns 1/(steps · gear) of a revolution."""
+
+    steps: Steps
+    gear: Annotated[float, Field(gt=0)] = 1.0
+
+    @property
+    def pulse(self) -> float:
+        return 6.283185307179586 / (self.steps * self.gear)
+
+
+class RotaryAxis(Wiring):
+    """The same of a rotary axis; without travel it may turn any number of times."""
+
+    travel: Annotated[tuple[Angle, Angle], AfterValidator(_rising)] | None = None
+    pulse: Annotated[float, Unit("rad", above=0)] | None = None
+    drive: RotaryDrive | None = None
+    max_speed: Annotated[float, Unit("rad/s", above=0)] | None = None
+    max_acceleration: Annotated[float, Unit("rad/s^2", above=0)] | None = None
+    max_jerk: Annotated[float, Unit("rad/s^3", above=0)] | None = None
+    max_force: Annotated[float, Unit("N*m", above=0)] | None = None
+    torque_speed: (
+        Annotated[
+            tuple[tuple[Annotated[float, Unit("rad/s", least=0)], Annotated[float, Unit("N*m", least=0)]], ...],
+            AfterValidator(_rising_first),
+        ]
+        | None
+    ) = None
+    backlash: Annotated[float, Unit("rad", least=0)] | None = None
+    lead_error: Annotated[tuple[tuple[Angle, Angle], ...], AfterValidator(_rising_first)] | None = None
+
+
+class LinearDefaults(LinearAxis):
+    """What all linear axes have unless their own table says otherwise."""
+
+    travel: Annotated[tuple[Length, Length], AfterValidator(_rising), Field(description='write e.g. ["0 mm", "50 mm"]')]
+
+
+AxisTable = LinearAxis | RotaryAxis
+
+
+def axes(names: Sequence[str], defaults: Mapping[str, AxisTable], overrides: Sequence[Any]) -> list[Axis]:
+    """The axes by name: what all of their kind have, and what each has of its own (a `drive` gives its pulse)."""
+    own = {override.name: _stated(override) for override in overrides}
+    kinds = {LinearAxis: "linear", RotaryAxis: "rotary"}
+    made = []
+    for name in names:
+        common = defaults[name]
+        kind = next(kind for table, kind in kinds.items() if isinstance(common, table))
+        made.append(Axis(**({"kind": kind} | _stated(common) | own.get(name, {}) | {"name": name})))
+    return made
+
+
+def _stated(table: Any) -> dict[str, Any]:
+    values = {name: value for name in type(table).model_fields if (value := getattr(table, name)) is not None}
+    drive = values.pop("drive", None)
+    return values | ({"pulse": drive.pulse} if drive is not None else {})
+
+
+def one_pulse(data: Mapping[str, Any]) -> Iterator[tuple[Key, str]]:
+    """A table that states both a pulse and the drive that makes it, or neither where all axes need one."""
+    own = data.get("axis", ())
+    tables: list[tuple[Key, Any, bool]] = [((key,), data.get(key), True) for key in ("axes", "rotary")]
+    tables += [(("axis", n), table, False) for n, table in enumerate(own if isinstance(own, tuple) else ())]
+    for key, table, needed in tables:
+        given = {"pulse", "drive"} & table.keys() if isinstance(table, dict) else {"pulse"}
+        if len(given) == 2:
+            yield (*key, "drive"), "pulse and drive exclude each other: give one"
+        if needed and not given:
+            yield (*key, "pulse"), 'missing: write e.g. "0.75 um", or a drive with its steps'
+
+
+def named_once(data: Mapping[str, Any]) -> Iterator[tuple[Key, str]]:
+    """Every [[axis]] table after the first of its name."""
+    seen = set()
+    tables = data.get("axis", ())
+    for n, table in enumerate(tables if isinstance(tables, tuple) else ()):
+        name = table.get("name") if isinstance(table, dict) else None
+        if isinstance(name, str) and name in seen:
+            yield ("axis", n, "name"), f"{shown(name)} has an [[axis]] table already"
+        seen.add(name if isinstance(name, str) else None)

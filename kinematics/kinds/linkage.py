@@ -1,0 +1,47 @@
+"""A linkage's TOML."""
+
+from importlib.resources.abc import Traversable
+from pathlib import Path
+from typing import Annotated, Literal
+
+from kinematics.kinds.axes import LinearAxis, LinearDefaults, axes
+from kinematics.kinds.poses import Home
+from kinematics.linkage import Linkage
+from kinematics.schema import File, Table
+from kinematics.units import Angle, Length, Unit
+
+NAMES = ("a", "b")
+
+
+class Geometry(Table):
+    base_a: tuple[Length, Length]
+    base_b: tuple[Length, Length]
+    offset: Annotated[float, Unit("m", least=0)]
+    angle: Angle
+    home: Home
+
+
+class Own(LinearAxis):
+    name: Literal["a", "b"]
+
+
+class LinkageFile(File):
+    """A linkage, key by key."""
+
+    kind: Literal["linkage"]
+    geometry: Geometry
+    axes: LinearDefaults
+    axis: tuple[Own, ...] = ()
+
+
+def linkage(file: LinkageFile, name: str, folder: Path | Traversable) -> Linkage:
+    geometry = file.geometry
+    return Linkage(
+        geometry.base_a,
+        geometry.base_b,
+        geometry.offset,
+        geometry.angle,
+        axes=axes(NAMES, dict.fromkeys(NAMES, file.axes), file.axis),
+        home=geometry.home.pose,
+        name=name,
+    )

@@ -1,0 +1,51 @@
+"""A traverser's TOML."""
+
+from importlib.resources.abc import Traversable
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from kinematics.kinds.axes import LinearAxis, LinearDefaults, RotaryAxis, axes
+from kinematics.kinds.poses import Home
+from kinematics.schema import Direction, File, Table, chosen
+from kinematics.traverser import Traverser
+from kinematics.units import Unit
+
+SLIDES, ROTARY = ("X", "Y", "Z"), "R"
+
+
+class Geometry(Table):
+    home: Home
+    directions: tuple[Direction, Direction, Direction] | None = None
+    length: Annotated[float, Unit("m", above=0)] = 0.1
+
+
+class OwnSlide(LinearAxis):
+    name: Literal["X", "Y", "Z"]
+
+
+class OwnRotary(RotaryAxis):
+    name: Literal["R"]
+
+
+def _own(value: Any) -> type[Table]:
+    return OwnRotary if isinstance(value, dict) and value.get("name") == ROTARY else OwnSlide
+
+
+class TraverserFile(File):
+    """A traverser, key by key: `axes` is what the slides have, `rotary` what the turning axis has."""
+
+    kind: Literal["traverser"]
+    geometry: Geometry
+    axes: LinearDefaults
+    rotary: RotaryAxis
+    axis: tuple[Annotated[Any, chosen(_own)], ...] = ()
+
+
+def traverser(file: TraverserFile, name: str, folder: Path | Traversable) -> Traverser:
+    return Traverser(
+        axes=axes((*SLIDES, ROTARY), dict.fromkeys(SLIDES, file.axes) | {ROTARY: file.rotary}, file.axis),
+        home=file.geometry.home.pose,
+        directions=file.geometry.directions,
+        length=file.geometry.length,
+        name=name,
+    )
