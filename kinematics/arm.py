@@ -97,7 +97,8 @@ class Arm(Machine):
 
     def _joint(self, k: int, sine: ca.SX, cosine: ca.SX, near: ca.SX) -> ca.SX:
         """q_k, near, of the angle sense·q + zero that has this sine and cosine (times what is positive)."""
-        return self._sense[k] * (nearest(sine, cosine, self._sense[k] * near + self._zero[k]) - self._zero[k])
+        sense, zero = float(self._sense[k]), float(self._zero[k])
+        return sense * (nearest(sine, cosine, sense * near + zero) - zero)
 
     def carried(self, position: ca.SX, rotation: ca.SX, q: ca.SX) -> tuple[ca.SX, ca.SX]:
         turned = ca.SX.eye(3)
@@ -134,7 +135,7 @@ def read_urdf(path: Path, joints: Sequence[str], tool: str) -> Joints:
         known = ", ".join(frame.name for frame in model.frames)
         raise FileError(str(path), [Fault("tool", f"there is no frame {tool!r}; there are {known}")])
     absent = [name for name in joints if not model.existJointName(name)]
-    if absent or len(joints) != 3 or model.nq != 3:
+    if absent or len(joints) != 3 or model.nv != 3:
         known = ", ".join(list(model.names)[1:])
         raise FileError(
             str(path), [Fault("joints", f"wanted are three revolute joints, {list(joints)}; there are {known}")]

@@ -1,0 +1,166 @@
+"""The serial arm: its closed form against pinocchio's forward kinematics of the same URDF."""
+
+from importlib.resources import as_file, files
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from kinematics import FileError, MotionError, OutOfReach, load_machine
+from kinematics.arm import Arm, Joints, read_urdf
+from kinematics.axis import Axis
+
+pin = pytest.importorskip("pinocchio")
+NAMES = ("yaw", "shoulder", "elbow")
+AXES = [Axis(name, kind="rotary") for name in NAMES]
+
+# Three joints with every offset that the form allows: an upright axis off the origin that turns left, a shoulder
+# out and aside, links bent at zero, an elbow that turns the other way than the shoulder, a tool aside and askew.
+BENT = """<robot name="bent"><link name="w"/><link name="a"/><link name="b"/><link name="c"/><link name="t"/>
+<joint name="yaw" type="continuous"><parent link="w"/><child link="a"/><origin xyz="0.1 -0.2 0.3" rpy="0 0 0.4"/>
+<axis xyz="0 0 -1"/></joint>
+<joint name="shoulder" type="continuous"><parent link="a"/><child link="b"/><origin xyz="0.07 0.03 0.1" rpy="0 0 0.3"/>
+<axis xyz="0 1 0"/></joint>
+<joint name="elbow" type="continuous"><parent link="b"/><child link="c"/><origin xyz="0.3 0.02 0.15" rpy="0 0.5 0"/>
+<axis xyz="0 -1 0"/></joint>
+<joint name="flange" type="fixed"><parent link="c"/><child link="t"/><origin xyz="0.2 -0.04 -0.1" rpy="0.1 0.2 0.3"/>
+</joint></robot>"""
+
+
+@pytest.fixture(scope="module", params=["preset", "bent"])
+def urdf(request, tmp_path_factory):
+    if request.param == "preset":
+        with as_file(files("kinematics") / "presets" / "arm.urdf") as path:
+            yield path, "tool"
+    else:
+        path = tmp_path_factory.mktemp("urdf") / "bent.urdf"
+        path.write_text(BENT)
+        yield path, "t"
+
+
+@pytest.fixture(scope="module")
+def joints(urdf):
+    return read_urdf(urdf[0], NAMES, urdf[1])
+
+
+def by_pinocchio(urdf, q):
+    path, tool = urdf
+    model = pin.buildModelFromUrdf(str(path))
+    data = model.createData()
+    poses = []
+    for angles in np.atleast_2d(q):
+        turning = [  # a joint without limits is a point on the circle
+            [np.cos(angle), np.sin(angle)] if joint.nq == 2 else [angle]
+            for joint, angle in zip(model.joints[1:], angles, strict=True)
+        ]
+        pin.framesForwardKinematics(model, data, np.concatenate(turning))
+        poses.append(data.oMf[model.getFrameId(tool)].homogeneous.copy())
+    return np.array(poses)
+
+
+def drawn(joints, count=300, seed=0, elbow=1):
+    """Joint angles on one elbow's side, away from the stretched and the folded arm."""
+    rng = np.random.default_rng(seed)
+    machine = Arm(joints, axes=AXES, home=[0.1, 0.2, 0.9])
+    bend = elbow * rng.uniform(0.3, 2.8, count)
+    q = np.column_stack([rng.uniform(-3, 3, count), rng.uniform(-3, 3, count), bend])
+    q[:, 2] = (bend - machine._zero[2]) / machine._sense[2]
+    return q
+
+
+@pytest.mark.parametrize("elbow", [1, -1])
+def test_the_inverse_finds_the_angles_of_pinocchio_s_poses(urdf, joints, elbow):
+    """Both elbows, over the back too: near decides."""
+    machine = Arm(joints, axes=AXES, home=[0.1, 0.2, 0.9])
+    q = drawn(joints, elbow=elbow)
+    poses = RigidTransform.from_matrix(by_pinocchio(urdf, q))
+    found = np.array([machine.inverse(pose, near=angles + 0.05) for pose, angles in zip(poses, q, strict=True)])
+    # where the tool passes over the yaw axis its angle is lost: an error of 1e-16 m counts as 1e-16/ρ rad
+    reach = np.hypot(*(poses.translation[:, :2] - joints.points[0, :2]).T)
+    assert np.abs(found - q)[reach > 0.1].max() < 1e-12
+    assert (reach > 0.1).mean() > 0.7
+
+
+def test_forward_is_pinocchio_s(urdf, joints):
+    """Position and the orientation that follows; certified from a pose nearby."""
+    machine = Arm(joints, axes=AXES, home=[0.1, 0.2, 0.9])
+    q = np.concatenate([drawn(joints, elbow=1), drawn(joints, elbow=-1)])
+    found = machine.forward(q)
+    assert np.abs(found.pose.as_matrix() - by_pinocchio(urdf, q)).max() < 1e-12
+    near = machine.forward(q + 0.01).pose
+    assert machine.forward(q, near=near).certified.mean() > 0.95
+
+
+def test_the_jacobian_is_pinocchio_s(urdf, joints):
+    path, tool = urdf
+    machine = Arm(joints, axes=AXES, home=[0.1, 0.2, 0.9])
+    model = pin.buildModelFromUrdf(str(path))
+    data = model.createData()
+    q = machine.home_q
+    turning = [[np.cos(a), np.sin(a)] if j.nq == 2 else [a] for j, a in zip(model.joints[1:], q, strict=True)]
+    frame = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+    forward = pin.computeFrameJacobian(model, data, np.concatenate(turning), model.getFrameId(tool), frame)[:3]
+    assert machine.jacobian(machine.home)[:, :3] @ forward == pytest.approx(np.eye(3), abs=1e-12)
+    assert (machine.jacobian(machine.home)[:, 3:] == 0).all()
+
+
+def test_the_thesis_end_points_are_within_reach():
+    """And so is the straight line between them, on one elbow, inside the travel."""
+    arm = load_machine("arm")
+    ends = np.array([[0.51171, 0.3705, 0.0], [0.0, 0.5, 0.3]])
+    line = ends[0] + np.linspace(0, 1, 101)[:, None] * (ends[1] - ends[0])
+    q = arm.inverse(RigidTransform.from_translation(line))
+    assert arm.check(RigidTransform.from_translation(line)).ok.all()
+    assert np.abs(np.diff(q, axis=0)).max() < 0.05
+    assert (q[:, 2] < 0).all()
+
+
+def test_out_of_reach(joints):
+    machine = Arm(joints, axes=AXES, home=[0.1, 0.2, 0.9])
+    for to in ([2.0, 0, 0], [*joints.points[0, :2], 5.0]):
+        with pytest.raises(OutOfReach, match="no actuator coordinates reach pose 0"):
+            machine.inverse(RigidTransform.from_translation(to))
+
+
+@pytest.mark.parametrize(
+    ("directions", "phrase"),
+    [
+        ([[0, 0.1, 1], [0, 1, 0], [0, 1, 0]], "must be upright"),
+        ([[0, 0, 1], [0, 1, 0.1], [0, 1, 0]], "must be level"),
+        ([[0, 0, 1], [0, 1, 0], [0.1, 1, 0]], "must be parallel"),
+    ],
+)
+def test_another_form_is_refused(directions, phrase):
+    unit = np.array(directions, float) / np.linalg.norm(directions, axis=1)[:, None]
+    points = np.array([[0, 0, 0], [0, 0, 0.2], [0.4, 0, 0.2]])
+    with pytest.raises(MotionError, match=phrase):
+        Arm(Joints(points, unit, np.array([0.7, 0, 0.2]), np.eye(3)), axes=AXES, home=[0, 0.2, 0.9])
+
+
+def test_a_link_of_no_length_is_refused():
+    points = np.array([[0, 0, 0], [0, 0, 0.2], [0, 0.1, 0.2]])
+    upright = np.array([[0, 0, 1.0], [0, 1, 0], [0, 1, 0]])
+    with pytest.raises(MotionError, match="neither may vanish"):
+        Arm(Joints(points, upright, np.array([0.7, 0, 0.2]), np.eye(3)), axes=AXES, home=[0, 0.2, 0.9])
+
+
+@pytest.mark.parametrize(
+    ("text", "joints", "tool", "phrase"),
+    [
+        ("<robot", NAMES, "t", "urdf"),
+        (BENT, ("yaw", "shoulder", "wrist"), "t", r"wrist.*yaw, shoulder, elbow"),
+        (BENT, NAMES, "gripper", "no frame 'gripper'"),
+    ],
+)
+def test_a_urdf_that_does_not_hold_what_is_named(tmp_path, text, joints, tool, phrase):
+    path = tmp_path / "bad.urdf"
+    path.write_text(text)
+    with pytest.raises(FileError, match=phrase):
+        read_urdf(path, joints, tool)
+
+
+def test_turned_about_itself(joints):
+    """The orientation asked for is ignored: it follows."""
+    machine = Arm(joints, axes=AXES, home=[0.1, 0.2, 0.9])
+    turned = RigidTransform.from_components(machine.home.translation, Rotation.from_euler("X", 1.0))
+    assert machine.inverse(turned) == pytest.approx(machine.home_q, abs=1e-14)

@@ -1,0 +1,107 @@
+"""The linkage against its source's own formulas, its closed-form realised position, and plane geometry."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from kinematics import MotionError, OutOfReach, load_machine
+from kinematics.axis import Axis
+from kinematics.linkage import Linkage
+
+AXES = [Axis("a"), Axis("b")]
+
+
+@pytest.fixture(scope="module")
+def preset():
+    return load_machine("linkage")
+
+
+def poses(count=500, seed=0):
+    rng = np.random.default_rng(seed)
+    return RigidTransform.from_translation(
+        np.column_stack([rng.uniform(0.05, 0.35, count), rng.uniform(0.35, 0.55, count), np.zeros(count)])
+    )
+
+
+def test_the_source_s_inverse(preset):
+    """[Motion 2-D]: la', θ_la', γ, θ by sines, and lb by the theorem of Pythagoras."""
+    x, y, _ = poses().translation.T
+    h, angle, q = preset.offset, preset.angle, preset.base_b[0]
+    way, tip = np.hypot(x, y), np.arcsin(h * np.sin(angle) / np.hypot(x, y))
+    theta = np.arctan2(y, x) - tip
+    a = way * np.sin(np.pi - angle - tip) / np.sin(angle)
+    b = np.sqrt((q - a * np.cos(theta)) ** 2 + (a * np.sin(theta)) ** 2)
+    assert np.abs(preset.inverse(poses()) - np.stack([a, b], 1)).max() < 1e-15
+
+
+def test_the_closed_form_and_the_forward_solver_agree_with_the_inverse(preset):
+    q = preset.inverse(poses())
+    found = preset.forward(q)
+    assert found.certified.all()
+    assert np.abs(preset.realised(q) - poses().translation[:, :2]).max() < 1e-14
+    assert np.abs(found.pose.translation - poses().translation).max() < 1e-12
+
+
+def test_the_frame_turns_with_actuator_a(preset):
+    """Law of cosines for θ, from the lengths alone."""
+    q = preset.inverse(poses())
+    base = preset.base_b[0]
+    theta = np.arccos((q[:, 0] ** 2 + base**2 - q[:, 1] ** 2) / (2 * base * q[:, 0]))
+    turned = preset.forward(q).pose.rotation.as_matrix()
+    assert np.abs(turned - Rotation.from_euler("Z", theta[:, None]).as_matrix()).max() < 1e-11
+
+
+@given(st.floats(0, 0.3), st.floats(-np.pi, np.pi), st.floats(0.2, 0.6), st.floats(0, 2 * np.pi), st.floats(-3, 3))
+def test_distances_are_those_of_the_drawn_joint(offset, angle, length, theta, turn):
+    """Draw the joint and the point from (q_a, θ); the inverse gives the distances back, wherever the base lies."""
+    base_a, base_b = np.array([0.1, -0.2]), np.array([0.1, -0.2]) + 0.4 * np.array([np.cos(turn), np.sin(turn)])
+    if length - offset * np.cos(angle) < 0.01:  # the other side of the base joint: another branch
+        return
+    joint = base_a + length * np.array([np.cos(theta), np.sin(theta)])
+    point = joint - offset * np.array([np.cos(theta - angle), np.sin(theta - angle)])
+    home = RigidTransform.from_translation([*point, 0.0])
+    machine = Linkage(base_a, base_b, offset, angle, axes=AXES, home=home)
+    assert machine.home_q == pytest.approx([length, np.hypot(*(joint - base_b))], abs=1e-12)
+    across = (base_b - base_a)[0] * (joint - base_a)[1] - (base_b - base_a)[1] * (joint - base_a)[0]
+    if abs(across) > 1e-3:
+        assert machine.realised(machine.home_q, int(np.sign(across)))[0] == pytest.approx(point, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("to", "turn", "name"), [([0.2, 0.45, 1e-3], [0, 0, 0], "z"), ([0.2, 0.45, 0], [0.01, 0, 0], "rx")]
+)
+def test_a_pose_off_its_plane_is_refused_by_component(preset, to, turn, name):
+    pose = RigidTransform.from_components(to, Rotation.from_rotvec(turn))
+    with pytest.raises(OutOfReach, match=f"holds {name}: pose 0 has {name}"):
+        preset.inverse(pose)
+
+
+def test_the_orientation_that_follows_is_ignored(preset):
+    plain, turned = (
+        RigidTransform.from_components([0.2, 0.45, 0], Rotation.from_euler("Z", angle)) for angle in (0, 1)
+    )
+    assert (preset.inverse(plain) == preset.inverse(turned)).all()
+
+
+def test_lengths_that_close_no_triangle_are_refused(preset):
+    with pytest.raises(OutOfReach, match=r"do not close a triangle.*400 mm"):
+        preset.realised([0.1, 0.1])
+
+
+@pytest.mark.parametrize(
+    ("values", "phrase"),
+    [
+        ({"base_b": [0, 0]}, "the same point"),
+        ({"base_a": [0, 0, 0]}, "base_a"),
+        ({"base_b": [np.nan, 0]}, "base_b"),
+        ({"offset": -0.1}, "offset"),
+        ({"angle": np.inf}, "angle"),
+        ({"axes": AXES[:1]}, "1 axes for 2"),
+    ],
+)
+def test_what_is_no_linkage_is_refused(values, phrase):
+    given = {"base_a": [0, 0], "base_b": [0.4, 0], "offset": 0.12, "angle": 2.6, "axes": AXES} | values
+    with pytest.raises(MotionError, match=phrase):
+        Linkage(**given, home=RigidTransform.from_translation([0.15, 0.45, 0]))
