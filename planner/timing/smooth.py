@@ -65,8 +65,9 @@ class Smoothed:
         acts = step * (jerk > ACTS * jerk.max())
         passed = np.concatenate([[0.0], np.cumsum(step / step.sum() + acts / acts.sum())])
         even = np.linspace(0.0, 1.0, intervals + 1)
-        s = np.maximum.accumulate(self.at(np.interp(even * passed[-1], passed, t))[0])
-        return np.asarray(s[0] + (1 - LEAST) * (s - s[0]) + LEAST * (s[-1] - s[0]) * even)
+        first, last = self.motion.s[0], self.end
+        s = np.clip(np.maximum.accumulate(self.at(np.interp(even * passed[-1], passed, t))[0]), first, last)
+        return np.asarray((1 - LEAST) * s + LEAST * (first + (last - first) * even))
 
     def _instants(self, count: int) -> Array:
         """Rising instants from rest to rest: some for every interval, and every one at which s⃛ changes."""

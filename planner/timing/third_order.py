@@ -71,6 +71,8 @@ def third_order(problem: Problem, guess: Array, *, solver: Solver = "fatrop") ->
     step = np.diff(problem.s)[None] / length
     jerk = _jerk_share(problem, unit) * scale[2:3] * np.sqrt(start[3])
     data = np.concatenate([step, scale, jerk, coefficients])
+    if not (np.isfinite(data).all() and (step > 0).all()):
+        raise MotionError("the jerk-limited problem holds what is no number, or an interval of no length")
     columns = _solve(*_assemble(problem.intervals, signature, solver), data, room, start / scale)
     return closed(problem.s, columns * scale * unit[:, None], problem.piece)
 
