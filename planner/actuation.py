@@ -17,8 +17,8 @@ from planner.branch import branches
 from planner.path.shape import Piece, Shape, pose_map, slope_map
 from planner.place import Place
 
-# A jump of a derivative at a break up to this share of its largest value is rounding.
-SMOOTH = 1e-9
+# A jump of a derivative at a break up to this share of its axis' largest value is rounding, or of any axis' largest.
+SMOOTH, ROUNDING = 1e-9, 1e-13
 # Points of each piece at which its pose is held against the machine's freedom.
 LOOKED = 17
 
@@ -163,11 +163,8 @@ class PolynomialPath:
         stops = np.ones(len(self.breaks), bool)
         stops[inner] = False
         for k in range(1, order):
-            gap, size = (
-                np.abs(left[k] - right[k]).max(1),
-                np.maximum(np.abs(left[k]), np.abs(right[k])).max(initial=0.0),
-            )
-            stops[inner] |= gap > SMOOTH * size
+            gap, size = np.abs(left[k] - right[k]), np.maximum(np.abs(left[k]), np.abs(right[k])).max(0, initial=0.0)
+            stops[inner] |= (gap > SMOOTH * size + ROUNDING * size.max(initial=0.0)).any(1)
         return stops
 
     def segment(self, piece: int) -> None:

@@ -8,11 +8,11 @@ from numpy.typing import ArrayLike
 from kinematics.array import Array
 from kinematics.axis import Axis
 from kinematics.errors import MotionError
-from planner.actuation import PolynomialPath
+from planner.actuation import ROUNDING, PolynomialPath
 from planner.limits import limits_of
 from planner.solve import Solution, fastest
 
-# A jump of the axis values themselves at a break, as a share of their range, up to which it is rounding.
+# A jump of an axis' values at a break, as a share of their range, up to which it is rounding.
 CONTINUOUS = 1e-9
 
 
@@ -101,9 +101,11 @@ def _check(path: PolynomialPath) -> None:
     if not np.abs(path.coefficients[:-1]).max(initial=0.0) > 0:
         raise MotionError("nothing moves along the path: every axis stays where it is")
     gap = np.abs(left[1:] - right[:-1])
-    extent = np.ptp(np.concatenate([left, right]), axis=0).max()
-    if gap.max(initial=0.0) > CONTINUOUS * max(extent, np.abs(path.coefficients[-1]).max() * 1e-3):
-        at, axis = np.unravel_index(int(np.argmax(gap)), gap.shape)
+    both = np.concatenate([left, right])
+    extent = np.ptp(both, axis=0) + 1e-3 * np.abs(both).max(0)
+    beyond = gap - CONTINUOUS * extent - ROUNDING * extent.max()
+    if beyond.max(initial=0.0) > 0:
+        at, axis = np.unravel_index(int(np.argmax(beyond)), gap.shape)
         raise MotionError(
             f"the path jumps by {gap[at, axis]:.6g} in {path.names[axis]} "
             f"at s = {path.breaks[at + 1]:.6g}; a motion cannot"

@@ -24,6 +24,8 @@ TIGHT, HALVINGS, MOST_CELLS = 5e-7, 24, 400_000
 EXPANSION = {2: 6, 3: 8}
 # A jump of q, q̇ (and q̈ under jerk limits) between two pieces up to this share of the largest value met is rounding.
 JUMP = 1e-9
+# Rounding of what all axes are computed from, as a share of the largest of them.
+ROUNDING = 1e-13
 # Instants of a time piece that are looked at for where it uses a limit most (the bound itself needs none).
 LOOKED = 201
 # Cells that are looked at together: their series stay in the processor's cache.
@@ -58,7 +60,9 @@ class Known:
 
 
 def certify(trajectory: Trajectory, limits: Sequence[Limit], known: Known | None = None) -> Certificate:
-    """Prove what the trajectory uses of every limit, and that it is as smooth as its order asks: nothing jumps.
+    """Prove what the trajectory uses of every limit, and that it is the motion asked for.
+
+    It runs the whole path once, forwards, from rest to rest, and is as smooth as its order asks: nothing jumps.
 
     known spares the work on time pieces that did not change since they were proved.
     """
@@ -70,7 +74,8 @@ def certify(trajectory: Trajectory, limits: Sequence[Limit], known: Known | None
     cells = whole
     if known is not None:
         for name, values in use.items():
-            values[:], attained[name][:] = np.nan_to_num(known.use[name]), np.nan_to_num(known.attained[name])
+            for new, old in ((values, known.use[name]), (attained[name], known.attained[name])):
+                new[:] = np.where(np.isnan(old), 0.0, old)
         cells = whole[np.isnan(known.use[limits[0].name])[whole.k]]
     for halving in range(HALVINGS + 1):
         bound, met = _judge(trajectory, limits, cells, EXPANSION[order])
@@ -87,7 +92,7 @@ def certify(trajectory: Trajectory, limits: Sequence[Limit], known: Known | None
         cells = cells[loose].halves()
     worst = {name: float(values.max()) for name, values in use.items()}
     where = {limit.name: _place(trajectory, limit, int(np.argmax(use[limit.name]))) for limit in limits}
-    for name, place in _jumps(trajectory, order).items():
+    for name, place in (_jumps(trajectory, order) | _gaps(trajectory)).items():
         worst[name], where[name] = float("inf"), place
     return Certificate(
         holds=all(value <= 1 + TOLERANCE for value in worst.values()),
@@ -131,13 +136,38 @@ def _jumps(trajectory: Trajectory, order: int) -> dict[str, Place]:
         quantities["acceleration jump"] = (start.qdd, end.qdd, rest, rest)
     found: dict[str, Place] = {}
     for name, (starts, ends, before, after) in quantities.items():
-        gaps = np.abs(np.concatenate([starts, after]) - np.concatenate([before, ends])).max(1)
-        scale = np.ptp(starts, axis=0).max() + 1e-6 * np.abs(starts).max()
-        if not gaps.max() <= JUMP * scale:
-            knot = int(np.argmax(gaps))
-            axis = int(np.argmax(np.abs(np.concatenate([starts, after]) - np.concatenate([before, ends]))[knot]))
+        gaps = np.abs(np.concatenate([starts, after]) - np.concatenate([before, ends]))
+        # rounding is that of each axis' own values, and of what they were made from together
+        scale = np.ptp(starts, axis=0) + 1e-6 * np.abs(starts).max(0)
+        beyond = gaps - JUMP * scale - ROUNDING * scale.max()
+        if not beyond.max() <= 0:
+            knot, axis = np.unravel_index(int(np.argmax(np.where(np.isnan(beyond), np.inf, beyond))), beyond.shape)
             found[name] = _at(trajectory, float(trajectory.knots[knot]), trajectory.path.names[axis])
     return found
+
+
+def _gaps(trajectory: Trajectory) -> dict[str, Place]:
+    """Where the motion leaves out, repeats or leaves the path: its first such place."""
+    path, length = trajectory.path, float(trajectory.path.breaks[-1] - trajectory.path.breaks[0])
+    h, v, a, j = np.diff(trajectory.knots), trajectory.v, trajectory.a, trajectory.j
+    end = trajectory.s + h * (v + h * (a / 2 + h * j / 6))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        turn = np.where((j > 0) & (-a / j > 0) & (-a / j < h), v - a**2 / (2 * j), np.inf)  # least ṡ inside a piece
+    slowest = np.minimum(np.minimum(v, v + h * (a + h * j / 2)), turn)
+    low, high = path.breaks[trajectory.piece], path.breaks[trajectory.piece + 1]
+    slack = JUMP * length
+    wrong = {
+        "start off the path's": (np.arange(len(h)) == 0) & ~(np.abs(trajectory.s - path.breaks[0]) <= slack),
+        "end off the path's": (np.arange(len(h)) == len(h) - 1) & ~(np.abs(end - path.breaks[-1]) <= slack),
+        "motion backwards": ~(slowest >= -JUMP * np.abs(v).max()),
+        "place off its piece": ~((trajectory.s >= low - slack) & (end <= high + slack)),
+        "piece out of turn": np.concatenate([[False], ~np.isin(np.diff(trajectory.piece), (0, 1))]),
+    }
+    return {
+        name: _at(trajectory, float(trajectory.knots[int(np.argmax(where))]), "")
+        for name, where in wrong.items()
+        if where.any()
+    }
 
 
 def _place(trajectory: Trajectory, limit: Limit, k: int) -> Place:

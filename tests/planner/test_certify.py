@@ -7,8 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.polynomial import Polynomial
+from scipy.interpolate import PPoly
 
+from kinematics import MotionError
 from kinematics.axis import Axis
+from planner import time_optimal
 from planner.actuation import PolynomialPath
 from planner.certify import TOLERANCE, Known, certify
 from planner.limits import limits_of
@@ -17,7 +20,12 @@ from planner.limits.jerk import Jerk
 from planner.limits.speed import Speed
 from planner.trajectory import Trajectory
 
-LINE = PolynomialPath([0.0, 1.0], np.array([[[1.0]], [[0.0]]]), ["x"])
+
+def line(length):
+    return PolynomialPath([0.0, length], np.array([[[1.0]], [[0.0]]]), ["x"])
+
+
+LINE = line(1.6)
 
 
 def bounded(names, speed=None, acceleration=None, jerk=None):
@@ -210,7 +218,7 @@ def test_rounding_is_no_jump():
 
 def test_acceleration_may_jump_where_no_jerk_is_limited():
     steps = Trajectory(
-        LINE,
+        line(0.1),
         [0.0, 0.1, 0.2],
         np.array([0.0, 0.05]),
         np.array([0.0, 1]),
@@ -234,6 +242,53 @@ def test_not_resting_at_an_end_is_found(kept, end):
     assert certificate.where["speed jump"].t == [0.0, cut.duration][end]
     assert "acceleration jump" in certificate.worst
     assert "position jump" not in certificate.worst
+
+
+@pytest.mark.parametrize(
+    ("fault", "spoiled"),
+    [
+        ("end off the path's", lambda m: replace(m, path=line(1.6 + 1e-7))),
+        ("start off the path's", lambda m: replace(m, s=m.s + 1e-7)),
+        ("motion backwards", lambda m: replace(m, s=1.6 - m.s, v=-m.v, a=-m.a, j=-m.j)),
+        ("place off its piece", lambda m: replace(m, path=line(1.5))),
+    ],
+)
+def test_a_motion_that_is_not_the_path_once_forwards_does_not_hold(fault, spoiled):
+    certificate = certify(spoiled(s_curve()), bounded(["x"], 9.0, 90.0, 900.0))
+    assert not certificate.holds
+    assert certificate.worst[fault] == float("inf")
+
+
+def test_backing_up_between_two_knots_is_found():
+    """ṡ is 0 at both ends of each piece and falls to −1/8 within: s comes back to where it was."""
+    motion = Trajectory(
+        line(1.0),
+        np.array([0.0, 1.0, 2.0]),
+        np.array([0.0, 1 / 6]),
+        np.array([0.0, 0.5]),
+        np.array([0.0, 1.0]),
+        np.array([1.0, -3.0]),
+        np.zeros(2, int),
+    )
+    assert "motion backwards" not in certify(motion, bounded(["x"], 9.0)).worst
+    back = replace(motion, v=np.array([0.0, 0.0]), a=np.array([0.0, -1.0]), j=np.array([0.0, 2.0]))
+    assert "motion backwards" in certify(back, bounded(["x"], 9.0)).worst
+
+
+def test_each_axis_is_held_against_its_own_size():
+    """A corner and a gap of the small axis are 1e-10 of the large one's range, and count all the same."""
+    c = np.zeros((2, 2, 2))
+    c[0, :, 0], c[1, 1, 0] = 1e6, 1e6
+    c[0, 0, 1], c[0, 1, 1], c[1, 1, 1] = 2e-4, -2e-4, 2e-4
+    path = PolynomialPath([0.0, 1.0, 2.0], c, ["large", "small"])
+    assert path.stops(2).tolist() == [True, True, True]
+    steady = Trajectory(path, np.array([0.0, 1.0, 2.0]), [0.0, 1.0], [1.0, 1.0], [0.0, 0.0], [0.0, 0.0], [0, 1])
+    found = certify(steady, bounded(path.names, 2e6))
+    assert found.where["speed jump"].axis in path.names
+    gap = c.copy()
+    gap[1, 1, 1] += 5e-4
+    with pytest.raises(MotionError, match=r"jumps by 0\.0005 in axis2"):
+        time_optimal(PPoly(gap, [0.0, 1.0, 2.0]), max_speed=1.0, max_acceleration=1.0)
 
 
 @pytest.mark.parametrize("field", ["s", "v", "a", "j"])
