@@ -10,12 +10,13 @@ from planner.plan import Plan, check, plan
 from planner.program import Arc, Blend, Dwell, Line, Program, Stop, Turn
 from planner.pulses import PulseSchedule
 from planner.solve import Solution
+from planner.standing import Standing
 from planner.trajectory import State, Trajectory
 
 __all__ = [
     "Arc", "Blend", "Certificate", "Classical", "Dwell", "Infeasible", "Line", "Place", "Plan", "Program",
-    "PulseSchedule", "Solution", "State", "Stop", "Trajectory", "Turn", "check", "classical", "load_program", "plan",
-    "program_names", "time_optimal",
+    "PulseSchedule", "Solution", "Standing", "State", "Stop", "Trajectory", "Turn", "check", "classical",
+    "load_program", "plan", "program_names", "time_optimal",
 ]  # fmt: skip
 
 

@@ -37,6 +37,10 @@ class ActuatorPath(Protocol):
     def dwells(self) -> Array:
         """(P+1,) seconds of rest at each break."""
 
+    @property
+    def turns(self) -> Array:
+        """(P,) rad by which each piece bends or turns in all: grids are as fine as that asks."""
+
     def stops(self, order: int) -> np.ndarray:
         """(P+1,) bool: where a motion of this order (2: to acceleration, 3: to jerk) has to rest."""
 
@@ -76,6 +80,7 @@ class MachinePath:
         ends = np.concatenate([[0], np.cumsum(counts)])
         self._stops, self.dwells = frozen(_at(ends, stops)), frozen(_at(ends, dwells))
         self.names = tuple(axis.name for axis in machine.axes)
+        self.turns: Array = frozen([piece.turn for piece in self.pieces])
         self._near, self._start = np.array(near), np.array([piece.start for piece in self.pieces])
         self._shapes = list({piece.shape: None for piece in pieces})
         self._shape_of = np.array([self._shapes.index(piece.shape) for piece in self.pieces])
@@ -155,6 +160,7 @@ class PolynomialPath:
         self.breaks, self.names = frozen(breaks), tuple(names)
         self.coefficients: Array = frozen(coefficients)
         self.dwells: Array = frozen(np.zeros(len(breaks)))
+        self.turns: Array = frozen(np.zeros(len(breaks) - 1))  # a piece of low degree bends little
 
     def stops(self, order: int) -> np.ndarray:
         """At corners (q′ jumps), and under jerk limits where the curvature q″ jumps."""

@@ -14,8 +14,8 @@ from planner.timing.problem import Run, grid, pose_problem
 from planner.timing.trapezoid import trapezoid
 from planner.trajectory import Trajectory
 
-# Grid points of a run; the certificate finds what lies between.
-INTERVALS = 3000
+# Intervals of a run at least, and for each radian that it turns; the certificate finds what lies between.
+INTERVALS, PER_RADIAN = 3000, 200
 MARGIN = 2e-7
 
 
@@ -38,10 +38,10 @@ def classical(plan: Plan) -> Classical:
     """
     limits = limits_of(plan.path, plan.machine.axes, 2)
     stops = np.flatnonzero(plan.path.stops(2))
-    problems = [
-        pose_problem(plan.path, limits, *grid(plan.path, Run(int(a), int(b) - 1), INTERVALS))
-        for a, b in pairwise(stops)
-    ]
+    problems = []
+    for a, b in pairwise(stops):
+        intervals = max(INTERVALS, int(PER_RADIAN * plan.path.turns[a:b].sum()))
+        problems.append(pose_problem(plan.path, limits, *grid(plan.path, Run(int(a), int(b) - 1), intervals)))
     profiles = [trapezoid(problem) for problem in problems]
     for _ in range(ROUNDS):
         trajectory, owner = assemble(plan.path, profiles, stops)

@@ -67,6 +67,24 @@ def certify(trajectory: Trajectory, limits: Sequence[Limit], known: Known | None
     known spares the work on time pieces that did not change since they were proved.
     """
     order = 3 if any(Term.SDDD in limit.terms for limit in limits) else 2
+    use, attained = prove(trajectory, limits, order, known)
+    worst = {name: float(values.max()) for name, values in use.items()}
+    where = {limit.name: _place(trajectory, limit, int(np.argmax(use[limit.name]))) for limit in limits}
+    for name, place in (_jumps(trajectory, order) | _gaps(trajectory)).items():
+        worst[name], where[name] = float("inf"), place
+    return Certificate(
+        holds=all(value <= 1 + TOLERANCE for value in worst.values()),
+        worst=worst,
+        where=where,
+        use={name: frozen(values) for name, values in use.items()},
+        attained={name: frozen(values) for name, values in attained.items()},
+    )
+
+
+def prove(
+    trajectory: Trajectory, limits: Sequence[Limit], order: int, known: Known | None = None
+) -> tuple[dict[str, Array], dict[str, Array]]:
+    """Per limit, the proven bound of its use over each time piece (M,), and the largest use met there."""
     lengths = np.diff(trajectory.knots)
     whole = Cells(np.arange(len(lengths)), np.zeros(len(lengths)), lengths)[lengths > 0]
     use = {limit.name: np.zeros(len(lengths)) for limit in limits}
@@ -90,17 +108,7 @@ def certify(trajectory: Trajectory, limits: Sequence[Limit], known: Known | None
         if not loose.any():
             break
         cells = cells[loose].halves()
-    worst = {name: float(values.max()) for name, values in use.items()}
-    where = {limit.name: _place(trajectory, limit, int(np.argmax(use[limit.name]))) for limit in limits}
-    for name, place in (_jumps(trajectory, order) | _gaps(trajectory)).items():
-        worst[name], where[name] = float("inf"), place
-    return Certificate(
-        holds=all(value <= 1 + TOLERANCE for value in worst.values()),
-        worst=worst,
-        where=where,
-        use={name: frozen(values) for name, values in use.items()},
-        attained={name: frozen(values) for name, values in attained.items()},
-    )
+    return use, attained
 
 
 def _judge(trajectory: Trajectory, limits: Sequence[Limit], cells: Cells, expansion: int) -> tuple[Array, Array]:

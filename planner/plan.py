@@ -3,17 +3,18 @@
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from kinematics.errors import MotionError
 from kinematics.machine import Machine
 from planner.actuation import MachinePath
 from planner.certify import Certificate
 from planner.limits import Limit, limits_of
 from planner.path.chain import chain
-from planner.place import Infeasible
 from planner.program import Program
 from planner.pulses import PulseSchedule, generate
 from planner.solve import fastest
-from planner.standing import violations
+from planner.standing import Standing, standing
 from planner.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -61,12 +62,12 @@ def plan(program: Program, machine: Machine, *, order: int | None = None, clock_
         order = 3 if any(axis.max_jerk is not None for axis in machine.axes) else 2
     if order not in (2, 3):
         raise MotionError(f"order {order} is not known; 2 keeps speed and acceleration, 3 jerk as well")
-    if not isinstance(clock_hz, int) or clock_hz <= 0:
+    if isinstance(clock_hz, bool) or not isinstance(clock_hz, (int, np.integer)) or clock_hz <= 0:
         raise MotionError(f"clock_hz {clock_hz} must be a positive whole number of ticks per second")
     path = actuate(program, machine)
     limits = limits_of(path, machine.axes, order)
     solution = fastest(path, limits, order)
-    pulses = generate(solution.trajectory, machine.axes, machine.home_q, clock_hz)
+    pulses = generate(solution.trajectory, machine.axes, machine.home_q, int(clock_hz))
     return Plan(
         program,
         machine,
@@ -81,7 +82,10 @@ def plan(program: Program, machine: Machine, *, order: int | None = None, clock_
     )
 
 
-def check(program: Program, machine: Machine) -> list[Infeasible]:
-    """Everything along a program's path that no timing can help: travel and tilt beyond limits, the worst first."""
+def check(program: Program, machine: Machine) -> Standing:
+    """What no timing can help along a program's path, proved over all of it: violations, the worst first, and how near.
+
+    Raises MotionError for a path that cannot be drawn.
+    """
     path = actuate(program, machine)
-    return violations(path, limits_of(path, machine.axes, 2))
+    return standing(path, limits_of(path, machine.axes, 2))

@@ -11,7 +11,7 @@ from kinematics.errors import MotionError
 from planner.actuation import ActuatorPath
 from planner.certify import TOLERANCE, Certificate, Known, certify
 from planner.limits.limit import Limit
-from planner.standing import refusal, violations
+from planner.standing import refusal, standing
 from planner.timing.problem import Run
 from planner.timing.profile import Profile
 from planner.timing.run import attempt
@@ -37,7 +37,7 @@ class Solution:
 
 def fastest(path: ActuatorPath, limits: Sequence[Limit], order: int) -> Solution:
     """Solve and certify. Raises Infeasible where a geometric limit is broken, MotionError where no round holds."""
-    for worst in violations(path, limits):
+    for worst in standing(path, limits).violations:
         raise worst
     stops = np.flatnonzero(path.stops(order))
     attempts = [attempt(path, limits, Run(int(a), int(b) - 1), order) for a, b in pairwise(stops)]

@@ -1,51 +1,78 @@
-"""What no timing can help: travel and tilt along the path, looked at before anything is solved."""
+"""What no timing can help: reach, travel and tilt, proved along the whole path before anything is solved."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from kinematics.array import Array
-from kinematics.errors import OutOfReach
+from kinematics.errors import MotionError, OutOfReach
 from planner.actuation import ActuatorPath
+from planner.certify import TOLERANCE, prove
 from planner.limits.limit import Limit
 from planner.place import Infeasible, Place
-from planner.trajectory import State
+from planner.trajectory import State, Trajectory
 
-# Points looked at in each piece; what lies between them is the certificate's to find.
-POINTS = 201
-ROUNDING = 1e-9
-
-
-def at_rest(path: ActuatorPath, s: Array, piece: np.ndarray) -> State:
-    """The state of standing still at places along a path."""
-    q = path.derivatives(s, piece)[0]
-    nothing = np.zeros_like(q)
-    return State(np.full(len(s), np.nan), s, q, nothing, nothing, nothing, np.zeros(len(s)), path, piece)
+# Parts of a piece at least, and for each radian that it turns; points of a part that are looked at for the worst place.
+PARTS, PER_RADIAN, POINTS = 8, 4, 65
 
 
-def violations(path: ActuatorPath, limits: Sequence[Limit]) -> list[Infeasible]:
-    """One for every piece, limit and channel that is exceeded, at its worst place, worst first. Raises OutOfReach."""
-    pieces = len(path.breaks) - 1
-    piece = np.repeat(np.arange(pieces), POINTS)
-    s = (path.breaks[:-1, None] + np.diff(path.breaks)[:, None] * np.linspace(0, 1, POINTS)).ravel()
-    state = at_rest(path, s, piece)
+@dataclass(frozen=True, slots=True)
+class Standing:
+    """Every violation, the worst first, and of each limit the largest use that is proved, and where."""
+
+    violations: tuple[MotionError, ...]
+    largest: dict[str, tuple[float, Place]]
+
+
+def standing(path: ActuatorPath, limits: Sequence[Limit]) -> Standing:
+    """Bound the geometric limits over the path, walked at unit speed: what they use is the same under every timing."""
+    walk = _walk(path)
+    geometric = [limit for limit in limits if limit.geometric]
+    everywhere = np.repeat(np.arange(len(walk.s)), 3)
+    state = walk.within(everywhere, np.tile([0.0, 0.5, 1.0], len(walk.s)) * np.diff(walk.knots)[everywhere])
     lost = ~np.isfinite(state.q).all(1)
     if lost.any():
         first = int(np.argmax(lost))
-        place = Place(float(s[first]), path.segment(int(piece[first])))
-        raise OutOfReach(f"no actuator coordinates reach the path at {place}; bring the path nearer")
-    found: list[tuple[float, Infeasible]] = []
-    for limit in limits:
-        if not limit.geometric:
-            continue
-        value = limit.value(state)
-        use = limit.use(value, value, piece).reshape(pieces, POINTS, -1)
-        for n, channel in np.argwhere(use.max(1) > 1 + ROUNDING):
-            row = n * POINTS + int(np.argmax(use[n, :, channel]))
-            place = Place(float(s[row]), path.segment(int(n)), None, limit.channels[channel])
-            told = refusal(limit, float(value[row, channel]), int(channel), place)
-            found.append((float(use[n, :, channel].max()), told))
-    return [told for _, told in sorted(found, key=lambda pair: -pair[0])]
+        place = Place(float(state.s[first]), path.segment(int(state.piece[first])))
+        return Standing((OutOfReach(f"no actuator coordinates reach the path at {place}; bring it nearer"),), {})
+    use, _ = prove(walk, geometric, 2)
+    largest: dict[str, tuple[float, Place]] = {}
+    found: dict[tuple[str, int, int], tuple[float, Infeasible]] = {}
+    for limit in geometric:
+        bound = use[limit.name]
+        worst, broken = int(np.argmax(bound)), np.flatnonzero(bound > 1 + TOLERANCE).tolist()
+        for part in {worst, *broken}:
+            look = _look(walk, part)
+            value = limit.value(look)
+            uses = limit.use(value, value, look.piece)
+            rows, most = uses.argmax(0), uses.max(0)
+            top, piece = int(np.argmax(most)), int(look.piece[0])
+            places = [
+                Place(float(look.s[row]), path.segment(piece), None, name)
+                for row, name in zip(rows, limit.channels, strict=True)
+            ]
+            if part == worst:
+                largest[limit.name] = float(bound[part]), places[top]
+            # a peak between the points looked at is proved all the same
+            for channel in {top, *np.flatnonzero(most > 1 + TOLERANCE).tolist()} if part in broken else ():
+                if most[channel] > found.get((limit.name, piece, channel), (0.0,))[0]:
+                    told = refusal(limit, float(value[rows[channel], channel]), channel, places[channel])
+                    found[limit.name, piece, channel] = float(most[channel]), told
+    return Standing(tuple(told for _, told in sorted(found.values(), key=lambda pair: -pair[0])), largest)
+
+
+def _walk(path: ActuatorPath) -> Trajectory:
+    counts = np.maximum(PARTS, np.ceil(PER_RADIAN * path.turns)).astype(int)
+    s = [np.linspace(path.breaks[k], path.breaks[k + 1], count + 1)[:-1] for k, count in enumerate(counts)]
+    knots = np.append(np.concatenate(s), path.breaks[-1])
+    nothing = np.zeros(len(knots) - 1)
+    piece = np.repeat(np.arange(len(counts)), counts)
+    return Trajectory(path, knots - knots[0], knots[:-1], nothing + 1, nothing, nothing, piece)
+
+
+def _look(walk: Trajectory, part: int) -> State:
+    span = walk.knots[part + 1] - walk.knots[part]
+    return walk.within(np.full(POINTS, part), span * np.linspace(0.0, 1.0, POINTS))
 
 
 def refusal(limit: Limit, value: float, channel: int, place: Place) -> Infeasible:

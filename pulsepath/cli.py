@@ -73,11 +73,12 @@ def check(program: str, machine: str | None, as_json: bool) -> None:
 
     Lists every violation along the path of PROGRAM, or else how near it comes to each limit.
     """
-    from pulsepath import geometric_check, record, tables
+    from planner import check as look
+    from pulsepath import record, tables
     from pulsepath.inputs import read_inputs
 
     inputs = read_inputs(program, machine)
-    found = geometric_check.check(inputs.program, inputs.machine)
+    found = look(inputs.program, inputs.machine)
     if as_json:
         click.echo(record.as_json(record.of_check(found.violations, found.largest)), nl=False)
     elif found.violations:

@@ -13,8 +13,7 @@ from controllers import Metrics
 from kinematics import Axis, Machine
 from kinematics.calibration import Calibration
 from kinematics.calibration.result import GROUPS
-from planner import Place
-from pulsepath.geometric_check import GeometricCheck
+from planner import Place, Standing
 from pulsepath.job import Job
 
 WIDTH = 110
@@ -50,11 +49,11 @@ def of_plan(job: Job) -> list[Table]:
     return [times, limits, pulses]
 
 
-def of_check(found: GeometricCheck) -> list[Table]:
+def of_check(found: Standing) -> list[Table]:
     """How near a path comes to each limit."""
-    table = _table("largest use of each limit along the path", "limit", "ratio#", "at", "segment#", "mm#")
+    table = _table("largest use of each limit, proved along the path", "limit", "ratio ≤#", "at", "segment#", "mm#")
     for name, (use, place) in found.largest.items():
-        table.add_row(name, f"{use:.6f}", *_where(place)[:3])
+        table.add_row(name, _up(use), *_where(place)[:3])
     return [table]
 
 

@@ -43,4 +43,5 @@ def arc(
         axis[0],
         turn / length,
     ]
-    return Piece(ARC, frozen(np.concatenate(numbers)), length, segment, tool_speed)
+    whole = abs(angle) + float(turn[0])
+    return Piece(ARC, frozen(np.concatenate(numbers)), length, segment, tool_speed, turn=whole)

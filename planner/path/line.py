@@ -9,7 +9,8 @@ LINE = Shape("line", STRAIGHT, straight)
 
 def line(start: Pose, end: Pose, length: float, segment: int, tool_speed: float | None = None) -> Piece:
     """The straight motion from start to end over a length, turning the shorter way in proportion to the path."""
-    return Piece(LINE, frozen(straight_numbers(start, end, length)[0]), length, segment, tool_speed)
+    turn = turn_angle(start, end)
+    return Piece(LINE, frozen(straight_numbers(start, end, length)[0]), length, segment, tool_speed, turn=turn)
 
 
 def turn_angle(start: Pose, end: Pose) -> float:

@@ -27,6 +27,7 @@ class Shape:
 class Piece:
     """A curve of a shape over a path length (m), from the shape's own s = start, of the program's segment `segment`.
 
+    turn        rad by which its direction or the platform turns in all: how finely it must be looked at
     tool_speed  cap on the speed of the platform's origin, m/s (None: none, or a piece in which it does not move)
     """
 
@@ -36,11 +37,12 @@ class Piece:
     segment: int
     tool_speed: float | None = None
     start: float = 0.0
+    turn: float = 0.0
 
     def cut(self, count: int) -> "list[Piece]":
         """The same curve in equal parts."""
-        length = self.length / count
-        return [replace(self, length=length, start=self.start + k * length) for k in range(count)]
+        length, turn = self.length / count, self.turn / count
+        return [replace(self, length=length, turn=turn, start=self.start + k * length) for k in range(count)]
 
 
 @cache

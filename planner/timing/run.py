@@ -16,8 +16,9 @@ from planner.timing.second_order import second_order
 from planner.timing.smooth import Smoothed
 from planner.timing.third_order import third_order
 
-# Intervals of a run at least, and for each piece in it; of the order-2 motion that starts an order-3 solve.
-SECOND_ORDER, THIRD_ORDER, START = (1000, 50), (240, 12), (400, 20)
+# Intervals of a run at least, for each piece in it, and for each radian that it turns; START is for the order-2 motion
+# that starts an order-3 solve.
+SECOND_ORDER, THIRD_ORDER, START = (1000, 50, 40), (240, 12, 10), (400, 20, 20)
 # Room taken off: this share of the excess, more with every try, and a little for the solver's own tolerance.
 MORE, MARGIN = 1.1, 2e-7
 # How often a run is solved before it is slowed instead.
@@ -66,7 +67,7 @@ class Attempt:
 def attempt(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int) -> Attempt:
     """The first solve of a run. Raises MotionError when nothing bounds it."""
     if order == 2:
-        problem = pose_problem(path, limits, *grid(path, run, _size(SECOND_ORDER, run.last - run.first + 1)))
+        problem = pose_problem(path, limits, *grid(path, run, _size(SECOND_ORDER, path, run)))
         _need(problem, Term.SDD, "acceleration")
         return Attempt(problem, second_order(problem), "passes", order)
     problem, start = jerk_problem(path, limits, run)
@@ -79,18 +80,19 @@ def attempt(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int) -
 
 def jerk_problem(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> tuple[Problem, Smoothed]:
     """The order-3 problem of a run, on a grid graded for it, and the averaged order-2 motion to start from."""
-    pieces = run.last - run.first + 1
-    coarse = pose_problem(path, limits, *grid(path, run, _size(START, pieces)))
+    coarse = pose_problem(path, limits, *grid(path, run, _size(START, path, run)))
     _need(coarse, Term.SDDD, "jerk")
     coarse, window = _second_order_start(coarse)
     start = Smoothed(second_order(coarse), window)
-    shares = (start.spread(_size(THIRD_ORDER, pieces)) - coarse.s[0]) / (coarse.s[-1] - coarse.s[0])
+    shares = (start.spread(_size(THIRD_ORDER, path, run)) - coarse.s[0]) / (coarse.s[-1] - coarse.s[0])
     s, piece = grid(path, run, len(shares) - 1, np.clip(shares, 0.0, 1.0))
     return pose_problem(path, limits, s, piece), start
 
 
-def _size(rule: tuple[int, int], pieces: int) -> int:
-    return max(rule[0], rule[1] * pieces)
+def _size(rule: tuple[int, int, int], path: ActuatorPath, run: Run) -> int:
+    least, per_piece, per_radian = rule
+    turn = float(path.turns[run.first : run.last + 1].sum())
+    return max(least, per_piece * (run.last - run.first + 1), int(per_radian * turn))
 
 
 def _third(problem: Problem, guess: Array) -> tuple[Profile, str]:

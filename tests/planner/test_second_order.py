@@ -94,6 +94,7 @@ class Circle:
 
     def __init__(self, radius):
         self.radius, self.breaks, self.dwells = radius, np.array([0.0, 2 * np.pi * radius]), np.zeros(2)
+        self.turns = np.array([2 * np.pi])
 
     def derivatives(self, s, piece):
         r, phi = self.radius, s / self.radius
