@@ -1,6 +1,6 @@
 """The main job, top to bottom: program -> path -> limits -> certified motion -> pulses."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,6 +11,7 @@ from planner.actuation import MachinePath
 from planner.certify import Certificate
 from planner.limits import Limit, limits_of
 from planner.path.chain import chain
+from planner.place import Infeasible
 from planner.program import Program
 from planner.pulses import PulseSchedule, generate
 from planner.solve import fastest
@@ -67,7 +68,7 @@ def plan(program: Program, machine: Machine, *, order: int | None = None, clock_
     path = actuate(program, machine)
     limits = limits_of(path, machine.axes, order)
     solution = fastest(path, limits, order)
-    pulses = generate(solution.trajectory, machine.axes, machine.home_q, int(clock_hz))
+    pulses = _pulses(solution.trajectory, machine, int(clock_hz))
     return Plan(
         program,
         machine,
@@ -80,6 +81,18 @@ def plan(program: Program, machine: Machine, *, order: int | None = None, clock_
         solution.rounds,
         solution.methods,
     )
+
+
+def _pulses(trajectory: Trajectory, machine: Machine, clock_hz: int) -> PulseSchedule:
+    """The pulses; a refusal names the segment, which pulses alone do not know."""
+    try:
+        return generate(trajectory, machine.axes, machine.home_q, clock_hz)
+    except Infeasible as no:
+        if no.place is None or no.place.t is None:
+            raise
+        piece = int(trajectory.at(no.place.t).piece[0])
+        place = replace(no.place, segment=trajectory.path.segment(piece))
+        raise Infeasible(no.kind, no.axis, place, no.value, no.limit, no.unit, no.remedy) from None
 
 
 def check(program: Program, machine: Machine) -> Standing:

@@ -1,7 +1,7 @@
 """The fastest certified motion along an actuator path: solve every run, prove the whole, tighten what fails, again."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
@@ -27,12 +27,16 @@ class Solution:
     order; rounds: how often it was solved until the proof held; methods: the solver that gave each run's motion
     """
 
-    trajectory: Trajectory
-    certificate: Certificate
-    limits: tuple[Limit, ...]
+    trajectory: Trajectory = field(repr=False)
+    certificate: Certificate = field(repr=False)
+    limits: tuple[Limit, ...] = field(repr=False)
     order: int
     rounds: int
     methods: tuple[str, ...]
+
+    def __str__(self) -> str:
+        solvers = ", ".join(sorted(set(self.methods)))
+        return f"{self.trajectory.duration:.6f} s at order {self.order}, by {solvers}; {self.certificate}"
 
 
 def fastest(path: ActuatorPath, limits: Sequence[Limit], order: int) -> Solution:

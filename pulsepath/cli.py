@@ -53,9 +53,10 @@ def plan(
 
     refuse_overwrite(out, force)
     inputs = read_inputs(program, machine)
-    job = run(inputs.program, inputs.machine, None if order is None else int(order), clock_hz)
-    with replacing(out, force) as folder, step("writing the files"):
-        plan_directory.write(folder, job, inputs)
+    with replacing(out, force) as folder:  # where nothing can be written, that is said before the work
+        job = run(inputs.program, inputs.machine, None if order is None else int(order), clock_hz)
+        with step("writing the files"):
+            plan_directory.write(folder, job, inputs)
     report = str(out / plan_directory.REPORT)
     if as_json:
         click.echo(record.as_json({**record.of_plan(job, inputs), "report": report}), nl=False)

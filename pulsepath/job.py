@@ -7,6 +7,7 @@ from controllers import Metrics, evaluate, find_law, track
 from kinematics import Machine, MotionError
 from planner import Plan, Program, plan
 from planner.baseline import Classical, classical
+from planner.limits import unkept
 from planner.pulses import PulseCheck, check
 from pulsepath.progress import step
 
@@ -35,10 +36,12 @@ class Job:
 
 def run(program: Program, machine: Machine, order: int | None, clock_hz: int) -> Job:
     """Plan, prove and compare. Raises as `planner.plan`, and Defect where the pulses fail their check."""
+    for field in unkept(machine.axes):
+        print(f"note: {machine.name} states {field}, which no plan keeps yet", file=sys.stderr)
     with step(f"planning {program.name} on {machine.name}"):
         planned = plan(program, machine, order=order, clock_hz=clock_hz)
     with step(f"checking {planned.pulses.total} pulses"):
-        verdict = check(planned.pulses, planned.trajectory)
+        verdict = check(planned.pulses, planned.trajectory, machine.axes, machine.home_q)
     if not verdict.holds:
         raise Defect(f"{verdict.fault_count} faults in the pulses, the first: {verdict.faults[0]}")
     with step("timing the path classically"):

@@ -8,7 +8,7 @@ from time import perf_counter
 
 @contextmanager
 def step(what: str) -> Iterator[None]:
-    """Tell that a step is under way, and in the end how long it took."""
+    """Tell that a step begins, and in the end how long it took."""
     begin = perf_counter()
     if sys.stderr.isatty():
         from rich.console import Console
@@ -16,5 +16,6 @@ def step(what: str) -> Iterator[None]:
         with Console(stderr=True, markup=False).status(what):
             yield
     else:
+        print(f"{what} …", file=sys.stderr, flush=True)
         yield
     print(f"{what}: {perf_counter() - begin:.1f} s", file=sys.stderr, flush=True)

@@ -12,6 +12,7 @@ from controllers import Metrics
 from controllers.metrics import ErrorSeries
 from kinematics import Axis, Machine, MotionError
 from planner import Infeasible, Place
+from planner.limits import unkept
 from pulsepath import __version__
 from pulsepath.directory import KIND
 from pulsepath.inputs import Inputs
@@ -45,6 +46,7 @@ def of_plan(job: Job, inputs: Inputs) -> Record:
                 for name, worst in certificate.worst.items()
             },
         },
+        "stated_but_not_kept": list(unkept(plan.machine.axes)),
         "solver": {"rounds": plan.rounds, "methods": list(plan.methods)},
         "pulses": {
             "clock_hz": plan.pulses.clock_hz,

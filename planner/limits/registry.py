@@ -8,6 +8,7 @@ from planner.actuation import ActuatorPath, MachinePath
 from planner.limits.acceleration import Acceleration
 from planner.limits.jerk import Jerk
 from planner.limits.limit import Limit
+from planner.limits.pulse_rate import PulseRate
 from planner.limits.speed import Speed
 from planner.limits.tilt import Tilt
 from planner.limits.tool_speed import ToolSpeed
@@ -17,6 +18,7 @@ from planner.limits.travel import Travel
 AXIS_LIMITS: dict[type[Limit], tuple[int, Callable[[Sequence[Axis]], Limit]]] = {
     Speed: (2, lambda axes: Speed(axes, [axis.max_speed for axis in axes])),
     Acceleration: (2, lambda axes: Acceleration(axes, [axis.max_acceleration for axis in axes])),
+    PulseRate: (2, PulseRate),
     Jerk: (3, lambda axes: Jerk(axes, [axis.max_jerk for axis in axes])),
 }
 
@@ -34,3 +36,12 @@ def limits_of(path: ActuatorPath, axes: Sequence[Axis], order: int) -> tuple[Lim
     if isinstance(path, MachinePath):
         limits += [make(path.machine, path) for make in MACHINE_LIMITS.values()]
     return tuple(limit for limit in limits if (limit.bounds < float("inf")).any())
+
+
+# What an axis may state that no limit here keeps yet.
+UNKEPT = ("max_force", "torque_speed")
+
+
+def unkept(axes: Sequence[Axis]) -> tuple[str, ...]:
+    """The limits that some axis states and that no plan keeps yet, as its file calls them."""
+    return tuple(field for field in UNKEPT if any(getattr(axis, field) is not None for axis in axes))

@@ -1,14 +1,15 @@
 """The independent check of a pulse schedule against the motion it stands for. It shares no code with the generator."""
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, fields
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from kinematics.array import Array
+from kinematics.axis import Axis
 from kinematics.errors import MotionError
 from planner.pulses.motion import Motion
 from planner.pulses.schedule import AxisPulses, PulseSchedule
@@ -21,14 +22,21 @@ GRID = 8  # instants per knot interval besides the pulses' own
 LISTED = 20  # faults of one kind listed per axis
 
 
-def check(schedule: PulseSchedule, trajectory: Motion) -> PulseCheck:
+def check(
+    schedule: PulseSchedule,
+    trajectory: Motion,
+    machine_axes: Sequence[Axis] | None = None,
+    home_q: ArrayLike | None = None,
+) -> PulseCheck:
     """Prove that every axis fires where its motion crosses half a pulse, and nowhere else.
 
     With x = (q - home)/pulse:
     - At each pulse x is at the level between the counts before and after it, to half a tick, going the pulse's way.
-    - Between pulses |count - x| ≤ ½ + half a tick's travel. That holds at all times, not at samples: an interval δ
-      between two samples is halved until x is monotone in it, or max|count - x| + max|ẍ| δ²/8 ≤ ½.
-    - The ticks rise; the start and final counts are the motion's.
+    - Between pulses |count - x| ≤ ½ + half a tick's travel, between the samples too: an interval δ is halved until x is
+      monotone in it, or max|count - x| + max|ẍ| δ²/8 ≤ ½, with the motion's jerk taken to be largest at the ends of
+      intervals (an eighth of a knot interval, or less).
+    - The ticks rise; the start and final counts are the motion's, and so is the duration.
+    - Names, pulses and homes are the machine's, where machine_axes and home_q (n,) are given.
     Positions are trusted to 64 roundings of q, of home and of q̇·t. The motion is asked about once per pulse, in blocks.
     Raises MotionError where the motion has another number of axes.
     """
@@ -36,7 +44,10 @@ def check(schedule: PulseSchedule, trajectory: Motion) -> PulseCheck:
     if width != len(schedule.axes):
         raise MotionError(f"the schedule has {len(schedule.axes)} axes, the motion {width}; check it against its own")
     grid = _grid(trajectory)
-    return PulseCheck(tuple(_check_axis(_Search(schedule, k, trajectory), grid) for k in range(width)))
+    searches = [_Search(schedule, k, trajectory) for k in range(width)]
+    for search in searches:
+        _check_identity(search, machine_axes, home_q)
+    return PulseCheck(tuple(_check_axis(search, grid) for search in searches))
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,7 +126,7 @@ def _check_axis(search: _Search, grid: Array) -> AxisCheck:
     axis = search.axis
     steps = np.diff(axis.ticks)
     _check_order(search, steps)
-    if search.kinds.total() == 0:
+    if not any(search.kinds[kind] for kind in ("order", "outside", "direction")):
         _check_motion(search, grid)
     else:  # without an order there is nothing to measure against the motion
         search.time_error = search.position_error = np.inf
@@ -124,6 +135,24 @@ def _check_axis(search: _Search, grid: Array) -> AxisCheck:
     smallest = float(steps.min()) * search.tick if len(steps) else np.inf
     figures = search.time_error, search.position_error, smallest, final_error
     return AxisCheck(axis.name, len(axis), *figures, tuple(search.faults), search.kinds.total())
+
+
+def _check_identity(search: _Search, machine_axes: Sequence[Axis] | None, home_q: ArrayLike | None) -> None:
+    """The schedule is of this motion, and of this machine."""
+    axis, nowhere = search.axis, np.zeros(1, np.int64)
+    late = search.schedule.duration - search.motion.duration
+    if not abs(late) <= search.tick:
+        search.report("duration", nowhere, "{:+.9g} s from the motion's", np.array([late]))
+    if machine_axes is not None:
+        given = machine_axes[search.k]
+        if axis.name != given.name:
+            search.report(f"name: the machine's axis is {given.name}", nowhere, "{:.0f}", np.array([search.k + 1]))
+        if axis.pulse != given.pulse:
+            search.report("pulse", nowhere, "{:.9g} times the machine's", np.array([axis.pulse / given.pulse]))
+    if home_q is not None:
+        off = axis.home - float(np.asarray(home_q, float)[search.k])
+        if abs(off) > ROUNDING * abs(axis.home):
+            search.report("home", nowhere, "{:+.9g} from the machine's", np.array([off]))
 
 
 def _check_order(search: _Search, steps: NDArray[np.int64]) -> None:

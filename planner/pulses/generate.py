@@ -21,7 +21,10 @@ TICK_ERROR = 1e-4  # of a crossing time before it is rounded to a whole tick
 FINE = 1e-6  # of a pulse: how well the motion is met where its own noise hides more
 COARSE = 1e-3  # of a pulse: rounding may not blur a count by more
 
+POLISHING = 3  # Newton steps on the motion itself
+
 Refuse = Callable[[], Infeasible]
+Exact = Callable[[Array, Array], Array]
 
 
 def generate(
@@ -56,7 +59,9 @@ def generate(
         stretches = monotone(pieces.start * clock_hz, pieces.length * clock_hz, counted / pulse[k], slack[k])
         counts = _follow(stretches.ends, slack[k])
         refuse = partial(_refusal, trajectory, axis, stretches, clock_hz)
-        ticks, direction = _cancel(*_fire(stretches, counts, refuse), refuse)
+        exact = partial(_exact, trajectory, k, axis.pulse, float(home[k]), clock_hz)
+        blur = FINE + slack[k]
+        ticks, direction = _cancel(*_fire(stretches, counts, refuse, exact, blur), refuse)
         ticks.flags.writeable = direction.flags.writeable = False
         axes.append(AxisPulses(axis.name, ticks, direction, int(counts[0]), axis.pulse, float(home[k])))
     return PulseSchedule(clock_hz, tuple(axes), trajectory.duration)
@@ -85,8 +90,21 @@ def _follow(x: Array, slack: float) -> Ticks:
     return counts
 
 
-def _fire(stretches: Stretches, counts: Ticks, refuse: Refuse) -> tuple[Ticks, Signs]:
-    """Tick and direction of every level between the counts at both ends of each stretch."""
+def _exact(trajectory: Motion, k: int, pulse: float, home: float, clock_hz: int, time: Array, level: Array) -> Array:
+    """Crossing times (N,) in ticks by the motion itself, from times that are good but not to the tick."""
+    for _ in range(POLISHING):
+        state = trajectory.at(np.clip(time / clock_hz, 0.0, trajectory.duration))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            step = ((state.q[:, k] - home) / pulse - level) / (state.qd[:, k] / pulse / clock_hz)
+        time = np.where(abs(step) < 1, time - step, time)  # at a turning point the tick at hand is as good
+    return time
+
+
+def _fire(stretches: Stretches, counts: Ticks, refuse: Refuse, exact: Exact, blur: float) -> tuple[Ticks, Signs]:
+    """Tick and direction of every level between the counts at both ends of each stretch.
+
+    Where the blur (pulses) of the stretches might turn the rounding to the other tick, `exact` decides.
+    """
     change = np.diff(counts)
     sign: Ticks = np.sign(change)
     pulses: Ticks = abs(change)
@@ -100,7 +118,16 @@ def _fire(stretches: Stretches, counts: Ticks, refuse: Refuse) -> tuple[Ticks, S
     ticks = np.empty(pulses.sum(), np.int64)
     for block, part, index, nth in _blocks(pulses):
         v = solve(climb[:, part], index, first[part].take(index) + nth, tolerance[part])
-        ticks[block] = np.rint(stretches.start[part].take(index) + stretches.length[part].take(index) * v)
+        length = stretches.length[part].take(index)
+        time = stretches.start[part].take(index) + length * v
+        c1, c2, c3, c4, c5 = (row[part].take(index) for row in climb)
+        rate = abs(c1 + v * (2 * c2 + v * (3 * c3 + v * (4 * c4 + v * 5 * c5)))) / length
+        unsure = np.flatnonzero((0.5 - abs(time - np.rint(time))) * rate < blur + TICK_ERROR * rate)
+        if len(unsure):
+            way = sign[part].take(index[unsure])
+            level = counts[:-1][part].take(index[unsure]) + way * (nth[unsure] + 0.5)
+            time[unsure] = exact(time[unsure], level.astype(float))
+        ticks[block] = np.rint(time)
     return ticks, np.repeat(sign.astype(np.int8), pulses)
 
 

@@ -14,6 +14,7 @@ from planner.actuation import PolynomialPath
 from planner.limits import Term, limits_of
 from planner.limits.acceleration import Acceleration
 from planner.limits.jerk import Jerk
+from planner.limits.pulse_rate import PulseRate
 from planner.limits.registry import AXIS_LIMITS, MACHINE_LIMITS
 from planner.limits.speed import Speed
 from planner.limits.tilt import Tilt
@@ -44,6 +45,7 @@ def bounds(limit, piece):
 ZOO = {
     Speed: Case(bounds, row=lambda value: value),
     Acceleration: Case(bounds, row=lambda value: value),
+    PulseRate: Case(bounds, row=lambda value: value),
     Jerk: Case(bounds, row=lambda value: value),
     Travel: Case(lambda limit, piece: -bounds(limit, piece)),
     Tilt: Case(lambda limit, piece: np.cos(bounds(limit, piece))),
@@ -70,7 +72,8 @@ def path(hexapod):
 
 @pytest.fixture(scope="module")
 def limits(path, hexapod):
-    return {type(limit): limit for limit in limits_of(path, hexapod.axes, 3)}
+    axes = [replace(axis, max_pulse_rate=2e4) for axis in hexapod.axes]
+    return {type(limit): limit for limit in limits_of(path, axes, 3)}
 
 
 @pytest.fixture(scope="module", params=list(ZOO), ids=lambda kind: kind.__name__)

@@ -364,6 +364,28 @@ def test_the_motion_is_asked_at_most_twice_per_pulse_in_blocks():
     assert largest < 1 << 16
 
 
+@pytest.mark.parametrize(
+    ("kind", "changes"),
+    [
+        ("pulse", {"pulse": 2e-6}),
+        ("home", {"home": 1e-3}),
+        ("name", {"name": "other"}),
+        ("duration", {"duration": 99.0}),
+    ],
+)
+def test_a_schedule_of_another_machine_or_motion_is_caught(kind, changes):
+    """It closes in itself; only the machine and the motion tell that it is not theirs."""
+    motion = one_axis([[0.02, 0.0]], [0, 0.1])
+    schedule = fire(motion)
+    (axis,) = schedule.axes
+    driven = [Axis(axis.name, pulse=axis.pulse)]
+    assert check(schedule, motion, driven, [axis.home]).holds
+    duration = changes.pop("duration", schedule.duration)
+    found = check(PulseSchedule(CLOCK, (replace(axis, **changes),), duration), motion, driven, [axis.home])
+    assert not found.holds
+    assert any(kind in str(fault) for fault in found.faults)
+
+
 def test_axes_must_match():
     with pytest.raises(MotionError, match="3 axes, the motion 1"):
         check(fire(example()), one_axis([[0.01, 0.0]], [0, 1]))

@@ -1,0 +1,28 @@
+"""Pulse rate of every axis: |q̇|/pulse ≤ f."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from kinematics.array import Array, frozen
+from kinematics.axis import Axis
+from planner.actuation import Derivatives
+from planner.limits.limit import AxisLimit, Motion, Quantity, Rows, Term
+
+
+class PulseRate(AxisLimit):
+    """A speed in pulses: what the axis' drive or card takes."""
+
+    name, dimension = "pulse rate", "/s"
+    terms = frozenset({Term.SD})
+
+    def __init__(self, axes: Sequence[Axis]) -> None:
+        super().__init__(axes, [axis.max_pulse_rate for axis in axes])
+        self.pulse: Array = frozen([axis.pulse for axis in axes])
+        self.units = (("1/s", 1.0),) * len(axes)
+
+    def value(self, motion: Motion) -> Quantity:
+        return motion.qd * (1 / self.pulse)
+
+    def rows(self, derivatives: Derivatives, piece: np.ndarray) -> Rows:
+        return Rows({Term.SD: derivatives[1] / self.pulse}, self.bounds)
