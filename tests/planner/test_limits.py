@@ -177,7 +177,7 @@ def test_slowness_brings_a_motion_to_the_limit(timing_limit, motion, excess):
         value = timing_limit.value(motion.state)
         return timing_limit.use(value, value, motion.trajectory.piece).max()
 
-    power = {Speed: 1, Acceleration: 2, Jerk: 3, ToolSpeed: 1}[type(timing_limit)]
+    power = {Speed: 1, Acceleration: 2, PulseRate: 1, Jerk: 3, ToolSpeed: 1}[type(timing_limit)]
     quick = motion.slowed((used(motion) / excess) ** (1 / power))
     assert used(quick) == pytest.approx(excess, rel=1e-12)
     k = timing_limit.slowness(used(quick))
@@ -203,7 +203,8 @@ def test_channels_bounds_and_units_belong_together(limit, motion):
     assert len(limit.channels) == len(limit.bounds) == len(limit.units) == limit.value(motion.state).shape[1]
     for channel, (unit, scale) in enumerate(limit.units):
         said, allowed = limit.told(float(ZOO[type(limit)].full(limit, np.zeros(1, int))[0, channel]), channel)
-        assert scale == (180 / np.pi if unit.startswith("deg") else 1e3)
+        expected = {"deg": 180 / np.pi, "mm": 1e3, "1": 1.0}
+        assert scale == expected[unit.split("/")[0]]
         if not isinstance(limit, ToolSpeed):  # whose value is a square
             assert said == pytest.approx(allowed, rel=1e-12, abs=1e-12)
 
