@@ -130,7 +130,8 @@ def regular(machine: Machine, start: RigidTransform, end: RigidTransform, near: 
     """
     parameters = straight_numbers(start, end, 1.0)
     near = np.broadcast_to(machine.home_q if near is None else near, (len(parameters), len(machine.axes)))
-    first, last = (np.linalg.slogdet(_jacobian(machine, numbers(pose), near)).sign for pose in (start, end))
+    with np.errstate(invalid="ignore"):  # out of reach: no sign, and nothing is proved
+        first, last = (np.linalg.slogdet(_jacobian(machine, numbers(pose), near)).sign for pose in (start, end))
     proved = np.broadcast_to(first * last > 0, len(parameters)).copy()
     pending = np.flatnonzero(proved)
     low, width = np.zeros(len(pending)), np.ones(len(pending))
@@ -165,7 +166,8 @@ def _cells_regular(
     branch = [Series.constant(column, 2) for column in np.concatenate([near, near]).T if machine.branched]
     entries = machine.jacobian_map.enclose([*_motion().enclose([s, *rest]), *branch])
     free = columns(machine)
-    jacobian = Series.stack([entries[6 * row + k] for row in range(axes) for k in free]).padded(2)
+    chosen = [entries[6 * row + k] for row in range(axes) for k in free]
+    jacobian = Series.stack([*chosen, Series.zeros(2, (2 * count,))])[:, :-1]  # as many rows where all are constant
     shape = (count, axes, len(free))
     length = np.array([1.0, 1.0, 1.0] + [1 / machine.characteristic_length] * 3)[free]
     middle_j = jacobian.mid[0, :count].reshape(shape) * length

@@ -212,7 +212,7 @@ def test_names_are_the_bundled_files():
 def test_an_unknown_name_brings_the_nearest_and_all_others():
     with pytest.raises(MotionError) as refusal:
         load_machine("hexpod")
-    assert 'no machine is called "hexpod", nearest is "hexapod"; bundled: hexapod' in str(refusal.value)
+    assert 'no machine is called "hexpod", nearest is "hexapod"; bundled: arm, hexapod' in str(refusal.value)
     assert not isinstance(refusal.value, FileError)
 
 

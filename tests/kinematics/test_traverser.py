@@ -8,6 +8,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics import MotionError, OutOfReach, load_machine
 from kinematics.axis import Axis
+from kinematics.machine import Machine
 from kinematics.traverser import Traverser
 
 AXES = [Axis("X"), Axis("Y"), Axis("Z"), Axis("R", kind="rotary")]
@@ -40,6 +41,23 @@ def test_forward_is_certified_all_over_the_travel(preset):
     found = preset.forward(q)
     assert found.certified.all()
     assert np.abs(found.pose.translation - q[:, :3]).max() < 1e-14
+
+
+class Slides(Machine):
+    """x, y, z alone: its Jacobian is the same everywhere."""
+
+    freedom = ("x", "y", "z")
+    characteristic_length = 1.0
+
+    def expression(self, position, rotation, near):
+        return position
+
+
+def test_a_constant_jacobian_is_regular_everywhere():
+    machine = Slides("slides", AXES[:3], RigidTransform.identity())
+    found = machine.forward([[0.1, 0.2, 0.3], [-5.0, 0, 0]])
+    assert found.certified.all()
+    assert found.pose.translation == pytest.approx(np.array([[0.1, 0.2, 0.3], [-5.0, 0, 0]]), abs=1e-15)
 
 
 def test_slides_may_lie_askew():
