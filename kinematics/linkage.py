@@ -21,7 +21,8 @@ class Linkage(Machine):
 
         |P − a|² = q_a² + h² − 2 q_a h cos θ_h,   q_b = |J − b|.
 
-    The platform's frame sits at P and turns with θ, which follows. Source: [Motion 2-D], with its signs set right.
+    The platform's frame sits at P and turns with θ, which follows; at home it is as the home pose says. Source:
+    [Motion 2-D], with its signs set right.
 
     base_a, base_b  (2,) base joints in the plane, m;  offset h (m), angle θ_h (rad)
     """
@@ -50,8 +51,10 @@ class Linkage(Machine):
         self.offset, self.angle = float(offset), float(angle)
         self.characteristic_length = max(self.offset, float(np.linalg.norm(self.base_b - self.base_a)) / 2)
         super().__init__(name, axes, home)
+        c, s = np.asarray(self._joint(ca.DM(home.translation))[1]).ravel()
+        self._at_home = np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]]) @ home.rotation.as_matrix()
 
-    def _joint(self, position: ca.SX) -> tuple[ca.SX, ca.SX]:
+    def _joint(self, position: ca.SX | ca.DM) -> tuple[ca.SX, ca.SX]:
         """q_a and the unit vector from a to J."""
         across, along = self.offset * np.sin(self.angle), self.offset * np.cos(self.angle)
         way = position[:2] - self.base_a
@@ -69,7 +72,8 @@ class Linkage(Machine):
 
     def carried(self, position: ca.SX, rotation: ca.SX, q: ca.SX) -> tuple[ca.SX, ca.SX]:
         _, u = self._joint(position)
-        turned: ca.SX = ca.vertcat(ca.horzcat(u[0], -u[1], 0), ca.horzcat(u[1], u[0], 0), ca.horzcat(0, 0, 1))
+        theta = ca.vertcat(ca.horzcat(u[0], -u[1], 0), ca.horzcat(u[1], u[0], 0), ca.horzcat(0, 0, 1))
+        turned: ca.SX = theta @ self._at_home
         return position, turned
 
     def realised(self, q: ArrayLike, side: int = 1) -> Array:

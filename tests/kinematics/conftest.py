@@ -63,13 +63,14 @@ def irregular(seed):
 
 HEXAPODS = {
     "preset": lambda: load_machine("hexapod"),
+    "initial": lambda: load_machine("hexapod-initial"),
     "table 4.3": table_4_3,
     "mini tetra": mini_tetra,
     "rubin": rubin,
     "irregular 1": lambda: irregular(1),
     "irregular 2": lambda: irregular(2),
 }
-ZOO = HEXAPODS | {}  # machines of other kinds, one line each
+ZOO = HEXAPODS | {}  # machines of six freedoms of other kinds, one line each
 
 
 @pytest.fixture(scope="session", params=ZOO)

@@ -6,7 +6,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics import Axis, Hexapod, MotionError, OutOfReach
 from kinematics.hexapod import joint_circle
-from kinematics.machine_file import Home
+from kinematics.kinds.poses import Home
 
 LEGS = tuple(f"leg{n}" for n in range(1, 7))
 HEIGHT = 0.2336362 - 0.0115 - 0.011
@@ -268,7 +268,7 @@ def first_key(value):
         ({"axes": [Axis("leg1")] * 6}, "mine: .*same name"),
         ({"base_rest": [0, 0, 0]}, "mine: base_rest .*not zero"),
         ({"platform_rest": [0, 0, np.nan]}, "mine: platform_rest .*finite"),
-        ({"base_rest": np.ones((5, 3))}, "mine: base_rest .*six"),
+        ({"base_rest": np.ones((5, 3))}, "mine: base_rest .*one for each of 6"),
         ({"base_rest": [0, 0, 0, 1]}, "mine: base_rest"),
         ({"base_rest": 1.0}, "mine: base_rest"),
         ({"max_tilt": 0.0}, "mine: max_tilt"),

@@ -45,10 +45,12 @@ def test_the_closed_form_and_the_forward_solver_agree_with_the_inverse(preset):
 
 
 def test_the_frame_turns_with_actuator_a(preset):
-    """Law of cosines for θ, from the lengths alone."""
+    """Law of cosines for θ, from the lengths alone; at home the frame is parallel to the base's."""
     q = preset.inverse(poses())
     base = preset.base_b[0]
-    theta = np.arccos((q[:, 0] ** 2 + base**2 - q[:, 1] ** 2) / (2 * base * q[:, 0]))
+    a, b = np.concatenate([q, preset.home_q[None]]).T
+    *theta, at_home = np.arccos((a**2 + base**2 - b**2) / (2 * base * a))
+    theta = np.array(theta) - at_home
     turned = preset.forward(q).pose.rotation.as_matrix()
     assert np.abs(turned - Rotation.from_euler("Z", theta[:, None]).as_matrix()).max() < 1e-11
 

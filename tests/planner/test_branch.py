@@ -74,6 +74,8 @@ def test_the_elbow_stays():
 
 
 PROGRAMS = {
+    "tripod": [Line(to=[0.02, -0.01, 0.01]), Arc(centre=[0.01, -0.01, 0.01], normal=[0, 0, 1], angle=7.0)],
+    "hexapod-initial": [Line(to=[0.01, 0.005, -0.01], rotate=Rotation.from_rotvec([0.05, 0, 0.02]))],
     "linkage": [Line(to=[0.05, -0.02, 0]), Arc(centre=[0.03, -0.02, 0], normal=[0, 0, 1], angle=7.0)],
     "arm": [Line(to=[-0.05, 0.1, 0.05]), Arc(centre=[-0.05, 0.05, 0.05], normal=[1, 0, 0], angle=-7.0)],
     "traverser": [

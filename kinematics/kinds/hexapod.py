@@ -1,0 +1,74 @@
+"""A hexapod's TOML: joints on circles, or one by one."""
+
+from importlib.resources.abc import Traversable
+from math import pi
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from numpy.typing import ArrayLike
+
+from kinematics.hexapod import Hexapod, joint_circle
+from kinematics.kinds.axes import LinearAxis, LinearDefaults, axes
+from kinematics.kinds.legs import Platforms, Radius, rests
+from kinematics.kinds.poses import Point
+from kinematics.schema import File, either
+from kinematics.units import Length, Unit
+
+Gap = Annotated[float, Unit("rad", least=0, most=2 * pi / 3)]
+SixPoints = tuple[Point, Point, Point, Point, Point, Point]
+LEGS = tuple(f"leg{n}" for n in range(1, 7))
+
+
+class Leg(LinearAxis):
+    """What one leg has of its own."""
+
+    name: Literal["leg1", "leg2", "leg3", "leg4", "leg5", "leg6"]
+
+
+class SixLegs(Platforms):
+    """Rest axes for six joints at either end."""
+
+    base_rest: Annotated[tuple[Any, ...], rests(6)] | None = None
+    platform_rest: Annotated[tuple[Any, ...], rests(6)] | None = None
+
+
+class JointCircles(SixLegs):
+    """Joint centres in pairs on a circle of each platform; heights along z in the platform's own frame."""
+
+    base_radius: Radius
+    base_gap: Gap
+    base_height: Length
+    platform_radius: Radius
+    platform_gap: Gap
+    platform_height: Length
+
+    def joints(self) -> tuple[ArrayLike, ArrayLike]:
+        return (
+            joint_circle(self.base_radius, self.base_gap, self.base_height),
+            joint_circle(self.platform_radius, self.platform_gap, self.platform_height),
+        )
+
+
+class JointPoints(SixLegs):
+    """Joint centres one by one, each in the frame of its platform."""
+
+    base_joints: SixPoints
+    platform_joints: SixPoints
+
+    def joints(self) -> tuple[ArrayLike, ArrayLike]:
+        return self.base_joints, self.platform_joints
+
+
+class HexapodFile(File):
+    """A hexapod's TOML, key by key."""
+
+    kind: Literal["hexapod"]
+    geometry: Annotated[JointCircles | JointPoints, either(JointCircles, JointPoints)]
+    axes: LinearDefaults
+    axis: tuple[Leg, ...] = ()
+
+
+def hexapod(file: HexapodFile, name: str, folder: Path | Traversable) -> Hexapod:
+    base, platform = file.geometry.joints()
+    own = axes(LEGS, dict.fromkeys(LEGS, file.axes), file.axis)
+    return Hexapod(base, platform, axes=own, name=name, **file.geometry.options())

@@ -1,0 +1,40 @@
+"""The tripod: three arms that move a plate without turning it."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kinematics.clearance import Disc
+from kinematics.errors import MotionError
+from kinematics.legs import Legged
+
+
+class Tripod(Legged):
+    """Three arms; the plate keeps the orientation that it has at home.
+
+    base, platform  (3, 3) joint centres in the frames of base and plate, m
+    tool            (3,) the tool's centre in the plate's frame, m: poses are those of the tool
+    Everything else as `Legged` has it; a tripod that hangs has rest axes that point down. Source: [KMITL 2005].
+    """
+
+    legs = 3
+    freedom = ("x", "y", "z")
+
+    def __init__(
+        self,
+        base: ArrayLike,
+        platform: ArrayLike,
+        *,
+        tool: ArrayLike = (0.0, 0.0, 0.0),
+        platform_disc: Disc | None = None,
+        **options: Any,
+    ) -> None:
+        offset = np.asarray(tool, float)
+        if offset.shape != (3,) or not np.isfinite(offset).all():
+            machine = options.get("name") or "tripod"
+            raise MotionError(f"machine {machine}: tool must be a finite point (3,) in the plate's frame, not {tool!r}")
+        if platform_disc is not None:
+            platform_disc = replace(platform_disc, centre=np.asarray(platform_disc.centre, float) - offset)
+        super().__init__(base, np.asarray(platform, float) - offset, platform_disc=platform_disc, **options)
