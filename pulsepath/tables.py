@@ -94,33 +94,35 @@ def of_calibration(found: Calibration) -> list[Table]:
 
 def of_machines(machines: Iterable[Machine]) -> list[Table]:
     """Axes, travel and limits of each machine; axes that share them share a row."""
-    head = ("machine", "axes", "freedom", "travel", "pulse", "speed", "acceleration", "jerk")
+    head = ("machine!", "axes", "freedom", "travel!", "pulse!", "speed!", "acceleration!", "jerk!")
     table = _table("bundled machines", *head)
     for machine in machines:
         alike: dict[tuple[str, ...], list[str]] = {}
         for axis in machine.axes:
             alike.setdefault(_limits(axis), []).append(axis.name)
         for n, (limits, names) in enumerate(alike.items()):
-            start = (
-                (machine.name, ", ".join(names), " ".join(machine.freedom)) if n == 0 else ("", ", ".join(names), "")
-            )
-            table.add_row(*start, *limits)
+            some = ", ".join(names) if len(names) <= 3 else f"{names[0]} … {names[-1]}"
+            table.add_row(machine.name if n == 0 else "", some, " ".join(machine.freedom) if n == 0 else "", *limits)
     return [table]
 
 
 def _limits(axis: Axis) -> tuple[str, ...]:
     unit, scale = HUMAN[axis.unit]
-    low, high = (f"{scale * bound:g}" for bound in axis.travel)
+    low, high = axis.travel
+    travel = "unlimited" if high == inf else f"{scale * low:g} … {scale * high:g} {unit}"
+    pulse = f"{1e6 * axis.pulse:g} µm" if axis.unit == "m" else f"{scale * axis.pulse:.4g} {unit}"
     bounds = ((axis.max_speed, "/s"), (axis.max_acceleration, "/s²"), (axis.max_jerk, "/s³"))
     shown = ("unlimited" if bound is None else f"{scale * bound:g} {unit}{per}" for bound, per in bounds)
-    return f"{low} … {high} {unit}", f"{1e6 * axis.pulse:g} {MICRO[axis.unit]}", *shown
+    return travel, pulse, *shown
 
 
 def _table(title: str, *columns: str) -> Table:
-    """A table; a column whose name ends in # holds numbers."""
+    """A table; a column whose name ends in # holds numbers, one that ends in ! is never broken."""
     table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, pad_edge=False)
     for name in columns:
-        table.add_column(name.removesuffix("#"), justify="right" if name.endswith("#") else "left")
+        table.add_column(
+            name.rstrip("#!"), justify="right" if name.endswith("#") else "left", no_wrap=name.endswith("!")
+        )
     return table
 
 
