@@ -1,26 +1,33 @@
 """Machines: pose <-> actuator coordinates, joint tilt, travel, and proofs about them."""
 
 from kinematics.accuracy import Budget, error_budget
+from kinematics.arm import Arm
 from kinematics.axis import Axis
 from kinematics.beam import Beam
 from kinematics.calibration import Calibration, Measurements, calibrate
 from kinematics.catalogue import Actuator, Joint, load_actuators, load_joints
+from kinematics.clearance import Disc
 from kinematics.deflection import Deflection
 from kinematics.error_sources import Backlash, LeadError, PulseLength, Quantization, Temperature
 from kinematics.errors import Fault, FileError, MotionError, OutOfReach
 from kinematics.forward import Forward
 from kinematics.hexapod import Hexapod
 from kinematics.leadscrew_axis import Leadscrew, Slide, StepMotor, Traverse
+from kinematics.linkage import Linkage
 from kinematics.machine import Machine
 from kinematics.margins import Margins
 from kinematics.needs import ActuatorNeed, AxisMotion, JointNeed, actuator_need, joint_need
 from kinematics.pose import Pose
 from kinematics.selection import Selection, select_parts
 from kinematics.sizing import StepperSizing, size_stepper
+from kinematics.traverser import Traverser
+from kinematics.tripod import Tripod
+from kinematics.workspace import Workspace, workspace
 
 __all__ = [
     "Actuator",
     "ActuatorNeed",
+    "Arm",
     "Axis",
     "AxisMotion",
     "Backlash",
@@ -28,6 +35,7 @@ __all__ = [
     "Budget",
     "Calibration",
     "Deflection",
+    "Disc",
     "Fault",
     "FileError",
     "Forward",
@@ -36,6 +44,7 @@ __all__ = [
     "JointNeed",
     "LeadError",
     "Leadscrew",
+    "Linkage",
     "Machine",
     "Margins",
     "Measurements",
@@ -50,6 +59,9 @@ __all__ = [
     "StepperSizing",
     "Temperature",
     "Traverse",
+    "Traverser",
+    "Tripod",
+    "Workspace",
     "actuator_need",
     "calibrate",
     "error_budget",
@@ -61,6 +73,7 @@ __all__ = [
     "machine_names",
     "select_parts",
     "size_stepper",
+    "workspace",
 ]
 
 

@@ -17,19 +17,25 @@ if TYPE_CHECKING:
     from benchmarks.report import write_report
     from controllers import Metrics, Tracking, evaluate, find_law, law_names, track
     from kinematics import (
+        Arm,
         Axis,
         Calibration,
         FileError,
         Hexapod,
+        Linkage,
         Machine,
         Measurements,
         MotionError,
         OutOfReach,
         Pose,
+        Traverser,
+        Tripod,
+        Workspace,
         calibrate,
         load_machine,
         load_measurements,
         machine_names,
+        workspace,
     )
     from planner import (
         Arc,
@@ -44,6 +50,7 @@ if TYPE_CHECKING:
         Program,
         PulseSchedule,
         Solution,
+        Standing,
         Stop,
         Trajectory,
         Turn,
@@ -57,6 +64,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Arc",
+    "Arm",
     "Axis",
     "Blend",
     "Calibration",
@@ -67,6 +75,7 @@ __all__ = [
     "Hexapod",
     "Infeasible",
     "Line",
+    "Linkage",
     "Machine",
     "Measurements",
     "Metrics",
@@ -78,10 +87,14 @@ __all__ = [
     "Program",
     "PulseSchedule",
     "Solution",
+    "Standing",
     "Stop",
     "Tracking",
     "Trajectory",
+    "Traverser",
+    "Tripod",
     "Turn",
+    "Workspace",
     "calibrate",
     "check",
     "classical",
@@ -96,6 +109,7 @@ __all__ = [
     "program_names",
     "time_optimal",
     "track",
+    "workspace",
     "write_report",
 ]
 

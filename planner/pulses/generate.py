@@ -21,7 +21,7 @@ TICK_ERROR = 1e-4  # of a crossing time before it is rounded to a whole tick
 FINE = 1e-6  # of a pulse: how well the motion is met where its own noise hides more
 COARSE = 1e-3  # of a pulse: rounding may not blur a count by more
 
-POLISHING = 3  # Newton steps on the motion itself
+POLISHING = 5  # looks at the motion itself, each a Newton step from the one before
 
 Refuse = Callable[[], Infeasible]
 Exact = Callable[[Array, Array], Array]
@@ -92,12 +92,16 @@ def _follow(x: Array, slack: float) -> Ticks:
 
 def _exact(trajectory: Motion, k: int, pulse: float, home: float, clock_hz: int, time: Array, level: Array) -> Array:
     """Crossing times (N,) in ticks by the motion itself, from times that are good but not to the tick."""
+    nearest, least = time, np.full(len(time), np.inf)
     for _ in range(POLISHING):
         state = trajectory.at(np.clip(time / clock_hz, 0.0, trajectory.duration))
+        off = (state.q[:, k] - home) / pulse - level
+        nearer = abs(off) < least
+        nearest, least = np.where(nearer, time, nearest), np.where(nearer, abs(off), least)
         with np.errstate(divide="ignore", invalid="ignore"):
-            step = ((state.q[:, k] - home) / pulse - level) / (state.qd[:, k] / pulse / clock_hz)
-        time = np.where(abs(step) < 1, time - step, time)  # at a turning point the tick at hand is as good
-    return time
+            step = off / (state.qd[:, k] / pulse / clock_hz)
+        time = nearest - np.where(nearer & np.isfinite(step), step, 0.0)  # at a turning point the nearest stays
+    return nearest
 
 
 def _fire(stretches: Stretches, counts: Ticks, refuse: Refuse, exact: Exact, blur: float) -> tuple[Ticks, Signs]:
