@@ -7,8 +7,8 @@ from pathlib import Path
 
 from kinematics import Machine, MotionError, load_machine
 from planner import Program, Trajectory, load_program
+from planner.export import motion_json
 from planner.plan import actuate
-from pulsepath import motion_file
 from pulsepath.directory import RECORD, is_ours
 from pulsepath.inputs import Inputs
 from pulsepath.job import Job
@@ -30,12 +30,11 @@ class Planned:
 def write(folder: Path, job: Job, inputs: Inputs) -> None:
     """Write everything into an empty folder, the record last."""
     from benchmarks.report import write_report
-    from planner.export import pulse_csv
-    from pulsepath import trajectory_csv
+    from planner.export import pulse_csv, trajectory_csv
 
     (folder / SOURCES["program"]).write_bytes(inputs.program_toml)
     (folder / SOURCES["machine"]).write_bytes(inputs.machine_toml)
-    motion_file.write(job.plan.trajectory, folder / MOTION)
+    motion_json.write(job.plan.trajectory, folder / MOTION)
     trajectory_csv.write(job.plan, folder / TRAJECTORY)
     pulse_csv.write(job.plan.pulses, folder / PULSES, [axis.direction for axis in job.plan.machine.axes])
     write_report(job.plan, job.classical, job.metrics, folder / REPORT, verdict=job.verdict)
@@ -52,4 +51,4 @@ def read(folder: Path) -> Planned:
         if sha256(content).hexdigest() != digests.get(what):
             raise MotionError(f"{folder / name} is not the {what} that the plan was made from: plan it again")
     program, machine = load_program(folder / SOURCES["program"]), load_machine(str(folder / SOURCES["machine"]))
-    return Planned(program, machine, motion_file.read(folder / MOTION, actuate(program, machine)))
+    return Planned(program, machine, motion_json.read(folder / MOTION, actuate(program, machine)))

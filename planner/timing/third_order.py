@@ -27,7 +27,6 @@ from planner.timing.patience import Patience
 from planner.timing.problem import Block, Problem
 from planner.timing.profile import Profile
 
-TERMS = frozenset(Term)
 Solver = Literal["fatrop", "ipopt"]
 # The cost is the duration in thousandths of the guess', which suits the solver's tolerances, and a trace for jerk: as a
 # share of its limit, squared and averaged over the guess' time. Where many motions take the same time it chooses a calm

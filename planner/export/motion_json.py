@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 
 from kinematics import Fault, FileError
-from planner import Trajectory
 from planner.actuation import ActuatorPath
+from planner.trajectory import Trajectory
 
 PIECES = ("s", "v", "a", "j", "piece")
 """One entry per time piece, as `Trajectory` has them; its knots are one more."""

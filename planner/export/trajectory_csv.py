@@ -12,7 +12,7 @@ import numpy as np
 
 from kinematics.array import Array
 from kinematics.pose import from_numbers
-from planner import Plan
+from planner.plan import Plan
 
 PERIOD = 1e-3
 """s from row to row; the last row is the end of the motion."""
