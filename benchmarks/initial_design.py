@@ -8,7 +8,9 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics.array import Array
 from kinematics.axis import Axis
+from kinematics.dynamics import forces
 from kinematics.hexapod import Hexapod, joint_circle
+from kinematics.motion import motion_of_poses
 from kinematics.needs import ActuatorNeed, AxisMotion, JointNeed, actuator_need, joint_need
 
 PRINTED = ActuatorNeed(stroke=47.58e-3, force=54.563)
@@ -40,14 +42,12 @@ def progress(t: Array) -> tuple[Array, Array]:
 
 
 def needs() -> tuple[ActuatorNeed, JointNeed]:
-    """Stroke, speed and static force of massless legs, Jᵀ f = −wrench, over the samples of the printed move."""
+    """Stroke, speed and static force of legs without mass, over the samples of the printed move."""
     initial = machine()
     share, rate = progress(np.linspace(0.0, DURATION, SAMPLES))
     pose = RigidTransform.from_components(
         FROM + share[:, None] * (TO - FROM), Rotation.from_rotvec(share[:, None] * [TILT, 0, 0])
     )
-    jacobian = initial.jacobian(pose)
-    twist = np.concatenate([TO - FROM, [TILT, 0, 0]])
-    speed = rate[:, None] * (jacobian @ twist)
-    force = -np.linalg.solve(jacobian.swapaxes(1, 2), WRENCH[:, None])[:, :, 0]
-    return actuator_need([AxisMotion(initial.inverse(pose), speed, force)]), joint_need(initial, pose, force)
+    motion = motion_of_poses(initial, pose, rate[:, None] * np.concatenate([TO - FROM, [TILT, 0, 0]]))
+    force = forces(initial, motion, wrench=WRENCH).force
+    return actuator_need([AxisMotion(motion.q, motion.qd, force)]), joint_need(initial, pose, force)

@@ -13,6 +13,7 @@ from kinematics.array import Array, frozen
 from kinematics.axis import Axis
 from kinematics.errors import Fault, FileError, MotionError
 from kinematics.machine import Machine
+from kinematics.pinocchio_adapter import pinocchio
 from kinematics.pose import Pose, numbers
 from kinematics.traverser import nearest
 
@@ -24,13 +25,15 @@ STRAIGHT = 1e-9
 class Joints:
     """Three revolute joints at q = 0, in the base frame: a point on each axis and its direction, both (3, 3); the tool.
 
-    tool  (3,) position and (3, 3) rotation of the tool's frame
+    tool   (3,) position and (3, 3) rotation of the tool's frame
+    links  what each joint moves, as it lies at q = 0 in the base frame: mass, centre (3,) and inertia (3, 3) about it
     """
 
     points: Array
     directions: Array
     tool: Array
     tool_rotation: Array
+    links: tuple[tuple[float, Array, Array], ...] = ()
 
 
 class Arm(Machine):
@@ -123,10 +126,7 @@ class Arm(Machine):
 
 def read_urdf(path: Path, joints: Sequence[str], tool: str) -> Joints:
     """The named joints and tool frame of a URDF at q = 0, by pinocchio. Raises FileError for what it does not hold."""
-    try:
-        import pinocchio as pin
-    except ImportError as missing:
-        raise MotionError("an arm's URDF needs pinocchio (pin), which has no wheel for this platform") from missing
+    pin = pinocchio("an arm's URDF")
     try:
         model = pin.buildModelFromUrdf(str(path))
     except (ValueError, RuntimeError) as failure:
@@ -153,9 +153,11 @@ def read_urdf(path: Path, joints: Sequence[str], tool: str) -> Joints:
         directions.append(spin.angular.copy())
     pin.framesForwardKinematics(model, data, pin.neutral(model))
     frame = data.oMf[model.getFrameId(tool)]
+    moved = [data.oMi[k].act(model.inertias[k]) for k in (model.getJointId(name) for name in joints)]
     return Joints(
         frozen(points),
         frozen(directions),
         frozen(frame.translation),
         frozen(frame.rotation),
+        tuple((float(link.mass), frozen(link.lever), frozen(link.inertia)) for link in moved),
     )

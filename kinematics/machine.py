@@ -18,6 +18,7 @@ from kinematics.forward import Forward, solve
 from kinematics.freedom import COMPONENTS, refuse
 from kinematics.margins import Margins, measure
 from kinematics.pose import Pose, column, numbers, symbols
+from kinematics.rates import rates
 
 
 class Machine(ABC):
@@ -102,6 +103,12 @@ class Machine(ABC):
         """Pose numbers (12) -> cosines of the joints' tilts (m)."""
         x = ca.SX.sym("x", 12)
         return Expression("tilts", x, self.tilts(*symbols(x)))
+
+    @cached_property
+    def rates_map(self) -> Expression:
+        """The same, a twist (6) and its rate (6) -> q̇ (n), q̈ (n), and twist and rate (6, 6) of what is carried."""
+        x, near = self._symbols()
+        return rates(self, x, near, self._inputs(x, near))
 
     def _symbols(self) -> tuple[ca.SX, ca.SX]:
         return ca.SX.sym("x", 12), ca.SX.sym("near", len(self.axes))

@@ -1,0 +1,84 @@
+"""Rigid bodies as data: mass, centre of mass, inertia."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from kinematics.array import Array, frozen
+from kinematics.errors import MotionError
+
+# Rounding, as a share of the largest moment, that an inertia may be off what a rigid body can have.
+ROUNDING = 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class Body:
+    """A rigid body in the frame of the part that it belongs to.
+
+    mass     kg; 0 for what weighs nothing
+    centre   (3,) m, its centre of mass
+    inertia  (3, 3) kg·m² about the centre of mass, along the axes of the frame
+    name     what an error calls it
+
+    Raises MotionError for what no rigid body has: principal moments must be ≥ 0, none above the sum of the others.
+    """
+
+    mass: float = 0.0
+    centre: Array = field(default_factory=lambda: np.zeros(3))
+    inertia: Array = field(default_factory=lambda: np.zeros((3, 3)))
+    name: str = "body"
+
+    def __post_init__(self) -> None:
+        centre, inertia = np.asarray(self.centre, float), np.asarray(self.inertia, float)
+        if not (0 <= self.mass < np.inf):
+            raise MotionError(f"{self.name}: mass {self.mass} kg must be finite and not below 0")
+        if centre.shape != (3,) or not np.isfinite(centre).all():
+            raise MotionError(f"{self.name}: centre must be a finite point (3,) in m, not {self.centre!r}")
+        if inertia.shape != (3, 3) or not np.isfinite(inertia).all():
+            raise MotionError(f"{self.name}: inertia must be a finite (3, 3) in kg·m², not shape {inertia.shape}")
+        slack = ROUNDING * float(np.abs(inertia).max())
+        if np.abs(inertia - inertia.T).max() > slack:
+            raise MotionError(f"{self.name}: inertia {inertia.tolist()} kg·m² must be symmetric")
+        low, middle, high = np.linalg.eigvalsh(inertia)
+        if low < -slack or high > low + middle + slack:
+            raise MotionError(
+                f"{self.name}: principal moments {low:.6g}, {middle:.6g}, {high:.6g} kg·m² are no rigid body's: "
+                "each must be at least 0 and at most the sum of the other two"
+            )
+        if self.mass == 0 and inertia.any():
+            raise MotionError(f"{self.name}: inertia without mass; state the mass")
+        object.__setattr__(self, "centre", frozen(centre))
+        object.__setattr__(self, "inertia", frozen(inertia))
+
+
+def cylinder(mass: float, radius: float, low: float, high: float, name: str = "cylinder") -> Body:
+    """A solid cylinder along z from low to high (m): I_z = m r²/2, I_x = I_y = m (3 r² + h²)/12."""
+    if not (0 <= radius < np.inf and low < high):
+        raise MotionError(f"{name}: radius {radius} m must not be below 0, and {low} m must lie below {high} m")
+    across, along = mass * (3 * radius**2 + (high - low) ** 2) / 12, mass * radius**2 / 2
+    return Body(mass, frozen([0, 0, (low + high) / 2]), frozen(np.diag([across, across, along])), name)
+
+
+@dataclass(frozen=True, slots=True)
+class Leg:
+    """The two parts of a linear actuator between a universal joint on the base and a spherical one on the platform.
+
+    barrel      what turns about the base joint: in a frame at that joint's centre, z along the leg to the platform
+    rod         what also slides: in a frame at the platform joint's centre, its axes parallel to the barrel's
+    first_axis  (3,) axis of the universal joint that stands still in the base frame; its part along the leg at home
+                does not count. None: the axis of the base that lies most across the leg at home
+
+    At home, x of both frames is the first axis made perpendicular to the leg.
+    """
+
+    barrel: Body
+    rod: Body
+    first_axis: Array | None = None
+
+    def __post_init__(self) -> None:
+        if self.first_axis is None:
+            return
+        axis = np.asarray(self.first_axis, float)
+        if axis.shape != (3,) or not np.isfinite(axis).all() or not axis.any():
+            raise MotionError(f"leg: first_axis must be a direction (3,), finite and not zero, not {self.first_axis!r}")
+        object.__setattr__(self, "first_axis", frozen(axis))

@@ -1,0 +1,123 @@
+"""Actuator forces of a motion: of the platform's mass, a wrench on it and gravity, and of what legs and links weigh."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kinematics.arm import Arm
+from kinematics.arm_dynamics import link_torques
+from kinematics.array import Array, frozen
+from kinematics.body import Body, Leg
+from kinematics.closed_loop import leg_forces
+from kinematics.errors import MotionError
+from kinematics.hexapod import Hexapod
+from kinematics.machine import Machine
+from kinematics.massless import massless_forces
+from kinematics.motion import Motion, Moving, motion_of_axes
+from kinematics.text_table import aligned
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+GRAVITY = (0.0, 0.0, -9.80665)
+"""m/s², where the base stands upright."""
+
+
+@dataclass(frozen=True, slots=True)
+class Forces:
+    """force (N, n): what each actuator gives, N along a linear axis and N·m about a rotary one.
+
+    Positive pushes towards greater q, so that force · q̇ is the power that the actuator gives.
+    """
+
+    machine: Machine
+    motion: Motion
+    force: Array
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "force", frozen(self.force))
+
+    @property
+    def power(self) -> Array:
+        """(N, n) W; negative where the actuator brakes."""
+        return np.asarray(self.force * self.motion.qd, float)
+
+    @property
+    def use(self) -> Array:
+        """(n,) largest |force| as a share of each axis' max_force; 0 where it states none."""
+        most = [np.inf if axis.max_force is None else axis.max_force for axis in self.machine.axes]
+        return np.asarray(np.abs(self.force).max(0) / most, float)
+
+    def plot(self, t: ArrayLike | None = None, ax: Axes | None = None) -> Axes:
+        """Force of every axis over the instants, or over their times t (N,) in s."""
+        from kinematics.force_plots import force
+
+        return force(self, None if t is None else np.asarray(t, float), ax)
+
+    def __str__(self) -> str:
+        rows = [
+            [axis.name, f"{low:.6g}", f"{high:.6g}", "N" if axis.kind == "linear" else "N m", f"{power:.6g}"]
+            for axis, low, high, power in zip(
+                self.machine.axes, self.force.min(0), self.force.max(0), np.abs(self.power).max(0), strict=True
+            )
+        ]
+        return aligned(["axis", "least", "most", "unit", "|power| in W"], rows)
+
+
+def forces(
+    machine: Machine,
+    motion: Motion | Moving,
+    *,
+    platform: Body | None = None,
+    wrench: ArrayLike = (0.0,) * 6,
+    gravity: ArrayLike = GRAVITY,
+    legs: Leg | Sequence[Leg] | None = None,
+    reflected: ArrayLike = 0.0,
+) -> Forces:
+    """The forces that the actuators give in a motion, by inverse dynamics at every one of its N instants.
+
+    motion     a `Motion`, or the state of a trajectory at N times
+    platform   what moves with the platform's (tool's) frame, in that frame; nothing by default
+    wrench     (6,) or (N, 6) N and N·m that act on the platform from outside at its origin, in the base frame
+    gravity    (3,) m/s² in the base frame
+    legs       a hexapod's leg, or six: then they have inertia, in closed loops. None: legs without mass
+    reflected  kg or kg·m², one or (n,): rotors and screws as each axis feels them; adds reflected · q̈ to its force
+
+    An arm's links weigh what its URDF says. Other moving parts weigh nothing, and nothing rubs. Raises MotionError for
+    a singular pose, for what does not fit the machine, and where pinocchio is needed (legs, arm) but not installed.
+    """
+    moving = motion if isinstance(motion, Motion) else motion_of_axes(machine, motion)
+    n, count = len(machine.axes), len(moving)
+    if moving.q.shape[1] != n:
+        raise MotionError(f"machine {machine.name} has {n} axes; the motion has {moving.q.shape[1]}")
+    body = Body() if platform is None else platform
+    load = _shaped(machine, "wrench", wrench, "N and N·m", (count, 6))
+    down = _shaped(machine, "gravity", gravity, "m/s²", (3,))
+    own = _shaped(machine, "reflected", reflected, "kg or kg·m²", (n,))
+    if (own < 0).any():
+        raise MotionError(f"machine {machine.name}: reflected inertias {own.tolist()} must not be below 0")
+    if legs is not None:
+        if not isinstance(machine, Hexapod):
+            raise MotionError(f"machine {machine.name} is no hexapod: legs with inertia are known for hexapods only")
+        six = (legs,) * 6 if isinstance(legs, Leg) else tuple(legs)
+        if len(six) != 6:
+            raise MotionError(f"machine {machine.name}: {len(six)} legs with inertia; give one for all, or six")
+        found = leg_forces(machine, six, moving, body, load, down)
+    else:
+        found = massless_forces(machine, moving, body, load, down)
+        if isinstance(machine, Arm):
+            found = found + link_torques(machine, moving, down)
+    return Forces(machine, moving, found + own * moving.qdd)
+
+
+def _shaped(machine: Machine, what: str, values: ArrayLike, unit: str, shape: tuple[int, ...]) -> Array:
+    array = np.asarray(values, float)
+    fits = array.ndim <= len(shape) and all(a in (b, 1) for a, b in zip(array.shape[::-1], shape[::-1], strict=False))
+    if not fits or not np.isfinite(array).all() or (array.ndim == 0 and what != "reflected"):
+        raise MotionError(f"machine {machine.name}: {what} must be finite numbers {shape} in {unit}, not {values!r}")
+    return np.broadcast_to(array, shape)

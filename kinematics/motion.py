@@ -1,0 +1,126 @@
+"""A motion at N instants: of the axes and of the platform, either from the other."""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kinematics.array import Array, frozen
+from kinematics.errors import MotionError, OutOfReach
+from kinematics.freedom import COMPONENTS, columns
+from kinematics.machine import Machine
+from kinematics.pose import Pose, from_numbers, numbers
+
+# Condition of the Jacobian (turns at the characteristic length) above which coordinates no longer tell the motion.
+SINGULAR = 1e10
+
+
+class Moving(Protocol):
+    """Anything that states pose, q, q̇, q̈ (N, n) at N instants, such as what a trajectory is at times."""
+
+    @property
+    def pose(self) -> Pose | None: ...
+    @property
+    def q(self) -> Array: ...
+    @property
+    def qd(self) -> Array: ...
+    @property
+    def qdd(self) -> Array: ...
+
+
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """Poses of the platform at N instants, what follows filled in, and the axes' coordinates q, q̇, q̈ (N, n).
+
+    twist         (N, 6) velocity of the platform's origin (m/s) and angular velocity (rad/s), in the base frame
+    acceleration  (N, 6) their rates
+    """
+
+    pose: Pose
+    q: Array
+    qd: Array
+    qdd: Array
+    twist: Array
+    acceleration: Array
+
+    def __post_init__(self) -> None:
+        for name in ("q", "qd", "qdd", "twist", "acceleration"):
+            object.__setattr__(self, name, frozen(getattr(self, name)))
+
+    def __len__(self) -> int:
+        return len(self.q)
+
+
+def motion_of_poses(
+    machine: Machine,
+    pose: Pose,
+    twist: ArrayLike | None = None,
+    acceleration: ArrayLike | None = None,
+    near: ArrayLike | None = None,
+) -> Motion:
+    """The motion with these poses, twists (N, 6) and accelerations (N, 6); at rest where they are not given.
+
+    What follows is filled in, whatever is given for it. Raises OutOfReach where a pose has no coordinates, MotionError
+    where a twist leaves the machine's freedom. near as in `Machine.inverse`.
+    """
+    q = np.atleast_2d(machine.inverse(pose, near))
+    held = [k for k, name in enumerate(COMPONENTS) if name not in machine.freedom + machine.follows]
+    given = []
+    for what, values in (("twist", twist), ("acceleration", acceleration)):
+        rows = np.zeros((len(q), 6)) if values is None else np.atleast_2d(np.asarray(values, float))
+        if rows.shape not in ((len(q), 6), (1, 6)) or not np.isfinite(rows).all():
+            raise MotionError(
+                f"machine {machine.name}: {what} must be finite, ({len(q)}, 6) for {len(q)} poses, not {rows.shape}"
+            )
+        rows = np.broadcast_to(rows, (len(q), 6))
+        if rows[:, held].any():
+            instant, k = np.argwhere(rows[:, held])[0]
+            raise OutOfReach(
+                f"machine {machine.name} holds {COMPONENTS[held[k]]}: the {what} at instant {instant} has "
+                f"{rows[instant, held[k]]:.6g} of it; it moves {', '.join(machine.freedom)} only"
+            )
+        given.append(rows)
+    return _filled(machine, numbers(pose), q, *given)
+
+
+def motion_of_axes(machine: Machine, state: Moving) -> Motion:
+    """The motion of the platform from that of the axes: J ν = q̇ and J ν̇ = q̈ − J̇ ν, solved for what is controlled.
+
+    Raises MotionError where the machine is singular, so that the axes do not tell the motion.
+    """
+    if state.pose is None:
+        raise MotionError("forces need a pose; this motion has no machine")
+    x, q = numbers(state.pose), np.atleast_2d(state.q)
+    free, n = columns(machine), len(machine.axes)
+    inputs = machine.inputs(x, q)
+    jacobian = controlled(machine, x, q)
+    twist, acceleration = np.zeros((2, len(q), 6))
+    twist[:, free] = np.linalg.solve(jacobian, np.atleast_2d(state.qd)[:, :, None])[:, :, 0]
+    bias = machine.rates_map(np.concatenate([inputs, twist, acceleration], 1))[:, n : 2 * n]
+    acceleration[:, free] = np.linalg.solve(jacobian, (np.atleast_2d(state.qdd) - bias)[:, :, None])[:, :, 0]
+    return _filled(machine, x, q, twist, acceleration)
+
+
+def controlled(machine: Machine, x: Array, q: Array) -> Array:
+    """(N, n, n) the Jacobian's columns of what the machine controls. Raises MotionError at a singular pose."""
+    free, n = columns(machine), len(machine.axes)
+    jacobian = machine.jacobian_map(machine.inputs(x, q)).reshape(-1, n, 6)[:, :, free]
+    scale = np.where(free < 3, 1.0, 1.0 / machine.characteristic_length)
+    with np.errstate(all="ignore"):
+        broken = ~(np.linalg.cond(jacobian * scale) < SINGULAR)
+    if broken.any():
+        instant = int(np.argmax(broken))
+        raise MotionError(
+            f"machine {machine.name} is singular at instant {instant}, position {x[instant, :3] * 1e3} mm: "
+            "its actuators cannot bear every wrench there; keep away from it"
+        )
+    return jacobian
+
+
+def _filled(machine: Machine, x: Array, q: Array, twist: Array, acceleration: Array) -> Motion:
+    n, inputs = len(machine.axes), machine.inputs(x, q)
+    out = machine.rates_map(np.concatenate([inputs, twist, acceleration], 1))
+    qd, qdd, twist, acceleration = np.split(out, [n, 2 * n, 2 * n + 6], 1)
+    pose = from_numbers(machine.carried_map(inputs) if machine.follows else x)
+    return Motion(pose, q, qd, qdd, twist, acceleration)
