@@ -5,11 +5,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.polynomial import chebyshev
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics import Axis, Hexapod, load_machine
 from kinematics.document import read
+from kinematics.freedom import columns
 from kinematics.hexapod import joint_circle
+from kinematics.motion import motion_of_poses
 
 PUBLISHED = tomllib.loads((Path(__file__).parents[1] / "data" / "conformance.toml").read_text())
 INCH = 0.0254
@@ -129,3 +132,48 @@ def poses_about():
         )
 
     return make
+
+
+class Spectrum:
+    """Motions known at Chebyshev nodes of [0, 0.8 s], where what is smooth is differentiated to nearly rounding."""
+
+    nodes, duration, gravity = 36, 0.8, 9.80665
+    points = chebyshev.chebpts1(nodes)
+    t = duration / 2 * (1 + points)
+
+    def rate(self, values):
+        """d/dt at the nodes of values (nodes, ...)."""
+        fitted = chebyshev.chebfit(self.points, values.reshape(self.nodes, -1), self.nodes - 1)
+        slopes = chebyshev.chebval(self.points, chebyshev.chebder(fitted)).T
+        return (2 / self.duration * slopes).reshape(values.shape)
+
+    def turning(self, rotation):
+        """ω (nodes, 3) of Ṙ Rᵀ = ω×."""
+        spin = self.rate(rotation) @ rotation.swapaxes(1, 2)
+        return np.stack([spin[:, 2, 1], spin[:, 0, 2], spin[:, 1, 0]], 1)
+
+    def energy(self, body, place, rotation):
+        """Kinetic and potential energy of a body whose frame is at place (nodes, 3), rotation (nodes, 3, 3)."""
+        centre = place + rotation @ body.centre
+        spin = np.einsum("nji,nj->ni", rotation, self.turning(rotation))
+        kinetic = (body.mass * (self.rate(centre) ** 2).sum(1) + np.einsum("ni,ij,nj->n", spin, body.inertia, spin)) / 2
+        return kinetic + body.mass * self.gravity * centre[:, 2]
+
+    def smooth(self, machine, shift, turn, seed=0):
+        """A motion by up to shift (m) and turn (rad) about home in all that the machine controls."""
+        random, off = np.random.default_rng(seed), np.zeros((self.nodes, 6))
+        phase, pace = random.uniform(0, 6, len(machine.freedom)), random.uniform(2, 5, len(machine.freedom))
+        sizes = np.array([shift] * 3 + [turn] * 3)[columns(machine)]
+        off[:, columns(machine)] = sizes * np.sin(phase + pace * self.t[:, None])
+        turned = Rotation.from_rotvec(off[:, 3:])
+        pose = RigidTransform.from_components(machine.home.translation + off[:, :3], turned * machine.home.rotation)
+        twist = np.concatenate([self.rate(off[:, :3]), self.turning(turned.as_matrix())], 1)
+        acceleration = self.rate(twist)
+        held = [k for k in range(6) if k not in columns(machine)]
+        twist[:, held] = acceleration[:, held] = 0.0  # but for rounding they are
+        return motion_of_poses(machine, pose, twist, acceleration)
+
+
+@pytest.fixture(scope="session")
+def spectrum():
+    return Spectrum()
