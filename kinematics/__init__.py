@@ -4,10 +4,12 @@ from kinematics.accuracy import Budget, error_budget
 from kinematics.arm import Arm
 from kinematics.axis import Axis
 from kinematics.beam import Beam
+from kinematics.body import Body, Leg
 from kinematics.calibration import Calibration, Measurements, calibrate
 from kinematics.catalogue import Actuator, Joint, load_actuators, load_joints
 from kinematics.clearance import Disc
 from kinematics.deflection import Deflection
+from kinematics.dynamics import Forces, forces
 from kinematics.error_sources import Backlash, LeadError, PulseLength, Quantization, Temperature
 from kinematics.errors import Fault, FileError, MotionError, OutOfReach
 from kinematics.forward import Forward
@@ -16,6 +18,7 @@ from kinematics.leadscrew_axis import Leadscrew, Slide, StepMotor, Traverse
 from kinematics.linkage import Linkage
 from kinematics.machine import Machine
 from kinematics.margins import Margins
+from kinematics.motion import Motion, motion_of_axes, motion_of_poses
 from kinematics.needs import ActuatorNeed, AxisMotion, JointNeed, actuator_need, joint_need
 from kinematics.pose import Pose
 from kinematics.selection import Selection, select_parts
@@ -32,22 +35,26 @@ __all__ = [
     "AxisMotion",
     "Backlash",
     "Beam",
+    "Body",
     "Budget",
     "Calibration",
     "Deflection",
     "Disc",
     "Fault",
     "FileError",
+    "Forces",
     "Forward",
     "Hexapod",
     "Joint",
     "JointNeed",
     "LeadError",
     "Leadscrew",
+    "Leg",
     "Linkage",
     "Machine",
     "Margins",
     "Measurements",
+    "Motion",
     "MotionError",
     "OutOfReach",
     "Pose",
@@ -65,12 +72,15 @@ __all__ = [
     "actuator_need",
     "calibrate",
     "error_budget",
+    "forces",
     "joint_need",
     "load_actuators",
     "load_joints",
     "load_machine",
     "load_measurements",
     "machine_names",
+    "motion_of_axes",
+    "motion_of_poses",
     "select_parts",
     "size_stepper",
     "workspace",

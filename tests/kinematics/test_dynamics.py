@@ -9,7 +9,7 @@ from benchmarks import initial_design
 from kinematics import MotionError, OutOfReach, load_machine
 from kinematics.arm import Arm, Joints
 from kinematics.axis import Axis
-from kinematics.body import Body, Leg, cylinder
+from kinematics.body import Body, Leg, cylinder, together
 from kinematics.dynamics import GRAVITY, forces
 from kinematics.freedom import COMPONENTS
 from kinematics.motion import motion_of_axes, motion_of_poses
@@ -192,6 +192,15 @@ def test_a_cylinder_is_a_stack_of_discs():
     across = (2.0 / 2000 * (0.03**2 / 4 + (middle - middle.mean()) ** 2)).sum()
     assert body.centre == pytest.approx([0, 0, middle.mean()])
     assert np.diag(body.inertia) == pytest.approx([across, across, 2.0 * 0.03**2 / 2], rel=1e-6)
+
+
+def test_bodies_together_need_what_each_needs(spectrum):
+    """A plate with a payload gives the sum of both forces; inverse dynamics are linear in bodies, Steiner or not."""
+    hexapod = load_machine("hexapod")
+    motion, payload = spectrum.smooth(hexapod, 0.02, 0.1), Body(2.0, [0.05, 0, 0.1], np.diag([0.01, 0.02, 0.015]))
+    one = forces(hexapod, motion, platform=together(PLATFORM, payload, Body())).force
+    two = sum(forces(hexapod, motion, platform=body).force for body in (PLATFORM, payload))
+    assert one == pytest.approx(two, rel=1e-10, abs=1e-10)
 
 
 @pytest.mark.parametrize(
