@@ -91,14 +91,20 @@ def motion_of_axes(machine: Machine, state: Moving) -> Motion:
     """
     if state.pose is None:
         raise MotionError("forces need a pose; this motion has no machine")
-    x, q = numbers(state.pose), np.atleast_2d(state.q)
-    free, n = columns(machine), len(machine.axes)
+    free, n, x = columns(machine), len(machine.axes), numbers(state.pose)
+    q, qd, qdd = (np.atleast_2d(np.asarray(each, float)) for each in (state.q, state.qd, state.qdd))
+    for what, rows in (("q", q), ("qd", qd), ("qdd", qdd)):
+        if rows.shape != (len(x), n) or not np.isfinite(rows).all():
+            raise MotionError(
+                f"machine {machine.name} has {n} axes: {what} must be finite, ({len(x)}, {n}) for {len(x)} poses, "
+                f"not {rows.shape}"
+            )
     inputs = machine.inputs(x, q)
     jacobian = controlled(machine, x, q)
     twist, acceleration = np.zeros((2, len(q), 6))
-    twist[:, free] = np.linalg.solve(jacobian, np.atleast_2d(state.qd)[:, :, None])[:, :, 0]
+    twist[:, free] = np.linalg.solve(jacobian, qd[:, :, None])[:, :, 0]
     bias = machine.rates_map(np.concatenate([inputs, twist, acceleration], 1))[:, n : 2 * n]
-    acceleration[:, free] = np.linalg.solve(jacobian, (np.atleast_2d(state.qdd) - bias)[:, :, None])[:, :, 0]
+    acceleration[:, free] = np.linalg.solve(jacobian, (qdd - bias)[:, :, None])[:, :, 0]
     return _filled(machine, x, q, twist, acceleration)
 
 

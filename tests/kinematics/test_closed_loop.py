@@ -1,5 +1,7 @@
 """Hexapods whose legs have inertia: forward dynamics, power balance, limits, hand calculation."""
 
+import sys
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
@@ -160,7 +162,7 @@ def test_what_cannot_be_is_refused(preset):
 
 
 def test_without_pinocchio_it_says_so(preset, monkeypatch):
-    monkeypatch.setitem(__import__("sys").modules, "pinocchio", None)
+    monkeypatch.setitem(sys.modules, "pinocchio", None)
     still = motion_of_poses(preset, preset.home)
     assert np.isfinite(forces(preset, still, platform=PLATFORM).force).all()
     with pytest.raises(MotionError, match="a hexapod whose legs have inertia needs pinocchio"):

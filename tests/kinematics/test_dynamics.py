@@ -243,6 +243,8 @@ def test_a_twist_off_the_freedom_and_a_singular_pose_are_refused():
     tripod = load_machine("tripod")
     with pytest.raises(OutOfReach, match=f"holds {COMPONENTS[4]}: the twist at instant 0 has 0.1"):
         motion_of_poses(tripod, tripod.home, [0, 0, 0, 0, 0.1, 0])
+    with pytest.raises(MotionError, match=r"tripod has 3 axes: q must be finite, \(1, 3\) for 1 poses, not \(1, 6\)"):
+        motion_of_axes(tripod, motion_of_poses(load_machine("hexapod"), load_machine("hexapod").home))
     with pytest.raises(MotionError, match=r"twist must be finite, \(1, 6\) for 1 poses"):
         motion_of_poses(tripod, tripod.home, np.zeros((2, 6)))
     # all arms in one plane bear nothing across it
