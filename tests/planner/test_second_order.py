@@ -241,7 +241,8 @@ def test_no_motion_is_faster_and_toppra_agrees_where_it_answers(seed, slowness, 
         other = second_order(problem, solver="toppra").duration
     except MotionError:
         return
-    assert profile.duration <= other * (1 + 1e-9)
+    # toppra's linear programmes keep their rows to some 1e-8 only, which may make it as much faster
+    assert profile.duration <= other * (1 + 1e-6)
     assert profile.duration >= other * (1 - 2e-5)
 
 
