@@ -34,7 +34,8 @@ class Forward:
     """pose; residual (N,) largest |inverse(pose) − q|; certified (N,) bool. Plain scalars for a single q.
 
     certified: inverse(pose) is q, and the straight motion from `near` to this pose meets no singularity, proved cell by
-    cell over the whole motion: a machine that goes this way from `near` arrives in this pose and no other.
+    cell over the whole motion: a machine that goes this way from `near` arrives in this pose and no other. False
+    throughout where no proof was asked for.
     """
 
     pose: Pose
@@ -42,8 +43,8 @@ class Forward:
     certified: np.ndarray
 
 
-def solve(machine: Machine, q: Array, near: Pose) -> Forward:
-    """Damped Newton in the twist of the platform, batched, then the certificate."""
+def solve(machine: Machine, q: Array, near: Pose, certify: bool = True) -> Forward:
+    """Damped Newton in the twist of the platform, batched, then the certificate if it is asked for."""
     rows, start = np.atleast_2d(q), numbers(near)
     what = f"machine {machine.name}: forward takes"
     if rows.ndim != 2 or rows.shape[1] != len(machine.axes):
@@ -62,7 +63,7 @@ def solve(machine: Machine, q: Array, near: Pose) -> Forward:
     if machine.follows:
         pose = from_numbers(machine.carried_map(machine.inputs(numbers(pose), rows)))
     residual = np.abs(machine.inverse_map(machine.inputs(numbers(pose), rows)) - rows).max(1)
-    certified = residual < CONVERGED
+    certified = (residual < CONVERGED) & certify
     certified[certified] = regular(machine, from_numbers(start[certified]), pose[certified], rows[certified])
     if q.ndim == 1:
         return Forward(pose[0], residual[0], certified[0])

@@ -161,9 +161,12 @@ class Machine(ABC):
         """Pose numbers (N, 12) from which `forward` looks for coordinates q (N, n), asked from near (N, 12)."""
         return near
 
-    def forward(self, q: ArrayLike, near: Pose | None = None) -> Forward:
-        """The pose of actuator coordinates q (N, n) or (n,), by Newton on SE(3) from `near` (home by default)."""
-        return solve(self, np.asarray(q, float), self.home if near is None else near)
+    def forward(self, q: ArrayLike, near: Pose | None = None, *, certify: bool = True) -> Forward:
+        """The pose of actuator coordinates q (N, n) or (n,), by Newton on SE(3) from `near` (home by default).
+
+        certify=False leaves the proof out, which takes most of the time: nothing is certified then.
+        """
+        return solve(self, np.asarray(q, float), self.home if near is None else near, certify)
 
     def check(self, pose: Pose) -> Margins:
         """Travel, tilt and clearance against their limits, conditioning, and distance to the nearest singularity."""
