@@ -27,7 +27,7 @@ ACROSS, UP, TURN = 0.105, (-0.003, 0.052), np.deg2rad([19, 19, 55])
 FAR, WIDE = 0.3, np.deg2rad(60)
 SAME = 1e-9
 """m or rad up to which two poses are the same."""
-INSTANTS, STEPS = 129, 400
+INSTANTS, STEPS = 129, 200
 BATCH = 20_000
 # Wanted: share certified inside the limits; s per pose.
 SHARE, INVERSE, FORWARD, SINGLE = 0.95, 2.5e-6, 25e-6, 1e-3
@@ -134,7 +134,7 @@ def led(machine: Hexapod, end: Pose) -> Pose:
     pose = way(machine, end, 0.0)
     for share in np.linspace(0.0, 1.0, STEPS + 1)[1:]:
         target = legs(machine, way(machine, end, share))[0]
-        for _ in range(4 if share < 1 else 8):
+        for _ in range(3 if share < 1 else 8):
             length, jacobian = legs(machine, pose)
             twist = np.linalg.solve(jacobian, (target - length)[..., None])[..., 0]
             turned = Rotation.from_rotvec(twist[:, 3:]) * pose.rotation

@@ -73,21 +73,27 @@ class PublishedLine:
         return value * self.value > 0 and (rounded or cut)
 
 
-def table(lines: Iterable[PublishedLine]) -> str:
-    """What is printed, the line redone, ours and its difference, and the slips."""
-    rows = [
-        [
-            line.what,
-            line.printed,
-            shown(line.redone),
-            "-" if line.ours is None else shown(line.ours),
-            "-" if line.difference is None else f"{line.difference:+.2g}",
-            line.unit,
-            line.remark,
-        ]
-        for line in lines
+HEADER = ("line", "printed", "redone", "ours", "ours - printed", "unit", "remark")
+
+
+def cells(line: PublishedLine) -> list[str]:
+    """What a table shows of it; a difference to a tenth of the last printed digit."""
+    tenth = line.rounding / 10
+    difference = None if line.difference is None else round(line.difference / tenth) * tenth
+    return [
+        line.what,
+        line.printed,
+        shown(line.redone),
+        "-" if line.ours is None else shown(line.ours),
+        "-" if difference is None else f"{difference:+.2g}" if difference else "0",
+        line.unit,
+        line.remark,
     ]
-    return aligned(["line", "printed", "redone", "ours", "ours - printed", "unit", "remark"], rows)
+
+
+def table(lines: Iterable[PublishedLine]) -> str:
+    """All of them, in plain text."""
+    return aligned(HEADER, [cells(line) for line in lines])
 
 
 def shown(value: float) -> str:

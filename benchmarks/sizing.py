@@ -8,8 +8,18 @@ from kinematics.catalogue import load_actuators, load_joints
 from kinematics.selection import select_parts
 from kinematics.text_table import aligned
 
+AXES_HEADER = (
+    "axis",
+    "torque (oz in)",
+    "printed",
+    "end to end (s)",
+    "allowed (s)",
+    "speed for that (in/s)",
+    "remark",
+)
 
-def axes_table() -> str:
+
+def axes_rows() -> list[list[str]]:
     """What the same screw and motor mean for the three axes: torque, and the time of the whole travel."""
     printed = {"vertical": "43", "transverse": "< 15", "longitudinal": "< 20"}
     rows = []
@@ -26,15 +36,14 @@ def axes_table() -> str:
                 "" if time.holds else f"too slow at {sizing.speed / INCH:g} in/s",
             ]
         )
-    header = ["axis", "torque (oz in)", "printed", "end to end (s)", "allowed (s)", "speed for that (in/s)", "remark"]
-    return aligned(header, rows)
+    return rows
 
 
 def main() -> None:
     print("Stepper sizing [Sasidhar 1981, Appendix B], vertical axis\n")
     print(table(appendix_b()))
     print("\nAll axes at 1200 steps/s\n")
-    print(axes_table())
+    print(aligned(AXES_HEADER, axes_rows()))
     print("\nOur sizing of the vertical axis\n")
     print(axis())
     print("\nDeflections [Sasidhar 1981, Appendix D]\n")

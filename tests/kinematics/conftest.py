@@ -1,45 +1,21 @@
 """The machines that every test of the kinematics runs on, and poses to put them in."""
 
-import tomllib
-from pathlib import Path
-
 import numpy as np
 import pytest
 from numpy.polynomial import chebyshev
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from benchmarks.conformance import PUBLISHED, mini_tetra, rubin
+from benchmarks.sahbaz_geometry import table_4_3
 from kinematics import Axis, Hexapod, load_machine
 from kinematics.document import read
 from kinematics.freedom import columns
 from kinematics.hexapod import joint_circle
 from kinematics.motion import motion_of_poses
 
-PUBLISHED = tomllib.loads((Path(__file__).parents[1] / "data" / "conformance.toml").read_text())
-INCH = 0.0254
-
 
 def hexapod(base, platform, home, **options):
     return Hexapod(base, platform, axes=[Axis(f"leg{n}") for n in range(1, 7)], home=home, **options)
-
-
-def table_4_3():
-    """The final design with both joint circles of 149 mm, joints 389.5 mm apart [Sahbaz 2007, Table 4.3]."""
-    base, platform = joint_circle(0.149, np.deg2rad(30), 0), joint_circle(0.149, np.deg2rad(60), -0.0105)
-    return hexapod(base, platform, RigidTransform.from_translation([0, 0, 0.4]))
-
-
-def mini_tetra():
-    """Pairs of base joints coincide; in metres."""
-    data = PUBLISHED["mini_tetra"]
-    base, platform, home = (INCH * np.array(data[key]) for key in ("base", "platform", "home"))
-    return hexapod(base, platform, RigidTransform.from_translation(home))
-
-
-def rubin():
-    """A platform that hangs below its base."""
-    data = PUBLISHED["rubin_simulink"]
-    base, platform = (1e-6 * np.stack([data[f"{end}_{c}"] for c in "xyz"], 1) for end in ("fixed", "moved"))
-    return hexapod(base, platform, RigidTransform.identity(), base_rest=[0, 0, -1], platform_rest=[0, 0, -1])
 
 
 def irregular(seed):
