@@ -33,6 +33,7 @@ FINEST = 2.0**-12
 class Forward:
     """pose; residual (N,) largest |inverse(pose) − q|; certified (N,) bool. Plain scalars for a single q.
 
+    residual: infinite where the search ended in a pose that no coordinates reach.
     certified: inverse(pose) is q, and the straight motion from `near` to this pose meets no singularity, proved cell by
     cell over the whole motion: a machine that goes this way from `near` arrives in this pose and no other. False
     throughout where no proof was asked for.
@@ -59,10 +60,13 @@ def solve(machine: Machine, q: Array, near: Pose, certify: bool = True) -> Forwa
         raise MotionError(f"{what} one finite pose `near`, or one for each of {len(rows)} rows of q, not {len(start)}")
     refuse(machine, start)
     start = np.broadcast_to(start, (len(rows), 12))
-    pose = from_numbers(_newton(machine, rows, machine.start(rows, start).copy()))
+    x = _newton(machine, rows, machine.start(rows, start).copy())
     if machine.follows:
-        pose = from_numbers(machine.carried_map(machine.inputs(numbers(pose), rows)))
+        carried = machine.carried_map(machine.inputs(x, rows))
+        x = np.where(np.isfinite(carried).all(1, keepdims=True), carried, x)
+    pose = from_numbers(x)
     residual = np.abs(machine.inverse_map(machine.inputs(numbers(pose), rows)) - rows).max(1)
+    residual[np.isnan(residual)] = np.inf  # Newton stayed where no coordinates reach
     certified = (residual < CONVERGED) & certify
     certified[certified] = regular(machine, from_numbers(start[certified]), pose[certified], rows[certified])
     if q.ndim == 1:
