@@ -9,9 +9,10 @@ from benchmarks.conformance import PUBLISHED, mini_tetra, rubin
 from benchmarks.sahbaz_geometry import table_4_3
 from kinematics import Axis, Hexapod, load_machine
 from kinematics.document import read
-from kinematics.freedom import columns
+from kinematics.freedom import COMPONENTS, columns
 from kinematics.hexapod import joint_circle
 from kinematics.motion import motion_of_poses
+from kinematics.pose import from_numbers, numbers
 
 
 def hexapod(base, platform, home, **options):
@@ -49,12 +50,34 @@ HEXAPODS = {
     "irregular 1": lambda: irregular(1),
     "irregular 2": lambda: irregular(2),
 }
-ZOO = HEXAPODS | {}  # machines of six freedoms of other kinds, one line each
+# Machines with singularities a way off home that every pose has lengths for, however far away it is.
+LEGGED = HEXAPODS | {"tripod": lambda: load_machine("tripod")}
+# Machines with lengths that close in no pose.
+PARALLEL = LEGGED | {"linkage": lambda: load_machine("linkage")}
+ZOO = PARALLEL | {
+    "traverser": lambda: load_machine("traverser"),
+    "arm": lambda: pytest.importorskip("pinocchio") and load_machine("arm"),
+}
 
 
 @pytest.fixture(scope="session", params=ZOO)
 def machine(request):
     return ZOO[request.param]()
+
+
+@pytest.fixture(scope="session")
+def zoo_names():
+    return {make().name for make in ZOO.values()}
+
+
+@pytest.fixture(scope="session", params=LEGGED)
+def legged(request):
+    return LEGGED[request.param]()
+
+
+@pytest.fixture(scope="session", params=PARALLEL)
+def parallel(request):
+    return PARALLEL[request.param]()
 
 
 @pytest.fixture(scope="session", params=HEXAPODS)
@@ -96,16 +119,31 @@ def distance():
     return largest
 
 
+# m that poses of share 1 lie from home in each direction, where that is not the machine's size.
+ROOM = {"arm": 0.25, "tripod": 0.2, "linkage": 0.15}
+
+
 @pytest.fixture(scope="session")
-def poses_about():
-    """(pose, machine, count, share, seed) -> poses shifted and turned by up to `share` of the machine's size."""
+def room():
+    """machine -> how far (m) share 1 leads."""
+    return lambda machine: ROOM.get(machine.name, machine.characteristic_length)
+
+
+@pytest.fixture(scope="session")
+def poses_about(room):
+    """(pose, machine, count, share, seed) -> poses shifted by up to `share` of the machine's size, turned by rad.
+
+    Only in what the machine controls; what follows goes along. share: one for both, or (shift, turn).
+    """
 
     def make(pose, machine, count, share, seed=0):
-        random = np.random.default_rng(seed)
-        shift, turn = share * random.uniform(-1, 1, (2, count, 3))
-        return RigidTransform.from_components(
-            pose.translation + machine.characteristic_length * shift, Rotation.from_rotvec(turn) * pose.rotation
-        )
+        free = np.isin(COMPONENTS, machine.freedom).reshape(2, 1, 3)
+        size = np.reshape(share * np.array([room(machine), 1.0]), (2, 1, 1))
+        shift, turn = free * size * np.random.default_rng(seed).uniform(-1, 1, (2, count, 3))
+        poses = RigidTransform.from_components(pose.translation + shift, Rotation.from_rotvec(turn) * pose.rotation)
+        if not machine.follows:
+            return poses
+        return from_numbers(machine.carried_map(machine.inputs(numbers(poses), machine.home_q)))
 
     return make
 
@@ -153,3 +191,14 @@ class Spectrum:
 @pytest.fixture(scope="session")
 def spectrum():
     return Spectrum()
+
+
+@pytest.fixture(scope="session")
+def scaled_jacobian():
+    """(machine, poses) -> (N, n, n) or (n, n) of what it controls, rotations at its characteristic length."""
+
+    def scaled(machine, poses):
+        jacobian = machine.jacobian(poses) * np.repeat([1.0, 1 / machine.characteristic_length], 3)
+        return jacobian[..., columns(machine)]
+
+    return scaled

@@ -52,9 +52,10 @@ def test_batches_of_every_size_equal_one_row_at_a_time():
 
 @pytest.mark.parametrize("size", [1, 16, 17, 256, 273, 529])
 def test_maps_of_machines_in_batches_equal_one_pose_at_a_time(machine, poses_about, size):
-    x = numbers(poses_about(machine.home, machine, size, 0.3))
-    for expression in (machine.inverse_map, machine.jacobian_map, machine.tilt_map):
-        assert np.array_equal(expression(x), np.concatenate([expression(row[None]) for row in x]))
+    poses = numbers(poses_about(machine.home, machine, size, 0.3))
+    x = machine.inputs(poses, machine.home_q)
+    for expression, rows in ((machine.inverse_map, x), (machine.jacobian_map, x), (machine.tilt_map, poses)):
+        assert np.array_equal(expression(rows), np.concatenate([expression(row[None]) for row in rows]))
 
 
 def test_results_are_not_overwritten_by_the_next_call():
@@ -135,8 +136,11 @@ def test_enclosures_of_machines_contain_the_values_inside_the_cells(machine, pos
     centre = numbers(poses_about(machine.home, machine, 40, 0.3))
     size = np.array([machine.characteristic_length] * 3 + [1.0] * 9)
     half = 0.02 * size * random.uniform(-1, 1, (40, 12))
-    for expression in (machine.inverse_map, machine.jacobian_map, machine.tilt_map):
-        assert np.isfinite(assert_encloses(expression, centre, half)).all()
+    branch, same = machine.inputs(centre, machine.home_q), machine.inputs(half, np.zeros(len(machine.axes)))
+    for expression in (machine.inverse_map, machine.jacobian_map):
+        assert np.isfinite(assert_encloses(expression, branch, same)).all()
+    if machine.tilt_names:
+        assert np.isfinite(assert_encloses(machine.tilt_map, centre, half)).all()
 
 
 RULES = {

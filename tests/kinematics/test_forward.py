@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from kinematics import MotionError
+from kinematics import MotionError, load_machine
 
 EXACT = 1e-12
 """m and rad: what forward∘inverse may be off by."""
@@ -15,14 +15,13 @@ EXACT = 1e-12
 # the way back
 
 
-def test_forward_undoes_inverse_on_the_machine(machine, poses_about, distance):
+def test_forward_undoes_inverse_on_the_machine(machine, poses_about, distance, scaled_jacobian):
     """Thousands of poses about home, in one batch."""
     poses = poses_about(machine.home, machine, 2000, 0.15)
     found = machine.forward(machine.inverse(poses))
     # ten units in the last place of a length, through the least singular value
-    scaled = machine.jacobian(poses) * np.repeat([1.0, 1 / machine.characteristic_length], 3)
-    least = np.linalg.svd(scaled, compute_uv=False)[:, -1].min()
-    tolerance = max(EXACT, 1e-15 * machine.home_q.max() / least * 10)
+    least = np.linalg.svd(scaled_jacobian(machine, poses), compute_uv=False)[:, -1].min()
+    tolerance = max(EXACT, 1e-15 * np.abs(machine.home_q).max() / least * 10)
     assert distance(found.pose, poses) < tolerance
     assert found.certified.all()
     assert found.residual.shape == (2000,)
@@ -64,10 +63,11 @@ def test_home_is_where_the_machine_is_at_home(machine, distance):
     assert found.certified
 
 
-def test_residual_is_what_inverse_says(machine, poses_about):
+def test_residual_is_what_inverse_says(parallel, poses_about, room):
     """Reached or not: the largest difference of a coordinate, at the very pose returned."""
+    machine = parallel
     q = machine.inverse(poses_about(machine.home, machine, 20, 0.2))
-    q[10:] += np.random.default_rng(2).uniform(-2, 2, (10, len(machine.axes))) * machine.characteristic_length
+    q[10:] += np.random.default_rng(2).uniform(-2, 2, (10, len(machine.axes))) * room(machine)
     found = machine.forward(q)
     assert found.residual == pytest.approx(np.abs(machine.inverse(found.pose) - q).max(1), rel=0, abs=1e-15)
     assert found.certified[:10].all()
@@ -148,3 +148,24 @@ def test_lengths_that_no_pose_has_are_not_certified(preset, q):
     assert not found.certified
     assert not found.residual < 1e-12
     assert perf_counter() - began < 5
+
+
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")
+def test_a_start_out_of_reach_leads_nowhere():
+    """No lengths of the linkage reach the pose it is asked from: it stays there, and says that it is no answer."""
+    linkage = load_machine("linkage")
+    found = linkage.forward(linkage.home_q, RigidTransform.from_translation([0.01, 0.01, 0]))
+    assert np.isinf(found.residual)
+    assert not found.certified
+    assert np.isfinite(found.pose.as_matrix()).all()
+
+
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")
+def test_a_stretched_arm_is_where_its_joints_say_and_not_certified():
+    """On the edge of its reach it is singular, and rounding may put the pose beyond it."""
+    pytest.importorskip("pinocchio")
+    arm = load_machine("arm")
+    q = np.array([[0.0, 0.0, 0.0], [0.4, 0.3, 0.0], [-1.0, 0.7, 0.0]])
+    found = arm.forward(q)
+    assert np.abs(found.pose.translation - arm.pose_of(q).translation).max() < 1e-12
+    assert not found.certified.any()

@@ -123,30 +123,6 @@ def test_tilts_are_angles_between_leg_and_rest_axis(any_hexapod, poses_about):
     assert margins.tilt_names == tuple(f"{leg} {end} joint" for end in ("base", "platform") for leg in LEGS)
 
 
-def test_jacobian_is_the_derivative_of_the_inverse(machine, poses_about):
-    """Central differences for a twist about the platform's origin, in the base frame."""
-    poses = poses_about(machine.home, machine, 20, 0.4)
-    step = 1e-5
-    size = machine.characteristic_length
-    jacobian = machine.jacobian(poses)
-    assert jacobian.shape == (20, len(machine.axes), 6)
-    for k in range(6):
-        shift, turn = np.zeros(3), np.zeros(3)
-        (shift if k < 3 else turn)[k % 3] = step
-        ahead, behind = (
-            machine.inverse(
-                RigidTransform.from_components(
-                    poses.translation + sign * size * shift, Rotation.from_rotvec(sign * turn) * poses.rotation
-                )
-            )
-            for sign in (1, -1)
-        )
-        difference = (ahead - behind) / (2 * step) / (size if k < 3 else 1)
-        # step² of the third derivative and 1e-16/step of rounding: some 1e-10 of the machine's size each
-        scale = max(1.0, np.abs(machine.home_q).max() / size) * (1 if k < 3 else size)
-        assert jacobian[:, :, k] == pytest.approx(difference, rel=0, abs=2e-9 * scale)
-
-
 def test_moving_both_frames_changes_nothing(any_hexapod, poses_about):
     """The same machine described in other frames: lengths, tilts and margins stay."""
     random = np.random.default_rng(7)
@@ -169,19 +145,6 @@ def test_moving_both_frames_changes_nothing(any_hexapod, poses_about):
     before, after = any_hexapod.check(poses), moved.check(elsewhere)
     assert after.travel == pytest.approx(before.travel, rel=0, abs=1e-12)
     assert np.cos(after.tilt * moved.max_tilt) == pytest.approx(np.cos(before.tilt * any_hexapod.max_tilt), abs=1e-14)
-
-
-def test_one_pose_is_a_batch_of_one(machine, poses_about):
-    poses = poses_about(machine.home, machine, 5, 0.3)
-    count = len(machine.axes)
-    q, jacobian = machine.inverse(poses), machine.jacobian(poses)
-    assert q.shape == (5, count)
-    for k in range(5):
-        assert machine.inverse(poses[k]).shape == (count,)
-        assert np.array_equal(machine.inverse(poses[k]), q[k])
-        assert np.array_equal(machine.jacobian(poses[k]), jacobian[k])
-        assert np.array_equal(machine.check(poses[k]).tilt[0], machine.check(poses).tilt[k])
-    assert np.array_equal(machine.home_q, machine.inverse(machine.home))
 
 
 # margins
