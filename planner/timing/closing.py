@@ -8,6 +8,8 @@ from planner.timing.profile import Profile
 
 # Newton steps: the first leaves the square of a solver's 1e-8 or so, the others its own rounding.
 STEPS = 4
+# Share of the largest ṡ by which it may fall below zero inside an interval: rounding.
+BACK = 1e-10
 
 
 def closed(s: Array, columns: Array, piece: np.ndarray) -> Profile:
@@ -15,7 +17,8 @@ def closed(s: Array, columns: Array, piece: np.ndarray) -> Profile:
 
     Each interval must end where the next one starts, in s, ṡ and s̈: 3N equations in 4N − 2 unknowns. Newton steps of
     least length, every unknown counted in its own size, solve them. They stay local: integrated from the start instead,
-    an error of rounding in s̈ would grow with the square of time. Raises MotionError where no such motion is near.
+    an error of rounding in s̈ would grow with the square of time. Raises MotionError where no such motion is near, or
+    where it backs up.
     """
     from scipy.sparse import block_array, csr_array, diags_array
     from scipy.sparse.linalg import splu
@@ -55,4 +58,8 @@ def closed(s: Array, columns: Array, piece: np.ndarray) -> Profile:
     if not (np.isfinite(columns).all() and (columns[3] > 0).all()):
         raise MotionError("the motion that the solver found cannot be made continuous")
     v, a, j, h = columns
+    with np.errstate(divide="ignore", invalid="ignore"):
+        turning = np.where((j > 0) & (a < 0) & (-a < j * h), v - a**2 / (2 * j), 0.0)
+    if turning.min() < -BACK * v.max():
+        raise MotionError("the motion that the solver found backs up between two grid points")
     return Profile(s[:-1], v, a, j, h, piece)
