@@ -17,8 +17,8 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics import Hexapod, Pose, load_machine
 from kinematics.array import Array
-from kinematics.forward import regular
 from kinematics.pose import numbers
+from kinematics.regular import regular
 
 # Half ranges of x and y, range of z from home (m), half ranges of the rotation vector (rad). Of 4e6 poses
 # within ±120 mm, −10 to 60 mm and ±60°, those inside the limits reach 93 mm, −1 to 47 mm, and 17°, 16°, 47°.

@@ -1,8 +1,9 @@
-"""One CasADi expression, evaluated in compiled code on batches or in guaranteed Taylor arithmetic."""
+"""One CasADi expression, evaluated in compiled code on batches, or walked through in guaranteed arithmetic."""
 
 from collections.abc import Callable, Sequence
 from functools import cached_property
 from threading import Lock
+from typing import Any, TypeVar
 
 import casadi as ca
 import numpy as np
@@ -13,6 +14,8 @@ from kinematics.series import Series
 
 # Greedy block sizes: one call of the virtual machine evaluates a whole block without leaving compiled code.
 _BLOCKS = (256, 16, 1)
+
+T = TypeVar("T")
 
 
 class Expression:
@@ -69,28 +72,32 @@ class Expression:
     def enclose(self, x: Sequence[Series]) -> list[Series]:
         """The same expression in Taylor series with guaranteed error: k series in, m series out."""
         order = x[0].order
-        work: dict[int, Series] = {}
-        out: list[Series] = [Series.constant(np.zeros(1), order)] * self.size[1]
-        with np.errstate(
-            invalid="ignore", over="ignore"
-        ):  # an unbounded ball may turn into nan: both read as "no bound"
-            for operation, read, write, constant in self._program:
-                if operation == ca.OP_INPUT:
-                    work[write[0]] = x[read[1]]
-                elif operation == ca.OP_OUTPUT:
-                    out[write[1]] = work[read[0]]
-                elif operation == ca.OP_CONST:
-                    work[write[0]] = Series.constant(np.array([constant]), order)
-                elif operation in _RULES:
-                    work[write[0]] = _RULES[operation](*(work[k] for k in read))
-                else:
-                    raise MotionError(
-                        f"{self.function.name()}: CasADi operation {operation} has no Taylor rule; add it to _RULES"
-                    )
+        # an unbounded ball may turn into nan: both read as "no bound"
+        with np.errstate(invalid="ignore", over="ignore"):
+            return self.walk(x, lambda value: Series.constant(np.array([value]), order))
+
+    def walk(self, x: Sequence[T], constant: Callable[[float], T]) -> list[T]:
+        """The same expression, operation by operation, in another arithmetic: k values in, m out."""
+        work: dict[int, T] = {}
+        out = [constant(0.0)] * self.size[1]
+        for operation, read, write, value in self._program:
+            if operation == ca.OP_INPUT:
+                work[write[0]] = x[read[1]]
+            elif operation == ca.OP_OUTPUT:
+                out[write[1]] = work[read[0]]
+            elif operation == ca.OP_CONST:
+                work[write[0]] = constant(value)
+            elif operation in _RULES:
+                work[write[0]] = _RULES[operation](*(work[k] for k in read))
+            else:
+                raise MotionError(
+                    f"{self.function.name()}: CasADi operation {operation} has no rule for enclosures; add it to _RULES"
+                )
         return out
 
 
-_RULES: dict[int, Callable[..., Series]] = {
+# What an arithmetic of enclosures has to know.
+_RULES: dict[int, Callable[..., Any]] = {
     ca.OP_ASSIGN: lambda a: a,
     ca.OP_ADD: lambda a, b: a + b,
     ca.OP_SUB: lambda a, b: a - b,

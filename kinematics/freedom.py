@@ -25,6 +25,12 @@ def columns(machine: Machine) -> np.ndarray:
     return np.array([COMPONENTS.index(name) for name in machine.freedom])
 
 
+def square_jacobian(machine: Machine, x: Array, near: Array) -> Array:
+    """(N, n, n) of pose numbers x (N, 12): the columns that the machine controls."""
+    full = machine.jacobian_map(machine.inputs(x, near)).reshape(len(x), len(machine.axes), 6)
+    return full[:, :, columns(machine)]
+
+
 def deviations(machine: Machine, x: Array) -> Array:
     """(N, 6) of pose numbers x (N, 12) from home: position, and the vector of the turn, in the base frame."""
     home = numbers(machine.home)

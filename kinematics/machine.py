@@ -19,6 +19,7 @@ from kinematics.freedom import COMPONENTS, refuse
 from kinematics.margins import Margins, measure
 from kinematics.pose import Pose, column, numbers, symbols
 from kinematics.rates import rates
+from kinematics.regular import cell_map
 
 
 class Machine(ABC):
@@ -109,6 +110,11 @@ class Machine(ABC):
         """The same, a twist (6) and its rate (6) -> q̇ (n), q̈ (n), and twist and rate (6, 6) of what is carried."""
         x, near = self._symbols()
         return rates(self, x, near, self._inputs(x, near))
+
+    @cached_property
+    def cell_map(self) -> Expression:
+        """What the proof of `forward` bounds over one cell of a straight motion: see `kinematics.regular`."""
+        return cell_map(self)
 
     def _symbols(self) -> tuple[ca.SX, ca.SX]:
         return ca.SX.sym("x", 12), ca.SX.sym("near", len(self.axes))

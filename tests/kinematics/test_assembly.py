@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics import Axis, Hexapod
-from kinematics.forward import regular
+from kinematics.regular import regular
 
 STEPS = 300
 """Of a continuation: its poses then differ by less than 1 % of the machine's size, and Newton keeps to its branch."""
