@@ -29,4 +29,5 @@ class PathCurve:
         return self.path.breaks
 
     def at(self, s: Array, piece: np.ndarray) -> tuple[Array, Array]:
-        return self.path.pose_numbers(s, piece)[:, :3], self.path.tool_slope(s, piece)
+        x, slope, _, _ = self.path.pose_derivatives(s, piece)
+        return x[:, :3], slope[:, :3]

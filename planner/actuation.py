@@ -1,6 +1,7 @@
 """Geometry in the actuators: q and its derivatives along a path, numerically and in guaranteed Taylor arithmetic."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Protocol
 
@@ -14,7 +15,7 @@ from kinematics.machine import Machine
 from kinematics.pose import column
 from kinematics.series import Series
 from planner.branch import branches
-from planner.path.shape import Piece, Shape, pose_map, slope_map
+from planner.path.shape import Piece, Shape, pose_map
 from planner.place import Place
 
 # A jump of a derivative at a break up to this share of its axis' largest value is rounding, or of any axis' largest.
@@ -24,6 +25,27 @@ LOOKED = 17
 
 Derivatives = tuple[Array, Array, Array, Array]
 """q, q′, q″, q‴ with respect to path length, each (N, n)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Points:
+    """N points of a path, s (N,) on pieces (N,), as the limits' rows see them: in the actuators and in space."""
+
+    path: "ActuatorPath"
+    s: Array
+    piece: np.ndarray
+    derivatives: Derivatives
+
+    @property
+    def pose_derivatives(self) -> Derivatives:
+        """The pose's numbers and their derivatives with respect to path length, each (N, 12)."""
+        found = self.path.pose_derivatives(self.s, self.piece)
+        assert found is not None  # only machines have limits on their pose
+        return found
+
+
+def points_of(path: "ActuatorPath", s: Array, piece: np.ndarray) -> Points:
+    return Points(path, s, piece, path.derivatives(s, piece))
 
 
 class ActuatorPath(Protocol):
@@ -51,8 +73,8 @@ class ActuatorPath(Protocol):
     def pose_numbers(self, s: Array, piece: np.ndarray) -> Array | None:
         """(N, 12) numbers of the pose, None where there is no machine."""
 
-    def tool_slope(self, s: Array, piece: np.ndarray) -> Array | None:
-        """(N, 3) dp/ds of the platform's origin, None where there is no machine."""
+    def pose_derivatives(self, s: Array, piece: np.ndarray) -> Derivatives | None:
+        """The pose's numbers x, x′, x″, x‴ by path length, each (N, 12); None where there is no machine."""
 
     def enclose(self, s: Series, piece: np.ndarray) -> tuple[Series, Series | None]:
         """q (order+1, N, n) and the pose's numbers (order+1, N, 12), as series of whatever s (order+1, N) is one of."""
@@ -62,10 +84,27 @@ class ActuatorPath(Protocol):
 def _along(machine: Machine, shape: Shape) -> Expression:
     """(s, parameters, near) -> q, q′, q″, q‴: the machine's inverse map composed with the shape, differentiated."""
     s, parameters, near = ca.SX.sym("s"), ca.SX.sym("parameters", shape.size), ca.SX.sym("near", len(machine.axes))
-    orders = [machine.symbolic(column(*shape.motion(s, parameters)), near)]
+    q = machine.symbolic(column(*shape.motion(s, parameters)), near)
+    return _differentiated(f"{shape.name}_actuated", q, s, ca.vertcat(s, parameters, near))
+
+
+@lru_cache(maxsize=64)
+def _carried_along(machine: Machine, shape: Shape) -> Expression:
+    """The same -> the pose's numbers x, x′, x″, x‴, with what follows filled in."""
+    s, parameters, near = ca.SX.sym("s"), ca.SX.sym("parameters", shape.size), ca.SX.sym("near", len(machine.axes))
+    position, rotation = shape.motion(s, parameters)
+    if machine.follows:
+        q = machine.symbolic(column(position, rotation), near)
+        position, rotation = machine.carried(position, rotation, q)
+    return _differentiated(f"{shape.name}_posed", column(position, rotation), s, ca.vertcat(s, parameters, near))
+
+
+def _differentiated(name: str, values: ca.SX, s: ca.SX, inputs: ca.SX) -> Expression:
+    """Inputs -> values and their first three derivatives, one after the other."""
+    orders = [values]
     for _ in range(3):
         orders.append(ca.jacobian(orders[-1], s))
-    return Expression(f"{shape.name}_actuated", ca.vertcat(s, parameters, near), ca.vertcat(*orders))
+    return Expression(name, inputs, ca.vertcat(*orders))
 
 
 class MachinePath:
@@ -114,8 +153,10 @@ class MachinePath:
             return drawn
         return self.machine.carried_map(self.machine.inputs(drawn, self._near[piece]))
 
-    def tool_slope(self, s: Array, piece: np.ndarray) -> Array:
-        return self._evaluate(slope_map, s, piece)
+    def pose_derivatives(self, s: Array, piece: np.ndarray) -> Derivatives:
+        both = self._evaluate(lambda shape: _carried_along(self.machine, shape), s, piece, self._near)
+        x, x1, x2, x3 = np.split(both, 4, axis=1)
+        return x, x1, x2, x3
 
     def _evaluate(
         self, expression: Callable[[Shape], Expression], s: Array, piece: np.ndarray, also: Array | None = None
@@ -188,7 +229,7 @@ class PolynomialPath:
     def pose_numbers(self, s: Array, piece: np.ndarray) -> None:
         return None
 
-    def tool_slope(self, s: Array, piece: np.ndarray) -> None:
+    def pose_derivatives(self, s: Array, piece: np.ndarray) -> None:
         return None
 
     def enclose(self, s: Series, piece: np.ndarray) -> tuple[Series, None]:

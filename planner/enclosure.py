@@ -62,14 +62,12 @@ class Enclosure:
     def qddd(self) -> Series:
         return self._differentiated(self.q, 3)
 
-    @property
-    def tool_velocity(self) -> Series:
-        assert self.pose is not None  # only machines have tools
-        return self._differentiated(self.pose[:, :3], 1)
+    def pose_rate(self, times: int) -> Series:
+        assert self.pose is not None  # only machines have limits on their pose
+        return self._differentiated(self.pose, times)
 
-    def of_pose(self, expression: Expression) -> Series:
-        assert self.pose is not None
-        return Series.stack(expression.enclose(self.pose.columns()))
+    def evaluate(self, expression: Expression, *inputs: Series) -> Series:
+        return Series.stack(expression.enclose([column for each in inputs for column in each.columns()]))
 
 
 def enclose(trajectory: Trajectory, cells: Cells, order: int) -> Enclosure:

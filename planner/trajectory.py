@@ -13,7 +13,7 @@ from planner.actuation import ActuatorPath
 
 @dataclass(frozen=True, slots=True)
 class State:
-    """The motion at instants t (N,): path length s and its speed sd (N,), q, q̇, q̈, q⃛ (N, axes).
+    """The motion at instants t (N,): path length s and its rates sd, sdd (N,), q, q̇, q̈, q⃛ (N, axes).
 
     pose is None without a machine.
     """
@@ -25,6 +25,7 @@ class State:
     qdd: Array
     qddd: Array
     sd: Array
+    sdd: Array
     path: ActuatorPath
     piece: np.ndarray
 
@@ -36,17 +37,19 @@ class State:
     @property
     def tool_velocity(self) -> Array:
         """(N, 3) m/s of the platform's origin."""
-        slope = self.path.tool_slope(self.s, self.piece)
-        if slope is None:
-            raise MotionError("a tool's velocity needs a pose; this motion has no machine")
-        return slope * self.sd[:, None]
+        return np.asarray(self.pose_rate(1)[:, :3])
 
-    def of_pose(self, expression: Expression) -> Array:
-        """An expression of the pose's twelve numbers, at every instant."""
-        numbers = self.path.pose_numbers(self.s, self.piece)
-        if numbers is None:
-            raise MotionError(f"{expression.function.name()} needs a pose; this motion has no machine")
-        return expression(numbers)
+    def pose_rate(self, times: int) -> Array:
+        """The pose's twelve numbers (N, 12), differentiated by time: ẋ = x′ ṡ, ẍ = x′ s̈ + x″ ṡ²."""
+        along = self.path.pose_derivatives(self.s, self.piece)
+        if along is None:
+            raise MotionError("this motion has no machine, so it has no pose")
+        v, a = self.sd[:, None], self.sdd[:, None]
+        return (along[0], along[1] * v, along[1] * a + along[2] * v**2)[times]
+
+    def evaluate(self, expression: Expression, *inputs: Array) -> Array:
+        """An expression of quantities of this motion, (N, k) each, one after the other."""
+        return expression(np.concatenate(inputs, 1))
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,4 +101,4 @@ class Trajectory:
         v, a, j = sd[:, None], (share * (a0 + tau * j0))[:, None], (share * j0)[:, None]
         qdd, qddd = q1 * a + q2 * v**2, q1 * j + 3 * q2 * v * a + q3 * v**3
         when = self.knots[k] + tau if t is None else t
-        return State(when, s, q, q1 * v, qdd, qddd, sd, self.path, self.piece[k])
+        return State(when, s, q, q1 * v, qdd, qddd, sd, a[:, 0], self.path, self.piece[k])

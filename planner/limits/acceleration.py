@@ -1,8 +1,6 @@
 """Acceleration of every axis: |q̈| ≤ A."""
 
-import numpy as np
-
-from planner.actuation import Derivatives
+from planner.actuation import Points
 from planner.limits.limit import AxisLimit, Motion, Quantity, Rows, Term
 
 
@@ -15,5 +13,5 @@ class Acceleration(AxisLimit):
     def value(self, motion: Motion) -> Quantity:
         return motion.qdd
 
-    def rows(self, derivatives: Derivatives, piece: np.ndarray) -> Rows:
-        return Rows({Term.SDD: derivatives[1], Term.SD2: derivatives[2]}, self.bounds)
+    def rows(self, points: Points) -> Rows:
+        return Rows({Term.SDD: points.derivatives[1], Term.SD2: points.derivatives[2]}, self.bounds)

@@ -1,8 +1,6 @@
 """Jerk of every axis: |q⃛| ≤ J."""
 
-import numpy as np
-
-from planner.actuation import Derivatives
+from planner.actuation import Points
 from planner.limits.limit import AxisLimit, Motion, Quantity, Rows, Term
 
 
@@ -15,6 +13,6 @@ class Jerk(AxisLimit):
     def value(self, motion: Motion) -> Quantity:
         return motion.qddd
 
-    def rows(self, derivatives: Derivatives, piece: np.ndarray) -> Rows:
-        _, q1, q2, q3 = derivatives
+    def rows(self, points: Points) -> Rows:
+        _, q1, q2, q3 = points.derivatives
         return Rows({Term.SDDD: q1, Term.SDSDD: 3 * q2, Term.SD3: q3}, self.bounds)

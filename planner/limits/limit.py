@@ -12,7 +12,7 @@ from kinematics.array import Array, frozen
 from kinematics.axis import Axis
 from kinematics.errors import MotionError
 from kinematics.expression import Expression
-from planner.actuation import Derivatives
+from planner.actuation import Points
 
 Quantity = Any
 """An array (N, m), or a guaranteed `Series` of N cells: the same formula computes both."""
@@ -55,10 +55,12 @@ class Motion(Protocol):
     @property
     def qddd(self) -> Quantity: ...
     @property
-    def tool_velocity(self) -> Quantity: ...
-    @property
     def piece(self) -> np.ndarray: ...
-    def of_pose(self, expression: Expression) -> Quantity: ...
+    def pose_rate(self, times: int) -> Quantity:
+        """The pose's twelve numbers (N, 12), differentiated so many times by time: 0, 1 or 2."""
+
+    def evaluate(self, expression: Expression, *inputs: Quantity) -> Quantity:
+        """An expression of quantities of this motion, (N, k) each, one after the other."""
 
 
 class Limit(ABC):
@@ -96,7 +98,7 @@ class Limit(ABC):
         """A value as people say it and the limit that it is held against, SI."""
         return abs(value), float(self.bounds[channel])
 
-    def rows(self, derivatives: Derivatives, piece: np.ndarray) -> Rows:
+    def rows(self, points: Points) -> Rows:
         """What the solvers must keep at N grid points."""
         raise MotionError(f"{self.name} is geometric: it puts no row into a timing problem")
 

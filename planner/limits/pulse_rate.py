@@ -2,11 +2,9 @@
 
 from collections.abc import Sequence
 
-import numpy as np
-
 from kinematics.array import Array, frozen
 from kinematics.axis import Axis
-from planner.actuation import Derivatives
+from planner.actuation import Points
 from planner.limits.limit import AxisLimit, Motion, Quantity, Rows, Term
 
 
@@ -24,5 +22,5 @@ class PulseRate(AxisLimit):
     def value(self, motion: Motion) -> Quantity:
         return motion.qd * (1 / self.pulse)
 
-    def rows(self, derivatives: Derivatives, piece: np.ndarray) -> Rows:
-        return Rows({Term.SD: derivatives[1] / self.pulse}, self.bounds)
+    def rows(self, points: Points) -> Rows:
+        return Rows({Term.SD: points.derivatives[1] / self.pulse}, self.bounds)

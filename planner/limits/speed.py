@@ -1,8 +1,6 @@
 """Speed of every axis: |q̇| ≤ V."""
 
-import numpy as np
-
-from planner.actuation import Derivatives
+from planner.actuation import Points
 from planner.limits.limit import AxisLimit, Motion, Quantity, Rows, Term
 
 
@@ -15,5 +13,5 @@ class Speed(AxisLimit):
     def value(self, motion: Motion) -> Quantity:
         return motion.qd
 
-    def rows(self, derivatives: Derivatives, piece: np.ndarray) -> Rows:
-        return Rows({Term.SD: derivatives[1]}, self.bounds)
+    def rows(self, points: Points) -> Rows:
+        return Rows({Term.SD: points.derivatives[1]}, self.bounds)

@@ -18,7 +18,7 @@ class Tilt(Limit):
         self.units = (("deg", 180 / np.pi),) * len(self.channels)
 
     def value(self, motion: Motion) -> Quantity:
-        return motion.of_pose(self.expression)
+        return motion.evaluate(self.expression, motion.pose_rate(0))
 
     def use(self, low: Array, high: Array, piece: np.ndarray) -> Array:
         return np.arccos(np.clip(low, -1.0, 1.0)) / self.bounds

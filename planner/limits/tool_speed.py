@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from kinematics.array import Array, frozen
-from planner.actuation import Derivatives
+from planner.actuation import Points
 from planner.limits.limit import Limit, Motion, Quantity, Rows, Term
 
 
@@ -25,11 +25,11 @@ class ToolSpeed(Limit):
         self.bounds = frozen([self.caps.min()])
 
     def value(self, motion: Motion) -> Quantity:
-        x, y, z = (motion.tool_velocity[:, k : k + 1] for k in range(3))
+        x, y, z = (motion.pose_rate(1)[:, k : k + 1] for k in range(3))
         return x * x + y * y + z * z
 
     def use(self, low: Array, high: Array, piece: np.ndarray) -> Array:
         return np.asarray(np.sqrt(np.maximum(high, 0.0)) / self.caps[piece][:, None])
 
-    def rows(self, derivatives: Derivatives, piece: np.ndarray) -> Rows:
-        return Rows({Term.SD: np.ones((len(piece), 1))}, self.caps[piece][:, None])
+    def rows(self, points: Points) -> Rows:
+        return Rows({Term.SD: np.ones((len(points.s), 1))}, self.caps[points.piece][:, None])

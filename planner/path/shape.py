@@ -50,10 +50,3 @@ def pose_map(shape: Shape) -> Expression:
     """(s, parameters) -> the twelve pose numbers."""
     s, parameters = ca.SX.sym("s"), ca.SX.sym("parameters", shape.size)
     return Expression(f"{shape.name}_pose", ca.vertcat(s, parameters), column(*shape.motion(s, parameters)))
-
-
-@cache
-def slope_map(shape: Shape) -> Expression:
-    """(s, parameters) -> dp/ds of the platform's origin (3)."""
-    s, parameters = ca.SX.sym("s"), ca.SX.sym("parameters", shape.size)
-    return Expression(f"{shape.name}_slope", ca.vertcat(s, parameters), ca.jacobian(shape.motion(s, parameters)[0], s))

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from kinematics.array import Array
-from planner.actuation import ActuatorPath
+from planner.actuation import ActuatorPath, points_of
 from planner.limits.limit import Limit, Rows, Term
 
 
@@ -69,12 +69,12 @@ def pose_problem(path: ActuatorPath, limits: Sequence[Limit], s: Array, piece: n
     """Evaluate the rows of every timing limit on both sides of every grid point, in one batch."""
     count = len(piece)
     both = np.concatenate([piece, piece])
-    derivatives = path.derivatives(np.concatenate([s[:-1], s[1:]]), both)
+    points = points_of(path, np.concatenate([s[:-1], s[1:]]), both)
     blocks = []
     for limit in limits:
         if limit.geometric:
             continue
-        rows = limit.rows(derivatives, both)
+        rows = limit.rows(points)
         scaled = _normalised(rows, 2 * count)
         if scaled:
             start = {term: values[:count] for term, values in scaled.items()}

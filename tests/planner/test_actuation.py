@@ -173,11 +173,11 @@ def test_enclosures_contain_the_motion(hexapod, rodrigues, kind, order):
         assert (low <= sampled + rounding).all(), name
         assert (high >= sampled - rounding).all(), name
     if kind == "machine":
-        low, high = bounds(enclosure.of_pose(hexapod.tilt_map), 40)
-        cosines = state.of_pose(hexapod.tilt_map).reshape(shape)
+        low, high = bounds(enclosure.evaluate(hexapod.tilt_map, enclosure.pose_rate(0)), 40)
+        cosines = state.evaluate(hexapod.tilt_map, state.pose_rate(0)).reshape(shape)
         assert (low <= cosines + 1e-14).all()
         assert (high >= cosines - 1e-14).all()
-        low, high = bounds(enclosure.tool_velocity, 40)
+        low, high = bounds(enclosure.pose_rate(1)[:, :3], 40)
         velocity = state.tool_velocity.reshape(shape)
         assert (low <= velocity + 1e-14).all()
         assert (high >= velocity - 1e-14).all()

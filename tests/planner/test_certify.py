@@ -119,7 +119,7 @@ class Lorentz:
     def pose_numbers(self, s, piece):
         return None
 
-    tool_slope = pose_numbers
+    pose_derivatives = pose_numbers
 
     def enclose(self, s, piece):
         x = ((s - self.place) * (1 / self.width))[:, None]

@@ -10,7 +10,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from kinematics import MotionError
 from kinematics.axis import Axis
 from planner import Arc, Line, Program, Turn
-from planner.actuation import PolynomialPath
+from planner.actuation import PolynomialPath, points_of
 from planner.limits import Term, limits_of
 from planner.limits.acceleration import Acceleration
 from planner.limits.jerk import Jerk
@@ -127,7 +127,7 @@ def term_values(motion):
 def row_sum(limit, motion):
     """Σ coefficient · term (N, m), and the rows' bound."""
     trajectory = motion.trajectory
-    rows = limit.rows(trajectory.path.derivatives(trajectory.s, trajectory.piece), trajectory.piece)
+    rows = limit.rows(points_of(trajectory.path, trajectory.s, trajectory.piece))
     assert set(rows.coefficients) == limit.terms
     values = term_values(motion)
     return sum(rows.coefficients[term] * values[term][:, None] for term in rows.coefficients), rows.bound
@@ -193,7 +193,7 @@ def test_geometric_limits_put_no_rows(limits, path, motion):
     assert geometric == {kind for kind, case in ZOO.items() if case.row is None}
     for kind in geometric:
         with pytest.raises(MotionError, match=f"{limits[kind].name} is geometric"):
-            limits[kind].rows(path.derivatives(path.breaks[:1], np.zeros(1, int)), np.zeros(1, int))
+            limits[kind].rows(points_of(path, path.breaks[:1], np.zeros(1, int)))
         assert limits[kind].slowness(7.0) == 1.0
     problem = pose_problem(path, list(limits.values()), np.linspace(0, path.breaks[1], 11), np.zeros(10, int))
     assert {block.name for block in problem.blocks} == {limit.name for limit in limits.values() if not limit.geometric}

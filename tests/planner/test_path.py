@@ -56,7 +56,7 @@ def test_a_line_runs_straight_and_at_unit_speed(hexapod, start, end):
     straight = hexapod.home.translation + start + (end - start) * (s / length)[:, None]
     assert np.abs(position - straight).max() < ROUNDING
     # the direction is a difference of decimetres over the length: its rounding grows as the line shrinks
-    speed = np.linalg.norm(path.tool_slope(s, np.zeros(len(s), int)), axis=1)
+    speed = np.linalg.norm(path.pose_derivatives(s, np.zeros(len(s), int))[1][:, :3], axis=1)
     assert np.abs(speed - 1).max() < ROUNDING / length + 1e-15
 
 
@@ -79,7 +79,7 @@ def test_an_arc_keeps_radius_and_plane_and_turns_by_its_signed_angle(
     # more than 360° and negative angles: the right hand about the normal, all the way
     swept = rodrigues(unit, angle * (s - s[0]) / (s[-1] - s[0])) @ u
     assert np.abs(spoke - swept).max() < 1e-14
-    assert np.abs(np.linalg.norm(path.tool_slope(s, np.zeros(len(s), int)), axis=1) - 1).max() < 1e-12
+    assert np.abs(np.linalg.norm(path.pose_derivatives(s, np.zeros(len(s), int))[1][:, :3], axis=1) - 1).max() < 1e-12
     # path length is true length: the chord of an arc of length d is 2 r sin(d/2r)
     chord = np.linalg.norm(np.diff(position, axis=0), axis=1)
     assert np.abs(chord - 2 * radius * np.abs(np.sin(np.diff(s) / (2 * radius)))).max() < 1e-14
