@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from kinematics.array import Array, frozen
 from kinematics.clearance import Disc
 from kinematics.errors import MotionError
 from kinematics.legs import Legged
@@ -37,4 +38,5 @@ class Tripod(Legged):
             raise MotionError(f"machine {machine}: tool must be a finite point (3,) in the plate's frame, not {tool!r}")
         if platform_disc is not None:
             platform_disc = replace(platform_disc, centre=np.asarray(platform_disc.centre, float) - offset)
+        self.tool: Array = frozen(offset)
         super().__init__(base, np.asarray(platform, float) - offset, platform_disc=platform_disc, **options)

@@ -4,10 +4,10 @@ from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Annotated, Literal
 
-from kinematics.kinds.axes import LinearAxis, LinearDefaults, axes
+from kinematics.kinds.axes import LinearAxis, LinearDefaults, MachineFile, axes
 from kinematics.kinds.poses import Home
 from kinematics.linkage import Linkage
-from kinematics.schema import File, Table
+from kinematics.schema import Table
 from kinematics.units import Angle, Length, Unit
 
 NAMES = ("a", "b")
@@ -25,7 +25,7 @@ class Own(LinearAxis):
     name: Literal["a", "b"]
 
 
-class LinkageFile(File):
+class LinkageFile(MachineFile):
     """A linkage, key by key."""
 
     kind: Literal["linkage"]
@@ -41,7 +41,7 @@ def linkage(file: LinkageFile, name: str, folder: Path | Traversable) -> Linkage
         geometry.base_b,
         geometry.offset,
         geometry.angle,
-        axes=axes(NAMES, dict.fromkeys(NAMES, file.axes), file.axis),
+        axes=axes(NAMES, dict.fromkeys(NAMES, file.axes), file.axis, file),
         home=geometry.home.pose,
         name=name,
     )

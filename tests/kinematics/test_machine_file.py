@@ -224,3 +224,14 @@ def test_a_path_is_never_taken_for_a_name(tmp_path, monkeypatch):
     (tmp_path / "hexapod.toml").write_text(PRESET.replace("20 mm/s", "10 mm/s"), encoding="utf-8")
     assert load_machine("hexapod.toml").axes[0].max_speed == 0.01
     assert load_machine("hexapod").axes[0].max_speed == 0.02
+
+
+def test_wiring_is_by_axis(load):
+    """[Sahbaz 2007]: motors 1 and 2 on a two-axis card, 3 to 6 on a four-axis one."""
+    wired = [(axis.card, axis.channel) for axis in load_machine("hexapod").axes]
+    assert wired == [("PCI-8132", 0), ("PCI-8132", 1), *(("PCI-8164", n) for n in range(4))]
+    assert {(axis.card, axis.channel) for axis in load_machine("tripod").axes} == {(None, None)}
+    with pytest.raises(FileError, match='"leg7" is no axis.*axes: leg1, leg2'):
+        load(PRESET.replace('leg6 = ["PCI', 'leg7 = ["PCI'))
+    with pytest.raises(FileError, match=r"wiring.leg6\[2\]"):
+        load(PRESET.replace('leg6 = ["PCI-8164", 3]', 'leg6 = ["PCI-8164", -1]'))
