@@ -85,8 +85,8 @@ class Budget:
         return f"error budget of {self.machine}, {poses}\n{aligned(header, rows)}"
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """The position error by source: along the poses, or as bars for one; kinematics.accuracy_plots has more."""
-        from kinematics.accuracy_plots import position_error
+        """The position error by source: along the poses, or as bars for one; kinematics.plots has more."""
+        from kinematics.plots import position_error
 
         return position_error(self, ax)
 

@@ -55,7 +55,7 @@ class Forces:
 
     def plot(self, t: ArrayLike | None = None, ax: Axes | None = None) -> Axes:
         """Force of every axis over the instants, or over their times t (N,) in s."""
-        from kinematics.force_plots import force
+        from kinematics.plots import force
 
         return force(self, None if t is None else np.asarray(t, float), ax)
 

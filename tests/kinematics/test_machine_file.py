@@ -231,7 +231,7 @@ def test_wiring_is_by_axis(load):
     wired = [(axis.card, axis.channel) for axis in load_machine("hexapod").axes]
     assert wired == [("PCI-8132", 0), ("PCI-8132", 1), *(("PCI-8164", n) for n in range(4))]
     assert {(axis.card, axis.channel) for axis in load_machine("tripod").axes} == {(None, None)}
-    with pytest.raises(FileError, match='"leg7" is no axis.*axes: leg1, leg2'):
+    with pytest.raises(FileError, match=r'"leg7" is no axis.*axes: leg1, leg2'):
         load(PRESET.replace('leg6 = ["PCI', 'leg7 = ["PCI'))
     with pytest.raises(FileError, match=r"wiring.leg6\[2\]"):
         load(PRESET.replace('leg6 = ["PCI-8164", 3]', 'leg6 = ["PCI-8164", -1]'))
