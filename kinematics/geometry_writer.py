@@ -65,6 +65,8 @@ def _linkage(machine: Linkage) -> Iterator[str]:
     yield f"offset = {quantity(machine.offset, 'mm', 3)}"
     yield f"angle = {quantity(machine.angle, 'rad')}"
     yield _home(machine.home)
+    if machine.home_q[0] < machine.offset * np.cos(machine.angle):  # else the longer one is meant
+        yield f"near = {millimetres(machine.home_q)}"
 
 
 def _traverser(machine: Traverser) -> Iterator[str]:

@@ -22,6 +22,11 @@ from kinematics.rates import rates
 from kinematics.regular import cell_map
 
 
+def side(x: ca.SX) -> ca.SX:
+    """1 or −1, never 0: the sign by which `near` chooses."""
+    return ca.sign(2 * ca.sign(x) + 1)
+
+
 class Machine(ABC):
     """A machine of n axes that carries a platform (or tool).
 
@@ -62,6 +67,14 @@ class Machine(ABC):
     def carried(self, position: ca.SX, rotation: ca.SX, q: ca.SX) -> tuple[ca.SX, ca.SX]:
         """The pose with what `follows` filled in from the coordinates."""
         return position, rotation
+
+    def possible(self, q: Array) -> np.ndarray:
+        """(N,) whether coordinates q (N, n) can be; a length below zero cannot."""
+        return np.ones(len(q), bool)
+
+    def alternatives(self, near: Array) -> list[Array]:
+        """Coordinates near which a pose's are looked for, in turn, where there are none near (n,)."""
+        return []
 
     def tilts(self, position: ca.SX, rotation: ca.SX) -> ca.SX:
         """Cosine of each joint's angle from its rest axis (m,); none by default."""
@@ -136,8 +149,12 @@ class Machine(ABC):
         """
         x = numbers(pose)
         refuse(self, x)
-        q = self.inverse_map(self.inputs(x, self._near(near)))
-        lost = ~np.isfinite(q).all(1)
+        chosen = self._near(near)
+        q = self.inverse_map(self.inputs(x, chosen))
+        lost = self._lost(q)
+        for other in self.alternatives(chosen) if lost.any() else ():
+            q[lost] = self.inverse_map(self.inputs(x[lost], other))
+            lost = self._lost(q)
         if lost.any():
             first = int(np.argmax(lost))
             where = np.atleast_2d(pose.translation)[first]
@@ -146,6 +163,9 @@ class Machine(ABC):
                 f"position {where * 1e3} mm; bring it nearer"
             )
         return q[0] if pose.single else q
+
+    def _lost(self, q: Array) -> np.ndarray:
+        return ~(np.isfinite(q).all(1) & self.possible(q))
 
     def jacobian(self, pose: Pose, near: ArrayLike | None = None) -> Array:
         """J (N, n, 6) of N poses, (n, 6) of one: dq = J [dx, dy, dz, wx, wy, wz] in the base frame.

@@ -32,8 +32,8 @@ def branches(machine: Machine, pieces: Sequence[Piece]) -> tuple[list[list[Piece
             near.append(here)
             continue
         here = q[-1]
-        count = 1
-        while count < len(q) // 2 and max(np.ptp(cell[:, rotary], axis=0).max() for cell in _cut(q, count)) > WIDEST:
+        count, turning = 1, q[:, rotary]
+        while count < len(q) // 2 and max(np.ptp(c, axis=0).max(initial=0.0) for c in _cut(turning, count)) > WIDEST:
             count *= 2
         parts.append(piece.cut(count))
         near += [(cell.min(0) + cell.max(0)) / 2 for cell in _cut(q, count)]

@@ -7,11 +7,12 @@ from typing import Literal
 
 from pydantic import Field
 
-from kinematics.arm import Arm, read_urdf
+from kinematics.arm import Arm
 from kinematics.errors import MotionError
 from kinematics.kinds.axes import MachineFile, RotaryAxis, axes
 from kinematics.schema import Table
 from kinematics.units import Angle
+from kinematics.urdf import read_urdf
 
 
 class Geometry(Table):

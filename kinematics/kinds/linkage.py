@@ -19,6 +19,7 @@ class Geometry(Table):
     offset: Annotated[float, Unit("m", least=0)]
     angle: Angle
     home: Home
+    near: tuple[Length, Length] | None = None
 
 
 class Own(LinearAxis):
@@ -43,5 +44,6 @@ def linkage(file: LinkageFile, name: str, folder: Path | Traversable) -> Linkage
         geometry.angle,
         axes=axes(NAMES, dict.fromkeys(NAMES, file.axes), file.axis, file),
         home=geometry.home.pose,
+        near=geometry.near,
         name=name,
     )

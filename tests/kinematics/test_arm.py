@@ -7,8 +7,9 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics import FileError, MotionError, OutOfReach, load_machine
-from kinematics.arm import Arm, Joints, read_urdf
+from kinematics.arm import Arm, Joints
 from kinematics.axis import Axis
+from kinematics.urdf import read_urdf
 
 pin = pytest.importorskip("pinocchio")
 NAMES = ("yaw", "shoulder", "elbow")
@@ -25,6 +26,9 @@ BENT = """<robot name="bent"><link name="w"/><link name="a"/><link name="b"/><li
 <axis xyz="0 -1 0"/></joint>
 <joint name="flange" type="fixed"><parent link="c"/><child link="t"/><origin xyz="0.2 -0.04 -0.1" rpy="0.1 0.2 0.3"/>
 </joint></robot>"""
+LIMITED = BENT.replace("continuous", "revolute").replace(
+    "<axis", '<limit lower="-2" upper="2" effort="9" velocity="9"/><axis'
+)
 
 
 @pytest.fixture(scope="module", params=["preset", "bent"])
@@ -150,6 +154,14 @@ def test_a_link_of_no_length_is_refused():
         ("<robot", NAMES, "t", "urdf"),
         (BENT, ("yaw", "shoulder", "wrist"), "t", r"wrist.*yaw, shoulder, elbow"),
         (BENT, NAMES, "gripper", "no frame 'gripper'"),
+        (BENT, ("yaw", "elbow", "shoulder"), "t", "do not follow each other"),
+        (BENT, ("yaw", "shoulder", "shoulder"), "t", "three joints that turn"),
+        (BENT, NAMES, "b", "'b' is carried by 'shoulder'"),
+        (BENT, NAMES, "w", "'w' is carried by nothing that moves"),
+        (LIMITED.replace('"elbow" type="revolute"', '"elbow" type="prismatic"'), NAMES, "t", "'elbow' does not turn"),
+        (BENT.replace('"b"/><child link="c"', '"a"/><child link="c"'), NAMES, "t", "do not follow each other"),
+        (LIMITED.replace('"0 -1 0"', '"0 0 0"'), NAMES, "t", "'elbow' has no axis"),
+        (BENT.replace('"0.2 -0.04 -0.1"', '"1e300 0 0"'), NAMES, "t", "within 1e.06 m"),
     ],
 )
 def test_a_urdf_that_does_not_hold_what_is_named(tmp_path, text, joints, tool, phrase):
@@ -164,3 +176,29 @@ def test_turned_about_itself(joints):
     machine = Arm(joints, axes=AXES, home=[0.1, 0.2, 0.9])
     turned = RigidTransform.from_components(machine.home.translation, Rotation.from_euler("X", 1.0))
     assert machine.inverse(turned) == pytest.approx(machine.home_q, abs=1e-14)
+
+
+@pytest.mark.parametrize("near", [[0, 0, 0], [0.3, 0.4, 0.0], [0.3, np.pi / 2, 0.0]])
+def test_near_a_straight_elbow_still_means_one_of_the_two(near):
+    """Neither elbow is nearer; the answer is one that reaches the pose."""
+    machine = load_machine("arm")
+    q = machine.inverse(machine.home, near=near)
+    assert machine.pose_of(q).translation == pytest.approx(machine.home.translation, abs=1e-12)
+
+
+def test_an_arm_whose_home_is_straight():
+    """At the edge of its reach; every pose within is reached all the same."""
+    preset = load_machine("arm")
+    machine = Arm(preset.joints, axes=preset.axes, home=[0.1, 0.2, 0.0])
+    q = machine.inverse(preset.home)
+    assert machine.pose_of(q).translation == pytest.approx(preset.home.translation, abs=1e-12)
+
+
+def test_the_other_side_is_taken_where_only_it_reaches(joints):
+    """Near a posture over the back, a pose that only the front reaches: `near` picks among what there is."""
+    bent = Arm(joints, axes=AXES, home=[0.1, 0.2, 0.9])
+    rng = np.random.default_rng(5)
+    poses = bent.pose_of(rng.uniform(-1.2, 1.2, (200, 3)))
+    over = np.array([0.1 + np.pi, 2.6, -0.9])
+    q = bent.inverse(poses, near=over)
+    assert np.abs(bent.pose_of(q).translation - poses.translation).max() < 1e-9
