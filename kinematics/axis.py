@@ -6,12 +6,24 @@ from typing import Literal
 
 from kinematics.errors import MotionError
 
+Magnitude = float | tuple[float, float]
+"""Of both directions, or of each: (towards smaller q, towards greater q)."""
+
+
+def sides(bound: Magnitude | None) -> tuple[float, float]:
+    """A bound's magnitudes (towards smaller q, towards greater q); ∞ where it is None."""
+    if bound is None:
+        return inf, inf
+    below, above = bound if isinstance(bound, tuple) else (bound, bound)
+    return below, above
+
 
 @dataclass(frozen=True, slots=True)
 class Axis:
     """A linear (m) or rotary (rad) actuator; limits are magnitudes in SI units, None means unlimited.
 
     travel          (lo, hi) relative to home; both ends or neither, since its use is counted from the middle
+    max_speed, max_acceleration, max_jerk  one number, or two: (towards smaller q, towards greater q)
     pulse           m or rad that one pulse moves the axis
     direction       +1/-1: the sign in which a positive coordinate is counted by the wiring
     torque_speed    ((speed, force), ...) falling curve of the motor, speeds rising
@@ -26,9 +38,9 @@ class Axis:
     travel: tuple[float, float] = (-inf, inf)
     pulse: float = 1e-6
     direction: Literal[1, -1] = 1
-    max_speed: float | None = None
-    max_acceleration: float | None = None
-    max_jerk: float | None = None
+    max_speed: Magnitude | None = None
+    max_acceleration: Magnitude | None = None
+    max_jerk: Magnitude | None = None
     max_force: float | None = None
     torque_speed: tuple[tuple[float, float], ...] | None = None
     max_pulse_rate: float | None = None
@@ -50,9 +62,16 @@ class Axis:
             raise MotionError(f"axis {self.name}: pulse {self.pulse} {self.unit} must be positive and finite")
         if self.direction not in (1, -1):
             raise MotionError(f"axis {self.name}: direction {self.direction} is neither 1 nor -1")
+        for field in ("max_speed", "max_acceleration", "max_jerk"):
+            value = getattr(self, field)
+            if isinstance(value, tuple) and len(value) != 2:
+                raise MotionError(
+                    f"axis {self.name}: {field} {value} must be one number, or two: "
+                    "towards smaller and towards greater positions"
+                )
         for field in ("max_speed", "max_acceleration", "max_jerk", "max_force", "max_pulse_rate"):
             value = getattr(self, field)
-            if value is not None and not 0 < value < inf:
+            if value is not None and not all(0 < side < inf for side in sides(value)):
                 raise MotionError(f"axis {self.name}: {field} {value} must be positive and finite (or None: unlimited)")
 
     @property

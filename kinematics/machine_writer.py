@@ -99,6 +99,8 @@ def _fields(machine: str, axis: Axis) -> Iterator[tuple[str, str]]:
                     "give it bounds"
                 )
             yield field.name, _vector(value, *_UNITS[field.name])
+        elif isinstance(value, tuple):
+            yield field.name, _vector(value, *_UNITS[field.name])
         else:
             yield field.name, _quantity(value, *_UNITS[field.name])
 

@@ -4,11 +4,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
 from typing import Annotated, Any
 
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator, Field, PlainValidator
 
-from kinematics.axis import Axis
+from kinematics.axis import Axis, Magnitude
 from kinematics.document import Key
-from kinematics.schema import Table, wrong
+from kinematics.schema import Table, chosen, wrong
 from kinematics.units import Angle, Length, Unit, shown
 
 MICROSTEPS = tuple(sorted({200, 400, 1000, 2000, 5000, 10_000, 25_000, 50_000} | {400 << k for k in range(8)}))
@@ -39,6 +39,13 @@ def _steps(count: int) -> int:
             f"{count} is no drive's number of steps per revolution; drives have {', '.join(map(str, MICROSTEPS))}"
         )
     return count
+
+
+def _magnitude(unit: str) -> PlainValidator:
+    """Annotation of a bound: one quantity, or two (towards smaller and towards greater positions)."""
+    one = Annotated[float, Unit(unit, above=0)]
+    two = tuple.__class_getitem__((one, one))
+    return chosen(lambda value: two if isinstance(value, tuple) else one)
 
 
 Rate = Annotated[float, Unit("1/s", above=0)]
@@ -72,9 +79,9 @@ class LinearAxis(Wiring):
     travel: Annotated[tuple[Length, Length], AfterValidator(_rising)] | None = None
     pulse: Annotated[float, Unit("m", above=0)] | None = None
     drive: LinearDrive | None = None
-    max_speed: Annotated[float, Unit("m/s", above=0)] | None = None
-    max_acceleration: Annotated[float, Unit("m/s^2", above=0)] | None = None
-    max_jerk: Annotated[float, Unit("m/s^3", above=0)] | None = None
+    max_speed: Annotated[Magnitude, _magnitude("m/s")] | None = None
+    max_acceleration: Annotated[Magnitude, _magnitude("m/s^2")] | None = None
+    max_jerk: Annotated[Magnitude, _magnitude("m/s^3")] | None = None
     max_force: Force | None = None
     torque_speed: (
         Annotated[
@@ -104,9 +111,9 @@ class RotaryAxis(Wiring):
     travel: Annotated[tuple[Angle, Angle], AfterValidator(_rising)] | None = None
     pulse: Annotated[float, Unit("rad", above=0)] | None = None
     drive: RotaryDrive | None = None
-    max_speed: Annotated[float, Unit("rad/s", above=0)] | None = None
-    max_acceleration: Annotated[float, Unit("rad/s^2", above=0)] | None = None
-    max_jerk: Annotated[float, Unit("rad/s^3", above=0)] | None = None
+    max_speed: Annotated[Magnitude, _magnitude("rad/s")] | None = None
+    max_acceleration: Annotated[Magnitude, _magnitude("rad/s^2")] | None = None
+    max_jerk: Annotated[Magnitude, _magnitude("rad/s^3")] | None = None
     max_force: Annotated[float, Unit("N*m", above=0)] | None = None
     torque_speed: (
         Annotated[

@@ -9,7 +9,7 @@ from typing import Any, ClassVar, Protocol
 import numpy as np
 
 from kinematics.array import Array, frozen
-from kinematics.axis import Axis
+from kinematics.axis import Axis, Magnitude, sides
 from kinematics.errors import MotionError
 from kinematics.expression import Expression
 from planner.actuation import Points
@@ -37,10 +37,13 @@ class Term(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Rows:
-    """|Σ coefficient · term| ≤ bound at N grid points: each (N, m); a bound of ∞ says that a channel is free."""
+    """−below ≤ Σ coefficient · term ≤ bound at N grid points: each (N, m); below None: the same as bound, which is
+    broadcast; a bound of ∞ says that a channel is free.
+    """
 
     coefficients: Mapping[Term, Array]
     bound: Array
+    below: Array | None = None
 
 
 class Motion(Protocol):
@@ -104,18 +107,21 @@ class Limit(ABC):
 
 
 class AxisLimit(Limit):
-    """|value| ≤ bound, one channel per axis."""
+    """−below ≤ value ≤ bound, one channel per axis; below (m,) is what holds towards smaller q."""
 
     dimension: ClassVar[str]
     """What follows the axis' own unit: "", "/s", "/s²", "/s³"."""
 
-    def __init__(self, axes: Sequence[Axis], bounds: Sequence[float | None]) -> None:
+    def __init__(self, axes: Sequence[Axis], bounds: Sequence[Magnitude | None]) -> None:
         self.channels = tuple(axis.name for axis in axes)
-        self.bounds = frozen([np.inf if bound is None else bound for bound in bounds])
+        self.below, self.bounds = (frozen(side) for side in zip(*map(sides, bounds), strict=True))
         self.units = tuple(_UNITS[axis.kind](self.dimension) for axis in axes)
 
     def use(self, low: Array, high: Array, piece: np.ndarray) -> Array:
-        return np.maximum(np.abs(low), np.abs(high)) / self.bounds
+        return np.asarray(np.maximum(-low / self.below, high / self.bounds))
+
+    def told(self, value: float, channel: int) -> tuple[float, float]:
+        return abs(value), float((self.bounds if value > 0 else self.below)[channel])
 
 
 _UNITS: dict[str, Callable[[str], tuple[str, float]]] = {

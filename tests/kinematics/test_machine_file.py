@@ -97,6 +97,17 @@ def test_an_axis_table_overrides_what_it_states(load):
     assert set(changed.values()) == {(0.02, -1, None, 4.0)}
 
 
+def test_a_bound_may_differ_towards_smaller_and_greater_positions(load):
+    sided = PRESET.replace('max_speed = "20 mm/s"', 'max_speed = ["18 mm/s", "20 mm/s"]')
+    own = '[[axis]]\nname = "leg2"\nmax_jerk = ["2 m/s^3", "3 m/s^3"]\n'
+    axes = load(sided + own).axes
+    assert {axis.max_speed for axis in axes} == {(0.018, 0.02)}
+    assert [axis.max_jerk for axis in axes[:3]] == [4.0, (2.0, 3.0), 4.0]
+    for wrong in ('["18 mm/s"]', '["18 mm/s", "0 mm/s"]', '["1 mm/s", "1 mm/s", "1 mm/s"]', '["18 mm", "20 mm/s"]'):
+        with pytest.raises(FileError, match="max_speed"):
+            load(PRESET.replace('max_speed = "20 mm/s"', f"max_speed = {wrong}"))
+
+
 def test_a_torque_curve_is_pairs_of_speed_and_force(load):
     curve = 'torque_speed = [["0 mm/s", "220 N"], ["10 mm/s", "50 lbf"]]\n'
     assert load(PRESET + curve).axes[5].torque_speed == ((0.0, 220.0), (0.01, 222.411080763025))

@@ -19,7 +19,7 @@ PER_AXIS = [
     {"max_speed": 1 / 3, "torque_speed": ((0.0, 220.0), (0.07, 1 / 7))},
     {"travel": (-0.01, 1 / 30)},
     {"max_pulse_rate": 3000.0, "max_force": 1e5 / 7},
-    {"max_acceleration": 9.80665, "max_jerk": 1e-9},
+    {"max_acceleration": (9.80665, 1 / 7), "max_jerk": (1e-9, 1.0)},
 ]
 
 
