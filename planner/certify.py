@@ -47,7 +47,7 @@ class Certificate:
     attained: dict[str, Array] = field(repr=False)
 
     def __str__(self) -> str:
-        lines = [f"  {name:<13} ≤ {value:.9f}  at {self.where[name]}" for name, value in self.worst.items()]
+        lines = [f"  {name:<17} ≤ {value:.9f}  at {self.where[name]}" for name, value in self.worst.items()]
         return "\n".join(["the certificate holds" if self.holds else "THE CERTIFICATE DOES NOT HOLD", *lines])
 
 

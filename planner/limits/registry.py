@@ -6,11 +6,13 @@ from kinematics.axis import Axis
 from kinematics.machine import Machine
 from planner.actuation import ActuatorPath, MachinePath
 from planner.limits.acceleration import Acceleration
+from planner.limits.angular_speed import AngularSpeed
 from planner.limits.jerk import Jerk
 from planner.limits.limit import Limit
 from planner.limits.pulse_rate import PulseRate
 from planner.limits.speed import Speed
 from planner.limits.tilt import Tilt
+from planner.limits.tool_acceleration import ToolAcceleration
 from planner.limits.tool_speed import ToolSpeed
 from planner.limits.travel import Travel
 
@@ -26,7 +28,9 @@ AXIS_LIMITS: dict[type[Limit], tuple[int, Callable[[Sequence[Axis]], Limit]]] = 
 MACHINE_LIMITS: dict[type[Limit], Callable[[Machine, MachinePath], Limit]] = {
     Travel: lambda machine, path: Travel(machine.axes, machine.home_q),
     Tilt: lambda machine, path: Tilt(machine),
-    ToolSpeed: lambda machine, path: ToolSpeed([piece.tool_speed for piece in path.pieces]),
+    ToolSpeed: lambda machine, path: ToolSpeed(piece.tool_speed for piece in path.pieces),
+    ToolAcceleration: lambda machine, path: ToolAcceleration(piece.tool_acceleration for piece in path.pieces),
+    AngularSpeed: lambda machine, path: AngularSpeed(piece.angular_speed for piece in path.pieces),
 }
 
 
