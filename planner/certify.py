@@ -18,8 +18,8 @@ from planner.trajectory import Trajectory
 
 TOLERANCE = 1e-6
 """A limit holds when its proven bound is at most 1 + TOLERANCE: room for the solvers' own tolerance."""
-# How far above the attained value a bound may stay, and how long cells are halved for it.
-TIGHT, HALVINGS, MOST_CELLS = 5e-7, 24, 400_000
+# How long cells are halved until their bounds are tight.
+HALVINGS, MOST_CELLS = 24, 400_000
 # Order of the expansions in time, by the highest derivative: q̈ or q⃛ keep a polynomial of degree 3 or 4.
 EXPANSION = {2: 6, 3: 8}
 # A jump of q, q̇ (and q̈ under jerk limits) between two pieces up to this share of the largest value met is rounding.
@@ -98,9 +98,11 @@ def prove(
     for halving in range(HALVINGS + 1):
         bound, met = _judge(trajectory, limits, cells, EXPANSION[order])
         loose = np.zeros(len(cells.k), bool)
-        for n, values in enumerate(attained.values()):
+        for n, limit in enumerate(limits):
+            values = attained[limit.name]
             np.maximum.at(values, cells.k, met[n])
-            loose |= bound[n] > np.maximum(met[n], min(values.max(), 1.0)) + TIGHT
+            loose |= bound[n] > np.maximum(met[n], min(values.max(), 1.0)) + limit.tight(met[n])
+            loose |= (bound[n] > 1 + TOLERANCE) & (met[n] <= 1)
         if halving == HALVINGS or 2 * loose.sum() > MOST_CELLS:
             loose[:] = False
         for n, values in enumerate(use.values()):

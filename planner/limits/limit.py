@@ -10,10 +10,13 @@ import numpy as np
 
 from kinematics.array import Array, frozen
 from kinematics.axis import Axis, Magnitude, sides
+from kinematics.clearance import Bodies
 from kinematics.errors import MotionError
 from kinematics.expression import Expression
 from planner.actuation import Points
 
+TIGHT = 5e-7
+"""How far above the largest use that is met its proven bound may stay, where a limit does not say otherwise."""
 Quantity = Any
 """An array (N, m), or a guaranteed `Series` of N cells: the same formula computes both."""
 
@@ -62,6 +65,9 @@ class Motion(Protocol):
     def pose_rate(self, times: int) -> Quantity:
         """The pose's twelve numbers (N, 12), differentiated so many times by time: 0, 1 or 2."""
 
+    def distances(self, bodies: Bodies) -> Quantity:
+        """Between the axes of a machine's bodies (N, k), m."""
+
     def evaluate(self, expression: Expression, *inputs: Quantity) -> Quantity:
         """An expression of quantities of this motion, (N, k) each, one after the other."""
 
@@ -75,6 +81,8 @@ class Limit(ABC):
     name: ClassVar[str]
     terms: ClassVar[frozenset[Term]] = frozenset()
     """What its rows use; empty for a geometric limit, which no timing can help."""
+    relief: ClassVar[str] = "uses {} less"
+    """What a path must do that breaks it by so much."""
     channels: tuple[str, ...]
     bounds: Array
     """(m,) SI; ∞ where a channel is free."""
@@ -96,6 +104,10 @@ class Limit(ABC):
     @abstractmethod
     def use(self, low: Array, high: Array, piece: np.ndarray) -> Array:
         """Share of the limit (N, m) that values between low and high use at most; 1 is at the limit."""
+
+    def tight(self, met: Array) -> Array | float:
+        """How far above the use that is met a proven bound may stay."""
+        return TIGHT
 
     def told(self, value: float, channel: int) -> tuple[float, float]:
         """A value as people say it and the limit that it is held against, SI."""

@@ -7,6 +7,7 @@ from kinematics.machine import Machine
 from planner.actuation import ActuatorPath, MachinePath
 from planner.limits.acceleration import Acceleration
 from planner.limits.angular_speed import AngularSpeed
+from planner.limits.clearance import Clearance
 from planner.limits.jerk import Jerk
 from planner.limits.limit import Limit
 from planner.limits.pulse_rate import PulseRate
@@ -28,6 +29,7 @@ AXIS_LIMITS: dict[type[Limit], tuple[int, Callable[[Sequence[Axis]], Limit]]] = 
 MACHINE_LIMITS: dict[type[Limit], Callable[[Machine, MachinePath], Limit]] = {
     Travel: lambda machine, path: Travel(machine.axes, machine.home_q),
     Tilt: lambda machine, path: Tilt(machine),
+    Clearance: lambda machine, path: Clearance(machine),
     ToolSpeed: lambda machine, path: ToolSpeed(piece.tool_speed for piece in path.pieces),
     ToolAcceleration: lambda machine, path: ToolAcceleration(piece.tool_acceleration for piece in path.pieces),
     AngularSpeed: lambda machine, path: AngularSpeed(piece.angular_speed for piece in path.pieces),

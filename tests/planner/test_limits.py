@@ -15,6 +15,7 @@ from planner.limits import Term, limits_of
 from planner.limits.acceleration import Acceleration
 from planner.limits.angular_speed import AngularSpeed
 from planner.limits.capped import Capped
+from planner.limits.clearance import Clearance
 from planner.limits.jerk import Jerk
 from planner.limits.pulse_rate import PulseRate
 from planner.limits.registry import AXIS_LIMITS, MACHINE_LIMITS
@@ -58,6 +59,7 @@ ZOO = {
     Jerk: Case(bounds, row=lambda value: value),
     Travel: Case(lambda limit, piece: -bounds(limit, piece)),
     Tilt: Case(lambda limit, piece: np.cos(bounds(limit, piece))),
+    Clearance: Case(bounds),
     ToolSpeed: Case(squares, row=np.sqrt),
     AngularSpeed: Case(squares, row=np.sqrt),
     # a polygon inscribed in a circle: of the facets, the nearest uses at most so much more
@@ -171,7 +173,11 @@ def test_use_is_one_exactly_at_the_bound(limit):
     full = ZOO[type(limit)].full(limit, piece)
     assert np.abs(limit.use(full, full, piece) - 1).max() <= 2**-51  # a root or an arc cosine may round
     for share in (0.5, 0.999, 1.001, 1.4):
-        part = np.cos(limit.bounds * share) + 0 * full if isinstance(limit, Tilt) else full * share
+        part = full * share
+        if isinstance(limit, Tilt):
+            part = np.cos(limit.bounds * share) + 0 * full
+        elif isinstance(limit, Clearance):
+            part = full / share
         use = limit.use(part, part, piece)
         assert use == pytest.approx(np.sqrt(share) if isinstance(limit, Capped) else share, rel=1e-12)
 
