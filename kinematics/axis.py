@@ -1,6 +1,7 @@
 """One driven axis of a machine: its coordinate, its limits and its wiring, as data."""
 
 from dataclasses import dataclass
+from itertools import pairwise
 from math import inf, isinf
 from typing import Literal
 
@@ -28,6 +29,8 @@ class Axis:
     direction       +1/-1: the sign in which a positive coordinate is counted by the wiring
     torque_speed    ((speed, force), ...) falling curve of the motor, speeds rising
     max_pulse_rate  1/s
+    resonance       ((low, high), ...) rising bands of speed |q̇| in which a stepper resonates [Sasidhar 1981]
+    resonance_time  s that each stay in a band may last; None: the axis keeps below the first band
     backlash        m or rad lost at every reversal
     lead_error      ((position, error), ...) of the screw, positions rising: where the axis is beyond where it counts
     card, channel   which motion card drives it, and which of the card's axes it is
@@ -44,6 +47,8 @@ class Axis:
     max_force: float | None = None
     torque_speed: tuple[tuple[float, float], ...] | None = None
     max_pulse_rate: float | None = None
+    resonance: tuple[tuple[float, float], ...] | None = None
+    resonance_time: float | None = None
     backlash: float = 0.0
     lead_error: tuple[tuple[float, float], ...] | None = None
     card: str | None = None
@@ -69,10 +74,19 @@ class Axis:
                     f"axis {self.name}: {field} {value} must be one number, or two: "
                     "towards smaller and towards greater positions"
                 )
-        for field in ("max_speed", "max_acceleration", "max_jerk", "max_force", "max_pulse_rate"):
+        for field in ("max_speed", "max_acceleration", "max_jerk", "max_force", "max_pulse_rate", "resonance_time"):
             value = getattr(self, field)
             if value is not None and not all(0 < side < inf for side in sides(value)):
                 raise MotionError(f"axis {self.name}: {field} {value} must be positive and finite (or None: unlimited)")
+
+        edges = [edge for band in self.resonance or ((1.0, 2.0),) for edge in band]
+        if not 0 < edges[0] < inf or any(not a < b < inf for a, b in pairwise(edges)):
+            raise MotionError(
+                f"axis {self.name}: resonance {self.resonance} must be bands (low, high) of speeds above 0, "
+                "rising and apart"
+            )
+        if self.resonance_time is not None and self.resonance is None:
+            raise MotionError(f"axis {self.name}: resonance_time without resonance; give the bands that it crosses")
 
     @property
     def unit(self) -> str:

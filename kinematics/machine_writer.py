@@ -28,6 +28,7 @@ _UNITS = {
     "max_jerk": ("mm/s^3", 3),
     "max_force": ("N", 0),
     "max_pulse_rate": ("1/s", 0),
+    "resonance_time": ("ms", 3),
 }
 
 
@@ -89,6 +90,8 @@ def _fields(machine: str, axis: Axis) -> Iterator[tuple[str, str]]:
         elif field.name == "torque_speed":
             points = (f"[{_quantity(v, 'mm/s', 3)}, {_quantity(f, 'N', 0)}]" for v, f in value)
             yield field.name, f"[{', '.join(points)}]"
+        elif field.name == "resonance":
+            yield field.name, f"[{', '.join(_vector(band, 'mm/s', 3) for band in value)}]"
         elif field.name not in _UNITS:
             if value != field.default:
                 raise MotionError(f"machine {machine}: axis {axis.name}: {field.name} has no place in a machine file")

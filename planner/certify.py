@@ -13,13 +13,17 @@ import numpy as np
 from kinematics.array import Array, frozen
 from planner.enclosure import Cells, bounds, enclose
 from planner.limits.limit import Limit, Term
+from planner.limits.resonance import Resonance
 from planner.place import Place
+from planner.stays import stays
 from planner.trajectory import Trajectory
 
 TOLERANCE = 1e-6
 """A limit holds when its proven bound is at most 1 + TOLERANCE: room for the solvers' own tolerance."""
 # How long cells are halved until their bounds are tight.
 HALVINGS, MOST_CELLS = 24, 400_000
+CROSSING = "resonance crossing"
+"""What no value at an instant tells: the longest stay of an axis in a band of speed, over the time allowed."""
 # Order of the expansions in time, by the highest derivative: q̈ or q⃛ keep a polynomial of degree 3 or 4.
 EXPANSION = {2: 6, 3: 8}
 # A jump of q, q̇ (and q̈ under jerk limits) between two pieces up to this share of the largest value met is rounding.
@@ -70,6 +74,10 @@ def certify(trajectory: Trajectory, limits: Sequence[Limit], known: Known | None
     use, attained = prove(trajectory, limits, order, known)
     worst = {name: float(values.max()) for name, values in use.items()}
     where = {limit.name: _place(trajectory, limit, int(np.argmax(use[limit.name]))) for limit in limits}
+    for limit in limits:
+        if isinstance(limit, Resonance) and limit.bands:
+            use[CROSSING], where[CROSSING] = _crossing(trajectory, limit)
+            worst[CROSSING] = float(use[CROSSING].max())
     for name, place in (_jumps(trajectory, order) | _gaps(trajectory)).items():
         worst[name], where[name] = float("inf"), place
     return Certificate(
@@ -131,6 +139,17 @@ def _judge(trajectory: Trajectory, limits: Sequence[Limit], cells: Cells, expans
                 value = limit.value(seen)
                 met[n, chosen] = limit.use(value, value, seen.piece).max(1).reshape(3, -1).max(0)
     return np.where(np.isnan(bound), np.inf, bound), np.where(np.isnan(met), np.inf, met)
+
+
+def _crossing(trajectory: Trajectory, limit: Resonance) -> tuple[Array, Place]:
+    """What each time piece has part in (M,), as a share of the time allowed, and where the longest stay begins."""
+    use, longest, place = np.zeros(len(trajectory.s)), 0.0, _at(trajectory, 0.0, "")
+    for stay in stays(trajectory, limit):
+        part = slice(stay.first, stay.last + 1)
+        np.maximum(use[part], stay.use, out=use[part])
+        if stay.use > longest:
+            longest, place = stay.use, _at(trajectory, stay.start, limit.channels[stay.band.axis])
+    return use, place
 
 
 def _jumps(trajectory: Trajectory, order: int) -> dict[str, Place]:

@@ -53,11 +53,19 @@ Force = Annotated[float, Unit("N", above=0)]
 Steps = Annotated[int, AfterValidator(_steps)]
 
 
+def _bands(bands: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
+    edges = [edge for band in bands for edge in band]
+    if not edges or any(after <= before for before, after in pairwise(edges)):
+        raise wrong("needs one or more bands, each from its lower to its upper speed, rising and apart")
+    return bands
+
+
 class Wiring(Table):
     """What no unit of its own depends on."""
 
     direction: Annotated[int, AfterValidator(_sign)] | None = None
     max_pulse_rate: Rate | None = None
+    resonance_time: Annotated[float, Unit("s", above=0)] | None = None
     card: str | None = None
     channel: Annotated[int, Field(ge=0)] | None = None
 
@@ -82,6 +90,13 @@ class LinearAxis(Wiring):
     max_speed: Annotated[Magnitude, _magnitude("m/s")] | None = None
     max_acceleration: Annotated[Magnitude, _magnitude("m/s^2")] | None = None
     max_jerk: Annotated[Magnitude, _magnitude("m/s^3")] | None = None
+    resonance: (
+        Annotated[
+            tuple[tuple[Annotated[float, Unit("m/s", above=0)], Annotated[float, Unit("m/s", above=0)]], ...],
+            AfterValidator(_bands),
+        ]
+        | None
+    ) = None
     max_force: Force | None = None
     torque_speed: (
         Annotated[
@@ -114,6 +129,13 @@ class RotaryAxis(Wiring):
     max_speed: Annotated[Magnitude, _magnitude("rad/s")] | None = None
     max_acceleration: Annotated[Magnitude, _magnitude("rad/s^2")] | None = None
     max_jerk: Annotated[Magnitude, _magnitude("rad/s^3")] | None = None
+    resonance: (
+        Annotated[
+            tuple[tuple[Annotated[float, Unit("rad/s", above=0)], Annotated[float, Unit("rad/s", above=0)]], ...],
+            AfterValidator(_bands),
+        ]
+        | None
+    ) = None
     max_force: Annotated[float, Unit("N*m", above=0)] | None = None
     torque_speed: (
         Annotated[

@@ -90,6 +90,11 @@ class Limit(ABC):
     """Per channel, the unit that people read and how many of it are one SI unit."""
 
     @property
+    def binds(self) -> bool:
+        """Whether it limits anything at all."""
+        return bool((self.bounds < np.inf).any())
+
+    @property
     def geometric(self) -> bool:
         return not self.terms
 
@@ -130,7 +135,7 @@ class AxisLimit(Limit):
         self.units = tuple(_UNITS[axis.kind](self.dimension) for axis in axes)
 
     def use(self, low: Array, high: Array, piece: np.ndarray) -> Array:
-        return np.asarray(np.maximum(-low / self.below, high / self.bounds))
+        return np.asarray(np.maximum(-low / self.below, high / self.bounds) + 0.0)  # no −0
 
     def told(self, value: float, channel: int) -> tuple[float, float]:
         return abs(value), float((self.bounds if value > 0 else self.below)[channel])

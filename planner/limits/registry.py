@@ -11,6 +11,7 @@ from planner.limits.clearance import Clearance
 from planner.limits.jerk import Jerk
 from planner.limits.limit import Limit
 from planner.limits.pulse_rate import PulseRate
+from planner.limits.resonance import Resonance
 from planner.limits.speed import Speed
 from planner.limits.tilt import Tilt
 from planner.limits.tool_acceleration import ToolAcceleration
@@ -22,6 +23,7 @@ AXIS_LIMITS: dict[type[Limit], tuple[int, Callable[[Sequence[Axis]], Limit]]] = 
     Speed: (2, lambda axes: Speed(axes, [axis.max_speed for axis in axes])),
     Acceleration: (2, lambda axes: Acceleration(axes, [axis.max_acceleration for axis in axes])),
     PulseRate: (2, PulseRate),
+    Resonance: (2, Resonance),
     Jerk: (3, lambda axes: Jerk(axes, [axis.max_jerk for axis in axes])),
 }
 
@@ -41,7 +43,7 @@ def limits_of(path: ActuatorPath, axes: Sequence[Axis], order: int) -> tuple[Lim
     limits = [make(axes) for least, make in AXIS_LIMITS.values() if least <= order]
     if isinstance(path, MachinePath):
         limits += [make(path.machine, path) for make in MACHINE_LIMITS.values()]
-    return tuple(limit for limit in limits if (limit.bounds < float("inf")).any())
+    return tuple(limit for limit in limits if limit.binds)
 
 
 # What an axis may state that no limit here keeps yet.

@@ -19,6 +19,7 @@ from planner.limits.clearance import Clearance
 from planner.limits.jerk import Jerk
 from planner.limits.pulse_rate import PulseRate
 from planner.limits.registry import AXIS_LIMITS, MACHINE_LIMITS
+from planner.limits.resonance import Resonance
 from planner.limits.speed import Speed
 from planner.limits.tilt import Tilt
 from planner.limits.tool_acceleration import FACETS, ToolAcceleration
@@ -56,6 +57,7 @@ ZOO = {
     Speed: Case(bounds, row=lambda value: value),
     Acceleration: Case(bounds, row=lambda value: value),
     PulseRate: Case(bounds, row=lambda value: value),
+    Resonance: Case(bounds, row=lambda value: value),
     Jerk: Case(bounds, row=lambda value: value),
     Travel: Case(lambda limit, piece: -bounds(limit, piece)),
     Tilt: Case(lambda limit, piece: np.cos(bounds(limit, piece))),
@@ -88,7 +90,7 @@ def path(hexapod):
 
 @pytest.fixture(scope="module")
 def limits(path, hexapod):
-    axes = [replace(axis, max_pulse_rate=2e4) for axis in hexapod.axes]
+    axes = [replace(axis, max_pulse_rate=2e4, resonance=((0.006, 0.008),)) for axis in hexapod.axes]
     return {type(limit): limit for limit in limits_of(path, axes, 3)}
 
 
