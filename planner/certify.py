@@ -76,7 +76,7 @@ def certify(trajectory: Trajectory, limits: Sequence[Limit], known: Known | None
     where = {limit.name: _place(trajectory, limit, int(np.argmax(use[limit.name]))) for limit in limits}
     for limit in limits:
         if isinstance(limit, Resonance) and limit.bands:
-            use[CROSSING], where[CROSSING] = _crossing(trajectory, limit)
+            use[CROSSING], attained[CROSSING], where[CROSSING] = _crossing(trajectory, limit)
             worst[CROSSING] = float(use[CROSSING].max())
     for name, place in (_jumps(trajectory, order) | _gaps(trajectory)).items():
         worst[name], where[name] = float("inf"), place
@@ -141,15 +141,19 @@ def _judge(trajectory: Trajectory, limits: Sequence[Limit], cells: Cells, expans
     return np.where(np.isnan(bound), np.inf, bound), np.where(np.isnan(met), np.inf, met)
 
 
-def _crossing(trajectory: Trajectory, limit: Resonance) -> tuple[Array, Place]:
-    """What each time piece has part in (M,), as a share of the time allowed, and where the longest stay begins."""
-    use, longest, place = np.zeros(len(trajectory.s)), 0.0, _at(trajectory, 0.0, "")
+def _crossing(trajectory: Trajectory, limit: Resonance) -> tuple[Array, Array, Place]:
+    """The longest stay that each time piece has part in, as a share of the time allowed: what is proved and what is
+    attained (M,), and where the longest of all begins.
+    """
+    use, attained = np.zeros((2, len(trajectory.s)))
+    longest, place = 0.0, _at(trajectory, 0.0, "")
     for stay in stays(trajectory, limit):
         part = slice(stay.first, stay.last + 1)
         np.maximum(use[part], stay.use, out=use[part])
+        np.maximum(attained[part], stay.inside / stay.band.time, out=attained[part])
         if stay.use > longest:
             longest, place = stay.use, _at(trajectory, stay.start, limit.channels[stay.band.axis])
-    return use, place
+    return use, attained, place
 
 
 def _jumps(trajectory: Trajectory, order: int) -> dict[str, Place]:

@@ -21,13 +21,17 @@ EXPANSION, TOGETHER, MOST_CELLS = 6, 1024, 400_000
 
 @dataclass(frozen=True, slots=True)
 class Stay:
-    """From start to end (s) an axis may be in a band: on time pieces first … last of the trajectory."""
+    """From start to end (s) an axis may be in a band: on time pieces first … last of the trajectory.
+
+    inside: the longest time (s) of it in which it surely is, without a break
+    """
 
     band: Band
     start: float
     end: float
     first: int
     last: int
+    inside: float
 
     @property
     def use(self) -> float:
@@ -41,7 +45,7 @@ def stays(trajectory: Trajectory, limit: Resonance) -> tuple[Stay, ...]:
     lengths = np.diff(trajectory.knots)
     cells = Cells(np.arange(len(lengths)), np.zeros(len(lengths)), lengths)
     cells, shortest = cells[lengths > 0], SHORT * min(band.time for band in limit.bands)
-    done, touched = [], []
+    done, touched, full = [], [], []
     while len(cells.k):
         possible, sure = _within(trajectory, limit, cells)
         open_ = (possible & ~sure).any(0) & (cells.hi - cells.lo > shortest)
@@ -49,16 +53,26 @@ def stays(trajectory: Trajectory, limit: Resonance) -> tuple[Stay, ...]:
             open_[:] = False
         done.append(cells[~open_])
         touched.append(possible[:, ~open_])
+        full.append(sure[:, ~open_])
         cells = cells[open_].halves()
     k, lo, hi = (np.concatenate([getattr(each, name) for each in done]) for name in ("k", "lo", "hi"))
     order = np.lexsort((lo, k))
     k, start, end = k[order], (trajectory.knots[k] + lo)[order], (trajectory.knots[k] + hi)[order]
     found = []
-    for band, met in zip(limit.bands, np.concatenate(touched, 1)[:, order], strict=True):
-        edges = np.diff(np.concatenate([[False], met, [False]]).astype(int))
-        for a, b in zip(np.flatnonzero(edges > 0), np.flatnonzero(edges < 0) - 1, strict=True):
-            found.append(Stay(band, float(start[a]), float(end[b]), int(k[a]), int(k[b])))
+    for band, met, sure in zip(
+        limit.bands, *(np.concatenate(each, 1)[:, order] for each in (touched, full)), strict=True
+    ):
+        surely = _in_a_row(sure)
+        for a, b in _in_a_row(met):
+            inside = max((float(end[d] - start[c]) for c, d in surely if a <= c <= b), default=0.0)
+            found.append(Stay(band, float(start[a]), float(end[b]), int(k[a]), int(k[b]), inside))
     return tuple(found)
+
+
+def _in_a_row(flags: np.ndarray) -> list[tuple[int, int]]:
+    """First and last index of every row of true flags."""
+    edges = np.diff(np.concatenate([[False], flags, [False]]).astype(int))
+    return list(zip(np.flatnonzero(edges > 0).tolist(), (np.flatnonzero(edges < 0) - 1).tolist(), strict=True))
 
 
 def _within(trajectory: Trajectory, limit: Resonance, cells: Cells) -> tuple[np.ndarray, np.ndarray]:

@@ -80,6 +80,7 @@ def test_stays_of_a_known_motion():
     for stay, (start, end) in zip(found, [(0.2, 0.3), (1.7, 1.8), (0.95, 1.05)], strict=True):
         assert start * half - 0.1 * SHORT <= stay.start <= start * half
         assert end * half <= stay.end <= end * half + 0.1 * SHORT
+        assert 0.1 * half - 0.2 * SHORT <= stay.inside <= 0.1 * half
     assert [(stay.first, stay.last) for stay in found] == [(0, 0), (1, 1), (0, 1)]
     certificate = certify(motion, [limit])
     assert certificate.worst[CROSSING] == pytest.approx(0.1 * half / 0.1, abs=2 * SHORT)
@@ -97,6 +98,7 @@ def test_no_stay_of_two_axes_is_longer_than_proved(seed, time):
     assert moved.certificate.holds
     longest, step = sampled(moved.trajectory, *BAND)
     assert longest.max() <= moved.certificate.worst[CROSSING] * time + 2 * step
+    assert moved.certificate.attained[CROSSING].max() * time <= longest.max() + 2 * step
     assert longest.max() >= moved.certificate.worst[CROSSING] * time - 2.1 * SHORT * time - 2 * step
     assert moved.trajectory.duration >= free.trajectory.duration * (1 - 1e-9)
     before = sampled(free.trajectory, *BAND)[0].max()
