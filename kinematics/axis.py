@@ -79,8 +79,8 @@ class Axis:
             if value is not None and not all(0 < side < inf for side in sides(value)):
                 raise MotionError(f"axis {self.name}: {field} {value} must be positive and finite (or None: unlimited)")
 
-        edges = [edge for band in self.resonance or ((1.0, 2.0),) for edge in band]
-        if not 0 < edges[0] < inf or any(not a < b < inf for a, b in pairwise(edges)):
+        edges = [edge for band in self.resonance or () for edge in band]
+        if any(not slower < faster for slower, faster in pairwise([0.0, *edges, inf])):
             raise MotionError(
                 f"axis {self.name}: resonance {self.resonance} must be bands (low, high) of speeds above 0, "
                 "rising and apart"

@@ -107,9 +107,10 @@ def test_a_hexapod_with_a_weak_side(hexapod, order):
     assert state.qdd.max() == pytest.approx(0.1, rel=1e-2)
     assert state.qdd.min() >= -0.225 * (1 + 1e-6)
     assert state.qdd.min() < -0.15
-    baseline = classical(made)
-    assert baseline.certificate.holds
-    assert baseline.duration >= made.trajectory.duration * (1 - 1e-6) or order == 3
+    if order == 2:
+        baseline = classical(made)
+        assert baseline.certificate.holds
+        assert baseline.duration >= made.trajectory.duration * (1 - 1e-6)
 
 
 def test_what_is_no_magnitude_is_refused():
