@@ -15,7 +15,8 @@ from kinematics.machine import Machine
 from kinematics.pose import column
 from kinematics.series import Series
 from planner.branch import branches
-from planner.path.shape import Piece, Shape, pose_map
+from planner.path.join import Blended
+from planner.path.shape import Piece, Shape, differentiated, pose_map
 from planner.place import Place
 
 # A jump of a derivative at a break up to this share of its axis' largest value is rounding, or of any axis' largest.
@@ -85,7 +86,7 @@ def _along(machine: Machine, shape: Shape) -> Expression:
     """(s, parameters, near) -> q, q′, q″, q‴: the machine's inverse map composed with the shape, differentiated."""
     s, parameters, near = ca.SX.sym("s"), ca.SX.sym("parameters", shape.size), ca.SX.sym("near", len(machine.axes))
     q = machine.symbolic(column(*shape.motion(s, parameters)), near)
-    return _differentiated(f"{shape.name}_actuated", q, s, ca.vertcat(s, parameters, near))
+    return differentiated(f"{shape.name}_actuated", q, s, ca.vertcat(s, parameters, near))
 
 
 @lru_cache(maxsize=64)
@@ -96,25 +97,29 @@ def _carried_along(machine: Machine, shape: Shape) -> Expression:
     if machine.follows:
         q = machine.symbolic(column(position, rotation), near)
         position, rotation = machine.carried(position, rotation, q)
-    return _differentiated(f"{shape.name}_posed", column(position, rotation), s, ca.vertcat(s, parameters, near))
-
-
-def _differentiated(name: str, values: ca.SX, s: ca.SX, inputs: ca.SX) -> Expression:
-    """Inputs -> values and their first three derivatives, one after the other."""
-    orders = [values]
-    for _ in range(3):
-        orders.append(ca.jacobian(orders[-1], s))
-    return Expression(name, inputs, ca.vertcat(*orders))
+    return differentiated(f"{shape.name}_posed", column(position, rotation), s, ca.vertcat(s, parameters, near))
 
 
 class MachinePath:
     """A path in space as the machine's actuators see it."""
 
-    def __init__(self, machine: Machine, pieces: Sequence[Piece], stops: np.ndarray, dwells: Array) -> None:
-        """stops (P+1,) bool and dwells (P+1,) s at the pieces' ends; the first and the last are stops."""
+    def __init__(
+        self,
+        machine: Machine,
+        pieces: Sequence[Piece],
+        stops: np.ndarray,
+        dwells: Array,
+        blends: Sequence[Blended] = (),
+    ) -> None:
+        """At the pieces' ends, dwells (P+1,) s, and stops (P+1,): the order of motion from which it rests there.
+
+        0 says that it never needs to, 1 that it always does; the first and the last end are stops. blends: what became
+        of the joins that ask for one.
+        """
         parts, near = branches(machine, pieces)
         counts = [len(each) for each in parts]
         self.machine, self.pieces = machine, tuple(part for each in parts for part in each)
+        self.blends = tuple(blends)
         self.breaks: Array = frozen(np.concatenate([[0.0], np.cumsum([piece.length for piece in self.pieces])]))
         ends = np.concatenate([[0], np.cumsum(counts)])
         self._stops, self.dwells = frozen(_at(ends, stops)), frozen(_at(ends, dwells))
@@ -137,7 +142,7 @@ class MachinePath:
         refuse(self.machine, shares, lambda k: f"the path at {Place(float(s[k]), self.segment(int(piece[k])))}")
 
     def stops(self, order: int) -> np.ndarray:
-        return self._stops
+        return np.asarray((self._stops > 0) & (self._stops <= order))
 
     def segment(self, piece: int) -> int:
         return self.pieces[piece].segment

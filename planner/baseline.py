@@ -8,7 +8,8 @@ import numpy as np
 from kinematics.errors import MotionError
 from planner.certify import Certificate, certify
 from planner.limits import limits_of
-from planner.plan import Plan
+from planner.plan import Plan, actuate
+from planner.program import stopping
 from planner.solve import ROUNDS, assemble
 from planner.timing.problem import Run, grid, pose_problem
 from planner.timing.trapezoid import trapezoid
@@ -32,7 +33,7 @@ class Classical:
 
 
 def classical(plan: Plan) -> Classical:
-    """On each segment a trapezoid in arc length, as fast as its certificate allows at order 2.
+    """On each segment a trapezoid in arc length, as fast as its certificate allows at order 2; every join is a stop.
 
     Speed and acceleration along the path are constant over the segment, the largest that keep every limit.
     """
@@ -41,15 +42,16 @@ def classical(plan: Plan) -> Classical:
         replace(axis, resonance=None, resonance_time=None) if axis.resonance_time else axis
         for axis in plan.machine.axes
     ]
-    limits = limits_of(plan.path, axes, 2)
-    stops = np.flatnonzero(plan.path.stops(2))
+    path = actuate(stopping(plan.program), plan.machine)
+    limits = limits_of(path, axes, 2)
+    stops = np.flatnonzero(path.stops(2))
     problems = []
     for a, b in pairwise(stops):
-        intervals = max(INTERVALS, int(PER_RADIAN * plan.path.turns[a:b].sum()))
-        problems.append(pose_problem(plan.path, limits, *grid(plan.path, Run(int(a), int(b) - 1), intervals)))
+        intervals = max(INTERVALS, int(PER_RADIAN * path.turns[a:b].sum()))
+        problems.append(pose_problem(path, limits, *grid(path, Run(int(a), int(b) - 1), intervals)))
     profiles = [trapezoid(problem) for problem in problems]
     for _ in range(ROUNDS):
-        trajectory, owner = assemble(plan.path, profiles, stops)
+        trajectory, owner = assemble(path, profiles, stops)
         certificate = certify(trajectory, limits)
         if certificate.holds:
             return Classical(trajectory, certificate)

@@ -6,7 +6,7 @@ import numpy as np
 
 from kinematics.array import Array
 from kinematics.machine import Machine
-from planner.path.shape import Piece, pose_map
+from planner.path.shape import Piece
 
 # Points of a piece that are looked at first, and at most: an axis turns by less than NEAR (rad) from one to the next.
 POINTS, MOST, NEAR = 65, 2**16 + 1, np.pi / 4
@@ -60,5 +60,4 @@ def _cut(q: Array, count: int) -> list[Array]:
 
 
 def _poses(piece: Piece, points: int) -> Array:
-    s = piece.start + np.linspace(0.0, piece.length, points)
-    return pose_map(piece.shape)(np.column_stack([s, np.broadcast_to(piece.parameters, (points, piece.shape.size))]))
+    return piece.poses(piece.start + np.linspace(0.0, piece.length, points))

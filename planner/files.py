@@ -1,10 +1,12 @@
 """Program files: the schema of their TOML, and the program that one describes."""
 
+from itertools import pairwise
+from math import dist
 from os import PathLike
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator, Field, model_validator
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics.array import frozen
@@ -13,7 +15,22 @@ from kinematics.pose import Pose
 from kinematics.registry import find, presets
 from kinematics.schema import Direction, File, Table, build, chosen, declared, either, not_zero, unit_of, wrong
 from kinematics.units import Unit, shown
-from planner.program import Arc, Blend, Dwell, Frame, Join, Line, Program, Segment, Stop, Turn
+from planner.program import (
+    SAME,
+    Arc,
+    Blend,
+    Dwell,
+    Frame,
+    Join,
+    Line,
+    Program,
+    Segment,
+    Spline,
+    Stop,
+    Through,
+    Turn,
+    repeats,
+)
 
 PLAIN_UNITS = {"length": "m", "angle": "rad"}
 """The declarations that give plain numbers their unit, and the SI unit of each."""
@@ -63,12 +80,21 @@ def _not_empty(segments: tuple[Any, ...]) -> tuple[Any, ...]:
     return segments
 
 
+def _distinct(points: tuple[tuple[float, float, float], ...]) -> tuple[Any, ...]:
+    if not points:
+        raise wrong("empty: give a spline at least one point")
+    for n, (one, other) in enumerate(pairwise(points), 1):
+        if dist(one, other) <= SAME:
+            raise wrong(repeats(n))
+    return points
+
+
 def _join_type(value: object) -> Any:
     if isinstance(value, dict):
         return BlendTable
-    if value != "stop":
-        raise wrong(f'{shown(value)} is not a join: write "stop" or {{ blend = "0.05 mm" }}')
-    return Literal["stop"]
+    if value not in ("stop", "through"):
+        raise wrong(f'{shown(value)} is not a join: write "stop", "through" or {{ blend = "0.05 mm" }}')
+    return Literal["stop", "through"]
 
 
 def _start_type(value: object) -> Any:
@@ -91,9 +117,10 @@ PositionAndAngles = tuple[Coordinate, Coordinate, Coordinate, PlainAngle, PlainA
 
 class BlendTable(Table):
     blend: Annotated[float, Unit("m", above=0, plain="length")]
+    angle: Annotated[float, Unit("rad", above=0, plain="angle")] | None = None
 
 
-JoinEntry = Annotated[Literal["stop"] | BlendTable, chosen(_join_type)]
+JoinEntry = Annotated[Literal["stop", "through"] | BlendTable, chosen(_join_type)]
 
 
 class LineTable(Table):
@@ -105,7 +132,20 @@ class ArcTable(Table):
     centre: Position
     normal: Direction
     angle: Annotated[PlainAngle, AfterValidator(not_zero)]
+    rise: Coordinate = 0.0
     rotate: Orientation | None = None
+
+
+class SplineTable(Table):
+    through: Annotated[tuple[Position, ...], AfterValidator(_distinct)]
+    rotate: tuple[Orientation, ...] | None = None
+
+    @model_validator(mode="after")
+    def _one_for_each(self) -> Self:
+        if self.rotate is not None and len(self.rotate) != len(self.through):
+            given, points = len(self.rotate), len(self.through)
+            raise wrong(f"{given} orientations in rotate for {points} points in through: give one for each, or none")
+        return self
 
 
 class TurnTable(Table):
@@ -120,7 +160,9 @@ class Entry(Table):
 
     @property
     def after(self) -> Join:
-        return Stop() if self.join == "stop" else Blend(self.join.blend)
+        if isinstance(self.join, BlendTable):
+            return Blend(self.join.blend, self.join.angle)
+        return Stop() if self.join == "stop" else Through()
 
 
 class ToolEntry(Entry):
@@ -157,6 +199,23 @@ class ArcEntry(ToolEntry):
             turned,
             self.speed,
             self.after,
+            rise=self.arc.rise,
+            acceleration=self.acceleration,
+            angular_speed=self.angular_speed,
+            line_number=line_number,
+        )
+
+
+class SplineEntry(ToolEntry):
+    spline: SplineTable
+
+    def segment(self, line_number: int | None) -> Segment:
+        turned = None if self.spline.rotate is None else Rotation.from_euler("XYZ", self.spline.rotate)
+        return Spline(
+            frozen(self.spline.through),
+            turned,
+            self.speed,
+            self.after,
             acceleration=self.acceleration,
             angular_speed=self.angular_speed,
             line_number=line_number,
@@ -179,7 +238,8 @@ class DwellEntry(Table):
 
 
 SegmentEntry = Annotated[
-    LineEntry | ArcEntry | TurnEntry | DwellEntry, either(LineEntry, ArcEntry, TurnEntry, DwellEntry)
+    LineEntry | ArcEntry | SplineEntry | TurnEntry | DwellEntry,
+    either(LineEntry, ArcEntry, SplineEntry, TurnEntry, DwellEntry),
 ]
 
 

@@ -50,7 +50,7 @@ class Plan:
 def actuate(program: Program, machine: Machine) -> MachinePath:
     """The program's path in the machine's actuators. Raises MotionError naming the segment that cannot be drawn."""
     chained = chain(program, machine)
-    return MachinePath(machine, chained.pieces, chained.stops, chained.dwells)
+    return MachinePath(machine, chained.pieces, chained.stops, chained.dwells, chained.blends)
 
 
 def plan(program: Program, machine: Machine, *, order: int | None = None, clock_hz: int = 10_000_000) -> Plan:
@@ -101,4 +101,4 @@ def check(program: Program, machine: Machine) -> Standing:
     Raises MotionError for a path that cannot be drawn.
     """
     path = actuate(program, machine)
-    return standing(path, limits_of(path, machine.axes, 2))
+    return replace(standing(path, limits_of(path, machine.axes, 2)), blends=path.blends)

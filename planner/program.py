@@ -1,6 +1,6 @@
 """The program model: what the tool is asked to do, segment by segment, in SI units and in the program's own frame."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import isfinite
 from typing import Literal
 
@@ -12,6 +12,9 @@ from kinematics.array import Array, frozen
 from kinematics.errors import MotionError
 from kinematics.pose import Pose
 
+SAME = 1e-9
+"""Points nearer than this are the same (m), angles likewise (rad)."""
+
 
 @dataclass(frozen=True, slots=True)
 class Stop:
@@ -19,16 +22,29 @@ class Stop:
 
 
 @dataclass(frozen=True, slots=True)
+class Through:
+    """The join that is passed where the path is smooth enough for the motion's order, and a stop elsewhere.
+
+    Order 2 needs a common tangent (and turning rate), order 3 a common curvature too.
+    """
+
+
+@dataclass(frozen=True, slots=True)
 class Blend:
-    """The join that is rounded, leaving the programmed corner by at most `tolerance` (m)."""
+    """The join that is rounded: it leaves the programmed corner by at most `tolerance` (m), and `angle` (rad).
+
+    angle  None: what turns points at the machine's characteristic length by the tolerance
+    """
 
     tolerance: float
+    angle: float | None = None
 
     def __post_init__(self) -> None:
         _positive("blend", "tolerance", self.tolerance, "m")
+        _positive("blend", "angle", self.angle, "rad")
 
 
-Join = Stop | Blend
+Join = Stop | Through | Blend
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -61,6 +77,7 @@ class Arc:
     """A circular arc from where the path stands, by a signed angle: right hand about `normal`, any number of turns.
 
     centre  (3,) m;  normal  (3,) of any length, kept as a unit vector;  angle  rad
+    rise    m by which it moves along the normal in all: a helix
     rotate, speed, join, acceleration, angular_speed, line_number  as of a line
     """
 
@@ -70,6 +87,7 @@ class Arc:
     rotate: Rotation | None = None
     speed: float | None = None
     join: Join = Stop()
+    rise: float = field(default=0.0, kw_only=True)
     acceleration: float | None = field(default=None, kw_only=True)
     angular_speed: float | None = field(default=None, kw_only=True)
     line_number: int | None = field(default=None, kw_only=True)
@@ -84,7 +102,38 @@ class Arc:
         object.__setattr__(self, "normal", frozen(scaled / np.linalg.norm(scaled)))
         if not isfinite(self.angle) or self.angle == 0:
             raise MotionError(f"arc: angle {self.angle} rad must be finite and not zero")
+        if not isfinite(self.rise):
+            raise MotionError(f"arc: rise {self.rise} m must be finite")
         _caps(self, "arc")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Spline:
+    """A smooth curve from where the path stands through points, with four continuous derivatives and no stop inside.
+
+    through  (N, 3) m, no two neighbours the same (the path's shape: planner.path.spline)
+    rotate   N orientations, one at each point; None: kept
+    speed, join, acceleration, angular_speed, line_number  as of a line
+    """
+
+    through: Array
+    rotate: Rotation | None = None
+    speed: float | None = None
+    join: Join = Stop()
+    acceleration: float | None = field(default=None, kw_only=True)
+    angular_speed: float | None = field(default=None, kw_only=True)
+    line_number: int | None = field(default=None, kw_only=True)
+
+    def __post_init__(self) -> None:
+        points = _vectors("spline", "through", self.through)
+        object.__setattr__(self, "through", points)
+        repeated = np.flatnonzero(np.linalg.norm(np.diff(points, axis=0), axis=1) <= SAME)
+        if len(repeated):
+            raise MotionError(f"spline: {repeats(int(repeated[0]) + 1)}")
+        if self.rotate is not None and (self.rotate.single or len(self.rotate) != len(points)):
+            given = 1 if self.rotate.single else len(self.rotate)
+            raise MotionError(f"spline: {given} orientations for {len(points)} points; give one for each, or none")
+        _caps(self, "spline")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -113,7 +162,7 @@ class Dwell:
 
 CAPS = {"speed": "m/s", "acceleration": "m/s²", "angular_speed": "rad/s"}
 """What segments may cap, as far as they have it, and its unit."""
-Segment = Line | Arc | Turn | Dwell
+Segment = Line | Arc | Spline | Turn | Dwell
 Frame = Literal["home", "base"]
 
 
@@ -140,7 +189,7 @@ class Program:
     def __post_init__(self) -> None:
         object.__setattr__(self, "segments", tuple(self.segments))
         if not self.segments:
-            raise MotionError(f"program {self.name} is empty: give it at least one line, arc, turn or dwell")
+            raise MotionError(f"program {self.name} is empty: give it at least one line, arc, spline, turn or dwell")
         if self.frame not in ("home", "base"):
             raise MotionError(f'program {self.name}: frame "{self.frame}" is neither "home" nor "base"')
         _caps(self, f"program {self.name}")
@@ -149,6 +198,12 @@ class Program:
         """A segment's own cap, or the program's; None where neither says one, or the segment cannot have it."""
         own: float | None = getattr(segment, name, None)
         return getattr(self, name) if own is None and hasattr(segment, name) else own
+
+
+def stopping(program: Program) -> Program:
+    """The same program with a stop at every join: what a control without blends would run."""
+    stopped = (part if isinstance(part, Dwell) else replace(part, join=Stop()) for part in program.segments)
+    return replace(program, segments=tuple(stopped))
 
 
 def _vector(segment: str, name: str, value: ArrayLike) -> Array:
@@ -164,6 +219,21 @@ def _vector(segment: str, name: str, value: ArrayLike) -> Array:
 def _caps(stated: object, what: str) -> None:
     for name, unit in CAPS.items():
         _positive(what, name, getattr(stated, name, None), unit)
+
+
+def _vectors(segment: str, name: str, value: ArrayLike) -> Array:
+    try:
+        vectors = frozen(value, float)
+    except (TypeError, ValueError):
+        vectors = frozen([])
+    if vectors.ndim != 2 or vectors.shape[1:] != (3,) or not len(vectors) or not np.isfinite(vectors).all():
+        raise MotionError(f"{segment}: {name} must be points of three finite numbers, at least one, not {value!r}")
+    return vectors
+
+
+def repeats(point: int) -> str:
+    """What to say of a spline whose point of a number, from 1, is its next one as well."""
+    return f"points {point} and {point + 1} are the same; leave one of them out"
 
 
 def _positive(segment: str, name: str, value: float | None, unit: str) -> None:

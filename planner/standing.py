@@ -9,6 +9,7 @@ from kinematics.errors import MotionError, OutOfReach
 from planner.actuation import ActuatorPath
 from planner.certify import TOLERANCE, prove
 from planner.limits.limit import Limit
+from planner.path.join import Blended
 from planner.place import Infeasible, Place
 from planner.trajectory import State, Trajectory
 
@@ -18,10 +19,14 @@ PARTS, PER_RADIAN, POINTS = 8, 4, 65
 
 @dataclass(frozen=True, slots=True)
 class Standing:
-    """Every violation, the worst first, and of each limit the largest use that is proved, and where."""
+    """Every violation, the worst first, and of each limit the largest use that is proved, and where.
+
+    blends: what became of the program's joins that ask for one
+    """
 
     violations: tuple[MotionError, ...]
     largest: dict[str, tuple[float, Place]]
+    blends: tuple[Blended, ...] = ()
 
 
 def standing(path: ActuatorPath, limits: Sequence[Limit]) -> Standing:

@@ -81,7 +81,7 @@ def check(program: str, machine: str | None, as_json: bool) -> None:
     inputs = read_inputs(program, machine)
     found = look(inputs.program, inputs.machine)
     if as_json:
-        click.echo(record.as_json(record.of_check(found.violations, found.largest)), nl=False)
+        click.echo(record.as_json(record.of_check(found.violations, found.largest, found.blends)), nl=False)
     elif found.violations:
         click.echo("\n".join(map(str, found.violations)))
     else:

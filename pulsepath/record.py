@@ -13,6 +13,7 @@ from controllers.metrics import ErrorSeries
 from kinematics import Axis, Machine, MotionError
 from planner import Infeasible, Place
 from planner.limits import unkept
+from planner.path.join import Blended
 from pulsepath import __version__
 from pulsepath.directory import KIND
 from pulsepath.inputs import Inputs
@@ -46,6 +47,7 @@ def of_plan(job: Job, inputs: Inputs) -> Record:
                 for name, worst in certificate.worst.items()
             },
         },
+        "blends": _blends(plan.path.blends),
         "stated_but_not_kept": list(unkept(plan.machine.axes)),
         "solver": {"rounds": plan.rounds, "methods": list(plan.methods)},
         "pulses": {
@@ -85,10 +87,13 @@ def of_tracking(metrics: Iterable[Metrics]) -> Record:
     return {law.law: {series.name: _errors(series) for series in law.series} for law in metrics}
 
 
-def of_check(violations: Sequence[MotionError], largest: Mapping[str, tuple[float, Place]]) -> Record:
-    """The findings of a geometric check: what is violated, or how near the path comes to each limit."""
+def of_check(
+    violations: Sequence[MotionError], largest: Mapping[str, tuple[float, Place]], blends: Sequence[Blended] = ()
+) -> Record:
+    """The findings of a geometric check: what is violated, or how near the path comes to each limit; the blends."""
     return {
         "feasible": not violations,
+        "blends": _blends(blends),
         "violations": [_violation(violation) for violation in violations],
         "largest_use": {name: {"ratio": use, "where": _place(place)} for name, (use, place) in largest.items()},
     }
@@ -112,6 +117,23 @@ def as_json(record: object) -> str:
 def _errors(series: ErrorSeries) -> Record:
     figures = {"rms": series.rms, "p95": series.p95, "max": series.max}
     return {**figures, "unit": series.unit, "where": _place(series.where)}
+
+
+def _blends(blends: Sequence[Blended]) -> list[Record]:
+    """After which segment each is, what it may leave the path by and does, and which segments cut it short."""
+    return [
+        {
+            "segment": blend.segment,
+            "tolerance_m": blend.tolerance,
+            "deviation_m": blend.deviation,
+            "tolerance_rad": blend.angle,
+            "deviation_rad": blend.turned,
+            "reach_m": blend.reach,
+            "half_of_segments": list(blend.half_of),
+            "stop": blend.stop or None,
+        }
+        for blend in blends
+    ]
 
 
 def _place(place: Place) -> Record:

@@ -15,6 +15,7 @@ from kinematics.axis import Magnitude, sides
 from kinematics.calibration import Calibration
 from kinematics.calibration.result import GROUPS
 from planner import Place, Standing
+from planner.path.join import Blended
 from pulsepath.job import Job
 
 WIDTH = 110
@@ -47,15 +48,31 @@ def of_plan(job: Job) -> list[Table]:
     for axis in plan.pulses.axes:
         pulses.add_row(axis.name, f"{len(axis)}", f"{axis.final - axis.start}")
     pulses.add_row("all", f"{plan.pulses.total}")
-    return [times, limits, pulses]
+    return [times, limits, *of_blends(plan.path.blends), pulses]
+
+
+def of_blends(blends: Sequence[Blended]) -> list[Table]:
+    """How far each blend leaves the corner, and what it could not have; no table where there is none."""
+    if not blends:
+        return []
+    table = _table("blends", "after segment#", "tolerance (µm)#", "deviation (µm)#", "angle (µrad)#", "reach (mm)#", "")
+    for blend in blends:
+        if blend.stop:
+            table.add_row(f"{blend.segment}", f"{1e6 * blend.tolerance:.4g}", "", "", "", f"stops: {blend.stop}")
+            continue
+        figures = (1e6 * blend.tolerance, 1e6 * blend.deviation, 1e6 * blend.turned, 1e3 * blend.reach)
+        halves = " and ".join(map(str, blend.half_of))
+        short = f"half of segment {halves}" if blend.half_of else ""
+        table.add_row(f"{blend.segment}", *(f"{figure:.4g}" for figure in figures), short)
+    return [table]
 
 
 def of_check(found: Standing) -> list[Table]:
-    """How near a path comes to each limit."""
+    """How near a path comes to each limit, and its blends."""
     table = _table("largest use of each limit, proved along the path", "limit", "ratio ≤#", "at", "segment#", "mm#")
     for name, (use, place) in found.largest.items():
         table.add_row(name, _up(use), *_where(place)[:3])
-    return [table]
+    return [table, *of_blends(found.blends)]
 
 
 def of_tracking(metrics: Iterable[Metrics]) -> list[Table]:

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -52,10 +53,13 @@ class Problem:
         return len(self.piece)
 
 
-def grid(path: ActuatorPath, run: Run, intervals: int, spread: Array | None = None) -> tuple[Array, np.ndarray]:
-    """Grid of at least `intervals` intervals that holds every break of the run, and the piece of each interval.
+def grid(
+    path: ActuatorPath, run: Run, intervals: int, spread: Array | None = None, *, least: Array | None = None
+) -> tuple[Array, np.ndarray]:
+    """Grid of about `intervals` intervals that holds every break of the run, and the piece of each interval.
 
     spread (K,) in [0, 1], rising from 0 to 1: where points should lie, as a share of the run (evenly if None).
+    least (P,): a piece of the run in which fewer intervals would lie, as in a blend, has so many even ones instead.
     """
     breaks = path.breaks[run.first : run.last + 2]
     share = np.linspace(0, 1, intervals + 1) if spread is None else spread
@@ -65,10 +69,19 @@ def grid(path: ActuatorPath, run: Run, intervals: int, spread: Array | None = No
         gap = np.abs(s[:, None] - breaks[None, :]).min(1)
         near = np.maximum(np.gradient(s), 0) / 3
         s = np.union1d(s[gap > near], breaks)
+        s = s if least is None else _filled(s, breaks, least)
     else:
         s[0], s[-1] = breaks
     piece = run.first + np.clip(np.searchsorted(breaks, (s[1:] + s[:-1]) / 2, side="right") - 1, 0, len(breaks) - 2)
     return s, piece
+
+
+def _filled(s: Array, breaks: Array, least: Array) -> Array:
+    at = np.searchsorted(s, breaks)
+    parts = [s[a:b] for a, b in pairwise(at)]
+    for k in np.flatnonzero(np.diff(at) < least):
+        parts[k] = np.linspace(breaks[k], breaks[k + 1], int(np.ceil(least[k])) + 1)[:-1]
+    return np.concatenate([*parts, breaks[-1:]])
 
 
 def pose_problem(path: ActuatorPath, limits: Sequence[Limit], s: Array, piece: np.ndarray) -> Problem:

@@ -18,7 +18,7 @@ from planner.timing.third_order import third_order
 
 # Intervals of a run at least, for each piece in it, and for each radian that it turns; START is for the order-2 motion
 # that starts an order-3 solve.
-SECOND_ORDER, THIRD_ORDER, START = (1000, 50, 40), (240, 12, 10), (400, 20, 20)
+SECOND_ORDER, THIRD_ORDER, START = (1000, 50, 40), (240, 12, 15), (400, 20, 20)
 # Room taken off: this share of the excess, more with every try, and a little for the solver's own tolerance.
 MORE, MARGIN = 1.1, 2e-7
 # How often a run is solved before it is slowed instead.
@@ -67,7 +67,7 @@ class Attempt:
 def attempt(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int) -> Attempt:
     """The first solve of a run. Raises MotionError when nothing bounds it."""
     if order == 2:
-        problem = pose_problem(path, limits, *grid(path, run, _size(SECOND_ORDER, path, run)))
+        problem = pose_problem(path, limits, *_grid(SECOND_ORDER, path, run))
         _need(problem, Term.SDD, "acceleration")
         return Attempt(problem, second_order(problem), "passes", order)
     problem, start = jerk_problem(path, limits, run)
@@ -80,13 +80,21 @@ def attempt(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int) -
 
 def jerk_problem(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> tuple[Problem, Smoothed]:
     """The order-3 problem of a run, on a grid graded for it, and the averaged order-2 motion to start from."""
-    coarse = pose_problem(path, limits, *grid(path, run, _size(START, path, run)))
+    coarse = pose_problem(path, limits, *_grid(START, path, run))
     _need(coarse, Term.SDDD, "jerk")
     coarse, window = _second_order_start(coarse)
     start = Smoothed(second_order(coarse), window)
     shares = (start.spread(_size(THIRD_ORDER, path, run)) - coarse.s[0]) / (coarse.s[-1] - coarse.s[0])
-    s, piece = grid(path, run, len(shares) - 1, np.clip(shares, 0.0, 1.0))
+    s, piece = _grid(THIRD_ORDER, path, run, np.clip(shares, 0.0, 1.0))
     return pose_problem(path, limits, s, piece), start
+
+
+def _grid(
+    rule: tuple[int, int, int], path: ActuatorPath, run: Run, spread: Array | None = None
+) -> tuple[Array, np.ndarray]:
+    """A run's grid by a rule, of which every piece by itself has its share."""
+    least = np.maximum(rule[1], rule[2] * path.turns[run.first : run.last + 1])
+    return grid(path, run, _size(rule, path, run), spread, least=least)
 
 
 def _size(rule: tuple[int, int, int], path: ActuatorPath, run: Run) -> int:

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from kinematics.errors import FileError, MotionError
 from planner.files import load_program, program_names
-from planner.program import Arc, Blend, Dwell, Line, Stop, Turn
+from planner.program import Arc, Blend, Dwell, Line, Stop, Through, Turn
 
 CIRCLE = (files("planner") / "presets" / "circle.toml").read_text(encoding="utf-8")
 TOP = 'schema = 1\nlength = "mm"\nangle = "deg"\n'
@@ -125,6 +125,59 @@ dwell = "20 ms"
     assert (turn.join, dwell.duration) == (Stop(), 0.02)
 
 
+def test_splines_helices_and_what_joins_may_be(load):
+    text = f"""{TOP}
+[[segment]]
+spline = {{ through = [[1, 2, 3], ["1 in", 0, 0]], rotate = [[0, 0, 5], [0, "0.1 rad", 0]] }}
+speed = "3 mm/s"
+join = {{ blend = 0.05, angle = 0.5 }}
+[[segment]]
+spline = {{ through = [[0, 0, 0]] }}
+join = "through"
+[[segment]]
+arc = {{ centre = [0, 2, 3], normal = [0, 0, 2], angle = 720, rise = -4 }}
+"""
+    spline, point, arc = load(text).segments
+    np.testing.assert_allclose(spline.through, [[1e-3, 2e-3, 3e-3], [0.0254, 0, 0]], rtol=1e-15)
+    np.testing.assert_allclose(spline.rotate.as_rotvec(), [[0, 0, np.deg2rad(5)], [0, 0.1, 0]], atol=1e-15)
+    assert (spline.speed, spline.join) == (0.003, Blend(0.05e-3, np.deg2rad(0.5)))
+    assert (point.rotate, point.join, point.through.shape) == (None, Through(), (1, 3))
+    assert (arc.angle, arc.rise, arc.join) == (4 * np.pi, -0.004, Stop())
+
+
+def test_faults_of_splines_stand_with_their_lines(load):
+    text = f"""{TOP}
+[[segment]]
+spline = {{ through = [
+  [1, 2, 3], [4, 5, 6], [4, 5, 6],
+] }}
+[[segment]]
+spline = {{ through = [[1, 2, 3]], rotate = [[0, 0, 5], [0, 0, 0]] }}
+join = {{ blend = 0.05, angle = 0 }}
+[[segment]]
+spline = {{ through = [] }}
+join = "thru"
+[[segment]]
+arc = {{ centre = [0, 2, 3], normal = [0, 0, 2], angle = 720, rise = "3 deg" }}
+"""
+    with pytest.raises(FileError) as refusal:
+        load(text)
+    found = [(fault.key, fault.message) for fault in refusal.value.faults]
+    expected = [
+        ("segment[1].spline.through", "points 2 and 3 are the same; leave one of them out"),
+        ("segment[2].spline", "2 orientations in rotate for 1 points in through: give one for each, or none"),
+        ("segment[2].join.angle", "must be"),
+        ("segment[3].spline.through", "at least one point"),
+        ("segment[3].join", 'write "stop", "through" or { blend'),
+        ("segment[4].arc.rise", "deg"),
+    ]
+    assert [key for key, _ in found] == [key for key, _ in expected]
+    for (_, message), (_, phrase) in zip(found, expected, strict=True):
+        assert phrase in message
+    first = text.split("\n").index("spline = { through = [") + 1
+    assert refusal.value.faults[0].line == first
+
+
 BAD = """\
 schema = 1
 lenght = "mm"
@@ -201,8 +254,8 @@ def test_every_fault_is_reported_in_one_pass(load):
         'nearest is "speed"',
         "nan: not a finite number",
         '30: a number without a unit: write e.g. "20 mm/s"',
-        '"halt" is not a join: write "stop" or { blend = "0.05 mm" }',
-        "line and dwell exclude each other: give line or arc or turn or dwell",
+        '"halt" is not a join: write "stop", "through" or { blend = "0.05 mm" }',
+        "line and dwell exclude each other: give line or arc or spline or turn or dwell",
     ):
         assert phrase in text
 

@@ -220,6 +220,28 @@ def test_a_feasible_path_tells_how_near_it_comes(call, job):
     assert f"{record['largest_use']['tilt']['ratio']:.6f}"[:6] in table
 
 
+def test_a_check_names_the_blends_and_what_cuts_them_short(call, tmp_path):
+    """Of the preset `blended` every blend has room; with a short segment in it, that one is named."""
+    record = json.loads(call("check", "blended", "--json").stdout)
+    assert [blend["segment"] for blend in record["blends"]] == [1, 2, 3, 4, 5]
+    for blend in record["blends"]:
+        assert blend["half_of_segments"] == []
+        assert blend["stop"] is None
+        share = max(blend["deviation_m"] / blend["tolerance_m"], blend["deviation_rad"] / blend["tolerance_rad"])
+        assert 0.9 <= share <= 1
+    short = tmp_path / "short.toml"
+    join = 'join = { blend = "0.05 mm" }'
+    lines = [
+        f'[[segment]]\nline = {{ to = ["{x} mm", "{y} mm", "25 mm"] }}\n{join}' for x, y in ((9, 0), (9, 0.1), (0, 0.1))
+    ]
+    dwell = '[[segment]]\ndwell = "1 s"'
+    back = '[[segment]]\nline = { to = ["0 mm", "0 mm", "25 mm"] }'
+    short.write_text("\n".join(["schema = 1", 'start = ["0 mm", "0 mm", "25 mm"]', *lines, dwell, back]))
+    table = call("check", short, "--machine", "hexapod").stdout
+    assert table.count("half of segment 2") == 2
+    assert "stops: a dwell" in table
+
+
 @pytest.mark.usefixtures("planned")
 class TestOverwriting:
     """`plan` into a directory that is there already."""
