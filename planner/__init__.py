@@ -7,15 +7,17 @@ from planner.baseline import Classical, classical
 from planner.certify import Certificate
 from planner.place import Infeasible, Place
 from planner.plan import Plan, check, plan
-from planner.program import Arc, Blend, Dwell, Line, Program, Stop, Turn
+from planner.program import Arc, Blend, Dwell, Line, Program, Stop, Trigger, Turn
 from planner.pulses import PulseSchedule
 from planner.solve import Solution
 from planner.standing import Standing
 from planner.trajectory import State, Trajectory
+from planner.triggers import Triggered
 
 __all__ = [
     "Arc", "Blend", "Certificate", "Classical", "Dwell", "Infeasible", "Line", "Place", "Plan", "Program",
-    "PulseSchedule", "Solution", "Standing", "State", "Stop", "Trajectory", "Turn", "check", "classical",
+    "PulseSchedule", "Solution", "Standing", "State", "Stop", "Trajectory", "Trigger", "Triggered",
+    "Turn", "check", "classical",
     "load_program", "plan", "program_names", "time_optimal",
 ]  # fmt: skip
 

@@ -12,10 +12,11 @@ from kinematics.array import Array, frozen
 from kinematics.expression import Expression
 from kinematics.freedom import refuse
 from kinematics.machine import Machine
-from kinematics.pose import column
+from kinematics.pose import Pose, column
 from kinematics.series import Series
 from planner.branch import branches
 from planner.path.shape import Piece, Shape, pose_map
+from planner.path.tool import tool_map
 from planner.place import Place
 
 # A jump of a derivative at a break up to this share of its axis' largest value is rounding, or of any axis' largest.
@@ -66,8 +67,15 @@ class ActuatorPath(Protocol):
     def stops(self, order: int) -> np.ndarray:
         """(P+1,) bool: where a motion of this order (2: to acceleration, 3: to jerk) has to rest."""
 
+    @property
+    def tool(self) -> Expression | None:
+        """The platform's twelve numbers, or their rates -> the tool's; None where they are the same."""
+
     def segment(self, piece: int) -> int | None:
         """Number of the program's segment that a piece belongs to, from 1; None without a program."""
+
+    def place(self, s: float, piece: int, t: float | None = None, axis: str = "") -> Place:
+        """What to call path length s of a piece."""
 
     def derivatives(self, s: Array, piece: np.ndarray) -> Derivatives: ...
     def pose_numbers(self, s: Array, piece: np.ndarray) -> Array | None:
@@ -110,8 +118,14 @@ def _differentiated(name: str, values: ca.SX, s: ca.SX, inputs: ca.SX) -> Expres
 class MachinePath:
     """A path in space as the machine's actuators see it."""
 
-    def __init__(self, machine: Machine, pieces: Sequence[Piece], stops: np.ndarray, dwells: Array) -> None:
-        """stops (P+1,) bool and dwells (P+1,) s at the pieces' ends; the first and the last are stops."""
+    def __init__(
+        self, machine: Machine, pieces: Sequence[Piece], stops: np.ndarray, dwells: Array, tool: Pose | None = None
+    ) -> None:
+        """stops (P+1,) bool and dwells (P+1,) s at the pieces' ends; the first and the last are stops.
+
+        tool  its frame in the platform's, whose path the pieces are; None: the platform's own
+        """
+        self.tool = None if tool is None else tool_map(tool)
         parts, near = branches(machine, pieces)
         counts = [len(each) for each in parts]
         self.machine, self.pieces = machine, tuple(part for each in parts for part in each)
@@ -134,13 +148,16 @@ class MachinePath:
         piece = np.repeat(np.arange(len(self.pieces)), LOOKED)
         s = (self.breaks[:-1, None] + np.diff(self.breaks)[:, None] * np.linspace(0, 1, LOOKED)).ravel()
         shares = self._evaluate(pose_map, s, piece)
-        refuse(self.machine, shares, lambda k: f"the path at {Place(float(s[k]), self.segment(int(piece[k])))}")
+        refuse(self.machine, shares, lambda k: f"the path at {self.place(float(s[k]), int(piece[k]))}")
 
     def stops(self, order: int) -> np.ndarray:
         return self._stops
 
     def segment(self, piece: int) -> int:
         return self.pieces[piece].segment
+
+    def place(self, s: float, piece: int, t: float | None = None, axis: str = "") -> Place:
+        return Place(s, self.pieces[piece].segment, t, axis, self.pieces[piece].repetition)
 
     def derivatives(self, s: Array, piece: np.ndarray) -> Derivatives:
         both = self._evaluate(lambda shape: _along(self.machine, shape), s, piece, self._near)
@@ -201,6 +218,7 @@ class PolynomialPath:
         self.breaks, self.names = frozen(breaks), tuple(names)
         self.coefficients: Array = frozen(coefficients)
         self.dwells: Array = frozen(np.zeros(len(breaks)))
+        self.tool = None
         self.turns: Array = frozen(np.zeros(len(breaks) - 1))  # a piece of low degree bends little
 
     def stops(self, order: int) -> np.ndarray:
@@ -216,6 +234,9 @@ class PolynomialPath:
 
     def segment(self, piece: int) -> None:
         return None
+
+    def place(self, s: float, piece: int, t: float | None = None, axis: str = "") -> Place:
+        return Place(s, None, t, axis)
 
     def derivatives(self, s: Array, piece: np.ndarray) -> Derivatives:
         """Horner's scheme for the value and its first three derivatives at once."""

@@ -189,4 +189,4 @@ def _place(trajectory: Trajectory, limit: Limit, k: int) -> Place:
 
 def _at(trajectory: Trajectory, t: float, axis: str) -> Place:
     state = trajectory.at(t)
-    return Place(float(state.s[0]), trajectory.path.segment(int(state.piece[0])), t, axis)
+    return trajectory.path.place(float(state.s[0]), int(state.piece[0]), t, axis)

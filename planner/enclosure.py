@@ -44,6 +44,7 @@ class Enclosure:
     pose: Series | None
     rate: Array
     piece: np.ndarray
+    tool: Expression | None
 
     def _differentiated(self, series: Series, times: int) -> Series:
         for _ in range(times):
@@ -65,6 +66,10 @@ class Enclosure:
     def pose_rate(self, times: int) -> Series:
         assert self.pose is not None  # only machines have limits on their pose
         return self._differentiated(self.pose, times)
+
+    def tool_rate(self, times: int) -> Series:
+        rate = self.pose_rate(times)
+        return rate if self.tool is None else self.evaluate(self.tool, rate)
 
     def evaluate(self, expression: Expression, *inputs: Series) -> Series:
         return Series.stack(expression.enclose([column for each in inputs for column in each.columns()]))
@@ -88,7 +93,7 @@ def enclose(trajectory: Trajectory, cells: Cells, order: int) -> Enclosure:
     s = Series(np.concatenate([mid, mid], 1), np.concatenate([rad, (rad + spread) * (1 + 8 * EPS)], 1), order)
     both = np.concatenate([piece, piece])
     q, pose = trajectory.path.enclose(s, both)
-    return Enclosure(q, pose, np.concatenate([1 / half, 1 / half])[:, None], piece)
+    return Enclosure(q, pose, np.concatenate([1 / half, 1 / half])[:, None], piece, trajectory.path.tool)
 
 
 @cache

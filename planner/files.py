@@ -1,5 +1,6 @@
 """Program files: the schema of their TOML, and the program that one describes."""
 
+from collections.abc import Iterator
 from os import PathLike
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -8,12 +9,12 @@ from pydantic import AfterValidator, Field
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics.array import frozen
-from kinematics.document import read
+from kinematics.document import Key, read
 from kinematics.pose import Pose
 from kinematics.registry import find, presets
 from kinematics.schema import Direction, File, Table, build, chosen, declared, either, not_zero, unit_of, wrong
 from kinematics.units import Unit, shown
-from planner.program import Arc, Blend, Dwell, Frame, Join, Line, Program, Segment, Stop, Turn
+from planner.program import Arc, Blend, Dwell, Frame, Join, Line, Program, Segment, Stop, Trigger, Turn
 
 PLAIN_UNITS = {"length": "m", "angle": "rad"}
 """The declarations that give plain numbers their unit, and the SI unit of each."""
@@ -26,9 +27,20 @@ def load_program(name_or_path: str | PathLike[str]) -> Program:
     """
     source = find("planner", "program", name_or_path)
     document = read(source)
-    model = build(document, ProgramFile, plain=declared(document.data, PLAIN_UNITS))
+    model = build(document, ProgramFile, _constant_speeds, plain=declared(document.data, PLAIN_UNITS))
     segments = [entry.segment(document.line(("segment", n))) for n, entry in enumerate(model.segment)]
-    return Program(tuple(segments), model.frame, _pose(model.start), model.machine, Path(source.name).stem)
+    return Program(
+        tuple(segments),
+        model.frame,
+        _pose(model.start),
+        model.machine,
+        Path(source.name).stem,
+        tool=None if model.tool is None else model.tool.pose,
+        work=None if model.work is None else model.work.pose,
+        repeat=model.repeat,
+        start_speed=model.start_speed,
+        end_speed=model.end_speed,
+    )
 
 
 def program_names() -> tuple[str, ...]:
@@ -46,6 +58,24 @@ def _pose(start: tuple[float, ...] | None) -> Pose | None:
 def _rotation(angles: tuple[float, float, float] | None) -> Rotation | None:
     """Rx(θx) · Ry(θy) · Rz(θz): about the moving axes in turn."""
     return None if angles is None else Rotation.from_euler("XYZ", angles)
+
+
+def _constant_speeds(data: dict[str, Any]) -> Iterator[tuple[Key, str]]:
+    """Segments that ask for a constant speed and do not say which."""
+    segments = data.get("segment")
+    for n, entry in enumerate(segments if isinstance(segments, tuple) else ()):
+        if isinstance(entry, dict) and entry.get("speed_constant") is True and "speed" not in entry:
+            yield ("segment", n, "speed_constant"), 'asks for a speed: add e.g. speed = "20 mm/s"'
+
+
+def _named(name: str) -> str:
+    if not name:
+        raise wrong("empty: give the name of the output line or event")
+    return name
+
+
+def _trigger_type(value: object) -> Any:
+    return TriggerTable if isinstance(value, dict) else Name
 
 
 def _not_empty(segments: tuple[Any, ...]) -> tuple[Any, ...]:
@@ -73,6 +103,8 @@ _SOME_SEGMENT = "a program needs at least one [[segment]]"
 Coordinate = Annotated[float, Unit("m", plain="length")]
 PlainAngle = Annotated[float, Unit("rad", plain="angle")]
 ToolSpeed = Annotated[float, Unit("m/s", above=0)]
+EndSpeed = Annotated[float, Unit("m/s", least=0)]
+Name = Annotated[str, AfterValidator(_named)]
 Position = tuple[Coordinate, Coordinate, Coordinate]
 Orientation = tuple[PlainAngle, PlainAngle, PlainAngle]
 PositionAndAngles = tuple[Coordinate, Coordinate, Coordinate, PlainAngle, PlainAngle, PlainAngle]
@@ -83,6 +115,25 @@ class BlendTable(Table):
 
 
 JoinEntry = Annotated[Literal["stop"] | BlendTable, chosen(_join_type)]
+
+
+class TriggerTable(Table):
+    name: Name
+    at: Annotated[float, Field(ge=0, le=1)] = 1.0
+
+
+TriggerEntry = Annotated[Name | TriggerTable, chosen(_trigger_type)]
+
+
+class PoseTable(Table):
+    """A frame in another: moved by `to`, then turned by `rotate`."""
+
+    to: Position = (0.0, 0.0, 0.0)
+    rotate: Orientation = (0.0, 0.0, 0.0)
+
+    @property
+    def pose(self) -> Pose:
+        return RigidTransform.from_components(self.to, Rotation.from_euler("XYZ", self.rotate))
 
 
 class LineTable(Table):
@@ -105,34 +156,56 @@ class Entry(Table):
     """What every segment that moves has."""
 
     join: JoinEntry = "stop"
+    trigger: TriggerEntry | None = None
 
     @property
     def after(self) -> Join:
         return Stop() if self.join == "stop" else Blend(self.join.blend)
 
+    @property
+    def event(self) -> Trigger | None:
+        entry = self.trigger
+        return Trigger(entry.name, entry.at) if isinstance(entry, TriggerTable) else entry and Trigger(entry)
 
-class LineEntry(Entry):
-    line: LineTable
+
+class Drawn(Entry):
+    """What every segment that moves the tool has beside it."""
+
     speed: ToolSpeed | None = None
+    speed_constant: bool = False
+
+    @property
+    def said(self) -> dict[str, Any]:
+        """What its segment takes by name."""
+        return {
+            "speed": self.speed,
+            "join": self.after,
+            "speed_constant": self.speed_constant,
+            "trigger": self.event,
+        }
+
+
+class LineEntry(Drawn):
+    line: LineTable
 
     def segment(self, line_number: int | None) -> Segment:
-        return Line(frozen(self.line.to), _rotation(self.line.rotate), self.speed, self.after, line_number=line_number)
+        return Line(frozen(self.line.to), _rotation(self.line.rotate), **self.said, line_number=line_number)
 
 
-class ArcEntry(Entry):
+class ArcEntry(Drawn):
     arc: ArcTable
-    speed: ToolSpeed | None = None
 
     def segment(self, line_number: int | None) -> Segment:
         centre, normal, turned = frozen(self.arc.centre), frozen(self.arc.normal), _rotation(self.arc.rotate)
-        return Arc(centre, normal, self.arc.angle, turned, self.speed, self.after, line_number=line_number)
+        return Arc(centre, normal, self.arc.angle, turned, **self.said, line_number=line_number)
 
 
 class TurnEntry(Entry):
     turn: TurnTable
 
     def segment(self, line_number: int | None) -> Segment:
-        return Turn(Rotation.from_euler("XYZ", self.turn.to), self.after, line_number=line_number)
+        turned = Rotation.from_euler("XYZ", self.turn.to)
+        return Turn(turned, self.after, trigger=self.event, line_number=line_number)
 
 
 class DwellEntry(Table):
@@ -155,4 +228,9 @@ class ProgramFile(File):
     angle: Annotated[str, unit_of("rad")] | None = None
     frame: Frame = "home"
     start: Annotated[tuple[float, ...], chosen(_start_type)] | None = None
+    tool: PoseTable | None = None
+    work: PoseTable | None = None
+    repeat: Annotated[int, Field(ge=1)] = 1
+    start_speed: EndSpeed = 0.0
+    end_speed: EndSpeed = 0.0
     segment: Annotated[tuple[SegmentEntry, ...], Field(description=_SOME_SEGMENT), AfterValidator(_not_empty)]

@@ -31,6 +31,20 @@ class Blend:
 Join = Stop | Blend
 
 
+@dataclass(frozen=True, slots=True)
+class Trigger:
+    """An event at a position: named, at a share of its segment's path length (1: at its end)."""
+
+    name: str
+    at: float = 1.0
+
+    def __post_init__(self) -> None:
+        if not self.name:
+            raise MotionError("trigger: its name is empty; give the output line or the event that it stands for")
+        if not 0 <= self.at <= 1:
+            raise MotionError(f"trigger {self.name}: at {self.at} must be a share of its segment, from 0 to 1")
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Line:
     """A straight line to a position.
@@ -38,7 +52,9 @@ class Line:
     to           (3,) m
     rotate       orientation at its end, reached by the shortest turn in proportion to the path; None: kept
     speed        cap of the tool speed, m/s; None: as fast as the machine can
+    speed_constant  exactly this speed, outside the shortest ramps at its ends
     join         to the next segment
+    trigger      an event along it
     line_number  where it stands in its file, for messages
     """
 
@@ -46,11 +62,13 @@ class Line:
     rotate: Rotation | None = None
     speed: float | None = None
     join: Join = Stop()
+    speed_constant: bool = field(default=False, kw_only=True)
+    trigger: Trigger | None = field(default=None, kw_only=True)
     line_number: int | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "to", _vector("line", "to", self.to))
-        _positive("line", "speed", self.speed, "m/s")
+        _speed("line", self.speed, self.speed_constant)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -58,7 +76,7 @@ class Arc:
     """A circular arc from where the path stands, by a signed angle: right hand about `normal`, any number of turns.
 
     centre  (3,) m;  normal  (3,) of any length, kept as a unit vector;  angle  rad
-    rotate, speed, join, line_number  as of a line
+    rotate, speed, join, speed_constant, trigger, line_number  as of a line
     """
 
     centre: Array
@@ -67,6 +85,8 @@ class Arc:
     rotate: Rotation | None = None
     speed: float | None = None
     join: Join = Stop()
+    speed_constant: bool = field(default=False, kw_only=True)
+    trigger: Trigger | None = field(default=None, kw_only=True)
     line_number: int | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
@@ -79,7 +99,7 @@ class Arc:
         object.__setattr__(self, "normal", frozen(scaled / np.linalg.norm(scaled)))
         if not isfinite(self.angle) or self.angle == 0:
             raise MotionError(f"arc: angle {self.angle} rad must be finite and not zero")
-        _positive("arc", "speed", self.speed, "m/s")
+        _speed("arc", self.speed, self.speed_constant)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -88,6 +108,7 @@ class Turn:
 
     to: Rotation
     join: Join = Stop()
+    trigger: Trigger | None = field(default=None, kw_only=True)
     line_number: int | None = field(default=None, kw_only=True)
 
 
@@ -111,9 +132,13 @@ class Program:
     """A program of segments, run one after the other; coordinates are absolute in its frame.
 
     frame    "home": relative to the machine's home pose, or "base": in the machine's base frame
-    start    first pose, in the program's frame; None: the machine's home pose
+    start    first pose, in the program's frame; None: where the machine's home pose has it
     machine  name or path of the machine it is meant for, if it says so
-    Raises MotionError for an empty program or an unknown frame.
+    tool     the tool's frame in the platform's: coordinates say where it goes, speeds are its own; None: the platform's
+    work     the frame, in the program's, in which coordinates are given; None: the program's frame itself
+    repeat   how often the segments are run, one time after the other, each from where the path stands
+    start_speed, end_speed  tool speed (m/s) with which the motion begins and ends; 0: at rest
+    Raises MotionError for an empty program, an unknown frame, a count or a speed that is none.
     """
 
     segments: tuple[Segment, ...]
@@ -121,6 +146,11 @@ class Program:
     start: Pose | None = None
     machine: str | None = None
     name: str = "program"
+    tool: Pose | None = field(default=None, kw_only=True)
+    work: Pose | None = field(default=None, kw_only=True)
+    repeat: int = field(default=1, kw_only=True)
+    start_speed: float = field(default=0.0, kw_only=True)
+    end_speed: float = field(default=0.0, kw_only=True)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "segments", tuple(self.segments))
@@ -128,6 +158,11 @@ class Program:
             raise MotionError(f"program {self.name} is empty: give it at least one line, arc, turn or dwell")
         if self.frame not in ("home", "base"):
             raise MotionError(f'program {self.name}: frame "{self.frame}" is neither "home" nor "base"')
+        if isinstance(self.repeat, bool) or not isinstance(self.repeat, int) or self.repeat < 1:
+            raise MotionError(f"program {self.name}: repeat {self.repeat} must be a whole number from 1 on")
+        for end, speed in (("start_speed", self.start_speed), ("end_speed", self.end_speed)):
+            if not (isfinite(speed) and speed >= 0):
+                raise MotionError(f"program {self.name}: {end} {speed} m/s must be finite and not negative")
 
 
 def _vector(segment: str, name: str, value: ArrayLike) -> Array:
@@ -138,6 +173,12 @@ def _vector(segment: str, name: str, value: ArrayLike) -> Array:
     if vector.shape != (3,) or not np.isfinite(vector).all():
         raise MotionError(f"{segment}: {name} must be three finite numbers, not {value!r}")
     return vector
+
+
+def _speed(segment: str, speed: float | None, constant: bool) -> None:
+    _positive(segment, "speed", speed, "m/s")
+    if constant and speed is None:
+        raise MotionError(f"{segment}: speed_constant asks for a speed: give speed as well")
 
 
 def _positive(segment: str, name: str, value: float | None, unit: str) -> None:

@@ -36,8 +36,8 @@ class State:
 
     @property
     def tool_velocity(self) -> Array:
-        """(N, 3) m/s of the platform's origin."""
-        return np.asarray(self.pose_rate(1)[:, :3])
+        """(N, 3) m/s of the tool: of the platform's origin where there is none."""
+        return np.asarray(self.tool_rate(1)[:, :3])
 
     def pose_rate(self, times: int) -> Array:
         """The pose's twelve numbers (N, 12), differentiated by time: ẋ = x′ ṡ, ẍ = x′ s̈ + x″ ṡ²."""
@@ -46,6 +46,11 @@ class State:
             raise MotionError("this motion has no machine, so it has no pose")
         v, a = self.sd[:, None], self.sdd[:, None]
         return (along[0], along[1] * v, along[1] * a + along[2] * v**2)[times]
+
+    def tool_rate(self, times: int) -> Array:
+        """The same of the tool's numbers: the platform's where there is no tool."""
+        rate = self.pose_rate(times)
+        return rate if self.path.tool is None else self.path.tool(rate)
 
     def evaluate(self, expression: Expression, *inputs: Array) -> Array:
         """An expression of quantities of this motion, (N, k) each, one after the other."""

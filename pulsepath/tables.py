@@ -13,7 +13,7 @@ from controllers import Metrics
 from kinematics import Axis, Machine
 from kinematics.calibration import Calibration
 from kinematics.calibration.result import GROUPS
-from planner import Place, Standing
+from planner import Place, Standing, Triggered
 from pulsepath.job import Job
 
 WIDTH = 110
@@ -46,7 +46,17 @@ def of_plan(job: Job) -> list[Table]:
     for axis in plan.pulses.axes:
         pulses.add_row(axis.name, f"{len(axis)}", f"{axis.final - axis.start}")
     pulses.add_row("all", f"{plan.pulses.total}")
-    return [times, limits, pulses]
+    return [times, limits, pulses, *_triggers(plan.triggers)]
+
+
+def _triggers(events: Sequence[Triggered]) -> list[Table]:
+    if not events:
+        return []
+    table = _table("triggers", "name", "segment#", "mm#", "s#", "counts")
+    for event in events:
+        _, segment, distance, _ = _where(event.where)
+        table.add_row(event.name, segment, distance, f"{event.time:.7f}", " ".join(map(str, event.counts)))
+    return [table]
 
 
 def of_check(found: Standing) -> list[Table]:
@@ -128,7 +138,8 @@ def _table(title: str, *columns: str) -> Table:
 
 def _where(place: Place) -> Sequence[str]:
     """Axis, segment, distance (mm) and time (s) of a place."""
-    segment = "" if place.segment is None else str(place.segment)
+    again = "" if place.repetition is None else f" ({place.repetition}.)"
+    segment = "" if place.segment is None else f"{place.segment}{again}"
     return place.axis, segment, f"{1e3 * place.s:.3f}", "" if place.t is None else f"{place.t:.4f}"
 
 

@@ -59,6 +59,9 @@ class Motion(Protocol):
     def pose_rate(self, times: int) -> Quantity:
         """The pose's twelve numbers (N, 12), differentiated so many times by time: 0, 1 or 2."""
 
+    def tool_rate(self, times: int) -> Quantity:
+        """The same of the tool: the platform's own numbers where there is none."""
+
     def evaluate(self, expression: Expression, *inputs: Quantity) -> Quantity:
         """An expression of quantities of this motion, (N, k) each, one after the other."""
 

@@ -10,7 +10,7 @@ from planner.limits.limit import Limit, Motion, Quantity, Rows, Term
 
 
 class ToolSpeed(Limit):
-    """Path length is the way of the platform's origin wherever a cap is given, so the solvers' row is ṡ ≤ cap.
+    """Path length is the way of the tool wherever a cap is given, so the solvers' row is ṡ ≤ cap.
 
     The certificate bounds ‖ṗ‖², which is smooth at rest, from the pose itself.
     """
@@ -25,7 +25,7 @@ class ToolSpeed(Limit):
         self.bounds = frozen([self.caps.min()])
 
     def value(self, motion: Motion) -> Quantity:
-        x, y, z = (motion.pose_rate(1)[:, k : k + 1] for k in range(3))
+        x, y, z = (motion.tool_rate(1)[:, k : k + 1] for k in range(3))
         return x * x + y * y + z * z
 
     def use(self, low: Array, high: Array, piece: np.ndarray) -> Array:

@@ -1,6 +1,6 @@
-"""From a program to the pieces of its path: frames, arcs through where the path stands, turns, dwells, stops."""
+"""From a program to the pieces of its path: frames, tool, arcs through where the path stands, turns, dwells, stops."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
@@ -12,6 +12,7 @@ from kinematics.pose import Pose
 from planner.path.arc import arc
 from planner.path.line import line, turn_angle
 from planner.path.shape import Piece
+from planner.path.tool import carrying
 from planner.program import Arc, Blend, Dwell, Line, Program, Segment, Turn
 
 # Points nearer than this are the same (m), angles likewise (rad); an arc may start this share of its radius out of its
@@ -21,7 +22,7 @@ SAME, IN_PLANE = 1e-9, 1e-6
 
 @dataclass(frozen=True, slots=True)
 class Chain:
-    """Pieces of a path in the machine's base frame; stops (P+1,) bool and dwells (P+1,) s at their ends."""
+    """Pieces of the platform's path in the machine's base frame; stops (P+1,) bool, dwells (P+1,) s at their ends."""
 
     pieces: tuple[Piece, ...]
     stops: np.ndarray
@@ -30,27 +31,74 @@ class Chain:
 
 def chain(program: Program, machine: Machine) -> Chain:
     """The program's path for a machine. Raises MotionError naming the segment that cannot be drawn."""
+    _refuse_lever(program, machine)
+    _refuse_end_speed("start_speed", program.start_speed, program.segments[0], 1)
+    _refuse_end_speed("end_speed", program.end_speed, program.segments[-1], len(program.segments))
     here = program.start if program.start is not None else _default_start(program, machine)
     frame = machine.home if program.frame == "home" else RigidTransform.identity()
+    if program.work is not None:
+        frame = frame * program.work
     pieces: list[Piece] = []
     dwells = [0.0]
-    for number, segment in enumerate(program.segments, 1):
-        if isinstance(segment, Dwell):
-            dwells[-1] += segment.duration
-            continue
-        if isinstance(segment.join, Blend) and number < len(program.segments):
-            raise MotionError(f'{_name(segment, number)}: blends are not built yet; join = "stop" stops there')
-        there = _end(segment, number, here)
-        pieces.append(_piece(segment, number, here, there, frame, machine.characteristic_length))
-        dwells.append(0.0)
-        here = there
+    for repetition in range(1, program.repeat + 1):
+        for number, segment in enumerate(program.segments, 1):
+            if isinstance(segment, Dwell):
+                dwells[-1] += segment.duration
+                continue
+            if isinstance(segment.join, Blend) and number < len(program.segments):
+                raise MotionError(f'{_name(segment, number)}: blends are not built yet; join = "stop" stops there')
+            try:
+                there = _end(segment, number, here)
+                piece = _piece(segment, number, here, there, frame, machine.characteristic_length)
+            except MotionError as wrong:
+                raise _again(wrong, repetition) if repetition > 1 else wrong from None
+            pieces.append(_finished(piece, segment, program, repetition))
+            dwells.append(0.0)
+            here = there
     if not pieces:
         raise MotionError(f"program {program.name}: nothing moves; add a line, an arc or a turn")
     return Chain(tuple(pieces), frozen(np.ones(len(dwells), bool)), frozen(dwells))
 
 
 def _default_start(program: Program, machine: Machine) -> Pose:
-    return RigidTransform.identity() if program.frame == "home" else machine.home
+    """Where the machine's home pose has the tool, in the work frame."""
+    start = RigidTransform.identity() if program.frame == "home" else machine.home
+    if program.tool is not None:
+        start = start * program.tool
+    return start if program.work is None else program.work.inv() * start
+
+
+def _again(wrong: MotionError, repetition: int) -> MotionError:
+    return MotionError(f"repetition {repetition}: {wrong}; what only leads to the first repetition belongs into start")
+
+
+def _finished(piece: Piece, segment: Line | Arc | Turn, program: Program, repetition: int) -> Piece:
+    """The tool's piece as the platform's, with what every kind of segment may say."""
+    constant = not isinstance(segment, Turn) and segment.speed_constant
+    piece = replace(piece, constant=constant, repetition=repetition if program.repeat > 1 else None)
+    return piece if program.tool is None else carrying(piece, program.tool)
+
+
+def _refuse_lever(program: Program, machine: Machine) -> None:
+    """Where the orientation follows, a tool beside the platform's origin goes where nothing that is asked for says."""
+    turning = [name for name in machine.follows if name in ("rx", "ry", "rz")]
+    if program.tool is not None and turning and np.linalg.norm(program.tool.translation) > 0:
+        raise MotionError(
+            f"program {program.name}: machine {machine.name} does not control {', '.join(turning)}, so it cannot place "
+            f"a tool {_mm(program.tool.translation)} off the platform's origin; leave tool.to out"
+        )
+
+
+def _refuse_end_speed(end: str, speed: float, segment: Segment, number: int) -> None:
+    """A speed of the tool at an end of the program, whose segment there does not move it, or not so fast."""
+    if speed == 0:
+        return
+    if isinstance(segment, Turn | Dwell):
+        raise MotionError(f"{_name(segment, number)}: it does not move the tool, so {end} cannot be kept; set it to 0")
+    if segment.speed is not None and speed > segment.speed:
+        raise MotionError(
+            f"{_name(segment, number)}: {end} {speed * 1e3:.6g} mm/s is above its speed {segment.speed * 1e3:.6g} mm/s"
+        )
 
 
 def _name(segment: Segment, number: int) -> str:

@@ -28,7 +28,9 @@ class Piece:
     """A curve of a shape over a path length (m), from the shape's own s = start, of the program's segment `segment`.
 
     turn        rad by which its direction or the platform turns in all: how finely it must be looked at
-    tool_speed  cap on the speed of the platform's origin, m/s (None: none, or a piece in which it does not move)
+    tool_speed  cap on the speed of the tool, m/s (None: none, or a piece in which it does not move)
+    constant    the tool has exactly that speed, outside the ramps at the ends of the segment
+    repetition  of the program, from 1; None: it runs once
     """
 
     shape: Shape
@@ -38,6 +40,8 @@ class Piece:
     tool_speed: float | None = None
     start: float = 0.0
     turn: float = 0.0
+    constant: bool = False
+    repetition: int | None = None
 
     def cut(self, count: int) -> "list[Piece]":
         """The same curve in equal parts."""
