@@ -165,7 +165,9 @@ class Entry(Table):
     @property
     def event(self) -> Trigger | None:
         entry = self.trigger
-        return Trigger(entry.name, entry.at) if isinstance(entry, TriggerTable) else entry and Trigger(entry)
+        if entry is None:
+            return None
+        return Trigger(entry.name, entry.at) if isinstance(entry, TriggerTable) else Trigger(entry)
 
 
 class Drawn(Entry):

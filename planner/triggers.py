@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kinematics.array import Array, frozen
+from kinematics.array import frozen
 from kinematics.pose import Pose
 from planner.actuation import MachinePath
 from planner.place import Place
@@ -68,7 +68,7 @@ def arrival(trajectory: Trajectory, s: float) -> float:
     there = np.flatnonzero(moving & (trajectory.piece == piece))
     if s == breaks[piece + 1]:  # exactly its end, whatever rounding says of s there
         return float(trajectory.knots[there[-1] + 1])
-    k = int(there[max(np.searchsorted(trajectory.s[there], s, side="right") - 1, 0)])
+    k = int(there[max(int(np.searchsorted(trajectory.s[there], s, side="right")) - 1, 0)])
     low, high = 0.0, float(trajectory.knots[k + 1] - trajectory.knots[k])
     for _ in range(HALVINGS):
         middle = (low + high) / 2

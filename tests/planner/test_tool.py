@@ -15,6 +15,8 @@ from planner.trajectory import Trajectory
 # Some roundings of coordinates of decimetres, put together from four transforms.
 ROUNDING = 1e-15
 
+FAR = np.array([0.3, 0.0, 0.0])
+
 lengths = st.tuples(*[st.floats(-0.1, 0.1)] * 3)
 angles = st.tuples(*[st.floats(-3.0, 3.0)] * 3)
 frames = st.builds(lambda p, a: RigidTransform.from_components(p, Rotation.from_euler("XYZ", a)), lengths, angles)
@@ -38,13 +40,13 @@ def walked(path):
 @given(tool=frames, work=frames, start=frames, end=frames, frame=st.sampled_from(["home", "base"]))
 def test_the_platform_goes_where_the_tool_frame_asks(hexapod, tool, work, start, end, frame):
     """Base · work · (pose asked for) = platform · tool, by matrices of 4 × 4 written out here."""
-    segments = (Line(end.translation + [0.3, 0, 0], end.rotation), Line(start.translation, start.rotation))
+    segments = (Line(end.translation + FAR, end.rotation), Line(start.translation, start.rotation))
     path = actuate(Program(segments, frame, start, tool=tool, work=work), hexapod)
     base = (hexapod.home.as_matrix() if frame == "home" else np.eye(4)) @ work.as_matrix()
     s, piece = walked(path)
     tool_in_work = np.linalg.inv(base) @ matrices(path, s, piece) @ tool.as_matrix()
     first, length = start.translation, path.breaks[1]
-    to = end.translation + [0.3, 0, 0]
+    to = end.translation + FAR
     assert length == pytest.approx(np.linalg.norm(to - first), rel=1e-12)  # of the tool's way, not the platform's
     on_line = first + (to - first) * (1 - np.abs(1 - s / length))[:, None]
     assert np.abs(tool_in_work[:, :3, 3] - on_line).max() < 10 * ROUNDING
@@ -141,5 +143,5 @@ def test_tool_rates_are_derivatives_of_the_tool(hexapod):
 def test_a_lever_that_no_axis_turns_is_refused():
     linkage = load_machine("linkage")
     lever = RigidTransform.from_components([0, 0, 0.05], Rotation.identity())
-    with pytest.raises(MotionError, match="does not control .* 50\\] mm off the platform's origin"):
+    with pytest.raises(MotionError, match=r"does not control .* 50\] mm off the platform's origin"):
         actuate(Program((Line([0.01, 0, 0]),), tool=lever), linkage)
