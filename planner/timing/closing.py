@@ -4,6 +4,7 @@ import numpy as np
 
 from kinematics.array import Array
 from kinematics.errors import MotionError
+from planner.timing.problem import Problem
 from planner.timing.profile import Profile
 
 # Newton steps: the first leaves the square of a solver's 1e-8 or so, the others its own rounding.
@@ -12,8 +13,8 @@ STEPS = 4
 BACK = 1e-10
 
 
-def closed(s: Array, columns: Array, piece: np.ndarray) -> Profile:
-    """The motion nearest to `columns` (4, N) of ṡ, s̈, s⃛, h that is continuous, at rest at both ends, on s (N+1,).
+def closed(problem: Problem, columns: Array) -> Profile:
+    """The motion nearest to `columns` (4, N) of ṡ, s̈, s⃛, h that is continuous, on the problem's grid, between its ends.
 
     Each interval must end where the next one starts, in s, ṡ and s̈: 3N equations in 4N − 2 unknowns. Newton steps of
     least length, every unknown counted in its own size, solve them. They stay local: integrated from the start instead,
@@ -23,8 +24,8 @@ def closed(s: Array, columns: Array, piece: np.ndarray) -> Profile:
     from scipy.sparse import block_array, csr_array, diags_array
     from scipy.sparse.linalg import splu
 
-    columns = columns.copy()
-    columns[:2, 0] = 0.0
+    s, columns = problem.s, columns.copy()
+    columns[:2, 0] = problem.speeds[0], 0.0
     step, h = np.diff(s), columns[3]
     most = np.abs(columns).max(1)
     size = np.stack([step / h, np.minimum(step / h**2, most[1]), np.minimum(step / h**3, most[2]), h.copy()])
@@ -34,7 +35,7 @@ def closed(s: Array, columns: Array, piece: np.ndarray) -> Profile:
     for _ in range(STEPS):
         v, a, j, h = columns
         ends = np.stack([h * (v + h * (a / 2 + h * j / 6)), v + h * (a + h * j / 2), a + h * j])
-        miss = ends - np.stack([step, np.append(v[1:], 0.0), np.append(a[1:], 0.0)])
+        miss = ends - np.stack([step, np.append(v[1:], problem.speeds[1]), np.append(a[1:], 0.0)])
         slopes = csr_array(
             block_array(
                 [
@@ -62,4 +63,4 @@ def closed(s: Array, columns: Array, piece: np.ndarray) -> Profile:
         turning = np.where((j > 0) & (a < 0) & (-a < j * h), v - a**2 / (2 * j), 0.0)
     if turning.min() < -BACK * v.max():
         raise MotionError("the motion that the solver found backs up between two grid points")
-    return Profile(s[:-1], v, a, j, h, piece)
+    return Profile(s[:-1], v, a, j, h, problem.piece)

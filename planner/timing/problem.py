@@ -12,10 +12,19 @@ from planner.limits.limit import Limit, Rows, Term
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """Pieces first … last (inclusive) of a path, from rest to rest."""
+    """Pieces first … last (inclusive) of a path, run from one speed ṡ to another: rest to rest if not told.
+
+    Under jerk limits s̈ is 0 at both ends.
+    """
 
     first: int
     last: int
+    start_speed: float = 0.0
+    end_speed: float = 0.0
+
+    @property
+    def speeds(self) -> tuple[float, float]:
+        return self.start_speed, self.end_speed
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,11 +44,12 @@ class Block:
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """Grid s (N+1,) over a run, piece (N,) of each interval, and the blocks of all limits."""
+    """Grid s (N+1,) over a run, piece (N,) of each interval, the blocks of all limits, and ṡ at its two ends."""
 
     s: Array
     piece: np.ndarray
     blocks: tuple[Block, ...]
+    speeds: tuple[float, float] = (0.0, 0.0)
 
     @property
     def intervals(self) -> int:
@@ -65,7 +75,9 @@ def grid(path: ActuatorPath, run: Run, intervals: int, spread: Array | None = No
     return s, piece
 
 
-def pose_problem(path: ActuatorPath, limits: Sequence[Limit], s: Array, piece: np.ndarray) -> Problem:
+def pose_problem(
+    path: ActuatorPath, limits: Sequence[Limit], s: Array, piece: np.ndarray, speeds: tuple[float, float] = (0.0, 0.0)
+) -> Problem:
     """Evaluate the rows of every timing limit on both sides of every grid point, in one batch."""
     count = len(piece)
     both = np.concatenate([piece, piece])
@@ -80,7 +92,7 @@ def pose_problem(path: ActuatorPath, limits: Sequence[Limit], s: Array, piece: n
             start = {term: values[:count] for term, values in scaled.items()}
             end = {term: values[count:] for term, values in scaled.items()}
             blocks.append(Block(limit.name, start, end, np.ones(count)))
-    return Problem(s, piece, tuple(blocks))
+    return Problem(s, piece, tuple(blocks), speeds)
 
 
 def _normalised(rows: Rows, points: int) -> dict[Term, Array]:

@@ -1,7 +1,8 @@
-"""One run from rest to rest, on its way to a motion that holds: posed, solved, tightened, solved again."""
+"""One run, on its way to a motion that holds: posed, solved, tightened, solved again."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -9,6 +10,8 @@ from kinematics.array import Array
 from kinematics.errors import MotionError
 from planner.actuation import ActuatorPath
 from planner.limits.limit import Limit, Term
+from planner.place import Infeasible, Place
+from planner.timing.ends import TooFast
 from planner.timing.problem import Block, Problem, Run, grid, pose_problem
 from planner.timing.profile import Profile
 from planner.timing.second_order import TERMS as SECOND
@@ -24,6 +27,10 @@ MORE, MARGIN = 1.1, 2e-7
 # How often a run is solved before it is slowed instead.
 TRIES = 5
 AVERAGED = "averaged"
+# Window of the average, as a share of what the run allows, where a gentle start finds no way between two speeds.
+BRIEF = 1e-2
+# How near the largest speed at an end is told, and the share of a bound below which none is looked for.
+NEARLY, VANISHING = 1e-3, 1e-2
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,9 +49,11 @@ class Attempt:
     def tightened(self, use: Mapping[str, Array], slowness: float) -> "Attempt":
         """Solved again with less room wherever the certificate found a limit exceeded: use per limit and interval.
 
-        Where that does not help, the same motion slowed as a whole: what holds wherever anything does.
+        Where that does not help, the same motion slowed as a whole: what holds wherever anything does. Only a run from
+        rest to rest can be slowed: another is tried on.
         """
-        if self.tries < TRIES and self.method != AVERAGED:
+        moving = max(self.problem.speeds) > 0
+        if moving or (self.tries < TRIES and self.method != AVERAGED):
             blocks = []
             for block in self.problem.blocks:
                 excess = use[block.name]
@@ -55,7 +64,8 @@ class Attempt:
                 profile, method = self._solved(problem)
                 return replace(self, problem=problem, profile=profile, method=method, tries=self.tries + 1)
             except MotionError:
-                pass
+                if moving:
+                    raise
         return replace(self, profile=self.profile.slowed(slowness * (1 + MARGIN)))
 
     def _solved(self, problem: Problem) -> tuple[Profile, str]:
@@ -65,28 +75,71 @@ class Attempt:
 
 
 def attempt(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int) -> Attempt:
-    """The first solve of a run. Raises MotionError when nothing bounds it."""
+    """The first solve of a run. Raises Infeasible for end speeds that cannot be, MotionError if nothing bounds it."""
+    try:
+        return _attempt(path, limits, run, order)
+    except TooFast as no:
+        end = (run.first, run.last)[no.end]
+        segment = path.segment(end)
+        place = Place(float(path.breaks[end + no.end]), segment)
+        unit, scale = ("mm/s", 1e3) if segment is not None else ("/s", 1.0)
+        remedy = f"{no.largest * scale:.6g} {unit} is the largest that the limits leave room for"
+        raise Infeasible(no.name, "path", place, no.speed * scale, no.largest * scale, unit, remedy) from None
+
+
+def _attempt(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int) -> Attempt:
     if order == 2:
-        problem = pose_problem(path, limits, *grid(path, run, _size(SECOND_ORDER, path, run)))
+        problem = pose_problem(path, limits, *grid(path, run, _size(SECOND_ORDER, path, run)), run.speeds)
         _need(problem, Term.SDD, "acceleration")
         return Attempt(problem, second_order(problem), "passes", order)
-    problem, start = jerk_problem(path, limits, run)
+    try:
+        problem, start = jerk_problem(path, limits, run)
+    except TooFast as no:
+        _refuse_ends(path, limits, run, no)
+        raise
     try:
         profile, method = _third(problem, start.on(problem.s))
     except MotionError:
+        _refuse_ends(path, limits, run)
         profile, method = start.profile(problem), AVERAGED
     return Attempt(problem, profile, method, order)
 
 
+def _refuse_ends(path: ActuatorPath, limits: Sequence[Limit], run: Run, known: TooFast | None = None) -> None:
+    """Raise TooFast where the jerk leaves no room for a speed at an end; known: what leaves none even without jerk."""
+    for end in (0, 1):
+        asked = run.speeds[end]
+        bound = known.largest if known is not None and known.end == end else asked
+        largest = _largest_end(path, limits, run, end, bound) if asked > 0 else 0.0
+        if 0 < largest < asked:
+            raise TooFast(end, asked, largest)
+
+
+def _largest_end(path: ActuatorPath, limits: Sequence[Limit], run: Run, end: int, bound: float) -> float:
+    """The largest speed below the bound that is found for one end of a run, by halving; 0 where there is none."""
+    low, high = 0.0, bound
+    while high - low > NEARLY * high:
+        middle = (low + high) / 2
+        slower = replace(run, start_speed=middle) if end == 0 else replace(run, end_speed=middle)
+        try:
+            problem, start = jerk_problem(path, limits, slower)
+            third_order(problem, start.on(problem.s))
+            low = middle
+        except MotionError:
+            high = middle
+        if high < VANISHING * bound:
+            return 0.0
+    return low
+
+
 def jerk_problem(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> tuple[Problem, Smoothed]:
     """The order-3 problem of a run, on a grid graded for it, and the averaged order-2 motion to start from."""
-    coarse = pose_problem(path, limits, *grid(path, run, _size(START, path, run)))
+    coarse = pose_problem(path, limits, *grid(path, run, _size(START, path, run)), run.speeds)
     _need(coarse, Term.SDDD, "jerk")
-    coarse, window = _second_order_start(coarse)
-    start = Smoothed(second_order(coarse), window)
+    start = _smoothed(coarse)
     shares = (start.spread(_size(THIRD_ORDER, path, run)) - coarse.s[0]) / (coarse.s[-1] - coarse.s[0])
     s, piece = grid(path, run, len(shares) - 1, np.clip(shares, 0.0, 1.0))
-    return pose_problem(path, limits, s, piece), start
+    return pose_problem(path, limits, s, piece, run.speeds), start
 
 
 def _size(rule: tuple[int, int, int], path: ActuatorPath, run: Run) -> int:
@@ -95,12 +148,12 @@ def _size(rule: tuple[int, int, int], path: ActuatorPath, run: Run) -> int:
     return max(least, per_piece * (run.last - run.first + 1), int(per_radian * turn))
 
 
-def _third(problem: Problem, guess: Array) -> tuple[Profile, str]:
+def _third(problem: Problem, guess: Array, **options: Any) -> tuple[Profile, str]:
     """By FATROP, or by IPOPT where that gives no answer; which of them is told."""
     try:
-        return third_order(problem, guess), "fatrop"
+        return third_order(problem, guess, **options), "fatrop"
     except MotionError:
-        return third_order(problem, guess, solver="ipopt"), "ipopt"
+        return third_order(problem, guess, solver="ipopt", **options), "ipopt"
 
 
 def _need(problem: Problem, term: Term, name: str) -> None:
@@ -109,6 +162,42 @@ def _need(problem: Problem, term: Term, name: str) -> None:
             f"nothing bounds the motion: no axis that moves states a limit of {name}; "
             "state one, or plan at another order"
         )
+
+
+def _smoothed(coarse: Problem) -> Smoothed:
+    """The averaged order-2 motion over a run; begun and ended at a speed, of a shorter one."""
+    gentle, window = _second_order_start(coarse)
+    onward = sum(coarse.speeds)
+    if onward == 0:
+        return Smoothed(second_order(gentle), window)
+    whole = (coarse.s[-1] - coarse.s[0]) / onward
+    try:
+        return _averaged(gentle, min(window, whole))
+    except MotionError:
+        blocks = tuple(block for block in coarse.blocks if set(block.start) <= SECOND)
+        return _averaged(replace(coarse, blocks=blocks), BRIEF * whole)
+
+
+def _averaged(problem: Problem, window: float) -> Smoothed:
+    low = problem.s[0] + problem.speeds[0] * window / 2
+    high = problem.s[-1] - problem.speeds[1] * window / 2
+    sliver = 1e-9 * (high - low)
+    kept = np.flatnonzero((problem.s[1:] > low + sliver) & (problem.s[:-1] < high - sliver))
+    chosen = slice(kept[0], kept[-1] + 1)
+    s = problem.s[kept[0] : kept[-1] + 2].copy()
+    s[0], s[-1] = low, high
+    blocks = tuple(
+        Block(
+            block.name,
+            {term: values[chosen] for term, values in block.start.items()},
+            {term: values[chosen] for term, values in block.end.items()},
+            block.room[chosen],
+        )
+        for block in problem.blocks
+    )
+    return Smoothed(
+        second_order(replace(problem, s=s, piece=problem.piece[chosen], blocks=blocks)), window, problem.speeds
+    )
 
 
 def _second_order_start(problem: Problem) -> tuple[Problem, float]:
