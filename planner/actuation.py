@@ -64,6 +64,13 @@ class ActuatorPath(Protocol):
     def turns(self) -> Array:
         """(P,) rad by which each piece bends or turns in all: grids are as fine as that asks."""
 
+    @property
+    def end_speeds(self) -> tuple[float, float]:
+        """ṡ with which a motion begins and ends: 0 is rest."""
+
+    def constant(self, piece: int) -> float | None:
+        """ṡ that a motion must have on a piece, outside the ramps at the ends of its segment; None: as it likes."""
+
     def stops(self, order: int) -> np.ndarray:
         """(P+1,) bool: where a motion of this order (2: to acceleration, 3: to jerk) has to rest."""
 
@@ -119,12 +126,21 @@ class MachinePath:
     """A path in space as the machine's actuators see it."""
 
     def __init__(
-        self, machine: Machine, pieces: Sequence[Piece], stops: np.ndarray, dwells: Array, tool: Pose | None = None
+        self,
+        machine: Machine,
+        pieces: Sequence[Piece],
+        stops: np.ndarray,
+        dwells: Array,
+        *,
+        tool: Pose | None = None,
+        end_speeds: tuple[float, float] = (0.0, 0.0),
     ) -> None:
         """stops (P+1,) bool and dwells (P+1,) s at the pieces' ends; the first and the last are stops.
 
-        tool  its frame in the platform's, whose path the pieces are; None: the platform's own
+        tool        its frame in the platform's, whose path length the pieces have; None: the platform's own
+        end_speeds  ṡ with which a motion begins and ends
         """
+        self.end_speeds = end_speeds
         self.tool = None if tool is None else tool_map(tool)
         parts, near = branches(machine, pieces)
         counts = [len(each) for each in parts]
@@ -149,6 +165,9 @@ class MachinePath:
         s = (self.breaks[:-1, None] + np.diff(self.breaks)[:, None] * np.linspace(0, 1, LOOKED)).ravel()
         shares = self._evaluate(pose_map, s, piece)
         refuse(self.machine, shares, lambda k: f"the path at {self.place(float(s[k]), int(piece[k]))}")
+
+    def constant(self, piece: int) -> float | None:
+        return self.pieces[piece].tool_speed if self.pieces[piece].constant else None
 
     def stops(self, order: int) -> np.ndarray:
         return self._stops
@@ -213,9 +232,11 @@ def _at(ends: np.ndarray, values: np.ndarray) -> np.ndarray:
 class PolynomialPath:
     """Axis values given as a piecewise polynomial of any parameter: a path without a machine."""
 
-    def __init__(self, breaks: Array, coefficients: Array, names: Sequence[str]) -> None:
+    def __init__(
+        self, breaks: Array, coefficients: Array, names: Sequence[str], end_speeds: tuple[float, float] = (0.0, 0.0)
+    ) -> None:
         """coefficients (degree+1, P, n), the highest power of s − breaks[p] first, as SciPy has them."""
-        self.breaks, self.names = frozen(breaks), tuple(names)
+        self.breaks, self.names, self.end_speeds = frozen(breaks), tuple(names), end_speeds
         self.coefficients: Array = frozen(coefficients)
         self.dwells: Array = frozen(np.zeros(len(breaks)))
         self.tool = None
@@ -231,6 +252,9 @@ class PolynomialPath:
             gap, size = np.abs(left[k] - right[k]), np.maximum(np.abs(left[k]), np.abs(right[k])).max(0, initial=0.0)
             stops[inner] |= (gap > SMOOTH * size + ROUNDING * size.max(initial=0.0)).any(1)
         return stops
+
+    def constant(self, piece: int) -> None:
+        return None
 
     def segment(self, piece: int) -> None:
         return None

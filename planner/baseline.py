@@ -1,6 +1,6 @@
 """What the classical timing would take on the same path: the baseline of every saving that is quoted."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -8,7 +8,7 @@ import numpy as np
 from kinematics.errors import MotionError
 from planner.certify import Certificate, certify
 from planner.limits import limits_of
-from planner.plan import Plan
+from planner.plan import Plan, actuate
 from planner.solve import ROUNDS, assemble
 from planner.timing.problem import Run, grid, pose_problem
 from planner.timing.trapezoid import trapezoid
@@ -34,17 +34,19 @@ class Classical:
 def classical(plan: Plan) -> Classical:
     """On each segment a trapezoid in arc length, as fast as its certificate allows at order 2.
 
-    Speed and acceleration along the path are constant over the segment, the largest that keep every limit.
+    Speed and acceleration along the path are constant over the segment, the largest that keep every limit. It runs from
+    rest to rest, also where the program begins or ends at a speed, and does not keep a speed constant.
     """
-    limits = limits_of(plan.path, plan.machine.axes, 2)
-    stops = np.flatnonzero(plan.path.stops(2))
+    path = actuate(replace(plan.program, start_speed=0.0, end_speed=0.0), plan.machine)
+    limits = limits_of(path, plan.machine.axes, 2)
+    stops = np.flatnonzero(path.stops(2))
     problems = []
     for a, b in pairwise(stops):
-        intervals = max(INTERVALS, int(PER_RADIAN * plan.path.turns[a:b].sum()))
-        problems.append(pose_problem(plan.path, limits, *grid(plan.path, Run(int(a), int(b) - 1), intervals)))
+        intervals = max(INTERVALS, int(PER_RADIAN * path.turns[a:b].sum()))
+        problems.append(pose_problem(path, limits, *grid(path, Run(int(a), int(b) - 1), intervals)))
     profiles = [trapezoid(problem) for problem in problems]
     for _ in range(ROUNDS):
-        trajectory, owner = assemble(plan.path, profiles, stops)
+        trajectory, owner = assemble(path, profiles, stops)
         certificate = certify(trajectory, limits)
         if certificate.holds:
             return Classical(trajectory, certificate)

@@ -62,7 +62,8 @@ class Known:
 def certify(trajectory: Trajectory, limits: Sequence[Limit], known: Known | None = None) -> Certificate:
     """Prove what the trajectory uses of every limit, and that it is the motion asked for.
 
-    It runs the whole path once, forwards, from rest to rest, and is as smooth as its order asks: nothing jumps.
+    It runs the whole path once, forwards, from rest to rest or between the speeds that the path states for its ends,
+    and is as smooth as its order asks: nothing jumps.
 
     known spares the work on time pieces that did not change since they were proved.
     """
@@ -132,16 +133,22 @@ def _judge(trajectory: Trajectory, limits: Sequence[Limit], cells: Cells, expans
 
 
 def _jumps(trajectory: Trajectory, order: int) -> dict[str, Place]:
-    """Each quantity that is not continuous between the pieces, or not at rest at the ends, and where it jumps most."""
+    """Each quantity that is not continuous between the pieces, or at an end not as stated, and where it jumps most.
+
+    At an end ṡ is what the path states, rest if nothing, and s̈ is 0: q̇ = q′ ṡ and q̈ = q″ ṡ² there.
+    """
     k = np.arange(len(trajectory.s))
     start, end = trajectory.within(k, np.zeros(len(k))), trajectory.within(k, np.diff(trajectory.knots))
-    rest = np.zeros((1, start.q.shape[1]))
+    path = trajectory.path
+    _, q1, q2, _ = path.derivatives(path.breaks[[0, -1]], np.array([0, len(path.breaks) - 2]))
+    stated = np.array(path.end_speeds)[:, None]
+    qd, qdd = q1 * stated, q2 * stated**2
     quantities = {
         "position jump": (start.q, end.q, start.q[:1], end.q[-1:]),
-        "speed jump": (start.qd, end.qd, rest, rest),
+        "speed jump": (start.qd, end.qd, qd[:1], qd[1:]),
     }
     if order == 3:
-        quantities["acceleration jump"] = (start.qdd, end.qdd, rest, rest)
+        quantities["acceleration jump"] = (start.qdd, end.qdd, qdd[:1], qdd[1:])
     found: dict[str, Place] = {}
     for name, (starts, ends, before, after) in quantities.items():
         gaps = np.abs(np.concatenate([starts, after]) - np.concatenate([before, ends]))

@@ -56,7 +56,8 @@ class Plan:
 def actuate(program: Program, machine: Machine) -> MachinePath:
     """The program's path in the machine's actuators. Raises MotionError naming the segment that cannot be drawn."""
     chained = chain(program, machine)
-    return MachinePath(machine, chained.pieces, chained.stops, chained.dwells, program.tool)
+    speeds = program.start_speed, program.end_speed
+    return MachinePath(machine, chained.pieces, chained.stops, chained.dwells, tool=program.tool, end_speeds=speeds)
 
 
 def plan(program: Program, machine: Machine, *, order: int | None = None, clock_hz: int = 10_000_000) -> Plan:

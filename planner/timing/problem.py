@@ -15,16 +15,27 @@ class Run:
     """Pieces first … last (inclusive) of a path, run from one speed ṡ to another: rest to rest if not told.
 
     Under jerk limits s̈ is 0 at both ends.
+
+    since, until  path lengths inside the first and the last piece between which it is run; None: all of them
     """
 
     first: int
     last: int
     start_speed: float = 0.0
     end_speed: float = 0.0
+    since: float | None = None
+    until: float | None = None
 
     @property
     def speeds(self) -> tuple[float, float]:
         return self.start_speed, self.end_speed
+
+    def breaks(self, path: ActuatorPath) -> Array:
+        """Path lengths at its start, between its pieces, and at its end."""
+        breaks = np.array(path.breaks[self.first : self.last + 2])
+        breaks[0] = breaks[0] if self.since is None else self.since
+        breaks[-1] = breaks[-1] if self.until is None else self.until
+        return breaks
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +72,7 @@ def grid(path: ActuatorPath, run: Run, intervals: int, spread: Array | None = No
 
     spread (K,) in [0, 1], rising from 0 to 1: where points should lie, as a share of the run (evenly if None).
     """
-    breaks = path.breaks[run.first : run.last + 2]
+    breaks = run.breaks(path)
     share = np.linspace(0, 1, intervals + 1) if spread is None else spread
     s = breaks[0] + (breaks[-1] - breaks[0]) * share
     if len(breaks) > 2:

@@ -10,7 +10,7 @@ from kinematics.array import Array
 from kinematics.errors import MotionError
 from planner.actuation import ActuatorPath
 from planner.limits.limit import Limit, Term
-from planner.place import Infeasible, Place
+from planner.place import Infeasible
 from planner.timing.ends import TooFast
 from planner.timing.problem import Block, Problem, Run, grid, pose_problem
 from planner.timing.profile import Profile
@@ -80,9 +80,8 @@ def attempt(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int) -
         return _attempt(path, limits, run, order)
     except TooFast as no:
         end = (run.first, run.last)[no.end]
-        segment = path.segment(end)
-        place = Place(float(path.breaks[end + no.end]), segment)
-        unit, scale = ("mm/s", 1e3) if segment is not None else ("/s", 1.0)
+        place = path.place(float(run.breaks(path)[-no.end]), end)
+        unit, scale = ("mm/s", 1e3) if place.segment is not None else ("/s", 1.0)
         remedy = f"{no.largest * scale:.6g} {unit} is the largest that the limits leave room for"
         raise Infeasible(no.name, "path", place, no.speed * scale, no.largest * scale, unit, remedy) from None
 
