@@ -16,6 +16,7 @@ from planner.program import Program
 from planner.pulses import PulseSchedule, generate
 from planner.solve import fastest
 from planner.standing import Standing, standing
+from planner.steady import Stretch, stretches
 from planner.trajectory import Trajectory
 from planner.triggers import Triggered, triggered
 
@@ -45,6 +46,11 @@ class Plan:
     def triggers(self) -> tuple[Triggered, ...]:
         """What the program marks by `trigger`: when, where, and the counts by then."""
         return triggered(self.program, self.path, self.trajectory, self.pulses)
+
+    @property
+    def constant_speeds(self) -> tuple[Stretch, ...]:
+        """Where the tool runs at exactly the speeds that segments with `speed_constant` ask for."""
+        return stretches(self.path, self.trajectory)
 
     def plot(self, ax: "Axes3D | None" = None) -> "Axes3D":
         """The path in space, coloured by speed; planner.plots has the other figures of a plan."""

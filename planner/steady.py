@@ -16,7 +16,7 @@ from planner.actuation import ActuatorPath
 from planner.certify import TOLERANCE
 from planner.limits.limit import Limit
 from planner.limits.tool_speed import ToolSpeed
-from planner.place import Infeasible
+from planner.place import Infeasible, Place
 from planner.timing.problem import Run, grid
 from planner.timing.profile import Profile
 from planner.timing.run import Attempt, attempt
@@ -81,10 +81,36 @@ def _tightened(ramp: Attempt, use: Mapping[str, Array], slowness: float) -> Atte
     return ramp.tightened(over, slowness) if any(values.any() for values in over.values()) else ramp
 
 
+@dataclass(frozen=True, slots=True)
+class Stretch:
+    """A part of a segment that is run at exactly `speed` (m/s), from one place to another."""
+
+    speed: float
+    since: Place
+    until: Place
+
+
+def stretches(path: ActuatorPath, trajectory: Trajectory) -> tuple[Stretch, ...]:
+    """Where a motion along a path has the constant speeds that its segments ask for."""
+    asked = np.array([path.constant(int(piece)) or np.nan for piece in trajectory.piece])
+    at_it = (trajectory.v == asked) & (trajectory.a == 0) & (trajectory.j == 0)
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], at_it, [False]])))
+    found = []
+    for first, last in zip(edges[::2].tolist(), (edges[1::2] - 1).tolist(), strict=True):
+        start, end = (float(trajectory.knots[k]) for k in (first, last + 1))
+        s = float(trajectory.s[last] + trajectory.v[last] * (end - trajectory.knots[last]))
+        since = path.place(float(trajectory.s[first]), int(trajectory.piece[first]), start)
+        found.append(Stretch(float(asked[first]), since, path.place(s, int(trajectory.piece[last]), end)))
+    return tuple(found)
+
+
 def steady(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int, speed: float) -> Steady:
     """The run at constant speed. Raises Infeasible where a limit does not allow it, or where the run is too short."""
     capped = attempt(path, limits, run, order).profile
     breaks = run.breaks(path)
+    fastest = [int(np.argmax(capped.v))]
+    if _use(path, limits, capped.s[fastest], capped.piece[fastest], np.array([speed])).max() > 1 + TOLERANCE:
+        _refuse(path, limits, capped.s, capped.piece, speed)  # no ramp, however long, would help
     up = _ramp(path, limits, run, order, speed, capped, down=False) if run.start_speed < speed else None
     down = _ramp(path, limits, run, order, speed, capped, down=True) if run.end_speed < speed else None
     since = float(breaks[0]) if up is None else up[1]

@@ -69,6 +69,10 @@ def of_plan(job: Job, inputs: Inputs) -> Record:
                 "highest_rate_hz": job.verdict.highest_rate,
             },
         },
+        "constant_speeds": [
+            {"speed_m_s": stretch.speed, "from": _place(stretch.since), "to": _place(stretch.until)}
+            for stretch in plan.constant_speeds
+        ],
         "triggers": [_trigger(event, plan.machine.axes) for event in plan.triggers],
         "provenance": {
             "sha256": inputs.digests,
