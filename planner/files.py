@@ -1,15 +1,14 @@
 """Program files: the schema of their TOML, and the program that one describes."""
 
-from collections.abc import Iterator
 from os import PathLike
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator, Field, ValidationInfo
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics.array import frozen
-from kinematics.document import Key, read
+from kinematics.document import read
 from kinematics.pose import Pose
 from kinematics.registry import find, presets
 from kinematics.schema import Direction, File, Table, build, chosen, declared, either, not_zero, unit_of, wrong
@@ -27,7 +26,7 @@ def load_program(name_or_path: str | PathLike[str]) -> Program:
     """
     source = find("planner", "program", name_or_path)
     document = read(source)
-    model = build(document, ProgramFile, _constant_speeds, plain=declared(document.data, PLAIN_UNITS))
+    model = build(document, ProgramFile, plain=declared(document.data, PLAIN_UNITS))
     segments = [entry.segment(document.line(("segment", n))) for n, entry in enumerate(model.segment)]
     return Program(
         tuple(segments),
@@ -60,12 +59,10 @@ def _rotation(angles: tuple[float, float, float] | None) -> Rotation | None:
     return None if angles is None else Rotation.from_euler("XYZ", angles)
 
 
-def _constant_speeds(data: dict[str, Any]) -> Iterator[tuple[Key, str]]:
-    """Segments that ask for a constant speed and do not say which."""
-    segments = data.get("segment")
-    for n, entry in enumerate(segments if isinstance(segments, tuple) else ()):
-        if isinstance(entry, dict) and entry.get("speed_constant") is True and "speed" not in entry:
-            yield ("segment", n, "speed_constant"), 'asks for a speed: add e.g. speed = "20 mm/s"'
+def _with_speed(constant: bool, info: ValidationInfo) -> bool:
+    if constant and info.data.get("speed", 1.0) is None:  # a faulty speed is not there, and told of already
+        raise wrong('asks for a speed: add e.g. speed = "20 mm/s"')
+    return constant
 
 
 def _named(name: str) -> str:
@@ -174,7 +171,7 @@ class Drawn(Entry):
     """What every segment that moves the tool has beside it."""
 
     speed: ToolSpeed | None = None
-    speed_constant: bool = False
+    speed_constant: Annotated[bool, AfterValidator(_with_speed)] = False
 
     @property
     def said(self) -> dict[str, Any]:

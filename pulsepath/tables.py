@@ -138,7 +138,7 @@ def _table(title: str, *columns: str) -> Table:
 
 def _where(place: Place) -> Sequence[str]:
     """Axis, segment, distance (mm) and time (s) of a place."""
-    again = "" if place.repetition is None else f" ({place.repetition}.)"
+    again = "" if place.repetition is None else f" (rep. {place.repetition})"
     segment = "" if place.segment is None else f"{place.segment}{again}"
     return place.axis, segment, f"{1e3 * place.s:.3f}", "" if place.t is None else f"{place.t:.4f}"
 
