@@ -27,8 +27,8 @@ REACHED = {2: 1e-9, 3: 1e-5}
 # By how much a ramp is longer than the shortest that was found, tried in turn: where the speed is just reached a motion
 # has no choice left, and a solver no room. Order 3 nears the speed as a parabola: its last 1e-5 take 0.5 % of a ramp.
 LONGER = {2: (1.0, 1.002, 1.02), 3: (1.01, 1.03, 1.1)}
-# A ramp is solved again, on its own finer grid, where it then gets shorter by this share.
-GAIN = {2: 1e-3, 3: 2e-2}
+# A ramp is solved again, on its own finer grid, while it then gets shorter by this share, and so often at most.
+GAIN, SOLVES = {2: 1e-3, 3: 1.5e-2}, 4
 # Time pieces of the part at constant speed at least, and for each radian that the path turns.
 PIECES, PER_RADIAN = 200, 100
 # Points of a piece looked at where it breaks a limit.
@@ -130,7 +130,7 @@ def _ramp(
     end = float(run.breaks(path)[-1 if down else 0])
     best: tuple[Attempt, float] | None = None
     profile = capped
-    while True:
+    for _ in range(SOLVES):
         reached = np.flatnonzero(profile.v >= speed * (1 - REACHED[order]))
         if not len(reached):
             break
@@ -161,7 +161,7 @@ def _solved(
             else replace(run, last=piece, until=place, end_speed=speed)
         )
         try:
-            return attempt(path, limits, part, order), place
+            return attempt(path, limits, part, order, probing=True), place
         except MotionError:
             continue
     return None

@@ -74,10 +74,13 @@ class Attempt:
         return _third(problem, self.profile.columns())
 
 
-def attempt(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int) -> Attempt:
-    """The first solve of a run. Raises Infeasible for end speeds that cannot be, MotionError if nothing bounds it."""
+def attempt(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int, *, probing: bool = False) -> Attempt:
+    """The first solve of a run. Raises Infeasible for end speeds that cannot be, MotionError if nothing bounds it.
+
+    probing: whoever asks tries other runs if this one has no answer, so none is looked for that may take its place.
+    """
     try:
-        return _attempt(path, limits, run, order)
+        return _attempt(path, limits, run, order, probing)
     except TooFast as no:
         end = (run.first, run.last)[no.end]
         place = path.place(float(run.breaks(path)[-no.end]), end)
@@ -86,7 +89,7 @@ def attempt(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int) -
         raise Infeasible(no.name, "path", place, no.speed * scale, no.largest * scale, unit, remedy) from None
 
 
-def _attempt(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int) -> Attempt:
+def _attempt(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int, probing: bool) -> Attempt:
     if order == 2:
         problem = pose_problem(path, limits, *grid(path, run, _size(SECOND_ORDER, path, run)), run.speeds)
         _need(problem, Term.SDD, "acceleration")
@@ -94,11 +97,14 @@ def _attempt(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int) 
     try:
         problem, start = jerk_problem(path, limits, run)
     except TooFast as no:
-        _refuse_ends(path, limits, run, no)
+        if not probing:
+            _refuse_ends(path, limits, run, no)
         raise
     try:
         profile, method = _third(problem, start.on(problem.s))
     except MotionError:
+        if probing:
+            raise
         _refuse_ends(path, limits, run)
         profile, method = start.profile(problem), AVERAGED
     return Attempt(problem, profile, method, order)
