@@ -17,6 +17,7 @@ from planner.timing.profile import Profile
 from planner.timing.second_order import TERMS as SECOND
 from planner.timing.second_order import second_order
 from planner.timing.smooth import Smoothed
+from planner.timing.straight import straight
 from planner.timing.third_order import third_order
 
 # Intervals of a run at least, for each piece in it, and for each radian that it turns; START is for the order-2 motion
@@ -26,7 +27,7 @@ SECOND_ORDER, THIRD_ORDER, START = (1000, 50, 40), (240, 12, 10), (400, 20, 20)
 MORE, MARGIN = 1.1, 2e-7
 # How often a run is solved before it is slowed instead.
 TRIES = 5
-AVERAGED = "averaged"
+AVERAGED, STRAIGHT = "averaged", "straight"
 # Window of the average, as a share of what the run allows, where a gentle start finds no way between two speeds.
 BRIEF = 1e-2
 # How near the largest speed at an end is told, and the share of a bound below which none is looked for.
@@ -52,8 +53,8 @@ class Attempt:
         Where that does not help, the same motion slowed as a whole: what holds wherever anything does. Only a run from
         rest to rest can be slowed: another is tried on.
         """
-        moving = max(self.problem.speeds) > 0
-        if moving or (self.tries < TRIES and self.method != AVERAGED):
+        moving = max(self.problem.speeds) > 0 and self.method != STRAIGHT
+        if moving or (self.tries < TRIES and self.method not in (AVERAGED, STRAIGHT)):
             blocks = []
             for block in self.problem.blocks:
                 excess = use[block.name]
@@ -91,7 +92,15 @@ def _attempt(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int) 
     if order == 2:
         problem = pose_problem(path, limits, *grid(path, run, _size(SECOND_ORDER, path, run)), run.speeds)
         _need(problem, Term.SDD, "acceleration")
+        profile = straight(problem)
+        if profile is not None:
+            return Attempt(problem, profile, STRAIGHT, order)
         return Attempt(problem, second_order(problem), "passes", order)
+    coarse = pose_problem(path, limits, *grid(path, run, _size(START, path, run)), run.speeds)
+    _need(coarse, Term.SDDD, "jerk")
+    profile = straight(coarse)
+    if profile is not None:
+        return Attempt(coarse, profile, STRAIGHT, order)
     try:
         problem, start = jerk_problem(path, limits, run)
     except TooFast as no:
