@@ -16,6 +16,7 @@ from planner.timing.problem import Block, Problem, Run, grid, pose_problem
 from planner.timing.profile import Profile
 from planner.timing.second_order import TERMS as SECOND
 from planner.timing.second_order import second_order
+from planner.timing.seen import seen
 from planner.timing.smooth import Smoothed
 from planner.timing.straight import straight
 from planner.timing.third_order import third_order
@@ -27,6 +28,8 @@ SECOND_ORDER, THIRD_ORDER, START = (1000, 50, 40), (240, 12, 10), (400, 20, 20)
 MORE, MARGIN = 1.1, 2e-7
 # How often a run is solved before it is slowed instead.
 TRIES = 5
+# A motion that only so much slowness keeps from holding is slowed: solving again would cost more than it gains.
+CHEAP = 1 + 3e-5
 AVERAGED, STRAIGHT = "averaged", "straight"
 # Window of the average, as a share of what the run allows, where a gentle start finds no way between two speeds.
 BRIEF = 1e-2
@@ -67,6 +70,9 @@ class Attempt:
             except MotionError:
                 if moving:
                     raise
+        return self.slowed(slowness)
+
+    def slowed(self, slowness: float) -> "Attempt":
         return replace(self, profile=self.profile.slowed(slowness * (1 + MARGIN)))
 
     def _solved(self, problem: Problem) -> tuple[Profile, str]:
@@ -78,7 +84,7 @@ class Attempt:
 def attempt(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int) -> Attempt:
     """The first solve of a run. Raises Infeasible for end speeds that cannot be, MotionError if nothing bounds it."""
     try:
-        return _attempt(path, limits, run, order)
+        return _settled(path, limits, _attempt(path, limits, run, order))
     except TooFast as no:
         end = (run.first, run.last)[no.end]
         segment = path.segment(end)
@@ -86,6 +92,24 @@ def attempt(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int) -
         unit, scale = ("mm/s", 1e3) if segment is not None else ("/s", 1.0)
         remedy = f"{no.largest * scale:.6g} {unit} is the largest that the limits leave room for"
         raise Infeasible(no.name, "path", place, no.speed * scale, no.largest * scale, unit, remedy) from None
+
+
+def _settled(path: ActuatorPath, limits: Sequence[Limit], tried: Attempt) -> Attempt:
+    """Solved again, or slowed where that costs next to nothing, until no limit is seen to be exceeded.
+
+    A proof takes far longer than a look: most runs need one only.
+    """
+    while tried.tries < TRIES:
+        use = seen(path, limits, tried.profile)
+        slowness = max(limit.slowness(float(use[limit.name].max())) for limit in limits if limit.name in use)
+        if slowness <= 1 + MARGIN:
+            break
+        if slowness <= CHEAP and max(tried.problem.speeds) == 0:
+            return tried.slowed(slowness)
+        tried = tried.tightened(use, slowness)
+        if tried.method in (AVERAGED, STRAIGHT):
+            break
+    return tried
 
 
 def _attempt(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int) -> Attempt:
