@@ -1,8 +1,8 @@
 """The certificate: a bound of every limit over continuous time, from the trajectory and the limits' `value` alone.
 
 Time is cut into cells; over each, the motion is enclosed by Taylor series (planner.enclosure) and a limit's value
-follows by its own formula. A cell's bound is its largest Bernstein coefficient plus the error; cells are halved until
-the bounds are tight.
+follows by its own formula. A cell's bound is its largest Bernstein coefficient plus the error; cells are cut until the
+bounds are tight.
 """
 
 from collections.abc import Sequence
@@ -18,8 +18,10 @@ from planner.trajectory import Trajectory
 
 TOLERANCE = 1e-6
 """A limit holds when its proven bound is at most 1 + TOLERANCE: room for the solvers' own tolerance."""
-# How far above the attained value a bound may stay, and how long cells are halved for it.
-TIGHT, HALVINGS, MOST_CELLS = 5e-7, 24, 400_000
+# How far above the attained value a bound may stay, and how small and how many cells may become for it.
+TIGHT, SMALLEST, MOST_CELLS = 5e-7, 2.0**-24, 400_000
+# Cells are cut in two; up to so many, where an evaluation costs the same for one as for all, in more.
+FEW, PARTS = 64, 8
 # Order of the expansions in time, by the highest derivative: q̈ or q⃛ keep a polynomial of degree 3 or 4.
 EXPANSION = {2: 6, 3: 8}
 # A jump of q, q̇ (and q̈ under jerk limits) between two pieces up to this share of the largest value met is rounding.
@@ -96,19 +98,22 @@ def prove(
             for new, old in ((values, known.use[name]), (attained[name], known.attained[name])):
                 new[:] = np.where(np.isnan(old), 0.0, old)
         cells = whole[np.isnan(known.use[limits[0].name])[whole.k]]
-    for halving in range(HALVINGS + 1):
+    share = 1.0
+    while True:
         bound, met = _judge(trajectory, limits, cells, EXPANSION[order])
         loose = np.zeros(len(cells.k), bool)
         for n, values in enumerate(attained.values()):
             np.maximum.at(values, cells.k, met[n])
             loose |= bound[n] > np.maximum(met[n], min(values.max(), 1.0)) + TIGHT
-        if halving == HALVINGS or 2 * loose.sum() > MOST_CELLS:
+        parts = PARTS if loose.sum() <= FEW else 2
+        share /= parts
+        if share < SMALLEST or parts * loose.sum() > MOST_CELLS:
             loose[:] = False
         for n, values in enumerate(use.values()):
             np.maximum.at(values, cells.k[~loose], bound[n, ~loose])
         if not loose.any():
             break
-        cells = cells[loose].halves()
+        cells = cells[loose].parts(parts)
     return use, attained
 
 

@@ -28,9 +28,11 @@ class Cells:
     lo: Array
     hi: Array
 
-    def halves(self) -> "Cells":
-        middle = (self.lo + self.hi) / 2
-        return Cells(np.tile(self.k, 2), np.concatenate([self.lo, middle]), np.concatenate([middle, self.hi]))
+    def parts(self, count: int) -> "Cells":
+        """Each cell in equal parts."""
+        share = np.arange(1, count)[:, None] / count
+        cuts = np.concatenate([self.lo[None], self.lo + (self.hi - self.lo) * share, self.hi[None]])
+        return Cells(np.tile(self.k, count), cuts[:-1].ravel(), cuts[1:].ravel())
 
     def __getitem__(self, chosen: np.ndarray) -> "Cells":
         return Cells(self.k[chosen], self.lo[chosen], self.hi[chosen])

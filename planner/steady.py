@@ -1,7 +1,8 @@
 """Constant tool speed: a segment as the shortest ramp up, exactly the speed that is asked for, and a ramp down.
 
 The fastest motion under the speed as a cap tells where the ramps can end: at order 2 no motion is faster anywhere
-[Pham and Pham 2018], so none reaches the speed earlier or leaves it later; at order 3 that is taken over as a rule.
+[Pham and Pham 2018], so none reaches the speed earlier or leaves it later; at order 3 that is taken over as a rule, and
+the ramps are some 1 % longer than the shortest found (exact where the path is straight in the actuators).
 Between those two places the speed either can be kept, or the plan is infeasible there.
 """
 
@@ -19,16 +20,17 @@ from planner.limits.tool_speed import ToolSpeed
 from planner.place import Infeasible, Place
 from planner.timing.problem import Run, grid
 from planner.timing.profile import Profile
-from planner.timing.run import Attempt, attempt
+from planner.timing.run import STRAIGHT, Attempt, attempt
 from planner.trajectory import State, Trajectory
 
-# Share of the speed from which on it counts as reached, by order: the solvers' own tolerance.
-REACHED = {2: 1e-9, 3: 1e-5}
+# Share of the speed from which on it counts as reached, where a motion is exact and where a solver has its tolerance.
+REACHED = {True: 1e-9, False: 1e-5}
 # By how much a ramp is longer than the shortest that was found, tried in turn: where the speed is just reached a motion
-# has no choice left, and a solver no room. Order 3 nears the speed as a parabola: its last 1e-5 take 0.5 % of a ramp.
-LONGER = {2: (1.0, 1.002, 1.02), 3: (1.01, 1.03, 1.1)}
+# has no choice left, and a solver no room. Under jerk limits the speed is neared as a parabola: its last 1e-5 take
+# 0.5 % of a ramp.
+LONGER = {True: (1.0, 1.002, 1.02), False: (1.01, 1.03, 1.1)}
 # A ramp is solved again, on its own finer grid, while it then gets shorter by this share, and so often at most.
-GAIN, SOLVES = {2: 1e-3, 3: 1.5e-2}, 4
+GAIN, SOLVES = {True: 1e-3, False: 1.5e-2}, 4
 # Time pieces of the part at constant speed at least, and for each radian that the path turns.
 PIECES, PER_RADIAN = 200, 100
 # Points of a piece looked at where it breaks a limit.
@@ -76,9 +78,7 @@ class Steady:
 
 
 def _tightened(ramp: Attempt, use: Mapping[str, Array], slowness: float) -> Attempt:
-    """Only where a limit is exceeded: what binds where the ramp meets its speed cannot be asked for less."""
-    over = {name: np.where(values > 1 + TOLERANCE, values, 0.0) for name, values in use.items()}
-    return ramp.tightened(over, slowness) if any(values.any() for values in over.values()) else ramp
+    return ramp.tightened(use, slowness) if any((values > 1 + TOLERANCE).any() for values in use.values()) else ramp
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,13 +106,17 @@ def stretches(path: ActuatorPath, trajectory: Trajectory) -> tuple[Stretch, ...]
 
 def steady(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int, speed: float) -> Steady:
     """The run at constant speed. Raises Infeasible where a limit does not allow it, or where the run is too short."""
-    capped = attempt(path, limits, run, order).profile
+    try:
+        tried = attempt(path, limits, run, order, probing=True)
+    except MotionError:  # told why, or given the next best
+        tried = attempt(path, limits, run, order)
+    capped = tried.profile
     breaks = run.breaks(path)
     fastest = [int(np.argmax(capped.v))]
     if _use(path, limits, capped.s[fastest], capped.piece[fastest], np.array([speed])).max() > 1 + TOLERANCE:
         _refuse(path, limits, capped.s, capped.piece, speed)  # no ramp, however long, would help
-    up = _ramp(path, limits, run, order, speed, capped, down=False) if run.start_speed < speed else None
-    down = _ramp(path, limits, run, order, speed, capped, down=True) if run.end_speed < speed else None
+    up = _ramp(path, limits, run, order, speed, tried, down=False) if run.start_speed < speed else None
+    down = _ramp(path, limits, run, order, speed, tried, down=True) if run.end_speed < speed else None
     since = float(breaks[0]) if up is None else up[1]
     until = float(breaks[-1]) if down is None else down[1]
     if since >= until:
@@ -124,25 +128,26 @@ def steady(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int, sp
 
 
 def _ramp(
-    path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int, speed: float, capped: Profile, down: bool
+    path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int, speed: float, capped: Attempt, down: bool
 ) -> tuple[Attempt, float]:
     """The shortest ramp between an end of the run and the speed, and where it meets it; capped: the motion under it."""
     end = float(run.breaks(path)[-1 if down else 0])
     best: tuple[Attempt, float] | None = None
-    profile = capped
+    tried = capped
     for _ in range(SOLVES):
-        reached = np.flatnonzero(profile.v >= speed * (1 - REACHED[order]))
+        profile, exact = tried.profile, order == 2 or tried.method == STRAIGHT
+        reached = np.flatnonzero(profile.v >= speed * (1 - REACHED[exact]))
         if not len(reached):
             break
         way = float(profile.s[reached[-1 if down else 0]]) - end
-        if best is not None and abs(way) > abs(best[1] - end) * (1 - GAIN[order]):
+        if best is not None and abs(way) > abs(best[1] - end) * (1 - GAIN[exact]):
             break
-        found = _solved(path, limits, run, order, speed, [end + way * longer for longer in LONGER[order]], down)
+        found = _solved(path, limits, run, order, speed, [end + way * longer for longer in LONGER[exact]], down)
         if found is None:
             break
-        best, profile = found, found[0].profile
+        best, tried = found, found[0]
     if best is None:
-        raise _too_short(path, limits, capped, speed)
+        raise _too_short(path, limits, capped.profile, speed)
     return best
 
 

@@ -16,7 +16,9 @@ from planner.timing.problem import Block, Problem, Run, grid, pose_problem
 from planner.timing.profile import Profile
 from planner.timing.second_order import TERMS as SECOND
 from planner.timing.second_order import second_order
+from planner.timing.seen import seen
 from planner.timing.smooth import Smoothed
+from planner.timing.straight import straight
 from planner.timing.third_order import third_order
 
 # Intervals of a run at least, for each piece in it, and for each radian that it turns; START is for the order-2 motion
@@ -26,7 +28,9 @@ SECOND_ORDER, THIRD_ORDER, START = (1000, 50, 40), (240, 12, 10), (400, 20, 20)
 MORE, MARGIN = 1.1, 2e-7
 # How often a run is solved before it is slowed instead.
 TRIES = 5
-AVERAGED = "averaged"
+# A motion that only so much slowness keeps from holding is slowed: solving again would cost more than it gains.
+CHEAP = 1 + 3e-5
+AVERAGED, STRAIGHT = "averaged", "straight"
 # Window of the average, as a share of what the run allows, where a gentle start finds no way between two speeds.
 BRIEF = 1e-2
 # How near the largest speed at an end is told, and the share of a bound below which none is looked for.
@@ -47,18 +51,18 @@ class Attempt:
     tries: int = 1
 
     def tightened(self, use: Mapping[str, Array], slowness: float) -> "Attempt":
-        """Solved again with less room wherever the certificate found a limit exceeded: use per limit and interval.
+        """Solved again with less room wherever a limit was found exceeded: use per limit and interval.
 
         Where that does not help, the same motion slowed as a whole: what holds wherever anything does. Only a run from
         rest to rest can be slowed: another is tried on.
         """
-        moving = max(self.problem.speeds) > 0
-        if moving or (self.tries < TRIES and self.method != AVERAGED):
+        moving = max(self.problem.speeds) > 0 and self.method != STRAIGHT
+        if moving or (self.tries < TRIES and self.method not in (AVERAGED, STRAIGHT)):
             blocks = []
             for block in self.problem.blocks:
                 excess = use[block.name]
                 less = block.room / (1 + MORE * self.tries * (excess - 1)) * (1 - MARGIN)
-                blocks.append(replace(block, room=np.where(excess > 1, less, block.room)))
+                blocks.append(replace(block, room=np.where(excess > 1 + MARGIN, less, block.room)))
             problem = replace(self.problem, blocks=tuple(blocks))
             try:
                 profile, method = self._solved(problem)
@@ -66,6 +70,9 @@ class Attempt:
             except MotionError:
                 if moving:
                     raise
+        return self.slowed(slowness)
+
+    def slowed(self, slowness: float) -> "Attempt":
         return replace(self, profile=self.profile.slowed(slowness * (1 + MARGIN)))
 
     def _solved(self, problem: Problem) -> tuple[Profile, str]:
@@ -77,10 +84,11 @@ class Attempt:
 def attempt(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int, *, probing: bool = False) -> Attempt:
     """The first solve of a run. Raises Infeasible for end speeds that cannot be, MotionError if nothing bounds it.
 
-    probing: whoever asks tries other runs if this one has no answer, so none is looked for that may take its place.
+    probing: just that one solve, for whoever has other runs to try if it gives no answer or none that holds.
     """
     try:
-        return _attempt(path, limits, run, order, probing)
+        first = _attempt(path, limits, run, order, probing)
+        return first if probing else _settled(path, limits, first)
     except TooFast as no:
         end = (run.first, run.last)[no.end]
         place = path.place(float(run.breaks(path)[-no.end]), end)
@@ -89,11 +97,37 @@ def attempt(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int, *
         raise Infeasible(no.name, "path", place, no.speed * scale, no.largest * scale, unit, remedy) from None
 
 
+def _settled(path: ActuatorPath, limits: Sequence[Limit], tried: Attempt) -> Attempt:
+    """Solved again, or slowed where that costs next to nothing, until no limit is seen to be exceeded.
+
+    A proof takes far longer than a look: most runs need one only.
+    """
+    while tried.tries < TRIES:
+        use = seen(path, limits, tried.profile)
+        slowness = max(limit.slowness(float(use[limit.name].max())) for limit in limits if limit.name in use)
+        if slowness <= 1 + MARGIN:
+            break
+        if slowness <= CHEAP and max(tried.problem.speeds) == 0:
+            return tried.slowed(slowness)
+        tried = tried.tightened(use, slowness)
+        if tried.method in (AVERAGED, STRAIGHT):
+            break
+    return tried
+
+
 def _attempt(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int, probing: bool) -> Attempt:
     if order == 2:
         problem = pose_problem(path, limits, *grid(path, run, _size(SECOND_ORDER, path, run)), run.speeds)
         _need(problem, Term.SDD, "acceleration")
+        profile = straight(problem)
+        if profile is not None:
+            return Attempt(problem, profile, STRAIGHT, order)
         return Attempt(problem, second_order(problem), "passes", order)
+    coarse = pose_problem(path, limits, *grid(path, run, _size(START, path, run)), run.speeds)
+    _need(coarse, Term.SDDD, "jerk")
+    profile = straight(coarse)
+    if profile is not None:
+        return Attempt(coarse, profile, STRAIGHT, order)
     try:
         problem, start = jerk_problem(path, limits, run)
     except TooFast as no:

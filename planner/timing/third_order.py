@@ -168,7 +168,7 @@ def _assemble(intervals: int, signature: Signature, solver: Solver) -> tuple[ca.
             "structure_detection": "auto",
             "equality": equality.tolist(),
             # no step too short: else its restoration begins, which knows no end (see Patience)
-            "fatrop": {"print_level": 0, "max_iter": ITERATIONS, "tol": 1e-8, "mu_init": 1e-2, "alpha_min_frac": 0.0},
+            "fatrop": {"print_level": 0, "max_iter": ITERATIONS, "tol": 1e-7, "mu_init": 1e-2, "alpha_min_frac": 0.0},
         }
     else:
         options |= {"ipopt": {"print_level": 0, "sb": "yes", "max_iter": ITERATIONS, "tol": 1e-9}}

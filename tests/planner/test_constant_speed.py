@@ -41,14 +41,14 @@ def kept(made, speed, number=1):
     return stretch.since.s - first, last - stretch.until.s
 
 
-@pytest.mark.parametrize(("order", "slack"), [(2, 3e-3), (3, 2e-2)])
+@pytest.mark.parametrize("order", [2, 3])
 @pytest.mark.parametrize("speed", [0.01, 0.02])
-def test_a_straight_axis_has_the_shortest_ramps(table, order, slack, speed):
+def test_a_straight_axis_has_the_shortest_ramps(table, order, speed):
     made = plan(Program((Line([0.05, 0, 0], speed=speed, speed_constant=True),)), table, order=order)
     for length in kept(made, speed):
-        assert ramp(speed, order) * (1 - 1e-6) <= length <= ramp(speed, order) * (1 + slack)
+        assert length == pytest.approx(ramp(speed, order), rel=1e-9)  # the share at which the speed counts as reached
     least = (0.05 - 2 * ramp(speed, order)) / speed + 4 * ramp(speed, order) / speed
-    assert least * (1 - 1e-6) <= made.trajectory.duration <= least * (1 + slack)
+    assert made.trajectory.duration == pytest.approx(least, rel=1e-9)
 
 
 LINE, ARC = Line([0, 0, 0.025], speed=0.02), Arc([0.01, 0, 0.025], [0, 0.6, 0.8], 4.0, speed=0.025)
@@ -59,10 +59,10 @@ def test_lines_and_arcs_of_a_hexapod(hexapod, order, segments):
     free = plan(Program(segments, start=RIM), hexapod, order=order)
     constant = tuple(replace(segment, speed_constant=True) for segment in segments)
     made = plan(Program(constant, start=RIM), hexapod, order=order)
-    # against the motion under the same caps: where it is first, and last, within 1e-5 of them; its own grid is 1/240
+    # against the motion under the same caps: where it is first, and last, within 1e-4 of them; its own grid is 1/240
     moved, breaks = free.trajectory, free.path.breaks
     for number, speed in enumerate(segment.speed for segment in segments):
-        there = moved.s[(moved.piece == number) & (moved.v > speed * (1 - 1e-5))]
+        there = moved.s[(moved.piece == number) & (moved.v > speed * (1 - 1e-4))]
         up, down = kept(made, speed, number + 1)
         assert up <= 1.04 * (there[0] - breaks[number])
         assert down <= 1.04 * (breaks[number + 1] - there[-1]) + (breaks[number + 1] - breaks[number]) / 240
