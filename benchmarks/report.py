@@ -42,12 +42,13 @@ def summary(plan: Plan, classical: Classical, verdict: PulseCheck) -> dict[str, 
     """The table that the page begins with, as it stands there."""
     saved = classical.duration - plan.trajectory.duration
     bare, kept = ("", "speed and acceleration") if plan.order == 2 else (BARE_JERK, "speed, acceleration and jerk")
+    again = f", run {plan.program.repeat} times" if plan.program.repeat > 1 else ""
     radian = f"a pure turn counts its angle times {1e3 * plan.machine.characteristic_length:.3f} mm"
     return {
         "Duration": f"{plan.trajectory.duration:.6f} s",
         "Classical timing": f"{classical.duration:.6f} s{bare}",
         "Time saved": f"{saved:.6f} s ({100 * saved / classical.duration:.2f} %)",
-        "Segments": f"{len(plan.program.segments)}",
+        "Segments": f"{len(plan.program.segments)}{again}",
         "Length of the path": f"{1e3 * float(plan.path.breaks[-1]):.3f} mm ({radian})",
         "Order": f"{plan.order} ({kept})",
         "Solved by": f"{', '.join(sorted(set(plan.methods)))}; the proof held in round {plan.rounds}",
@@ -151,6 +152,7 @@ def _page(
         classical=classical,
         metrics=metrics,
         verdict=verdict,
+        triggers=plan.triggers,
         summary=summary(plan, classical, verdict),
         saved=classical.duration - plan.trajectory.duration,
         bare_jerk=BARE_JERK,

@@ -18,15 +18,22 @@ CONTINUOUS = 1e-9
 
 
 def time_optimal(
-    path: Any, *, max_speed: ArrayLike, max_acceleration: ArrayLike, max_jerk: ArrayLike | None = None
+    path: Any,
+    *,
+    max_speed: ArrayLike,
+    max_acceleration: ArrayLike,
+    max_jerk: ArrayLike | None = None,
+    start_speed: float = 0.0,
+    end_speed: float = 0.0,
 ) -> Solution:
-    """The fastest certified motion along s -> (n,) axis values, from rest to rest, stopping at corners.
+    """The fastest certified motion along s -> (n,) axis values, by default from rest to rest, stopping at corners.
 
     path: a SciPy piecewise polynomial (PPoly, CubicSpline, Akima, …, BSpline, BPoly) of any parameter; limits: scalars
     or (n,), on |q̇|, |q̈| and, where given, |q⃛|, in units of the values per second; or (n, 2), towards smaller and
-    towards greater values. Corners are breaks where q′ jumps,
-    and under a jerk limit also breaks where q″ jumps. Raises MotionError for what is no path: a jump, a value that is
-    not finite, nothing that moves.
+    towards greater values. Corners are breaks where q′ jumps, and under a jerk limit also breaks where q″ jumps.
+    start_speed and end_speed are ṡ at the ends: how much of the parameter passes per second; under a jerk limit s̈ is 0
+    there. Raises MotionError for what is no path: a jump, a value that is not finite, nothing that moves; Infeasible
+    for a speed at an end that cannot be.
     """
     breaks, coefficients = _pieces(path)
     count = coefficients.shape[2]
@@ -39,9 +46,16 @@ def time_optimal(
         for k, (speed, acceleration, jerk) in enumerate(zip(*bounds, strict=True))
     ]
     order = 2 if max_jerk is None else 3
-    actuated = PolynomialPath(breaks, coefficients, [axis.name for axis in axes])
+    actuated = PolynomialPath(breaks, coefficients, [axis.name for axis in axes], _ends(start_speed, end_speed))
     _check(actuated)
     return fastest(actuated, limits_of(actuated, axes, order), order)
+
+
+def _ends(start_speed: float, end_speed: float) -> tuple[float, float]:
+    for name, speed in (("start_speed", start_speed), ("end_speed", end_speed)):
+        if isinstance(speed, bool) or not isinstance(speed, (int, float)) or not 0 <= speed < float("inf"):
+            raise MotionError(f"{name} = {speed!r} must be a finite number, not negative")
+    return float(start_speed), float(end_speed)
 
 
 def _per_axis(name: str, values: ArrayLike | None, count: int) -> Sequence[Magnitude | None]:

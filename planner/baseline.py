@@ -35,14 +35,15 @@ class Classical:
 def classical(plan: Plan) -> Classical:
     """On each segment a trapezoid in arc length, as fast as its certificate allows at order 2; every join is a stop.
 
-    Speed and acceleration along the path are constant over the segment, the largest that keep every limit.
+    Speed and acceleration along the path are constant over the segment, the largest that keep every limit. It runs from
+    rest to rest, also where the program begins or ends at a speed, and does not keep a speed constant.
     """
     # a trapezoid knows no way round a resonance band: what a timed crossing would cost it is left out
     axes = [
         replace(axis, resonance=None, resonance_time=None) if axis.resonance_time else axis
         for axis in plan.machine.axes
     ]
-    path = actuate(stopping(plan.program), plan.machine)
+    path = actuate(replace(stopping(plan.program), start_speed=0.0, end_speed=0.0), plan.machine)
     limits = limits_of(path, axes, 2)
     stops = np.flatnonzero(path.stops(2))
     problems = []

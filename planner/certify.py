@@ -1,8 +1,8 @@
 """The certificate: a bound of every limit over continuous time, from the trajectory and the limits' `value` alone.
 
 Time is cut into cells; over each, the motion is enclosed by Taylor series (planner.enclosure) and a limit's value
-follows by its own formula. A cell's bound is its largest Bernstein coefficient plus the error; cells are halved until
-the bounds are tight.
+follows by its own formula. A cell's bound is its largest Bernstein coefficient plus the error; cells are cut until the
+bounds are tight.
 """
 
 from collections.abc import Sequence
@@ -20,8 +20,10 @@ from planner.trajectory import Trajectory
 
 TOLERANCE = 1e-6
 """A limit holds when its proven bound is at most 1 + TOLERANCE: room for the solvers' own tolerance."""
-# How long cells are halved until their bounds are tight.
-HALVINGS, MOST_CELLS = 24, 400_000
+# How small and how many cells may become until their bounds are tight.
+SMALLEST, MOST_CELLS = 2.0**-24, 400_000
+# Cells are cut in two; up to so many, where an evaluation costs the same for one as for all, in more.
+FEW, PARTS = 64, 8
 CROSSING = "resonance crossing"
 """What no value at an instant tells: the longest stay of an axis in a band of speed, over the time allowed."""
 # Order of the expansions in time, by the highest derivative: q̈ or q⃛ keep a polynomial of degree 3 or 4.
@@ -66,7 +68,8 @@ class Known:
 def certify(trajectory: Trajectory, limits: Sequence[Limit], known: Known | None = None) -> Certificate:
     """Prove what the trajectory uses of every limit, and that it is the motion asked for.
 
-    It runs the whole path once, forwards, from rest to rest, and is as smooth as its order asks: nothing jumps.
+    It runs the whole path once, forwards, from rest to rest or between the speeds that the path states for its ends,
+    and is as smooth as its order asks: nothing jumps.
 
     known spares the work on time pieces that did not change since they were proved.
     """
@@ -103,7 +106,8 @@ def prove(
             for new, old in ((values, known.use[name]), (attained[name], known.attained[name])):
                 new[:] = np.where(np.isnan(old), 0.0, old)
         cells = whole[np.isnan(known.use[limits[0].name])[whole.k]]
-    for halving in range(HALVINGS + 1):
+    share = 1.0
+    while True:
         bound, met = _judge(trajectory, limits, cells, EXPANSION[order])
         loose = np.zeros(len(cells.k), bool)
         for n, limit in enumerate(limits):
@@ -111,13 +115,15 @@ def prove(
             np.maximum.at(values, cells.k, met[n])
             loose |= bound[n] > np.maximum(met[n], min(values.max(), 1.0)) + limit.tight(met[n])
             loose |= (bound[n] > 1 + TOLERANCE) & (met[n] <= 1)
-        if halving == HALVINGS or 2 * loose.sum() > MOST_CELLS:
+        parts = PARTS if loose.sum() <= FEW else 2
+        share /= parts
+        if share < SMALLEST or parts * loose.sum() > MOST_CELLS:
             loose[:] = False
         for n, values in enumerate(use.values()):
             np.maximum.at(values, cells.k[~loose], bound[n, ~loose])
         if not loose.any():
             break
-        cells = cells[loose].halves()
+        cells = cells[loose].parts(parts)
     return use, attained
 
 
@@ -157,16 +163,22 @@ def _crossing(trajectory: Trajectory, limit: Resonance) -> tuple[Array, Array, P
 
 
 def _jumps(trajectory: Trajectory, order: int) -> dict[str, Place]:
-    """Each quantity that is not continuous between the pieces, or not at rest at the ends, and where it jumps most."""
+    """Each quantity that is not continuous between the pieces, or at an end not as stated, and where it jumps most.
+
+    At an end ṡ is what the path states, rest if nothing, and s̈ is 0: q̇ = q′ ṡ and q̈ = q″ ṡ² there.
+    """
     k = np.arange(len(trajectory.s))
     start, end = trajectory.within(k, np.zeros(len(k))), trajectory.within(k, np.diff(trajectory.knots))
-    rest = np.zeros((1, start.q.shape[1]))
+    path = trajectory.path
+    _, q1, q2, _ = path.derivatives(path.breaks[[0, -1]], np.array([0, len(path.breaks) - 2]))
+    stated = np.array(path.end_speeds)[:, None]
+    qd, qdd = q1 * stated, q2 * stated**2
     quantities = {
         "position jump": (start.q, end.q, start.q[:1], end.q[-1:]),
-        "speed jump": (start.qd, end.qd, rest, rest),
+        "speed jump": (start.qd, end.qd, qd[:1], qd[1:]),
     }
     if order == 3:
-        quantities["acceleration jump"] = (start.qdd, end.qdd, rest, rest)
+        quantities["acceleration jump"] = (start.qdd, end.qdd, qdd[:1], qdd[1:])
     found: dict[str, Place] = {}
     for name, (starts, ends, before, after) in quantities.items():
         gaps = np.abs(np.concatenate([starts, after]) - np.concatenate([before, ends]))
@@ -214,4 +226,4 @@ def _place(trajectory: Trajectory, limit: Limit, k: int) -> Place:
 
 def _at(trajectory: Trajectory, t: float, axis: str) -> Place:
     state = trajectory.at(t)
-    return Place(float(state.s[0]), trajectory.path.segment(int(state.piece[0])), t, axis)
+    return trajectory.path.place(float(state.s[0]), int(state.piece[0]), t, axis)

@@ -29,9 +29,11 @@ class Cells:
     lo: Array
     hi: Array
 
-    def halves(self) -> "Cells":
-        middle = (self.lo + self.hi) / 2
-        return Cells(np.tile(self.k, 2), np.concatenate([self.lo, middle]), np.concatenate([middle, self.hi]))
+    def parts(self, count: int) -> "Cells":
+        """Each cell in equal parts."""
+        share = np.arange(1, count)[:, None] / count
+        cuts = np.concatenate([self.lo[None], self.lo + (self.hi - self.lo) * share, self.hi[None]])
+        return Cells(np.tile(self.k, count), cuts[:-1].ravel(), cuts[1:].ravel())
 
     def __getitem__(self, chosen: np.ndarray) -> "Cells":
         return Cells(self.k[chosen], self.lo[chosen], self.hi[chosen])
@@ -45,6 +47,7 @@ class Enclosure:
     pose: Series | None
     rate: Array
     piece: np.ndarray
+    tool: Expression | None
 
     def _differentiated(self, series: Series, times: int) -> Series:
         for _ in range(times):
@@ -80,6 +83,10 @@ class Enclosure:
         mid[0], rad[0] = np.tile(value, (2, 1)), np.tile(change, (2, 1))
         return Series(mid, rad, 1)
 
+    def tool_rate(self, times: int) -> Series:
+        rate = self.pose_rate(times)
+        return rate if self.tool is None else self.evaluate(self.tool, rate)
+
     def evaluate(self, expression: Expression, *inputs: Series) -> Series:
         return Series.stack(expression.enclose([column for each in inputs for column in each.columns()]))
 
@@ -102,7 +109,7 @@ def enclose(trajectory: Trajectory, cells: Cells, order: int) -> Enclosure:
     s = Series(np.concatenate([mid, mid], 1), np.concatenate([rad, (rad + spread) * (1 + 8 * EPS)], 1), order)
     both = np.concatenate([piece, piece])
     q, pose = trajectory.path.enclose(s, both)
-    return Enclosure(q, pose, np.concatenate([1 / half, 1 / half])[:, None], piece)
+    return Enclosure(q, pose, np.concatenate([1 / half, 1 / half])[:, None], piece, trajectory.path.tool)
 
 
 @cache

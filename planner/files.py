@@ -6,7 +6,7 @@ from os import PathLike
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import AfterValidator, Field, ValidationInfo, model_validator
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics.array import frozen
@@ -28,6 +28,7 @@ from planner.program import (
     Spline,
     Stop,
     Through,
+    Trigger,
     Turn,
     repeats,
 )
@@ -54,6 +55,11 @@ def load_program(name_or_path: str | PathLike[str]) -> Program:
         speed=model.speed,
         acceleration=model.acceleration,
         angular_speed=model.angular_speed,
+        tool=None if model.tool is None else model.tool.pose,
+        work=None if model.work is None else model.work.pose,
+        repeat=model.repeat,
+        start_speed=model.start_speed,
+        end_speed=model.end_speed,
     )
 
 
@@ -72,6 +78,22 @@ def _pose(start: tuple[float, ...] | None) -> Pose | None:
 def _rotation(angles: tuple[float, float, float] | None) -> Rotation | None:
     """Rx(θx) · Ry(θy) · Rz(θz): about the moving axes in turn."""
     return None if angles is None else Rotation.from_euler("XYZ", angles)
+
+
+def _with_speed(constant: bool, info: ValidationInfo) -> bool:
+    if constant and info.data.get("speed", 1.0) is None:  # a faulty speed is not there, and told of already
+        raise wrong('asks for a speed: add e.g. speed = "20 mm/s"')
+    return constant
+
+
+def _named(name: str) -> str:
+    if not name:
+        raise wrong("empty: give the name of the output line or event")
+    return name
+
+
+def _trigger_type(value: object) -> Any:
+    return TriggerTable if isinstance(value, dict) else Name
 
 
 def _not_empty(segments: tuple[Any, ...]) -> tuple[Any, ...]:
@@ -110,6 +132,8 @@ PlainAngle = Annotated[float, Unit("rad", plain="angle")]
 ToolSpeed = Annotated[float, Unit("m/s", above=0)]
 ToolAcceleration = Annotated[float, Unit("m/s^2", above=0)]
 AngularSpeed = Annotated[float, Unit("rad/s", above=0)]
+EndSpeed = Annotated[float, Unit("m/s", least=0)]
+Name = Annotated[str, AfterValidator(_named)]
 Position = tuple[Coordinate, Coordinate, Coordinate]
 Orientation = tuple[PlainAngle, PlainAngle, PlainAngle]
 PositionAndAngles = tuple[Coordinate, Coordinate, Coordinate, PlainAngle, PlainAngle, PlainAngle]
@@ -121,6 +145,25 @@ class BlendTable(Table):
 
 
 JoinEntry = Annotated[Literal["stop", "through"] | BlendTable, chosen(_join_type)]
+
+
+class TriggerTable(Table):
+    name: Name
+    at: Annotated[float, Field(ge=0, le=1)] = 1.0
+
+
+TriggerEntry = Annotated[Name | TriggerTable, chosen(_trigger_type)]
+
+
+class PoseTable(Table):
+    """A frame in another: moved by `to`, then turned by `rotate`."""
+
+    to: Position = (0.0, 0.0, 0.0)
+    rotate: Orientation = (0.0, 0.0, 0.0)
+
+    @property
+    def pose(self) -> Pose:
+        return RigidTransform.from_components(self.to, Rotation.from_euler("XYZ", self.rotate))
 
 
 class LineTable(Table):
@@ -157,6 +200,7 @@ class Entry(Table):
 
     join: JoinEntry = "stop"
     angular_speed: AngularSpeed | None = None
+    trigger: TriggerEntry | None = None
 
     @property
     def after(self) -> Join:
@@ -164,70 +208,63 @@ class Entry(Table):
             return Blend(self.join.blend, self.join.angle)
         return Stop() if self.join == "stop" else Through()
 
+    @property
+    def event(self) -> Trigger | None:
+        entry = self.trigger
+        if entry is None:
+            return None
+        return Trigger(entry.name, entry.at) if isinstance(entry, TriggerTable) else Trigger(entry)
 
-class ToolEntry(Entry):
-    """What every segment has along which the tool goes somewhere."""
+
+class Drawn(Entry):
+    """What every segment that moves the tool has beside it."""
 
     speed: ToolSpeed | None = None
     acceleration: ToolAcceleration | None = None
+    speed_constant: Annotated[bool, AfterValidator(_with_speed)] = False
+
+    @property
+    def said(self) -> dict[str, Any]:
+        """What its segment takes by name."""
+        return {
+            "speed": self.speed,
+            "join": self.after,
+            "acceleration": self.acceleration,
+            "angular_speed": self.angular_speed,
+            "speed_constant": self.speed_constant,
+            "trigger": self.event,
+        }
 
 
-class LineEntry(ToolEntry):
+class LineEntry(Drawn):
     line: LineTable
 
     def segment(self, line_number: int | None) -> Segment:
-        return Line(
-            frozen(self.line.to),
-            _rotation(self.line.rotate),
-            self.speed,
-            self.after,
-            acceleration=self.acceleration,
-            angular_speed=self.angular_speed,
-            line_number=line_number,
-        )
+        return Line(frozen(self.line.to), _rotation(self.line.rotate), **self.said, line_number=line_number)
 
 
-class ArcEntry(ToolEntry):
+class ArcEntry(Drawn):
     arc: ArcTable
 
     def segment(self, line_number: int | None) -> Segment:
         centre, normal, turned = frozen(self.arc.centre), frozen(self.arc.normal), _rotation(self.arc.rotate)
-        return Arc(
-            centre,
-            normal,
-            self.arc.angle,
-            turned,
-            self.speed,
-            self.after,
-            rise=self.arc.rise,
-            acceleration=self.acceleration,
-            angular_speed=self.angular_speed,
-            line_number=line_number,
-        )
+        return Arc(centre, normal, self.arc.angle, turned, **self.said, rise=self.arc.rise, line_number=line_number)
 
 
-class SplineEntry(ToolEntry):
+class SplineEntry(Drawn):
     spline: SplineTable
 
     def segment(self, line_number: int | None) -> Segment:
         turned = None if self.spline.rotate is None else Rotation.from_euler("XYZ", self.spline.rotate)
-        return Spline(
-            frozen(self.spline.through),
-            turned,
-            self.speed,
-            self.after,
-            acceleration=self.acceleration,
-            angular_speed=self.angular_speed,
-            line_number=line_number,
-        )
+        return Spline(frozen(self.spline.through), turned, **self.said, line_number=line_number)
 
 
 class TurnEntry(Entry):
     turn: TurnTable
 
     def segment(self, line_number: int | None) -> Segment:
-        to = Rotation.from_euler("XYZ", self.turn.to)
-        return Turn(to, self.after, angular_speed=self.angular_speed, line_number=line_number)
+        turned = Rotation.from_euler("XYZ", self.turn.to)
+        return Turn(turned, self.after, angular_speed=self.angular_speed, trigger=self.event, line_number=line_number)
 
 
 class DwellEntry(Table):
@@ -254,4 +291,9 @@ class ProgramFile(File):
     speed: ToolSpeed | None = None
     acceleration: ToolAcceleration | None = None
     angular_speed: AngularSpeed | None = None
+    tool: PoseTable | None = None
+    work: PoseTable | None = None
+    repeat: Annotated[int, Field(ge=1)] = 1
+    start_speed: EndSpeed = 0.0
+    end_speed: EndSpeed = 0.0
     segment: Annotated[tuple[SegmentEntry, ...], Field(description=_SOME_SEGMENT), AfterValidator(_not_empty)]

@@ -7,18 +7,23 @@ from kinematics.errors import MotionError
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """A place along a plan: path length s (m) and, where known, segment (from 1), time t (s) and whose limit."""
+    """A place along a plan: path length s (m) and, where known, segment (from 1), time t (s) and whose limit.
+
+    repetition  from 1, where the program is run more than once
+    """
 
     s: float
     segment: int | None = None
     t: float | None = None
     axis: str = ""
+    repetition: int | None = None
 
     def __str__(self) -> str:
         parts = [self.axis] if self.axis else []
         parts.append(f"s = {self.s * 1e3:.4g} mm" if self.segment is not None else f"s = {self.s:.6g}")
         if self.segment is not None:
-            parts.append(f"segment {self.segment}")
+            again = "" if self.repetition is None else f" of repetition {self.repetition}"
+            parts.append(f"segment {self.segment}{again}")
         if self.t is not None:
             parts.append(f"t = {self.t:.6g} s")
         return ", ".join(parts)

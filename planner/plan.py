@@ -16,7 +16,9 @@ from planner.program import Program
 from planner.pulses import PulseSchedule, generate
 from planner.solve import fastest
 from planner.standing import Standing, standing
+from planner.steady import Stretch, stretches
 from planner.trajectory import Trajectory
+from planner.triggers import Triggered, triggered
 
 if TYPE_CHECKING:
     from mpl_toolkits.mplot3d import Axes3D
@@ -40,6 +42,16 @@ class Plan:
     rounds: int
     methods: tuple[str, ...]
 
+    @property
+    def triggers(self) -> tuple[Triggered, ...]:
+        """What the program marks by `trigger`: when, where, and the counts by then."""
+        return triggered(self.program, self.path, self.trajectory, self.pulses)
+
+    @property
+    def constant_speeds(self) -> tuple[Stretch, ...]:
+        """Where the tool runs at exactly the speeds that segments with `speed_constant` ask for."""
+        return stretches(self.path, self.trajectory)
+
     def plot(self, ax: "Axes3D | None" = None) -> "Axes3D":
         """The path in space, coloured by speed; planner.plots has the other figures of a plan."""
         from planner.plots import path_in_space
@@ -50,7 +62,16 @@ class Plan:
 def actuate(program: Program, machine: Machine) -> MachinePath:
     """The program's path in the machine's actuators. Raises MotionError naming the segment that cannot be drawn."""
     chained = chain(program, machine)
-    return MachinePath(machine, chained.pieces, chained.stops, chained.dwells, chained.blends)
+    speeds = program.start_speed, program.end_speed
+    return MachinePath(
+        machine,
+        chained.pieces,
+        chained.stops,
+        chained.dwells,
+        chained.blends,
+        tool=program.tool,
+        end_speeds=speeds,
+    )
 
 
 def plan(program: Program, machine: Machine, *, order: int | None = None, clock_hz: int = 10_000_000) -> Plan:
@@ -91,7 +112,7 @@ def _pulses(trajectory: Trajectory, machine: Machine, clock_hz: int) -> PulseSch
         if no.place is None or no.place.t is None:
             raise
         piece = int(trajectory.at(no.place.t).piece[0])
-        place = replace(no.place, segment=trajectory.path.segment(piece))
+        place = trajectory.path.place(no.place.s, piece, no.place.t, no.place.axis)
         raise Infeasible(no.kind, no.axis, place, no.value, no.limit, no.unit, no.remedy) from None
 
 

@@ -47,6 +47,20 @@ class Blend:
 Join = Stop | Through | Blend
 
 
+@dataclass(frozen=True, slots=True)
+class Trigger:
+    """An event at a position: named, at a share of its segment's path length (1: at its end)."""
+
+    name: str
+    at: float = 1.0
+
+    def __post_init__(self) -> None:
+        if not self.name:
+            raise MotionError("trigger: its name is empty; give the output line or the event that it stands for")
+        if not 0 <= self.at <= 1:
+            raise MotionError(f"trigger {self.name}: at {self.at} must be a share of its segment, from 0 to 1")
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Line:
     """A straight line to a position.
@@ -56,6 +70,8 @@ class Line:
     speed        cap of the tool speed, m/s; None: as fast as the machine can
     join         to the next segment
     acceleration, angular_speed  caps of the tool's acceleration, m/s², and of the platform's turning, rad/s
+    speed_constant  exactly this speed, outside the shortest ramps at its ends
+    trigger      an event along it
     line_number  where it stands in its file, for messages
     """
 
@@ -65,6 +81,8 @@ class Line:
     join: Join = Stop()
     acceleration: float | None = field(default=None, kw_only=True)
     angular_speed: float | None = field(default=None, kw_only=True)
+    speed_constant: bool = field(default=False, kw_only=True)
+    trigger: Trigger | None = field(default=None, kw_only=True)
     line_number: int | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
@@ -78,7 +96,7 @@ class Arc:
 
     centre  (3,) m;  normal  (3,) of any length, kept as a unit vector;  angle  rad
     rise    m by which it moves along the normal in all: a helix
-    rotate, speed, join, acceleration, angular_speed, line_number  as of a line
+    rotate, speed, join, acceleration, angular_speed, speed_constant, trigger, line_number  as of a line
     """
 
     centre: Array
@@ -90,6 +108,8 @@ class Arc:
     rise: float = field(default=0.0, kw_only=True)
     acceleration: float | None = field(default=None, kw_only=True)
     angular_speed: float | None = field(default=None, kw_only=True)
+    speed_constant: bool = field(default=False, kw_only=True)
+    trigger: Trigger | None = field(default=None, kw_only=True)
     line_number: int | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
@@ -113,7 +133,7 @@ class Spline:
 
     through  (N, 3) m, no two neighbours the same (the path's shape: planner.path.spline)
     rotate   N orientations, one at each point; None: kept
-    speed, join, acceleration, angular_speed, line_number  as of a line
+    speed, join, acceleration, angular_speed, speed_constant, trigger, line_number  as of a line
     """
 
     through: Array
@@ -122,6 +142,8 @@ class Spline:
     join: Join = Stop()
     acceleration: float | None = field(default=None, kw_only=True)
     angular_speed: float | None = field(default=None, kw_only=True)
+    speed_constant: bool = field(default=False, kw_only=True)
+    trigger: Trigger | None = field(default=None, kw_only=True)
     line_number: int | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
@@ -143,6 +165,7 @@ class Turn:
     to: Rotation
     join: Join = Stop()
     angular_speed: float | None = field(default=None, kw_only=True)
+    trigger: Trigger | None = field(default=None, kw_only=True)
     line_number: int | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
@@ -171,10 +194,14 @@ class Program:
     """A program of segments, run one after the other; coordinates are absolute in its frame.
 
     frame    "home": relative to the machine's home pose, or "base": in the machine's base frame
-    start    first pose, in the program's frame; None: the machine's home pose
+    start    first pose, in the program's frame; None: where the machine's home pose has it
     machine  name or path of the machine it is meant for, if it says so
     speed, acceleration, angular_speed  caps of every segment that moves and states none of its own
-    Raises MotionError for an empty program or an unknown frame.
+    tool     the tool's frame in the platform's: coordinates say where it goes, speeds are its own; None: the platform's
+    work     the frame, in the program's, in which coordinates are given; None: the program's frame itself
+    repeat   how often the segments are run, one time after the other, each from where the path stands
+    start_speed, end_speed  tool speed (m/s) with which the motion begins and ends; 0: at rest
+    Raises MotionError for an empty program, an unknown frame, a count or a speed that is none.
     """
 
     segments: tuple[Segment, ...]
@@ -185,6 +212,11 @@ class Program:
     speed: float | None = field(default=None, kw_only=True)
     acceleration: float | None = field(default=None, kw_only=True)
     angular_speed: float | None = field(default=None, kw_only=True)
+    tool: Pose | None = field(default=None, kw_only=True)
+    work: Pose | None = field(default=None, kw_only=True)
+    repeat: int = field(default=1, kw_only=True)
+    start_speed: float = field(default=0.0, kw_only=True)
+    end_speed: float = field(default=0.0, kw_only=True)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "segments", tuple(self.segments))
@@ -192,6 +224,11 @@ class Program:
             raise MotionError(f"program {self.name} is empty: give it at least one line, arc, spline, turn or dwell")
         if self.frame not in ("home", "base"):
             raise MotionError(f'program {self.name}: frame "{self.frame}" is neither "home" nor "base"')
+        if isinstance(self.repeat, bool) or not isinstance(self.repeat, int) or self.repeat < 1:
+            raise MotionError(f"program {self.name}: repeat {self.repeat} must be a whole number from 1 on")
+        for end, speed in (("start_speed", self.start_speed), ("end_speed", self.end_speed)):
+            if not (isfinite(speed) and speed >= 0):
+                raise MotionError(f"program {self.name}: {end} {speed} m/s must be finite and not negative")
         _caps(self, f"program {self.name}")
 
     def cap(self, segment: Segment, name: str) -> float | None:
@@ -219,6 +256,8 @@ def _vector(segment: str, name: str, value: ArrayLike) -> Array:
 def _caps(stated: object, what: str) -> None:
     for name, unit in CAPS.items():
         _positive(what, name, getattr(stated, name, None), unit)
+    if getattr(stated, "speed_constant", False) and getattr(stated, "speed", None) is None:
+        raise MotionError(f"{what}: speed_constant asks for a speed: give speed as well")
 
 
 def _vectors(segment: str, name: str, value: ArrayLike) -> Array:

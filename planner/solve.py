@@ -1,7 +1,7 @@
 """The fastest certified motion along an actuator path: solve every run, prove the whole, tighten what fails, again."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
@@ -14,9 +14,10 @@ from planner.limits.limit import Limit
 from planner.limits.resonance import Held, Resonance
 from planner.standing import refusal, standing
 from planner.stays import stays
+from planner.steady import Steady, steady
 from planner.timing.problem import Run
 from planner.timing.profile import Profile
-from planner.timing.run import attempt
+from planner.timing.run import Attempt, attempt
 from planner.trajectory import Trajectory
 
 ROUNDS = 8
@@ -48,8 +49,8 @@ def fastest(path: ActuatorPath, limits: Sequence[Limit], order: int) -> Solution
     for worst in standing(path, limits).violations:
         raise worst
     stops = np.flatnonzero(path.stops(order))
-    runs = [Run(int(a), int(b) - 1) for a, b in pairwise(stops)]
-    attempts = [attempt(path, limits, run, order) for run in runs]
+    runs = _runs(path, stops)
+    attempts = [_started(path, limits, run, order) for run in runs]
     trajectory, owner = assemble(path, [attempt.profile for attempt in attempts], stops)
     certificate = certify(trajectory, limits)
     rounds = 1
@@ -91,6 +92,26 @@ def _held(trajectory: Trajectory, limits: Sequence[Limit], whole: Sequence[Run])
         return limit.holding(more) if more else limit
 
     return [held(limit) if isinstance(limit, Resonance) else limit for limit in limits]
+
+
+def _runs(path: ActuatorPath, stops: np.ndarray) -> list[Run]:
+    """From stop to stop, the first and the last with the speeds that the path states for its ends."""
+    runs = [Run(int(a), int(b) - 1) for a, b in pairwise(stops)]
+    runs[0] = replace(runs[0], start_speed=path.end_speeds[0])
+    runs[-1] = replace(runs[-1], end_speed=path.end_speeds[1])
+    return runs
+
+
+def _started(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int) -> Attempt | Steady:
+    """The first solve of a run, at constant speed where its segment asks for one."""
+    speeds = {path.constant(piece) for piece in range(run.first, run.last + 1)}
+    speed = speeds.pop()
+    if speeds:
+        raise MotionError(
+            f"{path.place(float(path.breaks[run.first]), run.first)}: a constant speed needs stops at the ends of its "
+            'segment: write join = "stop" there and on the segment before it'
+        )
+    return attempt(path, limits, run, order) if speed is None else steady(path, limits, run, order, speed)
 
 
 def assemble(path: ActuatorPath, profiles: Sequence[Profile], stops: np.ndarray) -> tuple[Trajectory, np.ndarray]:

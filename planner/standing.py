@@ -38,7 +38,7 @@ def standing(path: ActuatorPath, limits: Sequence[Limit]) -> Standing:
     lost = ~np.isfinite(state.q).all(1)
     if lost.any():
         first = int(np.argmax(lost))
-        place = Place(float(state.s[first]), path.segment(int(state.piece[first])))
+        place = path.place(float(state.s[first]), int(state.piece[first]))
         return Standing((OutOfReach(f"no actuator coordinates reach the path at {place}; bring it nearer"),), {})
     use, _ = prove(walk, geometric, 2)
     largest: dict[str, tuple[float, Place]] = {}
@@ -53,7 +53,7 @@ def standing(path: ActuatorPath, limits: Sequence[Limit]) -> Standing:
             rows, most = uses.argmax(0), uses.max(0)
             top, piece = int(np.argmax(most)), int(look.piece[0])
             places = [
-                Place(float(look.s[row]), path.segment(piece), None, name)
+                path.place(float(look.s[row]), piece, None, name)
                 for row, name in zip(rows, limit.channels, strict=True)
             ]
             if part == worst:

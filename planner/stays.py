@@ -54,7 +54,7 @@ def stays(trajectory: Trajectory, limit: Resonance) -> tuple[Stay, ...]:
         done.append(cells[~open_])
         touched.append(possible[:, ~open_])
         full.append(sure[:, ~open_])
-        cells = cells[open_].halves()
+        cells = cells[open_].parts(2)
     k, lo, hi = (np.concatenate([getattr(each, name) for each in done]) for name in ("k", "lo", "hi"))
     order = np.lexsort((lo, k))
     k, start, end = k[order], (trajectory.knots[k] + lo)[order], (trajectory.knots[k] + hi)[order]

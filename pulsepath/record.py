@@ -11,7 +11,7 @@ from typing import Any
 from controllers import Metrics
 from controllers.metrics import ErrorSeries
 from kinematics import Axis, Machine, MotionError
-from planner import Infeasible, Place
+from planner import Infeasible, Place, Triggered
 from planner.limits import unkept
 from planner.path.join import Blended
 from pulsepath import __version__
@@ -71,6 +71,11 @@ def of_plan(job: Job, inputs: Inputs) -> Record:
                 "highest_rate_hz": job.verdict.highest_rate,
             },
         },
+        "constant_speeds": [
+            {"speed_m_s": stretch.speed, "from": _place(stretch.since), "to": _place(stretch.until)}
+            for stretch in plan.constant_speeds
+        ],
+        "triggers": [_trigger(event, plan.machine.axes) for event in plan.triggers],
         "provenance": {
             "sha256": inputs.digests,
             "versions": {
@@ -137,7 +142,20 @@ def _blends(blends: Sequence[Blended]) -> list[Record]:
 
 
 def _place(place: Place) -> Record:
-    return {"axis": place.axis or None, "segment": place.segment, "distance_m": place.s, "time_s": place.t}
+    again = {} if place.repetition is None else {"repetition": place.repetition}
+    return {"axis": place.axis or None, "segment": place.segment, **again, "distance_m": place.s, "time_s": place.t}
+
+
+def _trigger(event: Triggered, axes: Sequence[Axis]) -> Record:
+    """An event; the pose is the platform's in the base frame, its angles about the moving axes in turn."""
+    angles = event.pose.rotation.as_euler("XYZ", suppress_warnings=True)
+    return {
+        "name": event.name,
+        "where": _place(event.where),
+        "position_m": event.pose.translation.tolist(),
+        "angles_rad": angles.tolist(),
+        "counts": {axis.name: int(count) for axis, count in zip(axes, event.counts, strict=True)},
+    }
 
 
 def _violation(violation: MotionError) -> Record:

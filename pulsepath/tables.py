@@ -14,7 +14,7 @@ from kinematics import Axis, Machine
 from kinematics.axis import Magnitude, sides
 from kinematics.calibration import Calibration
 from kinematics.calibration.result import GROUPS
-from planner import Place, Standing
+from planner import Place, Standing, Triggered
 from planner.path.join import Blended
 from pulsepath.job import Job
 
@@ -48,7 +48,7 @@ def of_plan(job: Job) -> list[Table]:
     for axis in plan.pulses.axes:
         pulses.add_row(axis.name, f"{len(axis)}", f"{axis.final - axis.start}")
     pulses.add_row("all", f"{plan.pulses.total}")
-    return [times, limits, *of_blends(plan.path.blends), pulses]
+    return [times, limits, *of_blends(plan.path.blends), pulses, *_triggers(plan.triggers)]
 
 
 def of_blends(blends: Sequence[Blended]) -> list[Table]:
@@ -64,6 +64,16 @@ def of_blends(blends: Sequence[Blended]) -> list[Table]:
         halves = " and ".join(map(str, blend.half_of))
         short = f"half of segment {halves}" if blend.half_of else ""
         table.add_row(f"{blend.segment}", *(f"{figure:.4g}" for figure in figures), short)
+    return [table]
+
+
+def _triggers(events: Sequence[Triggered]) -> list[Table]:
+    if not events:
+        return []
+    table = _table("triggers", "name", "segment#", "mm#", "s#", "counts")
+    for event in events:
+        _, segment, distance, _ = _where(event.where)
+        table.add_row(event.name, segment, distance, f"{event.time:.7f}", " ".join(map(str, event.counts)))
     return [table]
 
 
@@ -152,7 +162,8 @@ def _table(title: str, *columns: str) -> Table:
 
 def _where(place: Place) -> Sequence[str]:
     """Axis, segment, distance (mm) and time (s) of a place."""
-    segment = "" if place.segment is None else str(place.segment)
+    again = "" if place.repetition is None else f" (rep. {place.repetition})"
+    segment = "" if place.segment is None else f"{place.segment}{again}"
     return place.axis, segment, f"{1e3 * place.s:.3f}", "" if place.t is None else f"{place.t:.4f}"
 
 

@@ -68,6 +68,9 @@ class Motion(Protocol):
     def distances(self, bodies: Bodies) -> Quantity:
         """Between the axes of a machine's bodies (N, k), m."""
 
+    def tool_rate(self, times: int) -> Quantity:
+        """The same of the tool: the platform's own numbers where there is none."""
+
     def evaluate(self, expression: Expression, *inputs: Quantity) -> Quantity:
         """An expression of quantities of this motion, (N, k) each, one after the other."""
 

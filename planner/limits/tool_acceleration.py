@@ -30,10 +30,10 @@ class ToolAcceleration(Capped):
     terms = frozenset({Term.SDD, Term.SD2})
 
     def value(self, motion: Motion) -> Quantity:
-        return squared(motion.pose_rate(2), range(3))
+        return squared(motion.tool_rate(2), range(3))
 
     def rows(self, points: Points) -> Rows:
-        _, p1, p2, _ = (derivative[:, :3] for derivative in points.pose_derivatives)
+        _, p1, p2, _ = (derivative[:, :3] for derivative in points.tool_derivatives)
         size = np.linalg.norm(p1, axis=1, keepdims=True)
         along = p1 / np.where(size > 0, size, 1.0)
         push = (p2 * along).sum(1, keepdims=True)

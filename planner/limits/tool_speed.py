@@ -8,14 +8,14 @@ from planner.limits.limit import Motion, Quantity, Rows, Term
 
 
 class ToolSpeed(Capped):
-    """ṗ = p′ ṡ of the platform's origin."""
+    """ṗ = p′ ṡ of the tool."""
 
     name, unit = "tool speed", ("mm/s", 1e3)
     terms = frozenset({Term.SD})
 
     def value(self, motion: Motion) -> Quantity:
-        return squared(motion.pose_rate(1), range(3))
+        return squared(motion.tool_rate(1), range(3))
 
     def rows(self, points: Points) -> Rows:
-        along = np.linalg.norm(points.pose_derivatives[1][:, :3], axis=1, keepdims=True)
+        along = np.linalg.norm(points.tool_derivatives[1][:, :3], axis=1, keepdims=True)
         return Rows({Term.SD: along}, self.caps[points.piece][:, None])

@@ -1,4 +1,4 @@
-"""From a program to the pieces of its path: frames, arcs through where the path stands, turns, dwells, joins."""
+"""From a program to the pieces of its path: frames, tool, arcs from where the path stands, turns, dwells, joins."""
 
 from dataclasses import dataclass, replace
 
@@ -14,6 +14,7 @@ from planner.path.join import Blended, join
 from planner.path.line import line, turn_angle
 from planner.path.shape import Piece
 from planner.path.spline import spline
+from planner.path.tool import carrying
 from planner.program import CAPS, SAME, Arc, Dwell, Join, Line, Program, Segment, Spline, Turn
 
 # An arc may start this share of its radius out of its plane.
@@ -22,7 +23,7 @@ IN_PLANE = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class Chain:
-    """Pieces of a path in the machine's base frame; stops (P+1,) and dwells (P+1,) s at their ends, as of MachinePath.
+    """Pieces of the platform's path in the base frame; stops (P+1,), dwells (P+1,) s at their ends, as of MachinePath.
 
     blends: what became of every join that asks for one
     """
@@ -35,33 +36,83 @@ class Chain:
 
 def chain(program: Program, machine: Machine) -> Chain:
     """The program's path for a machine. Raises MotionError naming the segment that cannot be drawn."""
+    _refuse_lever(program, machine)
+    _refuse_end_speed("start_speed", program.start_speed, program.segments[0], 1)
+    _refuse_end_speed("end_speed", program.end_speed, program.segments[-1], len(program.segments))
     here = program.start if program.start is not None else _default_start(program, machine)
     frame = machine.home if program.frame == "home" else RigidTransform.identity()
+    if program.work is not None:
+        frame = frame * program.work
     drawn: list[list[Piece]] = []
     joins: list[Join] = []
     dwells = [0.0]
-    for number, segment in enumerate(program.segments, 1):
-        if isinstance(segment, Dwell):
-            dwells[-1] += segment.duration
-            continue
-        there = _end(segment, number, here)
-        speed, acceleration, angular = (program.cap(segment, name) for name in CAPS)
-        drawn.append(
-            [
-                replace(piece, tool_speed=speed, tool_acceleration=acceleration, angular_speed=angular)
-                for piece in _pieces(segment, number, here, there, frame, machine.characteristic_length)
-            ]
-        )
-        joins.append(segment.join)
-        dwells.append(0.0)
-        here = there
+    for repetition in range(1, program.repeat + 1):
+        for number, segment in enumerate(program.segments, 1):
+            if isinstance(segment, Dwell):
+                dwells[-1] += segment.duration
+                continue
+            try:
+                there = _end(segment, number, here)
+                own = _pieces(segment, number, here, there, frame, machine.characteristic_length)
+            except MotionError as wrong:
+                raise _again(wrong, repetition) if repetition > 1 else wrong from None
+            drawn.append([_finished(piece, segment, program, repetition) for piece in own])
+            joins.append(segment.join)
+            dwells.append(0.0)
+            here = there
     if not drawn:
         raise MotionError(f"program {program.name}: nothing moves; add a line, an arc, a spline or a turn")
-    return Chain(*join(drawn, joins, frozen(dwells), machine.characteristic_length))
+    pieces, stops, rests, blends = join(drawn, joins, frozen(dwells), machine.characteristic_length)
+    if program.tool is not None:
+        pieces = tuple(carrying(piece, program.tool) for piece in pieces)
+    return Chain(pieces, stops, rests, blends)
 
 
 def _default_start(program: Program, machine: Machine) -> Pose:
-    return RigidTransform.identity() if program.frame == "home" else machine.home
+    """Where the machine's home pose has the tool, in the work frame."""
+    start = RigidTransform.identity() if program.frame == "home" else machine.home
+    if program.tool is not None:
+        start = start * program.tool
+    return start if program.work is None else program.work.inv() * start
+
+
+def _again(wrong: MotionError, repetition: int) -> MotionError:
+    return MotionError(f"repetition {repetition}: {wrong}; what only leads to the first repetition belongs into start")
+
+
+def _finished(piece: Piece, segment: Line | Arc | Spline | Turn, program: Program, repetition: int) -> Piece:
+    """The piece with what every kind of segment may say."""
+    speed, acceleration, angular = (program.cap(segment, name) for name in CAPS)
+    return replace(
+        piece,
+        tool_speed=speed,
+        tool_acceleration=acceleration,
+        angular_speed=angular,
+        constant=not isinstance(segment, Turn) and segment.speed_constant,
+        repetition=repetition if program.repeat > 1 else None,
+    )
+
+
+def _refuse_lever(program: Program, machine: Machine) -> None:
+    """Where the orientation follows, a tool beside the platform's origin goes where nothing that is asked for says."""
+    turning = [name for name in machine.follows if name in ("rx", "ry", "rz")]
+    if program.tool is not None and turning and np.linalg.norm(program.tool.translation) > 0:
+        raise MotionError(
+            f"program {program.name}: machine {machine.name} does not control {', '.join(turning)}, so it cannot place "
+            f"a tool {_mm(program.tool.translation)} off the platform's origin; leave tool.to out"
+        )
+
+
+def _refuse_end_speed(end: str, speed: float, segment: Segment, number: int) -> None:
+    """A speed of the tool at an end of the program, whose segment there does not move it, or not so fast."""
+    if speed == 0:
+        return
+    if isinstance(segment, Turn | Dwell):
+        raise MotionError(f"{_name(segment, number)}: it does not move the tool, so {end} cannot be kept; set it to 0")
+    if segment.speed is not None and speed > segment.speed:
+        raise MotionError(
+            f"{_name(segment, number)}: {end} {speed * 1e3:.6g} mm/s is above its speed {segment.speed * 1e3:.6g} mm/s"
+        )
 
 
 def _name(segment: Segment, number: int) -> str:

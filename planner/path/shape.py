@@ -32,8 +32,10 @@ class Piece:
     on splines, never less than the way on blends, and angle times a length on turns.
 
     turn        rad by which its direction or the platform turns in all: how finely it must be looked at
-    tool_speed, tool_acceleration  caps of the platform's origin, m/s and m/s² (None: none, or it does not move)
+    tool_speed, tool_acceleration  caps of the tool, m/s and m/s² (None: none, or it does not move)
     angular_speed  cap on the platform's turning, rad/s
+    constant    the tool has exactly that speed, outside the ramps at the ends of the segment
+    repetition  of the program, from 1; None: it runs once
     """
 
     shape: Shape
@@ -45,6 +47,8 @@ class Piece:
     turn: float = 0.0
     tool_acceleration: float | None = None
     angular_speed: float | None = None
+    constant: bool = False
+    repetition: int | None = None
 
     def cut(self, count: int) -> "list[Piece]":
         """The same curve in equal parts."""

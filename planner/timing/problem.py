@@ -13,10 +13,30 @@ from planner.limits.limit import Limit, Rows, Term
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """Pieces first … last (inclusive) of a path, from rest to rest."""
+    """Pieces first … last (inclusive) of a path, run from one speed ṡ to another: rest to rest if not told.
+
+    Under jerk limits s̈ is 0 at both ends.
+
+    since, until  path lengths inside the first and the last piece between which it is run; None: all of them
+    """
 
     first: int
     last: int
+    start_speed: float = 0.0
+    end_speed: float = 0.0
+    since: float | None = None
+    until: float | None = None
+
+    @property
+    def speeds(self) -> tuple[float, float]:
+        return self.start_speed, self.end_speed
+
+    def breaks(self, path: ActuatorPath) -> Array:
+        """Path lengths at its start, between its pieces, and at its end."""
+        breaks = np.array(path.breaks[self.first : self.last + 2])
+        breaks[0] = breaks[0] if self.since is None else self.since
+        breaks[-1] = breaks[-1] if self.until is None else self.until
+        return breaks
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,11 +62,12 @@ class Block:
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """Grid s (N+1,) over a run, piece (N,) of each interval, and the blocks of all limits."""
+    """Grid s (N+1,) over a run, piece (N,) of each interval, the blocks of all limits, and ṡ at its two ends."""
 
     s: Array
     piece: np.ndarray
     blocks: tuple[Block, ...]
+    speeds: tuple[float, float] = (0.0, 0.0)
 
     @property
     def intervals(self) -> int:
@@ -61,7 +82,7 @@ def grid(
     spread (K,) in [0, 1], rising from 0 to 1: where points should lie, as a share of the run (evenly if None).
     least (P,): a piece of the run in which fewer intervals would lie, as in a blend, has so many even ones instead.
     """
-    breaks = path.breaks[run.first : run.last + 2]
+    breaks = run.breaks(path)
     share = np.linspace(0, 1, intervals + 1) if spread is None else spread
     s = breaks[0] + (breaks[-1] - breaks[0]) * share
     if len(breaks) > 2:
@@ -84,7 +105,9 @@ def _filled(s: Array, breaks: Array, least: Array) -> Array:
     return np.concatenate([*parts, breaks[-1:]])
 
 
-def pose_problem(path: ActuatorPath, limits: Sequence[Limit], s: Array, piece: np.ndarray) -> Problem:
+def pose_problem(
+    path: ActuatorPath, limits: Sequence[Limit], s: Array, piece: np.ndarray, speeds: tuple[float, float] = (0.0, 0.0)
+) -> Problem:
     """Evaluate the rows of every timing limit on both sides of every grid point, in one batch."""
     count = len(piece)
     both = np.concatenate([piece, piece])
@@ -99,7 +122,7 @@ def pose_problem(path: ActuatorPath, limits: Sequence[Limit], s: Array, piece: n
             start = {term: values[:count] for term, values in scaled.items()}
             end = {term: values[count:] for term, values in scaled.items()}
             blocks.append(Block(limit.name, start, end, np.ones(count), middle))
-    return Problem(s, piece, tuple(blocks))
+    return Problem(s, piece, tuple(blocks), speeds)
 
 
 def _normalised(rows: Rows, points: int) -> tuple[dict[Term, Array], Array]:

@@ -55,7 +55,7 @@ _POWERS = {
 
 
 def third_order(problem: Problem, guess: Array, *, solver: Solver = "fatrop") -> Profile:
-    """The fastest rest-to-rest motion, s̈ zero at both ends. guess (4, N): ṡ, s̈, s⃛, h to start from.
+    """The fastest motion, s̈ zero at both ends. guess (4, N): ṡ, s̈, s⃛, h to start from.
 
     Lengths are counted in the run's, times in the guess' duration, and each variable in its largest guess: with all of
     them about one, 35 iterations suffice where the plain problem takes 400. Raises MotionError when the solver does not
@@ -64,7 +64,9 @@ def third_order(problem: Problem, guess: Array, *, solver: Solver = "fatrop") ->
     length, time = problem.s[-1] - problem.s[0], float(guess[3].sum())
     unit = np.array([length / time, length / time**2, length / time**3, time])
     start = guess / unit[:, None]
-    scale = np.repeat(np.abs(start).max(1, keepdims=True), problem.intervals, 1)
+    # a motion of constant speed has no s̈ and s⃛; from rest to rest they are 4 and 32 at least
+    largest = np.maximum(np.abs(start).max(1, keepdims=True), [[0.0], [1.0], [1.0], [0.0]])
+    scale = np.repeat(largest, problem.intervals, 1)
     scale[3] = start[3]
     signature, coefficients, low, high = _rows(problem, length, time)
     step = np.diff(problem.s)[None] / length
@@ -72,8 +74,9 @@ def third_order(problem: Problem, guess: Array, *, solver: Solver = "fatrop") ->
     data = np.concatenate([step, scale, jerk, coefficients])
     if not (np.isfinite(data).all() and (step > 0).all()):
         raise MotionError("the jerk-limited problem holds what is no number, or an interval of no length")
-    columns = _solve(*_assemble(problem.intervals, signature, solver), data, low, high, start / scale)
-    return closed(problem.s, columns * scale * unit[:, None], problem.piece)
+    speeds = np.array(problem.speeds) / unit[0] / scale[0, 0]
+    columns = _solve(*_assemble(problem.intervals, signature, solver), data, (low, high), start / scale, speeds)
+    return closed(problem, columns * scale * unit[:, None])
 
 
 def _jerk_share(problem: Problem, unit: Array) -> Array:
@@ -157,6 +160,7 @@ def _assemble(intervals: int, signature: Signature, solver: Solver) -> tuple[ca.
     options: dict[str, Any] = {
         "print_time": False,
         "expand": False,
+        **dict.fromkeys(("calc_f", "calc_g", "calc_lam_x", "calc_lam_p"), False),  # nobody asks
         "error_on_fail": False,
         "show_eval_warnings": False,
     }
@@ -165,7 +169,7 @@ def _assemble(intervals: int, signature: Signature, solver: Solver) -> tuple[ca.
             "structure_detection": "auto",
             "equality": equality.tolist(),
             # no step too short: else its restoration begins, which knows no end (see Patience)
-            "fatrop": {"print_level": 0, "max_iter": ITERATIONS, "tol": 1e-8, "mu_init": 1e-2, "alpha_min_frac": 0.0},
+            "fatrop": {"print_level": 0, "max_iter": ITERATIONS, "tol": 1e-7, "mu_init": 1e-2, "alpha_min_frac": 0.0},
         }
     else:
         options |= {"ipopt": {"print_level": 0, "sb": "yes", "max_iter": ITERATIONS, "tol": 1e-9}}
@@ -178,29 +182,34 @@ def _assemble(intervals: int, signature: Signature, solver: Solver) -> tuple[ca.
     return ca.nlpsol("third_order", solver, problem, options), patience
 
 
-def _solve(solver: ca.Function, patience: Patience, data: Array, low: Array, high: Array, guess: Array) -> Array:
-    """Columns (4, N), scaled."""
+def _solve(
+    solver: ca.Function, patience: Patience, data: Array, rows: tuple[Array, Array], guess: Array, speeds: Array
+) -> Array:
+    """Columns (4, N), scaled; rows: what they lie between, (rows, N) each; speeds (2,): ṡ at both ends."""
     try:
-        return _answer(solver, patience, data, low, high, guess)
+        return _answer(solver, patience, data, rows, guess, speeds)
     except BaseException:
         _assemble.cache_clear()  # a failed solve can leave infinities in the solver, and all that follow would fail
         raise
 
 
-def _answer(solver: ca.Function, patience: Patience, data: Array, low: Array, high: Array, guess: Array) -> Array:
+def _answer(
+    solver: ca.Function, patience: Patience, data: Array, rows: tuple[Array, Array], guess: Array, speeds: Array
+) -> Array:
     count = guess.shape[1]
     least = np.tile([0.0, -np.inf, -np.inf, _SHORTEST], (count, 1))
     most = np.full((count, 4), np.inf)
-    least[0, :2] = most[0, :2] = 0.0
+    least[0, :2] = most[0, :2] = speeds[0], 0.0
+    last = [speeds[1], 0.0]
     equal = np.zeros((3, count))
-    rest = [0.0, 0.0]
+    low, high = rows
     try:
         with _ONE_AT_A_TIME, patience.asked():
             answer = solver(
-                x0=np.concatenate([guess.T.ravel(), rest]),
+                x0=np.concatenate([guess.T.ravel(), last]),
                 p=data.T.ravel(),
-                lbx=np.concatenate([least.ravel(), rest]),
-                ubx=np.concatenate([most.ravel(), rest]),
+                lbx=np.concatenate([least.ravel(), last]),
+                ubx=np.concatenate([most.ravel(), last]),
                 lbg=np.concatenate([equal, low]).T.ravel(),
                 ubg=np.concatenate([equal, high]).T.ravel(),
             )

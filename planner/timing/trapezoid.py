@@ -9,7 +9,7 @@ from planner.timing.profile import Profile
 
 
 def trapezoid(problem: Problem) -> Profile:
-    """The shortest trapezoid or triangle in arc length that keeps every order-2 row of the problem at its grid points.
+    """The shortest rest-to-rest trapezoid or triangle in arc length that keeps every order-2 row at the grid points.
 
     With ramps of length d and top speed V, ṡ² = V² x/d at the distance x from an end and s̈ = V²/2d, and the run of
     length L takes (L + 2d)/V. For every d on the grid the largest V is the least of what three kinds of rows allow:

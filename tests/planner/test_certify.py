@@ -18,6 +18,7 @@ from planner.limits import limits_of
 from planner.limits.acceleration import Acceleration
 from planner.limits.jerk import Jerk
 from planner.limits.speed import Speed
+from planner.place import Place
 from planner.trajectory import Trajectory
 
 
@@ -101,9 +102,10 @@ class Lorentz:
     names = ("spike", "free")
     breaks = np.array([-1.0, 1.0])
     dwells = np.zeros(2)
+    tool, end_speeds = None, (0.0, 0.0)
 
     def __init__(self, place, width):
-        self.place, self.width = place, width
+        self.centre, self.width = place, width
 
     def stops(self, order):
         return np.ones(2, bool)
@@ -111,8 +113,11 @@ class Lorentz:
     def segment(self, piece):
         return None
 
+    def place(self, s, piece, t=None, axis=""):
+        return Place(s, None, t, axis)
+
     def derivatives(self, s, piece):
-        x = np.repeat(((s - self.place) / self.width)[:, None], 2, 1)
+        x = np.repeat(((s - self.centre) / self.width)[:, None], 2, 1)
         q, w = 1 / (1 + x * x), self.width
         return q, -2 * x * q**2 / w, (6 * x**2 - 2) * q**3 / w**2, 24 * x * (1 - x**2) * q**4 / w**3
 
@@ -122,7 +127,7 @@ class Lorentz:
     pose_derivatives = pose_numbers
 
     def enclose(self, s, piece):
-        x = ((s - self.place) * (1 / self.width))[:, None]
+        x = ((s - self.centre) * (1 / self.width))[:, None]
         with np.errstate(invalid="ignore"):  # unbounded where the cell is too wide for a bound
             return 1.0 / (1.0 + x * x) * np.ones((1, 2)), None
 
