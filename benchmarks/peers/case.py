@@ -77,7 +77,7 @@ class Answer:
         """The duration, slowed until the samples keep every limit of its order (s)."""
         powers = [1.0, 0.5, 1 / 3][: self.order]
         slowness = [use**power for use, power in zip(self.worst, powers, strict=False)]
-        return self.duration * max(1.0, *slowness)
+        return max(self.duration, *(self.duration * k for k in slowness))
 
 
 Solved = tuple[float, Samples]
@@ -132,13 +132,13 @@ def circle() -> Case:
 
 
 def spline(seed: int = 0, count: int = 50, axes: int = 6) -> Case:
-    """Random waypoints, a natural quintic through them (it bends smoothly enough for jerk), limits about one."""
+    """Random waypoints, a quintic through them (it bends smoothly enough for jerk), limits about one."""
     from scipy.interpolate import make_interp_spline
 
     from planner.bare import _pieces
 
     rng = np.random.default_rng(seed)
-    curve = make_interp_spline(np.arange(float(count)), rng.uniform(-1, 1, (count, axes)), k=5, bc_type="natural")
+    curve = make_interp_spline(np.arange(float(count)), rng.uniform(-1, 1, (count, axes)), k=5)
     breaks, coefficients = _pieces(curve)
     names = tuple(f"axis{k + 1}" for k in range(axes))
     limited = tuple(Axis(name, max_speed=1.0, max_acceleration=2.0, max_jerk=20.0) for name in names)
