@@ -23,7 +23,7 @@ from planner.timing.third_order import third_order
 
 # Intervals of a run at least, for each piece in it, and for each radian that it turns; START is for the order-2 motion
 # that starts an order-3 solve.
-SECOND_ORDER, THIRD_ORDER, START = (1000, 50, 40), (240, 12, 15), (400, 20, 20)
+SECOND_ORDER, THIRD_ORDER, START = (1000, 50, 40), (160, 16, 15), (400, 20, 20)
 # Room taken off: this share of the excess, more with every try, and a little for the solver's own tolerance.
 MORE, MARGIN = 1.1, 2e-7
 # How often a run is solved before it is slowed instead.
@@ -53,11 +53,11 @@ class Attempt:
     def tightened(self, use: Mapping[str, Array], slowness: float) -> "Attempt":
         """Solved again with less room wherever a limit was found exceeded: use per limit and interval.
 
-        Where that does not help, the same motion slowed as a whole: what holds wherever anything does. Only a run from
-        rest to rest can be slowed: another is tried on.
+        Where that does not help, or would cost more than it gains, the same motion slowed as a whole: what holds
+        wherever anything does. Only a run from rest to rest can be slowed: another is tried on.
         """
-        moving = max(self.problem.speeds) > 0 and self.method != STRAIGHT
-        if moving or (self.tries < TRIES and self.method not in (AVERAGED, STRAIGHT)):
+        moving, solved = max(self.problem.speeds) > 0, self.method not in (AVERAGED, STRAIGHT)
+        if solved and (moving or (slowness > CHEAP and self.tries < TRIES)):
             blocks = []
             for block in self.problem.blocks:
                 excess = use[block.name]
@@ -70,9 +70,11 @@ class Attempt:
             except MotionError:
                 if moving:
                     raise
-        return self.slowed(slowness)
-
-    def slowed(self, slowness: float) -> "Attempt":
+        if moving:
+            raise MotionError(
+                f"no motion from {self.problem.speeds[0]:.6g} to {self.problem.speeds[1]:.6g} along the path was found "
+                "that keeps every limit; ask for slower ends"
+            )
         return replace(self, profile=self.profile.slowed(slowness * (1 + MARGIN)))
 
     def _solved(self, problem: Problem) -> tuple[Profile, str]:
@@ -107,10 +109,8 @@ def _settled(path: ActuatorPath, limits: Sequence[Limit], tried: Attempt) -> Att
         slowness = max(limit.slowness(float(use[limit.name].max())) for limit in limits if limit.name in use)
         if slowness <= 1 + MARGIN:
             break
-        if slowness <= CHEAP and max(tried.problem.speeds) == 0:
-            return tried.slowed(slowness)
-        tried = tried.tightened(use, slowness)
-        if tried.method in (AVERAGED, STRAIGHT):
+        before, tried = tried, tried.tightened(use, slowness)
+        if tried.problem is before.problem:  # slowed as a whole: that holds
             break
     return tried
 

@@ -80,7 +80,9 @@ def _rows(problem: Problem, step: Array, length: float, time: float) -> tuple[li
 
 
 def _cap(ceiling: Array, block: Block, unit: float) -> None:
-    for side, points in ((block.start, slice(None, -1)), (block.end, slice(1, None))):
+    for side, points, given in ((block.start, slice(None, -1), 0), (block.end, slice(1, None), -1)):
+        room = block.room.copy()
+        room[given] = 1.0  # speeds at the ends are not the solver's to choose
         slope = np.abs(side[Term.SD]).max(1) * unit
         with np.errstate(divide="ignore"):
-            np.minimum(ceiling[points], (block.room / slope) ** 2, out=ceiling[points])
+            np.minimum(ceiling[points], (room / slope) ** 2, out=ceiling[points])

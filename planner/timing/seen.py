@@ -10,8 +10,8 @@ from planner.limits.limit import Limit
 from planner.timing.profile import Profile
 from planner.trajectory import Trajectory
 
-# Instants of each time piece that are looked at: a parabola's peak between them is missed by 1/64 of its height.
-LOOKED = np.linspace(0.0, 1.0, 9)
+# Instants of each time piece that are looked at: a parabola's peak between them is missed by 1/1024 of its height.
+LOOKED = np.linspace(0.0, 1.0, 33)
 
 
 def seen(path: ActuatorPath, limits: Sequence[Limit], profile: Profile) -> dict[str, Array]:

@@ -37,6 +37,8 @@ ITERATIONS, EVALUATIONS = 200, 400
 # Least duration of an interval, as a share of its guess: without it, solvers get stuck where some intervals vanish. It
 # holds the answer back in 2 of 100 random runs, by 1e-3 at most, until the next solve starts from there.
 _SHORTEST = 0.1
+# Rounding of a given speed beyond a limit.
+GIVEN = 1e-9
 # CasADi's solvers share state between threads.
 _ONE_AT_A_TIME = Lock()
 Signature = tuple[tuple[tuple[Term, ...], int], ...]
@@ -113,7 +115,8 @@ def _room(block: Block) -> Array:
     """Room of the rows at an interval's start; rows that are kept there only speak for the interval before it too."""
     if _kept_at_end(tuple(block.start)):
         return block.room
-    return np.asarray(np.minimum(block.room, np.concatenate([block.room[:1], block.room[:-1]])))
+    # at the very start speed and s̈ are given: nothing is to be chosen (and a given speed may be at its limit)
+    return np.concatenate([[1 + GIVEN], np.minimum(block.room[1:], block.room[:-1])])
 
 
 def _stage(signature: Signature) -> ca.Function:
