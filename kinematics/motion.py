@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from kinematics.array import Array, frozen
 from kinematics.errors import MotionError, OutOfReach
-from kinematics.freedom import COMPONENTS, columns
+from kinematics.freedom import COMPONENTS, columns, square_jacobian
 from kinematics.machine import Machine
 from kinematics.pose import Pose, from_numbers, numbers
 
@@ -110,18 +110,22 @@ def motion_of_axes(machine: Machine, state: Moving) -> Motion:
 
 def controlled(machine: Machine, x: Array, q: Array) -> Array:
     """(N, n, n) the Jacobian's columns of what the machine controls. Raises MotionError at a singular pose."""
-    free, n = columns(machine), len(machine.axes)
-    jacobian = machine.jacobian_map(machine.inputs(x, q)).reshape(-1, n, 6)[:, :, free]
-    scale = np.where(free < 3, 1.0, 1.0 / machine.characteristic_length)
-    with np.errstate(all="ignore"):
-        broken = ~(np.linalg.cond(jacobian * scale) < SINGULAR)
+    jacobian = square_jacobian(machine, x, q)
+    broken = singular(machine, jacobian)
     if broken.any():
-        instant = int(np.argmax(broken))
+        first = int(np.argmax(broken))
         raise MotionError(
-            f"machine {machine.name} is singular at instant {instant}, position {x[instant, :3] * 1e3} mm: "
-            "its actuators cannot bear every wrench there; keep away from it"
+            f"machine {machine.name} is singular at pose {first}, position {x[first, :3] * 1e3} mm: its axes do not "
+            "hold the platform there, so that forces and errors have no bound; keep away from it"
         )
     return jacobian
+
+
+def singular(machine: Machine, jacobian: Array) -> np.ndarray:
+    """(N,) whether square Jacobians (N, n, n) tell nothing of some motion."""
+    scale = np.where(columns(machine) < 3, 1.0, 1.0 / machine.characteristic_length)
+    with np.errstate(all="ignore"):
+        return np.asarray(~(np.linalg.cond(jacobian * scale) < SINGULAR))
 
 
 def _filled(machine: Machine, x: Array, q: Array, twist: Array, acceleration: Array) -> Motion:

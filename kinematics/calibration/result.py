@@ -37,8 +37,9 @@ class Estimate:
 class Calibration:
     """The calibrated machine, the parameters, and the errors (N, 8), predicted − measured, NaN where not measured.
 
-    machine     calibrated; its home is the pose at zero counts, so that offsets need no place of their own
-    frame       estimates of the measuring frame are among the parameters; they are no part of the machine
+    machine     calibrated; its home is the pose at zero counts, so that offsets need no place of their own. Estimates
+                of the measuring frame are among the parameters, but no part of it
+    measurements  without the checks that were skipped
     predicted   poses (N) with the estimates, as seen in the measuring frame, relative to the nominal home pose
     before      errors with nominal parameters
     after       errors with the estimates
@@ -47,6 +48,7 @@ class Calibration:
     used        (N, 8) bool: what the parameters were fitted to
     scale       √(χ² / degrees of freedom): root of residuals over stated noise; NaN without degrees of freedom
     degrees     of freedom
+    skipped     why each check was left out that the machine cannot be sent to
     """
 
     machine: Machine
@@ -62,6 +64,7 @@ class Calibration:
     used: np.ndarray
     scale: float
     degrees: int
+    skipped: tuple[str, ...] = ()
 
     def rms(self, errors: Array, group: str = "position", *, fitted: bool = True) -> float:
         """Root mean square per component of a group of errors, over the fitted poses or the checks; NaN for none."""

@@ -249,7 +249,7 @@ def test_a_twist_off_the_freedom_and_a_singular_pose_are_refused():
         motion_of_poses(tripod, tripod.home, np.zeros((2, 6)))
     # all arms in one plane bear nothing across it
     level = RigidTransform.from_translation([0, 0, tripod.base[0, 2] - tripod.platform[0, 2]])
-    with pytest.raises(MotionError, match="machine tripod is singular at instant 0"):
+    with pytest.raises(MotionError, match="machine tripod is singular at pose 0"):
         forces(tripod, motion_of_poses(tripod, level), platform=Body(1.0))
 
 

@@ -41,7 +41,6 @@ def test_the_tables_of_the_thesis():
     assert data.labels[0] == "pose 1 (6.2)"
     assert data.labels[8] == "rotation 1 (6.4)"
     assert data.noise is None
-    assert not data.whole
     # error = desired - measured; mm and µm
     np.testing.assert_allclose(data.commanded.translation[4], [5e-3, 5e-3, 35e-3], rtol=1e-15)
     np.testing.assert_allclose(
@@ -76,8 +75,6 @@ def test_whole_poses_and_positions_with_any_units(load):
     angles = [np.deg2rad(4), 0.1, np.deg2rad(6)]
     np.testing.assert_allclose(data.measured.rotation[0].as_euler("XYZ"), angles, rtol=1e-12)
     np.testing.assert_array_equal(data.seen, [[True] * 6 + [False] * 2, [True] * 3 + [False] * 5])
-    assert not data.whole
-    assert load(WHOLE).whole
 
 
 def test_declared_units(load):
