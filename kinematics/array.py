@@ -24,7 +24,7 @@ def finite(values: object, what: str, *shapes: tuple[int, ...], unit: str = "") 
         return array
     kind = "one finite number" if shapes == ((),) else "finite numbers"
     wanted = " or ".join("one" if shape == () else str(shape) for shape in shapes if shapes != ((),))
-    text = repr(values)
+    text = " ".join(repr(values).split())
     raise MotionError(
         f"{what} must be {' '.join(filter(None, [kind, wanted, unit and f'in {unit}']))}, "
         f"not {text if len(text) <= LONGEST else f'{text[:LONGEST]} ...'}"

@@ -6,7 +6,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinematics.array import Array, frozen
+from kinematics.array import Array, finite, frozen
 from kinematics.errors import MotionError, OutOfReach
 from kinematics.freedom import COMPONENTS, columns, square_jacobian
 from kinematics.machine import Machine
@@ -68,12 +68,9 @@ def motion_of_poses(
     held = [k for k, name in enumerate(COMPONENTS) if name not in machine.freedom + machine.follows]
     given = []
     for what, values in (("twist", twist), ("acceleration", acceleration)):
-        rows = np.zeros((len(q), 6)) if values is None else np.atleast_2d(np.asarray(values, float))
-        if rows.shape not in ((len(q), 6), (1, 6)) or not np.isfinite(rows).all():
-            raise MotionError(
-                f"machine {machine.name}: {what} must be finite, ({len(q)}, 6) for {len(q)} poses, not {rows.shape}"
-            )
-        rows = np.broadcast_to(rows, (len(q), 6))
+        shape = (len(q), 6)
+        values = np.zeros(6) if values is None else values
+        rows = np.broadcast_to(finite(values, f"machine {machine.name}: {what}", shape, (6,), (1, 6)), shape)
         if rows[:, held].any():
             instant, k = np.argwhere(rows[:, held])[0]
             raise OutOfReach(
@@ -89,6 +86,8 @@ def motion_of_axes(machine: Machine, state: Moving) -> Motion:
 
     Raises MotionError where the machine is singular, so that the axes do not tell the motion.
     """
+    if not all(hasattr(state, name) for name in ("pose", "q", "qd", "qdd")):
+        raise MotionError(f"{type(state).__name__} is no motion; motion_of_poses makes one of poses")
     if state.pose is None:
         raise MotionError("forces need a pose; this motion has no machine")
     free, n, x = columns(machine), len(machine.axes), numbers(state.pose)

@@ -9,14 +9,24 @@ import numpy as np
 from kinematics.array import Array
 from kinematics.calibration.measurements import AXIS, COMPONENTS, POSITION, ROTATION, Measurements
 from kinematics.calibration.observability import Observability
+from kinematics.errors import MotionError
 from kinematics.machine import Machine
 from kinematics.pose import Pose
+from kinematics.registry import nearest
+from kinematics.text_table import aligned
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 GROUPS = {"position": POSITION, "rotation": ROTATION, "axis": AXIS}
 """Components that share a unit: position (m), rotation (rad), direction of the platform's z axis (rad)."""
+
+
+def known_group(name: str) -> str:
+    """A group's name. Raises MotionError for what is none."""
+    if name not in GROUPS:
+        raise MotionError(f'calibration: no group "{name}"{nearest(str(name), GROUPS)}; groups: {", ".join(GROUPS)}')
+    return name
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +43,7 @@ class Estimate:
     error: float
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class Calibration:
     """The calibrated machine, the parameters, and the errors (N, 8), predicted − measured, NaN where not measured.
 
@@ -68,9 +78,35 @@ class Calibration:
 
     def rms(self, errors: Array, group: str = "position", *, fitted: bool = True) -> float:
         """Root mean square per component of a group of errors, over the fitted poses or the checks; NaN for none."""
-        chosen = errors[self.measurements.fit == fitted][:, GROUPS[group]]
+        chosen = errors[self.measurements.fit == fitted][:, GROUPS[known_group(group)]]
         known = chosen[np.isfinite(chosen)]
         return float(np.sqrt(np.mean(known**2))) if known.size else np.nan
+
+    def __str__(self) -> str:
+        """Errors before and after, the parameters with their standard errors, and what the data show of them."""
+        stages = (self.before, self.after, self.left_out)
+        errors = [
+            [
+                group,
+                *(f"{1e6 * self.rms(stage, group):.3f}" for stage in stages),
+                "µm" if group == "position" else "µrad",
+            ]
+            for group in GROUPS
+            if np.isfinite(self.rms(self.before, group))
+        ]
+        rows = [[p.name, *(f"{value:.9g}" for value in (p.nominal, p.value, p.error)), p.unit] for p in self.parameters]
+        return "\n".join(
+            [
+                f"calibration of {self.nominal.name} by {', '.join(self.parts)}: RMS per component",
+                aligned(["error", "before", "after", "left out", "unit"], errors),
+                aligned(["parameter", "nominal", "value", "standard error", "unit"], rows),
+                f"{self.observability.rank} of {len(self.parameters)} combinations of parameters seen",
+                *(f"left out: {reason}" for reason in self.skipped),
+            ]
+        )
+
+    def __repr__(self) -> str:
+        return f"<Calibration of {self.nominal.name}: {len(self.parameters)} parameters>"
 
     def worst(self, errors: Array) -> str:
         """Component and pose of the largest position error."""
@@ -79,7 +115,12 @@ class Calibration:
         return f"{COMPONENTS[component]} of {self.measurements.labels[pose]}"
 
     def __getitem__(self, name: str) -> Estimate:
-        return {parameter.name: parameter for parameter in self.parameters}[name]
+        found = {parameter.name: parameter for parameter in self.parameters}
+        if name not in found:
+            raise MotionError(
+                f'calibration: no parameter "{name}"{nearest(name, found)}; parameters: {", ".join(found)}'
+            )
+        return found[name]
 
     @property
     def names(self) -> Sequence[str]:
