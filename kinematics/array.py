@@ -23,7 +23,7 @@ def finite(values: object, what: str, *shapes: tuple[int, ...], unit: str = "") 
     if array is not None and np.isfinite(array).all() and (not shapes or array.shape in shapes):
         return array
     kind = "one finite number" if shapes == ((),) else "finite numbers"
-    wanted = " or ".join("one" if shape == () else str(shape) for shape in shapes if shapes != ((),))
+    wanted = " or ".join("one" if shape == () else str(shape) for shape in dict.fromkeys(shapes) if shapes != ((),))
     text = " ".join(repr(values).split())
     raise MotionError(
         f"{what} must be {' '.join(filter(None, [kind, wanted, unit and f'in {unit}']))}, "

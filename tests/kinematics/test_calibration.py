@@ -368,3 +368,20 @@ def test_two_legs_in_the_same_place_are_refused(preset):
     used = commands(np.random.default_rng(0), 4)
     with pytest.raises(MotionError, match="pose 1: machine five legs is singular"):
         calibrate(machine, whole_poses(used, used))
+
+
+def test_a_calibration_is_printed_as_a_table(real):
+    text = str(real)
+    assert "183.062" in text
+    assert "13.29" in text
+    assert "array" not in text + repr(real)
+    assert all(parameter.name in text for parameter in real.parameters)
+
+
+def test_groups_and_parameters_that_are_none_are_told(real):
+    with pytest.raises(MotionError, match='no group "positon", nearest is "position"'):
+        real.rms(real.after, "positon")
+    with pytest.raises(MotionError, match='no group "turn"'):
+        real.plot(group="turn")
+    with pytest.raises(MotionError, match=r'no parameter "frame q".*parameters: factor, frame x'):
+        real["frame q"]
