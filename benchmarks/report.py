@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from itertools import cycle
-from math import inf
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -165,12 +165,13 @@ def _page(
 def _allowed(limit: Limit) -> str:
     """The bounds of a limit in the units that people read; their range where the channels differ."""
     shown: dict[str, list[float]] = {}
-    for bound, (unit, scale) in zip(limit.bounds.tolist(), limit.units, strict=True):
-        if bound < inf:
-            shown.setdefault(unit, []).append(bound * scale)
+    for channel, (unit, scale) in enumerate(limit.units):
+        both = (limit.told(side, channel)[1] for side in (-1.0, 1.0))
+        shown.setdefault(unit, []).extend(bound * scale for bound in both if isfinite(bound))
     return ", ".join(
         f"{' … '.join(f'{bound:.6g}' for bound in sorted({min(bounds), max(bounds)}))} {unit}"
         for unit, bounds in shown.items()
+        if bounds
     )
 
 

@@ -55,7 +55,8 @@ class Bodies:
     base_disc, platform_disc  the plates, in the frames of base and platform; None: not looked at
 
     Moving the platform without turning it by v changes no distance by more than ‖v‖: a point of a leg, or of a disc,
-    moves by A v with a symmetric A between 0 and 1, so any two of them by (A − A') v, and ‖A − A'‖ ≤ 1.
+    moves by A v with a symmetric A between 0 and 1, so any two of them by (A − A') v, and ‖A − A'‖ ≤ 1. Turning it
+    moves the joint at r from its origin by no more than ‖r‖ times the angle: see `change`.
     """
 
     base: Array
@@ -95,6 +96,23 @@ class Bodies:
         # blocks that fit into the processor's cache
         blocks = [self._distances(x[first : first + BLOCK]) for first in range(0, len(x), BLOCK)]
         return np.concatenate([np.zeros((0, len(self.names))), *blocks])
+
+    def change(self, x: Array, way: Array, turn: Array) -> Array:
+        """(N, k) m by which no distance changes on any path of the platform from x (N, 12), with its origin's way (N,)
+        m and its turn (N,) rad at most.
+
+        Legs i and j: way + turn (‖rᵢ‖ + ‖rⱼ‖);  leg and base: way + turn ‖r‖;  leg and platform, as seen from there,
+        where the joint in the base moves: way + turn ‖base − origin‖.
+        """
+        way, turn = way[:, None], turn[:, None]
+        arm = turn * _length(self.platform)
+        i, j = np.array(list(combinations(range(len(self.legs)), 2))).T
+        found = [way + arm[:, i] + arm[:, j]]
+        if self.base_disc:
+            found.append(way + arm)
+        if self.platform_disc:
+            found.append(way + turn * (_length(self.base - x[:, None, :3]) + way))
+        return np.concatenate(found, 1)
 
     def _distances(self, x: Array) -> Array:
         position, rotation = x[:, None, :3], x[:, 3:].reshape(-1, 3, 3)

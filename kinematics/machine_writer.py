@@ -27,9 +27,14 @@ _UNITS = {
     "max_force": (("N", 0), ("N*m", 0)),
     "max_pulse_rate": (("1/s", 0), ("1/s", 0)),
     "backlash": (("mm", 3), ("rad", 0)),
+    "resonance_time": (("ms", 3), ("ms", 3)),
 }
 # Fields of points: the fields whose units their first and second numbers have.
-_POINTS = {"torque_speed": ("max_speed", "max_force"), "lead_error": ("travel", "travel")}
+_POINTS = {
+    "torque_speed": ("max_speed", "max_force"),
+    "lead_error": ("travel", "travel"),
+    "resonance": ("max_speed", "max_speed"),
+}
 
 _ELSEWHERE = ("name", "kind", "card", "channel")
 
@@ -85,11 +90,7 @@ def _fields(machine: str, axis: Axis) -> Iterator[tuple[str, str]]:
     """Key and text of every field of an axis that says something."""
     for field in fields(axis):
         value = getattr(axis, field.name)
-        if (
-            field.name in ("name", "kind", "card", "channel")
-            or value is None
-            or (field.name == "backlash" and value == 0)
-        ):
+        if field.name in _ELSEWHERE or value is None or (field.name == "backlash" and value == 0):
             continue
         if field.name == "travel" and not all(map(isfinite, value)):
             if axis.kind == "rotary":

@@ -1,12 +1,13 @@
 """Time-optimal motion without a machine: any piecewise polynomial of axis values."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from kinematics.array import Array
-from kinematics.axis import Axis
+from kinematics.axis import Axis, Magnitude
 from kinematics.errors import MotionError
 from planner.actuation import ROUNDING, PolynomialPath
 from planner.limits import limits_of
@@ -22,7 +23,8 @@ def time_optimal(
     """The fastest certified motion along s -> (n,) axis values, from rest to rest, stopping at corners.
 
     path: a SciPy piecewise polynomial (PPoly, CubicSpline, Akima, …, BSpline, BPoly) of any parameter; limits: scalars
-    or (n,), on |q̇|, |q̈| and, where given, |q⃛|, in units of the values per second. Corners are breaks where q′ jumps,
+    or (n,), on |q̇|, |q̈| and, where given, |q⃛|, in units of the values per second; or (n, 2), towards smaller and
+    towards greater values. Corners are breaks where q′ jumps,
     and under a jerk limit also breaks where q″ jumps. Raises MotionError for what is no path: a jump, a value that is
     not finite, nothing that moves.
     """
@@ -42,15 +44,17 @@ def time_optimal(
     return fastest(actuated, limits_of(actuated, axes, order), order)
 
 
-def _per_axis(name: str, values: ArrayLike | None, count: int) -> list[float | None]:
+def _per_axis(name: str, values: ArrayLike | None, count: int) -> Sequence[Magnitude | None]:
     if values is None:
         return [None] * count
     try:
         bounds = np.asarray(values, float)
     except (TypeError, ValueError):
         bounds = np.array(np.nan)  # words, complex numbers, ragged lists
-    if bounds.shape not in ((), (1,), (count,)) or not (bounds > 0).all() or not np.isfinite(bounds).all():
-        raise MotionError(f"{name} = {values} must be one positive number, or one for each of the {count} axes")
+    if bounds.shape not in ((), (1,), (count,), (count, 2)) or not (bounds > 0).all() or not np.isfinite(bounds).all():
+        raise MotionError(f"{name} = {values} must be one positive number, or one for each of the {count} axes, or two")
+    if bounds.ndim == 2:
+        return [(below, above) for below, above in bounds.tolist()]
     return [float(value) for value in np.broadcast_to(bounds, count)]
 
 

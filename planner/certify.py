@@ -13,13 +13,17 @@ import numpy as np
 from kinematics.array import Array, frozen
 from planner.enclosure import Cells, bounds, enclose
 from planner.limits.limit import Limit, Term
+from planner.limits.resonance import Resonance
 from planner.place import Place
+from planner.stays import stays
 from planner.trajectory import Trajectory
 
 TOLERANCE = 1e-6
 """A limit holds when its proven bound is at most 1 + TOLERANCE: room for the solvers' own tolerance."""
-# How far above the attained value a bound may stay, and how long cells are halved for it.
-TIGHT, HALVINGS, MOST_CELLS = 5e-7, 24, 400_000
+# How long cells are halved until their bounds are tight.
+HALVINGS, MOST_CELLS = 24, 400_000
+CROSSING = "resonance crossing"
+"""What no value at an instant tells: the longest stay of an axis in a band of speed, over the time allowed."""
 # Order of the expansions in time, by the highest derivative: q̈ or q⃛ keep a polynomial of degree 3 or 4.
 EXPANSION = {2: 6, 3: 8}
 # A jump of q, q̇ (and q̈ under jerk limits) between two pieces up to this share of the largest value met is rounding.
@@ -47,7 +51,7 @@ class Certificate:
     attained: dict[str, Array] = field(repr=False)
 
     def __str__(self) -> str:
-        lines = [f"  {name:<13} ≤ {value:.9f}  at {self.where[name]}" for name, value in self.worst.items()]
+        lines = [f"  {name:<17} ≤ {value:.9f}  at {self.where[name]}" for name, value in self.worst.items()]
         return "\n".join(["the certificate holds" if self.holds else "THE CERTIFICATE DOES NOT HOLD", *lines])
 
 
@@ -70,6 +74,10 @@ def certify(trajectory: Trajectory, limits: Sequence[Limit], known: Known | None
     use, attained = prove(trajectory, limits, order, known)
     worst = {name: float(values.max()) for name, values in use.items()}
     where = {limit.name: _place(trajectory, limit, int(np.argmax(use[limit.name]))) for limit in limits}
+    for limit in limits:
+        if isinstance(limit, Resonance) and limit.bands:
+            use[CROSSING], attained[CROSSING], where[CROSSING] = _crossing(trajectory, limit)
+            worst[CROSSING] = float(use[CROSSING].max())
     for name, place in (_jumps(trajectory, order) | _gaps(trajectory)).items():
         worst[name], where[name] = float("inf"), place
     return Certificate(
@@ -98,9 +106,11 @@ def prove(
     for halving in range(HALVINGS + 1):
         bound, met = _judge(trajectory, limits, cells, EXPANSION[order])
         loose = np.zeros(len(cells.k), bool)
-        for n, values in enumerate(attained.values()):
+        for n, limit in enumerate(limits):
+            values = attained[limit.name]
             np.maximum.at(values, cells.k, met[n])
-            loose |= bound[n] > np.maximum(met[n], min(values.max(), 1.0)) + TIGHT
+            loose |= bound[n] > np.maximum(met[n], min(values.max(), 1.0)) + limit.tight(met[n])
+            loose |= (bound[n] > 1 + TOLERANCE) & (met[n] <= 1)
         if halving == HALVINGS or 2 * loose.sum() > MOST_CELLS:
             loose[:] = False
         for n, values in enumerate(use.values()):
@@ -129,6 +139,21 @@ def _judge(trajectory: Trajectory, limits: Sequence[Limit], cells: Cells, expans
                 value = limit.value(seen)
                 met[n, chosen] = limit.use(value, value, seen.piece).max(1).reshape(3, -1).max(0)
     return np.where(np.isnan(bound), np.inf, bound), np.where(np.isnan(met), np.inf, met)
+
+
+def _crossing(trajectory: Trajectory, limit: Resonance) -> tuple[Array, Array, Place]:
+    """The longest stay that each time piece has part in, as a share of the time allowed: what is proved and what is
+    attained (M,), and where the longest of all begins.
+    """
+    use, attained = np.zeros((2, len(trajectory.s)))
+    longest, place = 0.0, _at(trajectory, 0.0, "")
+    for stay in stays(trajectory, limit):
+        part = slice(stay.first, stay.last + 1)
+        np.maximum(use[part], stay.use, out=use[part])
+        np.maximum(attained[part], stay.inside / stay.band.time, out=attained[part])
+        if stay.use > longest:
+            longest, place = stay.use, _at(trajectory, stay.start, limit.channels[stay.band.axis])
+    return use, attained, place
 
 
 def _jumps(trajectory: Trajectory, order: int) -> dict[str, Place]:

@@ -12,6 +12,7 @@ from math import comb
 import numpy as np
 
 from kinematics.array import Array, frozen
+from kinematics.clearance import Bodies
 from kinematics.expression import Expression
 from kinematics.series import EPS, Series
 from planner.trajectory import Trajectory
@@ -65,6 +66,19 @@ class Enclosure:
     def pose_rate(self, times: int) -> Series:
         assert self.pose is not None  # only machines have limits on their pose
         return self._differentiated(self.pose, times)
+
+    def distances(self, bodies: Bodies) -> Series:
+        """Those at the centres, and how far they can change from there: τ goes by 1 to either end of a cell."""
+        assert self.pose is not None
+        cells = len(self.piece)
+        going = np.maximum(*np.abs(bounds(self.pose.derivative(), cells)))
+        x, error = self.pose.mid[0, :cells], self.pose.rad[0, :cells]
+        way, turn = (np.linalg.norm(part, axis=1) for part in ((going + error)[:, :3], (going + error)[:, 3:]))
+        value = bodies.distances(x)
+        change = bodies.change(x, way, turn / np.sqrt(2)) * (1 + 64 * EPS) + 64 * EPS * np.abs(x).max(1, keepdims=True)
+        mid, rad = np.zeros((2, 2, 2 * cells, value.shape[1]))
+        mid[0], rad[0] = np.tile(value, (2, 1)), np.tile(change, (2, 1))
+        return Series(mid, rad, 1)
 
     def evaluate(self, expression: Expression, *inputs: Series) -> Series:
         return Series.stack(expression.enclose([column for each in inputs for column in each.columns()]))

@@ -28,7 +28,16 @@ def load_program(name_or_path: str | PathLike[str]) -> Program:
     document = read(source)
     model = build(document, ProgramFile, plain=declared(document.data, PLAIN_UNITS))
     segments = [entry.segment(document.line(("segment", n))) for n, entry in enumerate(model.segment)]
-    return Program(tuple(segments), model.frame, _pose(model.start), model.machine, Path(source.name).stem)
+    return Program(
+        tuple(segments),
+        model.frame,
+        _pose(model.start),
+        model.machine,
+        Path(source.name).stem,
+        speed=model.speed,
+        acceleration=model.acceleration,
+        angular_speed=model.angular_speed,
+    )
 
 
 def program_names() -> tuple[str, ...]:
@@ -73,6 +82,8 @@ _SOME_SEGMENT = "a program needs at least one [[segment]]"
 Coordinate = Annotated[float, Unit("m", plain="length")]
 PlainAngle = Annotated[float, Unit("rad", plain="angle")]
 ToolSpeed = Annotated[float, Unit("m/s", above=0)]
+ToolAcceleration = Annotated[float, Unit("m/s^2", above=0)]
+AngularSpeed = Annotated[float, Unit("rad/s", above=0)]
 Position = tuple[Coordinate, Coordinate, Coordinate]
 Orientation = tuple[PlainAngle, PlainAngle, PlainAngle]
 PositionAndAngles = tuple[Coordinate, Coordinate, Coordinate, PlainAngle, PlainAngle, PlainAngle]
@@ -105,34 +116,59 @@ class Entry(Table):
     """What every segment that moves has."""
 
     join: JoinEntry = "stop"
+    angular_speed: AngularSpeed | None = None
 
     @property
     def after(self) -> Join:
         return Stop() if self.join == "stop" else Blend(self.join.blend)
 
 
-class LineEntry(Entry):
-    line: LineTable
+class ToolEntry(Entry):
+    """What every segment has along which the tool goes somewhere."""
+
     speed: ToolSpeed | None = None
+    acceleration: ToolAcceleration | None = None
+
+
+class LineEntry(ToolEntry):
+    line: LineTable
 
     def segment(self, line_number: int | None) -> Segment:
-        return Line(frozen(self.line.to), _rotation(self.line.rotate), self.speed, self.after, line_number=line_number)
+        return Line(
+            frozen(self.line.to),
+            _rotation(self.line.rotate),
+            self.speed,
+            self.after,
+            acceleration=self.acceleration,
+            angular_speed=self.angular_speed,
+            line_number=line_number,
+        )
 
 
-class ArcEntry(Entry):
+class ArcEntry(ToolEntry):
     arc: ArcTable
-    speed: ToolSpeed | None = None
 
     def segment(self, line_number: int | None) -> Segment:
         centre, normal, turned = frozen(self.arc.centre), frozen(self.arc.normal), _rotation(self.arc.rotate)
-        return Arc(centre, normal, self.arc.angle, turned, self.speed, self.after, line_number=line_number)
+        return Arc(
+            centre,
+            normal,
+            self.arc.angle,
+            turned,
+            self.speed,
+            self.after,
+            acceleration=self.acceleration,
+            angular_speed=self.angular_speed,
+            line_number=line_number,
+        )
 
 
 class TurnEntry(Entry):
     turn: TurnTable
 
     def segment(self, line_number: int | None) -> Segment:
-        return Turn(Rotation.from_euler("XYZ", self.turn.to), self.after, line_number=line_number)
+        to = Rotation.from_euler("XYZ", self.turn.to)
+        return Turn(to, self.after, angular_speed=self.angular_speed, line_number=line_number)
 
 
 class DwellEntry(Table):
@@ -155,4 +191,7 @@ class ProgramFile(File):
     angle: Annotated[str, unit_of("rad")] | None = None
     frame: Frame = "home"
     start: Annotated[tuple[float, ...], chosen(_start_type)] | None = None
+    speed: ToolSpeed | None = None
+    acceleration: ToolAcceleration | None = None
+    angular_speed: AngularSpeed | None = None
     segment: Annotated[tuple[SegmentEntry, ...], Field(description=_SOME_SEGMENT), AfterValidator(_not_empty)]

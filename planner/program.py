@@ -39,6 +39,7 @@ class Line:
     rotate       orientation at its end, reached by the shortest turn in proportion to the path; None: kept
     speed        cap of the tool speed, m/s; None: as fast as the machine can
     join         to the next segment
+    acceleration, angular_speed  caps of the tool's acceleration, m/s², and of the platform's turning, rad/s
     line_number  where it stands in its file, for messages
     """
 
@@ -46,11 +47,13 @@ class Line:
     rotate: Rotation | None = None
     speed: float | None = None
     join: Join = Stop()
+    acceleration: float | None = field(default=None, kw_only=True)
+    angular_speed: float | None = field(default=None, kw_only=True)
     line_number: int | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "to", _vector("line", "to", self.to))
-        _positive("line", "speed", self.speed, "m/s")
+        _caps(self, "line")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -58,7 +61,7 @@ class Arc:
     """A circular arc from where the path stands, by a signed angle: right hand about `normal`, any number of turns.
 
     centre  (3,) m;  normal  (3,) of any length, kept as a unit vector;  angle  rad
-    rotate, speed, join, line_number  as of a line
+    rotate, speed, join, acceleration, angular_speed, line_number  as of a line
     """
 
     centre: Array
@@ -67,6 +70,8 @@ class Arc:
     rotate: Rotation | None = None
     speed: float | None = None
     join: Join = Stop()
+    acceleration: float | None = field(default=None, kw_only=True)
+    angular_speed: float | None = field(default=None, kw_only=True)
     line_number: int | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
@@ -79,16 +84,20 @@ class Arc:
         object.__setattr__(self, "normal", frozen(scaled / np.linalg.norm(scaled)))
         if not isfinite(self.angle) or self.angle == 0:
             raise MotionError(f"arc: angle {self.angle} rad must be finite and not zero")
-        _positive("arc", "speed", self.speed, "m/s")
+        _caps(self, "arc")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Turn:
-    """A rotation on the spot to the orientation `to`, the shorter way."""
+    """A rotation on the spot to the orientation `to`, the shorter way; angular_speed as of a line."""
 
     to: Rotation
     join: Join = Stop()
+    angular_speed: float | None = field(default=None, kw_only=True)
     line_number: int | None = field(default=None, kw_only=True)
+
+    def __post_init__(self) -> None:
+        _caps(self, "turn")
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,6 +111,8 @@ class Dwell:
         _positive("dwell", "duration", self.duration, "s")
 
 
+CAPS = {"speed": "m/s", "acceleration": "m/s²", "angular_speed": "rad/s"}
+"""What segments may cap, as far as they have it, and its unit."""
 Segment = Line | Arc | Turn | Dwell
 Frame = Literal["home", "base"]
 
@@ -113,6 +124,7 @@ class Program:
     frame    "home": relative to the machine's home pose, or "base": in the machine's base frame
     start    first pose, in the program's frame; None: the machine's home pose
     machine  name or path of the machine it is meant for, if it says so
+    speed, acceleration, angular_speed  caps of every segment that moves and states none of its own
     Raises MotionError for an empty program or an unknown frame.
     """
 
@@ -121,6 +133,9 @@ class Program:
     start: Pose | None = None
     machine: str | None = None
     name: str = "program"
+    speed: float | None = field(default=None, kw_only=True)
+    acceleration: float | None = field(default=None, kw_only=True)
+    angular_speed: float | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "segments", tuple(self.segments))
@@ -128,6 +143,12 @@ class Program:
             raise MotionError(f"program {self.name} is empty: give it at least one line, arc, turn or dwell")
         if self.frame not in ("home", "base"):
             raise MotionError(f'program {self.name}: frame "{self.frame}" is neither "home" nor "base"')
+        _caps(self, f"program {self.name}")
+
+    def cap(self, segment: Segment, name: str) -> float | None:
+        """A segment's own cap, or the program's; None where neither says one, or the segment cannot have it."""
+        own: float | None = getattr(segment, name, None)
+        return getattr(self, name) if own is None and hasattr(segment, name) else own
 
 
 def _vector(segment: str, name: str, value: ArrayLike) -> Array:
@@ -138,6 +159,11 @@ def _vector(segment: str, name: str, value: ArrayLike) -> Array:
     if vector.shape != (3,) or not np.isfinite(vector).all():
         raise MotionError(f"{segment}: {name} must be three finite numbers, not {value!r}")
     return vector
+
+
+def _caps(stated: object, what: str) -> None:
+    for name, unit in CAPS.items():
+        _positive(what, name, getattr(stated, name, None), unit)
 
 
 def _positive(segment: str, name: str, value: float | None, unit: str) -> None:

@@ -9,15 +9,19 @@ import numpy as np
 from kinematics.array import Array
 from kinematics.errors import MotionError
 from planner.actuation import ActuatorPath
-from planner.certify import TOLERANCE, Certificate, Known, certify
+from planner.certify import CROSSING, TOLERANCE, Certificate, Known, certify
 from planner.limits.limit import Limit
+from planner.limits.resonance import Held, Resonance
 from planner.standing import refusal, standing
+from planner.stays import stays
 from planner.timing.problem import Run
 from planner.timing.profile import Profile
 from planner.timing.run import attempt
 from planner.trajectory import Trajectory
 
 ROUNDS = 8
+# Rounds after which an axis that still stays in a resonance band too long is held below it over its whole run.
+STRETCHES = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +48,8 @@ def fastest(path: ActuatorPath, limits: Sequence[Limit], order: int) -> Solution
     for worst in standing(path, limits).violations:
         raise worst
     stops = np.flatnonzero(path.stops(order))
-    attempts = [attempt(path, limits, Run(int(a), int(b) - 1), order) for a, b in pairwise(stops)]
+    runs = [Run(int(a), int(b) - 1) for a, b in pairwise(stops)]
+    attempts = [attempt(path, limits, run, order) for run in runs]
     trajectory, owner = assemble(path, [attempt.profile for attempt in attempts], stops)
     certificate = certify(trajectory, limits)
     rounds = 1
@@ -53,9 +58,13 @@ def fastest(path: ActuatorPath, limits: Sequence[Limit], order: int) -> Solution
         if rounds == ROUNDS:
             raise MotionError(f"no motion could be proved within {ROUNDS} rounds; what remained:\n{certificate}")
         failed = set()
+        limits = _held(trajectory, limits, runs if rounds >= STRETCHES else ())
         for n, tried in enumerate(attempts):
             use = {name: values[owner == n] for name, values in certificate.use.items()}
-            if any(values.max() > 1 + TOLERANCE for values in use.values()):
+            if CROSSING in use and use[CROSSING].max() > 1 + TOLERANCE:
+                attempts[n] = attempt(path, limits, runs[n], order)
+                failed.add(n)
+            elif any(values.max() > 1 + TOLERANCE for values in use.values()):
                 slowness = max(limit.slowness(float(use[limit.name].max())) for limit in limits)
                 attempts[n] = tried.tightened(use, slowness)
                 failed.add(n)
@@ -64,6 +73,24 @@ def fastest(path: ActuatorPath, limits: Sequence[Limit], order: int) -> Solution
         certificate = certify(trajectory, limits, _known(certificate, before, owner, failed))
         rounds += 1
     return Solution(trajectory, certificate, tuple(limits), order, rounds, tuple(a.method for a in attempts))
+
+
+def _held(trajectory: Trajectory, limits: Sequence[Limit], whole: Sequence[Run]) -> Sequence[Limit]:
+    """The limits, with axes held below the bands in which they stay too long: there, or over one of the whole runs."""
+
+    def held(limit: Resonance) -> Resonance:
+        more = []
+        for stay in stays(trajectory, limit):
+            if stay.use > 1 + TOLERANCE:
+                first, last = trajectory.at(np.array([stay.start, stay.end])).s
+                piece = trajectory.piece[stay.first]
+                for run in whole:
+                    if run.first <= piece <= run.last:
+                        first, last = trajectory.path.breaks[[run.first, run.last + 1]]
+                more.append(Held(stay.band, float(first), float(last)))
+        return limit.holding(more) if more else limit
+
+    return [held(limit) if isinstance(limit, Resonance) else limit for limit in limits]
 
 
 def assemble(path: ActuatorPath, profiles: Sequence[Profile], stops: np.ndarray) -> tuple[Trajectory, np.ndarray]:

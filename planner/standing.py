@@ -1,4 +1,4 @@
-"""What no timing can help: reach, travel and tilt, proved along the whole path before anything is solved."""
+"""What no timing can help: reach, travel, tilt and clearance, proved along the whole path before anything is solved."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -79,5 +79,6 @@ def refusal(limit: Limit, value: float, channel: int, place: Place) -> Infeasibl
     """What to say where a geometric limit is broken."""
     unit, scale = limit.units[channel]
     reached, allowed = limit.told(value, channel)
-    remedy = f"no timing can help: move the path so that it uses {abs(reached - allowed) * scale:.4g} {unit} less"
+    missing = f"{abs(reached - allowed) * scale:.4g} {unit}"
+    remedy = f"no timing can help: move the path so that it {limit.relief.format(missing)}"
     return Infeasible(limit.name, limit.channels[channel], place, reached * scale, allowed * scale, unit, remedy)

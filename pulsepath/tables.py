@@ -11,6 +11,7 @@ from rich.table import Table
 
 from controllers import Metrics
 from kinematics import Axis, Machine
+from kinematics.axis import Magnitude, sides
 from kinematics.calibration import Calibration
 from kinematics.calibration.result import GROUPS
 from planner import Place, Standing
@@ -112,8 +113,14 @@ def _limits(axis: Axis) -> tuple[str, ...]:
     travel = "unlimited" if high == inf else f"{scale * low:g} … {scale * high:g} {unit}"
     pulse = f"{1e6 * axis.pulse:g} µm" if axis.unit == "m" else f"{scale * axis.pulse:.4g} {unit}"
     bounds = ((axis.max_speed, "/s"), (axis.max_acceleration, "/s²"), (axis.max_jerk, "/s³"))
-    shown = ("unlimited" if bound is None else f"{scale * bound:g} {unit}{per}" for bound, per in bounds)
-    return travel, pulse, *shown
+    return travel, pulse, *(_bound(bound, scale, f"{unit}{per}") for bound, per in bounds)
+
+
+def _bound(bound: Magnitude | None, scale: float, unit: str) -> str:
+    """A bound; both ways where they differ, towards smaller positions first."""
+    if bound is None:
+        return "unlimited"
+    return f"{' / '.join(f'{scale * side:g}' for side in dict.fromkeys(sides(bound)))} {unit}"
 
 
 def _table(title: str, *columns: str) -> Table:

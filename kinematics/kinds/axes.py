@@ -4,13 +4,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
 from typing import Annotated, Any
 
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator, Field, PlainValidator
 
-from kinematics.axis import Axis
+from kinematics.axis import Axis, Magnitude
 from kinematics.document import Key
 from kinematics.errors import MotionError
 from kinematics.registry import nearest
-from kinematics.schema import File, Table, wrong
+from kinematics.schema import File, Table, chosen, wrong
 from kinematics.units import Angle, Length, Unit, shown
 
 MICROSTEPS = tuple(sorted({200, 400, 1000, 2000, 5000, 10_000, 25_000, 50_000} | {400 << k for k in range(8)}))
@@ -43,9 +43,23 @@ def _steps(count: int) -> int:
     return count
 
 
+def _magnitude(unit: str) -> PlainValidator:
+    """Annotation of a bound: one quantity, or two (towards smaller and towards greater positions)."""
+    one = Annotated[float, Unit(unit, above=0)]
+    two = tuple.__class_getitem__((one, one))
+    return chosen(lambda value: two if isinstance(value, tuple) else one)
+
+
 Rate = Annotated[float, Unit("1/s", above=0)]
 Force = Annotated[float, Unit("N", above=0)]
 Steps = Annotated[int, AfterValidator(_steps)]
+
+
+def _bands(bands: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
+    edges = [edge for band in bands for edge in band]
+    if not edges or any(after <= before for before, after in pairwise(edges)):
+        raise wrong("needs one or more bands, each from its lower to its upper speed, rising and apart")
+    return bands
 
 
 class Input(Table):
@@ -53,6 +67,7 @@ class Input(Table):
 
     direction: Annotated[int, AfterValidator(_sign)] | None = None
     max_pulse_rate: Rate | None = None
+    resonance_time: Annotated[float, Unit("s", above=0)] | None = None
 
 
 class MachineFile(File):
@@ -78,9 +93,16 @@ class LinearAxis(Input):
     travel: Annotated[tuple[Length, Length], AfterValidator(_rising)] | None = None
     pulse: Annotated[float, Unit("m", above=0)] | None = None
     drive: LinearDrive | None = None
-    max_speed: Annotated[float, Unit("m/s", above=0)] | None = None
-    max_acceleration: Annotated[float, Unit("m/s^2", above=0)] | None = None
-    max_jerk: Annotated[float, Unit("m/s^3", above=0)] | None = None
+    max_speed: Annotated[Magnitude, _magnitude("m/s")] | None = None
+    max_acceleration: Annotated[Magnitude, _magnitude("m/s^2")] | None = None
+    max_jerk: Annotated[Magnitude, _magnitude("m/s^3")] | None = None
+    resonance: (
+        Annotated[
+            tuple[tuple[Annotated[float, Unit("m/s", above=0)], Annotated[float, Unit("m/s", above=0)]], ...],
+            AfterValidator(_bands),
+        ]
+        | None
+    ) = None
     max_force: Force | None = None
     torque_speed: (
         Annotated[
@@ -110,9 +132,16 @@ class RotaryAxis(Input):
     travel: Annotated[tuple[Angle, Angle], AfterValidator(_rising)] | None = None
     pulse: Annotated[float, Unit("rad", above=0)] | None = None
     drive: RotaryDrive | None = None
-    max_speed: Annotated[float, Unit("rad/s", above=0)] | None = None
-    max_acceleration: Annotated[float, Unit("rad/s^2", above=0)] | None = None
-    max_jerk: Annotated[float, Unit("rad/s^3", above=0)] | None = None
+    max_speed: Annotated[Magnitude, _magnitude("rad/s")] | None = None
+    max_acceleration: Annotated[Magnitude, _magnitude("rad/s^2")] | None = None
+    max_jerk: Annotated[Magnitude, _magnitude("rad/s^3")] | None = None
+    resonance: (
+        Annotated[
+            tuple[tuple[Annotated[float, Unit("rad/s", above=0)], Annotated[float, Unit("rad/s", above=0)]], ...],
+            AfterValidator(_bands),
+        ]
+        | None
+    ) = None
     max_force: Annotated[float, Unit("N*m", above=0)] | None = None
     torque_speed: (
         Annotated[

@@ -26,7 +26,6 @@ def arc(
     angle: float,
     end_rotation: Rotation,
     segment: int,
-    tool_speed: float | None = None,
 ) -> Piece:
     """The arc from start about `centre` by the signed angle, right hand about the unit normal, to `end_rotation`."""
     centre = centre + ((start.translation - centre) @ normal) * normal  # in the start's own plane, to the last digit
@@ -44,4 +43,4 @@ def arc(
         turn / length,
     ]
     whole = abs(angle) + float(turn[0])
-    return Piece(ARC, frozen(np.concatenate(numbers)), length, segment, tool_speed, turn=whole)
+    return Piece(ARC, frozen(np.concatenate(numbers)), length, segment, turn=whole)

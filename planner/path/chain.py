@@ -1,6 +1,6 @@
 """From a program to the pieces of its path: frames, arcs through where the path stands, turns, dwells, stops."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
@@ -12,7 +12,7 @@ from kinematics.pose import Pose
 from planner.path.arc import arc
 from planner.path.line import line, turn_angle
 from planner.path.shape import Piece
-from planner.program import Arc, Blend, Dwell, Line, Program, Segment, Turn
+from planner.program import CAPS, Arc, Blend, Dwell, Line, Program, Segment, Turn
 
 # Points nearer than this are the same (m), angles likewise (rad); an arc may start this share of its radius out of its
 # plane.
@@ -41,7 +41,9 @@ def chain(program: Program, machine: Machine) -> Chain:
         if isinstance(segment.join, Blend) and number < len(program.segments):
             raise MotionError(f'{_name(segment, number)}: blends are not built yet; join = "stop" stops there')
         there = _end(segment, number, here)
-        pieces.append(_piece(segment, number, here, there, frame, machine.characteristic_length))
+        piece = _piece(segment, number, here, there, frame, machine.characteristic_length)
+        speed, acceleration, angular = (program.cap(segment, name) for name in CAPS)
+        pieces.append(replace(piece, tool_speed=speed, tool_acceleration=acceleration, angular_speed=angular))
         dwells.append(0.0)
         here = there
     if not pieces:
@@ -106,11 +108,11 @@ def _piece(
                 raise MotionError(f"{_name(segment, number)}: the orientation is reached already; leave it out")
             return line(start, end, angle * characteristic, number)
         case Line():
-            return line(start, end, float(np.linalg.norm(end.translation - start.translation)), number, segment.speed)
+            return line(start, end, float(np.linalg.norm(end.translation - start.translation)), number)
         case Arc():
             centre = frame.apply(np.asarray(segment.centre, float))
             normal = frame.rotation.apply(_unit(segment.normal))
-            return arc(start, centre, normal, segment.angle, end.rotation, number, segment.speed)
+            return arc(start, centre, normal, segment.angle, end.rotation, number)
 
 
 def _unit(vector: object) -> Array:

@@ -28,7 +28,8 @@ class Piece:
     """A curve of a shape over a path length (m), from the shape's own s = start, of the program's segment `segment`.
 
     turn        rad by which its direction or the platform turns in all: how finely it must be looked at
-    tool_speed  cap on the speed of the platform's origin, m/s (None: none, or a piece in which it does not move)
+    tool_speed, tool_acceleration  caps of the platform's origin, m/s and m/s² (None: none, or it does not move)
+    angular_speed  cap on the platform's turning, rad/s
     """
 
     shape: Shape
@@ -38,6 +39,8 @@ class Piece:
     tool_speed: float | None = None
     start: float = 0.0
     turn: float = 0.0
+    tool_acceleration: float | None = None
+    angular_speed: float | None = None
 
     def cut(self, count: int) -> "list[Piece]":
         """The same curve in equal parts."""

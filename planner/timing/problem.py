@@ -20,17 +20,23 @@ class Run:
 
 @dataclass(frozen=True, slots=True)
 class Block:
-    """One limit on N intervals, |Σ coefficient · term| ≤ room, at each interval's start and end.
+    """One limit on N intervals, |Σ coefficient · term − room · middle| ≤ room, at each interval's start and end.
 
-    The coefficients (N, m) are divided by the bound.
+    The coefficients (N, m) are divided by half the range between the bounds.
 
-    room (N,) is 1, or less where the certificate asked for it.
+    room    (N,) 1, or less where the certificate asked for it: what it takes off leaves standing still inside
+    middle  (m,) of the range, in ]−1, 1[: 0 where the bounds are the same both ways
     """
 
     name: str
     start: Mapping[Term, Array]
     end: Mapping[Term, Array]
     room: Array
+    middle: Array
+
+    def share(self, values: Array) -> Array:
+        """(N, m) of the range on their own side of zero, what values (N, m) of the sum are; 1 is at the bound."""
+        return np.abs(values) / (1 + np.sign(values) * self.middle)
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,17 +81,23 @@ def pose_problem(path: ActuatorPath, limits: Sequence[Limit], s: Array, piece: n
         if limit.geometric:
             continue
         rows = limit.rows(points)
-        scaled = _normalised(rows, 2 * count)
+        scaled, middle = _normalised(rows, 2 * count)
         if scaled:
             start = {term: values[:count] for term, values in scaled.items()}
             end = {term: values[count:] for term, values in scaled.items()}
-            blocks.append(Block(limit.name, start, end, np.ones(count)))
+            blocks.append(Block(limit.name, start, end, np.ones(count), middle))
     return Problem(s, piece, tuple(blocks))
 
 
-def _normalised(rows: Rows, points: int) -> dict[Term, Array]:
+def _normalised(rows: Rows, points: int) -> tuple[dict[Term, Array], Array]:
+    """Coefficients of the channels that are bound, over half their range, and its middle."""
     bound = np.broadcast_to(rows.bound, (points, np.shape(rows.bound)[-1]))
     binding = np.isfinite(bound).any(0)
-    if not binding.any():
-        return {}
-    return {term: values[:, binding] / bound[:, binding] for term, values in rows.coefficients.items()}
+    half, middle = bound[:, binding], np.zeros(int(binding.sum()))
+    if rows.below is not None:
+        above, below = rows.bound[binding], rows.below[binding]
+        half = (above + below) / 2
+        middle = (above - below) / 2 / half
+    return {
+        term: values[:, binding] / half for term, values in rows.coefficients.items()
+    } if binding.any() else {}, middle

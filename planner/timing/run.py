@@ -127,7 +127,7 @@ def _second_order_start(problem: Problem) -> tuple[Problem, float]:
     blocks = [block for block in problem.blocks if set(block.start) <= SECOND]
     if reached < push:
         size = np.full((problem.intervals, 1), 1 / reached)
-        blocks.append(Block("start", {Term.SDD: size}, {Term.SDD: size}, np.ones(problem.intervals)))
+        blocks.append(Block("start", {Term.SDD: size}, {Term.SDD: size}, np.ones(problem.intervals), np.zeros(1)))
     return replace(problem, blocks=tuple(blocks)), min(reached, push) / jerk
 
 

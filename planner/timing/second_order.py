@@ -64,7 +64,8 @@ def _rows(problem: Problem, step: Array, length: float, time: float) -> tuple[li
             share = block.room[:, None]
             b = side.get(Term.SD2, zero) * (length / time) ** 2 / share
             a = side.get(Term.SDD, zero) * length / time**2 / share + (2 * step[:, None] * b if at_end else 0.0)
-            for part, values in zip(parts, (a, b, side.get(Term.ONE, zero) / share), strict=True):
+            c = side.get(Term.ONE, zero) / share - block.middle
+            for part, values in zip(parts, (a, b, c), strict=True):
                 part.append(np.concatenate([values, values[-1:]]))
     return [np.concatenate(part, 1) for part in parts] if parts[0] else [], ceiling
 

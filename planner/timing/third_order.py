@@ -66,13 +66,13 @@ def third_order(problem: Problem, guess: Array, *, solver: Solver = "fatrop") ->
     start = guess / unit[:, None]
     scale = np.repeat(np.abs(start).max(1, keepdims=True), problem.intervals, 1)
     scale[3] = start[3]
-    signature, coefficients, room = _rows(problem, length, time)
+    signature, coefficients, low, high = _rows(problem, length, time)
     step = np.diff(problem.s)[None] / length
     jerk = _jerk_share(problem, unit) * scale[2:3] * np.sqrt(start[3])
     data = np.concatenate([step, scale, jerk, coefficients])
     if not (np.isfinite(data).all() and (step > 0).all()):
         raise MotionError("the jerk-limited problem holds what is no number, or an interval of no length")
-    columns = _solve(*_assemble(problem.intervals, signature, solver), data, room, start / scale)
+    columns = _solve(*_assemble(problem.intervals, signature, solver), data, low, high, start / scale)
     return closed(problem.s, columns * scale * unit[:, None], problem.piece)
 
 
@@ -90,9 +90,9 @@ def _kept_at_end(terms: Sequence[Term]) -> bool:
     return Term.SDDD in terms
 
 
-def _rows(problem: Problem, length: float, time: float) -> tuple[Signature, Array, Array]:
-    """Signature, coefficients (k, N) in the order that `_stage` reads them, and room (rows, N)."""
-    signature, coefficients, room = [], [], []
+def _rows(problem: Problem, length: float, time: float) -> tuple[Signature, Array, Array, Array]:
+    """Signature, coefficients (k, N) in the order that `_stage` reads them, and bounds low and high (rows, N)."""
+    signature, coefficients, low, high = [], [], [], []
     for block in problem.blocks:
         terms = tuple(block.start)
         rows = next(iter(block.start.values())).shape[1]
@@ -101,8 +101,9 @@ def _rows(problem: Problem, length: float, time: float) -> tuple[Signature, Arra
         second, room_second = (block.end, block.room) if _kept_at_end(terms) else (middle, block.room)
         for side, share in ((block.start, _room(block)), (second, room_second)):
             coefficients += [side[term].T * (length ** _POWERS[term][0] / time ** _POWERS[term][1]) for term in terms]
-            room.append(np.repeat(share[None], rows, 0))
-    return tuple(signature), np.concatenate(coefficients), np.concatenate(room)
+            low.append((block.middle - 1)[:, None] * share)
+            high.append((block.middle + 1)[:, None] * share)
+    return tuple(signature), np.concatenate(coefficients), np.concatenate(low), np.concatenate(high)
 
 
 def _room(block: Block) -> Array:
@@ -177,31 +178,31 @@ def _assemble(intervals: int, signature: Signature, solver: Solver) -> tuple[ca.
     return ca.nlpsol("third_order", solver, problem, options), patience
 
 
-def _solve(solver: ca.Function, patience: Patience, data: Array, room: Array, guess: Array) -> Array:
+def _solve(solver: ca.Function, patience: Patience, data: Array, low: Array, high: Array, guess: Array) -> Array:
     """Columns (4, N), scaled."""
     try:
-        return _answer(solver, patience, data, room, guess)
+        return _answer(solver, patience, data, low, high, guess)
     except BaseException:
         _assemble.cache_clear()  # a failed solve can leave infinities in the solver, and all that follow would fail
         raise
 
 
-def _answer(solver: ca.Function, patience: Patience, data: Array, room: Array, guess: Array) -> Array:
+def _answer(solver: ca.Function, patience: Patience, data: Array, low: Array, high: Array, guess: Array) -> Array:
     count = guess.shape[1]
-    low = np.tile([0.0, -np.inf, -np.inf, _SHORTEST], (count, 1))
-    high = np.full((count, 4), np.inf)
-    low[0, :2] = high[0, :2] = 0.0
-    bounds = np.concatenate([np.zeros((3, count)), room]).T.ravel()
+    least = np.tile([0.0, -np.inf, -np.inf, _SHORTEST], (count, 1))
+    most = np.full((count, 4), np.inf)
+    least[0, :2] = most[0, :2] = 0.0
+    equal = np.zeros((3, count))
     rest = [0.0, 0.0]
     try:
         with _ONE_AT_A_TIME, patience.asked():
             answer = solver(
                 x0=np.concatenate([guess.T.ravel(), rest]),
                 p=data.T.ravel(),
-                lbx=np.concatenate([low.ravel(), rest]),
-                ubx=np.concatenate([high.ravel(), rest]),
-                lbg=-bounds,
-                ubg=bounds,
+                lbx=np.concatenate([least.ravel(), rest]),
+                ubx=np.concatenate([most.ravel(), rest]),
+                lbg=np.concatenate([equal, low]).T.ravel(),
+                ubg=np.concatenate([equal, high]).T.ravel(),
             )
             stats = solver.stats()
     except RuntimeError as failure:  # CasADi's own, as when an evaluation overflows

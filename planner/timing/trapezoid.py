@@ -14,7 +14,8 @@ def trapezoid(problem: Problem) -> Profile:
     With ramps of length d and top speed V, ṡ² = V² x/d at the distance x from an end and s̈ = V²/2d, and the run of
     length L takes (L + 2d)/V. For every d on the grid the largest V is the least of what three kinds of rows allow:
     speed and curvature while cruising, |c| V ≤ 1 and |b| V² ≤ 1;  speed on the ramps, |c| V √(x/d) ≤ 1;
-    acceleration on the ramps, |±a + 2 b x| V²/2d ≤ 1. Running maxima from both ends give all d at once.
+    acceleration on the ramps, |±a + 2 b x| V²/2d ≤ 1 (where its bounds differ, against the one on its side of zero).
+    Running maxima from both ends give all d at once.
     """
     s0, length = problem.s[0], problem.s[-1] - problem.s[0]
     # both sides of every interval, as distances from the run's start
@@ -43,15 +44,15 @@ def _largest(problem: Problem, term: Term) -> Array:
 
 
 def _accelerations(problem: Problem, x: Array, length: float) -> tuple[Array, Array]:
-    """Largest |±a + 2 b x| on the ramp that a point would lie on, and largest |b| (2N,)."""
+    """Largest share of ±a + 2 b x on the ramp that a point would lie on, and largest of b (2N,)."""
     push, bend = np.zeros(len(x)), np.zeros(len(x))
     sign, near = np.where(x <= length / 2, 1.0, -1.0)[:, None], np.minimum(x, length - x)[:, None]
     for block in problem.blocks:
         if Term.SDD in block.start:
             a = np.concatenate([block.start[Term.SDD], block.end[Term.SDD]])
             b = np.concatenate([block.start[Term.SD2], block.end[Term.SD2]])
-            np.maximum(push, np.abs(sign * a + 2 * near * b).max(1), out=push)
-            np.maximum(bend, np.abs(b).max(1), out=bend)
+            np.maximum(push, block.share(sign * a + 2 * near * b).max(1), out=push)
+            np.maximum(bend, block.share(b).max(1), out=bend)
     return push, bend
 
 

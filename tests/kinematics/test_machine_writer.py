@@ -17,9 +17,9 @@ PER_AXIS = [
     {},
     {"pulse": 0.76253e-6, "direction": -1},
     {"max_speed": 1 / 3, "torque_speed": ((0.0, 220.0), (0.07, 1 / 7))},
-    {"travel": (-0.01, 1 / 30)},
-    {"max_pulse_rate": 3000.0, "max_force": 1e5 / 7},
-    {"max_acceleration": 9.80665, "max_jerk": 1e-9},
+    {"travel": (-0.01, 1 / 30), "resonance": ((0.003, 0.004),), "resonance_time": 1 / 7},
+    {"max_pulse_rate": 3000.0, "max_force": 1e5 / 7, "resonance": ((0.003, 0.01 / 3), (0.007, 0.008))},
+    {"max_acceleration": (9.80665, 1 / 7), "max_jerk": (1e-9, 1.0)},
 ]
 
 

@@ -312,14 +312,16 @@ def dense_use(trajectory, limit, points=9):
 def test_use_dominates_dense_samples_of_every_piece(planned, program, order):
     """All limits of a plan, tilt, travel and tool speed among them.
 
-    The whole's worst is within 1e-6 of the largest sample: the certificate's own 5e-7, and what lies between samples.
+    The whole's worst is near the largest sample: as tight as the limit asks (5e-7, a distance 1e-3), and 5e-7 for what
+    lies between samples.
     """
     plan = planned(program, order)
     for limit in plan.limits:
         sampled, use = dense_use(plan.trajectory, limit), plan.certificate.use[limit.name]
         moves = np.diff(plan.trajectory.knots) > 0
         assert (use[moves] >= sampled[moves] - 1e-12).all(), limit.name
-        assert sampled.max() - 1e-12 <= plan.certificate.worst[limit.name] <= sampled.max() + 1e-6, limit.name
+        near = sampled.max() + limit.tight(sampled.max()) + 5e-7
+        assert sampled.max() - 1e-12 <= plan.certificate.worst[limit.name] <= near, limit.name
 
 
 @pytest.mark.parametrize("order", [2, 3])

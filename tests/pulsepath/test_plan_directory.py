@@ -16,7 +16,7 @@ def test_the_record(directory, job):
     assert record["duration_s"] == job.plan.trajectory.duration <= 1.2630
     assert record["classical"]["duration_s"] - record["duration_s"] == record["classical"]["saved_s"]
     limits = record["certificate"]["limits"]
-    assert set(limits) == {"speed", "acceleration", "jerk", "travel", "tilt"}
+    assert set(limits) == {"speed", "acceleration", "jerk", "travel", "tilt", "clearance"}
     for limit in limits.values():
         assert limit["attained_ratio"] <= limit["worst_ratio"] <= 1 + 1e-6
         assert 0 <= limit["where"]["time_s"] <= record["duration_s"]
