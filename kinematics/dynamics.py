@@ -112,7 +112,8 @@ def forces(
             raise MotionError(f"machine {machine.name} is no hexapod: legs with inertia are known for hexapods only")
         six = (legs,) * 6 if isinstance(legs, Leg) else tuple(legs) if isinstance(legs, Sequence) else (legs,)
         if len(six) != 6 or not all(isinstance(leg, Leg) for leg in six):
-            raise MotionError(f"{name}: legs with inertia must be one Leg for all, or six, not {legs!r}")
+            kinds = ", ".join(sorted({type(leg).__name__ for leg in six}))
+            raise MotionError(f"{name}: {len(six)} legs with inertia ({kinds}); give one Leg for all, or six")
         found = leg_forces(machine, six, moving, body, load, down)
     else:
         found = massless_forces(machine, moving, body, load, down)

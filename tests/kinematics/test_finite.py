@@ -88,7 +88,7 @@ def test_budgets_of_no_pose(preset, given, told):
         ({"wrench": [1e308] * 6}, "too large for numbers"),
         ({"reflected": [1.0] * 5}, r"reflected must be finite numbers one or \(6,\)"),
         ({"platform": 4.0}, "platform must be a Body"),
-        ({"legs": 3}, "one Leg for all, or six"),
+        ({"legs": 3}, r"1 legs with inertia \(int\); give one Leg"),
         ({"motion": None}, "NoneType is no motion"),
     ],
 )
