@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinematics.array import Array, frozen
+from kinematics.array import Array, finite, frozen
 from kinematics.axis import Axis
 from kinematics.clearance import Bodies
 from kinematics.errors import MotionError, OutOfReach
@@ -178,10 +178,7 @@ class Machine(ABC):
     def _near(self, near: ArrayLike | None) -> Array:
         if near is None:
             return self.home_q
-        chosen = np.asarray(near, float)
-        if chosen.shape != (len(self.axes),) or not np.isfinite(chosen).all():
-            raise MotionError(f"machine {self.name}: near must be {len(self.axes)} finite coordinates, not {near}")
-        return chosen
+        return finite(near, f"machine {self.name}: near", (len(self.axes),))
 
     def start(self, q: Array, near: Array) -> Array:
         """Pose numbers (N, 12) from which `forward` looks for coordinates q (N, n), asked from near (N, 12)."""

@@ -9,12 +9,15 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics.array import Array
+from kinematics.errors import MotionError
 
 Pose = RigidTransform
 
 
 def numbers(pose: Pose) -> Array:
-    """(N, 12) position and rotation rows of N poses (N = 1 for a single one)."""
+    """(N, 12) position and rotation rows of N poses (N = 1 for a single one). Raises MotionError for no pose."""
+    if not isinstance(pose, Pose):
+        raise MotionError(f"a pose is a scipy RigidTransform, not {type(pose).__name__}")
     matrix = pose.as_matrix().reshape(-1, 4, 4)
     return np.concatenate([matrix[:, :3, 3], matrix[:, :3, :3].reshape(-1, 9)], 1)
 

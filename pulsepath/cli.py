@@ -138,7 +138,7 @@ def track(directory: Path, laws: tuple[str, ...], force: bool, as_json: bool) ->
 @click.option(
     "--use",
     type=click.Choice(["position", "all"]),
-    help="What of the measurements to fit. Default: all of whole poses, else positions.",
+    help="What of the measurements to fit. Default: positions and rotations, not directions of an axis.",
 )
 @click.option("--force", is_flag=True, help="Replace DIR, if an earlier calibration is in it.")
 @json_option
