@@ -12,7 +12,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinematics.array import Array, frozen
+from kinematics.array import POSITIVE, Array, finite, frozen, number, unit_vectors
 from kinematics.errors import MotionError
 
 BLOCK = 1024
@@ -31,16 +31,12 @@ class Disc:
     normal: ArrayLike = (0.0, 0.0, 1.0)
 
     def __post_init__(self) -> None:
-        centre, normal = np.asarray(self.centre, float), np.asarray(self.normal, float)
-        if not 0 < self.radius < np.inf or not 0 <= self.thickness < np.inf:
-            raise MotionError(
-                f"disc: radius {self.radius} m and thickness {self.thickness} m must be finite, the radius above 0 "
-                "and the thickness not below"
-            )
-        if centre.shape != (3,) or normal.shape != (3,) or not np.isfinite([centre, normal]).all() or not normal.any():
-            raise MotionError(f"disc: centre {self.centre} and normal {self.normal} must be finite (3,), and not zero")
-        object.__setattr__(self, "centre", frozen(centre))
-        object.__setattr__(self, "normal", frozen(normal / np.linalg.norm(normal)))
+        number("disc: radius must be a finite length above 0 in m", self.radius, least=POSITIVE)
+        number("disc: thickness must be a finite length in m, not below 0", self.thickness, least=0)
+        centre = finite("disc: centre must be a finite point (3,) in m", self.centre, (3,))
+        normal = unit_vectors("disc: normal must be a finite direction (3,), not zero", self.normal, (3,))
+        object.__setattr__(self, "centre", centre)
+        object.__setattr__(self, "normal", normal)
 
 
 @dataclass(frozen=True)
@@ -68,11 +64,11 @@ class Bodies:
     platform_disc: Disc | None = None
 
     def __post_init__(self) -> None:
-        if not 0 < self.leg_radius < np.inf or not 0 <= self.ends < np.inf:
-            raise MotionError(
-                f"legs: leg_radius {self.leg_radius} m and leg_ends {self.ends} m must be finite, the radius above "
-                "0 and the ends not below"
-            )
+        number("legs: leg_radius must be a finite length above 0 in m", self.leg_radius, least=POSITIVE)
+        number("legs: leg_ends must be a finite length in m, not below 0", self.ends, least=0)
+        for what, disc in (("base_disc", self.base_disc), ("platform_disc", self.platform_disc)):
+            if disc is not None and not isinstance(disc, Disc):
+                raise MotionError(f"legs: {what} must be a Disc, not {disc!r:.100}")
 
     @property
     def ends(self) -> float:

@@ -1,7 +1,7 @@
 """A hexapod's TOML: joints on circles, or one by one."""
 
 from importlib.resources.abc import Traversable
-from math import pi
+from math import inf, nextafter, pi
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -14,7 +14,8 @@ from kinematics.kinds.poses import Point
 from kinematics.schema import either
 from kinematics.units import Length, Unit
 
-Gap = Annotated[float, Unit("rad", least=0, most=2 * pi / 3)]
+# up to 120 deg, which the file's reader rounds otherwise than a product of floats does
+Gap = Annotated[float, Unit("rad", least=0, most=nextafter(2 * pi / 3, inf))]
 SixPoints = tuple[Point, Point, Point, Point, Point, Point]
 LEGS = tuple(f"leg{n}" for n in range(1, 7))
 

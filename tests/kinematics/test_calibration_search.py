@@ -180,7 +180,7 @@ def test_poses_off_the_machine_are_told_by_file_and_label_and_only_if_fitted():
     found = calibrate(tripod, data)
     assert len(found.after) == len(found.measurements) == 8
     (skipped,) = found.skipped
-    assert "rotation 1 (6.4): machine tripod holds rx: it has rx 5.99" in skipped
+    assert "rotation 1 (6.4): machine tripod holds ry: it has ry -6.99" in skipped
     with pytest.raises(
         MotionError, match=r"cmm\.toml: pose 1 \(6\.2\): machine linkage holds z: it has z 10 mm"
     ) as raised:
