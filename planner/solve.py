@@ -25,6 +25,7 @@ class Solution:
     """A trajectory and the proof that it respects every limit.
 
     order; rounds: how often it was solved until the proof held; methods: the solver that gave each run's motion
+    lower_estimate: s, about the least that any motion within the limits on speed and acceleration takes
     """
 
     trajectory: Trajectory = field(repr=False)
@@ -33,6 +34,12 @@ class Solution:
     order: int
     rounds: int
     methods: tuple[str, ...]
+    lower_estimate: float
+
+    @property
+    def gap(self) -> float:
+        """How far the duration is above the estimate of its lower bound, as a share of that."""
+        return self.trajectory.duration / self.lower_estimate - 1
 
     def __str__(self) -> str:
         solvers = ", ".join(sorted(set(self.methods)))
@@ -63,7 +70,8 @@ def fastest(path: ActuatorPath, limits: Sequence[Limit], order: int) -> Solution
         trajectory, owner = assemble(path, [attempt.profile for attempt in attempts], stops)
         certificate = certify(trajectory, limits, _known(certificate, before, owner, failed))
         rounds += 1
-    return Solution(trajectory, certificate, tuple(limits), order, rounds, tuple(a.method for a in attempts))
+    methods, least = tuple(a.method for a in attempts), sum(a.floor for a in attempts) + float(path.dwells.sum())
+    return Solution(trajectory, certificate, tuple(limits), order, rounds, methods, least)
 
 
 def assemble(path: ActuatorPath, profiles: Sequence[Profile], stops: np.ndarray) -> tuple[Trajectory, np.ndarray]:

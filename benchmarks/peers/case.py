@@ -77,7 +77,8 @@ class Answer:
         """The duration, slowed until the samples keep every limit of its order (s)."""
         powers = [1.0, 0.5, 1 / 3][: self.order]
         slowness = [use**power for use, power in zip(self.worst, powers, strict=False)]
-        return max(self.duration, *(self.duration * k for k in slowness))
+        slowed: float = self.duration * max(1.0, *slowness)
+        return slowed
 
 
 Solved = tuple[float, Samples]
