@@ -6,6 +6,8 @@ slower, the less they use of every limit.
 """
 
 from argparse import ArgumentParser
+from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 from time import perf_counter
 from typing import Any
@@ -72,6 +74,13 @@ def _curve(kind: Any, knots: Array, points: Array) -> Any:
     return CubicSpline(knots, points, bc_type="natural" if kind == "akima" else kind)
 
 
+def long_spline(seed: int) -> Problem:
+    """Fifty random waypoints of six axes under limits of about one."""
+    rng = np.random.default_rng([seed, 50])
+    curve = CubicSpline(np.arange(50.0), rng.uniform(-1, 1, (50, 6)))
+    return Problem(f"long spline {seed}", curve, np.full(6, 1.0), np.full(6, 2.0), np.full(6, 20.0))
+
+
 def tiny(order: int) -> list[Problem]:
     """Motions of 1e-7 to 1e-4 under limits of 100 to 10 000: what defeats toppra's Seidel solver."""
     found = []
@@ -111,27 +120,36 @@ def main() -> None:
     parser.add_argument("--second", type=int, default=500, help="how many random order-2 problems")
     parser.add_argument("--third", type=int, default=100, help="how many random order-3 problems")
     parser.add_argument("--scaled", type=int, default=10, help="how many of them at every scale")
+    parser.add_argument("--splines", type=int, default=20, help="how many splines of 50 waypoints at order 3")
     asked = parser.parse_args()
     for order, count in ((2, asked.second), (3, asked.third)):
-        begin = perf_counter()
-        methods: dict[str, int] = {}
-        failures = []
-        for problem in [*(random_problem(seed, order) for seed in range(count)), *tiny(order)]:
-            found, why = attempted(problem)
-            if found is None:
-                failures.append(why)
-                print(why, flush=True)
-            else:
-                for method in found.methods:
-                    methods[method] = methods.get(method, 0) + 1
+        tell(f"order {order}, random", [random_problem(seed, order) for seed in range(count)])
+        tell(f"order {order}, tiny", tiny(order))
         faults = [fault for seed in range(asked.scaled) for fault in scaled(random_problem(seed, order), order)]
         print(*faults, sep="\n")
         print(
-            f"order {order}: {count} random and {len(tiny(order))} tiny problems, {len(failures)} not solved and "
-            f"certified; {asked.scaled} at {2 * len(SCALES)} scales each, {len(faults)} durations off by more than "
-            f"{EXACT[order]:g}; runs by method {methods}; {perf_counter() - begin:.0f} s",
+            f"order {order}, {asked.scaled} at {2 * len(SCALES)} scales each: {len(faults)} durations are off by more "
+            f"than {EXACT[order]:g}",
             flush=True,
         )
+    tell("order 3, 50 waypoints", [long_spline(seed) for seed in range(asked.splines)])
+
+
+def tell(what: str, problems: Sequence[Problem]) -> None:
+    """How many are not solved and certified, which, and by which methods the others' runs are."""
+    begin, methods, failures = perf_counter(), Counter[str](), 0
+    for problem in problems:
+        found, why = attempted(problem)
+        if found is None:
+            failures += 1
+            print(why, flush=True)
+        else:
+            methods.update(found.methods)
+    print(
+        f"{what}: {failures} of {len(problems)} not solved and certified; runs by method {dict(methods)}; "
+        f"{perf_counter() - begin:.0f} s",
+        flush=True,
+    )
 
 
 if __name__ == "__main__":

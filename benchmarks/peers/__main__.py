@@ -17,6 +17,9 @@ HEADER = (
 )  # fmt: skip
 # How near to the best certified duration counts as close.
 CLOSE = 1e-3
+MARKS = {
+    "ours": ("o", "C0"), "toppra": ("s", "C1"), "copp-py": ("^", "C2"), "ruckig": ("D", "C3"), "IPOPT": ("x", "C4"),
+}  # fmt: skip
 
 
 def answers() -> Iterator[Answer]:
@@ -82,13 +85,14 @@ def figure(found: Sequence[Answer], path: Path) -> None:
     for ax, (case, order) in zip(axes, groups, strict=True):
         rows = [a for a in found if (a.case, a.order) == (case, order) and a.feasible == a.feasible]
         best = min(a.feasible for a in rows)
-        for kind, marker in (("ours", "o"), ("toppra", "s"), ("copp-py", "^"), ("ruckig", "D"), ("IPOPT", "x")):
+        for kind, (marker, colour) in MARKS.items():
             of = [a for a in rows if a.method.startswith(kind)]
             if of:
                 ax.plot(
                     [a.again for a in of],
                     [100 * (a.feasible / best - 1) + 1e-4 for a in of],
                     marker,
+                    color=colour,
                     label=kind,
                     alpha=0.8,
                 )

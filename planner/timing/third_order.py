@@ -162,7 +162,7 @@ def _assemble(intervals: int, signature: Signature, solver: Solver) -> tuple[ca.
     options: dict[str, Any] = {
         "print_time": False,
         "expand": False,
-        **dict.fromkeys(("calc_f", "calc_g", "calc_lam_x", "calc_lam_p"), False),  # nobody asks
+        "no_nlp_grad": True,  # multipliers of the parameters: nobody asks, and a failed solve would warn
         "error_on_fail": False,
         "show_eval_warnings": False,
     }
