@@ -162,7 +162,6 @@ def _assemble(intervals: int, signature: Signature, solver: Solver) -> tuple[ca.
     options: dict[str, Any] = {
         "print_time": False,
         "expand": False,
-        "no_nlp_grad": True,  # multipliers of the parameters: nobody asks, and a failed solve would warn
         "error_on_fail": False,
         "show_eval_warnings": False,
     }
