@@ -32,8 +32,8 @@ def time_optimal(
     or (n,), on |q̇|, |q̈| and, where given, |q⃛|, in units of the values per second; or (n, 2), towards smaller and
     towards greater values. Corners are breaks where q′ jumps, and under a jerk limit also breaks where q″ jumps.
     start_speed and end_speed are ṡ at the ends: how much of the parameter passes per second; under a jerk limit s̈ is 0
-    there. Raises MotionError for what is no path: a jump, a value that is not finite, nothing that moves; Infeasible
-    for a speed at an end that cannot be.
+    there. A stretch on which nothing moves is left out. Raises MotionError for what is no path: a jump, a value that is
+    not finite, nothing that moves; Infeasible for a speed at an end that cannot be.
     """
     breaks, coefficients = _pieces(path)
     count = coefficients.shape[2]
@@ -73,7 +73,7 @@ def _per_axis(name: str, values: ArrayLike | None, count: int) -> Sequence[Magni
 
 
 def _pieces(path: Any) -> tuple[Array, Array]:
-    """Breaks (P+1,) and coefficients (degree+1, P, n), pieces of no length left out."""
+    """Breaks (P+1,) and coefficients (degree+1, P, n), pieces of no length and those where nothing moves left out."""
     from scipy.interpolate import BPoly, BSpline, PPoly
 
     if isinstance(path, BSpline):
@@ -100,8 +100,15 @@ def _pieces(path: Any) -> tuple[Array, Array]:
     inside &= np.diff(path.x) > 0
     if not inside.any():
         raise MotionError("the path has no length: all its breaks are the same")
-    breaks = np.concatenate([path.x[:-1][inside], [path.x[1:][inside][-1]]])
-    return breaks, path.c.reshape(*path.c.shape[:2], -1)[:, inside]
+    coefficients = path.c.reshape(*path.c.shape[:2], -1)
+    stands = inside & ~coefficients[:-1].any((0, 2))
+    if stands.any() and not (stands == inside).all():  # a repeated point: the path goes on from there
+        inside &= ~stands
+    else:
+        stands[:] = False
+    left_out = np.append(0.0, np.cumsum(np.where(stands, np.diff(path.x), 0.0)))
+    s = path.x - left_out
+    return np.append(s[:-1][inside], s[1:][inside][-1]), coefficients[:, inside]
 
 
 def _polynomials(spline: Any) -> Any:

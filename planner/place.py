@@ -40,3 +40,11 @@ class Infeasible(MotionError):
         where = "" if place is None else f" at {place}"
         who = f"{axis} " if axis and (place is None or not place.axis) else ""
         super().__init__(f"{who}{kind} {value:.6g} {unit} is beyond {limit:.6g} {unit}{where}; {remedy}")
+
+    @property
+    def relaxation(self) -> float:
+        """The smallest factor on the limit that makes room for the value, and by which a speed asked for must fall.
+
+        ∞ where the limit is 0: an end of travel at home, which no factor moves.
+        """
+        return self.value / self.limit if self.limit else float("inf")

@@ -29,6 +29,7 @@ class Plan:
     """A program on a machine: the path in the actuators, the fastest motion, its proof, and the pulses that make it.
 
     order (2: to acceleration, 3: to jerk); rounds of solving until the proof held; methods: the solver of each run
+    lower_estimate: s, about the least that any motion within the limits on speed and acceleration takes
     """
 
     program: Program
@@ -41,6 +42,12 @@ class Plan:
     order: int
     rounds: int
     methods: tuple[str, ...]
+    lower_estimate: float
+
+    @property
+    def gap(self) -> float:
+        """How far the duration is above the estimate of its lower bound, as a share of that."""
+        return self.trajectory.duration / self.lower_estimate - 1
 
     @property
     def triggers(self) -> tuple[Triggered, ...]:
@@ -101,6 +108,7 @@ def plan(program: Program, machine: Machine, *, order: int | None = None, clock_
         order,
         solution.rounds,
         solution.methods,
+        solution.lower_estimate,
     )
 
 

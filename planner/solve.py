@@ -30,6 +30,7 @@ class Solution:
     """A trajectory and the proof that it respects every limit.
 
     order; rounds: how often it was solved until the proof held; methods: the solver that gave each run's motion
+    lower_estimate: s, about the least that any motion within the limits on speed and acceleration takes
     """
 
     trajectory: Trajectory = field(repr=False)
@@ -38,6 +39,12 @@ class Solution:
     order: int
     rounds: int
     methods: tuple[str, ...]
+    lower_estimate: float
+
+    @property
+    def gap(self) -> float:
+        """How far the duration is above the estimate of its lower bound, as a share of that."""
+        return self.trajectory.duration / self.lower_estimate - 1
 
     def __str__(self) -> str:
         solvers = ", ".join(sorted(set(self.methods)))
@@ -63,7 +70,7 @@ def fastest(path: ActuatorPath, limits: Sequence[Limit], order: int) -> Solution
         for n, tried in enumerate(attempts):
             use = {name: values[owner == n] for name, values in certificate.use.items()}
             if CROSSING in use and use[CROSSING].max() > 1 + TOLERANCE:
-                attempts[n] = attempt(path, limits, runs[n], order)
+                attempts[n] = _started(path, limits, runs[n], order)
                 failed.add(n)
             elif any(values.max() > 1 + TOLERANCE for values in use.values()):
                 slowness = max(limit.slowness(float(use[limit.name].max())) for limit in limits)
@@ -73,7 +80,8 @@ def fastest(path: ActuatorPath, limits: Sequence[Limit], order: int) -> Solution
         trajectory, owner = assemble(path, [attempt.profile for attempt in attempts], stops)
         certificate = certify(trajectory, limits, _known(certificate, before, owner, failed))
         rounds += 1
-    return Solution(trajectory, certificate, tuple(limits), order, rounds, tuple(a.method for a in attempts))
+    methods, least = tuple(a.method for a in attempts), sum(a.floor for a in attempts) + float(path.dwells.sum())
+    return Solution(trajectory, certificate, tuple(limits), order, rounds, methods, least)
 
 
 def _held(trajectory: Trajectory, limits: Sequence[Limit], whole: Sequence[Run]) -> Sequence[Limit]:

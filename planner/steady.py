@@ -63,6 +63,11 @@ class Steady:
     def method(self) -> str:
         return next((ramp.method for ramp in (self.up, self.down) if ramp is not None), "constant speed")
 
+    @property
+    def floor(self) -> float:
+        """An estimate of the least time: of the ramps, and what the constant speed takes."""
+        return float(self.cruise.h.sum()) + sum(ramp.floor for ramp in (self.up, self.down) if ramp is not None)
+
     def tightened(self, use: Mapping[str, Array], slowness: float) -> "Steady":
         """The ramps solved again; at constant speed there is nothing to give, so an excess there is a refusal."""
         first = 0 if self.up is None else len(self.up.profile.h)

@@ -49,6 +49,7 @@ def of_plan(job: Job, inputs: Inputs) -> Record:
         },
         "blends": _blends(plan.path.blends),
         "stated_but_not_kept": list(unkept(plan.machine.axes)),
+        "lower_bound": {"kind": "estimate", "duration_s": plan.lower_estimate, "gap": plan.gap},
         "solver": {"rounds": plan.rounds, "methods": list(plan.methods)},
         "pulses": {
             "clock_hz": plan.pulses.clock_hz,
@@ -163,7 +164,8 @@ def _violation(violation: MotionError) -> Record:
         return {"kind": "reach", "message": str(violation)}
     named = {name: getattr(violation, name) for name in ("kind", "axis", "value", "limit", "unit", "remedy")}
     where = None if violation.place is None else _place(violation.place)
-    return {**named, "where": where, "message": str(violation)}
+    relaxation = violation.relaxation if isfinite(violation.relaxation) else None
+    return {**named, "relaxation": relaxation, "where": where, "message": str(violation)}
 
 
 def _axis(axis: Axis) -> Record:

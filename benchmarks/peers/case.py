@@ -16,7 +16,8 @@ from planner.actuation import ActuatorPath, PolynomialPath
 from planner.plan import actuate
 from planner.timing.profile import Profile
 
-REPEATS = 5
+# How often a solve is timed, at most: no more once it has taken so long (s), but twice.
+REPEATS, ENOUGH = 5, 10.0
 # Instants per interval at which a motion is looked at, both ends among them.
 LOOKED = np.linspace(0.0, 1.0, 41)
 
@@ -77,7 +78,8 @@ class Answer:
         """The duration, slowed until the samples keep every limit of its order (s)."""
         powers = [1.0, 0.5, 1 / 3][: self.order]
         slowness = [use**power for use, power in zip(self.worst, powers, strict=False)]
-        return float(max(self.duration, *(self.duration * k for k in slowness)))
+        slowed: float = self.duration * max(1.0, *slowness)
+        return slowed
 
 
 Solved = tuple[float, Samples]
@@ -92,6 +94,8 @@ def answer(
         begin = perf_counter()
         duration, samples = solve()
         times.append(perf_counter() - begin)
+        if len(times) > 1 and sum(times) > ENOUGH:
+            break
     return Answer(
         case.name, order, method, intervals, times[0], median(times[1:]), duration, worst(case, samples), note
     )

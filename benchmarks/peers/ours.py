@@ -7,11 +7,11 @@ from kinematics.errors import MotionError
 from planner.limits import limits_of
 from planner.limits.limit import Limit
 from planner.solve import fastest
-from planner.timing import run as runs
+from planner.timing import posing
 from planner.timing import third_order as solver
+from planner.timing.posing import jerk_problem
 from planner.timing.problem import Run, grid, pose_problem
 from planner.timing.profile import Profile
-from planner.timing.run import jerk_problem
 from planner.timing.second_order import Solver, second_order
 from planner.timing.third_order import third_order
 
@@ -73,11 +73,11 @@ def second(case: Case) -> Iterator[Answer]:
 
 def ipopt(case: Case) -> Answer:
     """The reference: IPOPT on many intervals, from where FATROP ends on as many."""
-    usual, runs.THIRD_ORDER = runs.THIRD_ORDER, (REFERENCE_3, 0, 0)
+    usual, posing.THIRD_ORDER = posing.THIRD_ORDER, (REFERENCE_3, 0, 0)
     try:
         problem, start = jerk_problem(case.path, limits_on(case, 3), _run(case))
     finally:
-        runs.THIRD_ORDER = usual
+        posing.THIRD_ORDER = usual
     guess = start.on(problem.s)
 
     def solve() -> Solved:

@@ -33,20 +33,19 @@ def largest_speeds(rows: list[Array], ceiling: Array, step: Array, ends: tuple[f
 
 
 def largest_ends(rows: list[Array], ceiling: Array, step: Array, ends: tuple[float, float]) -> tuple[float, float]:
-    """The largest x with which a motion may start towards the given end, or towards any; and with which it may end.
+    """The ends, but with the largest x in place of one that is too large: the start's on the way to the given end.
 
-    The first is towards any end where the given start allows none at all; the second is from the given start.
+    Where no start leads to the given end, the largest end that can be had from the given start, or from a slower one.
     """
     first, last = ends
     slope, upper, lower, ceiling = _lines(rows, ceiling, step)
+    lowest, highest = _reach(slope, upper, lower, ceiling, step, last, last)
+    if first > highest[0] >= lowest[0] and last <= ceiling[-1]:
+        return float(highest[0]), last
     lowest, highest = _reach(slope, upper, lower, ceiling, step, 0.0, ceiling[-1])
-    if not _within(first, lowest[0], highest[0]):
-        return max(0.0, float(highest[0])), float(ceiling[-1])
     x = np.zeros(len(step) + 1)
-    _climb(x, first, slope, upper, lowest, step)
-    if last > x[-1]:
-        return first, float(x[-1])
-    return max(0.0, float(_reach(slope, upper, lower, ceiling, step, last, last)[1][0])), last
+    _climb(x, min(first, float(highest[0])), slope, upper, lowest, step)
+    return first, min(last, float(x[-1]))
 
 
 def _reach(

@@ -9,21 +9,18 @@ import numpy as np
 from kinematics.array import Array
 from kinematics.errors import MotionError
 from planner.actuation import ActuatorPath
-from planner.limits.limit import Limit, Term
+from planner.limits.limit import Limit
 from planner.place import Infeasible
 from planner.timing.ends import TooFast
-from planner.timing.problem import Block, Problem, Run, grid, pose_problem
+from planner.timing.floor import floor
+from planner.timing.posing import jerk_problem, order_2_problem, order_3_coarse
+from planner.timing.problem import Problem, Run
 from planner.timing.profile import Profile
-from planner.timing.second_order import TERMS as SECOND
 from planner.timing.second_order import second_order
 from planner.timing.seen import seen
-from planner.timing.smooth import Smoothed
 from planner.timing.straight import straight
 from planner.timing.third_order import third_order
 
-# Intervals of a run at least, for each piece in it, and for each radian that it turns; START is for the order-2 motion
-# that starts an order-3 solve.
-SECOND_ORDER, THIRD_ORDER, START = (1000, 50, 40), (160, 16, 15), (400, 20, 20)
 # Room taken off: this share of the excess, more with every try, and a little for the solver's own tolerance.
 MORE, MARGIN = 1.1, 2e-7
 # How often a run is solved before it is slowed instead.
@@ -31,8 +28,6 @@ TRIES = 5
 # A motion that only so much slowness keeps from holding is slowed: solving again would cost more than it gains.
 CHEAP = 1 + 3e-5
 AVERAGED, STRAIGHT = "averaged", "straight"
-# Window of the average, as a share of what the run allows, where a gentle start finds no way between two speeds.
-BRIEF = 1e-2
 # How near the largest speed at an end is told, and the share of a bound below which none is looked for.
 NEARLY, VANISHING = 1e-3, 1e-2
 
@@ -41,13 +36,15 @@ NEARLY, VANISHING = 1e-3, 1e-2
 class Attempt:
     """A problem, the profile that answers it, and the method that gave it.
 
-    tries: how often it was solved. The peaks between grid points heed the room only in part: each try takes off more.
+    floor: an estimate of the least time that the run can take (s)
+    tries: how often it was solved. The peaks between grid points heed the room only in part: each try takes off more
     """
 
     problem: Problem
     profile: Profile
     method: str
     order: int
+    floor: float
     tries: int = 1
 
     def tightened(self, use: Mapping[str, Array], slowness: float) -> "Attempt":
@@ -117,19 +114,17 @@ def _settled(path: ActuatorPath, limits: Sequence[Limit], tried: Attempt) -> Att
 
 def _attempt(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int, probing: bool) -> Attempt:
     if order == 2:
-        problem = pose_problem(path, limits, *_grid(SECOND_ORDER, path, run), run.speeds)
-        _need(problem, Term.SDD, "acceleration")
+        problem = order_2_problem(path, limits, run)
         profile = straight(problem)
         if profile is not None:
-            return Attempt(problem, profile, STRAIGHT, order)
-        return Attempt(problem, second_order(problem), "passes", order)
-    coarse = pose_problem(path, limits, *_grid(START, path, run), run.speeds)
-    _need(coarse, Term.SDDD, "jerk")
+            return Attempt(problem, profile, STRAIGHT, order, profile.duration)
+        return Attempt(problem, second_order(problem), "passes", order, floor(problem))
+    coarse = order_3_coarse(path, limits, run)
     profile = straight(coarse)
     if profile is not None:
-        return Attempt(coarse, profile, STRAIGHT, order)
+        return Attempt(coarse, profile, STRAIGHT, order, profile.duration)
     try:
-        problem, start = jerk_problem(path, limits, run)
+        problem, start = jerk_problem(path, limits, run, coarse)
     except TooFast as no:
         if not probing:
             _refuse_ends(path, limits, run, no)
@@ -141,7 +136,7 @@ def _attempt(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int, 
             raise
         _refuse_ends(path, limits, run)
         profile, method = start.profile(problem), AVERAGED
-    return Attempt(problem, profile, method, order)
+    return Attempt(problem, profile, method, order, floor(coarse))
 
 
 def _refuse_ends(path: ActuatorPath, limits: Sequence[Limit], run: Run, known: TooFast | None = None) -> None:
@@ -171,107 +166,9 @@ def _largest_end(path: ActuatorPath, limits: Sequence[Limit], run: Run, end: int
     return low
 
 
-def jerk_problem(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> tuple[Problem, Smoothed]:
-    """The order-3 problem of a run, on a grid graded for it, and the averaged order-2 motion to start from."""
-    coarse = pose_problem(path, limits, *_grid(START, path, run), run.speeds)
-    _need(coarse, Term.SDDD, "jerk")
-    start = _smoothed(coarse)
-    shares = (start.spread(_size(THIRD_ORDER, path, run)) - coarse.s[0]) / (coarse.s[-1] - coarse.s[0])
-    s, piece = _grid(THIRD_ORDER, path, run, np.clip(shares, 0.0, 1.0))
-    return pose_problem(path, limits, s, piece, run.speeds), start
-
-
-def _grid(
-    rule: tuple[int, int, int], path: ActuatorPath, run: Run, spread: Array | None = None
-) -> tuple[Array, np.ndarray]:
-    """A run's grid by a rule, of which every piece by itself has its share."""
-    least = np.maximum(rule[1], rule[2] * path.turns[run.first : run.last + 1])
-    return grid(path, run, _size(rule, path, run), spread, least=least)
-
-
-def _size(rule: tuple[int, int, int], path: ActuatorPath, run: Run) -> int:
-    least, per_piece, per_radian = rule
-    turn = float(path.turns[run.first : run.last + 1].sum())
-    return max(least, per_piece * (run.last - run.first + 1), int(per_radian * turn))
-
-
 def _third(problem: Problem, guess: Array, **options: Any) -> tuple[Profile, str]:
     """By FATROP, or by IPOPT where that gives no answer; which of them is told."""
     try:
         return third_order(problem, guess, **options), "fatrop"
     except MotionError:
         return third_order(problem, guess, solver="ipopt", **options), "ipopt"
-
-
-def _need(problem: Problem, term: Term, name: str) -> None:
-    if not any(np.any(block.start.get(term, 0.0)) for block in problem.blocks):
-        raise MotionError(
-            f"nothing bounds the motion: no axis that moves states a limit of {name}; "
-            "state one, or plan at another order"
-        )
-
-
-def _smoothed(coarse: Problem) -> Smoothed:
-    """The averaged order-2 motion over a run; begun and ended at a speed, of a shorter one."""
-    gentle, window = _second_order_start(coarse)
-    onward = sum(coarse.speeds)
-    if onward == 0:
-        return Smoothed(second_order(gentle), window)
-    whole = (coarse.s[-1] - coarse.s[0]) / onward
-    try:
-        return _averaged(gentle, min(window, whole))
-    except MotionError:
-        blocks = tuple(block for block in coarse.blocks if set(block.start) <= SECOND)
-        return _averaged(replace(coarse, blocks=blocks), BRIEF * whole)
-
-
-def _averaged(problem: Problem, window: float) -> Smoothed:
-    low = problem.s[0] + problem.speeds[0] * window / 2
-    high = problem.s[-1] - problem.speeds[1] * window / 2
-    sliver = 1e-9 * (high - low)
-    kept = np.flatnonzero((problem.s[1:] > low + sliver) & (problem.s[:-1] < high - sliver))
-    chosen = slice(kept[0], kept[-1] + 1)
-    s = problem.s[kept[0] : kept[-1] + 2].copy()
-    s[0], s[-1] = low, high
-    blocks = tuple(
-        Block(
-            block.name,
-            {term: values[chosen] for term, values in block.start.items()},
-            {term: values[chosen] for term, values in block.end.items()},
-            block.room[chosen],
-            block.middle,
-        )
-        for block in problem.blocks
-    )
-    return Smoothed(
-        second_order(replace(problem, s=s, piece=problem.piece[chosen], blocks=blocks)), window, problem.speeds
-    )
-
-
-def _second_order_start(problem: Problem) -> tuple[Problem, float]:
-    """The problem without its jerk rows, and the window A/J over which its motion is averaged.
-
-    A is the least of the limit on acceleration and what the jerk lets a motion reach before full speed, √(V J), or
-    halfway, (J² L/2)^⅓; speeds, accelerations and jerks are along the path, on average. It shapes the start only,
-    never the answer.
-    """
-    jerk, speed, push = _along(problem, Term.SDDD), _along(problem, Term.SD), _along(problem, Term.SDD)
-    reached = min(np.sqrt(speed * jerk), np.cbrt(jerk**2 * (problem.s[-1] - problem.s[0]) / 2))
-    if not np.isfinite(reached):
-        raise MotionError(
-            "nothing bounds the motion: no axis that moves states a limit of speed or acceleration; state one"
-        )
-    blocks = [block for block in problem.blocks if set(block.start) <= SECOND]
-    if reached < push:
-        size = np.full((problem.intervals, 1), 1 / reached)
-        blocks.append(Block("start", {Term.SDD: size}, {Term.SDD: size}, np.ones(problem.intervals), np.zeros(1)))
-    return replace(problem, blocks=tuple(blocks)), min(reached, push) / jerk
-
-
-def _along(problem: Problem, term: Term) -> float:
-    """How large a term may be along the path by itself, on average; ∞ where no row holds it."""
-    size = np.zeros(problem.intervals)
-    for block in problem.blocks:
-        if term in block.start:
-            np.maximum(size, np.abs(block.start[term]).max(1), out=size)
-    return 1 / float(size.mean()) if size.any() else float("inf")

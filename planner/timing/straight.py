@@ -130,7 +130,7 @@ def _profile(problem: Problem, limits: _Limits, top: float, cruise: float) -> Pr
         return (
             s[k] + tau * (v[k] + tau * (a[k] / 2 + tau * j[k] / 6)),
             v[k] + tau * (a[k] + tau * j[k] / 2),
-            (a[k] + tau * j[k]),
+            a[k] + tau * j[k],
             j[k],
         )
 

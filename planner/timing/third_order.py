@@ -163,7 +163,6 @@ def _assemble(intervals: int, signature: Signature, solver: Solver) -> tuple[ca.
     options: dict[str, Any] = {
         "print_time": False,
         "expand": False,
-        **dict.fromkeys(("calc_f", "calc_g", "calc_lam_x", "calc_lam_p"), False),  # nobody asks
         "error_on_fail": False,
         "show_eval_warnings": False,
     }

@@ -186,7 +186,7 @@ def test_poses_off_the_machine_are_told_by_file_and_label_and_only_if_fitted():
     ) as raised:
         calibrate(load_machine("linkage"), data)
     assert not isinstance(raised.value, OutOfReach)  # bad input, not an infeasible job
-    with pytest.raises(MotionError, match=r"rotation 1 \(6\.4\): machine tripod holds rx"):
+    with pytest.raises(MotionError, match=r"rotation 1 \(6\.4\): machine tripod holds ry"):
         calibrate(tripod, replace(data, fit=np.ones(9, bool)))
 
 

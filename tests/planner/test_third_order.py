@@ -16,8 +16,9 @@ from planner.solve import fastest
 from planner.timing import run as runs
 from planner.timing import third_order as solver_module
 from planner.timing.patience import Patience
+from planner.timing.posing import jerk_problem
 from planner.timing.problem import Run
-from planner.timing.run import attempt, jerk_problem
+from planner.timing.run import attempt
 from planner.timing.third_order import third_order
 from planner.trajectory import Trajectory
 

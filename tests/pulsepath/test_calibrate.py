@@ -168,5 +168,5 @@ def test_what_the_machine_cannot_be_sent_to_is_bad_input(call, tmp_path):
     assert not (tmp_path / "o").exists()
     assert call("calibrate", "tripod", "cmm", "--out", tmp_path / "o").exit_code == 0
     (skipped,) = json.loads((tmp_path / "o" / "calibration.json").read_text())["skipped_checks"]
-    assert skipped.startswith("rotation 1 (6.4): machine tripod holds rx")
+    assert skipped.startswith("rotation 1 (6.4): machine tripod holds ry")
     assert skipped in (tmp_path / "o" / "report.html").read_text()
