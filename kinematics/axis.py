@@ -14,7 +14,10 @@ class Axis:
     travel          (lo, hi) relative to home; both ends or neither, since its use is counted from the middle
     pulse           m or rad that one pulse moves the axis
     direction       +1/-1: the sign in which a positive coordinate is counted by the wiring
-    torque_speed    ((speed, force), ...) falling curve of the motor, speeds rising
+    torque_speed    ((speed, force), ...) pull-out curve of the motor: the force that it gives at a speed, speeds rising;
+                    as much at every lower speed as at a higher one, below its first point as there, none beyond its last
+    friction        N s/m or N m s/rad: a viscous force, against q̇
+    reflected       kg or kg m²: rotors and screws as the axis feels them
     max_pulse_rate  1/s
     backlash        m or rad lost at every reversal
     lead_error      ((position, error), ...) of the screw, positions rising: where the axis is beyond where it counts
@@ -31,6 +34,8 @@ class Axis:
     max_jerk: float | None = None
     max_force: float | None = None
     torque_speed: tuple[tuple[float, float], ...] | None = None
+    friction: float = 0.0
+    reflected: float = 0.0
     max_pulse_rate: float | None = None
     backlash: float = 0.0
     lead_error: tuple[tuple[float, float], ...] | None = None
@@ -54,6 +59,12 @@ class Axis:
             value = getattr(self, field)
             if value is not None and not 0 < value < inf:
                 raise MotionError(f"axis {self.name}: {field} {value} must be positive and finite (or None: unlimited)")
+
+        for field in ("friction", "reflected"):
+            if not 0 <= getattr(self, field) < inf:
+                raise MotionError(
+                    f"axis {self.name}: {field} {getattr(self, field)} must be finite and not below 0 (0: none)"
+                )
 
     @property
     def unit(self) -> str:

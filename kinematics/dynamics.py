@@ -16,6 +16,7 @@ from kinematics.body import Body, Leg
 from kinematics.closed_loop import leg_forces
 from kinematics.errors import MotionError
 from kinematics.hexapod import Hexapod
+from kinematics.load import GRAVITY
 from kinematics.machine import Machine
 from kinematics.massless import massless_forces
 from kinematics.motion import Motion, Moving, motion_of_axes
@@ -23,9 +24,6 @@ from kinematics.text_table import aligned
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-GRAVITY = (0.0, 0.0, -9.80665)
-"""m/s², where the base stands upright."""
 
 
 @dataclass(frozen=True, slots=True)

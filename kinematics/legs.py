@@ -1,7 +1,7 @@
 """Machines with legs: actuators of variable length between joints on a base and joints on a platform."""
 
 from collections.abc import Sequence
-from typing import ClassVar
+
 
 import casadi as ca
 import numpy as np
@@ -9,10 +9,13 @@ from numpy.typing import ArrayLike
 
 from kinematics.array import Array, frozen
 from kinematics.axis import Axis
+from kinematics.body import Body
 from kinematics.clearance import Bodies, Disc
 from kinematics.errors import MotionError
+from kinematics.leg_frames import home_frames, leg_rotation
+from kinematics.load import Load
 from kinematics.machine import Machine
-from kinematics.pose import Pose
+from kinematics.pose import Pose, column
 
 
 class Legged(Machine):
@@ -23,8 +26,6 @@ class Legged(Machine):
     max_tilt                  rad between leg and rest axis: one number, or (base, platform); None: unlimited
     leg_radius, leg_ends, base_disc, platform_disc  what takes up room, as in `Bodies`; None: nothing is looked at
     """
-
-    legs: ClassVar[int]
 
     def __init__(
         self,
@@ -41,6 +42,7 @@ class Legged(Machine):
         leg_ends: float | None = None,
         base_disc: Disc | None = None,
         platform_disc: Disc | None = None,
+        load: Load | None = None,
     ) -> None:
         kind, count = type(self).__name__.lower(), self.legs
         name = kind if name is None else name
@@ -52,7 +54,7 @@ class Legged(Machine):
         self.tilt_names = tuple(f"{axis.name} {end} joint" for end in ("base", "platform") for axis in axes)
         self.max_tilt = _tilts(name, max_tilt, count)
         self.characteristic_length = float(np.sqrt((self.platform**2).sum(1).mean()))
-        super().__init__(name, axes, home)
+        super().__init__(name, axes, home, load=load)
         if leg_radius is not None:
             legs = tuple(axis.name for axis in axes)
             self.bodies = Bodies(self.base, self.platform, legs, leg_radius, leg_ends, base_disc, platform_disc)
@@ -65,6 +67,17 @@ class Legged(Machine):
 
     def expression(self, position: ca.SX, rotation: ca.SX, near: ca.SX) -> ca.SX:
         return ca.vertcat(*(ca.norm_2(leg) for leg in self._legs(position, rotation)))
+
+    def moved(self, position: ca.SX, rotation: ca.SX, q: ca.SX) -> tuple[tuple[Body, ca.SX], ...]:
+        """The platform, and barrel and rod of every leg that has masses."""
+        found = list(super().moved(position, rotation, q))
+        stated = self.load.legs * (self.legs if len(self.load.legs) == 1 else 1)
+        if stated:
+            ends = home_frames(self, stated)
+            for leg, vector, base, frame in zip(stated, self._legs(position, rotation), self.base, ends, strict=True):
+                turned = leg_rotation(vector, frame[:, 0])
+                found += [(leg.barrel, column(ca.SX(ca.DM(base)), turned)), (leg.rod, column(vector + base, turned))]
+        return tuple(found)
 
     def tilts(self, position: ca.SX, rotation: ca.SX) -> ca.SX:
         """cos of the angle between leg and rest axis: base joints first, then platform joints, each in its frame."""

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 from kinematics.array import Array, frozen
 from kinematics.axis import Axis
 from kinematics.errors import MotionError, OutOfReach
+from kinematics.load import Load
 from kinematics.machine import Machine
 from kinematics.pose import Pose
 
@@ -40,6 +41,7 @@ class Linkage(Machine):
         axes: Sequence[Axis],
         home: Pose,
         name: str = "linkage",
+        load: Load | None = None,
     ) -> None:
         self.base_a, self.base_b = (_point(name, *pair) for pair in (("base_a", base_a), ("base_b", base_b)))
         if np.linalg.norm(self.base_b - self.base_a) < 1e-9:
@@ -50,7 +52,7 @@ class Linkage(Machine):
             )
         self.offset, self.angle = float(offset), float(angle)
         self.characteristic_length = max(self.offset, float(np.linalg.norm(self.base_b - self.base_a)) / 2)
-        super().__init__(name, axes, home)
+        super().__init__(name, axes, home, load=load)
         c, s = np.asarray(self._joint(ca.DM(home.translation))[1]).ravel()
         self._at_home = np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]]) @ home.rotation.as_matrix()
 

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 from kinematics.array import frozen
 from kinematics.axis import Axis
 from kinematics.errors import MotionError
+from kinematics.load import Load
 from kinematics.machine import Machine
 from kinematics.pose import Pose
 
@@ -36,6 +37,7 @@ class Traverser(Machine):
         directions: ArrayLike | None = None,
         length: float = 0.1,
         name: str = "traverser",
+        load: Load | None = None,
     ) -> None:
         given = np.asarray(np.eye(3) if directions is None else directions, float)
         if given.shape != (3, 3) or not np.isfinite(given).all() or not np.linalg.norm(given, axis=1).all():
@@ -49,7 +51,7 @@ class Traverser(Machine):
             raise MotionError(f"machine {name}: length {length} m per radian must be positive and finite")
         self.directions, self.characteristic_length = frozen(unit), float(length)
         self._held = home.rotation.as_matrix()
-        super().__init__(name, axes, home)
+        super().__init__(name, axes, home, load=load)
 
     def expression(self, position: ca.SX, rotation: ca.SX, near: ca.SX) -> ca.SX:
         turn = rotation @ self._held.T

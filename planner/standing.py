@@ -1,4 +1,4 @@
-"""What no timing can help: reach, travel and tilt, proved along the whole path before anything is solved."""
+"""What no timing can help: reach, travel, tilt and holding still, proved along the whole path before anything is solved."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -78,6 +78,6 @@ def _look(walk: Trajectory, part: int) -> State:
 def refusal(limit: Limit, value: float, channel: int, place: Place) -> Infeasible:
     """What to say where a geometric limit is broken."""
     unit, scale = limit.units[channel]
-    reached, allowed = limit.told(value, channel)
-    remedy = f"no timing can help: move the path so that it uses {abs(reached - allowed) * scale:.4g} {unit} less"
-    return Infeasible(limit.name, limit.channels[channel], place, reached * scale, allowed * scale, unit, remedy)
+    reached, allowed = (each * scale for each in limit.told(value, channel))
+    remedy = limit.remedy(abs(reached - allowed), unit)
+    return Infeasible(limit.name, limit.channels[channel], place, reached, allowed, unit, remedy)

@@ -46,7 +46,7 @@ def of_plan(job: Job, inputs: Inputs) -> Record:
                 for name, worst in certificate.worst.items()
             },
         },
-        "stated_but_not_kept": list(unkept(plan.machine.axes)),
+        "stated_but_not_kept": list(unkept(plan.machine)),
         "solver": {"rounds": plan.rounds, "methods": list(plan.methods)},
         "pulses": {
             "clock_hz": plan.pulses.clock_hz,

@@ -37,10 +37,15 @@ class Term(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Rows:
-    """|Σ coefficient · term| ≤ bound at N grid points: each (N, m); a bound of ∞ says that a channel is free."""
+    """|Σ coefficient · term| ≤ bound at N grid points: each (N, m); a bound of ∞ says that a channel is free.
+
+    about  (low, high), each (N, m), of a limit that is not convex: a row speaks where the motion sought is near one
+           whose ṡ lies between. All that speak near any one ṡ keep the limit at every ṡ, with no loss at that one.
+    """
 
     coefficients: Mapping[Term, Array]
     bound: Array
+    about: tuple[Array, Array] | None = None
 
 
 class Motion(Protocol):
@@ -85,6 +90,10 @@ class Limit(ABC):
     def slowness(self, use: float) -> float:
         """How many times slower a motion must run that uses so much of this limit; 1 where it keeps it already."""
         return 1.0 if self.geometric else max(1.0, use) ** (1 / max(1, min(term.per_time for term in self.terms)))
+
+    def remedy(self, over: float, unit: str) -> str:
+        """What to say where it is geometric and exceeded by so much."""
+        return f"no timing can help: move the path so that it uses {over:.4g} {unit} less"
 
     @abstractmethod
     def value(self, motion: Motion) -> Quantity:

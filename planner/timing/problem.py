@@ -1,13 +1,13 @@
 """A timing problem as the solvers see it: a grid along one run, and every limit's rows on it, normalised."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from kinematics.array import Array
 from planner.actuation import ActuatorPath, points_of
-from planner.limits.limit import Limit, Rows, Term
+from planner.limits.limit import Limit, Term
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,12 +25,25 @@ class Block:
     The coefficients (N, m) are divided by the bound.
 
     room (N,) is 1, or less where the certificate asked for it.
+    about (low, high at the start, low, high at the end), each (N, m): as `Rows` has it, None where every row speaks.
     """
 
     name: str
     start: Mapping[Term, Array]
     end: Mapping[Term, Array]
     room: Array
+    about: tuple[Array, Array, Array, Array] | None = None
+
+    def around(self, start: Array, end: Array) -> "Block":
+        """What speaks near a motion with ṡ (N,) at the intervals' starts and ends; other rows become nothing."""
+        if self.about is None:
+            return self
+        low, high, low_end, high_end = self.about
+        sides = []
+        for side, speed, least, most in ((self.start, start, low, high), (self.end, end, low_end, high_end)):
+            speaks = (least <= speed[:, None]) & (speed[:, None] < most)
+            sides.append({term: np.where(speaks, values, 0.0) for term, values in side.items()})
+        return replace(self, start=sides[0], end=sides[1], about=None)
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,6 +57,15 @@ class Problem:
     @property
     def intervals(self) -> int:
         return len(self.piece)
+
+    @property
+    def settled(self) -> bool:
+        """Whether every row speaks near every motion."""
+        return all(block.about is None for block in self.blocks)
+
+    def around(self, start: Array, end: Array) -> "Problem":
+        """The rows that speak near a motion with ṡ (N,) at the intervals' starts and ends."""
+        return replace(self, blocks=tuple(block.around(start, end) for block in self.blocks))
 
 
 def grid(path: ActuatorPath, run: Run, intervals: int, spread: Array | None = None) -> tuple[Array, np.ndarray]:
@@ -75,17 +97,16 @@ def pose_problem(path: ActuatorPath, limits: Sequence[Limit], s: Array, piece: n
         if limit.geometric:
             continue
         rows = limit.rows(points)
-        scaled = _normalised(rows, 2 * count)
-        if scaled:
-            start = {term: values[:count] for term, values in scaled.items()}
-            end = {term: values[count:] for term, values in scaled.items()}
-            blocks.append(Block(limit.name, start, end, np.ones(count)))
+        bound = np.broadcast_to(rows.bound, (2 * count, np.shape(rows.bound)[-1]))
+        binding = np.isfinite(bound).any(0)
+        if not binding.any():
+            continue
+        scaled = {term: values[:, binding] / bound[:, binding] for term, values in rows.coefficients.items()}
+        start = {term: values[:count] for term, values in scaled.items()}
+        end = {term: values[count:] for term, values in scaled.items()}
+        about = None
+        if rows.about is not None:
+            low, high = (values[:, binding] for values in rows.about)
+            about = low[:count], high[:count], low[count:], high[count:]
+        blocks.append(Block(limit.name, start, end, np.ones(count), about))
     return Problem(s, piece, tuple(blocks))
-
-
-def _normalised(rows: Rows, points: int) -> dict[Term, Array]:
-    bound = np.broadcast_to(rows.bound, (points, np.shape(rows.bound)[-1]))
-    binding = np.isfinite(bound).any(0)
-    if not binding.any():
-        return {}
-    return {term: values[:, binding] / bound[:, binding] for term, values in rows.coefficients.items()}
