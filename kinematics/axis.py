@@ -14,8 +14,8 @@ class Axis:
     travel          (lo, hi) relative to home; both ends or neither, since its use is counted from the middle
     pulse           m or rad that one pulse moves the axis
     direction       +1/-1: the sign in which a positive coordinate is counted by the wiring
-    torque_speed    ((speed, force), ...) pull-out curve of the motor: the force that it gives at a speed, speeds rising;
-                    as much at every lower speed as at a higher one, below its first point as there, none beyond its last
+    torque_speed    ((speed, force), ...) pull-out curve of the motor, speeds rising: what force it gives at a speed and
+                    at every lower one; below the first point as there, none beyond the last
     friction        N s/m or N m s/rad: a viscous force, against q̇
     reflected       kg or kg m²: rotors and screws as the axis feels them
     max_pulse_rate  1/s

@@ -16,7 +16,6 @@ from kinematics.body import Body, Leg
 from kinematics.closed_loop import leg_forces
 from kinematics.errors import MotionError
 from kinematics.hexapod import Hexapod
-from kinematics.load import GRAVITY
 from kinematics.machine import Machine
 from kinematics.massless import massless_forces
 from kinematics.motion import Motion, Moving, motion_of_axes
@@ -72,37 +71,41 @@ def forces(
     motion: Motion | Moving,
     *,
     platform: Body | None = None,
-    wrench: ArrayLike = (0.0,) * 6,
-    gravity: ArrayLike = GRAVITY,
+    wrench: ArrayLike | None = None,
+    gravity: ArrayLike | None = None,
     legs: Leg | Sequence[Leg] | None = None,
-    reflected: ArrayLike = 0.0,
+    reflected: ArrayLike | None = None,
 ) -> Forces:
     """The forces that the actuators give in a motion, by inverse dynamics at every one of its N instants.
 
     motion     a `Motion`, or the state of a trajectory at N times
-    platform   what moves with the platform's (tool's) frame, in that frame; nothing by default
+    platform   what moves with the platform's (tool's) frame, in that frame
     wrench     (6,) or (N, 6) N and N·m that act on the platform from outside at its origin, in the base frame
     gravity    (3,) m/s² in the base frame
-    legs       a hexapod's leg, or six: then they have inertia, in closed loops. None: legs without mass
+    legs       a hexapod's leg, or six: then they have inertia, in closed loops
     reflected  kg or kg·m², one or (n,): rotors and screws as each axis feels them; adds reflected · q̈ to its force
 
-    An arm's links weigh what its URDF says. Other moving parts weigh nothing, and nothing rubs. Raises MotionError for
+    What is not given is as the machine states it (`Machine.load`, its axes), friction always; mostly that is nothing. An
+    arm's links weigh what its URDF says. Raises MotionError for
     a singular pose, for what does not fit the machine, and where pinocchio is needed (legs, arm) but not installed.
     """
     moving = motion if isinstance(motion, Motion) else motion_of_axes(machine, motion)
     n, count = len(machine.axes), len(moving)
     if moving.q.shape[1] != n:
         raise MotionError(f"machine {machine.name} has {n} axes; the motion has {moving.q.shape[1]}")
-    body = Body() if platform is None else platform
-    load = _shaped(machine, "wrench", wrench, "N and N·m", (count, 6))
-    down = _shaped(machine, "gravity", gravity, "m/s²", (3,))
-    own = _shaped(machine, "reflected", reflected, "kg or kg·m²", (n,))
+    stated, inertias = machine.load, [axis.reflected for axis in machine.axes]
+    body = stated.platform if platform is None else platform
+    legs = (stated.legs or None) if legs is None else legs
+    load = _shaped(machine, "wrench", stated.wrench if wrench is None else wrench, "N and N·m", (count, 6))
+    down = _shaped(machine, "gravity", stated.gravity if gravity is None else gravity, "m/s²", (3,))
+    own = _shaped(machine, "reflected", inertias if reflected is None else reflected, "kg or kg·m²", (n,))
     if (own < 0).any():
         raise MotionError(f"machine {machine.name}: reflected inertias {own.tolist()} must not be below 0")
     if legs is not None:
         if not isinstance(machine, Hexapod):
             raise MotionError(f"machine {machine.name} is no hexapod: legs with inertia are known for hexapods only")
-        six = (legs,) * 6 if isinstance(legs, Leg) else tuple(legs)
+        six = (legs,) if isinstance(legs, Leg) else tuple(legs)
+        six = six * 6 if len(six) == 1 else six
         if len(six) != 6:
             raise MotionError(f"machine {machine.name}: {len(six)} legs with inertia; give one for all, or six")
         found = leg_forces(machine, six, moving, body, load, down)
@@ -110,7 +113,8 @@ def forces(
         found = massless_forces(machine, moving, body, load, down)
         if isinstance(machine, Arm):
             found = found + link_torques(machine, moving, down)
-    return Forces(machine, moving, found + own * moving.qdd)
+    rubbed = moving.qd * [axis.friction for axis in machine.axes]
+    return Forces(machine, moving, found + own * moving.qdd + rubbed)
 
 
 def _shaped(machine: Machine, what: str, values: ArrayLike, unit: str, shape: tuple[int, ...]) -> Array:

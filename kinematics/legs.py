@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 
-
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike

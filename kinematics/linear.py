@@ -56,12 +56,12 @@ def _times(matrix: Ball, vector: Ball) -> Ball:
 
 def _inverse(matrix: Array) -> Array:
     """A⁻¹ (N, n, n); nan where there is none."""
-    finite = np.isfinite(matrix).all((1, 2))
+    finite: np.ndarray = np.asarray(np.isfinite(matrix).all((1, 2)))
     safe = np.where(finite[:, None, None], matrix, np.eye(matrix.shape[-1]))
     try:
         found = np.linalg.inv(safe)
     except np.linalg.LinAlgError:  # one singular matrix fails the whole batch
-        regular = np.linalg.matrix_rank(safe) == matrix.shape[-1]
+        regular = np.linalg.matrix_rank(safe) >= matrix.shape[-1]
         found = np.full(safe.shape, np.nan)
         found[regular] = np.linalg.inv(safe[regular])
     return np.asarray(np.where(finite[:, None, None], found, np.nan))

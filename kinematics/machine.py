@@ -12,11 +12,11 @@ from numpy.typing import ArrayLike
 
 from kinematics.array import Array, frozen
 from kinematics.axis import Axis
+from kinematics.body import Body
 from kinematics.clearance import Bodies
 from kinematics.errors import MotionError, OutOfReach
 from kinematics.expression import Expression
 from kinematics.forward import Forward, solve
-from kinematics.body import Body
 from kinematics.freedom import COMPONENTS, refuse
 from kinematics.load import Load
 from kinematics.margins import Margins, measure
@@ -106,7 +106,10 @@ class Machine(ABC):
         return load
 
     def moved(self, position: ca.SX, rotation: ca.SX, q: ca.SX) -> tuple[tuple[Body, ca.SX], ...]:
-        """The bodies that move, the platform first, each with the twelve numbers of its frame, by the pose (what follows filled in) and q."""
+        """The bodies that move, the platform first, each with the twelve numbers of its frame.
+
+        The pose has what follows filled in; q belongs to it.
+        """
         return ((self.load.platform, column(*self.carried(position, rotation, q))),)
 
     def symbolic(self, x: ca.SX, near: ca.SX) -> ca.SX:

@@ -14,9 +14,11 @@ import numpy as np
 
 from kinematics.array import Array
 from kinematics.axis import Axis
+from kinematics.body import Body
 from kinematics.clearance import Disc
 from kinematics.errors import MotionError
 from kinematics.hexapod import Hexapod
+from kinematics.load import GRAVITY, Load
 from kinematics.machine import Machine
 
 # Power of ten from SI to the unit in which a field is written.
@@ -28,6 +30,8 @@ _UNITS = {
     "max_jerk": ("mm/s^3", 3),
     "max_force": ("N", 0),
     "max_pulse_rate": ("1/s", 0),
+    "friction": ("N*s/m", 0),
+    "reflected": ("kg", 0),
 }
 
 
@@ -39,7 +43,8 @@ def machine_toml(machine: Machine, comment: str = "") -> str:
     if not isinstance(machine, Hexapod):
         raise MotionError(f"machine {machine.name}: only hexapods are written so far, not {type(machine).__name__}")
     lines = [f"# {line}".rstrip() for line in comment.splitlines()]
-    lines += ["schema = 1", 'kind = "hexapod"', "", "[geometry]", *_geometry(machine), "", *_axes(machine)]
+    lines += ["schema = 1", 'kind = "hexapod"', *_gravity(machine.load), ""]
+    lines += ["[geometry]", *_geometry(machine), "", *_axes(machine), *_load(machine.name, machine.load)]
     return "\n".join(lines) + "\n"
 
 
@@ -64,6 +69,33 @@ def _geometry(machine: Hexapod) -> Iterator[str]:
                 yield f"{key} = {_disc(disc)}"
 
 
+def _gravity(load: Load) -> Iterator[str]:
+    if tuple(load.gravity) != GRAVITY:
+        yield f"gravity = {_vector(load.gravity, 'm/s^2', 0)}"
+
+
+def _load(machine: str, load: Load) -> Iterator[str]:
+    """Tables of what the machine moves, as far as it states any."""
+    if load.platform.mass > 0 or load.wrench.any():
+        yield from ("", "[platform]", *(f"{key} = {text}" for key, text in _body(load.platform)))
+        yield f"force = {_vector(load.wrench[:3], 'N', 0)}"
+        yield f"moment = {_vector(load.wrench[3:], 'N*m', 0)}"
+    if len(load.legs) > 1:
+        raise MotionError(f"machine {machine}: legs of different masses have no place in a machine file")
+    for leg in load.legs:
+        yield from ("", "[legs]")
+        for name, body in (("barrel", leg.barrel), ("rod", leg.rod)):
+            yield f"{name} = {{ {', '.join(f'{key} = {text}' for key, text in _body(body))} }}"
+        if leg.first_axis is not None:
+            yield f"first_axis = {_direction(leg.first_axis)}"
+
+
+def _body(body: Body) -> Iterator[tuple[str, str]]:
+    yield "mass", _quantity(body.mass, "kg", 0)
+    yield "centre", _vector(body.centre, "mm", 3)
+    yield "inertia", f"[{', '.join(_vector(row, 'kg*m^2', 0) for row in body.inertia)}]"
+
+
 def _axes(machine: Machine) -> Iterator[str]:
     """What most axes share, then what each has of its own."""
     written = [dict(_fields(machine.name, axis)) for axis in machine.axes]
@@ -82,7 +114,7 @@ def _fields(machine: str, axis: Axis) -> Iterator[tuple[str, str]]:
     """Key and text of every field of an axis that says something."""
     for field in fields(axis):
         value = getattr(axis, field.name)
-        if field.name in ("name", "kind") or value is None:
+        if field.name in ("name", "kind") or value is None or (field.default == 0 and value == 0):
             continue
         if field.name == "direction":
             yield field.name, f"{value}"

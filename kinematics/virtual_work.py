@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Balance:
-    """What gives the forces at once, and what has to be solved for: f = W_q + …, and Jᵀ f = Bᵀ W_x where it is not zero.
+    """What gives the forces: those that need no solving, and the system Jᵀ f = Bᵀ W_x where there are others.
 
     expression  inputs -> W_q and the axes' own (n), then Bᵀ W_x (n) and Jᵀ row by row (n, n) where they are needed
     axes        n
@@ -54,12 +54,12 @@ class Balance:
         n = self.axes
         if self.expression.size[1] == n:
             return values
-        own, right, flat = values[:, :n], values[:, n : 2 * n], values[:, 2 * n :]
-        if isinstance(flat, Series):
+        if isinstance(values, Series):
+            flat = values[:, 2 * n :]
             shape = (*flat.mid.shape[:-1], n, n)
             matrix = Series(flat.mid.reshape(shape), flat.rad.reshape(shape), flat.order)
-            return own + solve_series(matrix, right)
-        return own + solve(flat.reshape(-1, n, n), right)
+            return values[:, :n] + solve_series(matrix, values[:, n : 2 * n])
+        return np.asarray(values[:, :n] + solve(values[:, 2 * n :].reshape(-1, n, n), values[:, n : 2 * n]))
 
     def __call__(self, inputs: Array) -> Array:
         return self.force(self.expression(inputs))

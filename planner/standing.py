@@ -1,4 +1,4 @@
-"""What no timing can help: reach, travel, tilt and holding still, proved along the whole path before anything is solved."""
+"""What no timing can help: reach, travel, tilt, holding still; proved all along the path before anything is solved."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -10,7 +10,8 @@ from pydantic import Field
 from kinematics.arm import Arm, read_urdf
 from kinematics.errors import MotionError
 from kinematics.kinds.axes import RotaryAxis, axes
-from kinematics.schema import File, Table
+from kinematics.kinds.masses import LoadedFile
+from kinematics.schema import Table
 from kinematics.units import Angle
 
 
@@ -27,7 +28,7 @@ class Own(RotaryAxis):
     name: str
 
 
-class ArmFile(File):
+class ArmFile(LoadedFile):
     """An arm, key by key."""
 
     kind: Literal["arm"]
@@ -48,4 +49,10 @@ def arm(file: ArmFile, name: str, folder: Path | Traversable) -> Arm:
             raise MotionError(f'urdf "{geometry.urdf}" is no file beside the machine file')
         joints = read_urdf(path, geometry.joints, geometry.tool)
     names = geometry.joints
-    return Arm(joints, axes=axes(names, dict.fromkeys(names, file.axes), file.axis), home=geometry.home, name=name)
+    return Arm(
+        joints,
+        axes=axes(names, dict.fromkeys(names, file.axes), file.axis),
+        home=geometry.home,
+        name=name,
+        load=file.load(),
+    )

@@ -10,8 +10,9 @@ from numpy.typing import ArrayLike
 from kinematics.hexapod import Hexapod, joint_circle
 from kinematics.kinds.axes import LinearAxis, LinearDefaults, axes
 from kinematics.kinds.legs import Platforms, Radius, rests
+from kinematics.kinds.masses import Legs, LoadedFile
 from kinematics.kinds.poses import Point
-from kinematics.schema import File, either
+from kinematics.schema import either
 from kinematics.units import Length, Unit
 
 Gap = Annotated[float, Unit("rad", least=0, most=2 * pi / 3)]
@@ -59,16 +60,17 @@ class JointPoints(SixLegs):
         return self.base_joints, self.platform_joints
 
 
-class HexapodFile(File):
+class HexapodFile(LoadedFile):
     """A hexapod's TOML, key by key."""
 
     kind: Literal["hexapod"]
     geometry: Annotated[JointCircles | JointPoints, either(JointCircles, JointPoints)]
     axes: LinearDefaults
     axis: tuple[Leg, ...] = ()
+    legs: Legs | None = None
 
 
 def hexapod(file: HexapodFile, name: str, folder: Path | Traversable) -> Hexapod:
     base, platform = file.geometry.joints()
     own = axes(LEGS, dict.fromkeys(LEGS, file.axes), file.axis)
-    return Hexapod(base, platform, axes=own, name=name, **file.geometry.options())
+    return Hexapod(base, platform, axes=own, name=name, load=file.load(file.legs), **file.geometry.options())

@@ -5,9 +5,10 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 from kinematics.kinds.axes import LinearAxis, LinearDefaults, axes
+from kinematics.kinds.masses import LoadedFile
 from kinematics.kinds.poses import Home
 from kinematics.linkage import Linkage
-from kinematics.schema import File, Table
+from kinematics.schema import Table
 from kinematics.units import Angle, Length, Unit
 
 NAMES = ("a", "b")
@@ -25,7 +26,7 @@ class Own(LinearAxis):
     name: Literal["a", "b"]
 
 
-class LinkageFile(File):
+class LinkageFile(LoadedFile):
     """A linkage, key by key."""
 
     kind: Literal["linkage"]
@@ -44,4 +45,5 @@ def linkage(file: LinkageFile, name: str, folder: Path | Traversable) -> Linkage
         axes=axes(NAMES, dict.fromkeys(NAMES, file.axes), file.axis),
         home=geometry.home.pose,
         name=name,
+        load=file.load(),
     )

@@ -6,8 +6,8 @@ from typing import Annotated, Any, Literal
 
 from kinematics.kinds.axes import LinearAxis, LinearDefaults, axes
 from kinematics.kinds.legs import Platforms, rests
+from kinematics.kinds.masses import Legs, LoadedFile
 from kinematics.kinds.poses import Point
-from kinematics.schema import File
 from kinematics.tripod import Tripod
 
 ARMS = tuple(f"arm{n}" for n in range(1, 4))
@@ -29,13 +29,14 @@ class Own(LinearAxis):
     name: Literal["arm1", "arm2", "arm3"]
 
 
-class TripodFile(File):
+class TripodFile(LoadedFile):
     """A tripod, key by key."""
 
     kind: Literal["tripod"]
     geometry: Geometry
     axes: LinearDefaults
     axis: tuple[Own, ...] = ()
+    legs: Legs | None = None
 
 
 def tripod(file: TripodFile, name: str, folder: Path | Traversable) -> Tripod:
@@ -46,5 +47,6 @@ def tripod(file: TripodFile, name: str, folder: Path | Traversable) -> Tripod:
         axes=axes(ARMS, dict.fromkeys(ARMS, file.axes), file.axis),
         tool=geometry.tool,
         name=name,
+        load=file.load(file.legs),
         **geometry.options(),
     )

@@ -75,7 +75,7 @@ class Limit(ABC):
     """
 
     name: ClassVar[str]
-    terms: ClassVar[frozenset[Term]] = frozenset()
+    terms: frozenset[Term] = frozenset()
     """What its rows use; empty for a geometric limit, which no timing can help."""
     channels: tuple[str, ...]
     bounds: Array

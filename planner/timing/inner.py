@@ -5,6 +5,7 @@ with either in its place is kept. A solution keeps the rows taken around it: sol
 faster.
 """
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -57,6 +58,6 @@ def _mixed(block: Block) -> bool:
     return Term.SD in block.start and len(block.start) > 1
 
 
-def _with(side: dict[Term, Array], one: Array, square: Array) -> dict[Term, Array]:
-    found = {term: values for term, values in side.items() if term is not Term.SD}
+def _with(side: Mapping[Term, Array], one: Array, square: Array) -> dict[Term, Array]:
+    found: dict[Term, Array] = {term: values for term, values in side.items() if term is not Term.SD}
     return found | {Term.ONE: side.get(Term.ONE, 0.0) + one, Term.SD2: side.get(Term.SD2, 0.0) + square}

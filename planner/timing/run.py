@@ -69,7 +69,9 @@ class Attempt:
 def attempt(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int) -> Attempt:
     """The first solve of a run. Raises MotionError when nothing bounds it."""
     if order == 2:
-        problem = pose_problem(path, limits, *grid(path, run, _size(SECOND_ORDER, path, run)))
+        size = _size(SECOND_ORDER, path, run)
+        mixed = any(Term.SD in limit.terms and len(limit.terms) > 1 for limit in limits)
+        problem = pose_problem(path, limits, *grid(path, run, size, _graded(size) if mixed else None))
         _need(problem, Term.SDD, "acceleration")
         return Attempt(problem, second_order(problem), "passes", order)
     problem, start = jerk_problem(path, limits, run)
@@ -95,6 +97,12 @@ def _size(rule: tuple[int, int, int], path: ActuatorPath, run: Run) -> int:
     least, per_piece, per_radian = rule
     turn = float(path.turns[run.first : run.last + 1].sum())
     return max(least, per_piece * (run.last - run.first + 1), int(per_radian * turn))
+
+
+def _graded(intervals: int) -> Array:
+    """Shares of a run, ever denser towards its ends: what falls with ṡ, as √x does, changes fastest there."""
+    even = np.linspace(0.0, 1.0, intervals + 1)
+    return np.asarray(even**2 * (3 - 2 * even))
 
 
 def _third(problem: Problem, guess: Array) -> tuple[Profile, str]:

@@ -12,7 +12,7 @@ from planner.timing.inner import inner, straight
 from planner.timing.problem import Block, Problem
 from planner.timing.profile import Profile
 
-# Growth of ṡ² that each round allows at any place, so that the chords close in; rounds end where they gain less than GAIN.
+# Growth of ṡ² that each round allows anywhere, so that the chords close in; rounds end where one gains less than GAIN.
 GROWTH, GAIN = (8.0, 3.0, 1.0, 0.5, 0.25, 0.1, 0.05, 0.02, 0.01, 0.005), 1e-7
 TERMS = frozenset({Term.ONE, Term.SD, Term.SD2, Term.SDD})
 Solver = Literal["passes", "toppra"]
