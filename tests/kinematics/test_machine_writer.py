@@ -97,7 +97,7 @@ def test_what_takes_up_room_comes_back(preset, again):
 
 
 def test_what_it_moves_comes_back(preset, again):
-    moments = [[3e-4, 1e-5, 0], [1e-5, 3e-4, -2e-6], [0, -2e-6, 1e-5]]
+    moments = [[3e-4, 1e-6, 0], [1e-6, 3e-4, -2e-6], [0, -2e-6, 1e-5]]
     leg = Leg(Body(0.2, [0, 1e-3, 0.06], moments), Body(1 / 7), [0.3, 1, 0])
     load = Load(Body(4 / 3, [0, 0, 0.1], np.diag([0.1, 0.2, 0.15])), leg, [0.1, 0, 9.8], [0, 1, -10, 0.2, 0, 0])
     found = again(preset.carrying(load)).load

@@ -7,18 +7,23 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from kinematics import MotionError
+from kinematics import Hexapod, MotionError
 from kinematics.axis import Axis
+from kinematics.body import Body
+from kinematics.load import Load
 from planner import Arc, Line, Program, Turn
 from planner.actuation import PolynomialPath, points_of
 from planner.limits import Term, limits_of
 from planner.limits.acceleration import Acceleration
+from planner.limits.force import Force
+from planner.limits.holding import Holding
 from planner.limits.jerk import Jerk
 from planner.limits.pulse_rate import PulseRate
 from planner.limits.registry import AXIS_LIMITS, MACHINE_LIMITS
 from planner.limits.speed import Speed
 from planner.limits.tilt import Tilt
 from planner.limits.tool_speed import ToolSpeed
+from planner.limits.torque_speed import TorqueSpeed
 from planner.limits.travel import Travel
 from planner.plan import actuate
 from planner.timing.problem import pose_problem
@@ -50,7 +55,14 @@ ZOO = {
     Travel: Case(lambda limit, piece: -bounds(limit, piece)),
     Tilt: Case(lambda limit, piece: np.cos(bounds(limit, piece))),
     ToolSpeed: Case(lambda limit, piece: limit.caps[piece][:, None] ** 2, row=np.sqrt),
+    Holding: Case(bounds),
+    Force: Case(bounds, row=lambda value: value),
+    TorqueSpeed: Case(bounds, row=lambda value: value),
 }
+# Only the lines that a speed lies on count: see test_torque_speed.
+BY_LINES = {TorqueSpeed}
+# What holds the machine still does not fall when it slows: see test_force.
+STAYS = {Force, TorqueSpeed}
 
 
 def test_every_limit_is_in_the_zoo():
@@ -58,7 +70,22 @@ def test_every_limit_is_in_the_zoo():
 
 
 @pytest.fixture(scope="module")
-def path(hexapod):
+def machine(hexapod):
+    """The preset with everything that an axis may state, and something to carry."""
+    curve = ((0.0, 220.0), (0.01, 200.0), (0.02, 120.0), (0.04, 100.0))
+    own = {"max_pulse_rate": 2e4, "friction": 50.0, "reflected": 0.5, "torque_speed": curve}
+    return Hexapod(
+        hexapod.base,
+        hexapod.platform,
+        axes=[replace(axis, **own) for axis in hexapod.axes],
+        home=hexapod.home,
+        max_tilt=np.deg2rad(35),
+        load=Load(Body(20.0, [0.01, 0, 0.05], np.diag([0.1, 0.2, 0.15]))),
+    )
+
+
+@pytest.fixture(scope="module")
+def path(machine):
     program = Program(
         [
             Line([0.01, 0, 0.02], Rotation.from_euler("XYZ", [3, -4, 5], degrees=True), speed=0.03),
@@ -67,13 +94,12 @@ def path(hexapod):
         ],
         start=RigidTransform.from_components([0, 0, 0.025], Rotation.identity()),
     )
-    return actuate(program, hexapod)
+    return actuate(program, machine)
 
 
 @pytest.fixture(scope="module")
-def limits(path, hexapod):
-    axes = [replace(axis, max_pulse_rate=2e4) for axis in hexapod.axes]
-    return {type(limit): limit for limit in limits_of(path, axes, 3)}
+def limits(path, machine):
+    return {type(limit): limit for limit in limits_of(path, machine.axes, 3)}
 
 
 @pytest.fixture(scope="module", params=list(ZOO), ids=lambda kind: kind.__name__)
@@ -83,6 +109,20 @@ def limit(request, limits):
 
 @pytest.fixture(scope="module", params=[kind for kind in ZOO if ZOO[kind].row], ids=lambda kind: kind.__name__)
 def timing_limit(request, limits):
+    return limits[request.param]
+
+
+@pytest.fixture(scope="module", params=[kind for kind in ZOO if kind not in BY_LINES], ids=lambda kind: kind.__name__)
+def even_limit(request, limits):
+    return limits[request.param]
+
+
+@pytest.fixture(
+    scope="module",
+    params=[kind for kind in ZOO if ZOO[kind].row and kind not in STAYS],
+    ids=lambda kind: kind.__name__,
+)
+def falling_limit(request, limits):
     return limits[request.param]
 
 
@@ -146,11 +186,13 @@ def test_rows_sum_to_the_value_that_the_certificate_bounds(timing_limit, motion)
     # and both are shares of the same bound
     use = timing_limit.use(value, value, motion.trajectory.piece)
     share = np.abs(total) / bound
-    assert share[moves] == pytest.approx(use[moves], rel=1e-9, abs=1e-12)
+    counts = use > 0 if type(timing_limit) in BY_LINES else np.ones(use.shape, bool)
+    assert counts.any(0).all()
+    assert share[moves][counts[moves]] == pytest.approx(use[moves][counts[moves]], rel=1e-9, abs=1e-12)
 
 
-def test_use_is_one_exactly_at_the_bound(limit):
-    piece = np.array([0, 1])
+def test_use_is_one_exactly_at_the_bound(even_limit):
+    limit, piece = even_limit, np.array([0, 1])
     full = ZOO[type(limit)].full(limit, piece)
     assert np.abs(limit.use(full, full, piece) - 1).max() <= 2**-51  # a root or an arc cosine may round
     for share in (0.5, 0.999, 1.001, 1.4):
@@ -159,7 +201,8 @@ def test_use_is_one_exactly_at_the_bound(limit):
         assert use == pytest.approx(np.sqrt(share) if isinstance(limit, ToolSpeed) else share, rel=1e-12)
 
 
-def test_use_of_a_range_is_its_worst_value_s(limit, motion):
+def test_use_of_a_range_is_its_worst_value_s(even_limit, motion):
+    limit = even_limit
     value = limit.value(motion.state)
     piece = motion.trajectory.piece
     low, high = np.minimum(value, value[::-1]), np.maximum(value, value[::-1])
@@ -170,17 +213,17 @@ def test_use_of_a_range_is_its_worst_value_s(limit, motion):
 
 
 @pytest.mark.parametrize("excess", [1.0, 1 + 1e-6, 1.3, 40.0])
-def test_slowness_brings_a_motion_to_the_limit(timing_limit, motion, excess):
+def test_slowness_brings_a_motion_to_the_limit(falling_limit, motion, excess):
     """Slowed k times, each term falls by its own power of k; a motion that used `excess` then uses 1."""
 
     def used(motion):
-        value = timing_limit.value(motion.state)
-        return timing_limit.use(value, value, motion.trajectory.piece).max()
+        value = falling_limit.value(motion.state)
+        return falling_limit.use(value, value, motion.trajectory.piece).max()
 
-    power = {Speed: 1, Acceleration: 2, PulseRate: 1, Jerk: 3, ToolSpeed: 1}[type(timing_limit)]
+    power = {Speed: 1, Acceleration: 2, PulseRate: 1, Jerk: 3, ToolSpeed: 1}[type(falling_limit)]
     quick = motion.slowed((used(motion) / excess) ** (1 / power))
     assert used(quick) == pytest.approx(excess, rel=1e-12)
-    k = timing_limit.slowness(used(quick))
+    k = falling_limit.slowness(used(quick))
     assert used(quick.slowed(k)) == pytest.approx(1.0, rel=1e-12)
 
 
@@ -203,7 +246,7 @@ def test_channels_bounds_and_units_belong_together(limit, motion):
     assert len(limit.channels) == len(limit.bounds) == len(limit.units) == limit.value(motion.state).shape[1]
     for channel, (unit, scale) in enumerate(limit.units):
         said, allowed = limit.told(float(ZOO[type(limit)].full(limit, np.zeros(1, int))[0, channel]), channel)
-        expected = {"deg": 180 / np.pi, "mm": 1e3, "1": 1.0}
+        expected = {"deg": 180 / np.pi, "mm": 1e3, "1": 1.0, "N": 1.0}
         assert scale == expected[unit.split("/")[0]]
         if not isinstance(limit, ToolSpeed):  # whose value is a square
             assert said == pytest.approx(allowed, rel=1e-12, abs=1e-12)
