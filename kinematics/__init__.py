@@ -16,6 +16,7 @@ from kinematics.forward import Forward
 from kinematics.hexapod import Hexapod
 from kinematics.leadscrew_axis import Leadscrew, Slide, StepMotor, Traverse
 from kinematics.linkage import Linkage
+from kinematics.load import Load
 from kinematics.machine import Machine
 from kinematics.margins import Margins
 from kinematics.motion import Motion, motion_of_axes, motion_of_poses
@@ -51,6 +52,7 @@ __all__ = [
     "Leadscrew",
     "Leg",
     "Linkage",
+    "Load",
     "Machine",
     "Margins",
     "Measurements",

@@ -85,9 +85,9 @@ def forces(
     legs       a hexapod's leg, or six: then they have inertia, in closed loops
     reflected  kg or kg·m², one or (n,): rotors and screws as each axis feels them; adds reflected · q̈ to its force
 
-    What is not given is as the machine states it (`Machine.load`, its axes), friction always; mostly that is nothing. An
-    arm's links weigh what its URDF says. Raises MotionError for
-    a singular pose, for what does not fit the machine, and where pinocchio is needed (legs, arm) but not installed.
+    What is not given is as the machine states it (`Machine.load`, its axes), friction always; mostly that is nothing.
+    An arm's links weigh what its URDF says. Raises MotionError for a singular pose, for what does not fit the machine,
+    and where pinocchio is needed (legs, arm) but not installed.
     """
     moving = motion if isinstance(motion, Motion) else motion_of_axes(machine, motion)
     n, count = len(machine.axes), len(moving)

@@ -33,10 +33,11 @@ def exact(matrix, right):
     found = []
     for k in range(ORDER + 1):
         rows = [[Fraction(v) for v in row] for row in matrix[0]]
+        earlier = [(j, m) for j in range(1, k + 1) for m in range(n)]
         rest = [
-            Fraction(right[k, i]) - sum(Fraction(matrix[j, i, m]) * found[k - j][m] for j in range(1, k + 1) for m in range(n))
+            Fraction(right[k, i]) - sum(Fraction(matrix[j, i, m]) * found[k - j][m] for j, m in earlier)
             for i in range(n)
-        ]  # fmt: skip
+        ]
         for c in range(n):
             top = max(range(c, n), key=lambda r: abs(rows[r][c]))
             rows[c], rows[top], rest[c], rest[top] = rows[top], rows[c], rest[top], rest[c]

@@ -118,7 +118,7 @@ def test_what_has_to_be_pushed(preset):
 
 
 def test_another_load_leaves_the_machine_as_it_is(preset):
-    pose = RigidTransform.from_components(preset.home.translation + [0, 0, 0.02], Rotation.identity())
+    pose = RigidTransform.from_components(preset.home.translation + np.array([0, 0, 0.02]), Rotation.identity())
     at = np.concatenate([numbers(pose), [preset.inverse(pose)]], 1)
     light, heavy = (preset.carrying(Load(Body(mass))) for mass in (1.0, 2.0))
     once = light.holding_map(at)

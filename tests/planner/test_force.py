@@ -1,4 +1,4 @@
-"""Forces that bind: analytic answers of one axis, independent dynamics along whole plans, and what cannot hold still."""
+"""Forces that bind: analytic answers of one axis, independent dynamics along whole plans, what cannot hold still."""
 
 from dataclasses import replace
 
@@ -9,13 +9,14 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from kinematics import Body, Leg, MotionError, Traverser, forces, load_machine
 from kinematics.load import GRAVITY, Load
 from planner import Arc, Line, Program, plan
+from planner.baseline import classical
 from planner.certify import certify
 from planner.enclosure import Cells, bounds, enclose
 from planner.limits import limits_of, unkept
 from planner.limits.force import Force, slowness
 from planner.limits.holding import Holding
-from planner.plan import actuate
 from planner.place import Infeasible
+from planner.plan import actuate
 from planner.trajectory import Trajectory
 
 G = -GRAVITY[2]
@@ -98,7 +99,7 @@ def test_an_arm_keeps_its_torques():
     pytest.importorskip("pinocchio")
     arm = with_axes(load_machine("arm"), max_force=9.0)
     home = arm.home.translation
-    program = Program([Line(home + [-0.1, 0.05, 0.1])], frame="base")
+    program = Program([Line(home + np.array([-0.1, 0.05, 0.1]))], frame="base")
     found = plan(program, arm, order=2)
     assert found.certificate.holds
     free = plan(program, load_machine("arm"), order=2)
@@ -139,7 +140,7 @@ def test_every_value_lies_in_the_enclosure_of_its_cell(name):
 
 
 def test_a_machine_that_cannot_hold_itself_is_told_so_first(hexapod):
-    """The weight of 100 kg: the worst leg, the place, the force there by `forces`, and the limit."""
+    """The weight of 140 kg: the worst leg, the place, the force there by `forces`, and the limit."""
     heavy = hexapod.carrying(Load(Body(140.0, [0.05, 0, 0.1])))
     with pytest.raises(Infeasible, match="the machine cannot hold itself still there") as refusal:
         plan(TILTED, heavy, order=2)
@@ -180,14 +181,14 @@ def test_slowed_so_much_a_motion_keeps_the_limit(use, held, power):
 
 
 def test_a_motion_slowed_keeps_its_forces(hexapod):
-    """A motion far too fast, slowed by what its limit says: proved to keep it, and no slower than by the formula."""
+    """A motion far too fast, slowed by what its limit says: proved to keep it."""
     heavy = with_axes(hexapod, Load(HEAVY), friction=30.0)
     path = actuate(TILTED, heavy)
     limit = Force(heavy, path)
     length = float(path.breaks[-1])
 
     def hop(time):
-        """A quarter of the way up and down again at constant acceleration."""
+        """From rest to rest with one acceleration up and down."""
         a = length / (time / 2) ** 2
         knots, s = np.array([0.0, time / 2, time]), np.array([0.0, length / 2])
         return Trajectory(
@@ -218,3 +219,12 @@ def test_forces_alone_bound_a_motion(slide):
     axes = [replace(axis, max_acceleration=None, reflected=2.0) for axis in bare.axes]
     alone = Traverser(axes=axes, home=RigidTransform.identity())
     assert plan(UP, alone, order=2).trajectory.duration == pytest.approx(2 * np.sqrt(0.3 * 2 / 30), rel=1e-6)
+
+
+def test_the_classical_trapezoid_pays_for_friction_too(slide):
+    """Up: m V²/2d + c V = F − mg at the end of the ramp; the best d by trying all, to the grid of 3000: 1e-4."""
+    found = classical(plan(UP, slide(2.0, max_force=30.0, friction=8.0), order=2))
+    d = np.linspace(1e-3, 0.15, 100_001)
+    v = (-8 + np.sqrt(64 + 4 * (30 - 2 * G) / d)) / (2 / d)
+    assert found.certificate.holds
+    assert found.duration == pytest.approx(((0.3 + 2 * d) / v).min(), rel=1e-4)

@@ -11,10 +11,11 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from kinematics import Axis, Body, MotionError, Traverser, forces
 from kinematics.load import GRAVITY, Load
 from planner import Line, Program, plan
+from planner.baseline import classical
 from planner.limits.pull_out import Curve
 from planner.limits.torque_speed import TorqueSpeed
-from planner.plan import actuate
 from planner.place import Infeasible
+from planner.plan import actuate
 
 G = -GRAVITY[2]
 CONCAVE = ((0.0, 40.0), (0.5, 35.0), (1.0, 25.0))
@@ -163,10 +164,19 @@ def test_what_has_no_bound_uses_without_bound(limit):
 
 
 def test_a_motor_that_gives_less_than_the_weight_at_rest_is_told_first(slide):
-    with pytest.raises(Infeasible, match="holding force .* is beyond 19 N .*cannot hold itself still there"):
+    with pytest.raises(Infeasible, match=r"holding force .* is beyond 19 N .*cannot hold itself still there"):
         plan(Program([Line([0, 0, 0.1])]), slide(2.0, max_force=30.0, torque_speed=((0.1, 19.0), (1.0, 5.0))))
 
 
 def test_a_motor_without_force_is_refused():
     with pytest.raises(MotionError, match="axis z: torque_speed gives no force at rest"):
         Curve.of(Axis("z", torque_speed=((0.0, 0.0), (1.0, 0.0))))
+
+
+@pytest.mark.parametrize("name", ["mixed", "convex"])
+def test_the_classical_trapezoid_uses_the_curve_up(slide, name):
+    """It is slower than the plan, and its ramps reach the curve."""
+    found = plan(Program([Line([0, 0, 0.3])]), slide(2.0, torque_speed=CURVES[name]), order=2)
+    trapezoid = classical(found)
+    assert trapezoid.duration > found.trajectory.duration
+    assert 0.99 < trapezoid.certificate.worst["torque-speed"] <= 1 + 1e-6
