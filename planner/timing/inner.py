@@ -37,9 +37,10 @@ def inner(problem: Problem, speed: Array | None = None, highest: Array | None = 
             blocks.append(block)
             continue
         tangents, chords = [], []
-        for side, part in ((block.start, slice(None, -1)), (block.end, slice(1, None))):
+        for side, part, last in ((block.start, slice(None, -1), 0), (block.end, slice(1, None), -1)):
             drop = side[Term.SD].copy()
-            drop[0 if side is block.start else -1] = 0.0  # at rest there, whatever the motion
+            if known[last] == 0:  # the run rests there, whatever the motion
+                drop[last] = 0.0
             if speed is None:
                 room = np.maximum(block.room[:, None] - np.abs(side.get(Term.ONE, 0.0)), LEAST)
                 touched = room / np.where(drop != 0, np.abs(drop), 1.0)
