@@ -37,7 +37,10 @@ class Axis:
     max_speed, max_acceleration, max_jerk  one number, or two: (towards smaller q, towards greater q)
     pulse           m or rad that one pulse moves the axis
     direction       +1/-1: the sign in which a positive coordinate is counted by the wiring
-    torque_speed    ((speed, force), ...) curve of the motor, speeds rising; the forces mostly fall
+    torque_speed    ((speed, force), ...) pull-out curve of the motor, speeds rising: what force it gives at a speed and
+                    at every lower one; below the first point as there, none beyond the last
+    friction        N s/m or N m s/rad: a viscous force, against q̇
+    reflected       kg or kg m²: rotors and screws as the axis feels them
     max_pulse_rate  1/s
     resonance       ((low, high), ...) rising bands of speed |q̇| in which a stepper resonates [Sasidhar 1981]
     resonance_time  s that each stay in a band may last; None: the axis keeps below the first band
@@ -57,6 +60,8 @@ class Axis:
     max_jerk: Magnitude | None = None
     max_force: float | None = None
     torque_speed: tuple[tuple[float, float], ...] | None = None
+    friction: float = 0.0
+    reflected: float = 0.0
     max_pulse_rate: float | None = None
     resonance: tuple[tuple[float, float], ...] | None = None
     resonance_time: float | None = None
@@ -116,6 +121,8 @@ class Axis:
         if number(f"axis {self.name}: direction must be 1 or -1", self.direction) in (1, -1):
             object.__setattr__(self, "direction", int(self.direction))
         number(f"axis {self.name}: backlash must be a number of {self.unit}, not below 0", self.backlash, least=0)
+        for field in ("friction", "reflected"):
+            number(f"axis {self.name}: {field} must be finite and not below 0 (0: none)", getattr(self, field), least=0)
         self._curve("lead_error", -LARGEST)
         self._curve("torque_speed", 0.0)
         if (self.card is None) != (self.channel is None):

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 from kinematics.array import Array, frozen
 from kinematics.axis import Axis
 from kinematics.errors import MotionError, OutOfReach
+from kinematics.load import Load
 from kinematics.machine import Machine, side
 from kinematics.pose import Pose
 
@@ -44,6 +45,7 @@ class Linkage(Machine):
         home: Pose,
         near: ArrayLike | None = None,
         name: str = "linkage",
+        load: Load | None = None,
     ) -> None:
         self.base_a, self.base_b = (_point(name, *pair) for pair in (("base_a", base_a), ("base_b", base_b)))
         if np.linalg.norm(self.base_b - self.base_a) < 1e-9:
@@ -55,7 +57,7 @@ class Linkage(Machine):
         self.offset, self.angle = float(offset), float(angle)
         self.characteristic_length = max(self.offset, float(np.linalg.norm(self.base_b - self.base_a)) / 2)
         longer = [self.offset * abs(np.cos(self.angle)) + 1.0, 0.0]
-        super().__init__(name, axes, home, longer if near is None else near)
+        super().__init__(name, axes, home, longer if near is None else near, load)
         for axis, length in zip(self.axes, self.home_q, strict=True):
             if np.isfinite(axis.travel[0]) and length + axis.travel[0] <= 0:
                 raise MotionError(

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 from kinematics.array import POSITIVE, number, unit_vectors
 from kinematics.axis import Axis
 from kinematics.errors import MotionError
+from kinematics.load import Load
 from kinematics.machine import Machine
 from kinematics.pose import Pose, checked
 
@@ -37,6 +38,7 @@ class Traverser(Machine):
         directions: ArrayLike | None = None,
         length: float = 0.1,
         name: str = "traverser",
+        load: Load | None = None,
     ) -> None:
         told = f"machine {name}: directions must be three vectors (3, 3), finite and not zero"
         self.directions = unit_vectors(told, np.eye(3) if directions is None else directions, (3, 3))
@@ -45,7 +47,7 @@ class Traverser(Machine):
         told = f"machine {name}: length per radian must be finite and above 0, in m"
         self.characteristic_length = number(told, length, least=POSITIVE)
         self._held = checked(name, "home", home, single=True)[0, 3:].reshape(3, 3)
-        super().__init__(name, axes, home)
+        super().__init__(name, axes, home, load=load)
 
     def expression(self, position: ca.SX, rotation: ca.SX, near: ca.SX) -> ca.SX:
         turn = rotation @ self._held.T
