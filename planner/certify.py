@@ -58,6 +58,20 @@ class Known:
     use: dict[str, Array]
     attained: dict[str, Array]
 
+    @classmethod
+    def nothing(cls, limits: Sequence[Limit], pieces: int) -> "Known":
+        use, attained = ({limit.name: np.full(pieces, np.nan) for limit in limits} for _ in range(2))
+        return cls(use, attained)
+
+    @classmethod
+    def joined(cls, parts: "Sequence[Known]") -> "Known":
+        """Of time pieces one after the other."""
+        use, attained = (
+            {name: np.concatenate([getattr(part, each)[name] for part in parts]) for name in parts[0].use}
+            for each in ("use", "attained")
+        )
+        return cls(use, attained)
+
 
 def certify(trajectory: Trajectory, limits: Sequence[Limit], known: Known | None = None) -> Certificate:
     """Prove what the trajectory uses of every limit, and that it is the motion asked for.

@@ -2,22 +2,26 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
+from functools import partial
+from itertools import chain, pairwise
+from typing import NoReturn
 
 import numpy as np
 
-from kinematics.array import Array
 from kinematics.errors import MotionError
 from planner.actuation import ActuatorPath
 from planner.certify import TOLERANCE, Certificate, Known, certify
 from planner.limits.limit import Limit
+from planner.parallel import Progress, spread
+from planner.proved import ROUNDS, Proved, Prover, Timing
 from planner.standing import refusal, standing
 from planner.timing.problem import Run
 from planner.timing.profile import Profile
 from planner.timing.run import attempt
 from planner.trajectory import Trajectory
 
-ROUNDS = 8
+# Runs that are proved together: what one of them takes is more than handing it to another process.
+PART = 8
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,62 +43,56 @@ class Solution:
         return f"{self.trajectory.duration:.6f} s at order {self.order}, by {solvers}; {self.certificate}"
 
 
-def fastest(path: ActuatorPath, limits: Sequence[Limit], order: int) -> Solution:
-    """Solve and certify. Raises Infeasible where a geometric limit is broken, MotionError where no round holds."""
+def fastest(path: ActuatorPath, limits: Sequence[Limit], order: int, progress: Progress | None = None) -> Solution:
+    """Solve and certify. Raises Infeasible where a geometric limit is broken, MotionError where no round holds.
+
+    progress is told how many of the runs from rest to rest are solved, and of how many.
+    """
     for worst in standing(path, limits).violations:
         raise worst
+    return proved(path, limits, order, partial(attempt, order=order), progress)
+
+
+def proved(
+    path: ActuatorPath, limits: Sequence[Limit], order: int, timing: Timing, progress: Progress | None = None
+) -> Solution:
+    """The motion of every run as `timing` makes it, in several processes where that pays, and the proof of the whole.
+
+    Runs go in parts of PART to whichever process is free; each part is solved and proved by itself, so that what
+    becomes of it does not depend on who does it.
+    """
     stops = np.flatnonzero(path.stops(order))
-    attempts = [attempt(path, limits, Run(int(a), int(b) - 1), order) for a, b in pairwise(stops)]
-    trajectory, owner = assemble(path, [attempt.profile for attempt in attempts], stops)
-    certificate = certify(trajectory, limits)
-    rounds = 1
-    while not certificate.holds:
+    runs = [Run(int(a), int(b) - 1) for a, b in pairwise(stops)]
+    parts = [runs[first : first + PART] for first in range(0, len(runs), PART)]
+    solved = 0
+
+    def done(part: Sequence[Run]) -> None:
+        nonlocal solved
+        solved += len(part)
+        if progress is not None:
+            progress(solved, len(runs))
+
+    found = list(chain(*spread(Prover(path, tuple(limits), order, timing), parts, done)))
+    trajectory, known = assemble(path, limits, found, stops)
+    certificate = certify(trajectory, limits, known)
+    if not certificate.holds:
         _refuse(trajectory, limits, certificate)
-        if rounds == ROUNDS:
-            raise MotionError(f"no motion could be proved within {ROUNDS} rounds; what remained:\n{certificate}")
-        failed = set()
-        for n, tried in enumerate(attempts):
-            use = {name: values[owner == n] for name, values in certificate.use.items()}
-            if any(values.max() > 1 + TOLERANCE for values in use.values()):
-                slowness = max(limit.slowness(float(use[limit.name].max())) for limit in limits)
-                attempts[n] = tried.tightened(use, slowness)
-                failed.add(n)
-        before = owner
-        trajectory, owner = assemble(path, [attempt.profile for attempt in attempts], stops)
-        certificate = certify(trajectory, limits, _known(certificate, before, owner, failed))
-        rounds += 1
-    return Solution(trajectory, certificate, tuple(limits), order, rounds, tuple(a.method for a in attempts))
+    rounds = max(one.rounds for one in found)
+    return Solution(trajectory, certificate, tuple(limits), order, rounds, tuple(one.method for one in found))
 
 
-def assemble(path: ActuatorPath, profiles: Sequence[Profile], stops: np.ndarray) -> tuple[Trajectory, np.ndarray]:
-    """The runs one after the other, the rests between, and whose each time piece is: run n, or −1 − n at stop n."""
-    parts: list[tuple[Profile, int]] = []
+def assemble(
+    path: ActuatorPath, limits: Sequence[Limit], found: Sequence[Proved], stops: np.ndarray
+) -> tuple[Trajectory, Known]:
+    """The runs one after the other with the rests between, and what is proved of them: of the rests, nothing yet."""
+    parts: list[tuple[Profile, Known]] = []
     for n, stop in enumerate(stops):
         if path.dwells[stop] > 0:
-            parts.append((_rest(path, int(stop)), -1 - n))
-        if n < len(profiles):
-            parts.append((profiles[n], n))
-    joined = Profile(
-        *(np.concatenate([getattr(part, name) for part, _ in parts]) for name in ("s", "v", "a", "j", "h", "piece"))
-    )
-    knots = np.concatenate([[0.0], np.cumsum(joined.h)])
-    owner = np.concatenate([np.full(len(part.h), n) for part, n in parts])
-    return Trajectory(path, knots, joined.s, joined.v, joined.a, joined.j, joined.piece), owner
-
-
-def _known(certificate: Certificate, before: np.ndarray, after: np.ndarray, failed: set[int]) -> Known:
-    """What stays proved of the parts that were not solved again, laid out as the new trajectory has them."""
-
-    def carried(values: Array) -> Array:
-        laid = np.full(len(after), np.nan)
-        for part in set(after.tolist()) - failed:
-            laid[after == part] = values[before == part]
-        return laid
-
-    return Known(
-        {name: carried(values) for name, values in certificate.use.items()},
-        {name: carried(values) for name, values in certificate.attained.items()},
-    )
+            parts.append((_rest(path, int(stop)), Known.nothing(limits, 1)))
+        if n < len(found):
+            parts.append((found[n].profile, found[n].known))
+    joined = Profile.joined([profile for profile, _ in parts])
+    return joined.along(path), Known.joined([known for _, known in parts])
 
 
 def _rest(path: ActuatorPath, stop: int) -> Profile:
@@ -102,8 +100,8 @@ def _rest(path: ActuatorPath, stop: int) -> Profile:
     return Profile(path.breaks[[stop]], nothing, nothing, nothing, path.dwells[[stop]], np.array([max(stop - 1, 0)]))
 
 
-def _refuse(trajectory: Trajectory, limits: Sequence[Limit], certificate: Certificate) -> None:
-    """Faults that no tightening mends."""
+def _refuse(trajectory: Trajectory, limits: Sequence[Limit], certificate: Certificate) -> NoReturn:
+    """Why there is no proof."""
     for limit in limits:
         if limit.geometric and certificate.worst[limit.name] > 1 + TOLERANCE:
             place = certificate.where[limit.name]
@@ -116,3 +114,4 @@ def _refuse(trajectory: Trajectory, limits: Sequence[Limit], certificate: Certif
             f"the motion could not be proved: {unproved[0]} at {certificate.where[unproved[0]]} has no bound; "
             "this is a fault of the planner: report it"
         )
+    raise MotionError(f"no motion could be proved within {ROUNDS} rounds; what remained:\n{certificate}")

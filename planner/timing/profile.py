@@ -1,10 +1,13 @@
 """A motion along one run, as the solvers return it."""
 
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
 from kinematics.array import Array
+from planner.actuation import ActuatorPath
+from planner.trajectory import Trajectory
 
 
 @dataclass(frozen=True, slots=True)
@@ -17,6 +20,15 @@ class Profile:
     j: Array
     h: Array
     piece: np.ndarray
+
+    @classmethod
+    def joined(cls, profiles: "Sequence[Profile]") -> "Profile":
+        """One after the other."""
+        return cls(*(np.concatenate([getattr(one, part.name) for one in profiles]) for part in fields(cls)))
+
+    def along(self, path: ActuatorPath) -> Trajectory:
+        knots = np.concatenate([[0.0], np.cumsum(self.h)])
+        return Trajectory(path, knots, self.s, self.v, self.a, self.j, self.piece)
 
     @property
     def duration(self) -> float:
