@@ -15,6 +15,7 @@ from planner.enclosure import Cells, bounds, enclose
 from planner.limits.limit import Limit, Term
 from planner.place import Place
 from planner.trajectory import Trajectory
+from planner.walk import walk
 
 TOLERANCE = 1e-6
 """A limit holds when its proven bound is at most 1 + TOLERANCE: room for the solvers' own tolerance."""
@@ -30,6 +31,8 @@ ROUNDING = 1e-13
 LOOKED = 201
 # Cells that are looked at together: their series stay in the processor's cache.
 TOGETHER = 1024
+# States that are computed together: a state holds far more than what is kept of it.
+FEW = 1 << 14
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,12 +81,18 @@ def certify(trajectory: Trajectory, limits: Sequence[Limit], known: Known | None
 
     It runs the whole path once, forwards, from rest to rest, and is as smooth as its order asks: nothing jumps.
 
-    known spares the work on time pieces that did not change since they were proved.
+    known spares the work on time pieces of which the timing limits are proved already. What a geometric limit uses
+    depends on the place alone: it is proved once along the path, and each time piece has what the parts of the path
+    use through which it passes.
     """
     order = 3 if any(Term.SDDD in limit.terms for limit in limits) else 2
-    use, attained = prove(trajectory, limits, order, known)
+    timed, standing = ([limit for limit in limits if limit.geometric is still] for still in (False, True))
+    use, attained = prove(trajectory, timed, order, known)
+    for every, some in zip((use, attained), _placed(trajectory, standing), strict=True):
+        every |= some
     worst = {name: float(values.max()) for name, values in use.items()}
-    where = {limit.name: _place(trajectory, limit, int(np.argmax(use[limit.name]))) for limit in limits}
+    most = {limit.name: attained if limit.geometric else use for limit in limits}
+    where = {limit.name: _place(trajectory, limit, int(np.argmax(most[limit.name][limit.name]))) for limit in limits}
     for name, place in (_jumps(trajectory, order) | _gaps(trajectory)).items():
         worst[name], where[name] = float("inf"), place
     return Certificate(
@@ -125,6 +134,27 @@ def prove(
     return use, attained
 
 
+def _placed(trajectory: Trajectory, limits: Sequence[Limit]) -> tuple[dict[str, Array], dict[str, Array]]:
+    """Per geometric limit, what `prove` gives, from one walk along the path."""
+    if not limits:
+        return {}, {}
+    along = walk(trajectory.path)
+    proven, _ = prove(along, limits, 2)
+    k, lengths = np.arange(len(trajectory.s)), np.diff(trajectory.knots)
+    state = trajectory.within(np.append(k, k[-1]), np.append(0.0 * lengths, lengths[-1]))
+    slack = JUMP * (along.s[-1] - along.s[0])  # by which `_gaps` lets a motion stray
+    first = np.searchsorted(along.s, np.minimum(state.s[:-1], state.s[1:]) - slack, side="right") - 1
+    last = np.searchsorted(along.s, np.maximum(state.s[:-1], state.s[1:]) + slack, side="right")
+    ranges = np.stack([np.clip(first, 0, len(along.s) - 1), np.maximum(last, 1)], 1).ravel()
+    use, attained = {}, {}
+    for limit in limits:
+        use[limit.name] = np.maximum.reduceat(np.append(proven[limit.name], 0.0), ranges)[::2]
+        value = limit.value(state)
+        met = limit.use(value, value, state.piece).max(1)
+        attained[limit.name] = np.maximum(met[:-1], met[1:])
+    return use, attained
+
+
 def _judge(trajectory: Trajectory, limits: Sequence[Limit], cells: Cells, expansion: int) -> tuple[Array, Array]:
     """Over each of N cells, the bound of every limit's use over all its channels, and the use attained: (limits, N).
 
@@ -147,17 +177,13 @@ def _judge(trajectory: Trajectory, limits: Sequence[Limit], cells: Cells, expans
 
 def _jumps(trajectory: Trajectory, order: int) -> dict[str, Place]:
     """Each quantity that is not continuous between the pieces, or not at rest at the ends, and where it jumps most."""
-    k = np.arange(len(trajectory.s))
-    start, end = trajectory.within(k, np.zeros(len(k))), trajectory.within(k, np.diff(trajectory.knots))
-    rest = np.zeros((1, start.q.shape[1]))
-    quantities = {
-        "position jump": (start.q, end.q, start.q[:1], end.q[-1:]),
-        "speed jump": (start.qd, end.qd, rest, rest),
-    }
-    if order == 3:
-        quantities["acceleration jump"] = (start.qdd, end.qdd, rest, rest)
+    lengths = np.diff(trajectory.knots)
+    start, end = _states(trajectory, order, np.zeros(len(lengths))), _states(trajectory, order, lengths)
     found: dict[str, Place] = {}
-    for name, (starts, ends, before, after) in quantities.items():
+    for n, name in enumerate(("position jump", "speed jump", "acceleration jump")[:order]):
+        starts, ends = start[n], end[n]
+        rest = np.zeros((1, starts.shape[1]))
+        before, after = (rest, rest) if n else (starts[:1], ends[-1:])
         gaps = np.abs(np.concatenate([starts, after]) - np.concatenate([before, ends]))
         # rounding is that of each axis' own values, and of what they were made from together
         scale = np.ptp(starts, axis=0) + 1e-6 * np.abs(starts).max(0)
@@ -166,6 +192,15 @@ def _jumps(trajectory: Trajectory, order: int) -> dict[str, Place]:
             knot, axis = np.unravel_index(int(np.argmax(np.where(np.isnan(beyond), np.inf, beyond))), beyond.shape)
             found[name] = _at(trajectory, float(trajectory.knots[knot]), trajectory.path.names[axis])
     return found
+
+
+def _states(trajectory: Trajectory, order: int, tau: Array) -> list[Array]:
+    """q, q̇ (and q̈ at order 3), each (M, n), tau (M,) after the start of every time piece."""
+    parts = []
+    for first in range(0, len(tau), FEW):
+        state = trajectory.within(np.arange(first, min(first + FEW, len(tau))), tau[first : first + FEW])
+        parts.append((state.q, state.qd, state.qdd)[:order])
+    return [np.concatenate(each) for each in zip(*parts, strict=True)]
 
 
 def _gaps(trajectory: Trajectory) -> dict[str, Place]:

@@ -46,7 +46,7 @@ class Proved:
 
 @dataclass(frozen=True, slots=True)
 class Prover:
-    """Runs -> their motions, each proved to keep every limit that slowing helps, or given up after ROUNDS."""
+    """Runs -> their motions, each proved to keep every limit on time, or given up after ROUNDS."""
 
     path: ActuatorPath
     limits: tuple[Limit, ...]
@@ -63,7 +63,7 @@ class Prover:
                 break
             for n in again:
                 use = known[n].use
-                slowness = max(limit.slowness(float(use[limit.name].max())) for limit in self.limits)
+                slowness = max(limit.slowness(float(use[limit.name].max())) for limit in self._timed)
                 timed[n] = timed[n].tightened(use, slowness)
                 rounds[n] += 1
             for n, what in zip(again, self._prove([timed[n] for n in again]), strict=True):
@@ -75,7 +75,7 @@ class Prover:
     def _prove(self, timed: Sequence[Timed]) -> list[Known]:
         """All in one go: what each uses of the limits."""
         joined = Profile.joined([one.profile for one in timed])
-        use, attained = prove(joined.along(self.path), self.limits, self.order)
+        use, attained = prove(joined.along(self.path), self._timed, self.order)
         ends = np.cumsum([len(one.profile.h) for one in timed])[:-1]
         parts = [{name: np.split(values, ends) for name, values in each.items()} for each in (use, attained)]
         return [
@@ -83,8 +83,10 @@ class Prover:
         ]
 
     def _exceeds(self, known: Known) -> bool:
-        """Whether it exceeds a limit, and slowing helps."""
-        worst = {limit: float(known.use[limit.name].max()) for limit in self.limits}
-        return max(worst.values()) > 1 + TOLERANCE and all(
-            use <= 1 + TOLERANCE or (use < np.inf and not limit.geometric) for limit, use in worst.items()
-        )
+        """Whether it exceeds a limit, by what slowing can mend."""
+        return 1 + TOLERANCE < max(float(known.use[limit.name].max()) for limit in self._timed) < np.inf
+
+    @property
+    def _timed(self) -> list[Limit]:
+        """The limits that timing can help; the others say the same of every timing."""
+        return [limit for limit in self.limits if not limit.geometric]

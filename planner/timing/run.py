@@ -50,7 +50,7 @@ class Attempt:
     def tightened(self, use: Mapping[str, Array], slowness: float) -> "Attempt":
         """Solved again with less room wherever the certificate found a limit exceeded: use per limit and interval.
 
-        Where that does not help, or hardly matters, the same motion slowed as a whole: what holds wherever anything does.
+        Where that does not help, or hardly matters, the same motion slowed as a whole: what holds if anything does.
         """
         if self.tries < TRIES and self.method != AVERAGED and slowness > 1 + SLIGHTLY:
             blocks = []
