@@ -3,7 +3,7 @@
 from typing import Any
 
 from planner.bare import time_optimal
-from planner.baseline import Classical, classical
+from planner.baselines import Classical, classical
 from planner.certify import Certificate
 from planner.place import Infeasible, Place
 from planner.plan import Plan, check, plan

@@ -140,19 +140,23 @@ def _placed(trajectory: Trajectory, limits: Sequence[Limit]) -> tuple[dict[str, 
         return {}, {}
     along = walk(trajectory.path)
     proven, _ = prove(along, limits, 2)
-    k, lengths = np.arange(len(trajectory.s)), np.diff(trajectory.knots)
-    state = trajectory.within(np.append(k, k[-1]), np.append(0.0 * lengths, lengths[-1]))
+    # every knot: the start of each time piece, and the end of the last
+    pieces = len(trajectory.s)
+    k, tau = np.minimum(np.arange(pieces + 1), pieces - 1), np.zeros(pieces + 1)
+    tau[-1] = trajectory.knots[-1] - trajectory.knots[-2]
+    s, met = np.empty(pieces + 1), {limit.name: np.empty(pieces + 1) for limit in limits}
+    for some in (slice(first, first + FEW) for first in range(0, pieces + 1, FEW)):
+        state = trajectory.within(k[some], tau[some])
+        s[some] = state.s
+        for limit in limits:
+            value = limit.value(state)
+            met[limit.name][some] = limit.use(value, value, state.piece).max(1)
     slack = JUMP * (along.s[-1] - along.s[0])  # by which `_gaps` lets a motion stray
-    first = np.searchsorted(along.s, np.minimum(state.s[:-1], state.s[1:]) - slack, side="right") - 1
-    last = np.searchsorted(along.s, np.maximum(state.s[:-1], state.s[1:]) + slack, side="right")
+    first = np.searchsorted(along.s, np.minimum(s[:-1], s[1:]) - slack, side="right") - 1
+    last = np.searchsorted(along.s, np.maximum(s[:-1], s[1:]) + slack, side="right")
     ranges = np.stack([np.clip(first, 0, len(along.s) - 1), np.maximum(last, 1)], 1).ravel()
-    use, attained = {}, {}
-    for limit in limits:
-        use[limit.name] = np.maximum.reduceat(np.append(proven[limit.name], 0.0), ranges)[::2]
-        value = limit.value(state)
-        met = limit.use(value, value, state.piece).max(1)
-        attained[limit.name] = np.maximum(met[:-1], met[1:])
-    return use, attained
+    use = {name: np.maximum.reduceat(np.append(values, 0.0), ranges)[::2] for name, values in proven.items()}
+    return use, {name: np.maximum(values[:-1], values[1:]) for name, values in met.items()}
 
 
 def _judge(trajectory: Trajectory, limits: Sequence[Limit], cells: Cells, expansion: int) -> tuple[Array, Array]:

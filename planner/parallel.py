@@ -13,7 +13,8 @@ from time import perf_counter
 from types import ModuleType
 from typing import Any, TypeVar
 
-Task, Result = TypeVar("Task"), TypeVar("Result")
+Task = TypeVar("Task")
+Result = TypeVar("Result")
 Progress = Callable[[int, int], None]
 """Called with how much is done, and of how much; what it counts is its giver's to say."""
 

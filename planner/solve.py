@@ -72,7 +72,7 @@ def proved(
         if progress is not None:
             progress(solved, len(runs))
 
-    found = list(chain(*spread(Prover(path, tuple(limits), order, timing), parts, done)))
+    found: list[Proved] = [*chain(*spread(Prover(path, tuple(limits), order, timing), parts, done))]
     trajectory, known = assemble(path, limits, found, stops)
     certificate = certify(trajectory, limits, known)
     if not certificate.holds:

@@ -37,7 +37,7 @@ def write(folder: Path, job: Job, inputs: Inputs) -> None:
     motion_json.write(job.plan.trajectory, folder / MOTION)
     trajectory_csv.write(job.plan, folder / TRAJECTORY)
     pulse_csv.write(job.plan.pulses, folder / PULSES, [axis.direction for axis in job.plan.machine.axes])
-    write_report(job.plan, job.classical, job.metrics, folder / REPORT, verdict=job.verdict)
+    write_report(job.plan, job.classical, job.metrics, folder / REPORT, verdict=job.verdict, others=job.others)
     (folder / RECORD).write_text(as_json(of_plan(job, inputs)), encoding="utf-8")
 
 
