@@ -79,9 +79,9 @@ def _in_processes(packed: bytes, tasks: Sequence[Task], done: Callable[[Task], N
     except BrokenProcessPool:
         pass
     except BaseException:
-        pool.shutdown(wait=False, cancel_futures=True)
         for process in set(multiprocessing.active_children()) - before:
             process.terminate()
+            process.join()
         raise
     finally:
         pool.shutdown(wait=True, cancel_futures=True)

@@ -10,6 +10,7 @@ from kinematics.machine import Machine
 from planner.actuation import MachinePath
 from planner.certify import Certificate
 from planner.limits import Limit, limits_of
+from planner.parallel import Progress
 from planner.path.chain import chain
 from planner.place import Infeasible
 from planner.program import Program
@@ -53,11 +54,19 @@ def actuate(program: Program, machine: Machine) -> MachinePath:
     return MachinePath(machine, chained.pieces, chained.stops, chained.dwells)
 
 
-def plan(program: Program, machine: Machine, *, order: int | None = None, clock_hz: int = 10_000_000) -> Plan:
+def plan(
+    program: Program,
+    machine: Machine,
+    *,
+    order: int | None = None,
+    clock_hz: int = 10_000_000,
+    progress: Progress | None = None,
+) -> Plan:
     """The fastest motion of a machine along a program, proved to respect every limit, and its pulses.
 
-    order 2 keeps speed and acceleration, 3 jerk as well; None: 3 where the machine states jerk limits. Raises
-    Infeasible (what, where, by how much, remedy), OutOfReach, or MotionError.
+    order 2 keeps speed and acceleration, 3 jerk as well; None: 3 where the machine states jerk limits. progress is told
+    how many of the runs from rest to rest are solved, and of how many. Raises Infeasible (what, where, by how much,
+    remedy), OutOfReach, or MotionError.
     """
     if order is None:
         order = 3 if any(axis.max_jerk is not None for axis in machine.axes) else 2
@@ -67,7 +76,7 @@ def plan(program: Program, machine: Machine, *, order: int | None = None, clock_
         raise MotionError(f"clock_hz {clock_hz} must be a positive whole number of ticks per second")
     path = actuate(program, machine)
     limits = limits_of(path, machine.axes, order)
-    solution = fastest(path, limits, order)
+    solution = fastest(path, limits, order, progress)
     pulses = _pulses(solution.trajectory, machine, int(clock_hz))
     return Plan(
         program,
