@@ -5,6 +5,7 @@ from typing import Any
 from planner.bare import time_optimal
 from planner.baselines import Classical, classical
 from planner.certify import Certificate
+from planner.many import plan_many
 from planner.place import Infeasible, Place
 from planner.plan import Plan, check, plan
 from planner.program import Arc, Blend, Dwell, Line, Program, Stop, Turn
@@ -16,7 +17,7 @@ from planner.trajectory import State, Trajectory
 __all__ = [
     "Arc", "Blend", "Certificate", "Classical", "Dwell", "Infeasible", "Line", "Place", "Plan", "Program",
     "PulseSchedule", "Solution", "Standing", "State", "Stop", "Trajectory", "Turn", "check", "classical",
-    "load_program", "plan", "program_names", "time_optimal",
+    "load_program", "plan", "plan_many", "program_names", "time_optimal",
 ]  # fmt: skip
 
 

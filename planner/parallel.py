@@ -42,7 +42,7 @@ def spread(
         results.append(work(task))
         done(task)
         waiting = (len(tasks) - len(results)) * (perf_counter() - begin)
-        if len(results) >= TRIED and waiting > ENOUGH and _cores() > 1 and multiprocessing.parent_process() is None:
+        if len(results) >= TRIED and waiting > ENOUGH and cores() > 1 and multiprocessing.parent_process() is None:
             break
     rest = list(left)
     packed = _packed(work) if rest else None
@@ -68,10 +68,10 @@ def _in_processes(packed: bytes, tasks: Sequence[Task], done: Callable[[Task], N
     results: list[Any] = []
     before = set(multiprocessing.active_children())
     pool = ProcessPoolExecutor(
-        min(_cores(), len(tasks)), multiprocessing.get_context("spawn"), initializer=_begin, initargs=(packed,)
+        min(cores(), len(tasks)), multiprocessing.get_context("spawn"), initializer=_begin, initargs=(packed,)
     )
     try:
-        with _main_hidden():
+        with main_hidden():
             futures: list[Future[Any]] = [pool.submit(_do, task) for task in tasks]
         for task, future in zip(tasks, futures, strict=True):
             results.append(future.result())
@@ -100,8 +100,8 @@ def _do(task: Any) -> Any:
 
 
 @contextmanager
-def _main_hidden() -> Iterator[None]:
-    """A process that starts would run the caller's script again, which few scripts are made for; it need not."""
+def main_hidden() -> Iterator[None]:
+    """Around the start of processes: each would run the caller's script again, and few scripts are made for it."""
     main = sys.modules["__main__"]
     sys.modules["__main__"] = ModuleType("__main__")
     try:
@@ -110,7 +110,8 @@ def _main_hidden() -> Iterator[None]:
         sys.modules["__main__"] = main
 
 
-def _cores() -> int:
+def cores() -> int:
+    """Processor cores that this process may use."""
     try:
         return len(os.sched_getaffinity(0))
     except AttributeError:  # not on every system

@@ -58,6 +58,7 @@ if TYPE_CHECKING:
         classical,
         load_program,
         plan,
+        plan_many,
         program_names,
         time_optimal,
     )
@@ -106,6 +107,7 @@ __all__ = [
     "load_program",
     "machine_names",
     "plan",
+    "plan_many",
     "program_names",
     "time_optimal",
     "track",

@@ -24,7 +24,7 @@ from planner.solve import fastest
 def eager(monkeypatch):
     """Two processes, however little there is to do."""
     monkeypatch.setattr(parallel, "ENOUGH", 0.0)
-    monkeypatch.setattr(parallel, "_cores", lambda: 2)
+    monkeypatch.setattr(parallel, "cores", lambda: 2)
 
 
 def where(task):
@@ -88,7 +88,7 @@ SCRIPT = """
     import signal, sys, time
     import kinematics, planner.parallel as parallel
     print("begins", flush=True)
-    parallel.ENOUGH, parallel._cores = 0.0, lambda: 2
+    parallel.ENOUGH, parallel.cores = 0.0, lambda: 2
     try:
         print(sum(parallel.spread({work}, [0.01] * 2 + [{wait}] * 6) or [0]), flush=True)
     except KeyboardInterrupt:
