@@ -28,7 +28,9 @@ def load_program(name_or_path: str | PathLike[str]) -> Program:
     document = read(source)
     model = build(document, ProgramFile, plain=declared(document.data, PLAIN_UNITS))
     segments = [entry.segment(document.line(("segment", n))) for n, entry in enumerate(model.segment)]
-    return Program(tuple(segments), model.frame, _pose(model.start), model.machine, Path(source.name).stem)
+    return Program(
+        tuple(segments), model.frame, _pose(model.start), model.machine, Path(source.name).stem, model.duration
+    )
 
 
 def program_names() -> tuple[str, ...]:
@@ -154,5 +156,6 @@ class ProgramFile(File):
     length: Annotated[str, unit_of("m")] | None = None
     angle: Annotated[str, unit_of("rad")] | None = None
     frame: Frame = "home"
+    duration: Annotated[float, Unit("s", above=0)] | None = None
     start: Annotated[tuple[float, ...], chosen(_start_type)] | None = None
     segment: Annotated[tuple[SegmentEntry, ...], Field(description=_SOME_SEGMENT), AfterValidator(_not_empty)]

@@ -113,6 +113,7 @@ class Program:
     frame    "home": relative to the machine's home pose, or "base": in the machine's base frame
     start    first pose, in the program's frame; None: the machine's home pose
     machine  name or path of the machine it is meant for, if it says so
+    duration  s that the whole is to take, as smoothly as it can; None: as little as it can
     Raises MotionError for an empty program or an unknown frame.
     """
 
@@ -121,6 +122,7 @@ class Program:
     start: Pose | None = None
     machine: str | None = None
     name: str = "program"
+    duration: float | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "segments", tuple(self.segments))
@@ -128,6 +130,7 @@ class Program:
             raise MotionError(f"program {self.name} is empty: give it at least one line, arc, turn or dwell")
         if self.frame not in ("home", "base"):
             raise MotionError(f'program {self.name}: frame "{self.frame}" is neither "home" nor "base"')
+        _positive(f"program {self.name}", "duration", self.duration, "s")
 
 
 def _vector(segment: str, name: str, value: ArrayLike) -> Array:

@@ -75,7 +75,7 @@ class Attempt:
 def attempt(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int) -> Attempt:
     """The first solve of a run. Raises MotionError when nothing bounds it."""
     if order == 2:
-        problem = pose_problem(path, limits, *grid(path, run, _size(2, path, run)))
+        problem = pose_problem(path, limits, *grid(path, run, size(2, path, run)))
         _need(problem, Term.SDD, "acceleration")
         return Attempt(problem, second_order(problem), "passes", order)
     problem, start = jerk_problem(path, limits, run)
@@ -92,12 +92,13 @@ def jerk_problem(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> tuple
     _need(coarse, Term.SDDD, "jerk")
     coarse, window = _second_order_start(coarse)
     start = Smoothed(second_order(coarse), window)
-    shares = (start.spread(_size(3, path, run)) - coarse.s[0]) / (coarse.s[-1] - coarse.s[0])
+    shares = (start.spread(size(3, path, run)) - coarse.s[0]) / (coarse.s[-1] - coarse.s[0])
     s, piece = grid(path, run, len(shares) - 1, np.clip(shares, 0.0, 1.0))
     return pose_problem(path, limits, s, piece), start
 
 
-def _size(order: int, path: ActuatorPath, run: Run) -> int:
+def size(order: int, path: ActuatorPath, run: Run) -> int:
+    """Intervals that a run's grid needs."""
     whole = _whole_size(SECOND_ORDER if order == 2 else THIRD_ORDER, path, run)
     per_change, sizes = FEWER[order]
     wanted = per_change * _change(path, run)
