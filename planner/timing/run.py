@@ -23,6 +23,8 @@ SECOND_ORDER, THIRD_ORDER, START = (1000, 50, 40), (240, 12, 10), (400, 20, 20)
 # rounded up to one of a few sizes, since the problem of each order-3 size is built once. Measured on lines of the
 # hexapod: durations stay within 3e-4 of those on 8000 (order 2) and 960 intervals (order 3).
 FEWER = {2: (2000, (250, 350, 500, 700)), 3: (600, (160, 200))}
+# On such a grid at order 2, each interval at whose ends s̈ steps by this share of the largest is cut in so many.
+STEPS, PARTS = 0.2, 8
 # Points of each piece at which its directions are looked at.
 LOOKED = 17
 # A motion that holds once it is so much slower is slowed: that costs no more than another solve would be off.
@@ -75,8 +77,11 @@ class Attempt:
 def attempt(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int) -> Attempt:
     """The first solve of a run. Raises MotionError when nothing bounds it."""
     if order == 2:
-        problem = pose_problem(path, limits, *grid(path, run, size(2, path, run)))
+        intervals = size(2, path, run)
+        problem = pose_problem(path, limits, *grid(path, run, intervals))
         _need(problem, Term.SDD, "acceleration")
+        if intervals < SECOND_ORDER[0]:
+            problem = pose_problem(path, limits, *_finer(problem, second_order(problem)))
         return Attempt(problem, second_order(problem), "passes", order)
     problem, start = jerk_problem(path, limits, run)
     try:
@@ -95,6 +100,16 @@ def jerk_problem(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> tuple
     shares = (start.spread(size(3, path, run)) - coarse.s[0]) / (coarse.s[-1] - coarse.s[0])
     s, piece = grid(path, run, len(shares) - 1, np.clip(shares, 0.0, 1.0))
     return pose_problem(path, limits, s, piece), start
+
+
+def _finer(problem: Problem, motion: Profile) -> tuple[Array, np.ndarray]:
+    """The grid with every interval cut in PARTS about which s̈ steps: it cannot step inside one, and that takes time."""
+    step = np.abs(np.diff(motion.a, prepend=0.0, append=0.0)) > STEPS * np.abs(motion.a).max()
+    count = np.where(step[:-1] | step[1:], PARTS, 1)
+    first = np.repeat(np.cumsum(count) - count, count)
+    share = (np.arange(count.sum()) - first) / np.repeat(count, count)
+    s = np.repeat(problem.s[:-1], count) + share * np.repeat(np.diff(problem.s), count)
+    return np.append(s, problem.s[-1]), np.repeat(problem.piece, count)
 
 
 def size(order: int, path: ActuatorPath, run: Run) -> int:
