@@ -66,9 +66,9 @@ def meaning(pulse: Pulse) -> str:
     errors = abs(pulse.value - pulse.step.length) / pulse.error if 0 < pulse.error < np.inf else np.nan
     times = f", {errors:.1f} standard errors" if isfinite(errors) else ""
     return (
-        f"{text} The catalogue has {scale * pulse.step.length:g} {unit} ({pulse.step.name}), "
-        f"{100 * (pulse.step.length / pulse.nominal - 1):+.2f} % against the machine file; {100 * rest:+.2f} %{times}, "
-        "remain."
+        f"{text} Near it is {scale * pulse.step.length:g} {unit} ({pulse.step.name}), "
+        f"{100 * (pulse.step.length / pulse.nominal - 1):+.2f} % against the machine file: if these are the machine's "
+        f"actuators, {100 * rest:+.2f} %{times}, remain."
     )
 
 

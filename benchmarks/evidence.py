@@ -65,9 +65,16 @@ def calibrated() -> list[str]:
         ]
         for check in axis_checks(found)
     ]
+    parts = [
+        [check.label, what, *(f"{np.rad2deg(value):.3f}" for value in (seen - sent, said - sent))]
+        for check in axis_checks(found)
+        for what, (sent, seen, said) in (("tilt from z", check.tilt), ("heading of the tilt about z", check.heading))
+    ]
     header = ("pose", "commanded − measured (deg)", "predicted − measured (deg)", "repetition (deg)", "explained")
     # all legs have the common factor: one of them says it
-    return [fit, left_out, meaning(pulses(found)[0]), markdown(header, checks)]
+    of_it = "Of it, the tilt is nearly all the factor's; the heading is not, and so the turn as a whole is unexplained:"
+    of_which = markdown(("pose", "", "measured − commanded (deg)", "predicted − commanded (deg)"), parts)
+    return [fit, left_out, meaning(pulses(found)[0]), markdown(header, checks), of_it, of_which]
 
 
 SECTIONS = (
@@ -155,8 +162,11 @@ def main() -> None:
     text = page()
     if out is None:
         print(text, end="")
-    else:
+        return
+    try:
         out.write_text(text, encoding="utf-8")
+    except OSError as error:
+        parser.error(f"cannot write {out}: {error.strerror}")
 
 
 if __name__ == "__main__":

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from itertools import cycle
-from math import inf
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -49,12 +49,13 @@ def summary(plan: Plan, classical: Classical, verdict: PulseCheck) -> dict[str, 
     """The table that the page begins with, as it stands there."""
     saved = classical.duration - plan.trajectory.duration
     bare, kept = ("", "speed and acceleration") if plan.order == 2 else (BARE_JERK, "speed, acceleration and jerk")
+    again = f", run {plan.program.repeat} times" if plan.program.repeat > 1 else ""
     radian = f"a pure turn counts its angle times {1e3 * plan.machine.characteristic_length:.3f} mm"
     return {
         "Duration": f"{plan.trajectory.duration:.6f} s",
         "Classical timing": f"{classical.duration:.6f} s{bare}",
         "Time saved": f"{saved:.6f} s ({100 * saved / classical.duration:.2f} %)",
-        "Segments": f"{len(plan.program.segments)}",
+        "Segments": f"{len(plan.program.segments)}{again}",
         "Length of the path": f"{1e3 * float(plan.path.breaks[-1]):.3f} mm ({radian})",
         "Order": f"{plan.order} ({kept})",
         "Solved by": f"{', '.join(sorted(set(plan.methods)))}; the proof held in round {plan.rounds}",
@@ -160,6 +161,7 @@ def _page(
         others=others,
         metrics=metrics,
         verdict=verdict,
+        triggers=plan.triggers,
         summary=summary(plan, classical, verdict),
         saved=classical.duration - plan.trajectory.duration,
         bare_jerk=BARE_JERK,
@@ -174,12 +176,13 @@ def _page(
 def _allowed(limit: Limit) -> str:
     """The bounds of a limit in the units that people read; their range where the channels differ."""
     shown: dict[str, list[float]] = {}
-    for bound, (unit, scale) in zip(limit.bounds.tolist(), limit.units, strict=True):
-        if bound < inf:
-            shown.setdefault(unit, []).append(bound * scale)
+    for channel, (unit, scale) in enumerate(limit.units):
+        both = (limit.told(side, channel)[1] for side in (-1.0, 1.0))
+        shown.setdefault(unit, []).extend(bound * scale for bound in both if isfinite(bound))
     return ", ".join(
         f"{' … '.join(f'{bound:.6g}' for bound in sorted({min(bounds), max(bounds)}))} {unit}"
         for unit, bounds in shown.items()
+        if bounds
     )
 
 

@@ -14,8 +14,8 @@ from planner import load_program
 from planner.limits import limits_of
 from planner.plan import actuate
 from planner.solve import fastest
+from planner.timing.posing import jerk_problem
 from planner.timing.problem import Run, grid, pose_problem
-from planner.timing.run import jerk_problem
 from planner.timing.second_order import second_order
 from planner.timing.third_order import third_order
 

@@ -114,7 +114,7 @@ def evaluate(tracking: Tracking, plan: Trajectory | Planned, machine: Machine, *
 
     def series(name: str, unit: str, value: Array) -> ErrorSeries:
         worst = int(np.abs(value).argmax())
-        where = Place(float(planned.s[worst]), path.segment(int(planned.piece[worst])), float(t[worst]))
+        where = path.place(float(planned.s[worst]), int(planned.piece[worst]), float(t[worst]))
         return ErrorSeries(name, unit, frozen(value), where)
 
     following = actual - tracking.reference[::every]

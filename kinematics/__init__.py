@@ -1,11 +1,19 @@
 """Machines: pose <-> actuator coordinates, joint tilt, travel, and proofs about them."""
 
 from kinematics.accuracy import Budget, error_budget
-from kinematics.arm import Arm
+from kinematics.arm import Arm, Joints
 from kinematics.axis import Axis
 from kinematics.beam import Beam
-from kinematics.body import Body, Leg
-from kinematics.calibration import Calibration, Measurements, calibrate
+from kinematics.body import Body, Leg, cylinder
+from kinematics.calibration import (
+    Calibration,
+    Measurements,
+    Noise,
+    calibrate,
+    calibration_parts,
+    measured_positions,
+    whole_poses,
+)
 from kinematics.catalogue import Actuator, Joint, load_actuators, load_joints
 from kinematics.clearance import Disc
 from kinematics.deflection import Deflection
@@ -13,10 +21,11 @@ from kinematics.dynamics import Forces, forces
 from kinematics.error_sources import Backlash, LeadError, PulseLength, Quantization, Temperature
 from kinematics.errors import Fault, FileError, MotionError, OutOfReach
 from kinematics.forward import Forward
-from kinematics.hexapod import Hexapod
+from kinematics.hexapod import Hexapod, joint_circle
 from kinematics.leadscrew_axis import Leadscrew, Slide, StepMotor, Traverse
 from kinematics.linkage import Linkage
 from kinematics.machine import Machine
+from kinematics.machine_writer import machine_toml
 from kinematics.margins import Margins
 from kinematics.motion import Motion, motion_of_axes, motion_of_poses
 from kinematics.needs import ActuatorNeed, AxisMotion, JointNeed, actuator_need, joint_need
@@ -25,6 +34,7 @@ from kinematics.selection import Selection, select_parts
 from kinematics.sizing import StepperSizing, size_stepper
 from kinematics.traverser import Traverser
 from kinematics.tripod import Tripod
+from kinematics.urdf import read_urdf
 from kinematics.workspace import Workspace, workspace
 
 __all__ = [
@@ -47,6 +57,7 @@ __all__ = [
     "Hexapod",
     "Joint",
     "JointNeed",
+    "Joints",
     "LeadError",
     "Leadscrew",
     "Leg",
@@ -56,6 +67,7 @@ __all__ = [
     "Measurements",
     "Motion",
     "MotionError",
+    "Noise",
     "OutOfReach",
     "Pose",
     "PulseLength",
@@ -71,18 +83,25 @@ __all__ = [
     "Workspace",
     "actuator_need",
     "calibrate",
+    "calibration_parts",
+    "cylinder",
     "error_budget",
     "forces",
+    "joint_circle",
     "joint_need",
     "load_actuators",
     "load_joints",
     "load_machine",
     "load_measurements",
     "machine_names",
+    "machine_toml",
+    "measured_positions",
     "motion_of_axes",
     "motion_of_poses",
+    "read_urdf",
     "select_parts",
     "size_stepper",
+    "whole_poses",
     "workspace",
 ]
 

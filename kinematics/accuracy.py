@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinematics.array import Array, frozen
+from kinematics.array import Array, frozen, quantities
 from kinematics.effect import Source
 from kinematics.errors import MotionError
 from kinematics.freedom import COMPONENTS
@@ -85,8 +85,8 @@ class Budget:
         return f"error budget of {self.machine}, {poses}\n{aligned(header, rows)}"
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """The position error by source: along the poses, or as bars for one; kinematics.accuracy_plots has more."""
-        from kinematics.accuracy_plots import position_error
+        """The position error by source: along the poses, or as bars for one; kinematics.plots has more."""
+        from kinematics.plots import position_error
 
         return position_error(self, ax)
 
@@ -113,12 +113,16 @@ def error_budget(
           what `Temperature` lets grow.
     Raises OutOfReach for a pose off the machine, MotionError for a singular one, and what the sources raise.
     """
+    if not isinstance(sources, Sequence) or not all(hasattr(source, "effect") for source in sources):
+        raise MotionError(
+            f"error budget of {machine.name}: sources must be a list such as [Quantization()], not {sources!r}"
+        )
     if not sources:
         raise MotionError(f"error budget of {machine.name}: no sources; give at least one, e.g. Quantization()")
-    if not pose.single and not len(pose):
+    x = numbers(pose)
+    if not len(x):
         raise MotionError(f"error budget of {machine.name}: no poses")
     q = np.atleast_2d(machine.inverse(pose, near))
-    x = numbers(pose)
     if machine.follows:
         x = machine.carried_map(machine.inputs(x, q))
     poses, inverse = from_numbers(x), sensitivity(machine, x, q)
@@ -141,10 +145,8 @@ def _contribution(source: Source, machine: Machine, pose: Pose, q: Array, invers
 
 def _carried_to(machine: Machine, tool: ArrayLike | None, pose: Pose) -> Array:
     """(N, 6, 6) from the twist at the platform's origin to that at the tool: v + ω × R t."""
-    point = np.zeros(3) if tool is None else np.asarray(tool, float)
-    if point.shape != (3,) or not np.isfinite(point).all():
-        raise MotionError(f"error budget of {machine.name}: tool must be one finite point (3,) in m, not {tool!r}")
-    arm = pose.rotation.apply(point)
+    point = np.zeros(3) if tool is None else quantities(tool, f"error budget of {machine.name}: tool", (3,), unit="m")
+    arm = pose.rotation.apply(point.copy())  # SciPy refuses what is read-only
     carry = np.broadcast_to(np.eye(6), (len(arm), 6, 6)).copy()
     # ω × r = −[r]× ω
     x, y, z = arm.T

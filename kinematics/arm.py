@@ -1,19 +1,17 @@
-"""The serial arm: a yaw and two parallel joints (3R), its geometry read from a URDF."""
+"""The serial arm: a yaw and two parallel joints (3R)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from kinematics.array import Array, frozen
+from kinematics.array import Array
 from kinematics.axis import Axis
-from kinematics.errors import Fault, FileError, MotionError
-from kinematics.machine import Machine
-from kinematics.pinocchio_adapter import pinocchio
+from kinematics.errors import MotionError
+from kinematics.machine import Machine, side
 from kinematics.pose import Pose, numbers
 from kinematics.traverser import nearest
 
@@ -45,7 +43,8 @@ class Arm(Machine):
         A₂ = atan2(z, r) − atan2(l₃ sin E, l₂ + l₃ cos E);
 
     the joints turn by A₂ and E less what they are at q = 0. Elbow (the sign of E), side (whether the arm reaches to the
-    front of its yaw or over its back) and turns are those at `near`. x, y, z are controlled, the orientation follows.
+    front of its yaw or over its back) and turns are those at `near`; a pose that only the other side reaches gets that.
+    x, y, z are controlled, the orientation follows.
     """
 
     freedom = ("x", "y", "z")
@@ -84,12 +83,12 @@ class Arm(Machine):
 
     def expression(self, position: ca.SX, rotation: ca.SX, near: ca.SX) -> ca.SX:
         _, second, bend = (self._sense[k] * near[k] + self._zero[k] for k in range(3))
-        side = ca.sign(self.out + self.upper * ca.cos(second) + self.fore * ca.cos(second + bend))
+        front = side(self.out + self.upper * ca.cos(second) + self.fore * ca.cos(second + bend))
         x, y = position[0] - self.joints.points[0, 0], position[1] - self.joints.points[0, 1]
-        reach = side * ca.sqrt(x**2 + y**2 - self.aside**2)
+        reach = front * ca.sqrt(x**2 + y**2 - self.aside**2)
         r, z = reach - self.out, position[2] - self.height
         cosine = (r**2 + z**2 - self.upper**2 - self.fore**2) / (2 * self.upper * self.fore)
-        sine = ca.sqrt(1 - cosine**2) * ca.sign(ca.sin(bend))
+        sine = ca.sqrt(1 - cosine**2) * side(ca.sin(bend))
         beside, along = self.fore * sine, self.upper + self.fore * cosine
         angles = [
             (y * reach - x * self.aside, x * reach + y * self.aside),
@@ -102,6 +101,12 @@ class Arm(Machine):
         """q_k, near, of the angle sense·q + zero that has this sine and cosine (times what is positive)."""
         sense, zero = float(self._sense[k]), float(self._zero[k])
         return sense * (nearest(sine, cosine, sense * near + zero) - zero)
+
+    def alternatives(self, near: Array) -> list[Array]:
+        """The same place over the other side: half a turn of the yaw, A₂ → π − A₂, E → −E."""
+        yaw, second, bend = self._sense * near + self._zero
+        over = np.array([yaw + np.pi, np.pi - second, -bend])
+        return [self._sense * (over - self._zero)]
 
     def carried(self, position: ca.SX, rotation: ca.SX, q: ca.SX) -> tuple[ca.SX, ca.SX]:
         turned = ca.SX.eye(3)
@@ -122,42 +127,3 @@ class Arm(Machine):
 
     def start(self, q: Array, near: Array) -> Array:
         return numbers(self.pose_of(q))
-
-
-def read_urdf(path: Path, joints: Sequence[str], tool: str) -> Joints:
-    """The named joints and tool frame of a URDF at q = 0, by pinocchio. Raises FileError for what it does not hold."""
-    pin = pinocchio("an arm's URDF")
-    try:
-        model = pin.buildModelFromUrdf(str(path))
-    except (ValueError, RuntimeError) as failure:
-        raise FileError(str(path), [Fault("", str(failure))]) from failure
-    if not isinstance(tool, str) or not model.existFrame(tool):
-        known = ", ".join(frame.name for frame in model.frames)
-        raise FileError(str(path), [Fault("tool", f"there is no frame {tool!r}; there are {known}")])
-    absent = [name for name in joints if not model.existJointName(name)]
-    if absent or len(joints) != 3 or model.nv != 3:
-        known = ", ".join(list(model.names)[1:])
-        raise FileError(
-            str(path), [Fault("joints", f"wanted are three revolute joints, {list(joints)}; there are {known}")]
-        )
-    data = model.createData()
-    pin.framesForwardKinematics(model, data, pin.neutral(model))
-    points = [data.oMi[model.getJointId(name)].translation.copy() for name in joints]
-    # at q = 0, and with unit speed of one joint after the other: its axis in the base frame
-    directions = []
-    for name in joints:
-        speeds = np.zeros(3)
-        speeds[model.joints[model.getJointId(name)].idx_v] = 1.0
-        pin.forwardKinematics(model, data, pin.neutral(model), speeds)
-        spin = pin.getVelocity(model, data, model.getJointId(name), pin.ReferenceFrame.LOCAL_WORLD_ALIGNED)
-        directions.append(spin.angular.copy())
-    pin.framesForwardKinematics(model, data, pin.neutral(model))
-    frame = data.oMf[model.getFrameId(tool)]
-    moved = [data.oMi[k].act(model.inertias[k]) for k in (model.getJointId(name) for name in joints)]
-    return Joints(
-        frozen(points),
-        frozen(directions),
-        frozen(frame.translation),
-        frozen(frame.rotation),
-        tuple((float(link.mass), frozen(link.lever), frozen(link.inertia)) for link in moved),
-    )

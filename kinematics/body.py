@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from kinematics.array import Array, frozen
+from kinematics.array import Array, frozen, quantities
 from kinematics.errors import MotionError
 
 # Rounding, as a share of the largest moment, that an inertia may be off what a rigid body can have.
@@ -29,13 +29,10 @@ class Body:
     name: str = "body"
 
     def __post_init__(self) -> None:
-        centre, inertia = np.asarray(self.centre, float), np.asarray(self.inertia, float)
-        if not (0 <= self.mass < np.inf):
+        if quantities(self.mass, f"{self.name}: mass", (), unit="kg") < 0:
             raise MotionError(f"{self.name}: mass {self.mass} kg must be finite and not below 0")
-        if centre.shape != (3,) or not np.isfinite(centre).all():
-            raise MotionError(f"{self.name}: centre must be a finite point (3,) in m, not {self.centre!r}")
-        if inertia.shape != (3, 3) or not np.isfinite(inertia).all():
-            raise MotionError(f"{self.name}: inertia must be a finite (3, 3) in kg·m², not shape {inertia.shape}")
+        centre = quantities(self.centre, f"{self.name}: centre", (3,), unit="m")
+        inertia = quantities(self.inertia, f"{self.name}: inertia", (3, 3), unit="kg·m²")
         slack = ROUNDING * float(np.abs(inertia).max())
         if np.abs(inertia - inertia.T).max() > slack:
             raise MotionError(f"{self.name}: inertia {inertia.tolist()} kg·m² must be symmetric")
@@ -89,9 +86,12 @@ class Leg:
     first_axis: Array | None = None
 
     def __post_init__(self) -> None:
+        for part in ("barrel", "rod"):
+            if not isinstance(getattr(self, part), Body):
+                raise MotionError(f"leg: {part} must be a Body, not {getattr(self, part)!r}")
         if self.first_axis is None:
             return
-        axis = np.asarray(self.first_axis, float)
-        if axis.shape != (3,) or not np.isfinite(axis).all() or not axis.any():
-            raise MotionError(f"leg: first_axis must be a direction (3,), finite and not zero, not {self.first_axis!r}")
+        axis = quantities(self.first_axis, "leg: first_axis", (3,))
+        if not axis.any():
+            raise MotionError("leg: first_axis is a direction, which must not be zero")
         object.__setattr__(self, "first_axis", frozen(axis))

@@ -12,7 +12,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinematics.array import Array, frozen
+from kinematics.array import POSITIVE, Array, finite, frozen, number, unit_vectors
 from kinematics.errors import MotionError
 
 BLOCK = 1024
@@ -31,16 +31,12 @@ class Disc:
     normal: ArrayLike = (0.0, 0.0, 1.0)
 
     def __post_init__(self) -> None:
-        centre, normal = np.asarray(self.centre, float), np.asarray(self.normal, float)
-        if not 0 < self.radius < np.inf or not 0 <= self.thickness < np.inf:
-            raise MotionError(
-                f"disc: radius {self.radius} m and thickness {self.thickness} m must be finite, the radius above 0 "
-                "and the thickness not below"
-            )
-        if centre.shape != (3,) or normal.shape != (3,) or not np.isfinite([centre, normal]).all() or not normal.any():
-            raise MotionError(f"disc: centre {self.centre} and normal {self.normal} must be finite (3,), and not zero")
-        object.__setattr__(self, "centre", frozen(centre))
-        object.__setattr__(self, "normal", frozen(normal / np.linalg.norm(normal)))
+        number("disc: radius must be a finite length above 0 in m", self.radius, least=POSITIVE)
+        number("disc: thickness must be a finite length in m, not below 0", self.thickness, least=0)
+        centre = finite("disc: centre must be a finite point (3,) in m", self.centre, (3,))
+        normal = unit_vectors("disc: normal must be a finite direction (3,), not zero", self.normal, (3,))
+        object.__setattr__(self, "centre", centre)
+        object.__setattr__(self, "normal", normal)
 
 
 @dataclass(frozen=True)
@@ -55,7 +51,8 @@ class Bodies:
     base_disc, platform_disc  the plates, in the frames of base and platform; None: not looked at
 
     Moving the platform without turning it by v changes no distance by more than ‖v‖: a point of a leg, or of a disc,
-    moves by A v with a symmetric A between 0 and 1, so any two of them by (A − A') v, and ‖A − A'‖ ≤ 1.
+    moves by A v with a symmetric A between 0 and 1, so any two of them by (A − A') v, and ‖A − A'‖ ≤ 1. Turning it
+    moves the joint at r from its origin by no more than ‖r‖ times the angle: see `change`.
     """
 
     base: Array
@@ -67,11 +64,11 @@ class Bodies:
     platform_disc: Disc | None = None
 
     def __post_init__(self) -> None:
-        if not 0 < self.leg_radius < np.inf or not 0 <= self.ends < np.inf:
-            raise MotionError(
-                f"legs: leg_radius {self.leg_radius} m and leg_ends {self.ends} m must be finite, the radius above "
-                "0 and the ends not below"
-            )
+        number("legs: leg_radius must be a finite length above 0 in m", self.leg_radius, least=POSITIVE)
+        number("legs: leg_ends must be a finite length in m, not below 0", self.ends, least=0)
+        for what, disc in (("base_disc", self.base_disc), ("platform_disc", self.platform_disc)):
+            if disc is not None and not isinstance(disc, Disc):
+                raise MotionError(f"legs: {what} must be a Disc, not {disc!r:.100}")
 
     @property
     def ends(self) -> float:
@@ -95,6 +92,23 @@ class Bodies:
         # blocks that fit into the processor's cache
         blocks = [self._distances(x[first : first + BLOCK]) for first in range(0, len(x), BLOCK)]
         return np.concatenate([np.zeros((0, len(self.names))), *blocks])
+
+    def change(self, x: Array, way: Array, turn: Array) -> Array:
+        """(N, k) m by which no distance changes on any path of the platform from x (N, 12), with its origin's way (N,)
+        m and its turn (N,) rad at most.
+
+        Legs i and j: way + turn (‖rᵢ‖ + ‖rⱼ‖);  leg and base: way + turn ‖r‖;  leg and platform, as seen from there,
+        where the joint in the base moves: way + turn ‖base − origin‖.
+        """
+        way, turn = way[:, None], turn[:, None]
+        arm = turn * _length(self.platform)
+        i, j = np.array(list(combinations(range(len(self.legs)), 2))).T
+        found = [way + arm[:, i] + arm[:, j]]
+        if self.base_disc:
+            found.append(way + arm)
+        if self.platform_disc:
+            found.append(way + turn * (_length(self.base - x[:, None, :3]) + way))
+        return np.concatenate(found, 1)
 
     def _distances(self, x: Array) -> Array:
         position, rotation = x[:, None, :3], x[:, 3:].reshape(-1, 3, 3)

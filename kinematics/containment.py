@@ -13,9 +13,10 @@ from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from kinematics.array import Array, frozen
+from kinematics.array import Array, finite, frozen
 from kinematics.errors import MotionError, OutOfReach
 from kinematics.freedom import refuse
 from kinematics.margins import ROUNDING, clearance_use, limits_used
@@ -119,34 +120,33 @@ def prove(
     return ~outside & ~open_, outside, place
 
 
-def contains(machine: Machine, rotation: Rotation, low: Array, high: Array, depth: int = 9) -> Containment:
+def contains(machine: Machine, rotation: Rotation, low: ArrayLike, high: ArrayLike, depth: int = 9) -> Containment:
     """Whether all positions of the box low … high (3,) m are inside all limits: proved, refuted by a place, or open.
 
     Inside means what it means to `Margins`: no more than ROUNDING of a limit beyond it. Raises MotionError for ends
     that are none, OutOfReach where the machine does not control what the box asks.
     """
-    if low.shape != (3,) or high.shape != (3,) or not np.isfinite([low, high]).all() or (low > high).any():
-        raise MotionError(
-            f"box of machine {machine.name}: low {low.tolist()} and high {high.tolist()} must be finite positions (3,) "
-            "in m, no coordinate of low above that of high"
-        )
+    what = f"box of machine {machine.name}: low and high must be finite positions (3,) in m"
+    low, high = finite(what, low, (3,)), finite(what, high, (3,))
+    if (low > high).any():
+        raise MotionError(f"{what}, no coordinate of low above that of high, not {low.tolist()} and {high.tolist()}")
     refuse(machine, pose_rows(np.stack([low, high]), rotation), ("low", "high").__getitem__)
     corners = np.array(list(product(*zip(low, high, strict=True))))
     use = uses(machine, rotation, corners).max(1)
     worst = int(np.argmax(use))
     if use[worst] > 1 + ROUNDING:
-        return Containment(False, frozen(corners[worst]), f"corner {_told(machine, rotation, corners[worst])}")
+        return Containment(False, frozen(corners[worst]), f"corner {told(machine, rotation, corners[worst])}")
     proved, outside, places = prove(machine, rotation, low[None], high[None], depth)
     if proved[0]:
         return Containment(True, None, "every position of the box is inside all limits")
     place = places[0]
-    told = _told(machine, rotation, place)
+    where = told(machine, rotation, place)
     if outside[0]:
-        return Containment(False, frozen(place), f"position {told}")
-    return Containment(False, frozen(place), f"not proved near {told}; it may touch a limit: make the box smaller")
+        return Containment(False, frozen(place), f"position {where}")
+    return Containment(False, frozen(place), f"not proved near {where}; it may touch a limit: make the box smaller")
 
 
-def _told(machine: Machine, rotation: Rotation, place: Array) -> str:
+def told(machine: Machine, rotation: Rotation, place: Array) -> str:
     """A position in mm, and what is worst there."""
     at = ", ".join(f"{1e3 * value:.6g}" for value in place)
     try:

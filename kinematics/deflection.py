@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kinematics.array import Array
+from kinematics.array import Array, quantities
 from kinematics.beam import Beam
 from kinematics.effect import UNIFORM, Effect, not_negative
 from kinematics.errors import MotionError
@@ -43,13 +43,17 @@ class Deflection:
     name: str = "deflection"
 
     def __post_init__(self) -> None:
+        if not isinstance(self.beam, Beam):
+            raise MotionError(f"{self.name}: beam must be a Beam, not {self.beam!r}")
         not_negative(self, skip=("beam", "start", "along", "down"))
-        if self.spans < 1:
-            raise MotionError(f"{self.name}: {self.spans} spans; a beam has 1 or more")
-        vectors = np.array([self.start, self.along, self.down], float)
-        if vectors.shape != (3, 3) or not np.isfinite(vectors).all() or not vectors[1:].any(1).all():
-            raise MotionError(f"{self.name}: start, along and down must be finite (3,), the two directions not zero")
-        along, down = (v / np.linalg.norm(v) for v in vectors[1:])
+        if self.spans < 1 or self.spans != int(self.spans):
+            raise MotionError(f"{self.name}: {self.spans} spans; a beam has 1, 2 or another whole number")
+        _, along, down = (
+            quantities(getattr(self, what), f"{self.name}: {what}", (3,)) for what in ("start", "along", "down")
+        )
+        if not along.any() or not down.any():
+            raise MotionError(f"{self.name}: along and down are directions, which must not be zero")
+        along, down = along / np.linalg.norm(along), down / np.linalg.norm(down)
         if abs(along @ down) > 1e-9:
             raise MotionError(f"{self.name}: the load acts along `down`, which must be square to `along`")
 

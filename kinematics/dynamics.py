@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from kinematics.arm import Arm
 from kinematics.arm_dynamics import link_torques
-from kinematics.array import Array, frozen
+from kinematics.array import Array, frozen, quantities
 from kinematics.body import Body, Leg
 from kinematics.closed_loop import leg_forces
 from kinematics.errors import MotionError
@@ -19,10 +19,14 @@ from kinematics.hexapod import Hexapod
 from kinematics.machine import Machine
 from kinematics.massless import massless_forces
 from kinematics.motion import Motion, Moving, motion_of_axes
+from kinematics.pose import numbers
 from kinematics.text_table import aligned
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+# Share of a coordinate (of 1 m or rad at least) that a motion's may be off its pose's: rounding.
+OTHER = 1e-9
 
 GRAVITY = (0.0, 0.0, -9.80665)
 """m/s², where the base stands upright."""
@@ -55,7 +59,7 @@ class Forces:
 
     def plot(self, t: ArrayLike | None = None, ax: Axes | None = None) -> Axes:
         """Force of every axis over the instants, or over their times t (N,) in s."""
-        from kinematics.force_plots import force
+        from kinematics.plots import force
 
         return force(self, None if t is None else np.asarray(t, float), ax)
 
@@ -91,33 +95,50 @@ def forces(
     An arm's links weigh what its URDF says. Other moving parts weigh nothing, and nothing rubs. Raises MotionError for
     a singular pose, for what does not fit the machine, and where pinocchio is needed (legs, arm) but not installed.
     """
-    moving = motion if isinstance(motion, Motion) else motion_of_axes(machine, motion)
-    n, count = len(machine.axes), len(moving)
-    if moving.q.shape[1] != n:
-        raise MotionError(f"machine {machine.name} has {n} axes; the motion has {moving.q.shape[1]}")
+    moving = _own(machine, motion if isinstance(motion, Motion) else motion_of_axes(machine, motion))
+    n, count, name = len(machine.axes), len(moving), f"machine {machine.name}"
+    if not count:
+        raise MotionError(f"{name}: the motion has no instants")
     body = Body() if platform is None else platform
-    load = _shaped(machine, "wrench", wrench, "N and N·m", (count, 6))
-    down = _shaped(machine, "gravity", gravity, "m/s²", (3,))
-    own = _shaped(machine, "reflected", reflected, "kg or kg·m²", (n,))
+    if not isinstance(body, Body):
+        raise MotionError(f"{name}: platform must be a Body, not {body!r}")
+    load = np.broadcast_to(
+        quantities(wrench, f"{name}: wrench", (6,), (1, 6), (count, 6), unit="N and N·m"), (count, 6)
+    )
+    down = quantities(gravity, f"{name}: gravity", (3,), unit="m/s²")
+    own = np.broadcast_to(quantities(reflected, f"{name}: reflected", (), (n,), unit="kg or kg·m²"), (n,))
     if (own < 0).any():
         raise MotionError(f"machine {machine.name}: reflected inertias {own.tolist()} must not be below 0")
     if legs is not None:
         if not isinstance(machine, Hexapod):
             raise MotionError(f"machine {machine.name} is no hexapod: legs with inertia are known for hexapods only")
-        six = (legs,) * 6 if isinstance(legs, Leg) else tuple(legs)
-        if len(six) != 6:
-            raise MotionError(f"machine {machine.name}: {len(six)} legs with inertia; give one for all, or six")
+        six = (legs,) * 6 if isinstance(legs, Leg) else tuple(legs) if isinstance(legs, Sequence) else (legs,)
+        if len(six) != 6 or not all(isinstance(leg, Leg) for leg in six):
+            kinds = ", ".join(sorted({type(leg).__name__ for leg in six}))
+            raise MotionError(f"{name}: {len(six)} legs with inertia ({kinds}); give one Leg for all, or six")
         found = leg_forces(machine, six, moving, body, load, down)
     else:
         found = massless_forces(machine, moving, body, load, down)
         if isinstance(machine, Arm):
             found = found + link_torques(machine, moving, down)
-    return Forces(machine, moving, found + own * moving.qdd)
+    total = found + own * moving.qdd
+    if not np.isfinite(total).all():
+        raise MotionError(f"{name}: loads and motion are too large for numbers; check their units (SI)")
+    return Forces(machine, moving, total)
 
 
-def _shaped(machine: Machine, what: str, values: ArrayLike, unit: str, shape: tuple[int, ...]) -> Array:
-    array = np.asarray(values, float)
-    fits = array.ndim <= len(shape) and all(a in (b, 1) for a, b in zip(array.shape[::-1], shape[::-1], strict=False))
-    if not fits or not np.isfinite(array).all() or (array.ndim == 0 and what != "reflected"):
-        raise MotionError(f"machine {machine.name}: {what} must be finite numbers {shape} in {unit}, not {values!r}")
-    return np.broadcast_to(array, shape)
+def _own(machine: Machine, motion: Motion) -> Motion:
+    """The motion, if it is one of this machine: its coordinates are those of its poses."""
+    n = len(machine.axes)
+    if motion.q.shape[1] != n:
+        raise MotionError(f"machine {machine.name} has {n} axes; the motion has {motion.q.shape[1]}")
+    x = numbers(motion.pose)
+    off = np.abs(machine.inverse_map(machine.inputs(x, motion.q)) - motion.q)
+    if not (off <= OTHER * np.maximum(1.0, np.abs(motion.q))).all():
+        instant, k = np.argwhere(~(off <= OTHER * np.maximum(1.0, np.abs(motion.q))))[0]
+        raise MotionError(
+            f"machine {machine.name}: the motion is another machine's: at instant {instant} its {machine.axes[k].name} "
+            f"is at {motion.q[instant, k]:.9g} {machine.axes[k].unit}, which is not what its pose needs here; make it "
+            "by motion_of_poses of this machine"
+        )
+    return motion

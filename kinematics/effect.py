@@ -5,9 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any, Protocol
 
-import numpy as np
-
-from kinematics.array import Array, frozen
+from kinematics.array import Array, frozen, quantities
 from kinematics.errors import MotionError
 from kinematics.pose import Pose
 
@@ -44,14 +42,17 @@ class Source(Protocol):
     def effect(self, machine: Machine, pose: Pose, q: Array) -> Effect: ...
 
 
-def not_negative(source: Any, skip: tuple[str, ...] = ()) -> None:
-    """Every number of a source is finite and no less than zero."""
+def not_negative(source: Any, skip: tuple[str, ...] = (), per_axis: tuple[str, ...] = ()) -> None:
+    """Every number of a source is finite and no less than zero; those in `per_axis` may be one for each axis."""
     for field in fields(source):
         value = getattr(source, field.name)
         if field.name in ("name", *skip) or isinstance(value, bool):
             continue
-        numbers = np.asarray(value, float)
-        if not (np.isfinite(numbers) & (numbers >= 0)).all():
-            raise MotionError(f"{source.name}: {field.name} {value} must be finite and not negative (SI units)")
+        if value is None and field.default is None:
+            continue
+        numbers = quantities(value, f"{source.name}: {field.name}", unit="SI units")
+        if (numbers < 0).any() or numbers.ndim > 1 or (numbers.ndim and field.name not in per_axis):
+            kind = "not negative" if (numbers < 0).any() else "a single number"
+            raise MotionError(f"{source.name}: {field.name} {value} must be {kind} (SI units)")
         if numbers.ndim:
             object.__setattr__(source, field.name, tuple(frozen(numbers).tolist()))

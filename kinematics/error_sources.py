@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from kinematics.machine import Machine
 
 PerAxis = float | Sequence[float]
-"""One number for all axes of a machine (which must then be all linear or all rotary), or one for each."""
+"""One number for all axes of a machine (which must then be all linear or all rotary, if it has a unit), or one each."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,15 +29,15 @@ class Quantization:
     density, the variance is ∫ e² de / pulse over ±pulse/2, that is pulse²/12.
     """
 
-    pulses: float = 0.5
+    pulses: PerAxis = 0.5
     name: str = "quantization"
 
     def __post_init__(self) -> None:
-        not_negative(self)
+        not_negative(self, per_axis=("pulses",))
 
     def effect(self, machine: Machine, pose: Pose, q: Array) -> Effect:
         pulse = np.array([axis.pulse for axis in machine.axes])
-        return _each(np.broadcast_to(self.pulses * pulse, q.shape), UNIFORM)
+        return _each(np.broadcast_to(_per_axis(self.pulses, machine, self.name) * pulse, q.shape), UNIFORM)
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,30 +47,34 @@ class PulseLength:
     dq = error (q − home), since pulses count from home.
     """
 
-    error: float
+    error: PerAxis
     common: bool = False
     name: str = "pulse length"
 
     def __post_init__(self) -> None:
-        not_negative(self)
+        not_negative(self, per_axis=("error",))
 
     def effect(self, machine: Machine, pose: Pose, q: Array) -> Effect:
-        change = self.error * (q - machine.home_q)
+        change = _per_axis(self.error, machine, self.name) * (q - machine.home_q)
         return Effect(np.full(1, UNIFORM), change[:, :, None]) if self.common else _each(change, UNIFORM)
 
 
 @dataclass(frozen=True, slots=True)
 class Backlash:
-    """Axes that rest at either end of a gap of this width (m or rad): dq = ±width/2, by the last direction."""
+    """Axes that rest at either end of a gap of this width (m or rad): dq = ±width/2, by the last direction.
 
-    width: PerAxis
+    None: of the backlash that each axis of the machine states.
+    """
+
+    width: PerAxis | None = None
     name: str = "backlash"
 
     def __post_init__(self) -> None:
-        not_negative(self)
+        not_negative(self, per_axis=("width",))
 
     def effect(self, machine: Machine, pose: Pose, q: Array) -> Effect:
-        return _each(np.broadcast_to(_per_axis(self.width, machine, self.name) / 2, q.shape), EITHER_END)
+        stated = [axis.backlash for axis in machine.axes] if self.width is None else self.width
+        return _each(np.broadcast_to(_per_quantity(stated, machine, self.name) / 2, q.shape), EITHER_END)
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,12 +90,11 @@ class LeadError:
     name: str = "lead error"
 
     def __post_init__(self) -> None:
-        not_negative(self)
+        not_negative(self, per_axis=("rate", "periodic"))
 
     def effect(self, machine: Machine, pose: Pose, q: Array) -> Effect:
-        rate = np.broadcast_to(np.asarray(self.rate, float), len(machine.axes))
-        steady = _each(rate * (q - machine.home_q), UNIFORM)
-        turning = _each(np.broadcast_to(_per_axis(self.periodic, machine, self.name), q.shape), SINE)
+        steady = _each(_per_axis(self.rate, machine, self.name) * (q - machine.home_q), UNIFORM)
+        turning = _each(np.broadcast_to(_per_quantity(self.periodic, machine, self.name), q.shape), SINE)
         return _joined(steady, turning)
 
 
@@ -141,11 +144,17 @@ def _joined(*effects: Effect) -> Effect:
 
 
 def _per_axis(value: ArrayLike, machine: Machine, name: str) -> Array:
+    """(n,) of one number for all axes, or of one each."""
     values, count = np.asarray(value, float), len(machine.axes)
     if values.shape not in ((), (count,)):
         raise MotionError(
             f"{name}: {values.size} numbers for the {count} axes of {machine.name}; give one, or one each"
         )
-    if values.ndim == 0 and values.any() and len({axis.kind for axis in machine.axes}) > 1:
-        raise MotionError(f"{name}: {machine.name} has linear and rotary axes: give one number (m or rad) for each")
     return np.broadcast_to(values, count)
+
+
+def _per_quantity(value: ArrayLike, machine: Machine, name: str) -> Array:
+    """The same of numbers with a unit, which linear and rotary axes do not share."""
+    if np.ndim(value) == 0 and value and len({axis.kind for axis in machine.axes}) > 1:
+        raise MotionError(f"{name}: {machine.name} has linear and rotary axes: give one number (m or rad) for each")
+    return _per_axis(value, machine, name)

@@ -6,12 +6,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+from numpy.typing import ArrayLike
+from scipy.spatial.transform import RigidTransform, Rotation
 
-from kinematics.array import Array, frozen
-from kinematics.errors import MotionError
-from kinematics.freedom import columns, refuse, square_jacobian
-from kinematics.pose import Pose, from_numbers, numbers
+from kinematics.array import Array, frozen, real
+from kinematics.errors import MotionError, OutOfReach
+from kinematics.freedom import HELD, columns, refuse, square_jacobian
+from kinematics.pose import Pose, checked, from_numbers, numbers
 from kinematics.regular import regular
 
 if TYPE_CHECKING:
@@ -22,6 +23,10 @@ CONVERGED = 1e-9
 """m or rad: residual under which a pose counts as a solution (Newton leaves 1e-16; the rest is for scale)."""
 # Share of the coordinates at which Newton stops: some thirty units in the last place.
 ROUNDING = 1e-14
+# m or rad by which coordinates of one pose on the same branch differ at most: rounding, where the machine is regular.
+SAME = 1e-6
+# Rows solved at a time, so that the memory that proofs take does not grow with the number of rows.
+BLOCK = 4096
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +35,8 @@ class Forward:
 
     residual: infinite where the search ended in a pose that no coordinates reach.
     certified: inverse(pose) is q, and the straight motion from `near` to this pose meets no singularity, proved cell by
-    cell over the whole motion: a machine that goes this way from `near` arrives in this pose and no other. False
+    cell over the whole motion: a machine that goes this way from `near` arrives in this pose and no other. At home the
+    machine has home's coordinates, up to full turns: from there, poses on another elbow are not certified. False
     throughout where no proof was asked for.
     """
 
@@ -39,35 +45,78 @@ class Forward:
     certified: np.ndarray
 
 
-def solve(machine: Machine, q: Array, near: Pose, certify: bool = True) -> Forward:
-    """Damped Newton in the twist of the platform, batched, then the certificate if it is asked for."""
-    rows, start = np.atleast_2d(q), numbers(near)
-    what = f"machine {machine.name}: forward takes"
-    if rows.ndim != 2 or rows.shape[1] != len(machine.axes):
-        raise MotionError(f"{what} finite coordinates (N, {len(machine.axes)}), not shape {q.shape}")
-    if not np.isfinite(rows).all():
-        row, axis = np.argwhere(~np.isfinite(rows))[0]
+def solve(machine: Machine, q: ArrayLike, near: Pose, certify: bool = True) -> Forward:
+    """Damped Newton in the twist of the platform, batched, then the certificate if it is asked for.
+
+    See `Machine.forward` for what it raises.
+    """
+    given = _coordinates(machine, q)
+    rows = np.atleast_2d(given)
+    start = numbers(near) if near is machine.home else checked(machine.name, "near", near)
+    if len(start) not in (1, len(rows)):
         raise MotionError(
-            f"{what} finite coordinates (N, {len(machine.axes)}), "
-            f"not {rows[row, axis]} {machine.axes[axis].unit} for {machine.axes[axis].name} in row {row}"
+            f"machine {machine.name}: forward takes one pose `near`, or one for each of {len(rows)} rows of q, "
+            f"not {len(start)}"
         )
-    if len(start) not in (1, len(rows)) or not np.isfinite(start).all():
-        raise MotionError(f"{what} one finite pose `near`, or one for each of {len(rows)} rows of q, not {len(start)}")
-    refuse(machine, start)
-    start = np.broadcast_to(start, (len(rows), 12))
-    x = _newton(machine, rows, machine.start(rows, start).copy())
+    refuse(machine, start, "near {}".format)
+    blocks = [slice(first, first + BLOCK) for first in range(0, max(1, len(rows)), BLOCK)]
+    found = [_solve(machine, rows[b], near if len(start) == 1 else near[b], certify) for b in blocks]
+    pose = RigidTransform.concatenate([each[0] for each in found]) if len(found) > 1 else found[0][0]
+    residual, certified = (np.concatenate([each[k] for each in found]) for k in (1, 2))
+    if given.ndim == 2:
+        return Forward(pose, frozen(residual), frozen(certified))
+    if machine.lengths and not residual[0] <= CONVERGED * max(1.0, rows.max()):
+        raise OutOfReach(
+            f"machine {machine.name}: no pose was found that has the lengths {given * 1e3} mm; the nearest to them "
+            f"leaves {residual[0] * 1e3:.6g} mm; they may be out of reach: change them, or ask from a nearer pose"
+        )
+    return Forward(pose[0], residual[0], certified[0])
+
+
+def _coordinates(machine: Machine, q: ArrayLike) -> Array:
+    """(N, n) or (n,), finite, and not below 0 where they are lengths."""
+    n = len(machine.axes)
+    told = f"machine {machine.name}: forward takes finite coordinates (N, {n})"
+    given = real(told, q, (n,), (None, n))
+    rows, least = np.atleast_2d(given), 0.0 if machine.lengths else -np.inf
+    wrong = ~(np.isfinite(rows) & (rows >= least))
+    if wrong.any():
+        row, k = np.argwhere(wrong)[0]
+        axis = machine.axes[k]
+        below = "; a length is not below 0" if rows[row, k] < least else ""
+        raise MotionError(f"{told}, not {rows[row, k]} {axis.unit} for {axis.name} in row {row}{below}")
+    return given
+
+
+def _solve(machine: Machine, q: Array, near: Pose, certify: bool) -> tuple[Pose, Array, np.ndarray]:
+    """N poses, residual (N,) and certified (N,) of coordinates q (N, n), asked from near (one, or N)."""
+    start = np.broadcast_to(numbers(near), (len(q), 12))
+    x = _newton(machine, q, machine.start(q, start).copy())
     if machine.follows:
-        carried = machine.carried_map(machine.inputs(x, rows))
+        carried = machine.carried_map(machine.inputs(x, q))
         x = np.where(np.isfinite(carried).all(1, keepdims=True), carried, x)
     pose = from_numbers(x)
-    residual = np.abs(machine.inverse_map(machine.inputs(numbers(pose), rows)) - rows).max(1)
+    residual = np.abs(machine.inverse_map(machine.inputs(numbers(pose), q)) - q).max(1)
     residual[np.isnan(residual)] = np.inf  # Newton stayed where no coordinates reach
-    certified = (residual < CONVERGED) & certify
+    certified = (residual < CONVERGED) & certify & _begun(machine, q, start)
     origin = near if len(numbers(near)) == 1 else near[certified]
-    certified[certified] = regular(machine, origin, pose[certified], rows[certified])
-    if q.ndim == 1:
-        return Forward(pose[0], residual[0], certified[0])
-    return Forward(pose, frozen(residual), frozen(certified))
+    certified[certified] = regular(machine, origin, pose[certified], q[certified])
+    return pose, residual, certified
+
+
+def _begun(machine: Machine, q: Array, start: Array) -> np.ndarray:
+    """(N,) bool: the machine stands at pose start (N, 12) on the branch of coordinates q (N, n).
+
+    At home it has home's coordinates, up to full turns, and is not on the other elbow; in any other pose that it is
+    asked from, it is taken to stand on the branch of q.
+    """
+    if not machine.branched:
+        return np.ones(len(q), bool)
+    apart = machine.inverse_map(machine.inputs(start, q)) - machine.home_q
+    turning = np.array([axis.kind == "rotary" for axis in machine.axes])
+    apart = np.where(turning, np.arctan2(np.sin(apart), np.cos(apart)), apart)
+    elsewhere = (np.abs(start - numbers(machine.home)) > HELD).any(1)
+    return np.asarray(elsewhere | (np.abs(apart) < SAME).all(1))
 
 
 def _newton(machine: Machine, q: Array, x: Array) -> Array:
@@ -86,7 +135,7 @@ def _newton(machine: Machine, q: Array, x: Array) -> Array:
         if not len(active):
             break
         step = np.zeros((len(active), 6))
-        step[:, free] = _solve(square_jacobian(machine, x[active], q[active]), error[active])
+        step[:, free] = _linear(square_jacobian(machine, x[active], q[active]), error[active])
         turn = np.linalg.norm(step[:, 3:], axis=1)
         step *= (damping[active] / np.maximum(turn, 1.0))[:, None]
         trial = _moved(x[active], step)
@@ -100,7 +149,7 @@ def _newton(machine: Machine, q: Array, x: Array) -> Array:
     return x
 
 
-def _solve(jacobian: Array, error: Array) -> Array:
+def _linear(jacobian: Array, error: Array) -> Array:
     try:
         return np.asarray(np.linalg.solve(jacobian, error[..., None])[..., 0], float)
     except np.linalg.LinAlgError:  # a pose of the batch is exactly singular

@@ -31,6 +31,12 @@ def square_jacobian(machine: Machine, x: Array, near: Array) -> Array:
     return full[:, :, columns(machine)]
 
 
+def scaled_jacobian(machine: Machine, x: Array, near: Array) -> Array:
+    """(N, n, n) the same with every column in axis units per metre: turns count at the characteristic length."""
+    scale = np.where(columns(machine) < 3, 1.0, 1.0 / machine.characteristic_length)
+    return square_jacobian(machine, x, near) * scale
+
+
 def deviations(machine: Machine, x: Array) -> Array:
     """(N, 6) of pose numbers x (N, 12) from home: position, and the vector of the turn, in the base frame."""
     home = numbers(machine.home)
@@ -46,10 +52,12 @@ def refuse(machine: Machine, x: Array, name_of: Callable[[int], str] = "pose {}"
     off = deviations(machine, x)[:, held]
     wrong = np.abs(off) > HELD
     if wrong.any():
-        pose, entry = np.argwhere(wrong)[0]
+        pose = int(np.argmax(wrong.any(1)))
+        size = np.where(np.array(held) < 3, 1 / machine.characteristic_length, 1.0)
+        entry = int(np.argmax(np.abs(off[pose]) * size))  # what is furthest off, at the machine's size
         name = COMPONENTS[held[entry]]
         value = f"{off[pose, entry] * 1e3:.6g} mm" if held[entry] < 3 else f"{np.rad2deg(off[pose, entry]):.6g} deg"
         raise OutOfReach(
-            f"machine {machine.name} holds {name}: {name_of(int(pose))} has {name} {value} off home; "
+            f"machine {machine.name} holds {name}: {name_of(pose)} has {name} {value} off home; "
             f"it moves {', '.join(machine.freedom)} only"
         )

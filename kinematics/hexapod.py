@@ -26,6 +26,7 @@ class Hexapod(Legged):
     """
 
     legs = 6
+    sorts = ("linear",) * 6
 
     def assembly_modes(self, q: ArrayLike) -> Pose:
         """Every pose with leg lengths q (6,), as far as they are found: see `kinematics.assembly`."""

@@ -1,12 +1,12 @@
 """An axis that a stepper motor drives by a leadscrew: its parts, and what it must do."""
 
 from dataclasses import dataclass, fields
-from itertools import pairwise
-from math import inf, isfinite, pi
+from math import inf, pi
 from typing import Any
 
 import numpy as np
 
+from kinematics.array import quantities
 from kinematics.errors import MotionError
 
 STEEL = 7850.0
@@ -65,11 +65,13 @@ class StepMotor:
         _positive(self, "motor", skip=("pull_out",))
         if self.pull_out is None:
             return
-        rates = [rate for rate, _ in self.pull_out]
-        if len(rates) < 2 or any(not after > before for before, after in pairwise(rates)):
+        points = quantities(self.pull_out, "motor: pull_out")
+        if points.ndim != 2 or points.shape[1] != 2:
+            raise MotionError(f"motor: pull_out must be points (steps/s, N·m), not of shape {points.shape}")
+        if len(points) < 2 or not (np.diff(points[:, 0]) > 0).all():
             raise MotionError("motor: pull_out needs two or more (steps/s, N·m) points in the order of rising rates")
-        if not all(isfinite(value) and value >= 0 for point in self.pull_out for value in point):
-            raise MotionError("motor: pull_out must hold finite values that are not negative")
+        if (points < 0).any():
+            raise MotionError("motor: pull_out must hold values that are not negative")
 
     def torque(self, rate: float) -> float | None:
         """N·m that it can give at every rate up to this one (steps/s); 0 beyond its curve, None without one."""
@@ -111,6 +113,7 @@ def _positive(values: Any, what: str, zero: tuple[str, ...] = (), skip: tuple[st
         value = getattr(values, field.name)
         if field.name in skip or (value is None and field.default is None):
             continue
-        if not isfinite(value) or value < 0 or (value == 0 and field.name not in zero):
+        number = quantities(value, f"{what}: {field.name}", (), unit="SI units")
+        if number < 0 or (number == 0 and field.name not in zero):
             least = "zero or more" if field.name in zero else "positive"
             raise MotionError(f"{what}: {field.name} {value} must be {least} and finite (SI units)")

@@ -1,18 +1,25 @@
 """Machines with legs: actuators of variable length between joints on a base and joints on a platform."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from itertools import combinations
 from typing import ClassVar
 
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinematics.array import Array, frozen
+from kinematics.array import POSITIVE, Array, finite, frozen, number, unit_vectors
 from kinematics.axis import Axis
 from kinematics.clearance import Bodies, Disc
 from kinematics.errors import MotionError
+from kinematics.freedom import scaled_jacobian
 from kinematics.machine import Machine
-from kinematics.pose import Pose
+from kinematics.pose import Pose, numbers
+
+# Share of the machine's size up to which joint centres are the same point: the rounding of computed geometry.
+SAME = 1e-9
+# Conditioning up to which home is singular: what rounding makes of 0, and far below anything that could move.
+SINGULAR = 1e-10
 
 
 class Legged(Machine):
@@ -22,16 +29,20 @@ class Legged(Machine):
     base_rest, platform_rest  (3,) or (n, 3) rest axis of each joint in its own frame, +z by default
     max_tilt                  rad between leg and rest axis: one number, or (base, platform); None: unlimited
     leg_radius, leg_ends, base_disc, platform_disc  what takes up room, as in `Bodies`; None: nothing is looked at
+
+    Raises MotionError where joints coincide so that legs do nothing or the same, and for a singular home. Whether
+    home is within travel and tilt is told by `check`, as of any pose: it may be a switch beyond the working range.
     """
 
     legs: ClassVar[int]
+    lengths = True
 
     def __init__(
         self,
         base: ArrayLike,
         platform: ArrayLike,
         *,
-        axes: Sequence[Axis],
+        axes: Iterable[Axis],
         home: Pose,
         base_rest: ArrayLike | None = None,
         platform_rest: ArrayLike | None = None,
@@ -42,25 +53,23 @@ class Legged(Machine):
         base_disc: Disc | None = None,
         platform_disc: Disc | None = None,
     ) -> None:
-        kind, count = type(self).__name__.lower(), self.legs
-        name = kind if name is None else name
-        self.base, self.platform = _points(name, "base", base, count), _points(name, "platform", platform, count)
-        if len(axes) != count:
-            raise MotionError(f"machine {name}: {len(axes)} axes; a {kind} has {count}")
+        name, count = type(self).__name__.lower() if name is None else name, self.legs
+        self.base, self.platform = joints(name, "base", base, count), joints(name, "platform", platform, count)
         self.base_rest = _directions(name, "base_rest", base_rest, count)
         self.platform_rest = _directions(name, "platform_rest", platform_rest, count)
-        self.tilt_names = tuple(f"{axis.name} {end} joint" for end in ("base", "platform") for axis in axes)
         self.max_tilt = _tilts(name, max_tilt, count)
         self.characteristic_length = float(np.sqrt((self.platform**2).sum(1).mean()))
         super().__init__(name, axes, home)
+        legs = tuple(axis.name for axis in self.axes)
+        self.tilt_names = tuple(f"{leg} {end} joint" for end in ("base", "platform") for leg in legs)
+        _refuse_coincident(self, legs)
         if leg_radius is not None:
-            legs = tuple(axis.name for axis in axes)
             self.bodies = Bodies(self.base, self.platform, legs, leg_radius, leg_ends, base_disc, platform_disc)
-        elif leg_ends is not None or base_disc or platform_disc:
+        elif any(given is not None for given in (leg_ends, base_disc, platform_disc)):
             raise MotionError(f"machine {name}: leg_ends and discs say nothing without leg_radius; state it")
 
     def _legs(self, position: ca.SX, rotation: ca.SX) -> list[ca.SX]:
-        """The six vectors from base joint to platform joint, in the base frame."""
+        """The vectors from base joint to platform joint, in the base frame."""
         return [position + rotation @ a - b for a, b in zip(self.platform, self.base, strict=True)]
 
     def expression(self, position: ca.SX, rotation: ca.SX, near: ca.SX) -> ca.SX:
@@ -75,37 +84,51 @@ class Legged(Machine):
         return ca.vertcat(*(d / n for d, n in zip(base + platform, lengths + lengths, strict=True)))
 
 
-def _points(machine: str, what: str, values: ArrayLike, count: int) -> Array:
-    points = np.asarray(values, float)
-    if points.shape != (count, 3) or not np.isfinite(points).all():
-        raise MotionError(
-            f"machine {machine}: {what} must be {count} finite points ({count}, 3) in m, not {_outline(points)}"
-        )
-    return frozen(points)
+def joints(machine: str, what: str, values: ArrayLike, count: int) -> Array:
+    """Joint centres (n, 3) that a caller gives."""
+    return finite(f"machine {machine}: {what} must be {count} finite points ({count}, 3) in m", values, (count, 3))
 
 
 def _directions(machine: str, what: str, values: ArrayLike | None, count: int) -> Array:
-    rest = np.asarray([0.0, 0.0, 1.0] if values is None else values, float)
-    if rest.shape not in ((3,), (count, 3)) or not np.isfinite(rest).all() or not rest.any(-1).all():
-        raise MotionError(
-            f"machine {machine}: {what} must be one direction (3,), or one for each of {count} legs, "
-            f"finite and not zero, not {_outline(rest)}"
-        )
-    return frozen(np.broadcast_to(rest / np.linalg.norm(rest, axis=-1, keepdims=True), (count, 3)))
+    """(n, 3) unit vectors."""
+    told = f"machine {machine}: {what} must be one direction (3,), or one for each of {count} legs, finite and not zero"
+    rest = unit_vectors(told, [0.0, 0.0, 1.0] if values is None else values, (3,), (count, 3))
+    return frozen(np.broadcast_to(rest, (count, 3)))
 
 
-def _tilts(machine: str, limit: float | tuple[float | None, float | None] | None, count: int) -> Array:
+def _tilts(machine: str, limit: object, count: int) -> Array:
     """(2n,) rad: n base joints, n platform joints; no joint can turn further than π."""
-    ends = limit if isinstance(limit, tuple) else (limit, limit)
-    angles = [np.pi if end is None else end for end in ends]
-    if len(angles) != 2 or not all(0 < angle <= np.pi for angle in angles):
-        raise MotionError(
-            f"machine {machine}: max_tilt {limit} must be one angle or (base, platform), "
-            "each above 0 and at most π rad (or None: unlimited)"
-        )
+    told = (
+        f"machine {machine}: max_tilt must be one angle or (base, platform), "
+        "each above 0 and at most π rad (or None: unlimited)"
+    )
+    given = limit.tolist() if isinstance(limit, np.ndarray) else limit
+    ends = tuple(given) if isinstance(given, (tuple, list)) else (given, given)
+    if len(ends) != 2:
+        raise MotionError(f"{told}, not {limit}")
+    angles = [np.pi if end is None else number(told, end, least=POSITIVE, most=np.pi) for end in ends]
     return frozen(np.repeat(angles, count))
 
 
-def _outline(array: Array) -> str:
-    """What was given instead: its shape, and the values where they are few."""
-    return f"shape {array.shape}{f': {array.tolist()}' if array.size <= 18 else ''}"
+def _refuse_coincident(machine: Legged, legs: Sequence[str]) -> None:
+    """Raise MotionError, naming them, for legs that hold nothing of their own at home."""
+    told, ends = f"machine {machine.name}:", {"base": machine.base, "platform": machine.platform}
+    same = SAME * max(np.ptp(points, 0).max() for points in ends.values())
+    for end, points in ends.items():
+        if np.ptp(points, 0).max() <= same:
+            raise MotionError(f"{told} all {end} joints are the same point, {points[0] * 1e3} mm; put them apart")
+    for i, j in combinations(range(len(legs)), 2):
+        if max(np.abs(points[i] - points[j]).max() for points in ends.values()) <= same:
+            raise MotionError(f"{told} {legs[i]} and {legs[j]} coincide, at base and platform; put their joints apart")
+    for leg, length in zip(legs, machine.home_q, strict=True):
+        if length <= same:
+            raise MotionError(f"{told} {leg} has no length at home: its joints are the same point; choose another home")
+    left, stretch, _ = np.linalg.svd(scaled_jacobian(machine, numbers(machine.home), machine.home_q)[0])
+    if stretch[-1] <= SINGULAR * stretch[0]:
+        # the rates of legs that no motion of the platform has
+        share = np.abs(left[:, stretch <= SINGULAR * stretch[0]]).max(1)
+        idle = ", ".join(leg for leg, part in zip(legs, share, strict=True) if part > np.sqrt(SINGULAR))
+        raise MotionError(
+            f"{told} home is singular (conditioning {stretch[-1] / stretch[0]:.1g}): {idle} together leave a motion of "
+            "the platform free; put their joints elsewhere, or choose another home"
+        )

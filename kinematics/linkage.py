@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from kinematics.array import Array, frozen
 from kinematics.axis import Axis
 from kinematics.errors import MotionError, OutOfReach
-from kinematics.machine import Machine
+from kinematics.machine import Machine, side
 from kinematics.pose import Pose
 
 
@@ -19,16 +19,19 @@ class Linkage(Machine):
     The point P lies at the distance h from J, at the angle θ_h from the direction J → a, in the sense that θ falls:
     P = J − h (cos(θ − θ_h), sin(θ − θ_h)), with θ the direction a → J. Then
 
-        |P − a|² = q_a² + h² − 2 q_a h cos θ_h,   q_b = |J − b|.
+        |P − a|² = q_a² + h² − 2 q_a h cos θ_h,   q_b = |J − b|,
 
-    The platform's frame sits at P and turns with θ, which follows; at home it is as the home pose says. Source:
-    [Motion 2-D], with its signs set right.
+    q_a = h cos θ_h ± √(|P − a|² − h² sin² θ_h): the sign is that of `near` (both are real where θ_h is acute, and P is
+    near enough to a). The platform's frame sits at P and turns with θ, which follows; at home it is as the home pose
+    says. Source: [Motion 2-D], with its signs set right.
 
     base_a, base_b  (2,) base joints in the plane, m;  offset h (m), angle θ_h (rad)
+    near            (2,) coordinates that say which of the home pose's are meant; the longer q_a by default
     """
 
     freedom = ("x", "y")
     follows = ("rz",)
+    branched = True
 
     def __init__(
         self,
@@ -39,6 +42,7 @@ class Linkage(Machine):
         *,
         axes: Sequence[Axis],
         home: Pose,
+        near: ArrayLike | None = None,
         name: str = "linkage",
     ) -> None:
         self.base_a, self.base_b = (_point(name, *pair) for pair in (("base_a", base_a), ("base_b", base_b)))
@@ -50,16 +54,25 @@ class Linkage(Machine):
             )
         self.offset, self.angle = float(offset), float(angle)
         self.characteristic_length = max(self.offset, float(np.linalg.norm(self.base_b - self.base_a)) / 2)
-        super().__init__(name, axes, home)
-        c, s = np.asarray(self._joint(ca.DM(home.translation))[1]).ravel()
+        longer = [self.offset * abs(np.cos(self.angle)) + 1.0, 0.0]
+        super().__init__(name, axes, home, longer if near is None else near)
+        for axis, length in zip(self.axes, self.home_q, strict=True):
+            if np.isfinite(axis.travel[0]) and length + axis.travel[0] <= 0:
+                raise MotionError(
+                    f"machine {name}: axis {axis.name} measures {length * 1e3:.6g} mm at home, and its travel takes "
+                    f"{-axis.travel[0] * 1e3:.6g} mm off that; no actuator is shorter than nothing"
+                )
+        c, s = np.asarray(self._joint(ca.DM(home.translation), ca.DM(self.home_q))[1]).ravel()
+        base, way = self.base_b - self.base_a, np.array([c, s])
+        self._side = 1 if base[0] * way[1] - base[1] * way[0] >= 0 else -1
         self._at_home = np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]]) @ home.rotation.as_matrix()
 
-    def _joint(self, position: ca.SX | ca.DM) -> tuple[ca.SX, ca.SX]:
+    def _joint(self, position: ca.SX | ca.DM, near: ca.SX | ca.DM) -> tuple[ca.SX, ca.SX]:
         """q_a and the unit vector from a to J."""
         across, along = self.offset * np.sin(self.angle), self.offset * np.cos(self.angle)
         way = position[:2] - self.base_a
         square = ca.sumsqr(way)
-        straight = ca.sqrt(square - across**2)
+        straight = side(near[0] - along) * ca.sqrt(square - across**2)
         direction = ca.vertcat(
             way[0] * straight + way[1] * across,
             way[1] * straight - way[0] * across,
@@ -67,22 +80,30 @@ class Linkage(Machine):
         return straight + along, direction / square
 
     def expression(self, position: ca.SX, rotation: ca.SX, near: ca.SX) -> ca.SX:
-        length, direction = self._joint(position)
+        length, direction = self._joint(position, near)
         return ca.vertcat(length, ca.norm_2(self.base_a + length * direction - self.base_b))
 
     def carried(self, position: ca.SX, rotation: ca.SX, q: ca.SX) -> tuple[ca.SX, ca.SX]:
-        _, u = self._joint(position)
+        _, u = self._joint(position, q)
         theta = ca.vertcat(ca.horzcat(u[0], -u[1], 0), ca.horzcat(u[1], u[0], 0), ca.horzcat(0, 0, 1))
         turned: ca.SX = theta @ self._at_home
         return position, turned
 
-    def realised(self, q: ArrayLike, side: int = 1) -> Array:
-        """P (N, 2) of coordinates q (N, 2) in closed form: θ from the law of cosines at a.
+    def possible(self, q: Array) -> np.ndarray:
+        return np.asarray((q > 0).all(1))
 
-        side: J lies to the left (1) or to the right (−1) of a → b. Raises OutOfReach where no triangle closes over the
-        base.
+    def realised(self, q: ArrayLike, side: int | None = None) -> Array:
+        """P (N, 2) of coordinates q (N, 2), (2,) of one, in closed form: θ from the law of cosines at a.
+
+        side: J lies to the left (1) or to the right (−1) of a → b; as at home by default. Raises OutOfReach where no
+        triangle closes over the base.
         """
-        rows = np.atleast_2d(np.asarray(q, float))
+        given = np.asarray(q, float)
+        rows = np.atleast_2d(given)
+        if rows.ndim != 2 or rows.shape[1] != 2 or not (np.isfinite(rows) & (rows > 0)).all():
+            raise MotionError(f"machine {self.name}: realised takes positive lengths (N, 2) in m, not {q!r}")
+        if side not in (None, 1, -1):
+            raise MotionError(f"machine {self.name}: side {side} is neither 1 (left of a -> b) nor -1 (right)")
         base = self.base_b - self.base_a
         apart = float(np.hypot(*base))
         cosine = (rows[:, 0] ** 2 + apart**2 - rows[:, 1] ** 2) / (2 * rows[:, 0] * apart)
@@ -93,10 +114,11 @@ class Linkage(Machine):
                 f"machine {self.name}: lengths {rows[row] * 1e3} mm (row {row}) do not close a triangle over the base "
                 f"of {apart * 1e3:.6g} mm"
             )
-        theta = np.arctan2(base[1], base[0]) + np.sign(side) * np.arccos(cosine)
+        theta = np.arctan2(base[1], base[0]) + (side or self._side) * np.arccos(cosine)
         joint = self.base_a + rows[:, :1] * np.stack([np.cos(theta), np.sin(theta)], 1)
         back = theta - self.angle
-        return np.asarray(joint - self.offset * np.stack([np.cos(back), np.sin(back)], 1), float)
+        points = joint - self.offset * np.stack([np.cos(back), np.sin(back)], 1)
+        return np.asarray(points[0] if given.ndim == 1 else points, float)
 
 
 def _point(machine: str, what: str, values: ArrayLike) -> Array:

@@ -1,7 +1,8 @@
 """What a machine is: its inverse map as one expression, and everything that follows from it."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Iterable
 from functools import cached_property
 from typing import ClassVar
 
@@ -9,7 +10,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinematics.array import Array, frozen
+from kinematics.array import Array, finite, frozen
 from kinematics.axis import Axis
 from kinematics.clearance import Bodies
 from kinematics.errors import MotionError, OutOfReach
@@ -17,9 +18,14 @@ from kinematics.expression import Expression
 from kinematics.forward import Forward, solve
 from kinematics.freedom import COMPONENTS, refuse
 from kinematics.margins import Margins, measure
-from kinematics.pose import Pose, column, numbers, symbols
+from kinematics.pose import Pose, checked, column, symbols
 from kinematics.rates import rates
 from kinematics.regular import cell_map
+
+
+def side(x: ca.SX) -> ca.SX:
+    """1 or −1, never 0: the sign by which `near` chooses."""
+    return ca.sign(2 * ca.sign(x) + 1)
 
 
 class Machine(ABC):
@@ -31,26 +37,50 @@ class Machine(ABC):
     freedom   which of x y z rx ry rz it controls, as many as it has axes
     follows   which go along with them: ignored by the inverse map, filled in by `forward`; all others are held at home
     branched  whether a pose has several coordinates (turns, elbows), among which `near` chooses
+    lengths   whether coordinates are distances: none is below 0, and not all belong to a pose
+    sorts     "linear" or "rotary" of each axis; empty: whichever it is
     """
 
     freedom: ClassVar[tuple[str, ...]] = COMPONENTS
     follows: ClassVar[tuple[str, ...]] = ()
     branched: ClassVar[bool] = False
+    lengths: ClassVar[bool] = False
+    sorts: ClassVar[tuple[str, ...]] = ()
     characteristic_length: float
     """m that count as one radian where lengths and angles meet, as in the path parameter of a pure turn."""
 
-    def __init__(self, name: str, axes: Sequence[Axis], home: Pose, near: ArrayLike | None = None) -> None:
+    def __init__(self, name: str, axes: Iterable[Axis], home: Pose, near: ArrayLike | None = None) -> None:
         """near (n,): which of the home pose's coordinates are meant, where there are several (zeros by default)."""
-        self.name, self.axes, self.home = name, tuple(axes), home
-        if len(self.axes) != len(self.freedom):
-            raise MotionError(f"machine {name}: {len(self.axes)} axes for {len(self.freedom)} freedoms {self.freedom}")
-        if not home.single:
-            raise MotionError(f"machine {name}: home must be one pose, not {len(home)}; index the one that is meant")
-        if len({axis.name for axis in self.axes}) < len(self.axes):
+        if not isinstance(name, str) or not name:
+            raise MotionError(f"a machine needs a name, a text that is not empty, not {name!r}")
+        checked(name, "home", home, single=True)
+        self.name, self.axes, self.home = name, self._driven(name, axes), home
+        self.home_q: Array = frozen(self.inverse(home, np.zeros(len(self.axes)) if near is None else near))
+
+    def _driven(self, name: str, given: Iterable[Axis]) -> tuple[Axis, ...]:
+        """As many axes as there are freedoms, each of its sort, no two with the same name or the same driver."""
+        kind, count = type(self).__name__.lower(), len(self.freedom)
+        axes = tuple(given) if isinstance(given, Iterable) else (given,)
+        strange = [axis for axis in axes if not isinstance(axis, Axis)]
+        if strange:
+            raise MotionError(f"machine {name}: axes must be {count} of Axis, not {strange[0]!r:.100}")
+        if len(axes) != count:
+            raise MotionError(f"machine {name}: {len(axes)} axes; a {kind} has {count}, for {', '.join(self.freedom)}")
+        for axis, sort in zip(axes, self.sorts, strict=False):
+            if axis.kind != sort:
+                raise MotionError(f"machine {name}: axis {axis.name} is {axis.kind}; a {kind} has a {sort} one there")
+        if len({axis.name for axis in axes}) < count:
             raise MotionError(
                 f"machine {name}: two axes have the same name; names tell the limits of one from another's"
             )
-        self.home_q: Array = frozen(self.inverse(home, np.zeros(len(self.axes)) if near is None else near))
+        wired = Counter((axis.card, axis.channel) for axis in axes if axis.card is not None)
+        for (card, channel), times in wired.items():
+            if times > 1:
+                both = " and ".join(axis.name for axis in axes if (axis.card, axis.channel) == (card, channel))
+                raise MotionError(
+                    f"machine {name}: {both} are both on channel {channel} of card {card}; give each one of its own"
+                )
+        return axes
 
     @abstractmethod
     def expression(self, position: ca.SX, rotation: ca.SX, near: ca.SX) -> ca.SX:
@@ -62,6 +92,14 @@ class Machine(ABC):
     def carried(self, position: ca.SX, rotation: ca.SX, q: ca.SX) -> tuple[ca.SX, ca.SX]:
         """The pose with what `follows` filled in from the coordinates."""
         return position, rotation
+
+    def possible(self, q: Array) -> np.ndarray:
+        """(N,) whether coordinates q (N, n) can be; a length below zero cannot."""
+        return np.ones(len(q), bool)
+
+    def alternatives(self, near: Array) -> list[Array]:
+        """Coordinates near which a pose's are looked for, in turn, where there are none near (n,)."""
+        return []
 
     def tilts(self, position: ca.SX, rotation: ca.SX) -> ca.SX:
         """Cosine of each joint's angle from its rest axis (m,); none by default."""
@@ -132,36 +170,53 @@ class Machine(ABC):
         """Actuator coordinates q (N, n) of N poses, (n,) of one.
 
         near (n,) picks branch and turn where there are several (home's by default). Raises OutOfReach where no solution
-        exists: too far, or off the machine's freedom.
+        exists: too far, or off the machine's freedom; MotionError for what is no pose, such as a mirrored one.
         """
-        x = numbers(pose)
+        q = self.located(pose, near)[1]
+        return q[0] if pose.single else q
+
+    def located(self, pose: Pose, near: ArrayLike | None = None) -> tuple[Array, Array]:
+        """Numbers (N, 12) and coordinates (N, n) of the poses that a caller gives; see `inverse` for what it raises."""
+        x = checked(self.name, "pose", pose)
         refuse(self, x)
-        q = self.inverse_map(self.inputs(x, self._near(near)))
-        lost = ~np.isfinite(q).all(1)
+        chosen = self._near(near)
+        q = self.inverse_map(self.inputs(x, chosen))
+        lost = self._lost(q)
+        for other in self.alternatives(chosen) if lost.any() else ():
+            q[lost] = self.inverse_map(self.inputs(x[lost], other))
+            lost = self._lost(q)
         if lost.any():
             first = int(np.argmax(lost))
-            where = np.atleast_2d(pose.translation)[first]
             raise OutOfReach(
                 f"machine {self.name}: no actuator coordinates reach pose {first}, "
-                f"position {where * 1e3} mm; bring it nearer"
+                f"position {x[first, :3] * 1e3} mm; bring it nearer"
             )
-        return q[0] if pose.single else q
+        return x, q
+
+    def _lost(self, q: Array) -> np.ndarray:
+        return ~(np.isfinite(q).all(1) & self.possible(q))
 
     def jacobian(self, pose: Pose, near: ArrayLike | None = None) -> Array:
         """J (N, n, 6) of N poses, (n, 6) of one: dq = J [dx, dy, dz, wx, wy, wz] in the base frame.
 
-        The velocity is that of the platform's origin, the reference point. near as in `inverse`.
+        The velocity is that of the platform's origin, the reference point. near as in `inverse`. Raises what `inverse`
+        does, and MotionError where coordinates have no finite rates: an arm stretched out, a leg of no length.
         """
-        j = self.jacobian_map(self.inputs(numbers(pose), self._near(near))).reshape(-1, len(self.axes), 6)
+        x = self.located(pose, near)[0]
+        j = self.jacobian_map(self.inputs(x, self._near(near))).reshape(-1, len(self.axes), 6)
+        endless = ~np.isfinite(j).all((1, 2))
+        if endless.any():
+            first = int(np.argmax(endless))
+            raise MotionError(
+                f"machine {self.name} is singular at pose {first}, position {x[first, :3] * 1e3} mm: its coordinates "
+                "have no finite rates there; keep away from it (check tells how near it is)"
+            )
         return j[0] if pose.single else j
 
     def _near(self, near: ArrayLike | None) -> Array:
         if near is None:
             return self.home_q
-        chosen = np.asarray(near, float)
-        if chosen.shape != (len(self.axes),) or not np.isfinite(chosen).all():
-            raise MotionError(f"machine {self.name}: near must be {len(self.axes)} finite coordinates, not {near}")
-        return chosen
+        return finite(f"machine {self.name}: near must be {len(self.axes)} finite coordinates", near, (len(self.axes),))
 
     def start(self, q: Array, near: Array) -> Array:
         """Pose numbers (N, 12) from which `forward` looks for coordinates q (N, n), asked from near (N, 12)."""
@@ -170,13 +225,18 @@ class Machine(ABC):
     def forward(self, q: ArrayLike, near: Pose | None = None, *, certify: bool = True) -> Forward:
         """The pose of actuator coordinates q (N, n) or (n,), by Newton on SE(3) from `near` (home by default).
 
-        certify=False leaves the proof out, which takes most of the time: nothing is certified then.
+        certify=False leaves the proof out, which takes most of the time: nothing is certified then. Raises MotionError
+        for coordinates that are none, OutOfReach where no pose is found that has the lengths q (n,); among several,
+        their `residual` tells.
         """
-        return solve(self, np.asarray(q, float), self.home if near is None else near, certify)
+        return solve(self, q, self.home if near is None else near, certify)
 
-    def check(self, pose: Pose) -> Margins:
-        """Travel, tilt and clearance against their limits, conditioning, and distance to the nearest singularity."""
-        return measure(self, pose)
+    def check(self, pose: Pose, near: ArrayLike | None = None) -> Margins:
+        """Travel, tilt and clearance against their limits, conditioning, and distance to the nearest singularity.
+
+        near (n,) as in `inverse`: which of a pose's coordinates are meant, where there are several.
+        """
+        return measure(self, pose, near)
 
     def __repr__(self) -> str:
         return f"<{type(self).__name__} {self.name}: {len(self.axes)} axes>"

@@ -8,7 +8,7 @@ from typing import Any
 
 from kinematics.document import read
 from kinematics.errors import FileError, MotionError
-from kinematics.kinds.arm import ArmFile, arm
+from kinematics.kinds.arm import ArmFile, arm, of_a_joint
 from kinematics.kinds.axes import named_once, one_pulse
 from kinematics.kinds.hexapod import HexapodFile, hexapod
 from kinematics.kinds.linkage import LinkageFile, linkage
@@ -29,7 +29,7 @@ def read_machine(source: Path | Traversable) -> Machine:
         known = ", ".join(map(shown, KINDS))
         raise FileError(document.file, [document.fault(("kind",), f"{told}; kinds: {known}")])
     schema, construct = KINDS[kind]
-    model = build(document, schema, named_once, one_pulse)
+    model = build(document, schema, named_once, one_pulse, of_a_joint)
     folder = source.parent if isinstance(source, Path) else files("kinematics") / "presets"
     try:
         return construct(model, Path(source.name).stem, folder)

@@ -1,78 +1,86 @@
 """Machine files, written: the TOML from which `load_machine` makes the same machine.
 
 Numbers are written so that they are read back as the same floats; turns and directions come back to rounding, since
-they are held as matrices and unit vectors.
+they are held as matrices and unit vectors, and so do joints about a tool.
 """
 
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import fields
-from decimal import Decimal
-from math import isfinite, pi
+from json import dumps
+from math import isfinite
+from typing import Any
 
-import numpy as np
-
-from kinematics.array import Array
 from kinematics.axis import Axis
-from kinematics.clearance import Disc
 from kinematics.errors import MotionError
-from kinematics.hexapod import Hexapod
+from kinematics.geometry_writer import geometry
 from kinematics.machine import Machine
+from kinematics.toml_text import quantity, vector
 
-# Power of ten from SI to the unit in which a field is written.
+# The unit in which a field is written, and its power of ten from SI: of linear axes, and of rotary ones.
 _UNITS = {
-    "travel": ("mm", 3),
-    "pulse": ("um", 6),
-    "max_speed": ("mm/s", 3),
-    "max_acceleration": ("mm/s^2", 3),
-    "max_jerk": ("mm/s^3", 3),
-    "max_force": ("N", 0),
-    "max_pulse_rate": ("1/s", 0),
+    "travel": (("mm", 3), ("rad", 0)),
+    "pulse": (("um", 6), ("rad", 0)),
+    "max_speed": (("mm/s", 3), ("rad/s", 0)),
+    "max_acceleration": (("mm/s^2", 3), ("rad/s^2", 0)),
+    "max_jerk": (("mm/s^3", 3), ("rad/s^3", 0)),
+    "max_force": (("N", 0), ("N*m", 0)),
+    "max_pulse_rate": (("1/s", 0), ("1/s", 0)),
+    "backlash": (("mm", 3), ("rad", 0)),
+    "resonance_time": (("ms", 3), ("ms", 3)),
 }
+# Fields of points: the fields whose units their first and second numbers have.
+_POINTS = {
+    "torque_speed": ("max_speed", "max_force"),
+    "lead_error": ("travel", "travel"),
+    "resonance": ("max_speed", "max_speed"),
+}
+
+_ELSEWHERE = ("name", "kind", "card", "channel")
 
 
 def machine_toml(machine: Machine, comment: str = "") -> str:
     """The TOML text of a machine, with explicit joint centres, after the lines of a comment.
 
-    Raises MotionError for what machine files cannot say: kinds other than hexapods, unlimited travel.
+    Raises MotionError for what machine files cannot say: an arm's URDF, unlimited travel of a slide, other names of
+    axes than the kind has.
     """
-    if not isinstance(machine, Hexapod):
-        raise MotionError(f"machine {machine.name}: only hexapods are written so far, not {type(machine).__name__}")
+    kind, own = geometry(machine)
     lines = [f"# {line}".rstrip() for line in comment.splitlines()]
-    lines += ["schema = 1", 'kind = "hexapod"', "", "[geometry]", *_geometry(machine), "", *_axes(machine)]
+    lines += ["schema = 1", f'kind = "{kind}"', "", "[geometry]", *own, *_axes(machine, kind)]
     return "\n".join(lines) + "\n"
 
 
-def _geometry(machine: Hexapod) -> Iterator[str]:
-    for key, points in (("base_joints", machine.base), ("platform_joints", machine.platform)):
-        yield f"{key} = [{_rows(_vector(point, 'mm', 3) for point in points)}]"
-    home = machine.home
-    angles = [f'"{float(angle)!r} rad"' for angle in home.rotation.as_euler("XYZ") + 0.0]
-    yield f"home = {{ to = {_vector(home.translation, 'mm', 3)}, rotate = [{', '.join(angles)}] }}"
-    for key, rests in (("base_rest", machine.base_rest), ("platform_rest", machine.platform_rest)):
-        if (rests != [0.0, 0.0, 1.0]).any():
-            yield f"{key} = [{_rows(_direction(rest) for rest in rests)}]"
-    if (machine.max_tilt < pi).any():
-        yield f'max_tilt = ["{float(machine.max_tilt[0])!r} rad", "{float(machine.max_tilt[6])!r} rad"]'
-    if machine.bodies is not None:
-        bodies = machine.bodies
-        yield f"leg_radius = {_quantity(bodies.leg_radius, 'mm', 3)}"
-        if bodies.leg_ends is not None:
-            yield f"leg_ends = {_quantity(bodies.leg_ends, 'mm', 3)}"
-        for key, disc in (("base_disc", bodies.base_disc), ("platform_disc", bodies.platform_disc)):
-            if disc is not None:
-                yield f"{key} = {_disc(disc)}"
+def _axes(machine: Machine, kind: str) -> Iterator[str]:
+    """What most axes of a kind share, then what each has of its own."""
+    from kinematics.kinds.hexapod import LEGS
+    from kinematics.kinds.linkage import NAMES
+    from kinematics.kinds.traverser import ROTARY, SLIDES
+    from kinematics.kinds.tripod import ARMS
+
+    known = {"hexapod": LEGS, "tripod": ARMS, "linkage": NAMES, "traverser": (*SLIDES, ROTARY)}[kind]
+    names = tuple(axis.name for axis in machine.axes)
+    if names != tuple(known):
+        raise MotionError(
+            f"machine {machine.name}: its axes are called {', '.join(names)}; in a file of a {kind} "
+            f"they are {', '.join(known)}: name them so"
+        )
+    for table, sort in (("axes", "linear"), ("rotary", "rotary")):
+        chosen = [axis for axis in machine.axes if axis.kind == sort]
+        if chosen:
+            yield from ("", f"[{table}]", *_tables(machine.name, chosen))
+    wired = [axis for axis in machine.axes if axis.card is not None and axis.channel is not None]
+    if wired:
+        yield from ("", "[wiring]", *(f"{axis.name} = [{dumps(axis.card)}, {axis.channel}]" for axis in wired))
 
 
-def _axes(machine: Machine) -> Iterator[str]:
-    """What most axes share, then what each has of its own."""
-    written = [dict(_fields(machine.name, axis)) for axis in machine.axes]
+def _tables(machine: str, axes: Sequence[Axis]) -> Iterator[str]:
+    written = [dict(_fields(machine, axis)) for axis in axes]
     # an absent limit cannot be stated for one axis alone, so only keys that all have become common
     shared = [key for key in written[0] if all(key in entry for entry in written)]
     common = {key: Counter(entry[key] for entry in written).most_common(1)[0][0] for key in shared}
-    yield "[axes]"
     yield from (f"{key} = {text}" for key, text in common.items())
-    for axis, entry in zip(machine.axes, written, strict=True):
+    for axis, entry in zip(axes, written, strict=True):
         own = {key: text for key, text in entry.items() if common.get(key) != text}
         if own:
             yield from ("", "[[axis]]", f'name = "{axis.name}"', *(f"{key} = {text}" for key, text in own.items()))
@@ -82,47 +90,24 @@ def _fields(machine: str, axis: Axis) -> Iterator[tuple[str, str]]:
     """Key and text of every field of an axis that says something."""
     for field in fields(axis):
         value = getattr(axis, field.name)
-        if field.name in ("name", "kind") or value is None:
+        if field.name in _ELSEWHERE or value is None or (field.name == "backlash" and value == 0):
             continue
-        if field.name == "direction":
-            yield field.name, f"{value}"
-        elif field.name == "torque_speed":
-            points = (f"[{_quantity(v, 'mm/s', 3)}, {_quantity(f, 'N', 0)}]" for v, f in value)
-            yield field.name, f"[{', '.join(points)}]"
-        elif field.name not in _UNITS:
-            if value != field.default:
-                raise MotionError(f"machine {machine}: axis {axis.name}: {field.name} has no place in a machine file")
-        elif field.name == "travel":
-            if not all(map(isfinite, value)):
-                raise MotionError(
-                    f"machine {machine}: axis {axis.name} has unlimited travel, which a machine file cannot say; "
-                    "give it bounds"
-                )
-            yield field.name, _vector(value, *_UNITS[field.name])
-        else:
-            yield field.name, _quantity(value, *_UNITS[field.name])
+        if field.name == "travel" and not all(map(isfinite, value)):
+            if axis.kind == "rotary":
+                continue
+            raise MotionError(
+                f"machine {machine}: axis {axis.name} has unlimited travel, which a machine file cannot say; "
+                "give it bounds"
+            )
+        yield field.name, _text(field.name, value, 0 if axis.kind == "linear" else 1)
 
 
-def _quantity(value: float, unit: str, power: int) -> str:
-    """The shortest text of an SI value in a unit 10^power times smaller; exact, as the point only moves."""
-    number = Decimal(repr(float(value))).scaleb(power).normalize()
-    return f'"{number:{"" if 0 < abs(number) < 1e-6 else "f"}} {unit}"'
-
-
-def _vector(values: Array | Iterable[float], unit: str, power: int) -> str:
-    return f"[{', '.join(_quantity(value, unit, power) for value in values)}]"
-
-
-def _direction(values: Array) -> str:
-    return f"[{', '.join(repr(float(value)) for value in values)}]"
-
-
-def _rows(texts: Iterable[str]) -> str:
-    return "".join(f"\n    {text}," for text in texts) + "\n"
-
-
-def _disc(disc: Disc) -> str:
-    return (
-        f"{{ radius = {_quantity(disc.radius, 'mm', 3)}, thickness = {_quantity(disc.thickness, 'mm', 3)}, "
-        f"centre = {_vector(np.asarray(disc.centre), 'mm', 3)}, normal = {_direction(np.asarray(disc.normal))} }}"
-    )
+def _text(field: str, value: Any, sort: int) -> str:
+    """sort: 0 in the units of a linear axis, 1 in those of a rotary one."""
+    if field in _POINTS:
+        x, y = (_UNITS[unit][sort] for unit in _POINTS[field])
+        return f"[{', '.join(f'[{quantity(a, *x)}, {quantity(b, *y)}]' for a, b in value)}]"
+    if field in _UNITS:
+        unit = _UNITS[field][sort]
+        return vector(value, *unit) if isinstance(value, tuple) else quantity(value, *unit)
+    return f"{value}"

@@ -6,10 +6,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from kinematics.array import Array, frozen
-from kinematics.freedom import columns
-from kinematics.pose import Pose, numbers
+from kinematics.errors import MotionError
+from kinematics.freedom import scaled_jacobian
+from kinematics.pose import Pose
 
 if TYPE_CHECKING:
     from kinematics.machine import Machine
@@ -22,18 +24,22 @@ ROUNDING = 1e-9
 class Margins:
     """Use of each limit at each pose: 1 is at the limit, more is beyond.
 
-    travel        (N, n) |q − middle| / half range, per axis
-    tilt          (N, m) angle / limit, per joint
+    travel        (N, n) |q − middle| / half range, per axis; 0 where there is no limit
+    tilt          (N, m) angle / limit, per joint; of π where there is no limit, which counts as no use. The joints of a
+                  leg of no length, which has no direction, count as turned over
     clearance     (N, k) m between the surfaces of legs, and of legs and discs; below 0 they overlap. Its use is
                   contact / distance, both between axes (or axis and disc)
     conditioning  (N,) σ_min/σ_max of the Jacobian of what the machine controls, the columns of its rotations divided by
                   the machine's characteristic length: 1 at best, 0 in a singularity
     singularity   (N,) σ_min of the same: the distance (2-norm) to the nearest singular Jacobian. No motion whose speed,
-                  taken with the characteristic length, is 1 m/s moves the axes slower
+                  taken with the characteristic length, is 1 m/s moves the axes slower. 0 too where the Jacobian has no
+                  finite entries: an arm stretched out, a leg of no length
     """
 
     travel: Array
     tilt: Array
+    max_tilt: Array
+    """(m,) rad, what `tilt` is a share of; π where there is no limit."""
     clearance: Array
     contact: Array
     """(k,) m between the axes of what `clearance` names when they touch."""
@@ -58,6 +64,8 @@ class Margins:
     def worst(self) -> str:
         """Name and use of the limit that is used most, over all poses."""
         use = self._use()
+        if not use.size:
+            raise MotionError("margins of no poses have no worst; check at least one")
         pose, entry = np.unravel_index(int(np.argmax(use)), use.shape)
         names = [f"{name} travel" for name in self.travel_names] + [f"{name} tilt" for name in self.tilt_names]
         at = f" at pose {pose}" if len(use) > 1 else ""
@@ -67,20 +75,22 @@ class Margins:
         return f"{self.clearance_names[pair]} clearance: {self.clearance[pose, pair] * 1e3:.3g} mm{at}"
 
     def _use(self) -> Array:
-        return np.concatenate([self.travel, self.tilt, clearance_use(self.clearance, self.contact)], 1)
+        limited = np.where(self.max_tilt < np.pi, self.tilt, 0.0)
+        return np.concatenate([self.travel, limited, clearance_use(self.clearance, self.contact)], 1)
 
 
-def measure(machine: Machine, pose: Pose) -> Margins:
-    """Margins of N poses (N = 1 for a single one)."""
-    q = np.atleast_2d(machine.inverse(pose))
-    travel, tilt, clearance = limits_used(machine, numbers(pose), q)
-    stretch = _singular_values(machine, pose)
+def measure(machine: Machine, pose: Pose, near: ArrayLike | None = None) -> Margins:
+    """Margins of N poses (N = 1 for a single one), on the branch of the coordinates near (n,), or home's."""
+    x, q = machine.located(pose, near)
+    travel, tilt, clearance = limits_used(machine, x, q)
+    stretch = _singular_values(scaled_jacobian(machine, x, q))
     return Margins(
         travel=frozen(travel),
         tilt=frozen(tilt),
+        max_tilt=machine.max_tilt,
         clearance=frozen(clearance),
         contact=frozen(machine.bodies.contact if machine.bodies else []),
-        conditioning=frozen(stretch[:, -1] / stretch[:, 0]),
+        conditioning=frozen(stretch[:, -1] / np.where(stretch[:, 0] > 0, stretch[:, 0], 1.0)),
         singularity=frozen(stretch[:, -1]),
         characteristic_length=machine.characteristic_length,
         travel_names=tuple(axis.name for axis in machine.axes),
@@ -91,7 +101,9 @@ def measure(machine: Machine, pose: Pose) -> Margins:
 
 def limits_used(machine: Machine, x: Array, q: Array) -> tuple[Array, Array, Array]:
     """travel (N, n), tilt (N, m) and clearance (N, k), as in `Margins`, of pose numbers x and their coordinates q."""
-    tilt = np.arccos(np.clip(machine.tilt_map(x), -1.0, 1.0)) / machine.max_tilt
+    # a leg of no length has no direction
+    cosine = np.nan_to_num(machine.tilt_map(x), nan=-1.0)
+    tilt = np.arccos(np.clip(cosine, -1.0, 1.0)) / machine.max_tilt
     bodies = machine.bodies
     return travel_use(machine, q), tilt, bodies.distances(x) - bodies.contact if bodies else np.zeros((len(x), 0))
 
@@ -110,8 +122,7 @@ def travel_use(machine: Machine, q: Array) -> Array:
     return np.where(np.isinf(hi), 0.0, use)
 
 
-def _singular_values(machine: Machine, pose: Pose) -> Array:
-    """(N, n), falling, of the Jacobian with every column in axis units per metre."""
-    scale = np.repeat([1.0, 1.0 / machine.characteristic_length], 3)
-    jacobian = machine.jacobian(pose).reshape(-1, len(machine.axes), 6) * scale
-    return np.asarray(np.linalg.svd(jacobian[:, :, columns(machine)], compute_uv=False))
+def _singular_values(jacobian: Array) -> Array:
+    """(N, n), falling; 0 where the Jacobian is not finite."""
+    finite = np.isfinite(jacobian).all((1, 2), keepdims=True)
+    return np.asarray(np.linalg.svd(np.where(finite, jacobian, 0.0), compute_uv=False))

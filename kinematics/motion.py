@@ -6,9 +6,9 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinematics.array import Array, frozen
+from kinematics.array import Array, frozen, quantities
 from kinematics.errors import MotionError, OutOfReach
-from kinematics.freedom import COMPONENTS, columns
+from kinematics.freedom import COMPONENTS, columns, square_jacobian
 from kinematics.machine import Machine
 from kinematics.pose import Pose, from_numbers, numbers
 
@@ -68,12 +68,9 @@ def motion_of_poses(
     held = [k for k, name in enumerate(COMPONENTS) if name not in machine.freedom + machine.follows]
     given = []
     for what, values in (("twist", twist), ("acceleration", acceleration)):
-        rows = np.zeros((len(q), 6)) if values is None else np.atleast_2d(np.asarray(values, float))
-        if rows.shape not in ((len(q), 6), (1, 6)) or not np.isfinite(rows).all():
-            raise MotionError(
-                f"machine {machine.name}: {what} must be finite, ({len(q)}, 6) for {len(q)} poses, not {rows.shape}"
-            )
-        rows = np.broadcast_to(rows, (len(q), 6))
+        shape = (len(q), 6)
+        values = np.zeros(6) if values is None else values
+        rows = np.broadcast_to(quantities(values, f"machine {machine.name}: {what}", shape, (6,), (1, 6)), shape)
         if rows[:, held].any():
             instant, k = np.argwhere(rows[:, held])[0]
             raise OutOfReach(
@@ -89,6 +86,8 @@ def motion_of_axes(machine: Machine, state: Moving) -> Motion:
 
     Raises MotionError where the machine is singular, so that the axes do not tell the motion.
     """
+    if not all(hasattr(state, name) for name in ("pose", "q", "qd", "qdd")):
+        raise MotionError(f"{type(state).__name__} is no motion; motion_of_poses makes one of poses")
     if state.pose is None:
         raise MotionError("forces need a pose; this motion has no machine")
     free, n, x = columns(machine), len(machine.axes), numbers(state.pose)
@@ -110,18 +109,22 @@ def motion_of_axes(machine: Machine, state: Moving) -> Motion:
 
 def controlled(machine: Machine, x: Array, q: Array) -> Array:
     """(N, n, n) the Jacobian's columns of what the machine controls. Raises MotionError at a singular pose."""
-    free, n = columns(machine), len(machine.axes)
-    jacobian = machine.jacobian_map(machine.inputs(x, q)).reshape(-1, n, 6)[:, :, free]
-    scale = np.where(free < 3, 1.0, 1.0 / machine.characteristic_length)
-    with np.errstate(all="ignore"):
-        broken = ~(np.linalg.cond(jacobian * scale) < SINGULAR)
+    jacobian = square_jacobian(machine, x, q)
+    broken = singular(machine, jacobian)
     if broken.any():
-        instant = int(np.argmax(broken))
+        first = int(np.argmax(broken))
         raise MotionError(
-            f"machine {machine.name} is singular at instant {instant}, position {x[instant, :3] * 1e3} mm: "
-            "its actuators cannot bear every wrench there; keep away from it"
+            f"machine {machine.name} is singular at pose {first}, position {x[first, :3] * 1e3} mm: its axes do not "
+            "hold the platform there, so that forces and errors have no bound; keep away from it"
         )
     return jacobian
+
+
+def singular(machine: Machine, jacobian: Array) -> np.ndarray:
+    """(N,) whether square Jacobians (N, n, n) tell nothing of some motion."""
+    scale = np.where(columns(machine) < 3, 1.0, 1.0 / machine.characteristic_length)
+    with np.errstate(all="ignore"):
+        return np.asarray(~(np.linalg.cond(jacobian * scale) < SINGULAR))
 
 
 def _filled(machine: Machine, x: Array, q: Array, twist: Array, acceleration: Array) -> Motion:

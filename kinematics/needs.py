@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, fields
-from math import isfinite
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinematics.array import Array, frozen
+from kinematics.array import Array, frozen, quantities
+from kinematics.dynamics import Forces
 from kinematics.errors import MotionError
+from kinematics.motion import Motion
 from kinematics.pose import Pose, numbers
 from kinematics.units import describe
 
@@ -59,21 +60,23 @@ class AxisMotion:
             value = getattr(self, field.name)
             if value is None:
                 continue
-            array = np.asarray(value, float)
-            if array.ndim != 2 or not array.size or not np.isfinite(array).all():
+            array = quantities(value, f"motion: {field.name}")
+            if array.ndim != 2 or not array.size:
                 raise MotionError(f"motion: {field.name} must be finite numbers (N, axes), not shape {array.shape}")
-            if array.shape[1] != np.shape(self.q)[1]:
-                raise MotionError(f"motion: {field.name} has {array.shape[1]} axes, q has {np.shape(self.q)[1]}")
+            if array.shape != np.shape(self.q):
+                raise MotionError(f"motion: {field.name} is {array.shape}, q is {np.shape(self.q)}: (N, axes) of both")
             object.__setattr__(self, field.name, frozen(array))
 
 
-def actuator_need(motions: Iterable[AxisMotion], precision: float | None = None) -> ActuatorNeed:
+def actuator_need(motions: Iterable[AxisMotion | Motion | Forces], precision: float | None = None) -> ActuatorNeed:
     """What one type of linear actuator on all axes needs for all motions, mounted once.
+
+    A motion may be given as what `forces` or `motion_of_poses` returns.
 
     stroke = maxᵢ (max q_i − min q_i) over all motions together; speed = max |qd|; force = max |force|.
     Raises MotionError for no motion, motions of different machines, and forces of some of them only.
     """
-    runs = list(motions)
+    runs = [_run(motion) for motion in motions]
     if not runs or len({run.q.shape[1] for run in runs}) > 1:
         raise MotionError("selection needs at least one motion, all of the same axes")
     q = np.concatenate([run.q for run in runs])
@@ -88,13 +91,25 @@ def actuator_need(motions: Iterable[AxisMotion], precision: float | None = None)
     )
 
 
+def _run(motion: AxisMotion | Motion | Forces) -> AxisMotion:
+    match motion:
+        case AxisMotion():
+            return motion
+        case Forces():
+            return AxisMotion(motion.motion.q, motion.motion.qd, motion.force)
+        case Motion():
+            return AxisMotion(motion.q, motion.qd)
+        case _:
+            raise MotionError(f"selection: {motion!r} is no motion; give AxisMotion, Motion or Forces")
+
+
 def joint_need(machine: Machine, pose: Pose, force: ArrayLike | None = None) -> JointNeed:
     """What one type of joint everywhere needs: the largest tilt over N poses, the largest |force| (any shape, N)."""
     if not machine.tilt_names:
         raise MotionError(f"machine {machine.name} has no joints that tilt")
     machine.inverse(pose)  # refuses what cannot be reached
     tilt = float(np.arccos(np.clip(machine.tilt_map(numbers(pose)), -1.0, 1.0)).max())
-    return JointNeed(tilt or None, None if force is None else float(np.abs(np.asarray(force, float)).max()) or None)
+    return JointNeed(tilt or None, None if force is None else float(np.abs(quantities(force, "force")).max()) or None)
 
 
 def asked(need: ActuatorNeed | JointNeed) -> dict[str, float]:
@@ -105,5 +120,5 @@ def asked(need: ActuatorNeed | JointNeed) -> dict[str, float]:
 
 def _checked(need: ActuatorNeed | JointNeed) -> None:
     for name, value in asked(need).items():
-        if not (isfinite(value) and value > 0):
+        if not quantities(value, f"needed {name}", (), unit="SI units") > 0:
             raise MotionError(f"needed {name} {describe(value, UNITS[name])} must be positive and finite, or None")

@@ -1,8 +1,8 @@
-"""Figures of the workspace: drawn on `ax`, or on a figure of its own, and the axes returned."""
+"""Figures of this package's results: each draws on `ax`, or on a figure of its own, and returns the axes."""
 
 from __future__ import annotations
 
-from typing import cast
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -11,13 +11,20 @@ from matplotlib.patches import Circle, Rectangle
 from matplotlib.ticker import MaxNLocator
 from mpl_toolkits.mplot3d import Axes3D
 
+from kinematics.accuracy import Budget, Contribution
+from kinematics.array import Array
 from kinematics.containment import KINDS
 from kinematics.errors import MotionError
 from kinematics.workspace import Box, Workspace
 
+if TYPE_CHECKING:
+    from kinematics.dynamics import Forces
+
 COLOURS = dict(zip(KINDS, ("#0072B2", "#E69F00", "#009E73"), strict=True))
 """Of the limits, told apart by colour-blind readers too [Okabe and Ito 2008]."""
 BOX, SPHERE = "#D55E00", "#CC79A7"
+SHOWN = 0.3
+"""Share of max_force from which the limit is drawn: below, it would flatten the curves."""
 
 
 def reach(workspace: Workspace, ax: Axes | None = None) -> Axes:
@@ -112,3 +119,51 @@ def _title(workspace: Workspace, where: str) -> str:
     angles = workspace.rotation.as_euler("XYZ", degrees=True)
     turn = ", ".join(f"{angle + 0.0:.4g}" for angle in angles.round(9))
     return f"Reach of {workspace.machine.name} at θ = ({turn})°{where}"
+
+
+def position_error(budget: Budget, ax: Axes | None = None) -> Axes:
+    """√(trace Σ + |bias|²) of the position by source: along the poses, or as bars with the worst case for one pose."""
+    if ax is None:
+        ax = Figure(figsize=(7, 4), layout="constrained").add_subplot()
+    parts = (*budget.contributions, budget.total)
+    if len(budget) > 1:
+        for part in parts:
+            heavy = part is budget.total
+            ax.plot(1e6 * _rms(part), label=part.name, color="black" if heavy else None, linewidth=2 if heavy else 1.2)
+        ax.set(xlabel="pose", ylabel="RMS position error (µm)", xlim=(0, len(budget) - 1))
+        ax.set_ylim(bottom=0)
+        ax.legend(frameon=False, loc="center left", bbox_to_anchor=(1, 0.5))
+    else:
+        names = [part.name for part in parts]
+        ax.barh(names, [1e6 * np.linalg.norm(part.worst[0, :3]) for part in parts], color="lightgrey", label="bound")
+        ax.barh(names, [1e6 * _rms(part)[0] for part in parts], height=0.4, label="RMS")
+        ax.invert_yaxis()
+        ax.set(xlabel="position error (µm)")
+        ax.legend(frameon=False)
+    ax.set_title(f"Error budget of {budget.machine}")
+    return ax
+
+
+def _rms(part: Contribution) -> Array:
+    """(N,) root of the mean square of the position's error, m."""
+    variance = np.trace(part.covariance[:, :3, :3], axis1=1, axis2=2)
+    return np.asarray(np.sqrt(variance + (part.bias[:, :3] ** 2).sum(1)))
+
+
+def force(forces: Forces, t: Array | None, ax: Axes | None = None) -> Axes:
+    """Force of every axis over time, with the least max_force of all as two dashed lines where it is near."""
+    if ax is None:
+        ax = Figure(figsize=(7, 4), layout="constrained").add_subplot()
+    when = np.arange(len(forces.force)) if t is None else t
+    for axis, row in zip(forces.machine.axes, forces.force.T, strict=True):
+        ax.plot(when, row, label=axis.name, linewidth=1.2)
+    limits, use = [axis.max_force for axis in forces.machine.axes if axis.max_force is not None], forces.use.max()
+    if use > SHOWN:
+        for sign in (1, -1):
+            ax.axhline(sign * min(limits), color="grey", linestyle="--", linewidth=0.8)
+    units = {"force (N)" if axis.kind == "linear" else "torque (N m)" for axis in forces.machine.axes}
+    ax.set(xlabel="instant" if t is None else "time (s)", ylabel=", ".join(sorted(units)))
+    ax.legend(frameon=False, loc="center left", bbox_to_anchor=(1, 0.5))
+    told = f", at most {100 * use:.0f} % of what they may give" if limits else ""
+    ax.set_title(f"Actuator forces of {forces.machine.name}{told}")
+    return ax

@@ -9,12 +9,46 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics.array import Array
+from kinematics.errors import MotionError, OutOfReach
 
 Pose = RigidTransform
 
+# How far R Rᵀ may be from the identity, entry by entry: far above rounding, far below what a measurement sees.
+ROTATION = 1e-9
+
+
+def checked(machine: str, what: str, pose: object, *, single: bool = False) -> Array:
+    """(N, 12) numbers of the poses that a caller gives to a machine.
+
+    Raises MotionError for what is no pose, or not a single one where one is wanted, and for rotations that are none:
+    scaled, as from a quaternion that was not normalised, or mirrored; OutOfReach for a pose that is not finite.
+    """
+    if not isinstance(pose, RigidTransform):
+        raise MotionError(
+            f"machine {machine}: {what} must be a Pose, SciPy's RigidTransform, not {pose!r:.100}; "
+            "RigidTransform.from_components(position, rotation) makes one"
+        )
+    if single and not pose.single:
+        raise MotionError(f"machine {machine}: {what} must be one pose, not {len(pose)}; index the one that is meant")
+    x = numbers(pose)
+    rows = x[:, 3:].reshape(-1, 3, 3)
+    with np.errstate(invalid="ignore"):  # what is not finite
+        off = np.abs(rows @ rows.swapaxes(1, 2) - np.eye(3)).max((1, 2), initial=0.0)
+        wrong = ~((off < ROTATION) & (np.linalg.det(rows) > 0) & np.isfinite(x).all(1))
+    if wrong.any():
+        k = int(np.argmax(wrong))
+        where = f"machine {machine}: {what}" if single else f"machine {machine}: {what} {k}"
+        if not np.isfinite(x[k]).all():
+            raise OutOfReach(f"{where} must be finite; its position is {x[k, :3]} m, its rotation {rows[k].tolist()}")
+        fault = f"R Rᵀ is {off[k]:.3g} off the identity" if off[k] >= ROTATION else "it is mirrored, det R < 0"
+        raise MotionError(f"{where} has a rotation that is none: {fault}; normalise its quaternion or matrix")
+    return x
+
 
 def numbers(pose: Pose) -> Array:
-    """(N, 12) position and rotation rows of N poses (N = 1 for a single one)."""
+    """(N, 12) position and rotation rows of N poses (N = 1 for a single one). Raises MotionError for no pose."""
+    if not isinstance(pose, Pose):
+        raise MotionError(f"a pose is a scipy RigidTransform, not {type(pose).__name__}")
     matrix = pose.as_matrix().reshape(-1, 4, 4)
     return np.concatenate([matrix[:, :3, 3], matrix[:, :3, :3].reshape(-1, 9)], 1)
 

@@ -63,6 +63,9 @@ class Table(BaseModel):
                 message = ": ".join(["missing", *(examples or filter(None, [keys[last].description]))])
             case "missing":
                 message = "missing: the array is too short"
+            case "too_long":
+                most = error["ctx"]["max_length"]
+                message = f"{shown(value)}: the array is too long: {len(value)} entries instead of {most}"
             case "literal_error":
                 expected = error["ctx"]["expected"].replace("'", '"')
                 choices = re.findall('"(.*?)"', expected)

@@ -9,6 +9,7 @@ from kinematics.catalogue import Actuator, Joint, Part
 from kinematics.errors import MotionError
 from kinematics.needs import UNITS, ActuatorNeed, JointNeed, asked
 from kinematics.registry import nearest
+from kinematics.sizing import ROUNDING
 from kinematics.text_table import aligned
 from kinematics.units import describe
 
@@ -106,7 +107,7 @@ def _reason(part: AnyPart, name: str, needed: float) -> str | None:
     offered, unit = getattr(part, name), UNITS[name]
     if offered is None:
         return f"{name} not stated, {describe(needed, unit)} needed"
-    if _ratio(name, offered, needed) >= 1:
+    if _ratio(name, offered, needed) >= 1 - ROUNDING:
         return None
     sign = ">" if name in _NO_MORE else "<"
     return f"{name} {describe(offered, unit)} {sign} {describe(needed, unit)}"

@@ -8,16 +8,13 @@ import casadi as ca
 import numpy as np
 
 from kinematics.array import Array
-from kinematics.errors import MotionError
 from kinematics.expression import Expression
 from kinematics.freedom import columns
+from kinematics.motion import controlled
 from kinematics.pose import column, symbols
 
 if TYPE_CHECKING:
     from kinematics.machine import Machine
-
-SINGULAR = 1e10
-"""Condition of the Jacobian (in m) from which on the axes count as not holding the platform."""
 
 
 def sensitivity(machine: Machine, x: Array, q: Array) -> Array:
@@ -27,19 +24,9 @@ def sensitivity(machine: Machine, x: Array, q: Array) -> Array:
     it holds; for what follows, the derivative of the pose that is carried along. Raises MotionError at a singular pose.
     """
     free, count = columns(machine), len(machine.axes)
-    inputs = machine.inputs(x, q)
-    jacobian = machine.jacobian_map(inputs).reshape(len(x), count, 6)[:, :, free]
-    scale = np.where(free < 3, 1.0, 1 / machine.characteristic_length)
-    condition = np.linalg.cond(jacobian * scale)
-    if not (condition < SINGULAR).all():
-        worst = int(np.argmax(~(condition < SINGULAR)))
-        raise MotionError(
-            f"machine {machine.name}: pose {worst} is singular (condition {condition[worst]:.3g}): its axes do "
-            "not hold the platform there, so their errors have no bound; keep away from it"
-        )
     twist = np.zeros((len(x), 6, count))
-    twist[:, free] = np.linalg.inv(jacobian)
-    return np.asarray(_carried(machine, inputs) @ twist) if machine.follows else twist
+    twist[:, free] = np.linalg.inv(controlled(machine, x, q))
+    return np.asarray(_carried(machine, machine.inputs(x, q)) @ twist) if machine.follows else twist
 
 
 def _carried(machine: Machine, inputs: Array) -> Array:

@@ -151,13 +151,13 @@ def trapezoid_time(travel: float, speed: float, ramp: float) -> float:
     return travel / speed + ramp
 
 
-# Rounding of a rule that is met exactly.
-_ROUNDING = 1e-12
+ROUNDING = 1e-12
+"""Share by which rounding may break a rule that is met exactly."""
 
 
 def _at_most(name: str, offered: float, needed: float, unit: str) -> Check:
-    return Check(name, offered, needed, unit, bool(offered <= needed * (1 + _ROUNDING)))
+    return Check(name, offered, needed, unit, bool(offered <= needed * (1 + ROUNDING)))
 
 
 def _at_least(name: str, offered: float | None, needed: float, unit: str) -> Check:
-    return Check(name, offered, needed, unit, None if offered is None else bool(offered >= needed * (1 - _ROUNDING)))
+    return Check(name, offered, needed, unit, None if offered is None else bool(offered >= needed * (1 - ROUNDING)))

@@ -1,16 +1,16 @@
 """The traverser: slides on leadscrews, and a rotary axis that may turn any number of times."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinematics.array import frozen
+from kinematics.array import POSITIVE, number, unit_vectors
 from kinematics.axis import Axis
 from kinematics.errors import MotionError
 from kinematics.machine import Machine
-from kinematics.pose import Pose
+from kinematics.pose import Pose, checked
 
 # Sine of the angle between two slides below which they count as one.
 PARALLEL = 1e-6
@@ -26,29 +26,25 @@ class Traverser(Machine):
     """
 
     freedom = ("x", "y", "z", "rz")
+    sorts = ("linear", "linear", "linear", "rotary")
     branched = True
 
     def __init__(
         self,
         *,
-        axes: Sequence[Axis],
+        axes: Iterable[Axis],
         home: Pose,
         directions: ArrayLike | None = None,
         length: float = 0.1,
         name: str = "traverser",
     ) -> None:
-        given = np.asarray(np.eye(3) if directions is None else directions, float)
-        if given.shape != (3, 3) or not np.isfinite(given).all() or not np.linalg.norm(given, axis=1).all():
-            raise MotionError(
-                f"machine {name}: directions must be three vectors (3, 3), finite and not zero, not {directions!r}"
-            )
-        unit = given / np.linalg.norm(given, axis=1, keepdims=True)
-        if abs(np.linalg.det(unit)) < PARALLEL:
-            raise MotionError(f"machine {name}: the slides' directions {given.tolist()} do not span space")
-        if not 0 < length < np.inf:
-            raise MotionError(f"machine {name}: length {length} m per radian must be positive and finite")
-        self.directions, self.characteristic_length = frozen(unit), float(length)
-        self._held = home.rotation.as_matrix()
+        told = f"machine {name}: directions must be three vectors (3, 3), finite and not zero"
+        self.directions = unit_vectors(told, np.eye(3) if directions is None else directions, (3, 3))
+        if abs(np.linalg.det(self.directions)) < PARALLEL:
+            raise MotionError(f"machine {name}: the slides' directions {self.directions.tolist()} do not span space")
+        told = f"machine {name}: length per radian must be finite and above 0, in m"
+        self.characteristic_length = number(told, length, least=POSITIVE)
+        self._held = checked(name, "home", home, single=True)[0, 3:].reshape(3, 3)
         super().__init__(name, axes, home)
 
     def expression(self, position: ca.SX, rotation: ca.SX, near: ca.SX) -> ca.SX:

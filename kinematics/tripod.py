@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from kinematics.array import Array, finite
 from kinematics.clearance import Disc
-from kinematics.errors import MotionError
-from kinematics.legs import Legged
+from kinematics.legs import Legged, joints
 
 
 class Tripod(Legged):
@@ -20,6 +20,7 @@ class Tripod(Legged):
     """
 
     legs = 3
+    sorts = ("linear",) * 3
     freedom = ("x", "y", "z")
 
     def __init__(
@@ -31,10 +32,10 @@ class Tripod(Legged):
         platform_disc: Disc | None = None,
         **options: Any,
     ) -> None:
-        offset = np.asarray(tool, float)
-        if offset.shape != (3,) or not np.isfinite(offset).all():
-            machine = options.get("name") or "tripod"
-            raise MotionError(f"machine {machine}: tool must be a finite point (3,) in the plate's frame, not {tool!r}")
-        if platform_disc is not None:
-            platform_disc = replace(platform_disc, centre=np.asarray(platform_disc.centre, float) - offset)
-        super().__init__(base, np.asarray(platform, float) - offset, platform_disc=platform_disc, **options)
+        machine = options.get("name") or "tripod"
+        told = f"machine {machine}: tool must be a finite point (3,) in the plate's frame"
+        self.tool: Array = finite(told, tool, (3,))
+        if isinstance(platform_disc, Disc):
+            platform_disc = replace(platform_disc, centre=np.asarray(platform_disc.centre) - self.tool)
+        plate = joints(machine, "platform", platform, self.legs) - self.tool
+        super().__init__(base, plate, platform_disc=platform_disc, **options)

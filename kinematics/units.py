@@ -113,6 +113,7 @@ class Unit:
     above        the value is greater, SI
     least, most  the value is no smaller, no greater, SI
     plain        the file's key that declares the unit of plain numbers ("length"); None: every number needs its own
+    like         a usual value, for messages; None: 20 of the everyday unit
     """
 
     unit: str
@@ -120,10 +121,11 @@ class Unit:
     least: float = -inf
     most: float = inf
     plain: str | None = None
+    like: str | None = None
 
     @property
     def example(self) -> str:
-        return f'write e.g. "20 {everyday(self.unit)}"'
+        return f'write e.g. "{self.like or f"20 {everyday(self.unit)}"}"'
 
     def read(self, value: object, declared: Mapping[str, float]) -> float:
         """The value in SI; `declared` holds the SI value of one plain number by name. Raises MotionError."""

@@ -10,18 +10,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from numbers import Integral
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.spatial.transform import Rotation
+from scipy.spatial.transform import RigidTransform, Rotation
 
-from kinematics.array import Array, frozen
+from kinematics.array import Array, finite, frozen
 from kinematics.block import largest_block
-from kinematics.containment import KINDS, Containment, contains, pose_rows, prove, uses
+from kinematics.containment import KINDS, Containment, contains, pose_rows, prove, told, uses
 from kinematics.errors import MotionError
 from kinematics.freedom import HELD, refuse
 from kinematics.margins import ROUNDING
+from kinematics.pose import checked
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -102,7 +104,7 @@ class Workspace:
             points = [np.linspace(n[0], n[-1], 2 * len(n) - 1) for n in self.nodes]
         else:
             self._cell(around)
-            points = [np.asarray(around, float)[k : k + 1] for k in range(3)]
+            points = [np.array([value], float) for value in np.asarray(around)]
         border = [(0, 0) if self._held(k) else (1, 1) for k in range(3)]
         square = np.where(np.pad(self.proved, border), np.inf, 0.0)
         for k in range(3):  # the nearest over one coordinate after the other: squares of distances add up
@@ -116,7 +118,7 @@ class Workspace:
 
     def contains(self, low: ArrayLike, high: ArrayLike) -> Containment:
         """Whether the machine can go everywhere in the box low … high (3,) m, on the grid or off it; if not, where."""
-        return contains(self.machine, self.rotation, np.asarray(low, float), np.asarray(high, float))
+        return contains(self.machine, self.rotation, low, high)
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """The figure of a plane or of a volume: see `kinematics.plots`."""
@@ -142,11 +144,9 @@ class Workspace:
 
     def _cell(self, position: ArrayLike) -> tuple[int, int, int]:
         """The cell that a position lies in."""
-        place = np.asarray(position, float)
-        if place.shape != (3,) or not np.isfinite(place).all():
-            raise MotionError(
-                f"workspace of {self.machine.name}: around must be one finite position (3,), not {place.tolist()}"
-            )
+        place = finite(
+            f"workspace of {self.machine.name}: around must be one finite position (3,) in m", position, (3,)
+        )
         for k, name in enumerate("xyz"):
             low, high = self.nodes[k][0], self.nodes[k][-1]
             if not low - HELD <= place[k] <= high + HELD:
@@ -184,9 +184,14 @@ def workspace(
 
     Raises OutOfReach where the machine does not control what is asked, MotionError where a range is none.
     """
-    if cells < 1:
-        raise MotionError(f"workspace of {machine.name}: {cells} cells; at least one is needed")
+    if not isinstance(cells, Integral) or isinstance(cells, bool) or cells < 1:
+        raise MotionError(
+            f"workspace of {machine.name}: cells must be a whole number of at least 1, not {cells!r:.100}"
+        )
     rotation = machine.home.rotation if rotation is None else rotation
+    if not isinstance(rotation, Rotation):
+        raise MotionError(f"workspace of {machine.name}: rotation must be SciPy's Rotation, not {rotation!r:.100}")
+    checked(machine.name, "the workspace's rotation", RigidTransform.from_rotation(rotation), single=True)
     asked = [_range(machine, k, given) for k, given in enumerate((x, y, z))]
     ranges = _reach(machine, rotation, asked) if None in asked else [r for r in asked if r is not None]
     counts = [cells if high > low else 0 for low, high in ranges]
@@ -208,9 +213,9 @@ def _range(machine: Machine, k: int, given: Range) -> tuple[float, float] | None
     if given is None:
         home = float(machine.home.translation[k])
         return None if name in machine.freedom + machine.follows else (home, home)
-    ends = np.asarray(given, float)
-    low, high = (float(ends), float(ends)) if ends.ndim == 0 else tuple(ends.tolist())
-    if not np.isfinite([low, high]).all() or low > high:
+    what = f"workspace of {machine.name}: {name} must be one number or (low, high), finite, in m"
+    low, high = np.broadcast_to(finite(what, given, (), (2,)), 2).tolist()
+    if low > high:
         raise MotionError(f"workspace of {machine.name}: {name} from {low} to {high} m is no range")
     return low, high
 
@@ -234,7 +239,8 @@ def _reach(
             grown |= bool(faces[0].any() or faces[-1].any())
         if not grown and not inside.any():
             raise MotionError(
-                f"workspace of {machine.name}: nothing inside all limits near home at this orientation; give x, y and z"
+                f"workspace of {machine.name}: nothing inside all limits near home at this orientation; at "
+                f"{told(machine, rotation, home)}; give x, y and z, or another orientation"
             )
         if not grown:
             for k in open_:

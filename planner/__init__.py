@@ -8,16 +8,17 @@ from planner.certify import Certificate
 from planner.many import plan_many
 from planner.place import Infeasible, Place
 from planner.plan import Plan, check, plan
-from planner.program import Arc, Blend, Dwell, Line, Program, Stop, Turn
+from planner.program import Arc, Blend, Dwell, Line, Program, Spline, Stop, Through, Trigger, Turn
 from planner.pulses import PulseSchedule
 from planner.solve import Solution
 from planner.standing import Standing
 from planner.trajectory import State, Trajectory
+from planner.triggers import Triggered
 
 __all__ = [
     "Arc", "Blend", "Certificate", "Classical", "Dwell", "Infeasible", "Line", "Place", "Plan", "Program",
-    "PulseSchedule", "Solution", "Standing", "State", "Stop", "Trajectory", "Turn", "check", "classical",
-    "load_program", "plan", "plan_many", "program_names", "time_optimal",
+    "PulseSchedule", "Solution", "Spline", "Standing", "State", "Stop", "Through", "Trajectory", "Trigger",
+    "Triggered", "Turn", "check", "classical", "load_program", "plan", "plan_many", "program_names", "time_optimal",
 ]  # fmt: skip
 
 

@@ -12,10 +12,12 @@ from kinematics.array import Array, frozen
 from kinematics.expression import Expression
 from kinematics.freedom import refuse
 from kinematics.machine import Machine
-from kinematics.pose import column
+from kinematics.pose import Pose, column
 from kinematics.series import Series
 from planner.branch import branches
-from planner.path.shape import Piece, Shape, pose_map
+from planner.path.join import Blended
+from planner.path.shape import Piece, Shape, differentiated, pose_map
+from planner.path.tool import tool_map
 from planner.place import Place
 
 # A jump of a derivative at a break up to this share of its axis' largest value is rounding, or of any axis' largest.
@@ -43,6 +45,15 @@ class Points:
         assert found is not None  # only machines have limits on their pose
         return found
 
+    @property
+    def tool_derivatives(self) -> Derivatives:
+        """The same of the tool: the platform's own where there is none."""
+        tool = self.path.tool
+        if tool is None:
+            return self.pose_derivatives
+        x, x1, x2, x3 = (tool(values) for values in self.pose_derivatives)
+        return x, x1, x2, x3
+
 
 def points_of(path: "ActuatorPath", s: Array, piece: np.ndarray) -> Points:
     return Points(path, s, piece, path.derivatives(s, piece))
@@ -63,11 +74,25 @@ class ActuatorPath(Protocol):
     def turns(self) -> Array:
         """(P,) rad by which each piece bends or turns in all: grids are as fine as that asks."""
 
+    @property
+    def end_speeds(self) -> tuple[float, float]:
+        """ṡ with which a motion begins and ends: 0 is rest."""
+
+    def constant(self, piece: int) -> float | None:
+        """ṡ that a motion must have on a piece, outside the ramps at the ends of its segment; None: as it likes."""
+
     def stops(self, order: int) -> np.ndarray:
         """(P+1,) bool: where a motion of this order (2: to acceleration, 3: to jerk) has to rest."""
 
+    @property
+    def tool(self) -> Expression | None:
+        """The platform's twelve numbers, or their rates -> the tool's; None where they are the same."""
+
     def segment(self, piece: int) -> int | None:
         """Number of the program's segment that a piece belongs to, from 1; None without a program."""
+
+    def place(self, s: float, piece: int, t: float | None = None, axis: str = "") -> Place:
+        """What to call path length s of a piece."""
 
     def derivatives(self, s: Array, piece: np.ndarray) -> Derivatives: ...
     def pose_numbers(self, s: Array, piece: np.ndarray) -> Array | None:
@@ -85,7 +110,7 @@ def _along(machine: Machine, shape: Shape) -> Expression:
     """(s, parameters, near) -> q, q′, q″, q‴: the machine's inverse map composed with the shape, differentiated."""
     s, parameters, near = ca.SX.sym("s"), ca.SX.sym("parameters", shape.size), ca.SX.sym("near", len(machine.axes))
     q = machine.symbolic(column(*shape.motion(s, parameters)), near)
-    return _differentiated(f"{shape.name}_actuated", q, s, ca.vertcat(s, parameters, near))
+    return differentiated(f"{shape.name}_actuated", q, s, ca.vertcat(s, parameters, near))
 
 
 @lru_cache(maxsize=64)
@@ -96,25 +121,37 @@ def _carried_along(machine: Machine, shape: Shape) -> Expression:
     if machine.follows:
         q = machine.symbolic(column(position, rotation), near)
         position, rotation = machine.carried(position, rotation, q)
-    return _differentiated(f"{shape.name}_posed", column(position, rotation), s, ca.vertcat(s, parameters, near))
-
-
-def _differentiated(name: str, values: ca.SX, s: ca.SX, inputs: ca.SX) -> Expression:
-    """Inputs -> values and their first three derivatives, one after the other."""
-    orders = [values]
-    for _ in range(3):
-        orders.append(ca.jacobian(orders[-1], s))
-    return Expression(name, inputs, ca.vertcat(*orders))
+    return differentiated(f"{shape.name}_posed", column(position, rotation), s, ca.vertcat(s, parameters, near))
 
 
 class MachinePath:
     """A path in space as the machine's actuators see it."""
 
-    def __init__(self, machine: Machine, pieces: Sequence[Piece], stops: np.ndarray, dwells: Array) -> None:
-        """stops (P+1,) bool and dwells (P+1,) s at the pieces' ends; the first and the last are stops."""
+    def __init__(
+        self,
+        machine: Machine,
+        pieces: Sequence[Piece],
+        stops: np.ndarray,
+        dwells: Array,
+        blends: Sequence[Blended] = (),
+        *,
+        tool: Pose | None = None,
+        end_speeds: tuple[float, float] = (0.0, 0.0),
+    ) -> None:
+        """At the pieces' ends, dwells (P+1,) s, and stops (P+1,): the order of motion from which it rests there.
+
+        0 says that it never needs to, 1 that it always does; the first and the last end are stops.
+
+        blends      what became of the joins that ask for one
+        tool        its frame in the platform's, whose path length the pieces have; None: the platform's own
+        end_speeds  ṡ with which a motion begins and ends
+        """
+        self.end_speeds = end_speeds
+        self.tool = None if tool is None else tool_map(tool)
         parts, near = branches(machine, pieces)
         counts = [len(each) for each in parts]
         self.machine, self.pieces = machine, tuple(part for each in parts for part in each)
+        self.blends = tuple(blends)
         self.breaks: Array = frozen(np.concatenate([[0.0], np.cumsum([piece.length for piece in self.pieces])]))
         ends = np.concatenate([[0], np.cumsum(counts)])
         self._stops, self.dwells = frozen(_at(ends, stops)), frozen(_at(ends, dwells))
@@ -134,13 +171,19 @@ class MachinePath:
         piece = np.repeat(np.arange(len(self.pieces)), LOOKED)
         s = (self.breaks[:-1, None] + np.diff(self.breaks)[:, None] * np.linspace(0, 1, LOOKED)).ravel()
         shares = self._evaluate(pose_map, s, piece)
-        refuse(self.machine, shares, lambda k: f"the path at {Place(float(s[k]), self.segment(int(piece[k])))}")
+        refuse(self.machine, shares, lambda k: f"the path at {self.place(float(s[k]), int(piece[k]))}")
+
+    def constant(self, piece: int) -> float | None:
+        return self.pieces[piece].tool_speed if self.pieces[piece].constant else None
 
     def stops(self, order: int) -> np.ndarray:
-        return self._stops
+        return np.asarray((self._stops > 0) & (self._stops <= order))
 
     def segment(self, piece: int) -> int:
         return self.pieces[piece].segment
+
+    def place(self, s: float, piece: int, t: float | None = None, axis: str = "") -> Place:
+        return Place(s, self.pieces[piece].segment, t, axis, self.pieces[piece].repetition)
 
     def derivatives(self, s: Array, piece: np.ndarray) -> Derivatives:
         both = self._evaluate(lambda shape: _along(self.machine, shape), s, piece, self._near)
@@ -196,11 +239,14 @@ def _at(ends: np.ndarray, values: np.ndarray) -> np.ndarray:
 class PolynomialPath:
     """Axis values given as a piecewise polynomial of any parameter: a path without a machine."""
 
-    def __init__(self, breaks: Array, coefficients: Array, names: Sequence[str]) -> None:
+    def __init__(
+        self, breaks: Array, coefficients: Array, names: Sequence[str], end_speeds: tuple[float, float] = (0.0, 0.0)
+    ) -> None:
         """coefficients (degree+1, P, n), the highest power of s − breaks[p] first, as SciPy has them."""
-        self.breaks, self.names = frozen(breaks), tuple(names)
+        self.breaks, self.names, self.end_speeds = frozen(breaks), tuple(names), end_speeds
         self.coefficients: Array = frozen(coefficients)
         self.dwells: Array = frozen(np.zeros(len(breaks)))
+        self.tool = None
         self.turns: Array = frozen(np.zeros(len(breaks) - 1))  # a piece of low degree bends little
 
     def stops(self, order: int) -> np.ndarray:
@@ -214,8 +260,14 @@ class PolynomialPath:
             stops[inner] |= (gap > SMOOTH * size + ROUNDING * size.max(initial=0.0)).any(1)
         return stops
 
+    def constant(self, piece: int) -> None:
+        return None
+
     def segment(self, piece: int) -> None:
         return None
+
+    def place(self, s: float, piece: int, t: float | None = None, axis: str = "") -> Place:
+        return Place(s, None, t, axis)
 
     def derivatives(self, s: Array, piece: np.ndarray) -> Derivatives:
         """Horner's scheme for the value and its first three derivatives at once."""

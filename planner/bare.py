@@ -1,12 +1,13 @@
 """Time-optimal motion without a machine: any piecewise polynomial of axis values."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from kinematics.array import Array
-from kinematics.axis import Axis
+from kinematics.axis import Axis, Magnitude
 from kinematics.errors import MotionError
 from planner.actuation import ROUNDING, PolynomialPath
 from planner.limits import limits_of
@@ -17,14 +18,22 @@ CONTINUOUS = 1e-9
 
 
 def time_optimal(
-    path: Any, *, max_speed: ArrayLike, max_acceleration: ArrayLike, max_jerk: ArrayLike | None = None
+    path: Any,
+    *,
+    max_speed: ArrayLike,
+    max_acceleration: ArrayLike,
+    max_jerk: ArrayLike | None = None,
+    start_speed: float = 0.0,
+    end_speed: float = 0.0,
 ) -> Solution:
-    """The fastest certified motion along s -> (n,) axis values, from rest to rest, stopping at corners.
+    """The fastest certified motion along s -> (n,) axis values, by default from rest to rest, stopping at corners.
 
     path: a SciPy piecewise polynomial (PPoly, CubicSpline, Akima, …, BSpline, BPoly) of any parameter; limits: scalars
-    or (n,), on |q̇|, |q̈| and, where given, |q⃛|, in units of the values per second. Corners are breaks where q′ jumps,
-    and under a jerk limit also breaks where q″ jumps. Raises MotionError for what is no path: a jump, a value that is
-    not finite, nothing that moves.
+    or (n,), on |q̇|, |q̈| and, where given, |q⃛|, in units of the values per second; or (n, 2), towards smaller and
+    towards greater values. Corners are breaks where q′ jumps, and under a jerk limit also breaks where q″ jumps.
+    start_speed and end_speed are ṡ at the ends: how much of the parameter passes per second; under a jerk limit s̈ is 0
+    there. A stretch on which nothing moves is left out. Raises MotionError for what is no path: a jump, a value that is
+    not finite, nothing that moves; Infeasible for a speed at an end that cannot be.
     """
     breaks, coefficients = _pieces(path)
     count = coefficients.shape[2]
@@ -37,25 +46,34 @@ def time_optimal(
         for k, (speed, acceleration, jerk) in enumerate(zip(*bounds, strict=True))
     ]
     order = 2 if max_jerk is None else 3
-    actuated = PolynomialPath(breaks, coefficients, [axis.name for axis in axes])
+    actuated = PolynomialPath(breaks, coefficients, [axis.name for axis in axes], _ends(start_speed, end_speed))
     _check(actuated)
     return fastest(actuated, limits_of(actuated, axes, order), order)
 
 
-def _per_axis(name: str, values: ArrayLike | None, count: int) -> list[float | None]:
+def _ends(start_speed: float, end_speed: float) -> tuple[float, float]:
+    for name, speed in (("start_speed", start_speed), ("end_speed", end_speed)):
+        if isinstance(speed, bool) or not isinstance(speed, (int, float)) or not 0 <= speed < float("inf"):
+            raise MotionError(f"{name} = {speed!r} must be a finite number, not negative")
+    return float(start_speed), float(end_speed)
+
+
+def _per_axis(name: str, values: ArrayLike | None, count: int) -> Sequence[Magnitude | None]:
     if values is None:
         return [None] * count
     try:
         bounds = np.asarray(values, float)
     except (TypeError, ValueError):
         bounds = np.array(np.nan)  # words, complex numbers, ragged lists
-    if bounds.shape not in ((), (1,), (count,)) or not (bounds > 0).all() or not np.isfinite(bounds).all():
-        raise MotionError(f"{name} = {values} must be one positive number, or one for each of the {count} axes")
+    if bounds.shape not in ((), (1,), (count,), (count, 2)) or not (bounds > 0).all() or not np.isfinite(bounds).all():
+        raise MotionError(f"{name} = {values} must be one positive number, or one for each of the {count} axes, or two")
+    if bounds.ndim == 2:
+        return [(below, above) for below, above in bounds.tolist()]
     return [float(value) for value in np.broadcast_to(bounds, count)]
 
 
 def _pieces(path: Any) -> tuple[Array, Array]:
-    """Breaks (P+1,) and coefficients (degree+1, P, n), pieces of no length left out."""
+    """Breaks (P+1,) and coefficients (degree+1, P, n), pieces of no length and those where nothing moves left out."""
     from scipy.interpolate import BPoly, BSpline, PPoly
 
     if isinstance(path, BSpline):
@@ -82,8 +100,15 @@ def _pieces(path: Any) -> tuple[Array, Array]:
     inside &= np.diff(path.x) > 0
     if not inside.any():
         raise MotionError("the path has no length: all its breaks are the same")
-    breaks = np.concatenate([path.x[:-1][inside], [path.x[1:][inside][-1]]])
-    return breaks, path.c.reshape(*path.c.shape[:2], -1)[:, inside]
+    coefficients = path.c.reshape(*path.c.shape[:2], -1)
+    stands = inside & ~coefficients[:-1].any((0, 2))
+    if stands.any() and not (stands == inside).all():  # a repeated point: the path goes on from there
+        inside &= ~stands
+    else:
+        stands[:] = False
+    left_out = np.append(0.0, np.cumsum(np.where(stands, np.diff(path.x), 0.0)))
+    s = path.x - left_out
+    return np.append(s[:-1][inside], s[1:][inside][-1]), coefficients[:, inside]
 
 
 def _polynomials(spline: Any) -> Any:

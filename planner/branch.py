@@ -6,7 +6,7 @@ import numpy as np
 
 from kinematics.array import Array
 from kinematics.machine import Machine
-from planner.path.shape import Piece, pose_map
+from planner.path.shape import Piece
 
 # Points of a piece that are looked at first, and at most: an axis turns by less than NEAR (rad) from one to the next.
 POINTS, MOST, NEAR = 65, 2**16 + 1, np.pi / 4
@@ -32,8 +32,8 @@ def branches(machine: Machine, pieces: Sequence[Piece]) -> tuple[list[list[Piece
             near.append(here)
             continue
         here = q[-1]
-        count = 1
-        while count < len(q) // 2 and max(np.ptp(cell[:, rotary], axis=0).max() for cell in _cut(q, count)) > WIDEST:
+        count, turning = 1, q[:, rotary]
+        while count < len(q) // 2 and max(np.ptp(c, axis=0).max(initial=0.0) for c in _cut(turning, count)) > WIDEST:
             count *= 2
         parts.append(piece.cut(count))
         near += [(cell.min(0) + cell.max(0)) / 2 for cell in _cut(q, count)]
@@ -60,5 +60,4 @@ def _cut(q: Array, count: int) -> list[Array]:
 
 
 def _poses(piece: Piece, points: int) -> Array:
-    s = piece.start + np.linspace(0.0, piece.length, points)
-    return pose_map(piece.shape)(np.column_stack([s, np.broadcast_to(piece.parameters, (points, piece.shape.size))]))
+    return piece.poses(piece.start + np.linspace(0.0, piece.length, points))

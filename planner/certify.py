@@ -1,8 +1,8 @@
 """The certificate: a bound of every limit over continuous time, from the trajectory and the limits' `value` alone.
 
 Time is cut into cells; over each, the motion is enclosed by Taylor series (planner.enclosure) and a limit's value
-follows by its own formula. A cell's bound is its largest Bernstein coefficient plus the error; cells are halved until
-the bounds are tight.
+follows by its own formula. A cell's bound is its largest Bernstein coefficient plus the error; cells are cut until the
+bounds are tight.
 """
 
 from collections.abc import Sequence
@@ -13,14 +13,20 @@ import numpy as np
 from kinematics.array import Array, frozen
 from planner.enclosure import Cells, bounds, enclose
 from planner.limits.limit import Limit, Term
+from planner.limits.resonance import Resonance
 from planner.place import Place
+from planner.stays import stays
 from planner.trajectory import Trajectory
 from planner.walk import walk
 
 TOLERANCE = 1e-6
 """A limit holds when its proven bound is at most 1 + TOLERANCE: room for the solvers' own tolerance."""
-# How far above the attained value a bound may stay, and how long cells are halved for it.
-TIGHT, HALVINGS, MOST_CELLS = 5e-7, 24, 400_000
+# How small and how many cells may become until their bounds are tight.
+SMALLEST, MOST_CELLS = 2.0**-24, 400_000
+# Cells are cut in two; up to so many, where an evaluation costs the same for one as for all, in more.
+FEW, PARTS = 64, 8
+CROSSING = "resonance crossing"
+"""What no value at an instant tells: the longest stay of an axis in a band of speed, over the time allowed."""
 # Order of the expansions in time, by the highest derivative: q̈ or q⃛ keep a polynomial of degree 3 or 4.
 EXPANSION = {2: 6, 3: 8}
 # A jump of q, q̇ (and q̈ under jerk limits) between two pieces up to this share of the largest value met is rounding.
@@ -32,7 +38,7 @@ LOOKED = 201
 # Cells that are looked at together: their series stay in the processor's cache.
 TOGETHER = 1024
 # States that are computed together: a state holds far more than what is kept of it.
-FEW = 1 << 14
+STATES = 1 << 14
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +56,7 @@ class Certificate:
     attained: dict[str, Array] = field(repr=False)
 
     def __str__(self) -> str:
-        lines = [f"  {name:<13} ≤ {value:.9f}  at {self.where[name]}" for name, value in self.worst.items()]
+        lines = [f"  {name:<17} ≤ {value:.9f}  at {self.where[name]}" for name, value in self.worst.items()]
         return "\n".join(["the certificate holds" if self.holds else "THE CERTIFICATE DOES NOT HOLD", *lines])
 
 
@@ -79,7 +85,8 @@ class Known:
 def certify(trajectory: Trajectory, limits: Sequence[Limit], known: Known | None = None) -> Certificate:
     """Prove what the trajectory uses of every limit, and that it is the motion asked for.
 
-    It runs the whole path once, forwards, from rest to rest, and is as smooth as its order asks: nothing jumps.
+    It runs the whole path once, forwards, from rest to rest or between the speeds that the path states for its ends,
+    and is as smooth as its order asks: nothing jumps.
 
     known spares the work on time pieces of which the timing limits are proved already. What a geometric limit uses
     depends on the place alone: it is proved once along the path, and each time piece has what the parts of the path
@@ -93,6 +100,10 @@ def certify(trajectory: Trajectory, limits: Sequence[Limit], known: Known | None
     worst = {name: float(values.max()) for name, values in use.items()}
     most = {limit.name: attained if limit.geometric else use for limit in limits}
     where = {limit.name: _place(trajectory, limit, int(np.argmax(most[limit.name][limit.name]))) for limit in limits}
+    for limit in limits:
+        if isinstance(limit, Resonance) and limit.bands:
+            use[CROSSING], attained[CROSSING], where[CROSSING] = _crossing(trajectory, limit)
+            worst[CROSSING] = float(use[CROSSING].max())
     for name, place in (_jumps(trajectory, order) | _gaps(trajectory)).items():
         worst[name], where[name] = float("inf"), place
     return Certificate(
@@ -118,19 +129,24 @@ def prove(
             for new, old in ((values, known.use[name]), (attained[name], known.attained[name])):
                 new[:] = np.where(np.isnan(old), 0.0, old)
         cells = whole[np.isnan(known.use[limits[0].name])[whole.k]]
-    for halving in range(HALVINGS + 1):
+    share = 1.0
+    while True:
         bound, met = _judge(trajectory, limits, cells, EXPANSION[order])
         loose = np.zeros(len(cells.k), bool)
-        for n, values in enumerate(attained.values()):
+        for n, limit in enumerate(limits):
+            values = attained[limit.name]
             np.maximum.at(values, cells.k, met[n])
-            loose |= bound[n] > np.maximum(met[n], min(values.max(), 1.0)) + TIGHT
-        if halving == HALVINGS or 2 * loose.sum() > MOST_CELLS:
+            loose |= bound[n] > np.maximum(met[n], min(values.max(), 1.0)) + limit.tight(met[n])
+            loose |= (bound[n] > 1 + TOLERANCE) & (met[n] <= 1)
+        parts = PARTS if loose.sum() <= FEW else 2
+        share /= parts
+        if share < SMALLEST or parts * loose.sum() > MOST_CELLS:
             loose[:] = False
         for n, values in enumerate(use.values()):
             np.maximum.at(values, cells.k[~loose], bound[n, ~loose])
         if not loose.any():
             break
-        cells = cells[loose].halves()
+        cells = cells[loose].parts(parts)
     return use, attained
 
 
@@ -145,7 +161,7 @@ def _placed(trajectory: Trajectory, limits: Sequence[Limit]) -> tuple[dict[str, 
     k, tau = np.minimum(np.arange(pieces + 1), pieces - 1), np.zeros(pieces + 1)
     tau[-1] = trajectory.knots[-1] - trajectory.knots[-2]
     s, met = np.empty(pieces + 1), {limit.name: np.empty(pieces + 1) for limit in limits}
-    for some in (slice(first, first + FEW) for first in range(0, pieces + 1, FEW)):
+    for some in (slice(first, first + STATES) for first in range(0, pieces + 1, STATES)):
         state = trajectory.within(k[some], tau[some])
         s[some] = state.s
         for limit in limits:
@@ -179,15 +195,36 @@ def _judge(trajectory: Trajectory, limits: Sequence[Limit], cells: Cells, expans
     return np.where(np.isnan(bound), np.inf, bound), np.where(np.isnan(met), np.inf, met)
 
 
+def _crossing(trajectory: Trajectory, limit: Resonance) -> tuple[Array, Array, Place]:
+    """The longest stay that each time piece has part in, as a share of the time allowed: what is proved and what is
+    attained (M,), and where the longest of all begins.
+    """
+    use, attained = np.zeros((2, len(trajectory.s)))
+    longest, place = 0.0, _at(trajectory, 0.0, "")
+    for stay in stays(trajectory, limit):
+        part = slice(stay.first, stay.last + 1)
+        np.maximum(use[part], stay.use, out=use[part])
+        np.maximum(attained[part], stay.inside / stay.band.time, out=attained[part])
+        if stay.use > longest:
+            longest, place = stay.use, _at(trajectory, stay.start, limit.channels[stay.band.axis])
+    return use, attained, place
+
+
 def _jumps(trajectory: Trajectory, order: int) -> dict[str, Place]:
-    """Each quantity that is not continuous between the pieces, or not at rest at the ends, and where it jumps most."""
+    """Each quantity that is not continuous between the pieces, or at an end not as stated, and where it jumps most.
+
+    At an end ṡ is what the path states, rest if nothing, and s̈ is 0: q̇ = q′ ṡ and q̈ = q″ ṡ² there.
+    """
     lengths = np.diff(trajectory.knots)
     start, end = _states(trajectory, order, np.zeros(len(lengths))), _states(trajectory, order, lengths)
+    path = trajectory.path
+    _, q1, q2, _ = path.derivatives(path.breaks[[0, -1]], np.array([0, len(path.breaks) - 2]))
+    stated = np.array(path.end_speeds)[:, None]
+    asked = [np.stack([start[0][0], end[0][-1]]), q1 * stated, q2 * stated**2]
     found: dict[str, Place] = {}
     for n, name in enumerate(("position jump", "speed jump", "acceleration jump")[:order]):
         starts, ends = start[n], end[n]
-        rest = np.zeros((1, starts.shape[1]))
-        before, after = (rest, rest) if n else (starts[:1], ends[-1:])
+        before, after = asked[n][:1], asked[n][1:]
         gaps = np.abs(np.concatenate([starts, after]) - np.concatenate([before, ends]))
         # rounding is that of each axis' own values, and of what they were made from together
         scale = np.ptp(starts, axis=0) + 1e-6 * np.abs(starts).max(0)
@@ -201,8 +238,8 @@ def _jumps(trajectory: Trajectory, order: int) -> dict[str, Place]:
 def _states(trajectory: Trajectory, order: int, tau: Array) -> list[Array]:
     """q, q̇ (and q̈ at order 3), each (M, n), tau (M,) after the start of every time piece."""
     parts = []
-    for first in range(0, len(tau), FEW):
-        state = trajectory.within(np.arange(first, min(first + FEW, len(tau))), tau[first : first + FEW])
+    for first in range(0, len(tau), STATES):
+        state = trajectory.within(np.arange(first, min(first + STATES, len(tau))), tau[first : first + STATES])
         parts.append((state.q, state.qd, state.qdd)[:order])
     return [np.concatenate(each) for each in zip(*parts, strict=True)]
 
@@ -242,4 +279,4 @@ def _place(trajectory: Trajectory, limit: Limit, k: int) -> Place:
 
 def _at(trajectory: Trajectory, t: float, axis: str) -> Place:
     state = trajectory.at(t)
-    return Place(float(state.s[0]), trajectory.path.segment(int(state.piece[0])), t, axis)
+    return trajectory.path.place(float(state.s[0]), int(state.piece[0]), t, axis)

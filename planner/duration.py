@@ -8,16 +8,17 @@ from math import ceil
 import numpy as np
 
 from kinematics.array import Array
-from kinematics.axis import Axis
+from kinematics.axis import Axis, sides
 from kinematics.errors import MotionError
 from planner.actuation import ActuatorPath
 from planner.limits.limit import Limit
 from planner.parallel import Progress
 from planner.place import Infeasible
 from planner.solve import Solution, fastest, proved
-from planner.timing.problem import Problem, Run, grid, pose_problem
+from planner.timing.posing import graded
+from planner.timing.problem import Problem, Run
 from planner.timing.profile import Profile
-from planner.timing.run import MARGIN, MORE, TRIES, size
+from planner.timing.run import MARGIN, MORE, TRIES
 from planner.timing.smoothest import even, quintic, smoothest
 
 # A duration so little above the shortest leaves no choice of motion.
@@ -36,11 +37,12 @@ def within(
 ) -> Solution:
     """The smoothest motion that takes `duration` (s), dwells included: least ∫ Σ_i (q⃛_i/w_i)² dt, within all limits.
 
-    w_i is the jerk limit of axis i where it states one, else its range over the path per s³. Every run from rest to
-    rest takes as much longer than its shortest as the whole does, dwells aside: on short moves, whose shortest time
-    goes with the cube root of their length, that is also how the total becomes least. Raises Infeasible, with the
-    shortest, for less than that.
+    w_i is the jerk limit of axis i where it states one (the smaller of two), else its range over the path per s³. Every
+    run from rest to rest takes as much longer than its shortest as the whole does, dwells aside: on short moves, whose
+    shortest time goes with the cube root of their length, that is also how the total becomes least. Raises Infeasible,
+    with the shortest, for less than that; MotionError where the path asks for speeds.
     """
+    _refuse(path)
     best = fastest(path, limits, order, progress)
     shortest = best.trajectory.duration
     if not duration >= shortest:
@@ -51,7 +53,22 @@ def within(
         return best
     rests = float(path.dwells.sum())
     slower = (duration - rests) / (shortest - rests)
-    return proved(path, limits, order, Smooth(order, _weights(path, axes), slower, _runs(path, best, order)), progress)
+    smooth = Smooth(order, _weights(path, axes), slower, _runs(path, best, order))
+    return replace(proved(path, best.limits, order, smooth, progress), lower_estimate=best.lower_estimate)
+
+
+def _refuse(path: ActuatorPath) -> None:
+    """Raise MotionError for a path that asks for speeds, which a motion of another duration would not have."""
+    pieces = range(len(path.breaks) - 1)
+    asked = next((piece for piece in pieces if path.constant(piece) is not None), None)
+    if asked is not None:
+        where = path.place(float(path.breaks[asked]), asked)
+        raise MotionError(f"{where}: a constant speed leaves no choice of duration: leave out one of the two")
+    if max(path.end_speeds) > 0:
+        raise MotionError(
+            f"a stated duration goes from rest to rest, and this motion begins and ends at {path.end_speeds} along the "
+            "path: leave out the duration, or start_speed and end_speed"
+        )
 
 
 def _runs(path: ActuatorPath, best: Solution, order: int) -> dict[int, Profile]:
@@ -70,7 +87,8 @@ def _weights(path: ActuatorPath, axes: Sequence[Axis]) -> Array:
     s = breaks[:-1, None] + np.diff(breaks)[:, None] * np.linspace(0.0, 1.0, LOOKED)
     ranges = np.ptp(path.derivatives(s.ravel(), np.repeat(pieces, LOOKED))[0], axis=0)
     ranges = np.where(ranges > 1e-9 * ranges.max(), ranges, np.inf)
-    return np.array([span if axis.max_jerk is None else axis.max_jerk for axis, span in zip(axes, ranges, strict=True)])
+    bounds = [min(sides(axis.max_jerk)) for axis in axes]
+    return np.where(np.isfinite(bounds), bounds, ranges)
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,8 +106,7 @@ class Smooth:
 
     def __call__(self, path: ActuatorPath, limits: Sequence[Limit], run: Run) -> "Smoothed":
         slowed = self.fastest[run.first].slowed(self.slower)
-        intervals = size(3, path, run)
-        problem = pose_problem(path, limits, *grid(path, run, intervals, even(intervals)))
+        problem = graded(path, limits, run, even)
         return Smoothed(path, problem, self.weights, slowed, slowed, "slowed", 0).solved()
 
 
@@ -104,6 +121,11 @@ class Smoothed:
     profile: Profile
     method: str
     tries: int
+
+    @property
+    def floor(self) -> float:
+        """None of its own: the fastest motion has an estimate."""
+        return 0.0
 
     def solved(self) -> "Smoothed":
         """Solved within the rooms that are left; the fastest motion slowed where there is no answer."""

@@ -12,6 +12,7 @@ from math import comb
 import numpy as np
 
 from kinematics.array import Array, frozen
+from kinematics.clearance import Bodies
 from kinematics.expression import Expression
 from kinematics.series import EPS, Series
 from planner.trajectory import Trajectory
@@ -31,9 +32,11 @@ class Cells:
     lo: Array
     hi: Array
 
-    def halves(self) -> "Cells":
-        middle = (self.lo + self.hi) / 2
-        return Cells(np.tile(self.k, 2), np.concatenate([self.lo, middle]), np.concatenate([middle, self.hi]))
+    def parts(self, count: int) -> "Cells":
+        """Each cell in equal parts."""
+        share = np.arange(1, count)[:, None] / count
+        cuts = np.concatenate([self.lo[None], self.lo + (self.hi - self.lo) * share, self.hi[None]])
+        return Cells(np.tile(self.k, count), cuts[:-1].ravel(), cuts[1:].ravel())
 
     def __getitem__(self, chosen: np.ndarray) -> "Cells":
         return Cells(self.k[chosen], self.lo[chosen], self.hi[chosen])
@@ -47,6 +50,7 @@ class Enclosure:
     pose: Series | None
     rate: Array
     piece: np.ndarray
+    tool: Expression | None
 
     def _differentiated(self, series: Series, times: int) -> Series:
         for _ in range(times):
@@ -68,6 +72,23 @@ class Enclosure:
     def pose_rate(self, times: int) -> Series:
         assert self.pose is not None  # only machines have limits on their pose
         return self._differentiated(self.pose, times)
+
+    def distances(self, bodies: Bodies) -> Series:
+        """Those at the centres, and how far they can change from there: τ goes by 1 to either end of a cell."""
+        assert self.pose is not None
+        cells = len(self.piece)
+        going = np.maximum(*np.abs(bounds(self.pose.derivative(), cells)))
+        x, error = self.pose.mid[0, :cells], self.pose.rad[0, :cells]
+        way, turn = (np.linalg.norm(part, axis=1) for part in ((going + error)[:, :3], (going + error)[:, 3:]))
+        value = bodies.distances(x)
+        change = bodies.change(x, way, turn / np.sqrt(2)) * (1 + 64 * EPS) + 64 * EPS * np.abs(x).max(1, keepdims=True)
+        mid, rad = np.zeros((2, 2, 2 * cells, value.shape[1]))
+        mid[0], rad[0] = np.tile(value, (2, 1)), np.tile(change, (2, 1))
+        return Series(mid, rad, 1)
+
+    def tool_rate(self, times: int) -> Series:
+        rate = self.pose_rate(times)
+        return rate if self.tool is None else self.evaluate(self.tool, rate)
 
     def evaluate(self, expression: Expression, *inputs: Series) -> Series:
         return Series.stack(expression.enclose([column for each in inputs for column in each.columns()]))
@@ -91,7 +112,7 @@ def enclose(trajectory: Trajectory, cells: Cells, order: int) -> Enclosure:
     s = Series(np.concatenate([mid, mid], 1), np.concatenate([rad, (rad + spread) * (1 + 8 * EPS)], 1), order)
     both = np.concatenate([piece, piece])
     q, pose = trajectory.path.enclose(s, both)
-    return Enclosure(q, pose, np.concatenate([1 / half, 1 / half])[:, None], piece)
+    return Enclosure(q, pose, np.concatenate([1 / half, 1 / half])[:, None], piece, trajectory.path.tool)
 
 
 @cache

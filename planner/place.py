@@ -7,18 +7,23 @@ from kinematics.errors import MotionError
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """A place along a plan: path length s (m) and, where known, segment (from 1), time t (s) and whose limit."""
+    """A place along a plan: path length s (m) and, where known, segment (from 1), time t (s) and whose limit.
+
+    repetition  from 1, where the program is run more than once
+    """
 
     s: float
     segment: int | None = None
     t: float | None = None
     axis: str = ""
+    repetition: int | None = None
 
     def __str__(self) -> str:
         parts = [self.axis] if self.axis else []
         parts.append(f"s = {self.s * 1e3:.4g} mm" if self.segment is not None else f"s = {self.s:.6g}")
         if self.segment is not None:
-            parts.append(f"segment {self.segment}")
+            again = "" if self.repetition is None else f" of repetition {self.repetition}"
+            parts.append(f"segment {self.segment}{again}")
         if self.t is not None:
             parts.append(f"t = {self.t:.6g} s")
         return ", ".join(parts)
@@ -35,3 +40,11 @@ class Infeasible(MotionError):
         where = "" if place is None else f" at {place}"
         who = f"{axis} " if axis and (place is None or not place.axis) else ""
         super().__init__(f"{who}{kind} {value:.6g} {unit} is beyond {limit:.6g} {unit}{where}; {remedy}")
+
+    @property
+    def relaxation(self) -> float:
+        """The smallest factor on the limit that makes room for the value, and by which a speed asked for must fall.
+
+        ∞ where the limit is 0: an end of travel at home, which no factor moves.
+        """
+        return self.value / self.limit if self.limit else float("inf")

@@ -18,7 +18,9 @@ from planner.program import Program
 from planner.pulses import PulseSchedule, generate
 from planner.solve import fastest
 from planner.standing import Standing, standing
+from planner.steady import Stretch, stretches
 from planner.trajectory import Trajectory
+from planner.triggers import Triggered, triggered
 
 if TYPE_CHECKING:
     from mpl_toolkits.mplot3d import Axes3D
@@ -29,6 +31,7 @@ class Plan:
     """A program on a machine: the path in the actuators, the fastest motion, its proof, and the pulses that make it.
 
     order (2: to acceleration, 3: to jerk); rounds of solving until the proof held; methods: the solver of each run
+    lower_estimate: s, about the least that any motion within the limits on speed and acceleration takes
     """
 
     program: Program
@@ -41,6 +44,22 @@ class Plan:
     order: int
     rounds: int
     methods: tuple[str, ...]
+    lower_estimate: float
+
+    @property
+    def gap(self) -> float:
+        """How far the duration is above the estimate of its lower bound, as a share of that."""
+        return self.trajectory.duration / self.lower_estimate - 1
+
+    @property
+    def triggers(self) -> tuple[Triggered, ...]:
+        """What the program marks by `trigger`: when, where, and the counts by then."""
+        return triggered(self.program, self.path, self.trajectory, self.pulses)
+
+    @property
+    def constant_speeds(self) -> tuple[Stretch, ...]:
+        """Where the tool runs at exactly the speeds that segments with `speed_constant` ask for."""
+        return stretches(self.path, self.trajectory)
 
     def plot(self, ax: "Axes3D | None" = None) -> "Axes3D":
         """The path in space, coloured by speed; planner.plots has the other figures of a plan."""
@@ -52,7 +71,16 @@ class Plan:
 def actuate(program: Program, machine: Machine) -> MachinePath:
     """The program's path in the machine's actuators. Raises MotionError naming the segment that cannot be drawn."""
     chained = chain(program, machine)
-    return MachinePath(machine, chained.pieces, chained.stops, chained.dwells)
+    speeds = program.start_speed, program.end_speed
+    return MachinePath(
+        machine,
+        chained.pieces,
+        chained.stops,
+        chained.dwells,
+        chained.blends,
+        tool=program.tool,
+        end_speeds=speeds,
+    )
 
 
 def plan(
@@ -68,7 +96,7 @@ def plan(
 
     order 2 keeps speed and acceleration, 3 jerk as well; None: 3 where the machine states jerk limits.
     duration (s): the smoothest motion that takes so long instead, as `planner.duration.within` has it; None: what the
-    program states, if it does. progress is told how many of the runs from rest to rest are solved, and of how
+    program states, if it does. progress is told how many of the runs between stops are solved, and of how
     many. Raises Infeasible (what, where, by how much, remedy), OutOfReach, or MotionError.
     """
     if order is None:
@@ -98,6 +126,7 @@ def plan(
         order,
         solution.rounds,
         solution.methods,
+        solution.lower_estimate,
     )
 
 
@@ -109,7 +138,7 @@ def _pulses(trajectory: Trajectory, machine: Machine, clock_hz: int) -> PulseSch
         if no.place is None or no.place.t is None:
             raise
         piece = int(trajectory.at(no.place.t).piece[0])
-        place = replace(no.place, segment=trajectory.path.segment(piece))
+        place = trajectory.path.place(no.place.s, piece, no.place.t, no.place.axis)
         raise Infeasible(no.kind, no.axis, place, no.value, no.limit, no.unit, no.remedy) from None
 
 
@@ -119,4 +148,4 @@ def check(program: Program, machine: Machine) -> Standing:
     Raises MotionError for a path that cannot be drawn.
     """
     path = actuate(program, machine)
-    return standing(path, limits_of(path, machine.axes, 2))
+    return replace(standing(path, limits_of(path, machine.axes, 2)), blends=path.blends)

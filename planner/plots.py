@@ -33,12 +33,13 @@ _DERIVATIVE = {"position": ("q", ""), "speed": ("qd", "/s"), "acceleration": ("q
 
 
 def path_in_space(plan: Plan, ax: Axes3D | None = None) -> Axes3D:
-    """The way of the platform's origin in the program's frame, coloured by its speed, and where it rests."""
+    """The way of the tool (else the platform's origin) in the program's frame, coloured by its speed; its rests."""
     if ax is None:
         ax = cast(Axes3D, Figure(figsize=(9, 5.4), layout="constrained").add_subplot(projection="3d"))
     state = plan.trajectory.at(instants(plan.trajectory))
-    pose = from_numbers(plan.path.pose_numbers(state.s, state.piece))
+    pose = from_numbers(state.tool_rate(0))
     from_home = plan.program.frame == "home"
+    mover = "platform's origin" if plan.path.tool is None else "tool"
     position = 1e3 * (plan.machine.home.inv() * pose if from_home else pose).translation
     speed = 1e3 * np.linalg.norm(state.tool_velocity, axis=1)
     line = Line3DCollection(list(np.stack([position[:-1], position[1:]], 1)), cmap="viridis", linewidths=2.5)
@@ -57,7 +58,7 @@ def path_in_space(plan: Plan, ax: Axes3D | None = None) -> Axes3D:
     ax.legend(loc="upper left", frameon=False)
     root = ax.get_figure(root=True)
     if root is not None:
-        root.colorbar(line, ax=ax, label="speed of the platform's origin (mm/s)", shrink=0.7, pad=0.1)
+        root.colorbar(line, ax=ax, label=f"speed of the {mover} (mm/s)", shrink=0.7, pad=0.1)
     return ax
 
 

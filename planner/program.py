@@ -1,6 +1,6 @@
 """The program model: what the tool is asked to do, segment by segment, in SI units and in the program's own frame."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import isfinite
 from typing import Literal
 
@@ -12,6 +12,9 @@ from kinematics.array import Array, frozen
 from kinematics.errors import MotionError
 from kinematics.pose import Pose
 
+SAME = 1e-9
+"""Points nearer than this are the same (m), angles likewise (rad)."""
+
 
 @dataclass(frozen=True, slots=True)
 class Stop:
@@ -19,16 +22,43 @@ class Stop:
 
 
 @dataclass(frozen=True, slots=True)
+class Through:
+    """The join that is passed where the path is smooth enough for the motion's order, and a stop elsewhere.
+
+    Order 2 needs a common tangent (and turning rate), order 3 a common curvature too.
+    """
+
+
+@dataclass(frozen=True, slots=True)
 class Blend:
-    """The join that is rounded, leaving the programmed corner by at most `tolerance` (m)."""
+    """The join that is rounded: it leaves the programmed corner by at most `tolerance` (m), and `angle` (rad).
+
+    angle  None: what turns points at the machine's characteristic length by the tolerance
+    """
 
     tolerance: float
+    angle: float | None = None
 
     def __post_init__(self) -> None:
         _positive("blend", "tolerance", self.tolerance, "m")
+        _positive("blend", "angle", self.angle, "rad")
 
 
-Join = Stop | Blend
+Join = Stop | Through | Blend
+
+
+@dataclass(frozen=True, slots=True)
+class Trigger:
+    """An event at a position: named, at a share of its segment's path length (1: at its end)."""
+
+    name: str
+    at: float = 1.0
+
+    def __post_init__(self) -> None:
+        if not self.name:
+            raise MotionError("trigger: its name is empty; give the output line or the event that it stands for")
+        if not 0 <= self.at <= 1:
+            raise MotionError(f"trigger {self.name}: at {self.at} must be a share of its segment, from 0 to 1")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -39,6 +69,9 @@ class Line:
     rotate       orientation at its end, reached by the shortest turn in proportion to the path; None: kept
     speed        cap of the tool speed, m/s; None: as fast as the machine can
     join         to the next segment
+    acceleration, angular_speed  caps of the tool's acceleration, m/s², and of the platform's turning, rad/s
+    speed_constant  exactly this speed, outside the shortest ramps at its ends
+    trigger      an event along it
     line_number  where it stands in its file, for messages
     """
 
@@ -46,11 +79,15 @@ class Line:
     rotate: Rotation | None = None
     speed: float | None = None
     join: Join = Stop()
+    acceleration: float | None = field(default=None, kw_only=True)
+    angular_speed: float | None = field(default=None, kw_only=True)
+    speed_constant: bool = field(default=False, kw_only=True)
+    trigger: Trigger | None = field(default=None, kw_only=True)
     line_number: int | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "to", _vector("line", "to", self.to))
-        _positive("line", "speed", self.speed, "m/s")
+        _caps(self, "line")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -58,7 +95,8 @@ class Arc:
     """A circular arc from where the path stands, by a signed angle: right hand about `normal`, any number of turns.
 
     centre  (3,) m;  normal  (3,) of any length, kept as a unit vector;  angle  rad
-    rotate, speed, join, line_number  as of a line
+    rise    m by which it moves along the normal in all: a helix
+    rotate, speed, join, acceleration, angular_speed, speed_constant, trigger, line_number  as of a line
     """
 
     centre: Array
@@ -67,6 +105,11 @@ class Arc:
     rotate: Rotation | None = None
     speed: float | None = None
     join: Join = Stop()
+    rise: float = field(default=0.0, kw_only=True)
+    acceleration: float | None = field(default=None, kw_only=True)
+    angular_speed: float | None = field(default=None, kw_only=True)
+    speed_constant: bool = field(default=False, kw_only=True)
+    trigger: Trigger | None = field(default=None, kw_only=True)
     line_number: int | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
@@ -79,16 +122,54 @@ class Arc:
         object.__setattr__(self, "normal", frozen(scaled / np.linalg.norm(scaled)))
         if not isfinite(self.angle) or self.angle == 0:
             raise MotionError(f"arc: angle {self.angle} rad must be finite and not zero")
-        _positive("arc", "speed", self.speed, "m/s")
+        if not isfinite(self.rise):
+            raise MotionError(f"arc: rise {self.rise} m must be finite")
+        _caps(self, "arc")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Spline:
+    """A smooth curve from where the path stands through points, with four continuous derivatives and no stop inside.
+
+    through  (N, 3) m, no two neighbours the same (the path's shape: planner.path.spline)
+    rotate   N orientations, one at each point; None: kept
+    speed, join, acceleration, angular_speed, speed_constant, trigger, line_number  as of a line
+    """
+
+    through: Array
+    rotate: Rotation | None = None
+    speed: float | None = None
+    join: Join = Stop()
+    acceleration: float | None = field(default=None, kw_only=True)
+    angular_speed: float | None = field(default=None, kw_only=True)
+    speed_constant: bool = field(default=False, kw_only=True)
+    trigger: Trigger | None = field(default=None, kw_only=True)
+    line_number: int | None = field(default=None, kw_only=True)
+
+    def __post_init__(self) -> None:
+        points = _vectors("spline", "through", self.through)
+        object.__setattr__(self, "through", points)
+        repeated = np.flatnonzero(np.linalg.norm(np.diff(points, axis=0), axis=1) <= SAME)
+        if len(repeated):
+            raise MotionError(f"spline: {repeats(int(repeated[0]) + 1)}")
+        if self.rotate is not None and (self.rotate.single or len(self.rotate) != len(points)):
+            given = 1 if self.rotate.single else len(self.rotate)
+            raise MotionError(f"spline: {given} orientations for {len(points)} points; give one for each, or none")
+        _caps(self, "spline")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Turn:
-    """A rotation on the spot to the orientation `to`, the shorter way."""
+    """A rotation on the spot to the orientation `to`, the shorter way; angular_speed as of a line."""
 
     to: Rotation
     join: Join = Stop()
+    angular_speed: float | None = field(default=None, kw_only=True)
+    trigger: Trigger | None = field(default=None, kw_only=True)
     line_number: int | None = field(default=None, kw_only=True)
+
+    def __post_init__(self) -> None:
+        _caps(self, "turn")
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,7 +183,9 @@ class Dwell:
         _positive("dwell", "duration", self.duration, "s")
 
 
-Segment = Line | Arc | Turn | Dwell
+CAPS = {"speed": "m/s", "acceleration": "m/s²", "angular_speed": "rad/s"}
+"""What segments may cap, as far as they have it, and its unit."""
+Segment = Line | Arc | Spline | Turn | Dwell
 Frame = Literal["home", "base"]
 
 
@@ -111,10 +194,15 @@ class Program:
     """A program of segments, run one after the other; coordinates are absolute in its frame.
 
     frame    "home": relative to the machine's home pose, or "base": in the machine's base frame
-    start    first pose, in the program's frame; None: the machine's home pose
+    start    first pose, in the program's frame; None: where the machine's home pose has it
     machine  name or path of the machine it is meant for, if it says so
+    speed, acceleration, angular_speed  caps of every segment that moves and states none of its own
+    tool     the tool's frame in the platform's: coordinates say where it goes, speeds are its own; None: the platform's
+    work     the frame, in the program's, in which coordinates are given; None: the program's frame itself
+    repeat   how often the segments are run, one time after the other, each from where the path stands
     duration  s that the whole is to take, as smoothly as it can; None: as little as it can
-    Raises MotionError for an empty program or an unknown frame.
+    start_speed, end_speed  tool speed (m/s) with which the motion begins and ends; 0: at rest
+    Raises MotionError for an empty program, an unknown frame, a count or a speed that is none.
     """
 
     segments: tuple[Segment, ...]
@@ -122,15 +210,40 @@ class Program:
     start: Pose | None = None
     machine: str | None = None
     name: str = "program"
-    duration: float | None = None
+    duration: float | None = field(default=None, kw_only=True)
+    speed: float | None = field(default=None, kw_only=True)
+    acceleration: float | None = field(default=None, kw_only=True)
+    angular_speed: float | None = field(default=None, kw_only=True)
+    tool: Pose | None = field(default=None, kw_only=True)
+    work: Pose | None = field(default=None, kw_only=True)
+    repeat: int = field(default=1, kw_only=True)
+    start_speed: float = field(default=0.0, kw_only=True)
+    end_speed: float = field(default=0.0, kw_only=True)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "segments", tuple(self.segments))
         if not self.segments:
-            raise MotionError(f"program {self.name} is empty: give it at least one line, arc, turn or dwell")
+            raise MotionError(f"program {self.name} is empty: give it at least one line, arc, spline, turn or dwell")
         if self.frame not in ("home", "base"):
             raise MotionError(f'program {self.name}: frame "{self.frame}" is neither "home" nor "base"')
+        if isinstance(self.repeat, bool) or not isinstance(self.repeat, int) or self.repeat < 1:
+            raise MotionError(f"program {self.name}: repeat {self.repeat} must be a whole number from 1 on")
+        for end, speed in (("start_speed", self.start_speed), ("end_speed", self.end_speed)):
+            if not (isfinite(speed) and speed >= 0):
+                raise MotionError(f"program {self.name}: {end} {speed} m/s must be finite and not negative")
         _positive(f"program {self.name}", "duration", self.duration, "s")
+        _caps(self, f"program {self.name}")
+
+    def cap(self, segment: Segment, name: str) -> float | None:
+        """A segment's own cap, or the program's; None where neither says one, or the segment cannot have it."""
+        own: float | None = getattr(segment, name, None)
+        return getattr(self, name) if own is None and hasattr(segment, name) else own
+
+
+def stopping(program: Program) -> Program:
+    """The same program with a stop at every join: what a control without blends would run."""
+    stopped = (part if isinstance(part, Dwell) else replace(part, join=Stop()) for part in program.segments)
+    return replace(program, segments=tuple(stopped))
 
 
 def _vector(segment: str, name: str, value: ArrayLike) -> Array:
@@ -141,6 +254,28 @@ def _vector(segment: str, name: str, value: ArrayLike) -> Array:
     if vector.shape != (3,) or not np.isfinite(vector).all():
         raise MotionError(f"{segment}: {name} must be three finite numbers, not {value!r}")
     return vector
+
+
+def _caps(stated: object, what: str) -> None:
+    for name, unit in CAPS.items():
+        _positive(what, name, getattr(stated, name, None), unit)
+    if getattr(stated, "speed_constant", False) and getattr(stated, "speed", None) is None:
+        raise MotionError(f"{what}: speed_constant asks for a speed: give speed as well")
+
+
+def _vectors(segment: str, name: str, value: ArrayLike) -> Array:
+    try:
+        vectors = frozen(value, float)
+    except (TypeError, ValueError):
+        vectors = frozen([])
+    if vectors.ndim != 2 or vectors.shape[1:] != (3,) or not len(vectors) or not np.isfinite(vectors).all():
+        raise MotionError(f"{segment}: {name} must be points of three finite numbers, at least one, not {value!r}")
+    return vectors
+
+
+def repeats(point: int) -> str:
+    """What to say of a spline whose point of a number, from 1, is its next one as well."""
+    return f"points {point} and {point + 1} are the same; leave one of them out"
 
 
 def _positive(segment: str, name: str, value: float | None, unit: str) -> None:

@@ -1,7 +1,7 @@
 """The fastest certified motion along an actuator path: solve every run, prove the whole, tighten what fails, again."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import chain, pairwise
 from typing import NoReturn
@@ -13,11 +13,12 @@ from planner.actuation import ActuatorPath
 from planner.certify import TOLERANCE, Certificate, Known, certify
 from planner.limits.limit import Limit
 from planner.parallel import Progress, spread
-from planner.proved import ROUNDS, Proved, Prover, Timing
+from planner.proved import ROUNDS, Proved, Prover, Timing, holding
 from planner.standing import refusal, standing
+from planner.steady import Steady, steady
 from planner.timing.problem import Run
 from planner.timing.profile import Profile
-from planner.timing.run import attempt
+from planner.timing.run import Attempt, attempt
 from planner.trajectory import Trajectory
 
 # Runs that are proved together: what one of them takes is more than handing it to another process.
@@ -29,6 +30,7 @@ class Solution:
     """A trajectory and the proof that it respects every limit.
 
     order; rounds: how often it was solved until the proof held; methods: the solver that gave each run's motion
+    lower_estimate: s, about the least that any motion within the limits on speed and acceleration takes
     """
 
     trajectory: Trajectory = field(repr=False)
@@ -37,6 +39,12 @@ class Solution:
     order: int
     rounds: int
     methods: tuple[str, ...]
+    lower_estimate: float
+
+    @property
+    def gap(self) -> float:
+        """How far the duration is above the estimate of its lower bound, as a share of that."""
+        return self.trajectory.duration / self.lower_estimate - 1
 
     def __str__(self) -> str:
         solvers = ", ".join(sorted(set(self.methods)))
@@ -46,11 +54,11 @@ class Solution:
 def fastest(path: ActuatorPath, limits: Sequence[Limit], order: int, progress: Progress | None = None) -> Solution:
     """Solve and certify. Raises Infeasible where a geometric limit is broken, MotionError where no round holds.
 
-    progress is told how many of the runs from rest to rest are solved, and of how many.
+    progress is told how many of the runs between stops are solved, and of how many.
     """
     for worst in standing(path, limits).violations:
         raise worst
-    return proved(path, limits, order, partial(attempt, order=order), progress)
+    return proved(path, limits, order, partial(_started, order=order), progress)
 
 
 def proved(
@@ -62,7 +70,7 @@ def proved(
     becomes of it does not depend on who does it.
     """
     stops = np.flatnonzero(path.stops(order))
-    runs = [Run(int(a), int(b) - 1) for a, b in pairwise(stops)]
+    runs = _runs(path, stops)
     parts = [runs[first : first + PART] for first in range(0, len(runs), PART)]
     solved = 0
 
@@ -73,12 +81,34 @@ def proved(
             progress(solved, len(runs))
 
     found: list[Proved] = [*chain(*spread(Prover(path, tuple(limits), order, timing), parts, done))]
+    limits = holding(limits, [held for one in found for held in one.held])
     trajectory, known = assemble(path, limits, found, stops)
     certificate = certify(trajectory, limits, known)
     if not certificate.holds:
         _refuse(trajectory, limits, certificate)
-    rounds = max(one.rounds for one in found)
-    return Solution(trajectory, certificate, tuple(limits), order, rounds, tuple(one.method for one in found))
+    rounds, methods = max(one.rounds for one in found), tuple(one.method for one in found)
+    least = sum(one.floor for one in found) + float(path.dwells.sum())
+    return Solution(trajectory, certificate, limits, order, rounds, methods, least)
+
+
+def _runs(path: ActuatorPath, stops: np.ndarray) -> list[Run]:
+    """From stop to stop, the first and the last with the speeds that the path states for its ends."""
+    runs = [Run(int(a), int(b) - 1) for a, b in pairwise(stops)]
+    runs[0] = replace(runs[0], start_speed=path.end_speeds[0])
+    runs[-1] = replace(runs[-1], end_speed=path.end_speeds[1])
+    return runs
+
+
+def _started(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int) -> Attempt | Steady:
+    """The first solve of a run, at constant speed where its segment asks for one."""
+    speeds = {path.constant(piece) for piece in range(run.first, run.last + 1)}
+    speed = speeds.pop()
+    if speeds:
+        raise MotionError(
+            f"{path.place(float(path.breaks[run.first]), run.first)}: a constant speed needs stops at the ends of its "
+            'segment: write join = "stop" there and on the segment before it'
+        )
+    return attempt(path, limits, run, order) if speed is None else steady(path, limits, run, order, speed)
 
 
 def assemble(

@@ -1,4 +1,4 @@
-"""What no timing can help: reach, travel and tilt, proved along the whole path before anything is solved."""
+"""What no timing can help: reach, travel, tilt and clearance, proved along the whole path before anything is solved."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,6 +9,7 @@ from kinematics.errors import MotionError, OutOfReach
 from planner.actuation import ActuatorPath
 from planner.certify import TOLERANCE, prove
 from planner.limits.limit import Limit
+from planner.path.join import Blended
 from planner.place import Infeasible, Place
 from planner.trajectory import State, Trajectory
 from planner.walk import walk
@@ -19,10 +20,14 @@ POINTS = 65
 
 @dataclass(frozen=True, slots=True)
 class Standing:
-    """Every violation, the worst first, and of each limit the largest use that is proved, and where."""
+    """Every violation, the worst first, and of each limit the largest use that is proved, and where.
+
+    blends: what became of the program's joins that ask for one
+    """
 
     violations: tuple[MotionError, ...]
     largest: dict[str, tuple[float, Place]]
+    blends: tuple[Blended, ...] = ()
 
 
 def standing(path: ActuatorPath, limits: Sequence[Limit]) -> Standing:
@@ -34,7 +39,7 @@ def standing(path: ActuatorPath, limits: Sequence[Limit]) -> Standing:
     lost = ~np.isfinite(state.q).all(1)
     if lost.any():
         first = int(np.argmax(lost))
-        place = Place(float(state.s[first]), path.segment(int(state.piece[first])))
+        place = path.place(float(state.s[first]), int(state.piece[first]))
         return Standing((OutOfReach(f"no actuator coordinates reach the path at {place}; bring it nearer"),), {})
     use, _ = prove(along, geometric, 2)
     largest: dict[str, tuple[float, Place]] = {}
@@ -49,7 +54,7 @@ def standing(path: ActuatorPath, limits: Sequence[Limit]) -> Standing:
             rows, most = uses.argmax(0), uses.max(0)
             top, piece = int(np.argmax(most)), int(look.piece[0])
             places = [
-                Place(float(look.s[row]), path.segment(piece), None, name)
+                path.place(float(look.s[row]), piece, None, name)
                 for row, name in zip(rows, limit.channels, strict=True)
             ]
             if part == worst:
@@ -71,5 +76,6 @@ def refusal(limit: Limit, value: float, channel: int, place: Place) -> Infeasibl
     """What to say where a geometric limit is broken."""
     unit, scale = limit.units[channel]
     reached, allowed = limit.told(value, channel)
-    remedy = f"no timing can help: move the path so that it uses {abs(reached - allowed) * scale:.4g} {unit} less"
+    missing = f"{abs(reached - allowed) * scale:.4g} {unit}"
+    remedy = f"no timing can help: move the path so that it {limit.relief.format(missing)}"
     return Infeasible(limit.name, limit.channels[channel], place, reached * scale, allowed * scale, unit, remedy)

@@ -79,6 +79,8 @@ def record(calibration: Calibration, sources: dict[str, bytes]) -> Record:
             }
             for k, (label, fit) in enumerate(zip(data.labels, data.fit, strict=True))
         ],
+        "skipped_checks": list(calibration.skipped),
+        "notes": list(data.notes),
         "checks": [
             {**asdict(check), "allowed": _number(check.allowed), "explained": check.explained}
             for check in axis_checks(calibration)

@@ -93,7 +93,7 @@ def check(program: str, machine: str | None, as_json: bool) -> None:
     inputs = read_inputs(program, machine)
     found = look(inputs.program, inputs.machine)
     if as_json:
-        click.echo(record.as_json(record.of_check(found.violations, found.largest)), nl=False)
+        click.echo(record.as_json(record.of_check(found.violations, found.largest, found.blends)), nl=False)
     elif found.violations:
         click.echo("\n".join(map(str, found.violations)))
     else:
@@ -150,7 +150,7 @@ def track(directory: Path, laws: tuple[str, ...], force: bool, as_json: bool) ->
 @click.option(
     "--use",
     type=click.Choice(["position", "all"]),
-    help="What of the measurements to fit. Default: all of whole poses, else positions.",
+    help="What of the measurements to fit. Default: positions and rotations, not directions of an axis.",
 )
 @click.option("--force", is_flag=True, help="Replace DIR, if an earlier calibration is in it.")
 @json_option

@@ -15,6 +15,8 @@ from pulsepath.job import Job
 from pulsepath.record import as_json, of_plan
 
 MOTION, TRAJECTORY, PULSES, REPORT, TRACK = "motion.json", "trajectory.csv", "pulses.csv", "report.html", "track.json"
+TRIGGERS = "triggers.csv"
+"""Only where the program has triggers."""
 SOURCES = {"program": "program.toml", "machine": "machine.toml"}
 
 
@@ -30,13 +32,15 @@ class Planned:
 def write(folder: Path, job: Job, inputs: Inputs) -> None:
     """Write everything into an empty folder, the record last."""
     from benchmarks.report import write_report
-    from planner.export import pulse_csv, trajectory_csv
+    from planner.export import pulse_csv, trajectory_csv, trigger_csv
 
     (folder / SOURCES["program"]).write_bytes(inputs.program_toml)
     (folder / SOURCES["machine"]).write_bytes(inputs.machine_toml)
     motion_json.write(job.plan.trajectory, folder / MOTION)
     trajectory_csv.write(job.plan, folder / TRAJECTORY)
     pulse_csv.write(job.plan.pulses, folder / PULSES, [axis.direction for axis in job.plan.machine.axes])
+    if job.plan.triggers:
+        trigger_csv.write(job.plan, folder / TRIGGERS)
     write_report(job.plan, job.classical, job.metrics, folder / REPORT, verdict=job.verdict, others=job.others)
     (folder / RECORD).write_text(as_json(of_plan(job, inputs)), encoding="utf-8")
 

@@ -11,8 +11,9 @@ from typing import Any
 from controllers import Metrics
 from controllers.metrics import ErrorSeries
 from kinematics import Axis, Machine, MotionError
-from planner import Infeasible, Place
+from planner import Infeasible, Place, Triggered
 from planner.limits import unkept
+from planner.path.join import Blended
 from pulsepath import __version__
 from pulsepath.directory import KIND
 from pulsepath.inputs import Inputs
@@ -58,7 +59,9 @@ def of_plan(job: Job, inputs: Inputs) -> Record:
                 for name, worst in certificate.worst.items()
             },
         },
+        "blends": _blends(plan.path.blends),
         "stated_but_not_kept": list(unkept(plan.machine.axes)),
+        "lower_bound": {"kind": "estimate", "duration_s": plan.lower_estimate, "gap": plan.gap},
         "solver": {"rounds": plan.rounds, "methods": list(plan.methods)},
         "pulses": {
             "clock_hz": plan.pulses.clock_hz,
@@ -81,6 +84,11 @@ def of_plan(job: Job, inputs: Inputs) -> Record:
                 "highest_rate_hz": job.verdict.highest_rate,
             },
         },
+        "constant_speeds": [
+            {"speed_m_s": stretch.speed, "from": _place(stretch.since), "to": _place(stretch.until)}
+            for stretch in plan.constant_speeds
+        ],
+        "triggers": [_trigger(event, plan.machine.axes) for event in plan.triggers],
         "provenance": {
             "sha256": inputs.digests,
             "versions": {
@@ -97,10 +105,13 @@ def of_tracking(metrics: Iterable[Metrics]) -> Record:
     return {law.law: {series.name: _errors(series) for series in law.series} for law in metrics}
 
 
-def of_check(violations: Sequence[MotionError], largest: Mapping[str, tuple[float, Place]]) -> Record:
-    """The findings of a geometric check: what is violated, or how near the path comes to each limit."""
+def of_check(
+    violations: Sequence[MotionError], largest: Mapping[str, tuple[float, Place]], blends: Sequence[Blended] = ()
+) -> Record:
+    """The findings of a geometric check: what is violated, or how near the path comes to each limit; the blends."""
     return {
         "feasible": not violations,
+        "blends": _blends(blends),
         "violations": [_violation(violation) for violation in violations],
         "largest_use": {name: {"ratio": use, "where": _place(place)} for name, (use, place) in largest.items()},
     }
@@ -126,8 +137,38 @@ def _errors(series: ErrorSeries) -> Record:
     return {**figures, "unit": series.unit, "where": _place(series.where)}
 
 
+def _blends(blends: Sequence[Blended]) -> list[Record]:
+    """After which segment each is, what it may leave the path by and does, and which segments cut it short."""
+    return [
+        {
+            "segment": blend.segment,
+            "tolerance_m": blend.tolerance,
+            "deviation_m": blend.deviation,
+            "tolerance_rad": blend.angle,
+            "deviation_rad": blend.turned,
+            "reach_m": blend.reach,
+            "half_of_segments": list(blend.half_of),
+            "stop": blend.stop or None,
+        }
+        for blend in blends
+    ]
+
+
 def _place(place: Place) -> Record:
-    return {"axis": place.axis or None, "segment": place.segment, "distance_m": place.s, "time_s": place.t}
+    again = {} if place.repetition is None else {"repetition": place.repetition}
+    return {"axis": place.axis or None, "segment": place.segment, **again, "distance_m": place.s, "time_s": place.t}
+
+
+def _trigger(event: Triggered, axes: Sequence[Axis]) -> Record:
+    """An event; the pose is the platform's in the base frame, its angles about the moving axes in turn."""
+    angles = event.pose.rotation.as_euler("XYZ", suppress_warnings=True)
+    return {
+        "name": event.name,
+        "where": _place(event.where),
+        "position_m": event.pose.translation.tolist(),
+        "angles_rad": angles.tolist(),
+        "counts": {axis.name: int(count) for axis, count in zip(axes, event.counts, strict=True)},
+    }
 
 
 def _violation(violation: MotionError) -> Record:
@@ -135,7 +176,8 @@ def _violation(violation: MotionError) -> Record:
         return {"kind": "reach", "message": str(violation)}
     named = {name: getattr(violation, name) for name in ("kind", "axis", "value", "limit", "unit", "remedy")}
     where = None if violation.place is None else _place(violation.place)
-    return {**named, "where": where, "message": str(violation)}
+    relaxation = violation.relaxation if isfinite(violation.relaxation) else None
+    return {**named, "relaxation": relaxation, "where": where, "message": str(violation)}
 
 
 def _axis(axis: Axis) -> Record:

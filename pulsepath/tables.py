@@ -11,9 +11,11 @@ from rich.table import Table
 
 from controllers import Metrics
 from kinematics import Axis, Machine
+from kinematics.axis import Magnitude, sides
 from kinematics.calibration import Calibration
 from kinematics.calibration.result import GROUPS
-from planner import Place, Standing
+from planner import Place, Standing, Triggered
+from planner.path.join import Blended
 from pulsepath.job import Job
 
 WIDTH = 110
@@ -51,15 +53,41 @@ def of_plan(job: Job) -> list[Table]:
     for axis in plan.pulses.axes:
         pulses.add_row(axis.name, f"{len(axis)}", f"{axis.final - axis.start}")
     pulses.add_row("all", f"{plan.pulses.total}")
-    return [times, limits, pulses]
+    return [times, limits, *of_blends(plan.path.blends), pulses, *_triggers(plan.triggers)]
+
+
+def of_blends(blends: Sequence[Blended]) -> list[Table]:
+    """How far each blend leaves the corner, and what it could not have; no table where there is none."""
+    if not blends:
+        return []
+    table = _table("blends", "after segment#", "tolerance (µm)#", "deviation (µm)#", "angle (µrad)#", "reach (mm)#", "")
+    for blend in blends:
+        if blend.stop:
+            table.add_row(f"{blend.segment}", f"{1e6 * blend.tolerance:.4g}", "", "", "", f"stops: {blend.stop}")
+            continue
+        figures = (1e6 * blend.tolerance, 1e6 * blend.deviation, 1e6 * blend.turned, 1e3 * blend.reach)
+        halves = " and ".join(map(str, blend.half_of))
+        short = f"half of segment {halves}" if blend.half_of else ""
+        table.add_row(f"{blend.segment}", *(f"{figure:.4g}" for figure in figures), short)
+    return [table]
+
+
+def _triggers(events: Sequence[Triggered]) -> list[Table]:
+    if not events:
+        return []
+    table = _table("triggers", "name", "segment#", "mm#", "s#", "counts")
+    for event in events:
+        _, segment, distance, _ = _where(event.where)
+        table.add_row(event.name, segment, distance, f"{event.time:.7f}", " ".join(map(str, event.counts)))
+    return [table]
 
 
 def of_check(found: Standing) -> list[Table]:
-    """How near a path comes to each limit."""
+    """How near a path comes to each limit, and its blends."""
     table = _table("largest use of each limit, proved along the path", "limit", "ratio ≤#", "at", "segment#", "mm#")
     for name, (use, place) in found.largest.items():
         table.add_row(name, _up(use), *_where(place)[:3])
-    return [table]
+    return [table, *of_blends(found.blends)]
 
 
 def of_tracking(metrics: Iterable[Metrics]) -> list[Table]:
@@ -117,8 +145,14 @@ def _limits(axis: Axis) -> tuple[str, ...]:
     travel = "unlimited" if high == inf else f"{scale * low:g} … {scale * high:g} {unit}"
     pulse = f"{1e6 * axis.pulse:g} µm" if axis.unit == "m" else f"{scale * axis.pulse:.4g} {unit}"
     bounds = ((axis.max_speed, "/s"), (axis.max_acceleration, "/s²"), (axis.max_jerk, "/s³"))
-    shown = ("unlimited" if bound is None else f"{scale * bound:g} {unit}{per}" for bound, per in bounds)
-    return travel, pulse, *shown
+    return travel, pulse, *(_bound(bound, scale, f"{unit}{per}") for bound, per in bounds)
+
+
+def _bound(bound: Magnitude | None, scale: float, unit: str) -> str:
+    """A bound; both ways where they differ, towards smaller positions first."""
+    if bound is None:
+        return "unlimited"
+    return f"{' / '.join(f'{scale * side:g}' for side in dict.fromkeys(sides(bound)))} {unit}"
 
 
 def _table(title: str, *columns: str) -> Table:
@@ -133,7 +167,8 @@ def _table(title: str, *columns: str) -> Table:
 
 def _where(place: Place) -> Sequence[str]:
     """Axis, segment, distance (mm) and time (s) of a place."""
-    segment = "" if place.segment is None else str(place.segment)
+    again = "" if place.repetition is None else f" (rep. {place.repetition})"
+    segment = "" if place.segment is None else f"{place.segment}{again}"
     return place.axis, segment, f"{1e3 * place.s:.3f}", "" if place.t is None else f"{place.t:.4f}"
 
 

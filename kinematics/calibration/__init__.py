@@ -18,9 +18,9 @@ the whole pose is measured.) For fully measured poses the legs decouple into eig
 """
 
 from kinematics.calibration.fit import calibrate
-from kinematics.calibration.measurements import Measurements, Noise, whole_poses
+from kinematics.calibration.measurements import Measurements, Noise, measured_positions, whole_poses
 from kinematics.calibration.observability import Observability
-from kinematics.calibration.parameters import DEFAULT, PARTS
+from kinematics.calibration.parameters import DEFAULT, PARTS, calibration_parts
 from kinematics.calibration.result import Calibration, Estimate
 
 __all__ = [
@@ -32,5 +32,7 @@ __all__ = [
     "Noise",
     "Observability",
     "calibrate",
+    "calibration_parts",
+    "measured_positions",
     "whole_poses",
 ]

@@ -1,4 +1,4 @@
-"""Least squares over the parameters of a model, and what the result is worth."""
+"""The calibration of a machine: its parameters by least squares, and what they are worth."""
 
 from collections.abc import Sequence
 from math import inf, nan, sqrt
@@ -9,20 +9,25 @@ import numpy as np
 from kinematics.array import Array, frozen
 from kinematics.calibration.alignment import frame_start
 from kinematics.calibration.calibrated import calibrated
-from kinematics.calibration.measurements import POSITION, Measurements, Noise
+from kinematics.calibration.measurements import AXIS, POSITION, Measurements, Noise
 from kinematics.calibration.observability import Observability, observe
 from kinematics.calibration.parameters import DEFAULT, Free, Full, free, full, selection
 from kinematics.calibration.prediction import Prediction
+from kinematics.calibration.reach import reachable
 from kinematics.calibration.result import Calibration, Estimate
+from kinematics.calibration.search import least_errors
 from kinematics.errors import MotionError
 from kinematics.machine import Machine
 
 Use = Literal["position", "all"]
+USES: dict[Use | None, int] = {"position": POSITION.stop, None: AXIS.start, "all": AXIS.stop}
+"""How many of the components are fitted to, of those that were measured."""
+# Errors of a start over those of the best one up to which it is tried too.
+OTHER_START = 10.0
+# Errors over those found before below which another minimum is the better one: less may be rounding.
+BETTER = 0.999
 # Share of a pose's own weight in its fit, short of one, beyond which the other poses do not determine it.
 DETERMINED = 1 - 1e-9
-
-SINGULAR = 1e9
-"""Motion of the platform over that of an axis (m, rad) from which on a pose is singular to rounding."""
 
 
 def calibrate(
@@ -30,17 +35,21 @@ def calibrate(
 ) -> Calibration:
     """Identify the parameters of `parts` (see PARTS): maximum likelihood under the measurements' noise.
 
-    use  "position" or "all" that was measured; None: all where whole poses were measured, else positions, since the
-         direction of an axis alone asks for a model of how the measuring frame is tilted
+    use  "position" or "all" that was measured; None: positions and rotations, not the direction of an axis alone,
+         since that asks for a model of how the measuring frame is tilted
 
     Standard errors: of a stated noise, multiplied by `scale` where that exceeds 1 (the factor of the Particle Data
     Group); of a noise that is not stated, by `scale` itself, one radian of rotation counting as the machine's
     characteristic length. Combinations that the data do not show stay as they are at the nominal parameters, with the
     frame that carries commanded poses nearest to the measured ones.
-    Raises MotionError for an unknown part, fewer values than parameters, and poses the machine cannot take.
+    Checks that the machine cannot be sent to are left out, and named in `Calibration.skipped`. Raises MotionError for
+    an unknown part, fewer values than parameters, fitted poses that the machine cannot be sent to, a search that does
+    not converge, and measurements that contradict the machine; never gives parameters that explain them worse.
     """
+    _known(machine, measured, use)
     vector = full(machine)
     parameters = free(vector, parts)
+    measured, skipped = reachable(machine, measured)
     chosen = _used(measured, use)
     if chosen.sum() < len(parameters):
         raise MotionError(
@@ -49,20 +58,16 @@ def calibrate(
         )
     prediction, select = Prediction.of(machine, vector, measured), selection(vector, parameters)
     weights = _weights(measured.noise or Noise(1.0, 1.0 / machine.characteristic_length))
-    before, jacobian = prediction.at(vector.nominal)
-    if not np.isfinite(jacobian).all() or np.abs(jacobian).max() > SINGULAR:
-        raise MotionError(f"machine {machine.name}: singular at a commanded pose of {measured.name}; leave that out")
+    before, _ = prediction.at(vector.nominal)
 
-    start = np.array(vector.nominal)
-    start[vector.frame()] = frame_start(measured, chosen, parts)
-    _, jacobian = prediction.at(start)
-    basis = select @ _observed(jacobian, weights, chosen, select, measured).seen
-    theta = _least_squares(prediction, start, weights, chosen, basis)
+    framed = np.array(vector.nominal)
+    framed[vector.frame()] = frame_start(measured, chosen, parts)
+    theta = _best(prediction, [framed, vector.nominal], weights, chosen, select)
     after, jacobian = prediction.at(theta)
     found = _observed(jacobian, weights, chosen, select, measured)
 
     degrees = int(chosen.sum()) - found.rank
-    scale = sqrt(float(((after * weights)[chosen] ** 2).sum()) / degrees) if degrees else nan
+    scale = _size(after, weights, chosen) / sqrt(degrees) if degrees else nan
     widened = scale if measured.noise is None else max(1.0, 0.0 if degrees == 0 else scale)
     known = np.where(measured.seen, 1.0, np.nan)
     return Calibration(
@@ -79,14 +84,55 @@ def calibrate(
         used=frozen(chosen, bool),
         scale=scale,
         degrees=degrees,
+        skipped=skipped,
     )
 
 
+def _best(prediction: Prediction, starts: list[Array], weights: Array, chosen: np.ndarray, select: Array) -> Array:
+    """The full vector of least errors from the best start, or from another that is not far worse and leads to less:
+    few data may have a minimum near each. Raises MotionError where none leads anywhere, of the best start."""
+
+    def size(theta: Array) -> float:
+        return _size(prediction.at(theta)[0], weights, chosen)
+
+    ordered = sorted(starts, key=size)
+    best: Array | None = None
+    refusal: MotionError | None = None
+    tried: list[Array] = []
+    for start in ordered:
+        if size(start) > OTHER_START * size(ordered[0]) or any((start == other).all() for other in tried):
+            continue
+        tried.append(start)
+        seen = _observed(prediction.at(start)[1], weights, chosen, select, prediction.measurements).seen
+        try:
+            theta = least_errors(prediction, start, weights, chosen, select @ seen)
+        except MotionError as error:
+            refusal = refusal or error
+            continue
+        if best is None or size(theta) < BETTER * size(best):
+            best = theta
+    if best is None:
+        raise refusal or MotionError(f"{prediction.measurements.name}: no start for the search")
+    return best
+
+
+def _known(machine: object, measured: object, use: object) -> None:
+    for value, kind, remedy in (
+        (machine, Machine, "load_machine reads a file"),
+        (measured, Measurements, "load_measurements reads a file, whole_poses takes arrays"),
+    ):
+        if not isinstance(value, kind):
+            raise MotionError(f"calibrate: {value!r} is no {kind.__name__}; {remedy}")
+    if use not in USES:
+        raise MotionError(f'calibrate: use {use!r} must be "position", "all" or None')
+
+
 def _used(measured: Measurements, use: Use | None) -> np.ndarray:
-    chosen = measured.seen & measured.fit[:, None]
-    if use == "position" or (use is None and not measured.whole):
-        chosen = chosen & (np.arange(chosen.shape[1]) < POSITION.stop)
-    return np.asarray(chosen)
+    return np.asarray(measured.seen & measured.fit[:, None] & (np.arange(measured.seen.shape[1]) < USES[use]))
+
+
+def _size(errors: Array, weights: Array, chosen: np.ndarray) -> float:
+    return float(np.linalg.norm((errors * weights)[chosen]))
 
 
 def _weights(noise: Noise) -> Array:
@@ -97,46 +143,6 @@ def _observed(
     jacobian: Array, weights: Array, chosen: np.ndarray, select: Array, measured: Measurements
 ) -> Observability:
     return observe((jacobian * weights[:, None])[chosen] @ select, int(measured.fit.sum()))
-
-
-def _least_squares(prediction: Prediction, start: Array, weights: Array, chosen: np.ndarray, basis: Array) -> Array:
-    """The full vector start + basis · z of least errors; the basis' columns have independent effects of length 1."""
-    from scipy.optimize import least_squares
-
-    # in units of the whole error, the step that would remove it is within the optimiser's first trust region of 1
-    size = float(np.linalg.norm((prediction.at(start)[0] * weights)[chosen])) or 1.0
-    latest: dict[bytes, tuple[Array, Array]] = {}
-
-    def evaluated(z: Array) -> tuple[Array, Array]:
-        key = z.tobytes()
-        if key not in latest:
-            error, jacobian = prediction.at(start + size * basis @ z)
-            latest.clear()  # the optimiser asks for the derivatives where it has just asked for the errors
-            latest[key] = (error * weights)[chosen] / size, (jacobian * weights[:, None])[chosen] @ basis
-        return latest[key]
-
-    def errors(z: Array) -> Array:
-        return evaluated(z)[0]
-
-    def derivatives(z: Array) -> Array:
-        return evaluated(z)[1]
-
-    found = least_squares(
-        errors,
-        np.zeros(basis.shape[1]),
-        jac=derivatives,
-        method="trf",
-        xtol=1e-12,
-        ftol=1e-12,
-        gtol=1e-12,
-        max_nfev=200,
-    )
-    if found.status <= 0:
-        raise MotionError(
-            f"{prediction.measurements.name}: no parameters were found that explain the measurements; "
-            "check units and signs of the file, or free fewer parameters"
-        )
-    return np.asarray(start + size * basis @ found.x)
 
 
 def _estimates(

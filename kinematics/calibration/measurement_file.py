@@ -8,7 +8,7 @@ from pydantic import AfterValidator, Field, model_validator
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics.array import Array, frozen
-from kinematics.calibration.measurements import AXIS, POSITION, Measurements, Noise
+from kinematics.calibration.measurements import AXIS, FAR, POSITION, Measurements, Noise
 from kinematics.document import read
 from kinematics.pose import Pose
 from kinematics.registry import find
@@ -51,6 +51,11 @@ def load_measurements(name_or_path: str | PathLike[str]) -> Measurements:
         fit=frozen(np.arange(len(rows)) < len(model.pose), bool),
         noise=None if model.noise is None else Noise(model.noise.position, model.noise.rotation),
         name=document.file,
+        notes=tuple(
+            f"{name}: the file gives no position `at` of the turn, so home's was taken"
+            for name, entry in entries
+            if isinstance(entry, TurnedAxis) and "at" not in entry.model_fields_set
+        ),
     )
 
 
@@ -112,9 +117,9 @@ def _not_empty(poses: tuple[Any, ...]) -> tuple[Any, ...]:
 
 _SOME_POSE = "give at least one [[pose]] that was measured"
 
-Coordinate = Annotated[float, Unit("m", plain="length")]
+Coordinate = Annotated[float, Unit("m", least=-FAR, most=FAR, plain="length")]
 PlainAngle = Annotated[float, Unit("rad", plain="angle")]
-ErrorLength = Annotated[float, Unit("m", plain="error")]
+ErrorLength = Annotated[float, Unit("m", least=-FAR, most=FAR, plain="error")]
 SpreadLength = Annotated[float, Unit("m", least=0, plain="error")]
 SpreadAngle = Annotated[float, Unit("rad", least=0, plain="angle")]
 Place = tuple[Coordinate, Coordinate, Coordinate]
@@ -204,8 +209,8 @@ class InitialPose(Repeated):
 class NoiseTable(Table):
     """Standard deviation of one component of a position and of a rotation."""
 
-    position: Annotated[float, Unit("m", above=0)]
-    rotation: Annotated[float, Unit("rad", above=0)]
+    position: Annotated[float, Unit("m", above=0, like="5 um")]
+    rotation: Annotated[float, Unit("rad", above=0, like="20 urad")]
 
 
 PoseTable = Annotated[DirectionPose | WholePose, either(DirectionPose, WholePose)]

@@ -1,11 +1,13 @@
 """Measured poses: what was commanded, what was measured of it, and how well."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import ArrayLike
+from scipy.spatial.transform import RigidTransform
 
-from kinematics.array import Array, frozen
+from kinematics.array import Array, frozen, quantities
 from kinematics.errors import MotionError
 from kinematics.pose import Pose, numbers
 
@@ -13,6 +15,12 @@ COMPONENTS = ("x", "y", "z", "rx", "ry", "rz", "axis u", "axis v")
 """Errors of a pose: position and turn in the measuring frame; where only the platform's z axis is known, its turn about
 the measured pose's own x and y."""
 POSITION, ROTATION, AXIS = slice(0, 3), slice(3, 6), slice(6, 8)
+FAR = 1e3
+"""m from home beyond which nothing is a measured pose of a machine, but a slip of units."""
+
+
+LEAST_NOISE = 1e-15
+"""m or rad: what is smaller is no noise but rounding, and the errors over it no numbers."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,8 +32,10 @@ class Noise:
 
     def __post_init__(self) -> None:
         for what, value in (("position", self.position), ("rotation", self.rotation)):
-            if not 0 < value < np.inf:
-                raise MotionError(f"measurements: noise of the {what} {value} must be positive and finite")
+            if not LEAST_NOISE <= quantities(value, f"measurements: noise of the {what}", ()) <= FAR:
+                raise MotionError(
+                    f"measurements: noise of the {what} {value} must lie between {LEAST_NOISE:g} and {FAR:g} (m or rad)"
+                )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,6 +46,7 @@ class Measurements:
     fit     (N,) bool: what parameters are fitted to; the other poses are checks
     noise   None: not stated, so it is estimated from the residuals
     spread  (N, 8) m and rad, largest deviation of repetitions from their mean; NaN: not stated
+    notes   what the file leaves open, and what was taken for it
     """
 
     commanded: Pose
@@ -46,23 +57,32 @@ class Measurements:
     spread: Array
     noise: Noise | None = None
     name: str = "measurements"
+    notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         for pose, what in ((self.commanded, "commanded"), (self.measured, "measured")):
-            if pose.single or len(pose) != len(self.labels) or not np.isfinite(numbers(pose)).all():
-                raise MotionError(f"{self.name}: {what} must be {len(self.labels)} finite poses, one for each label")
+            self._check(pose, what)
+        if self.noise is not None and not isinstance(self.noise, Noise):
+            raise MotionError(f"{self.name}: noise must be a Noise or None, not {self.noise!r}")
         shapes = {"seen": (self.seen, (len(self), 8)), "fit": (self.fit, (len(self),))}
         for what, (array, shape) in {**shapes, "spread": (self.spread, (len(self), 8))}.items():
-            if array.shape != shape:
-                raise MotionError(f"{self.name}: {what} must have shape {shape}, not {array.shape}")
+            if np.shape(array) != shape:
+                raise MotionError(f"{self.name}: {what} must have shape {shape}, not {np.shape(array)}")
+
+    def _check(self, pose: Pose, what: str) -> None:
+        if not isinstance(pose, Pose):
+            raise MotionError(f"{self.name}: {what} must be poses (RigidTransform), not {type(pose).__name__}")
+        if pose.single:
+            raise MotionError(f"{self.name}: {what} is a single pose; give a batch, of one pose or more")
+        if len(pose) != len(self.labels):
+            raise MotionError(f"{self.name}: {len(pose)} {what} poses for {len(self.labels)} labels; give one each")
+        bad = ~(np.isfinite(numbers(pose)).all(1) & (np.abs(pose.translation) <= FAR).all(1))
+        if bad.any():
+            label = self.labels[int(np.argmax(bad))]
+            raise MotionError(f"{self.name}: {label}: {what} must be finite, and within {FAR:g} m of home")
 
     def __len__(self) -> int:
         return len(self.labels)
-
-    @property
-    def whole(self) -> bool:
-        """Whether everything that is fitted is a whole pose."""
-        return bool(self.seen[self.fit][:, :6].all())
 
 
 def whole_poses(
@@ -73,15 +93,54 @@ def whole_poses(
     labels: Sequence[str] | None = None,
     name: str = "measurements",
 ) -> Measurements:
-    """Measurements of whole poses, relative to the machine's home pose; labels count from 1 by default."""
-    count = 1 if commanded.single else len(commanded)
+    """Measurements of whole poses, relative to the machine's home pose; labels count from 1 by default.
+
+    Raises MotionError for poses that are no batches of the same length, not finite, or not one for each label.
+    """
+    return _fitted(commanded, measured, ROTATION.stop, noise, labels, name)
+
+
+def measured_positions(
+    commanded: Pose,
+    measured: ArrayLike,
+    *,
+    noise: Noise | None = None,
+    labels: Sequence[str] | None = None,
+    name: str = "measurements",
+) -> Measurements:
+    """Measurements of positions alone, (N, 3) m in the home pose's frame; the rest as `whole_poses`."""
+    places = quantities(measured, f"{name}: measured", unit="m")
+    if places.ndim != 2 or places.shape[1] != 3:
+        raise MotionError(f"{name}: measured must be positions (N, 3) in m, not of shape {places.shape}")
+    return _fitted(commanded, RigidTransform.from_translation(places), POSITION.stop, noise, labels, name)
+
+
+def _fitted(
+    commanded: Pose, measured: Pose, seen: int, noise: Noise | None, labels: Sequence[str] | None, name: str
+) -> Measurements:
+    count = len(commanded) if isinstance(commanded, Pose) and not commanded.single else 1
+    named = tuple(labels) if labels is not None else tuple(f"pose {k + 1}" for k in range(count))
     return Measurements(
         commanded=commanded,
         measured=measured,
-        seen=frozen(np.broadcast_to(np.arange(8) < 6, (count, 8)), bool),
-        labels=tuple(labels or (f"pose {k + 1}" for k in range(count))),
-        fit=frozen(np.ones(count), bool),
-        spread=frozen(np.full((count, 8), np.nan)),
+        seen=frozen(np.broadcast_to(np.arange(8) < seen, (len(named), 8)), bool),
+        labels=named,
+        fit=frozen(np.ones(len(named)), bool),
+        spread=frozen(np.full((len(named), 8), np.nan)),
         noise=noise,
         name=name,
+    )
+
+
+def taken(data: Measurements, rows: Sequence[int]) -> Measurements:
+    """Some of the measurements."""
+    chosen = np.array(rows, int)
+    return replace(
+        data,
+        commanded=data.commanded[chosen],
+        measured=data.measured[chosen],
+        seen=data.seen[chosen],
+        fit=data.fit[chosen],
+        spread=data.spread[chosen],
+        labels=tuple(data.labels[k] for k in chosen),
     )

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from kinematics.array import Array, frozen
+from kinematics.errors import MotionError
 
 BLIND = 1e-9
 """σ / σ_1 below which a combination has no effect: far above the rounding of the Jacobian, below any measurement."""
@@ -70,7 +71,9 @@ class Observability:
 
 
 def observe(jacobian: Array, poses: int) -> Observability:
-    """Observability of a Jacobian (rows ≥ m, m) of errors divided by their noise."""
+    """Observability of a Jacobian (rows ≥ m, m) of errors divided by their noise. Raises MotionError for no numbers."""
+    if not np.isfinite(jacobian).all():
+        raise MotionError("the identification Jacobian holds no numbers: a pose is singular, or cannot be closed")
     length = np.linalg.norm(jacobian, axis=0)
     scale = np.divide(1.0, length, out=np.ones_like(length), where=length > 0)  # a column of zeros stays one
     _, singular, combinations = np.linalg.svd(jacobian * scale, full_matrices=False)

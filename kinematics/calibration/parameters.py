@@ -67,6 +67,8 @@ def full(machine: Machine) -> Full:
 
 def free(vector: Full, parts: Sequence[str]) -> tuple[Free, ...]:
     """The free parameters of a model that consists of `parts`. Raises MotionError for parts that make no model."""
+    if isinstance(parts, str) or not isinstance(parts, Sequence):
+        raise MotionError(f"calibration model: {parts!r} is no sequence of parts; parts: {', '.join(PARTS)}")
     for part in parts:
         if part not in PARTS:
             raise MotionError(
@@ -121,6 +123,11 @@ def _frame(vector: Full) -> Iterable[Free]:
 
 def _frame_yaw(vector: Full) -> Iterable[Free]:
     return (parameter for parameter in _frame(vector) if parameter.name not in ("frame rx", "frame ry"))
+
+
+def calibration_parts() -> tuple[str, ...]:
+    """Names of the parts that a model can consist of."""
+    return tuple(PARTS)
 
 
 PARTS: dict[str, Callable[[Full], Iterable[Free]]] = {

@@ -5,7 +5,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from kinematics.array import Array
-from kinematics.calibration.result import GROUPS, Calibration
+from kinematics.calibration.result import GROUPS, Calibration, known_group
 
 COLORS = {"before": "#D55E00", "after": "#0072B2", "left out": "#009E73"}
 """Colours that colour-blind readers tell apart [Okabe and Ito 2008]."""
@@ -17,6 +17,7 @@ _NAME = {"position": "position", "rotation": "rotation", "axis": "direction of t
 
 def errors_by_pose(calibration: Calibration, ax: Axes | None = None, group: str = "position") -> Axes:
     """Root mean square of each pose's errors in a group: before, after, and left out of the fit."""
+    known_group(group)
     ax = Figure(figsize=(9, 3.6), layout="constrained").add_subplot() if ax is None else ax
     stages = {"before": calibration.before, "after": calibration.after, "left out": calibration.left_out}
     sizes = {name: np.maximum(_per_pose(errors[:, GROUPS[group]]), LEAST) for name, errors in stages.items()}
@@ -27,10 +28,12 @@ def errors_by_pose(calibration: Calibration, ax: Axes | None = None, group: str 
         ax.bar(at + 0.27 * (n - 1), size[known], 0.25, color=COLORS[name], label=name)
     crowded = len(labels) > 12
     ax.set_xticks(at, [str(k + 1) if crowded else label.replace(" (", "\n(") for k, label in enumerate(labels)])
-    ax.set(ylabel=f"RMS per component ({_UNIT[group]})", yscale="log", title=f"Errors of the {_NAME[group]}")
+    ax.set(ylabel=f"RMS per component ({_UNIT[group]})", yscale="log")
+    ax.set_title(f"Errors of the {_NAME[group]}", loc="left")
     ax.tick_params(axis="x", labelsize=6 if crowded else 9, rotation=90 if len(labels) > 24 else 0)
     ax.set_axisbelow(True)
-    ax.legend(frameon=False, ncols=3)
+    # above the axes: beside tall bars there is no room within
+    ax.legend(frameon=False, ncols=3, loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.2)
     return ax
 
 

@@ -19,14 +19,19 @@ from kinematics.pose import Pose, from_numbers, numbers, symbols
 ITERATIONS = 30
 # m or rad of the coordinates at which Newton stops: rounding of lengths of decimetres, far below any measurement.
 CLOSED = 1e-13
+# The same, that a pose may be off where rounding kept Newton from stopping.
+NEARLY = 1e-9
 
 
-@dataclass(slots=True)
+@dataclass(frozen=True, slots=True)
 class Prediction:
     """Forward kinematics of the machine with a full vector of parameters, and the errors against the measurements.
 
     errors     (N, 8) predicted − measured, by `measurements.COMPONENTS`
     jacobian   (N, 8, k) derivatives of the errors with respect to the full vector
+
+    Poses are looked for from the commanded ones whatever was asked before, so that errors are a function of the
+    parameters, and a pose on the other side of a singularity is none: the machine has not been driven there.
     """
 
     machine: Machine
@@ -35,11 +40,11 @@ class Prediction:
     sent: Array
     _closure: Expression
     _error: Expression
-    _poses: Array
+    _commanded: Array
 
     @classmethod
     def of(cls, machine: Machine, vector: Full, measurements: Measurements) -> "Prediction":
-        """Raises OutOfReach for commanded poses that the nominal machine cannot take."""
+        """Of commanded poses that the nominal machine can take (see `reach`)."""
         commanded = machine.home * measurements.commanded
         sent = machine.inverse(commanded) - machine.home_q
         closure, error = _expressions(machine, vector)
@@ -62,13 +67,12 @@ class Prediction:
             step /= np.maximum(1.0, np.linalg.norm(step[:, 3:], axis=1))[:, None]
             x[:, :3] += step[:, :3]
             x[:, 3:] = (Rotation.from_rotvec(step[:, 3:]).as_matrix() @ x[:, 3:].reshape(-1, 3, 3)).reshape(-1, 9)
-        else:
-            x[np.abs(gap).max(1) > 1e-9] = np.nan
+        x[~(np.abs(gap).max(1) < NEARLY)] = np.nan
         return x
 
     def seen(self, theta: Array) -> Pose:
         """The poses (N) as they are seen in the measuring frame, relative to the home pose."""
-        actual = from_numbers(self.poses(theta, self.sent, self._poses))
+        actual = from_numbers(self.poses(theta, self.sent, self._commanded))
         frame = theta[self.vector.frame()]
         return (
             RigidTransform.from_components(frame[:3], Rotation.from_euler("XYZ", frame[3:]))
@@ -77,19 +81,31 @@ class Prediction:
         )
 
     def at(self, theta: Array) -> tuple[Array, Array]:
-        """Errors and Jacobian at a full vector (k,); NaN where the machine cannot be closed."""
-        n, k, m = len(self.vector.axes), self.vector.size, len(COMPONENTS)
-        x = self.poses(theta, self.sent, self._poses)
+        """Errors and Jacobian at a full vector (k,); all NaN where the machine cannot be closed at some pose."""
+        m, k = len(COMPONENTS), self.vector.size
+        nothing = np.full((len(self.sent), m), np.nan), np.full((len(self.sent), m, k), np.nan)
+        x = self.poses(theta, self.sent, self._commanded)
         if not np.isfinite(x).all():
-            return np.full((len(x), m), np.nan), np.full((len(x), m, k), np.nan)
-        self._poses = x
-        theta = np.broadcast_to(theta, (len(x), k))
-        closed = self._closure(np.concatenate([x, self.sent, theta], 1))
-        by_pose, by_theta = closed[:, n : n + n * n].reshape(-1, n, n), closed[:, n + n * n :].reshape(-1, n, k)
+            return nothing
+        by_pose, by_theta = self._closed(theta, x)
+        if (_side(by_pose) != _side(self._closed(self.vector.nominal, self._commanded)[0])).any():
+            return nothing
+        n, theta = by_pose.shape[1], np.broadcast_to(theta, (len(x), k))
         out = self._error(np.concatenate([x, theta, numbers(self.measurements.measured)], 1))
         error, e_pose = out[:, :m], out[:, m : m + m * n].reshape(-1, m, n)
         e_theta = out[:, m + m * n :].reshape(-1, m, k)
         return error, e_theta - e_pose @ _solved(by_pose, by_theta)
+
+    def _closed(self, theta: Array, x: Array) -> tuple[Array, Array]:
+        """Derivatives of the closure at pose numbers x (N, 12): by the pose (N, n, n), by the full vector (N, n, k)."""
+        n, k = len(self.vector.axes), self.vector.size
+        closed = self._closure(np.concatenate([x, self.sent, np.broadcast_to(theta, (len(x), k))], 1))
+        return closed[:, n : n + n * n].reshape(-1, n, n), closed[:, n + n * n :].reshape(-1, n, k)
+
+
+def _side(jacobian: Array) -> Array:
+    """(N,) sign of the determinant: it changes where the machine is singular [Gosselin and Angeles 1990]."""
+    return np.asarray(np.linalg.slogdet(jacobian)[0])
 
 
 def _solved(matrix: Array, right: Array) -> Array:

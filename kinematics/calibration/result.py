@@ -9,14 +9,24 @@ import numpy as np
 from kinematics.array import Array
 from kinematics.calibration.measurements import AXIS, COMPONENTS, POSITION, ROTATION, Measurements
 from kinematics.calibration.observability import Observability
+from kinematics.errors import MotionError
 from kinematics.machine import Machine
 from kinematics.pose import Pose
+from kinematics.registry import nearest
+from kinematics.text_table import aligned
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 GROUPS = {"position": POSITION, "rotation": ROTATION, "axis": AXIS}
 """Components that share a unit: position (m), rotation (rad), direction of the platform's z axis (rad)."""
+
+
+def known_group(name: str) -> str:
+    """A group's name. Raises MotionError for what is none."""
+    if name not in GROUPS:
+        raise MotionError(f'calibration: no group "{name}"{nearest(str(name), GROUPS)}; groups: {", ".join(GROUPS)}')
+    return name
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,12 +43,13 @@ class Estimate:
     error: float
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class Calibration:
     """The calibrated machine, the parameters, and the errors (N, 8), predicted − measured, NaN where not measured.
 
-    machine     calibrated; its home is the pose at zero counts, so that offsets need no place of their own
-    frame       estimates of the measuring frame are among the parameters; they are no part of the machine
+    machine     calibrated; its home is the pose at zero counts, so that offsets need no place of their own. Estimates
+                of the measuring frame are among the parameters, but no part of it
+    measurements  without the checks that were skipped
     predicted   poses (N) with the estimates, as seen in the measuring frame, relative to the nominal home pose
     before      errors with nominal parameters
     after       errors with the estimates
@@ -47,6 +58,7 @@ class Calibration:
     used        (N, 8) bool: what the parameters were fitted to
     scale       √(χ² / degrees of freedom): root of residuals over stated noise; NaN without degrees of freedom
     degrees     of freedom
+    skipped     why each check was left out that the machine cannot be sent to
     """
 
     machine: Machine
@@ -62,12 +74,39 @@ class Calibration:
     used: np.ndarray
     scale: float
     degrees: int
+    skipped: tuple[str, ...] = ()
 
     def rms(self, errors: Array, group: str = "position", *, fitted: bool = True) -> float:
         """Root mean square per component of a group of errors, over the fitted poses or the checks; NaN for none."""
-        chosen = errors[self.measurements.fit == fitted][:, GROUPS[group]]
+        chosen = errors[self.measurements.fit == fitted][:, GROUPS[known_group(group)]]
         known = chosen[np.isfinite(chosen)]
         return float(np.sqrt(np.mean(known**2))) if known.size else np.nan
+
+    def __str__(self) -> str:
+        """Errors before and after, the parameters with their standard errors, and what the data show of them."""
+        stages = (self.before, self.after, self.left_out)
+        errors = [
+            [
+                group,
+                *(f"{1e6 * self.rms(stage, group):.3f}" for stage in stages),
+                "µm" if group == "position" else "µrad",
+            ]
+            for group in GROUPS
+            if np.isfinite(self.rms(self.before, group))
+        ]
+        rows = [[p.name, *(f"{value:.9g}" for value in (p.nominal, p.value, p.error)), p.unit] for p in self.parameters]
+        return "\n".join(
+            [
+                f"calibration of {self.nominal.name} by {', '.join(self.parts)}: RMS per component",
+                aligned(["error", "before", "after", "left out", "unit"], errors),
+                aligned(["parameter", "nominal", "value", "standard error", "unit"], rows),
+                f"{self.observability.rank} of {len(self.parameters)} combinations of parameters seen",
+                *(f"left out: {reason}" for reason in self.skipped),
+            ]
+        )
+
+    def __repr__(self) -> str:
+        return f"<Calibration of {self.nominal.name}: {len(self.parameters)} parameters>"
 
     def worst(self, errors: Array) -> str:
         """Component and pose of the largest position error."""
@@ -76,7 +115,12 @@ class Calibration:
         return f"{COMPONENTS[component]} of {self.measurements.labels[pose]}"
 
     def __getitem__(self, name: str) -> Estimate:
-        return {parameter.name: parameter for parameter in self.parameters}[name]
+        found = {parameter.name: parameter for parameter in self.parameters}
+        if name not in found:
+            raise MotionError(
+                f'calibration: no parameter "{name}"{nearest(name, found)}; parameters: {", ".join(found)}'
+            )
+        return found[name]
 
     @property
     def names(self) -> Sequence[str]:

@@ -1,4 +1,4 @@
-"""What an identified pulse length means: beside the machine file's, and the step of a catalogue that it is near."""
+"""What an identified pulse length means: beside the machine file's, and the published step that it is near."""
 
 from dataclasses import dataclass
 
@@ -6,7 +6,7 @@ from kinematics.calibration.result import Calibration
 
 INCH = 0.0254
 NEAR = 0.005
-"""Share of a catalogue's step by which an identified pulse may differ from it and still mean it."""
+"""Share of a published step by which an identified pulse may differ from it and still be worth a comparison."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,7 +21,8 @@ CATALOGUE = (
     Step(0.0000600 * INCH, "full step of the Haydon 43K4U-05 linear stepper, 0.00006 in"),
     Step(0.0000600 * INCH / 2, "half step of the Haydon 43K4U-05 linear stepper, half of 0.00006 in"),
 )
-"""Steps of linear actuators, by their catalogues [Sahbaz 2007 has this one]."""
+"""Steps of linear actuators, by their catalogues [Sahbaz 2007 has this one]. Which actuators a machine has, its file
+does not say: a step near an identified pulse is a hint, no more."""
 
 
 @dataclass(frozen=True, slots=True)

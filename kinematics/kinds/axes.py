@@ -1,14 +1,16 @@
-"""Tables of axes, which every kind's file has: `[axes]` for all of them, `[[axis]]` for what one has of its own."""
+"""Tables of axes, which every kind's file has: `[axes]` for all, `[[axis]]` for what one has of its own, `[wiring]`."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
 from typing import Annotated, Any
 
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator, Field, PlainValidator
 
-from kinematics.axis import Axis
+from kinematics.axis import Axis, Magnitude
 from kinematics.document import Key
-from kinematics.schema import Table, wrong
+from kinematics.errors import MotionError
+from kinematics.registry import nearest
+from kinematics.schema import File, Table, chosen, wrong
 from kinematics.units import Angle, Length, Unit, shown
 
 MICROSTEPS = tuple(sorted({200, 400, 1000, 2000, 5000, 10_000, 25_000, 50_000} | {400 << k for k in range(8)}))
@@ -41,18 +43,37 @@ def _steps(count: int) -> int:
     return count
 
 
+def _magnitude(unit: str) -> PlainValidator:
+    """Annotation of a bound: one quantity, or two (towards smaller and towards greater positions)."""
+    one = Annotated[float, Unit(unit, above=0)]
+    two = tuple.__class_getitem__((one, one))
+    return chosen(lambda value: two if isinstance(value, tuple) else one)
+
+
 Rate = Annotated[float, Unit("1/s", above=0)]
 Force = Annotated[float, Unit("N", above=0)]
 Steps = Annotated[int, AfterValidator(_steps)]
 
 
-class Wiring(Table):
+def _bands(bands: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
+    edges = [edge for band in bands for edge in band]
+    if not edges or any(after <= before for before, after in pairwise(edges)):
+        raise wrong("needs one or more bands, each from its lower to its upper speed, rising and apart")
+    return bands
+
+
+class Input(Table):
     """What no unit of its own depends on."""
 
     direction: Annotated[int, AfterValidator(_sign)] | None = None
     max_pulse_rate: Rate | None = None
-    card: str | None = None
-    channel: Annotated[int, Field(ge=0)] | None = None
+    resonance_time: Annotated[float, Unit("s", above=0)] | None = None
+
+
+class MachineFile(File):
+    """What every kind's file has: wiring says which card drives an axis, and which of the card's axes it is."""
+
+    wiring: dict[str, tuple[str, Annotated[int, Field(ge=0)]]] = Field(default_factory=dict)
 
 
 class LinearDrive(Table):
@@ -66,15 +87,22 @@ class LinearDrive(Table):
         return self.lead / self.steps
 
 
-class LinearAxis(Wiring):
+class LinearAxis(Input):
     """Travel, wiring and limits of a linear axis, as far as the file states them; an absent limit is none."""
 
     travel: Annotated[tuple[Length, Length], AfterValidator(_rising)] | None = None
     pulse: Annotated[float, Unit("m", above=0)] | None = None
     drive: LinearDrive | None = None
-    max_speed: Annotated[float, Unit("m/s", above=0)] | None = None
-    max_acceleration: Annotated[float, Unit("m/s^2", above=0)] | None = None
-    max_jerk: Annotated[float, Unit("m/s^3", above=0)] | None = None
+    max_speed: Annotated[Magnitude, _magnitude("m/s")] | None = None
+    max_acceleration: Annotated[Magnitude, _magnitude("m/s^2")] | None = None
+    max_jerk: Annotated[Magnitude, _magnitude("m/s^3")] | None = None
+    resonance: (
+        Annotated[
+            tuple[tuple[Annotated[float, Unit("m/s", above=0)], Annotated[float, Unit("m/s", above=0)]], ...],
+            AfterValidator(_bands),
+        ]
+        | None
+    ) = None
     max_force: Force | None = None
     torque_speed: (
         Annotated[
@@ -98,15 +126,22 @@ class RotaryDrive(Table):
         return 6.283185307179586 / (self.steps * self.gear)
 
 
-class RotaryAxis(Wiring):
+class RotaryAxis(Input):
     """The same of a rotary axis; without travel it may turn any number of times."""
 
     travel: Annotated[tuple[Angle, Angle], AfterValidator(_rising)] | None = None
     pulse: Annotated[float, Unit("rad", above=0)] | None = None
     drive: RotaryDrive | None = None
-    max_speed: Annotated[float, Unit("rad/s", above=0)] | None = None
-    max_acceleration: Annotated[float, Unit("rad/s^2", above=0)] | None = None
-    max_jerk: Annotated[float, Unit("rad/s^3", above=0)] | None = None
+    max_speed: Annotated[Magnitude, _magnitude("rad/s")] | None = None
+    max_acceleration: Annotated[Magnitude, _magnitude("rad/s^2")] | None = None
+    max_jerk: Annotated[Magnitude, _magnitude("rad/s^3")] | None = None
+    resonance: (
+        Annotated[
+            tuple[tuple[Annotated[float, Unit("rad/s", above=0)], Annotated[float, Unit("rad/s", above=0)]], ...],
+            AfterValidator(_bands),
+        ]
+        | None
+    ) = None
     max_force: Annotated[float, Unit("N*m", above=0)] | None = None
     torque_speed: (
         Annotated[
@@ -128,15 +163,24 @@ class LinearDefaults(LinearAxis):
 AxisTable = LinearAxis | RotaryAxis
 
 
-def axes(names: Sequence[str], defaults: Mapping[str, AxisTable], overrides: Sequence[Any]) -> list[Axis]:
+def axes(
+    names: Sequence[str], defaults: Mapping[str, AxisTable], overrides: Sequence[Any], file: MachineFile
+) -> list[Axis]:
     """The axes by name: what all of their kind have, and what each has of its own (a `drive` gives its pulse)."""
+    unknown = [name for name in file.wiring if name not in names]
+    if unknown:
+        raise MotionError(
+            f"[wiring] {shown(unknown[0])} is no axis{nearest(unknown[0], names)}; axes: {', '.join(names)}"
+        )
     own = {override.name: _stated(override) for override in overrides}
     kinds = {LinearAxis: "linear", RotaryAxis: "rotary"}
     made = []
     for name in names:
         common = defaults[name]
         kind = next(kind for table, kind in kinds.items() if isinstance(common, table))
-        made.append(Axis(**({"kind": kind} | _stated(common) | own.get(name, {}) | {"name": name})))
+        card, channel = file.wiring.get(name, (None, None))
+        wired = {"name": name, "card": card, "channel": channel}
+        made.append(Axis(**({"kind": kind} | _stated(common) | own.get(name, {}) | wired)))
     return made
 
 

@@ -1,20 +1,21 @@
 """A hexapod's TOML: joints on circles, or one by one."""
 
 from importlib.resources.abc import Traversable
-from math import pi
+from math import inf, nextafter, pi
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from numpy.typing import ArrayLike
 
 from kinematics.hexapod import Hexapod, joint_circle
-from kinematics.kinds.axes import LinearAxis, LinearDefaults, axes
+from kinematics.kinds.axes import LinearAxis, LinearDefaults, MachineFile, axes
 from kinematics.kinds.legs import Platforms, Radius, rests
 from kinematics.kinds.poses import Point
-from kinematics.schema import File, either
+from kinematics.schema import either
 from kinematics.units import Length, Unit
 
-Gap = Annotated[float, Unit("rad", least=0, most=2 * pi / 3)]
+# up to 120 deg, which the file's reader rounds otherwise than a product of floats does
+Gap = Annotated[float, Unit("rad", least=0, most=nextafter(2 * pi / 3, inf))]
 SixPoints = tuple[Point, Point, Point, Point, Point, Point]
 LEGS = tuple(f"leg{n}" for n in range(1, 7))
 
@@ -59,7 +60,7 @@ class JointPoints(SixLegs):
         return self.base_joints, self.platform_joints
 
 
-class HexapodFile(File):
+class HexapodFile(MachineFile):
     """A hexapod's TOML, key by key."""
 
     kind: Literal["hexapod"]
@@ -70,5 +71,5 @@ class HexapodFile(File):
 
 def hexapod(file: HexapodFile, name: str, folder: Path | Traversable) -> Hexapod:
     base, platform = file.geometry.joints()
-    own = axes(LEGS, dict.fromkeys(LEGS, file.axes), file.axis)
+    own = axes(LEGS, dict.fromkeys(LEGS, file.axes), file.axis, file)
     return Hexapod(base, platform, axes=own, name=name, **file.geometry.options())

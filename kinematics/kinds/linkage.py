@@ -4,10 +4,10 @@ from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Annotated, Literal
 
-from kinematics.kinds.axes import LinearAxis, LinearDefaults, axes
+from kinematics.kinds.axes import LinearAxis, LinearDefaults, MachineFile, axes
 from kinematics.kinds.poses import Home
 from kinematics.linkage import Linkage
-from kinematics.schema import File, Table
+from kinematics.schema import Table
 from kinematics.units import Angle, Length, Unit
 
 NAMES = ("a", "b")
@@ -19,13 +19,14 @@ class Geometry(Table):
     offset: Annotated[float, Unit("m", least=0)]
     angle: Angle
     home: Home
+    near: tuple[Length, Length] | None = None
 
 
 class Own(LinearAxis):
     name: Literal["a", "b"]
 
 
-class LinkageFile(File):
+class LinkageFile(MachineFile):
     """A linkage, key by key."""
 
     kind: Literal["linkage"]
@@ -41,7 +42,8 @@ def linkage(file: LinkageFile, name: str, folder: Path | Traversable) -> Linkage
         geometry.base_b,
         geometry.offset,
         geometry.angle,
-        axes=axes(NAMES, dict.fromkeys(NAMES, file.axes), file.axis),
+        axes=axes(NAMES, dict.fromkeys(NAMES, file.axes), file.axis, file),
         home=geometry.home.pose,
+        near=geometry.near,
         name=name,
     )

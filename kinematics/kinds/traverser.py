@@ -4,9 +4,9 @@ from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from kinematics.kinds.axes import LinearAxis, LinearDefaults, RotaryAxis, axes
+from kinematics.kinds.axes import LinearAxis, LinearDefaults, MachineFile, RotaryAxis, axes
 from kinematics.kinds.poses import Home
-from kinematics.schema import Direction, File, Table, chosen
+from kinematics.schema import Direction, Table, chosen
 from kinematics.traverser import Traverser
 from kinematics.units import Unit
 
@@ -31,7 +31,7 @@ def _own(value: Any) -> type[Table]:
     return OwnRotary if isinstance(value, dict) and value.get("name") == ROTARY else OwnSlide
 
 
-class TraverserFile(File):
+class TraverserFile(MachineFile):
     """A traverser, key by key: `axes` is what the slides have, `rotary` what the turning axis has."""
 
     kind: Literal["traverser"]
@@ -43,7 +43,7 @@ class TraverserFile(File):
 
 def traverser(file: TraverserFile, name: str, folder: Path | Traversable) -> Traverser:
     return Traverser(
-        axes=axes((*SLIDES, ROTARY), dict.fromkeys(SLIDES, file.axes) | {ROTARY: file.rotary}, file.axis),
+        axes=axes((*SLIDES, ROTARY), dict.fromkeys(SLIDES, file.axes) | {ROTARY: file.rotary}, file.axis, file),
         home=file.geometry.home.pose,
         directions=file.geometry.directions,
         length=file.geometry.length,

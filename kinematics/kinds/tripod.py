@@ -4,10 +4,9 @@ from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from kinematics.kinds.axes import LinearAxis, LinearDefaults, axes
+from kinematics.kinds.axes import LinearAxis, LinearDefaults, MachineFile, axes
 from kinematics.kinds.legs import Platforms, rests
 from kinematics.kinds.poses import Point
-from kinematics.schema import File
 from kinematics.tripod import Tripod
 
 ARMS = tuple(f"arm{n}" for n in range(1, 4))
@@ -29,7 +28,7 @@ class Own(LinearAxis):
     name: Literal["arm1", "arm2", "arm3"]
 
 
-class TripodFile(File):
+class TripodFile(MachineFile):
     """A tripod, key by key."""
 
     kind: Literal["tripod"]
@@ -43,7 +42,7 @@ def tripod(file: TripodFile, name: str, folder: Path | Traversable) -> Tripod:
     return Tripod(
         geometry.base_joints,
         geometry.platform_joints,
-        axes=axes(ARMS, dict.fromkeys(ARMS, file.axes), file.axis),
+        axes=axes(ARMS, dict.fromkeys(ARMS, file.axes), file.axis, file),
         tool=geometry.tool,
         name=name,
         **geometry.options(),

@@ -35,6 +35,11 @@ class Slowed:
     profile: Profile
     method: str
 
+    @property
+    def floor(self) -> float:
+        """None: of the least time of any motion it knows nothing."""
+        return 0.0
+
     def tightened(self, use: Mapping[str, Array], slowness: float) -> "Slowed":
         return replace(self, profile=self.profile.slowed(slowness * (1 + MARGIN)))
 
@@ -109,11 +114,12 @@ def _block_time(block: Block, interval: np.ndarray, values: Mapping[Term, Array]
         parts[term.per_time] = parts[term.per_time] + part if term.per_time in parts else part
     if len(parts) == 1:
         ((power, part),) = parts.items()
-        return float(np.abs(part).max()) ** (1 / power) if power else 0.0
+        return float(block.share(part).max()) ** (1 / power) if power else 0.0
     # terms of several powers of time: the use falls with time until only what acts at rest remains
     low, high = 1e-9, 1e9
     for _ in range(BISECTIONS):
         time = float(np.sqrt(low * high))
-        kept = np.abs(sum(part / time**power for power, part in parts.items())).max() <= 1
+        total: Array = np.sum([part / time**power for power, part in parts.items()], axis=0)
+        kept = block.share(total).max() <= 1
         low, high = (low, time) if kept else (time, high)
     return high

@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 
 from kinematics.array import Array
-from kinematics.axis import Axis
+from kinematics.axis import Axis, sides
 from kinematics.errors import MotionError
 from kinematics.machine import Machine
 from kinematics.pose import from_numbers
@@ -65,7 +65,7 @@ def moves(
     limit of speed or acceleration, or nothing moves.
     """
     ends = _ends(path)
-    speed, acceleration = (_bounds(axes, name) for name in ("max_speed", "max_acceleration"))
+    speeds, acceleration = _bounds(axes, "max_speed"), _bounds(axes, "max_acceleration").min(0)
     q = _corners(path, ends)
     knots, pieces, begins = [np.zeros(1)], [], []
     now = 0.0
@@ -80,7 +80,7 @@ def moves(
         way = q[n + 1] - q[n]
         way = np.where(np.abs(way) > ROUNDING * np.abs(q).max(0), way, 0.0)
         if way.any():
-            ramp, whole = ramps(np.abs(way), speed, acceleration)
+            ramp, whole = ramps(np.abs(way), np.where(way > 0, speeds[1], speeds[0]), acceleration)
             times = np.unique(np.concatenate([[0.0], ramp, whole - ramp, whole]))
             times = times[np.append(True, np.diff(times) > ROUNDING * times[-1])]
             pieces.append(_parabolas(times, q[n], way, ramp, whole))
@@ -120,10 +120,11 @@ def _corners(path: MachinePath, ends: np.ndarray) -> Array:
 
 
 def _bounds(axes: Sequence[Axis], name: str) -> Array:
+    """(2, n): towards smaller and towards greater q. A move speeds up by the one as it slows down by the other."""
     missing = [axis.name for axis in axes if getattr(axis, name) is None]
     if missing:
         raise MotionError(f"a move from pose to pose needs {name} of every axis: state it for {', '.join(missing)}")
-    return np.array([getattr(axis, name) for axis in axes])
+    return np.array([sides(getattr(axis, name)) for axis in axes]).T
 
 
 def deviation(machine: Machine, path: MachinePath, moved: Trajectory, begins: Array) -> Deviation:

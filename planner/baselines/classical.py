@@ -1,14 +1,17 @@
 """What a classical timing would take for the same program: the baseline of every saving that is quoted."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+from kinematics.axis import Axis
 from kinematics.errors import MotionError
+from planner.actuation import MachinePath
 from planner.baselines.along import Along
 from planner.baselines.between import Deviation, deviation, independent, moves, synchronised
 from planner.certify import Certificate, certify
 from planner.limits import limits_of
 from planner.limits.travel import Travel
-from planner.plan import Plan
+from planner.plan import Plan, actuate
+from planner.program import stopping
 from planner.solve import proved
 from planner.timing.shapes import QUARTER_SINE, S_CURVE, TRAPEZOID
 from planner.trajectory import Trajectory
@@ -46,7 +49,8 @@ def classical(plan: Plan, kind: str = "trapezoid") -> Classical:
     the quickest of its kind, scaled until certified; all but the s-curve at order 2, since their accelerations step.
     Between poses: "synchronised" [Sahbaz 2007] and "independent" [Sasidhar 1981], trapezoids of every axis at its own
     limits of speed and acceleration, certified for these and for travel; the deviation says how far they leave the
-    path. Raises MotionError for another kind, an s-curve without jerk limits, or where no proof is found.
+    path. Every join is a stop, from rest to rest, also where the program begins or ends at a speed, and no speed is
+    kept constant. Raises MotionError for another kind, an s-curve without jerk limits, or where no proof is found.
     """
     if kind in BETWEEN:
         return _between(plan, kind)
@@ -55,15 +59,28 @@ def classical(plan: Plan, kind: str = "trapezoid") -> Classical:
     shapes = ALONG[kind]
     if shapes.order == 3 and all(axis.max_jerk is None for axis in plan.machine.axes):
         raise MotionError(f"classical timing {kind}: no axis states a jerk limit; state one, or choose another kind")
-    limits = limits_of(plan.path, plan.machine.axes, shapes.order)
-    solution = proved(plan.path, limits, shapes.order, Along(shapes))
+    path = _path(plan)
+    limits = limits_of(path, _axes(plan), shapes.order)
+    solution = proved(path, limits, shapes.order, Along(shapes))
     return Classical(kind, shapes.order, solution.trajectory, solution.certificate)
 
 
+def _path(plan: Plan) -> MachinePath:
+    return actuate(replace(stopping(plan.program), start_speed=0.0, end_speed=0.0), plan.machine)
+
+
+def _axes(plan: Plan) -> list[Axis]:
+    # classical timings know no way round a resonance band: what a timed crossing would cost them is left out
+    return [
+        replace(axis, resonance=None, resonance_time=None) if axis.resonance_time else axis
+        for axis in plan.machine.axes
+    ]
+
+
 def _between(plan: Plan, kind: str) -> Classical:
-    machine = plan.machine
-    trajectory, begins = moves(plan.path, machine.axes, BETWEEN[kind])
+    machine, path, axes = plan.machine, _path(plan), _axes(plan)
+    trajectory, begins = moves(path, axes, BETWEEN[kind])
     travel = Travel(machine.axes, machine.home_q)
-    limits = [*limits_of(trajectory.path, machine.axes, 2), *([travel] if (travel.bounds < float("inf")).any() else [])]
+    limits = [*limits_of(trajectory.path, axes, 2), *([travel] if (travel.bounds < float("inf")).any() else [])]
     certificate = certify(trajectory, limits)
-    return Classical(kind, 2, trajectory, certificate, deviation(machine, plan.path, trajectory, begins))
+    return Classical(kind, 2, trajectory, certificate, deviation(machine, path, trajectory, begins))

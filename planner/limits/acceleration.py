@@ -1,4 +1,4 @@
-"""Acceleration of every axis: |q̈| ≤ A."""
+"""Acceleration of every axis: −A₋ ≤ q̈ ≤ A₊."""
 
 from planner.actuation import Points
 from planner.limits.limit import AxisLimit, Motion, Quantity, Rows, Term
@@ -14,4 +14,4 @@ class Acceleration(AxisLimit):
         return motion.qdd
 
     def rows(self, points: Points) -> Rows:
-        return Rows({Term.SDD: points.derivatives[1], Term.SD2: points.derivatives[2]}, self.bounds)
+        return Rows({Term.SDD: points.derivatives[1], Term.SD2: points.derivatives[2]}, self.bounds, self.below)

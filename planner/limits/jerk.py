@@ -1,4 +1,4 @@
-"""Jerk of every axis: |q⃛| ≤ J."""
+"""Jerk of every axis: −J₋ ≤ q⃛ ≤ J₊."""
 
 from planner.actuation import Points
 from planner.limits.limit import AxisLimit, Motion, Quantity, Rows, Term
@@ -15,4 +15,4 @@ class Jerk(AxisLimit):
 
     def rows(self, points: Points) -> Rows:
         _, q1, q2, q3 = points.derivatives
-        return Rows({Term.SDDD: q1, Term.SDSDD: 3 * q2, Term.SD3: q3}, self.bounds)
+        return Rows({Term.SDDD: q1, Term.SDSDD: 3 * q2, Term.SD3: q3}, self.bounds, self.below)

@@ -9,11 +9,14 @@ from typing import Any, ClassVar, Protocol
 import numpy as np
 
 from kinematics.array import Array, frozen
-from kinematics.axis import Axis
+from kinematics.axis import Axis, Magnitude, sides
+from kinematics.clearance import Bodies
 from kinematics.errors import MotionError
 from kinematics.expression import Expression
 from planner.actuation import Points
 
+TIGHT = 5e-7
+"""How far above the largest use that is met its proven bound may stay, where a limit does not say otherwise."""
 Quantity = Any
 """An array (N, m), or a guaranteed `Series` of N cells: the same formula computes both."""
 
@@ -37,10 +40,13 @@ class Term(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Rows:
-    """|Σ coefficient · term| ≤ bound at N grid points: each (N, m); a bound of ∞ says that a channel is free."""
+    """−below ≤ Σ coefficient · term ≤ bound at N grid points: each (N, m); below None: the same as bound, which is
+    broadcast; a bound of ∞ says that a channel is free.
+    """
 
     coefficients: Mapping[Term, Array]
     bound: Array
+    below: Array | None = None
 
 
 class Motion(Protocol):
@@ -59,6 +65,12 @@ class Motion(Protocol):
     def pose_rate(self, times: int) -> Quantity:
         """The pose's twelve numbers (N, 12), differentiated so many times by time: 0, 1 or 2."""
 
+    def distances(self, bodies: Bodies) -> Quantity:
+        """Between the axes of a machine's bodies (N, k), m."""
+
+    def tool_rate(self, times: int) -> Quantity:
+        """The same of the tool: the platform's own numbers where there is none."""
+
     def evaluate(self, expression: Expression, *inputs: Quantity) -> Quantity:
         """An expression of quantities of this motion, (N, k) each, one after the other."""
 
@@ -72,11 +84,18 @@ class Limit(ABC):
     name: ClassVar[str]
     terms: ClassVar[frozenset[Term]] = frozenset()
     """What its rows use; empty for a geometric limit, which no timing can help."""
+    relief: ClassVar[str] = "uses {} less"
+    """What a path must do that breaks it by so much."""
     channels: tuple[str, ...]
     bounds: Array
     """(m,) SI; ∞ where a channel is free."""
     units: tuple[tuple[str, float], ...]
     """Per channel, the unit that people read and how many of it are one SI unit."""
+
+    @property
+    def binds(self) -> bool:
+        """Whether it limits anything at all."""
+        return bool((self.bounds < np.inf).any())
 
     @property
     def geometric(self) -> bool:
@@ -94,6 +113,10 @@ class Limit(ABC):
     def use(self, low: Array, high: Array, piece: np.ndarray) -> Array:
         """Share of the limit (N, m) that values between low and high use at most; 1 is at the limit."""
 
+    def tight(self, met: Array) -> Array | float:
+        """How far above the use that is met a proven bound may stay."""
+        return TIGHT
+
     def told(self, value: float, channel: int) -> tuple[float, float]:
         """A value as people say it and the limit that it is held against, SI."""
         return abs(value), float(self.bounds[channel])
@@ -104,18 +127,21 @@ class Limit(ABC):
 
 
 class AxisLimit(Limit):
-    """|value| ≤ bound, one channel per axis."""
+    """−below ≤ value ≤ bound, one channel per axis; below (m,) is what holds towards smaller q."""
 
     dimension: ClassVar[str]
     """What follows the axis' own unit: "", "/s", "/s²", "/s³"."""
 
-    def __init__(self, axes: Sequence[Axis], bounds: Sequence[float | None]) -> None:
+    def __init__(self, axes: Sequence[Axis], bounds: Sequence[Magnitude | None]) -> None:
         self.channels = tuple(axis.name for axis in axes)
-        self.bounds = frozen([np.inf if bound is None else bound for bound in bounds])
+        self.below, self.bounds = (frozen(side) for side in zip(*map(sides, bounds), strict=True))
         self.units = tuple(_UNITS[axis.kind](self.dimension) for axis in axes)
 
     def use(self, low: Array, high: Array, piece: np.ndarray) -> Array:
-        return np.maximum(np.abs(low), np.abs(high)) / self.bounds
+        return np.asarray(np.maximum(-low / self.below, high / self.bounds) + 0.0)  # no −0
+
+    def told(self, value: float, channel: int) -> tuple[float, float]:
+        return abs(value), float((self.bounds if value > 0 else self.below)[channel])
 
 
 _UNITS: dict[str, Callable[[str], tuple[str, float]]] = {

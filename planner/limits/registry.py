@@ -6,11 +6,15 @@ from kinematics.axis import Axis
 from kinematics.machine import Machine
 from planner.actuation import ActuatorPath, MachinePath
 from planner.limits.acceleration import Acceleration
+from planner.limits.angular_speed import AngularSpeed
+from planner.limits.clearance import Clearance
 from planner.limits.jerk import Jerk
 from planner.limits.limit import Limit
 from planner.limits.pulse_rate import PulseRate
+from planner.limits.resonance import Resonance
 from planner.limits.speed import Speed
 from planner.limits.tilt import Tilt
+from planner.limits.tool_acceleration import ToolAcceleration
 from planner.limits.tool_speed import ToolSpeed
 from planner.limits.travel import Travel
 
@@ -19,6 +23,7 @@ AXIS_LIMITS: dict[type[Limit], tuple[int, Callable[[Sequence[Axis]], Limit]]] = 
     Speed: (2, lambda axes: Speed(axes, [axis.max_speed for axis in axes])),
     Acceleration: (2, lambda axes: Acceleration(axes, [axis.max_acceleration for axis in axes])),
     PulseRate: (2, PulseRate),
+    Resonance: (2, Resonance),
     Jerk: (3, lambda axes: Jerk(axes, [axis.max_jerk for axis in axes])),
 }
 
@@ -26,7 +31,10 @@ AXIS_LIMITS: dict[type[Limit], tuple[int, Callable[[Sequence[Axis]], Limit]]] = 
 MACHINE_LIMITS: dict[type[Limit], Callable[[Machine, MachinePath], Limit]] = {
     Travel: lambda machine, path: Travel(machine.axes, machine.home_q),
     Tilt: lambda machine, path: Tilt(machine),
-    ToolSpeed: lambda machine, path: ToolSpeed([piece.tool_speed for piece in path.pieces]),
+    Clearance: lambda machine, path: Clearance(machine),
+    ToolSpeed: lambda machine, path: ToolSpeed(piece.tool_speed for piece in path.pieces),
+    ToolAcceleration: lambda machine, path: ToolAcceleration(piece.tool_acceleration for piece in path.pieces),
+    AngularSpeed: lambda machine, path: AngularSpeed(piece.angular_speed for piece in path.pieces),
 }
 
 
@@ -35,7 +43,7 @@ def limits_of(path: ActuatorPath, axes: Sequence[Axis], order: int) -> tuple[Lim
     limits = [make(axes) for least, make in AXIS_LIMITS.values() if least <= order]
     if isinstance(path, MachinePath):
         limits += [make(path.machine, path) for make in MACHINE_LIMITS.values()]
-    return tuple(limit for limit in limits if (limit.bounds < float("inf")).any())
+    return tuple(limit for limit in limits if limit.binds)
 
 
 # What an axis may state that no limit here keeps yet.

@@ -1,35 +1,21 @@
 """Speed of the tool, where the program caps it: ‖ṗ‖ ≤ cap of the piece."""
 
-from collections.abc import Sequence
-
 import numpy as np
 
-from kinematics.array import Array, frozen
 from planner.actuation import Points
-from planner.limits.limit import Limit, Motion, Quantity, Rows, Term
+from planner.limits.capped import Capped, squared
+from planner.limits.limit import Motion, Quantity, Rows, Term
 
 
-class ToolSpeed(Limit):
-    """Path length is the way of the platform's origin wherever a cap is given, so the solvers' row is ṡ ≤ cap.
+class ToolSpeed(Capped):
+    """ṗ = p′ ṡ of the tool."""
 
-    The certificate bounds ‖ṗ‖², which is smooth at rest, from the pose itself.
-    """
-
-    name = "tool speed"
+    name, unit = "tool speed", ("mm/s", 1e3)
     terms = frozenset({Term.SD})
-    channels = ("tool",)
-    units = (("mm/s", 1e3),)
-
-    def __init__(self, caps: Sequence[float | None]) -> None:
-        self.caps = frozen([np.inf if cap is None else cap for cap in caps])
-        self.bounds = frozen([self.caps.min()])
 
     def value(self, motion: Motion) -> Quantity:
-        x, y, z = (motion.pose_rate(1)[:, k : k + 1] for k in range(3))
-        return x * x + y * y + z * z
-
-    def use(self, low: Array, high: Array, piece: np.ndarray) -> Array:
-        return np.asarray(np.sqrt(np.maximum(high, 0.0)) / self.caps[piece][:, None])
+        return squared(motion.tool_rate(1), range(3))
 
     def rows(self, points: Points) -> Rows:
-        return Rows({Term.SD: np.ones((len(points.s), 1))}, self.caps[points.piece][:, None])
+        along = np.linalg.norm(points.tool_derivatives[1][:, :3], axis=1, keepdims=True)
+        return Rows({Term.SD: along}, self.caps[points.piece][:, None])

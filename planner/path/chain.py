@@ -1,6 +1,6 @@
-"""From a program to the pieces of its path: frames, arcs through where the path stands, turns, dwells, stops."""
+"""From a program to the pieces of its path: frames, tool, arcs from where the path stands, turns, dwells, joins."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
@@ -10,47 +10,109 @@ from kinematics.errors import MotionError
 from kinematics.machine import Machine
 from kinematics.pose import Pose
 from planner.path.arc import arc
+from planner.path.join import Blended, join
 from planner.path.line import line, turn_angle
 from planner.path.shape import Piece
-from planner.program import Arc, Blend, Dwell, Line, Program, Segment, Turn
+from planner.path.spline import spline
+from planner.path.tool import carrying
+from planner.program import CAPS, SAME, Arc, Dwell, Join, Line, Program, Segment, Spline, Turn
 
-# Points nearer than this are the same (m), angles likewise (rad); an arc may start this share of its radius out of its
-# plane.
-SAME, IN_PLANE = 1e-9, 1e-6
+# An arc may start this share of its radius out of its plane.
+IN_PLANE = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
 class Chain:
-    """Pieces of a path in the machine's base frame; stops (P+1,) bool and dwells (P+1,) s at their ends."""
+    """Pieces of the platform's path in the base frame; stops (P+1,), dwells (P+1,) s at their ends, as of MachinePath.
+
+    blends: what became of every join that asks for one
+    """
 
     pieces: tuple[Piece, ...]
     stops: np.ndarray
     dwells: Array
+    blends: tuple[Blended, ...]
 
 
 def chain(program: Program, machine: Machine) -> Chain:
     """The program's path for a machine. Raises MotionError naming the segment that cannot be drawn."""
+    _refuse_lever(program, machine)
+    _refuse_end_speed("start_speed", program.start_speed, program.segments[0], 1)
+    _refuse_end_speed("end_speed", program.end_speed, program.segments[-1], len(program.segments))
     here = program.start if program.start is not None else _default_start(program, machine)
     frame = machine.home if program.frame == "home" else RigidTransform.identity()
-    pieces: list[Piece] = []
+    if program.work is not None:
+        frame = frame * program.work
+    drawn: list[list[Piece]] = []
+    joins: list[Join] = []
     dwells = [0.0]
-    for number, segment in enumerate(program.segments, 1):
-        if isinstance(segment, Dwell):
-            dwells[-1] += segment.duration
-            continue
-        if isinstance(segment.join, Blend) and number < len(program.segments):
-            raise MotionError(f'{_name(segment, number)}: blends are not built yet; join = "stop" stops there')
-        there = _end(segment, number, here)
-        pieces.append(_piece(segment, number, here, there, frame, machine.characteristic_length))
-        dwells.append(0.0)
-        here = there
-    if not pieces:
-        raise MotionError(f"program {program.name}: nothing moves; add a line, an arc or a turn")
-    return Chain(tuple(pieces), frozen(np.ones(len(dwells), bool)), frozen(dwells))
+    for repetition in range(1, program.repeat + 1):
+        for number, segment in enumerate(program.segments, 1):
+            if isinstance(segment, Dwell):
+                dwells[-1] += segment.duration
+                continue
+            try:
+                there = _end(segment, number, here)
+                own = _pieces(segment, number, here, there, frame, machine.characteristic_length)
+            except MotionError as wrong:
+                raise _again(wrong, repetition) if repetition > 1 else wrong from None
+            drawn.append([_finished(piece, segment, program, repetition) for piece in own])
+            joins.append(segment.join)
+            dwells.append(0.0)
+            here = there
+    if not drawn:
+        raise MotionError(f"program {program.name}: nothing moves; add a line, an arc, a spline or a turn")
+    pieces, stops, rests, blends = join(drawn, joins, frozen(dwells), machine.characteristic_length)
+    if program.tool is not None:
+        pieces = tuple(carrying(piece, program.tool) for piece in pieces)
+    return Chain(pieces, stops, rests, blends)
 
 
 def _default_start(program: Program, machine: Machine) -> Pose:
-    return RigidTransform.identity() if program.frame == "home" else machine.home
+    """Where the machine's home pose has the tool, in the work frame."""
+    start = RigidTransform.identity() if program.frame == "home" else machine.home
+    if program.tool is not None:
+        start = start * program.tool
+    return start if program.work is None else program.work.inv() * start
+
+
+def _again(wrong: MotionError, repetition: int) -> MotionError:
+    return MotionError(f"repetition {repetition}: {wrong}; what only leads to the first repetition belongs into start")
+
+
+def _finished(piece: Piece, segment: Line | Arc | Spline | Turn, program: Program, repetition: int) -> Piece:
+    """The piece with what every kind of segment may say."""
+    speed, acceleration, angular = (program.cap(segment, name) for name in CAPS)
+    return replace(
+        piece,
+        tool_speed=speed,
+        tool_acceleration=acceleration,
+        angular_speed=angular,
+        constant=not isinstance(segment, Turn) and segment.speed_constant,
+        repetition=repetition if program.repeat > 1 else None,
+    )
+
+
+def _refuse_lever(program: Program, machine: Machine) -> None:
+    """Where the orientation follows, a tool beside the platform's origin goes where nothing that is asked for says."""
+    turning = [name for name in machine.follows if name in ("rx", "ry", "rz")]
+    if program.tool is not None and turning and np.linalg.norm(program.tool.translation) > 0:
+        raise MotionError(
+            f"program {program.name}: machine {machine.name} does not control {', '.join(turning)}, so it cannot place "
+            f"a tool {_mm(program.tool.translation)} off the platform's origin; leave tool.to out"
+        )
+
+
+def _refuse_end_speed(end: str, speed: float, segment: Segment, number: int) -> None:
+    """A speed of the tool at an end of the program, whose segment there does not move it, or not so fast."""
+    if speed == 0:
+        return
+    if isinstance(segment, Turn | Dwell):
+        raise MotionError(f"{_name(segment, number)}: it does not move the tool, so {end} cannot be kept; set it to 0")
+    if segment.speed is not None and speed > segment.speed:
+        raise MotionError(
+            f"{_name(segment, number)}: {end} {speed * 1e3:.6g} mm/s is above its speed {segment.speed * 1e3:.6g} mm/s"
+        )
 
 
 def _name(segment: Segment, number: int) -> str:
@@ -58,7 +120,7 @@ def _name(segment: Segment, number: int) -> str:
     return f"segment {number}, {type(segment).__name__.lower()}{line_number}"
 
 
-def _end(segment: Line | Arc | Turn, number: int, here: Pose) -> Pose:
+def _end(segment: Line | Arc | Spline | Turn, number: int, here: Pose) -> Pose:
     """The pose at a segment's end, in the program's frame."""
     match segment:
         case Turn():
@@ -72,8 +134,15 @@ def _end(segment: Line | Arc | Turn, number: int, here: Pose) -> Pose:
                 )
         case Arc():
             position = _arc_end(segment, number, here)
+        case Spline():
+            position = segment.through[-1]
+            if np.linalg.norm(segment.through[0] - here.translation) <= SAME:
+                raise MotionError(
+                    f"{_name(segment, number)}: point 1 is where the path stands already, at {_mm(here.translation)}; "
+                    "leave it out: a spline starts there by itself"
+                )
     rotation = here.rotation if segment.rotate is None else segment.rotate
-    return RigidTransform.from_components(position, rotation)
+    return RigidTransform.from_components(position, rotation if rotation.single else rotation[-1])
 
 
 def _arc_end(segment: Arc, number: int, here: Pose) -> Array:
@@ -91,26 +160,33 @@ def _arc_end(segment: Arc, number: int, here: Pose) -> Array:
             f"through the centre {_mm(centre)}, at {_mm(here.translation)}; "
             f"move the centre by {_mm(height * normal)} or correct the normal"
         )
-    position: Array = centre + Rotation.from_rotvec(segment.angle * normal).apply(u)
+    position: Array = centre + Rotation.from_rotvec(segment.angle * normal).apply(u) + segment.rise * normal
     return position
 
 
-def _piece(
-    segment: Line | Arc | Turn, number: int, here: Pose, there: Pose, frame: Pose, characteristic: float
-) -> Piece:
+def _pieces(
+    segment: Line | Arc | Spline | Turn, number: int, here: Pose, there: Pose, frame: Pose, characteristic: float
+) -> list[Piece]:
     start, end = frame * here, frame * there
     match segment:
         case Turn():
             angle = turn_angle(start, end)
             if angle <= SAME:
                 raise MotionError(f"{_name(segment, number)}: the orientation is reached already; leave it out")
-            return line(start, end, angle * characteristic, number)
+            return [line(start, end, angle * characteristic, number)]
         case Line():
-            return line(start, end, float(np.linalg.norm(end.translation - start.translation)), number, segment.speed)
+            length = float(np.linalg.norm(end.translation - start.translation))
+            return [line(start, end, length, number)]
         case Arc():
             centre = frame.apply(np.asarray(segment.centre, float))
             normal = frame.rotation.apply(_unit(segment.normal))
-            return arc(start, centre, normal, segment.angle, end.rotation, number, segment.speed)
+            return [arc(start, centre, normal, segment.angle, end.rotation, number, segment.rise)]
+        case Spline():
+            turned = None if segment.rotate is None else frame.rotation * segment.rotate
+            try:
+                return spline(start, frame.apply(segment.through), turned, number)
+            except MotionError as no:
+                raise MotionError(f"{_name(segment, number)}: {no}") from None
 
 
 def _unit(vector: object) -> Array:

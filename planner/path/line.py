@@ -7,10 +7,10 @@ from planner.path.shape import Piece, Shape
 LINE = Shape("line", STRAIGHT, straight)
 
 
-def line(start: Pose, end: Pose, length: float, segment: int, tool_speed: float | None = None) -> Piece:
+def line(start: Pose, end: Pose, length: float, segment: int) -> Piece:
     """The straight motion from start to end over a length, turning the shorter way in proportion to the path."""
     turn = turn_angle(start, end)
-    return Piece(LINE, frozen(straight_numbers(start, end, length)[0]), length, segment, tool_speed, turn=turn)
+    return Piece(LINE, frozen(straight_numbers(start, end, length)[0]), length, segment, turn=turn)
 
 
 def turn_angle(start: Pose, end: Pose) -> float:

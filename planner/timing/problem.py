@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -12,46 +13,76 @@ from planner.limits.limit import Limit, Rows, Term
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """Pieces first … last (inclusive) of a path, from rest to rest."""
+    """Pieces first … last (inclusive) of a path, run from one speed ṡ to another: rest to rest if not told.
+
+    Under jerk limits s̈ is 0 at both ends.
+
+    since, until  path lengths inside the first and the last piece between which it is run; None: all of them
+    """
 
     first: int
     last: int
+    start_speed: float = 0.0
+    end_speed: float = 0.0
+    since: float | None = None
+    until: float | None = None
+
+    @property
+    def speeds(self) -> tuple[float, float]:
+        return self.start_speed, self.end_speed
+
+    def breaks(self, path: ActuatorPath) -> Array:
+        """Path lengths at its start, between its pieces, and at its end."""
+        breaks = np.array(path.breaks[self.first : self.last + 2])
+        breaks[0] = breaks[0] if self.since is None else self.since
+        breaks[-1] = breaks[-1] if self.until is None else self.until
+        return breaks
 
 
 @dataclass(frozen=True, slots=True)
 class Block:
-    """One limit on N intervals, |Σ coefficient · term| ≤ room, at each interval's start and end.
+    """One limit on N intervals, |Σ coefficient · term − room · middle| ≤ room, at each interval's start and end.
 
-    The coefficients (N, m) are divided by the bound.
+    The coefficients (N, m) are divided by half the range between the bounds.
 
-    room (N,) is 1, or less where the certificate asked for it.
+    room    (N,) 1, or less where the certificate asked for it: what it takes off leaves standing still inside
+    middle  (m,) of the range, in ]−1, 1[: 0 where the bounds are the same both ways
     """
 
     name: str
     start: Mapping[Term, Array]
     end: Mapping[Term, Array]
     room: Array
+    middle: Array
+
+    def share(self, values: Array) -> Array:
+        """(N, m) of the range on their own side of zero, what values (N, m) of the sum are; 1 is at the bound."""
+        return np.abs(values) / (1 + np.sign(values) * self.middle)
 
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """Grid s (N+1,) over a run, piece (N,) of each interval, and the blocks of all limits."""
+    """Grid s (N+1,) over a run, piece (N,) of each interval, the blocks of all limits, and ṡ at its two ends."""
 
     s: Array
     piece: np.ndarray
     blocks: tuple[Block, ...]
+    speeds: tuple[float, float] = (0.0, 0.0)
 
     @property
     def intervals(self) -> int:
         return len(self.piece)
 
 
-def grid(path: ActuatorPath, run: Run, intervals: int, spread: Array | None = None) -> tuple[Array, np.ndarray]:
-    """Grid of at least `intervals` intervals that holds every break of the run, and the piece of each interval.
+def grid(
+    path: ActuatorPath, run: Run, intervals: int, spread: Array | None = None, *, least: Array | None = None
+) -> tuple[Array, np.ndarray]:
+    """Grid of about `intervals` intervals that holds every break of the run, and the piece of each interval.
 
     spread (K,) in [0, 1], rising from 0 to 1: where points should lie, as a share of the run (evenly if None).
+    least (P,): a piece of the run in which fewer intervals would lie, as in a blend, has so many even ones instead.
     """
-    breaks = path.breaks[run.first : run.last + 2]
+    breaks = run.breaks(path)
     share = np.linspace(0, 1, intervals + 1) if spread is None else spread
     s = breaks[0] + (breaks[-1] - breaks[0]) * share
     if len(breaks) > 2:
@@ -59,13 +90,24 @@ def grid(path: ActuatorPath, run: Run, intervals: int, spread: Array | None = No
         gap = np.abs(s[:, None] - breaks[None, :]).min(1)
         near = np.maximum(np.gradient(s), 0) / 3
         s = np.union1d(s[gap > near], breaks)
+        s = s if least is None else _filled(s, breaks, least)
     else:
         s[0], s[-1] = breaks
     piece = run.first + np.clip(np.searchsorted(breaks, (s[1:] + s[:-1]) / 2, side="right") - 1, 0, len(breaks) - 2)
     return s, piece
 
 
-def pose_problem(path: ActuatorPath, limits: Sequence[Limit], s: Array, piece: np.ndarray) -> Problem:
+def _filled(s: Array, breaks: Array, least: Array) -> Array:
+    at = np.searchsorted(s, breaks)
+    parts = [s[a:b] for a, b in pairwise(at)]
+    for k in np.flatnonzero(np.diff(at) < least):
+        parts[k] = np.linspace(breaks[k], breaks[k + 1], int(np.ceil(least[k])) + 1)[:-1]
+    return np.concatenate([*parts, breaks[-1:]])
+
+
+def pose_problem(
+    path: ActuatorPath, limits: Sequence[Limit], s: Array, piece: np.ndarray, speeds: tuple[float, float] = (0.0, 0.0)
+) -> Problem:
     """Evaluate the rows of every timing limit on both sides of every grid point, in one batch."""
     count = len(piece)
     both = np.concatenate([piece, piece])
@@ -75,17 +117,23 @@ def pose_problem(path: ActuatorPath, limits: Sequence[Limit], s: Array, piece: n
         if limit.geometric:
             continue
         rows = limit.rows(points)
-        scaled = _normalised(rows, 2 * count)
+        scaled, middle = _normalised(rows, 2 * count)
         if scaled:
             start = {term: values[:count] for term, values in scaled.items()}
             end = {term: values[count:] for term, values in scaled.items()}
-            blocks.append(Block(limit.name, start, end, np.ones(count)))
-    return Problem(s, piece, tuple(blocks))
+            blocks.append(Block(limit.name, start, end, np.ones(count), middle))
+    return Problem(s, piece, tuple(blocks), speeds)
 
 
-def _normalised(rows: Rows, points: int) -> dict[Term, Array]:
+def _normalised(rows: Rows, points: int) -> tuple[dict[Term, Array], Array]:
+    """Coefficients of the channels that are bound, over half their range, and its middle."""
     bound = np.broadcast_to(rows.bound, (points, np.shape(rows.bound)[-1]))
     binding = np.isfinite(bound).any(0)
-    if not binding.any():
-        return {}
-    return {term: values[:, binding] / bound[:, binding] for term, values in rows.coefficients.items()}
+    half, middle = bound[:, binding], np.zeros(int(binding.sum()))
+    if rows.below is not None:
+        above, below = rows.bound[binding], rows.below[binding]
+        half = (above + below) / 2
+        middle = (above - below) / 2 / half
+    return {
+        term: values[:, binding] / half for term, values in rows.coefficients.items()
+    } if binding.any() else {}, middle

@@ -8,6 +8,7 @@ from kinematics.array import Array
 from kinematics.errors import MotionError
 from planner.limits.limit import Term
 from planner.timing import passes, toppra_adapter
+from planner.timing.ends import TooFast
 from planner.timing.problem import Block, Problem
 from planner.timing.profile import Profile
 
@@ -16,24 +17,32 @@ Solver = Literal["passes", "toppra"]
 
 
 def second_order(problem: Problem, *, solver: Solver = "passes") -> Profile:
-    """The fastest rest-to-rest motion with s̈ constant on each interval, every row kept at both ends of every interval.
+    """The fastest motion with s̈ constant on each interval, every row kept at both ends of every interval.
 
     With x = ṡ² and u = s̈, x grows by 2 u Δs over an interval, so a row a u + b x + c at its end is (a + 2 Δs b) u + b
     x + c at its start: that is the interpolation scheme, with the derivatives of the interval's own side at both ends.
-    Lengths and times are scaled so that x and u are about one. Raises MotionError where nothing gets through.
+    Lengths and times are scaled so that x and u are about one. Raises TooFast where a speed at an end cannot be, and
+    MotionError where nothing gets through.
     """
     length = problem.s[-1] - problem.s[0]
     time = _time_scale(problem, length)
     step = np.diff(problem.s) / length
     rows, ceiling = _rows(problem, step, length, time)
-    x = (passes if solver == "passes" else toppra_adapter).largest_speeds(rows, ceiling, step)
+    unit = length / time
+    first, last = problem.speeds
+    ends = (first / unit) ** 2, (last / unit) ** 2
+    x = (passes if solver == "passes" else toppra_adapter).largest_speeds(rows, ceiling, step, ends)
     stuck = x[1:] + x[:-1] <= 0
     if stuck.any():
+        for end, largest in enumerate(passes.largest_ends(rows, ceiling, step, ends) if max(ends) > 0 else ()):
+            if ends[end] > largest:
+                raise TooFast(end, problem.speeds[end], float(np.sqrt(largest)) * unit)
         raise MotionError(
             f"no motion gets past s = {problem.s[int(np.argmax(stuck))]:.6g}; "
             "check for a limit that leaves no room there, or a path that stands still"
         )
-    v = np.sqrt(x) * length / time
+    v = np.sqrt(x) * unit
+    v[0], v[-1] = first, last
     h = 2 * np.diff(problem.s) / (v[1:] + v[:-1])
     return Profile(problem.s[:-1], v[:-1], np.diff(v) / h, np.zeros(len(h)), h, problem.piece)
 
@@ -64,13 +73,16 @@ def _rows(problem: Problem, step: Array, length: float, time: float) -> tuple[li
             share = block.room[:, None]
             b = side.get(Term.SD2, zero) * (length / time) ** 2 / share
             a = side.get(Term.SDD, zero) * length / time**2 / share + (2 * step[:, None] * b if at_end else 0.0)
-            for part, values in zip(parts, (a, b, side.get(Term.ONE, zero) / share), strict=True):
+            c = side.get(Term.ONE, zero) / share - block.middle
+            for part, values in zip(parts, (a, b, c), strict=True):
                 part.append(np.concatenate([values, values[-1:]]))
     return [np.concatenate(part, 1) for part in parts] if parts[0] else [], ceiling
 
 
 def _cap(ceiling: Array, block: Block, unit: float) -> None:
-    for side, points in ((block.start, slice(None, -1)), (block.end, slice(1, None))):
+    for side, points, given in ((block.start, slice(None, -1), 0), (block.end, slice(1, None), -1)):
+        room = block.room.copy()
+        room[given] = 1.0  # speeds at the ends are not the solver's to choose
         slope = np.abs(side[Term.SD]).max(1) * unit
         with np.errstate(divide="ignore"):
-            np.minimum(ceiling[points], (block.room / slope) ** 2, out=ceiling[points])
+            np.minimum(ceiling[points], (room / slope) ** 2, out=ceiling[points])

@@ -18,11 +18,12 @@ class Smoothed:
     """s̃(t) = 1/w ∫ s over [t − w, t]: as long as the motion plus w, its s⃛ is Δs̈/w.
 
     Averaging over w = A/J turns steps of acceleration 2A into ramps of jerk 2A/w; it is within a percent of the optimum
-    where acceleration binds, and rests at both ends with s̈ = 0.
+    where acceleration binds, and has s̈ = 0 at both ends. Before its start and after its end the motion goes on at the
+    speed that it has there, so the average reaches ṡ w/2 beyond both.
     """
 
-    def __init__(self, motion: Profile, window: float) -> None:
-        self.motion, self.window = motion, window
+    def __init__(self, motion: Profile, window: float, speeds: tuple[float, float] = (0.0, 0.0)) -> None:
+        self.motion, self.window, self.speeds = motion, window, speeds
         h, s, v, a = motion.h, motion.s, motion.v, motion.a
         self.knots = np.concatenate([[0.0], np.cumsum(h)])
         self.area = np.concatenate([[0.0], np.cumsum(h * (s + h * (v / 2 + h * a / 6)))])
@@ -62,15 +63,16 @@ class Smoothed:
         t = self._instants(intervals)
         step = np.diff(t)
         jerk = np.abs(self.at((t[1:] + t[:-1]) / 2)[3])
-        acts = step * (jerk > ACTS * jerk.max())
+        acts = step * (jerk >= ACTS * jerk.max())
         passed = np.concatenate([[0.0], np.cumsum(step / step.sum() + acts / acts.sum())])
         even = np.linspace(0.0, 1.0, intervals + 1)
-        first, last = self.motion.s[0], self.end
+        first = self.motion.s[0] - self.speeds[0] * self.window / 2
+        last = self.end + self.speeds[1] * self.window / 2
         s = np.clip(np.maximum.accumulate(self.at(np.interp(even * passed[-1], passed, t))[0]), first, last)
         return np.asarray((1 - LEAST) * s + LEAST * (first + (last - first) * even))
 
     def _instants(self, count: int) -> Array:
-        """Rising instants from rest to rest: some for every interval, and every one at which s⃛ changes."""
+        """Rising instants from start to end: some for every interval, and every one at which s⃛ changes."""
         even = np.linspace(0.0, self.duration, 20 * count + 1)
         return _apart(np.concatenate([even, self.knots, self.knots + self.window]), self.duration)
 
@@ -85,16 +87,18 @@ class Smoothed:
         return Profile(s[:-1], v[:-1], a[:-1], j, np.diff(knots), problem.piece[interval])
 
     def _motion(self, t: Array) -> tuple[Array, Array, Array, Array]:
-        """∫ s, s, ṡ, s̈ of the motion itself, which rests before 0 and after its end."""
+        """∫ s, s, ṡ, s̈ of the motion itself, with constant speed before 0 and after its end."""
         m, last = self.motion, self.knots[-1]
+        early, late = np.minimum(t, 0.0), np.maximum(t - last, 0.0)
+        before, after = self.speeds
         k = np.clip(np.searchsorted(self.knots, t, side="right") - 1, 0, len(m.h) - 1)
         tau = np.clip(t, 0.0, last) - self.knots[k]
         s, v, a = m.s[k], m.v[k], m.a[k]
         area = self.area[k] + tau * (s + tau * (v / 2 + tau * a / 6))
-        outside = (t < 0) | (t >= last)
-        area = area + np.where(t < 0, t * m.s[0], 0.0) + np.maximum(t - last, 0.0) * self.end
-        moving = np.where(outside, 0.0, v + tau * a), np.where(outside, 0.0, a)
-        return area, s + tau * (v + tau * a / 2), *moving
+        area = area + early * (m.s[0] + before * early / 2) + late * (self.end + after * late / 2)
+        place = s + tau * (v + tau * a / 2) + before * early + after * late
+        speed = np.where(t < 0, before, np.where(t >= last, after, v + tau * a))
+        return area, place, speed, np.where((t < 0) | (t >= last), 0.0, a)
 
 
 def _apart(instants: Array, duration: float) -> Array:

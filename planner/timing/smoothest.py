@@ -40,7 +40,7 @@ def smoothest(path: ActuatorPath, problem: Problem, weights: Array, guess: Array
     start = guess / unit[:, None]
     scale = np.repeat(np.abs(start).max(1, keepdims=True), count, 1)
     scale[3] = start[3]
-    signature, coefficients, room = _rows(problem, length, time)
+    signature, coefficients, least, most = _rows(problem, length, time)
     # jerks of the axes, counted in what they are on average under the guess
     sides = [path.derivatives(s, problem.piece)[1:] for s in (problem.s[:-1], problem.s[1:])]
     rough = np.stack([d / weights * unit[2] * length**k for side in sides for k, d in enumerate(side)])
@@ -56,7 +56,7 @@ def smoothest(path: ActuatorPath, problem: Problem, weights: Array, guess: Array
     high = np.full((count, 5), np.inf)
     low[0, :3] = high[0, :3] = 0.0
     last = [0.0, 0.0, 1.0]
-    bounds = np.concatenate([np.zeros((4, count)), room]).T.ravel()
+    equal = np.zeros((4, count))
     try:
         with _ONE_AT_A_TIME, patience.asked():
             answer = solver(
@@ -64,8 +64,8 @@ def smoothest(path: ActuatorPath, problem: Problem, weights: Array, guess: Array
                 p=data.T.ravel(),
                 lbx=np.concatenate([low.ravel(), last]),
                 ubx=np.concatenate([high.ravel(), last]),
-                lbg=-bounds,
-                ubg=bounds,
+                lbg=np.concatenate([equal, least]).T.ravel(),
+                ubg=np.concatenate([equal, most]).T.ravel(),
             )
             stats = solver.stats()
     except RuntimeError as failure:  # CasADi's own
@@ -74,7 +74,7 @@ def smoothest(path: ActuatorPath, problem: Problem, weights: Array, guess: Array
     if not stats["success"] or not np.isfinite(found).all():
         _assemble.cache_clear()  # a failed solve can leave infinities in the solver
         raise MotionError(f"the solver of the smoothest motion stopped: {stats['return_status']}")
-    profile = closed(problem.s, np.delete(found, 2, axis=0) * scale * unit[:, None], problem.piece)
+    profile = closed(problem, np.delete(found, 2, axis=0) * scale * unit[:, None])
     return profile.slowed(time / profile.duration)
 
 

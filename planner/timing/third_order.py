@@ -37,6 +37,8 @@ ITERATIONS, EVALUATIONS = 200, 400
 # Least duration of an interval, as a share of its guess: without it, solvers get stuck where some intervals vanish. It
 # holds the answer back in 2 of 100 random runs, by 1e-3 at most, until the next solve starts from there.
 _SHORTEST = 0.1
+# Rounding of a given speed beyond a limit.
+GIVEN = 1e-9
 # CasADi's solvers share state between threads.
 _ONE_AT_A_TIME = Lock()
 Signature = tuple[tuple[tuple[Term, ...], int], ...]
@@ -55,7 +57,7 @@ _POWERS = {
 
 
 def third_order(problem: Problem, guess: Array, *, solver: Solver = "fatrop") -> Profile:
-    """The fastest rest-to-rest motion, s̈ zero at both ends. guess (4, N): ṡ, s̈, s⃛, h to start from.
+    """The fastest motion, s̈ zero at both ends. guess (4, N): ṡ, s̈, s⃛, h to start from.
 
     Lengths are counted in the run's, times in the guess' duration, and each variable in its largest guess: with all of
     them about one, 35 iterations suffice where the plain problem takes 400. Raises MotionError when the solver does not
@@ -64,16 +66,19 @@ def third_order(problem: Problem, guess: Array, *, solver: Solver = "fatrop") ->
     length, time = problem.s[-1] - problem.s[0], float(guess[3].sum())
     unit = np.array([length / time, length / time**2, length / time**3, time])
     start = guess / unit[:, None]
-    scale = np.repeat(np.abs(start).max(1, keepdims=True), problem.intervals, 1)
+    # a motion of constant speed has no s̈ and s⃛; from rest to rest they are 4 and 32 at least
+    largest = np.maximum(np.abs(start).max(1, keepdims=True), [[0.0], [1.0], [1.0], [0.0]])
+    scale = np.repeat(largest, problem.intervals, 1)
     scale[3] = start[3]
-    signature, coefficients, room = _rows(problem, length, time)
+    signature, coefficients, low, high = _rows(problem, length, time)
     step = np.diff(problem.s)[None] / length
     jerk = _jerk_share(problem, unit) * scale[2:3] * np.sqrt(start[3])
     data = np.concatenate([step, scale, jerk, coefficients])
     if not (np.isfinite(data).all() and (step > 0).all()):
         raise MotionError("the jerk-limited problem holds what is no number, or an interval of no length")
-    columns = _solve(*_assemble(problem.intervals, signature, solver), data, room, start / scale)
-    return closed(problem.s, columns * scale * unit[:, None], problem.piece)
+    speeds = np.array(problem.speeds) / unit[0] / scale[0, 0]
+    columns = _solve(*_assemble(problem.intervals, signature, solver), data, (low, high), start / scale, speeds)
+    return closed(problem, columns * scale * unit[:, None])
 
 
 def _jerk_share(problem: Problem, unit: Array) -> Array:
@@ -90,9 +95,9 @@ def _kept_at_end(terms: Sequence[Term]) -> bool:
     return Term.SDDD in terms
 
 
-def _rows(problem: Problem, length: float, time: float) -> tuple[Signature, Array, Array]:
-    """Signature, coefficients (k, N) in the order that `_stage` reads them, and room (rows, N)."""
-    signature, coefficients, room = [], [], []
+def _rows(problem: Problem, length: float, time: float) -> tuple[Signature, Array, Array, Array]:
+    """Signature, coefficients (k, N) in the order that `_stage` reads them, and bounds low and high (rows, N)."""
+    signature, coefficients, low, high = [], [], [], []
     for block in problem.blocks:
         terms = tuple(block.start)
         rows = next(iter(block.start.values())).shape[1]
@@ -101,15 +106,17 @@ def _rows(problem: Problem, length: float, time: float) -> tuple[Signature, Arra
         second, room_second = (block.end, block.room) if _kept_at_end(terms) else (middle, block.room)
         for side, share in ((block.start, _room(block)), (second, room_second)):
             coefficients += [side[term].T * (length ** _POWERS[term][0] / time ** _POWERS[term][1]) for term in terms]
-            room.append(np.repeat(share[None], rows, 0))
-    return tuple(signature), np.concatenate(coefficients), np.concatenate(room)
+            low.append((block.middle - 1)[:, None] * share)
+            high.append((block.middle + 1)[:, None] * share)
+    return tuple(signature), np.concatenate(coefficients), np.concatenate(low), np.concatenate(high)
 
 
 def _room(block: Block) -> Array:
     """Room of the rows at an interval's start; rows that are kept there only speak for the interval before it too."""
     if _kept_at_end(tuple(block.start)):
         return block.room
-    return np.asarray(np.minimum(block.room, np.concatenate([block.room[:1], block.room[:-1]])))
+    # at the very start speed and s̈ are given: nothing is to be chosen (and a given speed may be at its limit)
+    return np.concatenate([[1 + GIVEN], np.minimum(block.room[1:], block.room[:-1])])
 
 
 def _stage(signature: Signature) -> ca.Function:
@@ -164,7 +171,7 @@ def _assemble(intervals: int, signature: Signature, solver: Solver) -> tuple[ca.
             "structure_detection": "auto",
             "equality": equality.tolist(),
             # no step too short: else its restoration begins, which knows no end (see Patience)
-            "fatrop": {"print_level": 0, "max_iter": ITERATIONS, "tol": 1e-8, "mu_init": 1e-2, "alpha_min_frac": 0.0},
+            "fatrop": {"print_level": 0, "max_iter": ITERATIONS, "tol": 1e-7, "mu_init": 1e-2, "alpha_min_frac": 0.0},
         }
     else:
         options |= {"ipopt": {"print_level": 0, "sb": "yes", "max_iter": ITERATIONS, "tol": 1e-9}}
@@ -177,31 +184,36 @@ def _assemble(intervals: int, signature: Signature, solver: Solver) -> tuple[ca.
     return ca.nlpsol("third_order", solver, problem, options), patience
 
 
-def _solve(solver: ca.Function, patience: Patience, data: Array, room: Array, guess: Array) -> Array:
-    """Columns (4, N), scaled."""
+def _solve(
+    solver: ca.Function, patience: Patience, data: Array, rows: tuple[Array, Array], guess: Array, speeds: Array
+) -> Array:
+    """Columns (4, N), scaled; rows: what they lie between, (rows, N) each; speeds (2,): ṡ at both ends."""
     try:
-        return _answer(solver, patience, data, room, guess)
+        return _answer(solver, patience, data, rows, guess, speeds)
     except BaseException:
         _assemble.cache_clear()  # a failed solve can leave infinities in the solver, and all that follow would fail
         raise
 
 
-def _answer(solver: ca.Function, patience: Patience, data: Array, room: Array, guess: Array) -> Array:
+def _answer(
+    solver: ca.Function, patience: Patience, data: Array, rows: tuple[Array, Array], guess: Array, speeds: Array
+) -> Array:
     count = guess.shape[1]
-    low = np.tile([0.0, -np.inf, -np.inf, _SHORTEST], (count, 1))
-    high = np.full((count, 4), np.inf)
-    low[0, :2] = high[0, :2] = 0.0
-    bounds = np.concatenate([np.zeros((3, count)), room]).T.ravel()
-    rest = [0.0, 0.0]
+    least = np.tile([0.0, -np.inf, -np.inf, _SHORTEST], (count, 1))
+    most = np.full((count, 4), np.inf)
+    least[0, :2] = most[0, :2] = speeds[0], 0.0
+    last = [speeds[1], 0.0]
+    equal = np.zeros((3, count))
+    low, high = rows
     try:
         with _ONE_AT_A_TIME, patience.asked():
             answer = solver(
-                x0=np.concatenate([guess.T.ravel(), rest]),
+                x0=np.concatenate([guess.T.ravel(), last]),
                 p=data.T.ravel(),
-                lbx=np.concatenate([low.ravel(), rest]),
-                ubx=np.concatenate([high.ravel(), rest]),
-                lbg=-bounds,
-                ubg=bounds,
+                lbx=np.concatenate([least.ravel(), last]),
+                ubx=np.concatenate([most.ravel(), last]),
+                lbg=np.concatenate([equal, low]).T.ravel(),
+                ubg=np.concatenate([equal, high]).T.ravel(),
             )
             stats = solver.stats()
     except RuntimeError as failure:  # CasADi's own, as when an evaluation overflows

@@ -16,14 +16,14 @@ from kinematics.errors import MotionError
 _LARGEST = 1e6
 
 
-def largest_speeds(rows: list[Array], ceiling: Array, step: Array) -> Array:
+def largest_speeds(rows: list[Array], ceiling: Array, step: Array, ends: tuple[float, float] = (0.0, 0.0)) -> Array:
     """As planner.timing.passes.largest_speeds. Raises MotionError where toppra gives no answer, or is not there."""
     constraint_type, algorithm = _toppra()
     points = np.concatenate([[0.0], np.cumsum(step)])
     points[-1] = 1.0
     constraint = constraint_type(rows, np.minimum(ceiling, _LARGEST))
     solver = algorithm([constraint], _Interval(), gridpoints=points, solver_wrapper="seidel")
-    _, speed, _, _ = solver.compute_parameterization(0.0, 0.0, return_data=True)
+    _, speed, _, _ = solver.compute_parameterization(*np.sqrt(ends), return_data=True)
     if speed is None or not np.isfinite(speed).all():
         raise MotionError(f"toppra found no motion over {len(step)} intervals")
     return np.asarray(speed, float) ** 2

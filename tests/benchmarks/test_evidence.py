@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks import conformance, sahbaz_geometry
+from benchmarks import conformance, evidence, sahbaz_geometry
 from benchmarks.compared import Compared, comparison, markdown
 from benchmarks.evidence import COMMAND, page
 
@@ -47,3 +47,19 @@ def test_a_table_shows_one_digit_more_than_print():
     table = comparison([Compared("a|b", "mm", "1.50", 1.50449), Compared("c", "", "-0.3", -0.3 - 1e-12)])
     assert table.splitlines()[2:] == [r"| a\|b | 1.50 | 1.504 | +0.004 | mm |", "| c | -0.3 | -0.30 | +0.00 |  |"]
     assert markdown(["x"], []) == "| x |\n| --- |"
+
+
+def test_table_6_4_is_explained_in_part_and_the_page_says_in_which():
+    """The tilt grows with the pulse, by nearly what was measured; a factor common to all legs turns no heading."""
+    tables = "\n".join(evidence.calibrated())
+    assert "| tilt from z | 0.179 | 0.165 |" in tables
+    assert "| heading of the tilt about z | -1.792 | -0.042 |" in tables
+
+
+def test_a_page_that_cannot_be_written_is_told(monkeypatch, capsys, tmp_path):
+    monkeypatch.setattr("sys.argv", ["evidence", "--out", str(tmp_path / "none" / "page.md")])
+    monkeypatch.setattr(evidence, "page", lambda: "")
+    with pytest.raises(SystemExit) as end:
+        evidence.main()
+    assert end.value.code == 2
+    assert "cannot write" in capsys.readouterr().err

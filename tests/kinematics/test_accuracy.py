@@ -1,5 +1,6 @@
 """The budget against Monte Carlo through forward kinematics, against vertices, and against closed forms."""
 
+from dataclasses import replace
 from itertools import product
 
 import casadi as ca
@@ -277,9 +278,9 @@ def test_figure_draws_every_source(preset, count):
     ("wrong", "message"),
     [
         (lambda: Quantization(-0.5), "quantization: pulses -0.5"),
-        (lambda: PulseLength(float("nan")), "pulse length: error nan"),
+        (lambda: PulseLength(float("nan")), "pulse length: error must be finite numbers in SI units, not nan"),
         (lambda: Backlash((1e-6, -1e-6)), "backlash: width"),
-        (lambda: Temperature(ambient=float("inf")), "temperature: ambient inf"),
+        (lambda: Temperature(ambient=float("inf")), "temperature: ambient must be finite numbers in SI units, not inf"),
     ],
 )
 def test_bad_sources(wrong, message):
@@ -293,7 +294,7 @@ def test_bad_requests(preset):
         error_budget(preset, pose, [])
     with pytest.raises(MotionError, match="2 numbers for the 6 axes"):
         error_budget(preset, pose, [Backlash((1e-6, 1e-6))])
-    with pytest.raises(MotionError, match="tool must be one finite point"):
+    with pytest.raises(MotionError, match=r"tool must be finite numbers \(3,\) in m"):
         error_budget(preset, pose, [Quantization()], tool=[0, 0])
     with pytest.raises(MotionError, match="no poses"):
         error_budget(preset, RigidTransform.from_translation(np.zeros((0, 3))), [Quantization()])
@@ -301,11 +302,23 @@ def test_bad_requests(preset):
         error_budget(preset, RigidTransform.from_translation([0, 0, np.nan]), [Quantization()])
 
 
-def test_a_singular_pose_is_refused():
+def test_a_singular_pose_is_refused(monkeypatch):
     """Similar hexagons in base and platform: level, such a hexapod is architecturally singular."""
+    monkeypatch.setattr("kinematics.legs._refuse_coincident", lambda *_: None)  # else it is no machine
     angle = np.deg2rad(60 * np.arange(6))
     ring = np.stack([np.cos(angle), np.sin(angle), np.zeros(6)], 1)
     home = RigidTransform.from_translation([0, 0, 0.3])
     machine = Hexapod(0.2 * ring, 0.1 * ring, axes=[Axis(f"leg{k}") for k in range(6)], home=home)
-    with pytest.raises(MotionError, match="pose 0 is singular"):
+    with pytest.raises(MotionError, match="is singular at pose 0"):
         error_budget(machine, home, [Quantization()])
+
+
+def test_backlash_is_the_axes_own_where_none_is_given(preset):
+    """Half of its gap to each side, through the inverse Jacobian of one leg alone."""
+    gap = 3e-6
+    axes = [replace(axis, backlash=gap if n == 1 else 0.0) for n, axis in enumerate(preset.axes)]
+    machine = Hexapod(preset.base, preset.platform, axes=axes, home=preset.home)
+    (part,) = error_budget(machine, machine.home, [Backlash()]).contributions
+    expected = np.abs(np.linalg.inv(machine.jacobian(machine.home))[:, 1]) * gap / 2
+    np.testing.assert_allclose(part.worst[0], expected, rtol=1e-12)
+    assert not error_budget(preset, preset.home, [Backlash()]).total.worst.any()

@@ -7,8 +7,9 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics import FileError, MotionError, OutOfReach, load_machine
-from kinematics.arm import Arm, Joints, read_urdf
+from kinematics.arm import Arm, Joints
 from kinematics.axis import Axis
+from kinematics.urdf import read_urdf
 
 pin = pytest.importorskip("pinocchio")
 NAMES = ("yaw", "shoulder", "elbow")
@@ -25,6 +26,9 @@ BENT = """<robot name="bent"><link name="w"/><link name="a"/><link name="b"/><li
 <axis xyz="0 -1 0"/></joint>
 <joint name="flange" type="fixed"><parent link="c"/><child link="t"/><origin xyz="0.2 -0.04 -0.1" rpy="0.1 0.2 0.3"/>
 </joint></robot>"""
+LIMITED = BENT.replace("continuous", "revolute").replace(
+    "<axis", '<limit lower="-2" upper="2" effort="9" velocity="9"/><axis'
+)
 
 
 @pytest.fixture(scope="module", params=["preset", "bent"])
@@ -115,6 +119,62 @@ def test_the_thesis_end_points_are_within_reach():
     assert (q[:, 2] < 0).all()
 
 
+def test_margins_where_the_arm_is_singular():
+    """Over the yaw axis, and stretched out: its angles have no finite rates there, and that is told as it is."""
+    arm = load_machine("arm")
+    over = RigidTransform.from_translation([0, 0, 0.5])
+    stretched = arm.pose_of(np.array([0.3, 0.5, 0.0]))
+    for pose in (over, stretched):
+        margins = arm.check(RigidTransform.concatenate([arm.home, pose]))
+        assert margins.conditioning[1] == margins.singularity[1] == 0
+        assert margins.conditioning[0] == arm.check(arm.home).conditioning[0] > 0.1
+        with pytest.raises(MotionError, match="machine arm is singular at pose 0"):
+            arm.jacobian(pose)
+    # and that is what its neighbours come close to
+    near = [arm.check(arm.pose_of(np.array([0.3, 0.5, bend]))).conditioning[0] for bend in (-1e-1, -1e-2, -1e-3, -1e-4)]
+    assert np.diff(np.log10(near)) == pytest.approx(-1, abs=0.15)
+
+
+def test_margins_of_the_other_elbow():
+    arm = load_machine("arm")
+    other = arm.inverse(arm.home, near=[0.5, 0.0, 1.4])
+    low, high = np.array([axis.travel for axis in arm.axes]).T
+    expected = np.abs(other - arm.home_q - (low + high) / 2) / ((high - low) / 2)
+    assert arm.check(arm.home, near=other).travel[0] == pytest.approx(expected, abs=1e-12)
+    assert np.abs(arm.check(arm.home).travel[0] - expected).max() > 0.1
+    with pytest.raises(MotionError, match="near must be 3 finite coordinates"):
+        arm.check(arm.home, near=[1, 2])
+
+
+def test_from_home_the_other_elbow_is_not_certified():
+    """Between them lies the stretched arm. Full turns do not matter; asked from elsewhere, q says how it stands."""
+    arm = load_machine("arm")
+    poses = arm.forward(arm.home_q + np.random.default_rng(0).uniform(-0.3, 0.3, (50, 3))).pose
+    here = np.array([arm.inverse(pose) for pose in poses])
+    there = np.array([arm.inverse(pose, near=[0.5, 0.0, 1.4]) for pose in poses])
+    assert (here[:, 2] < 0).all()
+    assert (there[:, 2] > 0).all()
+    assert arm.forward(here).certified.all()
+    assert arm.forward(here + np.array([2, 0, -2]) * np.pi).certified.all()
+    assert not arm.forward(there).certified.any()
+    assert not arm.forward(there, near=arm.home).certified.any()
+    assert arm.forward(there).residual.max() < 1e-12
+    assert arm.forward(there, near=arm.forward(there + 0.01).pose).certified.all()
+
+
+def test_an_axis_table_of_no_joint_is_told_where_it_stands(tmp_path):
+    presets = files("kinematics") / "presets"
+    (tmp_path / "arm.urdf").write_text((presets / "arm.urdf").read_text())
+    text = (presets / "arm.toml").read_text() + '[[axis]]\nname = "elbo"\nmax_speed = "1 rad/s"\n'
+    path = tmp_path / "rig.toml"
+    path.write_text(text)
+    line = len(text.splitlines()) - 1
+    with pytest.raises(
+        FileError, match=rf'rig.toml:{line}: axis\[\d\].name: "elbo" is no joint, nearest is "elbow"; joints: yaw'
+    ):
+        load_machine(path)
+
+
 def test_out_of_reach(joints):
     machine = Arm(joints, axes=AXES, home=[0.1, 0.2, 0.9])
     for to in ([2.0, 0, 0], [*joints.points[0, :2], 5.0]):
@@ -150,6 +210,14 @@ def test_a_link_of_no_length_is_refused():
         ("<robot", NAMES, "t", "urdf"),
         (BENT, ("yaw", "shoulder", "wrist"), "t", r"wrist.*yaw, shoulder, elbow"),
         (BENT, NAMES, "gripper", "no frame 'gripper'"),
+        (BENT, ("yaw", "elbow", "shoulder"), "t", "do not follow each other"),
+        (BENT, ("yaw", "shoulder", "shoulder"), "t", "three joints that turn"),
+        (BENT, NAMES, "b", "'b' is carried by 'shoulder'"),
+        (BENT, NAMES, "w", "'w' is carried by nothing that moves"),
+        (LIMITED.replace('"elbow" type="revolute"', '"elbow" type="prismatic"'), NAMES, "t", "'elbow' does not turn"),
+        (BENT.replace('"b"/><child link="c"', '"a"/><child link="c"'), NAMES, "t", "do not follow each other"),
+        (LIMITED.replace('"0 -1 0"', '"0 0 0"'), NAMES, "t", "'elbow' has no axis"),
+        (BENT.replace('"0.2 -0.04 -0.1"', '"1e300 0 0"'), NAMES, "t", "within 1e.06 m"),
     ],
 )
 def test_a_urdf_that_does_not_hold_what_is_named(tmp_path, text, joints, tool, phrase):
@@ -164,3 +232,29 @@ def test_turned_about_itself(joints):
     machine = Arm(joints, axes=AXES, home=[0.1, 0.2, 0.9])
     turned = RigidTransform.from_components(machine.home.translation, Rotation.from_euler("X", 1.0))
     assert machine.inverse(turned) == pytest.approx(machine.home_q, abs=1e-14)
+
+
+@pytest.mark.parametrize("near", [[0, 0, 0], [0.3, 0.4, 0.0], [0.3, np.pi / 2, 0.0]])
+def test_near_a_straight_elbow_still_means_one_of_the_two(near):
+    """Neither elbow is nearer; the answer is one that reaches the pose."""
+    machine = load_machine("arm")
+    q = machine.inverse(machine.home, near=near)
+    assert machine.pose_of(q).translation == pytest.approx(machine.home.translation, abs=1e-12)
+
+
+def test_an_arm_whose_home_is_straight():
+    """At the edge of its reach; every pose within is reached all the same."""
+    preset = load_machine("arm")
+    machine = Arm(preset.joints, axes=preset.axes, home=[0.1, 0.2, 0.0])
+    q = machine.inverse(preset.home)
+    assert machine.pose_of(q).translation == pytest.approx(preset.home.translation, abs=1e-12)
+
+
+def test_the_other_side_is_taken_where_only_it_reaches(joints):
+    """Near a posture over the back, a pose that only the front reaches: `near` picks among what there is."""
+    bent = Arm(joints, axes=AXES, home=[0.1, 0.2, 0.9])
+    rng = np.random.default_rng(5)
+    poses = bent.pose_of(rng.uniform(-1.2, 1.2, (200, 3)))
+    over = np.array([0.1 + np.pi, 2.6, -0.9])
+    q = bent.inverse(poses, near=over)
+    assert np.abs(bent.pose_of(q).translation - poses.translation).max() < 1e-9

@@ -15,24 +15,10 @@ from kinematics import Axis, Hexapod, Machine, MotionError
 from kinematics.calibration import PARTS, calibrate
 from kinematics.calibration.checks import axis_checks
 from kinematics.calibration.measurement_file import load_measurements
-from kinematics.calibration.measurements import Noise, whole_poses
+from kinematics.calibration.measurements import Noise, taken, whole_poses
 from kinematics.calibration.parameters import full
 from kinematics.calibration.prediction import Prediction
 from kinematics.calibration.steps import nearest_step, pulses
-
-
-def taken(data, rows):
-    """Some rows of measurements."""
-    rows = list(rows)
-    return replace(
-        data,
-        commanded=data.commanded[rows],
-        measured=data.measured[rows],
-        seen=data.seen[rows],
-        fit=data.fit[rows],
-        spread=data.spread[rows],
-        labels=tuple(data.labels[k] for k in rows),
-    )
 
 
 @pytest.fixture(scope="module")
@@ -340,19 +326,20 @@ def test_measurements_that_are_none(preset):
     used = commands(np.random.default_rng(0), 4)
     spoilt = used.as_matrix().copy()
     spoilt[2, 0, 3] = np.nan
-    with pytest.raises(MotionError, match="4 finite poses"):
+    with pytest.raises(MotionError, match="pose 3: measured must be finite"):
         whole_poses(used, RigidTransform.from_matrix(spoilt))
-    with pytest.raises(MotionError, match="finite poses"):
+    with pytest.raises(MotionError, match="3 measured poses for 4 labels"):
         whole_poses(used, used[:3])
     with pytest.raises(MotionError, match="noise of the rotation"):
         Noise(1e-6, 0.0)
 
 
-def test_a_singular_machine_is_named(preset):
+def test_a_singular_machine_is_named(preset, monkeypatch):
     """All six platform joints in one point: nothing holds the platform's turn."""
+    monkeypatch.setattr("kinematics.legs._refuse_coincident", lambda *_: None)  # else it is no machine
     machine = Hexapod(preset.base, np.full((6, 3), 1e-3), axes=preset.axes, home=preset.home, name="point")
     used = commands(np.random.default_rng(0), 4)
-    with pytest.raises(MotionError, match="machine point: singular"):
+    with pytest.raises(MotionError, match="pose 1: machine point is singular"):
         calibrate(machine, whole_poses(used, used))
 
 
@@ -375,10 +362,28 @@ def test_a_prediction_that_cannot_be_closed_is_no_number(preset):
     assert np.isnan(prediction.at(theta)[0]).all()
 
 
-def test_two_legs_in_the_same_place_are_refused(preset):
+def test_two_legs_in_the_same_place_are_refused(preset, monkeypatch):
+    monkeypatch.setattr("kinematics.legs._refuse_coincident", lambda *_: None)  # else they are no machine
     base, platform = preset.base.copy(), preset.platform.copy()
     base[1], platform[1] = base[0], platform[0]
     machine = Hexapod(base, platform, axes=preset.axes, home=preset.home, name="five legs")
     used = commands(np.random.default_rng(0), 4)
-    with pytest.raises(MotionError, match="machine five legs: singular"):
+    with pytest.raises(MotionError, match="pose 1: machine five legs is singular"):
         calibrate(machine, whole_poses(used, used))
+
+
+def test_a_calibration_is_printed_as_a_table(real):
+    text = str(real)
+    assert "183.062" in text
+    assert "13.29" in text
+    assert "array" not in text + repr(real)
+    assert all(parameter.name in text for parameter in real.parameters)
+
+
+def test_groups_and_parameters_that_are_none_are_told(real):
+    with pytest.raises(MotionError, match='no group "positon", nearest is "position"'):
+        real.rms(real.after, "positon")
+    with pytest.raises(MotionError, match='no group "turn"'):
+        real.plot(group="turn")
+    with pytest.raises(MotionError, match=r'no parameter "frame q".*parameters: factor, frame x'):
+        real["frame q"]

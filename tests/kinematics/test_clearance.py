@@ -211,6 +211,35 @@ def test_turned_by_a_right_angle_a_regular_hexapod_is_singular(preset):
     assert (np.diff(margins.singularity[:4]) < 0).all()
 
 
+def test_a_leg_of_no_length_is_singular_and_turned_over(preset):
+    """It has no direction: no rates, no tilt. One such pose leaves the others of its batch alone."""
+    machine = Hexapod(preset.base, preset.platform, axes=preset.axes, home=preset.home, max_tilt=1.0)
+    poses = RigidTransform.concatenate(
+        [preset.home, RigidTransform.from_translation(preset.base[2] - preset.platform[2])]
+    )
+    margins = machine.check(poses)
+    assert machine.inverse(poses[1])[2] == 0
+    assert margins.conditioning[1] == margins.singularity[1] == 0
+    assert margins.conditioning[0] == machine.check(preset.home).conditioning[0] > 0
+    assert margins.tilt[1, [2, 8]] == pytest.approx(np.pi)
+    assert margins.ok.tolist() == [True, False]
+    with pytest.raises(MotionError, match=r"machine hexapod is singular at pose 1, position .* no finite rates"):
+        machine.jacobian(poses)
+
+
+def test_a_joint_without_a_limit_is_never_the_worst(preset):
+    """Turned far over, beyond any tilt that a limit would allow."""
+    machine = Hexapod(
+        preset.base, preset.platform, axes=preset.axes, home=preset.home, max_tilt=(None, np.deg2rad(120))
+    )
+    turned = RigidTransform.from_components(preset.home.translation, Rotation.from_rotvec([0, 1.2, 0]))
+    margins = machine.check(turned)
+    free = Hexapod(preset.base, preset.platform, axes=[Axis(f"leg{n}") for n in range(6)], home=preset.home)
+    assert "base joint" not in margins.worst()
+    assert free.check(turned).use == 0
+    assert free.check(turned).ok.all()
+
+
 def test_the_nearest_singular_jacobian_is_as_far_as_told(preset, poses_about):
     """By the characteristic polynomial instead of singular values: det(J Jᵀ − σ² 1) = 0 for no smaller σ."""
     pose = poses_about(preset.home, preset, 1, 0.3)
@@ -240,9 +269,9 @@ def test_clearance_decided_the_gap():
 @pytest.mark.parametrize(
     ("changes", "told"),
     [
-        ({"leg_radius": 0.0}, "leg_radius 0.0"),
-        ({"leg_radius": np.nan}, "leg_radius nan"),
-        ({"leg_radius": 0.01, "leg_ends": -0.001}, "leg_ends -0.001"),
+        ({"leg_radius": 0.0}, "leg_radius .* above 0 in m, not 0.0"),
+        ({"leg_radius": np.nan}, "leg_radius .* not nan"),
+        ({"leg_radius": 0.01, "leg_ends": -0.001}, "leg_ends .* not below 0, not -0.001"),
         ({"base_disc": Disc(0.1, 0.01)}, "leg_radius; state it"),
         ({"leg_ends": 0.01}, "leg_radius; state it"),
     ],

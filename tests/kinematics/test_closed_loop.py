@@ -154,7 +154,7 @@ def test_each_leg_may_be_another(preset):
 
 def test_what_cannot_be_is_refused(preset):
     still = motion_of_poses(preset, preset.home)
-    with pytest.raises(MotionError, match="5 legs with inertia; give one for all, or six"):
+    with pytest.raises(MotionError, match=r"5 legs with inertia \(Leg\); give one Leg for all, or six"):
         forces(preset, still, legs=[LEG] * 5)
     along = preset.home.translation + np.array(preset.platform[0]) - preset.base[0]
     with pytest.raises(MotionError, match="first axis of leg1's universal joint lies along the leg at home"):

@@ -91,7 +91,7 @@ def test_load_error_spreads_in_proportion(traverser):
     ("changed", "message"),
     [
         ({"load": -1.0}, "load -1.0"),
-        ({"along": (0, 0, 0)}, "not zero"),
+        ({"along": (0, 0, 0)}, "not be zero"),
         ({"along": (1, 0, 1)}, "square to `along`"),
         ({"spans": 0}, "0 spans"),
     ],

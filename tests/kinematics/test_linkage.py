@@ -9,6 +9,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from kinematics import MotionError, OutOfReach, load_machine
 from kinematics.axis import Axis
 from kinematics.linkage import Linkage
+from kinematics.machine_writer import machine_toml
 
 AXES = [Axis("a"), Axis("b")]
 
@@ -59,16 +60,21 @@ def test_the_frame_turns_with_actuator_a(preset):
 def test_distances_are_those_of_the_drawn_joint(offset, angle, length, theta, turn):
     """Draw the joint and the point from (q_a, θ); the inverse gives the distances back, wherever the base lies."""
     base_a, base_b = np.array([0.1, -0.2]), np.array([0.1, -0.2]) + 0.4 * np.array([np.cos(turn), np.sin(turn)])
-    if length - offset * np.cos(angle) < 0.01:  # the other side of the base joint: another branch
+    if abs(length - offset * np.cos(angle)) < 0.01:  # between the branches
         return
     joint = base_a + length * np.array([np.cos(theta), np.sin(theta)])
     point = joint - offset * np.array([np.cos(theta - angle), np.sin(theta - angle)])
     home = RigidTransform.from_translation([*point, 0.0])
-    machine = Linkage(base_a, base_b, offset, angle, axes=AXES, home=home)
+    near = [length, 0.0]
+    machine = Linkage(base_a, base_b, offset, angle, axes=AXES, home=home, near=near)
     assert machine.home_q == pytest.approx([length, np.hypot(*(joint - base_b))], abs=1e-12)
     across = (base_b - base_a)[0] * (joint - base_a)[1] - (base_b - base_a)[1] * (joint - base_a)[0]
     if abs(across) > 1e-3:
-        assert machine.realised(machine.home_q, int(np.sign(across)))[0] == pytest.approx(point, abs=1e-9)
+        assert machine.realised(machine.home_q) == pytest.approx(point, abs=1e-9)
+        assert machine.realised(machine.home_q[None], int(np.sign(across)))[0] == pytest.approx(point, abs=1e-9)
+        found = machine.forward(machine.home_q)
+        assert found.certified
+        assert found.pose.translation[:2] == pytest.approx(point, abs=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -100,10 +106,50 @@ def test_lengths_that_close_no_triangle_are_refused(preset):
         ({"base_b": [np.nan, 0]}, "base_b"),
         ({"offset": -0.1}, "offset"),
         ({"angle": np.inf}, "angle"),
-        ({"axes": AXES[:1]}, "1 axes for 2"),
+        ({"axes": AXES[:1]}, "1 axes; a linkage has 2"),
     ],
 )
 def test_what_is_no_linkage_is_refused(values, phrase):
     given = {"base_a": [0, 0], "base_b": [0.4, 0], "offset": 0.12, "angle": 2.6, "axes": AXES} | values
     with pytest.raises(MotionError, match=phrase):
         Linkage(**given, home=RigidTransform.from_translation([0.15, 0.45, 0]))
+
+
+def test_both_branches_of_an_acute_offset(tmp_path):
+    """P is 0.14 m from a, h = 0.3 m at 20 deg: q_a = h cos ± √(|P|² − h² sin²), both lengths real."""
+    across, along = 0.3 * np.sin(np.deg2rad(20)), 0.3 * np.cos(np.deg2rad(20))
+    home = RigidTransform.from_translation([0.0, 0.14, 0.0])
+    both = along + np.array([1, -1]) * np.sqrt(0.14**2 - across**2)
+    for length in both:
+        machine = Linkage([0, 0], [0.4, 0], 0.3, np.deg2rad(20), axes=AXES, home=home, near=[length, 0.3])
+        assert machine.home_q[0] == pytest.approx(length, abs=1e-15)
+        path = tmp_path / "linkage.toml"
+        bounded = [Axis(axis.name, travel=(-0.01, 0.01), pulse=1e-5) for axis in AXES]
+        machine = Linkage([0, 0], [0.4, 0], 0.3, np.deg2rad(20), axes=bounded, home=home, near=[length, 0.3])
+        path.write_text(machine_toml(machine))
+        assert load_machine(path).home_q == pytest.approx(machine.home_q, abs=1e-15)
+        assert machine.inverse(home, near=both[[0, 0]])[0] == pytest.approx(both[0], abs=1e-15)
+
+
+def test_no_length_is_below_zero():
+    """θ_h = 180 deg: P lies on the actuator, h beyond J as seen from a; nearer to a than h, no J is left."""
+    machine = Linkage([0, 0], [0.4, 0], 0.1, np.pi, axes=AXES, home=RigidTransform.from_translation([0.2, 0.4, 0]))
+    with pytest.raises(OutOfReach):
+        machine.inverse(RigidTransform.from_translation([0.03, 0.0, 0.0]))
+    with pytest.raises(MotionError, match=r"axis a measures .* no actuator is shorter than nothing"):
+        Linkage(
+            [0, 0],
+            [0.4, 0],
+            0.1,
+            np.pi,
+            axes=[Axis("a", travel=(-0.5, 0.1)), Axis("b")],
+            home=RigidTransform.from_translation([0.2, 0.4, 0]),
+        )
+
+
+@pytest.mark.parametrize("q", [[0.1], [[0.1, 0.2, 0.3]], [-0.1, 0.4], [np.nan, 0.4], [0.0, 0.4]])
+def test_realised_takes_lengths(preset, q):
+    with pytest.raises(MotionError, match="realised takes positive lengths"):
+        preset.realised(q)
+    with pytest.raises(MotionError, match="side 0"):
+        preset.realised(preset.home_q, 0)

@@ -97,6 +97,33 @@ def test_an_axis_table_overrides_what_it_states(load):
     assert set(changed.values()) == {(0.02, -1, None, 4.0)}
 
 
+def test_a_bound_may_differ_towards_smaller_and_greater_positions(load):
+    sided = PRESET.replace('max_speed = "20 mm/s"', 'max_speed = ["18 mm/s", "20 mm/s"]')
+    own = '[[axis]]\nname = "leg2"\nmax_jerk = ["2 m/s^3", "3 m/s^3"]\n'
+    axes = load(sided + own).axes
+    assert {axis.max_speed for axis in axes} == {(0.018, 0.02)}
+    assert [axis.max_jerk for axis in axes[:3]] == [4.0, (2.0, 3.0), 4.0]
+    for wrong in ('["18 mm/s"]', '["18 mm/s", "0 mm/s"]', '["1 mm/s", "1 mm/s", "1 mm/s"]', '["18 mm", "20 mm/s"]'):
+        with pytest.raises(FileError, match="max_speed"):
+            load(PRESET.replace('max_speed = "20 mm/s"', f"max_speed = {wrong}"))
+
+
+def test_bands_of_resonance_rise(load):
+    stated = 'resonance = [["3 mm/s", "4 mm/s"], ["7 mm/s", "8 mm/s"]]\nresonance_time = "50 ms"\n'
+    axis = load(PRESET + stated).axes[0]
+    assert (axis.resonance, axis.resonance_time) == (((0.003, 0.004), (0.007, 0.008)), 0.05)
+    for wrong in (
+        "[]",
+        '[["4 mm/s", "3 mm/s"]]',
+        '[["3 mm/s", "5 mm/s"], ["4 mm/s", "6 mm/s"]]',
+        '[["0 mm/s", "1 mm/s"]]',
+    ):
+        with pytest.raises(FileError, match="resonance"):
+            load(PRESET + f"resonance = {wrong}\n")
+    with pytest.raises(MotionError, match="resonance_time without resonance"):
+        load(PRESET + 'resonance_time = "50 ms"\n')
+
+
 def test_a_torque_curve_is_pairs_of_speed_and_force(load):
     curve = 'torque_speed = [["0 mm/s", "220 N"], ["10 mm/s", "50 lbf"]]\n'
     assert load(PRESET + curve).axes[5].torque_speed == ((0.0, 220.0), (0.01, 222.411080763025))
@@ -224,3 +251,14 @@ def test_a_path_is_never_taken_for_a_name(tmp_path, monkeypatch):
     (tmp_path / "hexapod.toml").write_text(PRESET.replace("20 mm/s", "10 mm/s"), encoding="utf-8")
     assert load_machine("hexapod.toml").axes[0].max_speed == 0.01
     assert load_machine("hexapod").axes[0].max_speed == 0.02
+
+
+def test_wiring_is_by_axis(load):
+    """[Sahbaz 2007]: motors 1 and 2 on a two-axis card, 3 to 6 on a four-axis one."""
+    wired = [(axis.card, axis.channel) for axis in load_machine("hexapod").axes]
+    assert wired == [("PCI-8132", 0), ("PCI-8132", 1), *(("PCI-8164", n) for n in range(4))]
+    assert {(axis.card, axis.channel) for axis in load_machine("tripod").axes} == {(None, None)}
+    with pytest.raises(FileError, match=r'"leg7" is no axis.*axes: leg1, leg2'):
+        load(PRESET.replace('leg6 = ["PCI', 'leg7 = ["PCI'))
+    with pytest.raises(FileError, match=r"wiring.leg6\[2\]"):
+        load(PRESET.replace('leg6 = ["PCI-8164", 3]', 'leg6 = ["PCI-8164", -1]'))

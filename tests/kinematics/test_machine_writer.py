@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from kinematics import Axis, Hexapod, MotionError, load_machine
+from kinematics import Axis, Hexapod, MotionError, Traverser, load_machine
 from kinematics.clearance import Disc
 from kinematics.machine_writer import machine_toml
 
@@ -17,9 +17,9 @@ PER_AXIS = [
     {},
     {"pulse": 0.76253e-6, "direction": -1},
     {"max_speed": 1 / 3, "torque_speed": ((0.0, 220.0), (0.07, 1 / 7))},
-    {"travel": (-0.01, 1 / 30)},
-    {"max_pulse_rate": 3000.0, "max_force": 1e5 / 7},
-    {"max_acceleration": 9.80665, "max_jerk": 1e-9},
+    {"travel": (-0.01, 1 / 30), "resonance": ((0.003, 0.004),), "resonance_time": 1 / 7},
+    {"max_pulse_rate": 3000.0, "max_force": 1e5 / 7, "resonance": ((0.003, 0.01 / 3), (0.007, 0.008))},
+    {"max_acceleration": (9.80665, 1 / 7), "max_jerk": (1e-9, 1.0)},
 ]
 
 
@@ -108,8 +108,30 @@ def test_what_a_file_cannot_say(preset):
     with pytest.raises(MotionError, match="leg1 has unlimited travel"):
         machine_toml(Hexapod(preset.base, preset.platform, axes=endless, home=preset.home))
 
-    class Other:
-        name = "other"
+    renamed = [replace(axis, name=f"strut{n}") for n, axis in enumerate(preset.axes)]
+    with pytest.raises(MotionError, match=r"axes are called strut0, .* in a file of a hexapod they are leg1"):
+        machine_toml(Hexapod(preset.base, preset.platform, axes=renamed, home=preset.home))
+    with pytest.raises(MotionError, match="a Arm is not written"):
+        machine_toml(load_machine("arm"))
 
-    with pytest.raises(MotionError, match="only hexapods are written"):
-        machine_toml(Other())
+
+@pytest.mark.parametrize("name", ["tripod", "linkage", "traverser"])
+def test_other_kinds_come_back(name, again):
+    """With everything that an axis may state: drives become pulses; wiring, backlash and lead errors stay."""
+    machine, back = load_machine(name), again(load_machine(name))
+    assert back.axes == machine.axes
+    np.testing.assert_allclose(back.home.as_matrix(), machine.home.as_matrix(), atol=1e-15)
+    np.testing.assert_allclose(back.home_q, machine.home_q, rtol=1e-14)
+    assert back.characteristic_length == pytest.approx(machine.characteristic_length, rel=1e-14)
+    moved = machine.home * RigidTransform.from_translation([0.01, -0.005, 0.02 if name != "linkage" else 0])
+    np.testing.assert_allclose(back.inverse(moved), machine.inverse(moved), rtol=1e-13)
+    np.testing.assert_allclose(back.check(moved).tilt, machine.check(moved).tilt, atol=1e-13)
+
+
+def test_odd_directions_and_wiring_come_back(again):
+    machine = load_machine("traverser")
+    axes = [replace(axis, card="PCI-8164", channel=n, direction=-1) for n, axis in enumerate(machine.axes)]
+    odd = Traverser(axes=axes, home=machine.home, directions=[[1, 0, 0.1], [0, 1, 0], [0, 0, -2]], length=0.3)
+    back = again(odd)
+    assert back.axes == odd.axes
+    np.testing.assert_allclose(back.directions, odd.directions, atol=1e-15)

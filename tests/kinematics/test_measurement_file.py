@@ -41,7 +41,6 @@ def test_the_tables_of_the_thesis():
     assert data.labels[0] == "pose 1 (6.2)"
     assert data.labels[8] == "rotation 1 (6.4)"
     assert data.noise is None
-    assert not data.whole
     # error = desired - measured; mm and µm
     np.testing.assert_allclose(data.commanded.translation[4], [5e-3, 5e-3, 35e-3], rtol=1e-15)
     np.testing.assert_allclose(
@@ -76,8 +75,6 @@ def test_whole_poses_and_positions_with_any_units(load):
     angles = [np.deg2rad(4), 0.1, np.deg2rad(6)]
     np.testing.assert_allclose(data.measured.rotation[0].as_euler("XYZ"), angles, rtol=1e-12)
     np.testing.assert_array_equal(data.seen, [[True] * 6 + [False] * 2, [True] * 3 + [False] * 5])
-    assert not data.whole
-    assert load(WHOLE).whole
 
 
 def test_declared_units(load):
@@ -95,7 +92,7 @@ BAD = {
     "empty": ("pose = []", ["at least one [[pose]]"]),
     "not a number": (LEVEL.replace("10", "nan"), ["measured.toml:2: pose[1].desired[3]", "nan", "not a finite number"]),
     "too short": (LEVEL.replace(", 0]", "]", 1), ["pose[1].desired", "the array is too short"]),
-    "too long": (LEVEL.replace("[0, 0, 10", "[0, 0, 0, 10"), ["pose[1].desired", "6 items"]),
+    "too long": (LEVEL.replace("[0, 0, 10", "[0, 0, 0, 10"), ["pose[1].desired", "7 entries instead of 6"]),
     "no direction": (LEVEL.replace("90, 90, 0", "90, 90, 90"), ["desired", "direction angles of no axis", "cos²"]),
     "error of metres": (LEVEL.replace("[0, 0, 0, 0", "[0, 0, 0, 60"), ["pose[1]", "direction angles of no axis"]),
     "both ways": (LEVEL + "measured = [0, 0, 0]\n", ["pose[1]", "exclude each other"]),
@@ -131,3 +128,20 @@ def test_the_shape_of_the_thesis_file_needs_no_key_of_ours(load):
     assert "schema" not in CMM
     assert load(CMM.replace("at = [0, 0, 25]\n", "")).commanded.translation[8].tolist() == [0, 0, 0]
     assert load("schema = 1\n" + CMM).commanded.translation[8].tolist() == [0, 0, 0.025]
+
+
+def test_arrays_and_numbers_that_are_too_large(faults):
+    told = faults("[[pose]]\ncommanded = [1, 2, 3, 4, 5, 6]\nmeasured = [1, 2, 3, 4, 5, 6, 7]\n")
+    assert "measured: [1, 2, 3, 4, 5, 6, 7]: the array is too long: 7 entries instead of 6" in told
+    told = faults("[[pose]]\ncommanded = [1, 2, 3, 4, 5, 6]\nmeasured = [1e300, 2, 3]\n")
+    assert ":3: pose[1].measured[1]: 1e+300 must be at least -1e+06 mm and at most 1e+06 mm" in told
+    told = faults('[noise]\nposition = "5 um"\n' + WHOLE)
+    assert 'noise.rotation: missing: write e.g. "20 urad"' in told
+
+
+def test_what_the_file_leaves_open_is_noted(load):
+    text = CMM.replace("\nat = [0, 0, 25]", "")
+    assert text != CMM
+    (note,) = load(text).notes
+    assert note == "rotation 1: the file gives no position `at` of the turn, so home's was taken"
+    assert load_measurements("cmm").notes == ()

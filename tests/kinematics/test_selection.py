@@ -2,9 +2,12 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.spatial.transform import RigidTransform
 
 from kinematics import MotionError, load_machine
 from kinematics.catalogue import Actuator, Joint, load_actuators, load_joints
+from kinematics.dynamics import forces
+from kinematics.motion import motion_of_poses
 from kinematics.needs import ActuatorNeed, AxisMotion, JointNeed, actuator_need, joint_need
 from kinematics.selection import select_parts
 
@@ -129,13 +132,13 @@ def _motion(**changed):
     ("wrong", "message"),
     [
         (lambda: ActuatorNeed(stroke=-1.0), "needed stroke -1000 mm"),
-        (lambda: ActuatorNeed(force=float("nan")), "needed force nan N"),
+        (lambda: ActuatorNeed(force=float("nan")), "needed force must be one finite number"),
         (lambda: JointNeed(tilt=0.0), "needed tilt 0 deg"),
         (lambda: select_parts(load_actuators(), ActuatorNeed()), "nothing is needed"),
         (lambda: select_parts(load_actuators(), CHAPTER_2, "price"), 'no criterion "price"'),
         (lambda: select_parts(load_actuators(), JointNeed(tilt=0.1)), "actuators have no tilt"),
         (lambda: _motion(q=[[np.nan]]), "q must be finite"),
-        (lambda: _motion(qd=[[0.0, 1.0]]), "qd has 2 axes, q has 1"),
+        (lambda: _motion(qd=[[0.0, 1.0]]), r"qd is \(1, 2\), q is \(1, 1\)"),
         (lambda: actuator_need([]), "at least one motion"),
         (lambda: actuator_need([_motion(), _motion(force=[[1.0]])]), "1 of 2 motions have forces"),
     ],
@@ -150,3 +153,20 @@ def test_catalogue_of_the_machine_that_was_built():
     chosen = select_parts(load_actuators(), CHAPTER_2).feasible[0].part
     axis = load_machine("hexapod").axes[0]
     assert (chosen.stroke, chosen.force) == (axis.travel[1], axis.max_force)
+
+
+@pytest.mark.parametrize(("stroke", "does"), [(50.8e-3, True), (np.nextafter(50.8e-3, 1), True), (50.801e-3, False)])
+def test_a_stroke_that_is_needed_exactly_is_offered(stroke, does):
+    """One unit of the last place is the rounding of max − min, not a longer stroke."""
+    part = Actuator("exact", 1, stroke=50.8e-3)
+    assert bool(select_parts([part], ActuatorNeed(stroke=stroke)).feasible) is does
+
+
+def test_motions_and_forces_say_what_they_need_themselves():
+    machine = load_machine("hexapod")
+    pose = machine.home * RigidTransform.from_translation([[0, 0, 0.01], [0.01, 0, 0.02]])
+    motion = motion_of_poses(machine, pose, [0.01, 0, 0, 0, 0, 0])
+    pushed = forces(machine, motion, wrench=[0, 0, -50, 0, 0, 0])
+    plain = actuator_need([AxisMotion(motion.q, motion.qd, pushed.force)])
+    assert actuator_need([pushed]) == plain
+    assert actuator_need([motion]) == ActuatorNeed(stroke=plain.stroke, speed=plain.speed)

@@ -91,7 +91,7 @@ def test_a_step_of_exactly_a_fifth_is_allowed():
     [
         (lambda: Leadscrew(0.0, 0.02, 1.0), "leadscrew: lead 0.0 must be positive"),
         (lambda: Leadscrew(0.005, 0.02, 1.0, 1.2), "efficiency 1.2"),
-        (lambda: Leadscrew(0.005, float("nan"), 1.0), "diameter nan"),
+        (lambda: Leadscrew(0.005, float("nan"), 1.0), "diameter must be one finite number"),
         (lambda: Slide(20.0, -1.0), "friction -1.0 must be zero or more"),
         (lambda: Slide(20.0, 0.0, 1.5), "lift 1.5"),
         (lambda: StepMotor(0.03, 1e-4, pull_out=((0, 1.0),)), "two or more"),

@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import RigidTransform, Rotation
 
-from kinematics import load_machine
+from kinematics import OutOfReach, load_machine
 
 
 def test_the_tripod_hangs_and_holds_its_plate():
@@ -16,3 +17,11 @@ def test_the_tripod_hangs_and_holds_its_plate():
     )
     pulse = tripod.axes[0].pulse
     assert 1e-3 / pulse == pytest.approx(500 * 50, rel=1e-12)  # counts per mm, step pulses per count [KMITL 2005]
+
+
+@pytest.mark.parametrize("turn", [[0.3, 0.0, 0.0], [0.0, -0.2, 0.01], [0.01, 0.0, 0.1]])
+def test_the_largest_of_what_is_off_is_named(turn):
+    tripod = load_machine("tripod")
+    name, value = ("rx", "ry", "rz")[int(np.argmax(np.abs(turn)))], np.rad2deg(max(turn, key=abs))
+    with pytest.raises(OutOfReach, match=f"holds {name}: pose 0 has {name} {value:.6g} deg off home"):
+        tripod.inverse(RigidTransform.from_components(tripod.home.translation, Rotation.from_rotvec(turn)))

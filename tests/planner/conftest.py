@@ -58,3 +58,20 @@ def rodrigues():
         return np.eye(3) + np.sin(angles) * cross + (1 - np.cos(angles)) * (cross @ cross)
 
     return matrices
+
+
+@pytest.fixture(scope="session")
+def seven_segments():
+    """(length, speed, acceleration, jerk) -> least rest-to-rest time, by which limits the motion reaches."""
+
+    def time(length, speed, acceleration, jerk):
+        a = min(acceleration, np.sqrt(speed * jerk))  # reached on the way to V
+        if length >= speed * (speed / a + a / jerk):
+            return length / speed + speed / a + a / jerk  # V is reached
+        a = acceleration
+        top = (np.sqrt(a**4 / jerk**2 + 4 * a * length) - a**2 / jerk) / 2  # of a motion that reaches A but not V
+        if top >= a**2 / jerk:
+            return 2 * (top / a + a / jerk)
+        return 4 * np.cbrt(length / (2 * jerk))  # neither
+
+    return time

@@ -188,7 +188,7 @@ def test_enclosures_shrink_with_their_cells(hexapod, rodrigues):
     path = path_of(hexapod, moves(rodrigues)["arc"].segment)
     trajectory = loose_motion(path, np.random.default_rng(1), 10)
     overshoot = []
-    for cells in (whole(trajectory), whole(trajectory).halves().halves()):
+    for cells in (whole(trajectory), whole(trajectory).parts(4)):
         low, high = bounds(enclose(trajectory, cells, 6).qddd, len(cells.k))
         share = np.linspace(0, 1, 101)[:, None]
         state = trajectory.within(np.tile(cells.k, 101), (cells.lo + share * (cells.hi - cells.lo)).ravel())

@@ -18,6 +18,7 @@ from planner.limits import limits_of
 from planner.limits.acceleration import Acceleration
 from planner.limits.jerk import Jerk
 from planner.limits.speed import Speed
+from planner.place import Place
 from planner.trajectory import Trajectory
 
 
@@ -101,9 +102,10 @@ class Lorentz:
     names = ("spike", "free")
     breaks = np.array([-1.0, 1.0])
     dwells = np.zeros(2)
+    tool, end_speeds = None, (0.0, 0.0)
 
     def __init__(self, place, width):
-        self.place, self.width = place, width
+        self.centre, self.width = place, width
 
     def stops(self, order):
         return np.ones(2, bool)
@@ -111,8 +113,11 @@ class Lorentz:
     def segment(self, piece):
         return None
 
+    def place(self, s, piece, t=None, axis=""):
+        return Place(s, None, t, axis)
+
     def derivatives(self, s, piece):
-        x = np.repeat(((s - self.place) / self.width)[:, None], 2, 1)
+        x = np.repeat(((s - self.centre) / self.width)[:, None], 2, 1)
         q, w = 1 / (1 + x * x), self.width
         return q, -2 * x * q**2 / w, (6 * x**2 - 2) * q**3 / w**2, 24 * x * (1 - x**2) * q**4 / w**3
 
@@ -122,7 +127,7 @@ class Lorentz:
     pose_derivatives = pose_numbers
 
     def enclose(self, s, piece):
-        x = ((s - self.place) * (1 / self.width))[:, None]
+        x = ((s - self.centre) * (1 / self.width))[:, None]
         with np.errstate(invalid="ignore"):  # unbounded where the cell is too wide for a bound
             return 1.0 / (1.0 + x * x) * np.ones((1, 2)), None
 
@@ -188,7 +193,7 @@ def test_a_plan_two_millionths_beyond_a_limit_does_not_hold(hexapod, planned, or
     fields = {"speed": "max_speed", "acceleration": "max_acceleration", "jerk": "max_jerk"}
     for limit in plan.limits:
         if limit.name in fields:
-            field, use = fields[limit.name], dense_use(plan.trajectory, limit).max()
+            field, use = fields[limit.name], dense_use(plan.trajectory, limit, 65).max()
             lowered = [replace(axis, **{field: getattr(axis, field) * use / (1 + 2e-6)}) for axis in hexapod.axes]
             certificate = certify(plan.trajectory, limits_of(plan.path, lowered, order))
             assert not certificate.holds
@@ -312,14 +317,16 @@ def dense_use(trajectory, limit, points=9):
 def test_use_dominates_dense_samples_of_every_piece(planned, program, order):
     """All limits of a plan, tilt, travel and tool speed among them.
 
-    The whole's worst is within 1e-6 of the largest sample: the certificate's own 5e-7, and what lies between samples.
+    The whole's worst is near the largest sample: as tight as the limit asks (5e-7, a distance 1e-3), and 5e-7 for what
+    lies between samples.
     """
     plan = planned(program, order)
     for limit in plan.limits:
-        sampled, use = dense_use(plan.trajectory, limit), plan.certificate.use[limit.name]
+        sampled, use = dense_use(plan.trajectory, limit, 9 if order == 2 else 65), plan.certificate.use[limit.name]
         moves = np.diff(plan.trajectory.knots) > 0
         assert (use[moves] >= sampled[moves] - 1e-12).all(), limit.name
-        assert sampled.max() - 1e-12 <= plan.certificate.worst[limit.name] <= sampled.max() + 1e-6, limit.name
+        near = sampled.max() + limit.tight(sampled.max()) + 5e-7
+        assert sampled.max() - 1e-12 <= plan.certificate.worst[limit.name] <= near, limit.name
 
 
 @pytest.mark.parametrize("order", [2, 3])
@@ -328,8 +335,8 @@ def test_what_is_attained_is_really_met(planned, order):
     plan = planned("bare-circle", order)
     for limit in plan.limits:
         attained = plan.certificate.attained[limit.name]
-        # starts, middles and ends of pieces are among the samples; halves of halves lie between them
-        assert attained.max() <= dense_use(plan.trajectory, limit).max() + 1e-9, limit.name
+        # ends and middles of pieces, and of their eighths, are among the samples; what is cut finer lies between
+        assert attained.max() <= dense_use(plan.trajectory, limit, 129).max() + 1e-9, limit.name
         assert (attained <= plan.certificate.use[limit.name] + 1e-12).all(), limit.name
 
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics import Hexapod, MotionError
-from planner import Arc, Blend, Dwell, Line, Program, Turn
+from planner import Arc, Dwell, Line, Program, Spline, Turn
 from planner.path.chain import chain
 from planner.plan import actuate
 
@@ -90,6 +90,36 @@ def test_an_arc_ends_where_its_angle_says(hexapod, angle, end):
     path = drawn(hexapod, Arc(UP, [0, 0, 1], np.deg2rad(angle)))
     offset = (along(path)[1][-1] - hexapod.home.translation) * 1e3
     assert offset == pytest.approx([*end, 25], abs=1e-12)
+
+
+@settings(max_examples=30, deadline=None)
+@given(angle=angles, rise=st.floats(-0.05, 0.05), normal=directions)
+def test_a_helix_climbs_in_proportion_to_its_angle(hexapod, rodrigues, angle, rise, normal):
+    """Length √((rφ)² + h²), curvature r φ²/L², torsion h φ/L²: analytic, from its derivatives by path length."""
+    unit = normal / np.linalg.norm(normal)
+    u = np.cross(unit, [1.0, 0, 0] if abs(unit[0]) < 0.8 else [0, 1.0, 0])
+    u *= 0.012 / np.linalg.norm(u)
+    centre = np.array([0.01, -0.02, 0.03])
+    pose = RigidTransform.from_components(centre + u, Rotation.identity())
+    path = drawn(hexapod, Arc(centre, normal, angle, rise=rise), start=pose)
+    length = np.hypot(0.012 * angle, rise)
+    s, position, _ = along(path)
+    assert s[-1] == pytest.approx(length, rel=1e-13)
+    share = (s / length)[:, None]
+    drawn_by_hand = centre + rodrigues(unit, angle * s / length) @ u + share * rise * unit
+    assert np.abs(position - hexapod.home.translation - drawn_by_hand).max() < 1e-14
+    _, p1, p2, p3 = (x[:, :3] for x in path.pose_derivatives(s, np.zeros(len(s), int)))
+    assert np.abs(np.linalg.norm(p1, axis=1) - 1).max() < 1e-12
+    curvature = 0.012 * angle**2 / length**2
+    assert np.linalg.norm(p2, axis=1) == pytest.approx(curvature, rel=1e-9)
+    torsion = (np.cross(p1, p2) * p3).sum(1) / (p2**2).sum(1)
+    assert torsion == pytest.approx(rise * angle / length**2, rel=1e-9, abs=1e-9)
+
+
+def test_a_helix_ends_where_its_rise_says_and_the_path_goes_on_there(hexapod):
+    path = drawn(hexapod, Arc(UP, [0, 0, 2], np.deg2rad(-450), rise=-0.003), Line([0, 0, 0.022]))
+    assert (along(path, 0)[1][-1] - hexapod.home.translation) * 1e3 == pytest.approx([0, -15, 22], abs=1e-12)
+    assert path.breaks[-1] - path.breaks[1] == pytest.approx(0.015, rel=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -218,8 +248,16 @@ def test_tool_speed_caps_belong_to_their_segment(hexapod):
         ([Arc(RIM.translation, [0, 0, 1], 1.0)], ["segment 1, arc", "on the arc's centre", "[15, 0, 25] mm", "beside"]),
         ([Turn(Rotation.identity())], ["segment 1, turn", "reached already", "leave it out"]),
         (
-            [Line([0, 0, 0.03], join=Blend(1e-4)), Line([0, 0, 0.02])],
-            ["segment 1, line", "blends are not built yet", 'join = "stop"'],
+            [Dwell(0.1), Spline([RIM.translation, [0, 0, 0.02]])],
+            ["segment 2, spline", "point 1 is where the path stands", "[15, 0, 25] mm"],
+        ),
+        (
+            [Spline([[0, 0, 0.025], [0.01, 0, 0.025], [-0.01, 0, 0.025], [0.01, 1e-4, 0.025]])],
+            ["segment 1, spline", "turns back", "add points"],
+        ),
+        (
+            [Spline([[0, 0, 0.025], [0, 0.01, 0.025]], Rotation.from_euler("z", [[90], [-60]], degrees=True))],
+            ["segment 1, spline", "point 2 turns by 150° from point 1", "at most 120°"],
         ),
         ([Dwell(1.0)], ["nothing moves", "add a line"]),
     ],

@@ -51,6 +51,8 @@ def test_an_arc_s_normal_becomes_a_unit_vector(normal):
         (lambda: Dwell(0.0), "duration 0.0 s"),
         (lambda: Dwell(math.nan), "duration nan s"),
         (lambda: Blend(0.0), "tolerance 0.0 m"),
+        (lambda: Blend(1e-3, 0.0), "angle 0.0 rad"),
+        (lambda: Arc([0, 0, 0], [0, 0, 1], 1.0, rise=math.inf), "rise inf m"),
         (lambda: Program(()), "is empty"),
         (lambda: Program((Dwell(1.0),), frame="tool"), 'frame "tool" is neither'),
     ],

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from kinematics.errors import FileError, MotionError
 from planner.files import load_program, program_names
-from planner.program import Arc, Blend, Dwell, Line, Stop, Turn
+from planner.program import Arc, Blend, Dwell, Line, Stop, Through, Trigger, Turn
 
 CIRCLE = (files("planner") / "presets" / "circle.toml").read_text(encoding="utf-8")
 TOP = 'schema = 1\nlength = "mm"\nangle = "deg"\n'
@@ -125,6 +125,145 @@ dwell = "20 ms"
     assert (turn.join, dwell.duration) == (Stop(), 0.02)
 
 
+def test_splines_helices_and_what_joins_may_be(load):
+    text = f"""{TOP}
+[[segment]]
+spline = {{ through = [[1, 2, 3], ["1 in", 0, 0]], rotate = [[0, 0, 5], [0, "0.1 rad", 0]] }}
+speed = "3 mm/s"
+join = {{ blend = 0.05, angle = 0.5 }}
+[[segment]]
+spline = {{ through = [[0, 0, 0]] }}
+join = "through"
+[[segment]]
+arc = {{ centre = [0, 2, 3], normal = [0, 0, 2], angle = 720, rise = -4 }}
+"""
+    spline, point, arc = load(text).segments
+    np.testing.assert_allclose(spline.through, [[1e-3, 2e-3, 3e-3], [0.0254, 0, 0]], rtol=1e-15)
+    np.testing.assert_allclose(spline.rotate.as_rotvec(), [[0, 0, np.deg2rad(5)], [0, 0.1, 0]], atol=1e-15)
+    assert (spline.speed, spline.join) == (0.003, Blend(0.05e-3, np.deg2rad(0.5)))
+    assert (point.rotate, point.join, point.through.shape) == (None, Through(), (1, 3))
+    assert (arc.angle, arc.rise, arc.join) == (4 * np.pi, -0.004, Stop())
+
+
+def test_faults_of_splines_stand_with_their_lines(load):
+    text = f"""{TOP}
+[[segment]]
+spline = {{ through = [
+  [1, 2, 3], [4, 5, 6], [4, 5, 6],
+] }}
+[[segment]]
+spline = {{ through = [[1, 2, 3]], rotate = [[0, 0, 5], [0, 0, 0]] }}
+join = {{ blend = 0.05, angle = 0 }}
+[[segment]]
+spline = {{ through = [] }}
+join = "thru"
+[[segment]]
+arc = {{ centre = [0, 2, 3], normal = [0, 0, 2], angle = 720, rise = "3 deg" }}
+"""
+    with pytest.raises(FileError) as refusal:
+        load(text)
+    found = [(fault.key, fault.message) for fault in refusal.value.faults]
+    expected = [
+        ("segment[1].spline.through", "points 2 and 3 are the same; leave one of them out"),
+        ("segment[2].spline", "2 orientations in rotate for 1 points in through: give one for each, or none"),
+        ("segment[2].join.angle", "must be"),
+        ("segment[3].spline.through", "at least one point"),
+        ("segment[3].join", 'write "stop", "through" or { blend'),
+        ("segment[4].arc.rise", "deg"),
+    ]
+    assert [key for key, _ in found] == [key for key, _ in expected]
+    for (_, message), (_, phrase) in zip(found, expected, strict=True):
+        assert phrase in message
+    first = text.split("\n").index("spline = { through = [") + 1
+    assert refusal.value.faults[0].line == first
+
+
+def test_tool_work_repeat_triggers_and_speeds(load):
+    program = load(f"""{TOP}tool = {{ to = [0, 0, -50], rotate = [10, 20, 30] }}
+work = {{ to = ["1 in", 0, 2] }}
+repeat = 3
+start_speed = "5 mm/s"
+end_speed = "0 mm/s"
+[[segment]]
+line = {{ to = [1, 2, 3] }}
+speed = "10 mm/s"
+speed_constant = true
+trigger = "laser"
+[[segment]]
+arc = {{ centre = [0, 2, 3], normal = [0, 0, 2], angle = 5 }}
+trigger = {{ name = "half", at = 0.5 }}
+[[segment]]
+turn = {{ to = [0, 0, 0] }}
+trigger = {{ name = "turned" }}
+""")
+    np.testing.assert_allclose(program.tool.translation, [0, 0, -0.05])
+    np.testing.assert_allclose(program.tool.rotation.as_matrix(), moving_axes(10, 20, 30), atol=1e-15)
+    np.testing.assert_allclose(program.work.as_matrix()[:3, 3], [0.0254, 0, 0.002])
+    assert (program.repeat, program.start_speed, program.end_speed) == (3, 0.005, 0.0)
+    line, arc, turn = program.segments
+    assert (line.speed, line.speed_constant, line.trigger) == (0.01, True, Trigger("laser", 1.0))
+    assert (arc.speed, arc.speed_constant, arc.trigger) == (None, False, Trigger("half", 0.5))
+    assert turn.trigger == Trigger("turned", 1.0)
+    plain = load(TOP + "[[segment]]\nline = { to = [1, 2, 3] }\n")
+    assert (plain.tool, plain.work, plain.repeat, plain.start_speed, plain.end_speed) == (None, None, 1, 0.0, 0.0)
+    assert (plain.segments[0].speed_constant, plain.segments[0].trigger) == (False, None)
+
+
+BAD_FEATURES = f"""{TOP}tool = {{ too = [0, 0, 1] }}
+work = [0, 0, 1]
+repeat = 0
+start_speed = "-1 mm/s"
+end_speed = 3
+[[segment]]
+line = {{ to = [1, 2, 3] }}
+speed_constant = true
+trigger = ""
+[[segment]]
+line = {{ to = [1, 2, 4] }}
+speed = "1 mm/s"
+speed_constant = 1
+trigger = {{ name = "a", at = 1.5 }}
+[[segment]]
+turn = {{ to = [0, 0, 0] }}
+speed_constant = true
+trigger = 3
+[[segment]]
+turn = {{ to = [0, 0, 1] }}
+trigger = {{ at = 0.5 }}
+[[segment]]
+dwell = "1 s"
+trigger = "late"
+"""
+
+
+def test_faults_of_these_keys_have_their_lines(load):
+    with pytest.raises(FileError) as refusal:
+        load(BAD_FEATURES)
+    assert [(fault.line, fault.key) for fault in refusal.value.faults] == [
+        (4, "tool.too"),
+        (5, "work"),
+        (6, "repeat"),
+        (7, "start_speed"),
+        (8, "end_speed"),
+        (11, "segment[1].speed_constant"),
+        (12, "segment[1].trigger"),
+        (16, "segment[2].speed_constant"),
+        (17, "segment[2].trigger.at"),
+        (20, "segment[3].speed_constant"),
+        (21, "segment[3].trigger"),
+        (24, "segment[4].trigger.name"),
+        (27, "segment[5].trigger"),
+    ]
+    text = str(refusal.value)
+    for phrase in (
+        'too: unknown key, nearest is "to"; valid keys: to, rotate',
+        'asks for a speed: add e.g. speed = "20 mm/s"',
+        "empty: give the name of the output line or event",
+        "trigger: unknown key; valid keys: dwell",
+    ):
+        assert phrase in text
+
+
 BAD = """\
 schema = 1
 lenght = "mm"
@@ -201,8 +340,8 @@ def test_every_fault_is_reported_in_one_pass(load):
         'nearest is "speed"',
         "nan: not a finite number",
         '30: a number without a unit: write e.g. "20 mm/s"',
-        '"halt" is not a join: write "stop" or { blend = "0.05 mm" }',
-        "line and dwell exclude each other: give line or arc or turn or dwell",
+        '"halt" is not a join: write "stop", "through" or { blend = "0.05 mm" }',
+        "line and dwell exclude each other: give line or arc or spline or turn or dwell",
     ):
         assert phrase in text
 

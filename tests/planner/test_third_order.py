@@ -16,8 +16,9 @@ from planner.solve import fastest
 from planner.timing import run as runs
 from planner.timing import third_order as solver_module
 from planner.timing.patience import Patience
+from planner.timing.posing import jerk_problem
 from planner.timing.problem import Run
-from planner.timing.run import attempt, jerk_problem
+from planner.timing.run import attempt
 from planner.timing.third_order import third_order
 from planner.trajectory import Trajectory
 
@@ -51,28 +52,13 @@ def limits_on(path, speed, acceleration, jerk):
     return limits_of(path, axes, 3)
 
 
+def solved(path, limits):
+    """By the general solver, straight or not."""
+    problem, start = jerk_problem(path, limits, Run(0, 0))
+    return third_order(problem, start.on(problem.s))
+
+
 CURVE = {"speed": 0.6, "acceleration": 1.5, "jerk": 8.0}
-
-
-def seven_segments(length, speed, acceleration, jerk):
-    """Least rest-to-rest time under |v| ≤ V, |a| ≤ A, |j| ≤ J, by which limits the motion reaches."""
-    a = min(acceleration, np.sqrt(speed * jerk))  # reached on the way to V
-    if length >= speed * (speed / a + a / jerk):
-        return length / speed + speed / a + a / jerk  # V is reached
-    a = acceleration
-    top = (np.sqrt(a**4 / jerk**2 + 4 * a * length) - a**2 / jerk) / 2  # of a motion that reaches A but not V
-    if top >= a**2 / jerk:
-        return 2 * (top / a + a / jerk)
-    return 4 * np.cbrt(length / (2 * jerk))  # neither
-
-
-def test_the_reference_keeps_what_it_says():
-    """Its regimes meet: at their borders the closed forms agree, and the motion with J alone covers L = 2 J (T/4)³."""
-    v, a, j = 0.7, 1.3, 9.0
-    for length in (v * (v / a + a / j), 2 * a**3 / j**2):
-        below, above = seven_segments(length * (1 - 1e-12), v, a, j), seven_segments(length * (1 + 1e-12), v, a, j)
-        assert below == pytest.approx(above, rel=1e-10)
-    assert 2 * j * (seven_segments(1e-3, v, a, j) / 4) ** 3 == pytest.approx(1e-3)
 
 
 REGIMES = pytest.mark.parametrize(
@@ -104,10 +90,10 @@ def test_the_grid_rises_from_end_to_end(length, speed, acceleration, jerk):
 
 
 @REGIMES
-def test_a_line_takes_its_seven_segment_time(length, speed, acceleration, jerk):
+def test_a_line_takes_its_seven_segment_time(length, speed, acceleration, jerk, seven_segments):
     """240 intervals of constant jerk do not hit the seven segments' corners exactly: within 1e-3, and never faster."""
     path = line(length)
-    profile = attempt(path, limits_on(path, speed, acceleration, jerk), Run(0, 0), 3).profile
+    profile = solved(path, limits_on(path, speed, acceleration, jerk))
     time = seven_segments(length, speed, acceleration, jerk)
     assert time * (1 - 1e-6) <= profile.duration <= time * (1 + 1e-3)
 
@@ -272,6 +258,7 @@ def test_without_solvers_the_averaged_motion_holds_its_certificate(monkeypatch, 
     limits = limits_on(path, **CURVE)
     best = fastest(path, limits, 3)
     monkeypatch.setattr(runs, "third_order", failing("fatrop", "ipopt"))
+    monkeypatch.setattr(runs, "straight", lambda problem: None)
     found = fastest(path, limits, 3)
     assert found.methods == ("averaged",)
     assert found.certificate.holds
@@ -285,11 +272,11 @@ def test_without_solvers_the_averaged_motion_holds_its_certificate(monkeypatch, 
 
 
 @pytest.mark.parametrize("missing", [["speed"], ["acceleration"], ["speed", "acceleration"]])
-def test_other_limits_may_be_missing(missing):
+def test_other_limits_may_be_missing(missing, seven_segments):
     """What is left bounds the motion, jerk alone too: the closed forms with the missing ones out of reach."""
     bounds = {"speed": 0.5, "acceleration": 1.0, "jerk": 10.0}
     path = line(1.0)
-    profile = attempt(path, limits_on(path, **(bounds | dict.fromkeys(missing))), Run(0, 0), 3).profile
+    profile = solved(path, limits_on(path, **(bounds | dict.fromkeys(missing))))
     time = seven_segments(1.0, **(bounds | dict.fromkeys(missing, 1e9)))
     assert time * (1 - 1e-6) <= profile.duration <= time * (1 + 1e-3)
 

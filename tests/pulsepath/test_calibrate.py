@@ -153,3 +153,20 @@ def test_what_leaves_nothing_to_say_is_reported_too(tmp_path, count, parts):
         assert len(record["observability"]["unseen"]) == 6
         assert "change no measured pose" in page
         assert "not seen apart" in page
+
+
+def test_what_the_machine_cannot_be_sent_to_is_bad_input(call, tmp_path):
+    """m instead of mm; and poses that the machine holds, of which a check is only left out."""
+    path = tmp_path / "metres.toml"
+    path.write_text('length = "m"\n' + "[[pose]]\ncommanded = [1, 2, 10, 0, 0, 0]\nmeasured = [1, 2, 10]\n" * 3)
+    far = call("calibrate", "hexapod", path, "--out", tmp_path / "o")
+    assert far.exit_code == 2
+    assert "metres.toml: pose 1: leg1 would stand" in far.stderr
+    held = call("calibrate", "linkage", "cmm", "--out", tmp_path / "o")
+    assert held.exit_code == 2
+    assert "pose 1 (6.2): machine linkage holds z" in held.stderr
+    assert not (tmp_path / "o").exists()
+    assert call("calibrate", "tripod", "cmm", "--out", tmp_path / "o").exit_code == 0
+    (skipped,) = json.loads((tmp_path / "o" / "calibration.json").read_text())["skipped_checks"]
+    assert skipped.startswith("rotation 1 (6.4): machine tripod holds ry")
+    assert skipped in (tmp_path / "o" / "report.html").read_text()

@@ -68,6 +68,50 @@ def test_plan_from_end_to_end(tmp_path):
     assert "jerk" not in written["certificate"]["limits"]
 
 
+MARKED = """\
+tool = { to = [0, 0, 40] }
+work = { to = [0, 0, 60] }
+start = [0, 0, 0]
+repeat = 2
+start_speed = "3 mm/s"
+[[segment]]
+line = { to = [0, 0, 3] }
+speed = "4 mm/s"
+speed_constant = true
+trigger = "top"
+[[segment]]
+line = { to = [0, 0, 0] }
+trigger = { name = "half", at = 0.5 }
+"""
+
+
+def test_triggers_repetitions_and_constant_speeds_are_told(call, tmp_path, program, monkeypatch):
+    import pulsepath.job
+
+    monkeypatch.setattr(pulsepath.job, "_tracked", lambda *_: ())  # of no interest here
+    done = call("plan", program(MARKED), "--order", "2", "--out", tmp_path / "o")
+    assert done.exit_code == 0
+    assert "1 (rep. 2)" in done.stdout
+    record = json.loads((tmp_path / "o" / "plan.json").read_text())
+    names = [(event["name"], event["where"]["segment"], event["where"]["repetition"]) for event in record["triggers"]]
+    assert names == [("top", 1, 1), ("half", 2, 1), ("top", 1, 2), ("half", 2, 2)]
+    rows = [line.split(",") for line in (tmp_path / "o" / "triggers.csv").read_text().splitlines()]
+    assert [float(row[3]) for row in rows[1:]] == [event["where"]["time_s"] for event in record["triggers"]]
+    assert [list(map(int, row[-6:])) for row in rows[1:]] == [
+        list(event["counts"].values()) for event in record["triggers"]
+    ]
+    # the tool stands 40 mm above the platform and 60 mm above its home: the platform 20 to 23 mm
+    heights = np.array([event["position_m"][2] for event in record["triggers"]])
+    assert np.ptp(heights - [3e-3, 1.5e-3, 3e-3, 1.5e-3]) < 1e-12
+    assert [(stretch["speed_m_s"], stretch["from"]["repetition"]) for stretch in record["constant_speeds"]] == [
+        (0.004, 1),
+        (0.004, 2),
+    ]
+    page = (tmp_path / "o" / "report.html").read_text()
+    assert '<h2 id="triggers">' in page
+    assert "2, run 2 times" in page
+
+
 @pytest.mark.usefixtures("planned")
 def test_plan_prints_the_figures_and_where_the_report_is(call, tmp_path, job):
     done = call("plan", "bare-circle", "--out", tmp_path / "o")
@@ -231,6 +275,28 @@ def test_a_feasible_path_tells_how_near_it_comes(call, job):
     table = call("check", "bare-circle").stdout
     assert "travel" in table
     assert f"{record['largest_use']['tilt']['ratio']:.6f}"[:6] in table
+
+
+def test_a_check_names_the_blends_and_what_cuts_them_short(call, tmp_path):
+    """Of the preset `blended` every blend has room; with a short segment in it, that one is named."""
+    record = json.loads(call("check", "blended", "--json").stdout)
+    assert [blend["segment"] for blend in record["blends"]] == [1, 2, 3, 4, 5]
+    for blend in record["blends"]:
+        assert blend["half_of_segments"] == []
+        assert blend["stop"] is None
+        share = max(blend["deviation_m"] / blend["tolerance_m"], blend["deviation_rad"] / blend["tolerance_rad"])
+        assert 0.9 <= share <= 1
+    short = tmp_path / "short.toml"
+    join = 'join = { blend = "0.05 mm" }'
+    lines = [
+        f'[[segment]]\nline = {{ to = ["{x} mm", "{y} mm", "25 mm"] }}\n{join}' for x, y in ((9, 0), (9, 0.1), (0, 0.1))
+    ]
+    dwell = '[[segment]]\ndwell = "1 s"'
+    back = '[[segment]]\nline = { to = ["0 mm", "0 mm", "25 mm"] }'
+    short.write_text("\n".join(["schema = 1", 'start = ["0 mm", "0 mm", "25 mm"]', *lines, dwell, back]))
+    table = call("check", short, "--machine", "hexapod").stdout
+    assert table.count("half of segment 2") == 2
+    assert "stops: a dwell" in table
 
 
 @pytest.mark.usefixtures("planned")

@@ -1,0 +1,123 @@
+"""Every case by every peer: the table to stdout, as CSV and as a figure."""
+
+import csv
+from argparse import ArgumentParser
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from benchmarks.compared import markdown
+from benchmarks.peers.case import Answer, Case, circle, spline, straight
+from benchmarks.peers.copp_adapter import copp
+from benchmarks.peers.ours import certified, general, ipopt, second
+from benchmarks.peers.ruckig_adapter import ruckig
+
+HEADER = (
+    "case", "order", "method", "intervals", "first call (s)", "again (s)", "duration (s)",
+    "speed", "acceleration", "jerk", "duration slowed to hold (s)", "remark",
+)  # fmt: skip
+# How near to the best certified duration counts as close.
+CLOSE = 1e-3
+MARKS = {
+    "ours": ("o", "C0"), "toppra": ("s", "C1"), "copp-py": ("^", "C2"), "ruckig": ("D", "C3"), "IPOPT": ("x", "C4"),
+}  # fmt: skip
+
+
+def answers() -> Iterator[Answer]:
+    for case in (circle(), spline()):
+        yield from _curved(case)
+    case = straight()
+    yield certified(case, 3)
+    yield general(case)
+    yield from ruckig(case)
+
+
+def _curved(case: Case) -> Iterator[Answer]:
+    yield certified(case, 2)
+    yield from second(case)
+    yield from copp(case, 2)
+    yield certified(case, 3)
+    yield ipopt(case)
+    yield from copp(case, 3)
+
+
+def cells(a: Answer) -> list[str]:
+    intervals = "" if a.intervals is None else str(a.intervals)
+    numbers = [f"{a.first:.4f}", f"{a.again:.4f}", f"{a.duration:.6f}", *(f"{use:.6f}" for use in a.worst)]
+    return [a.case, str(a.order), a.method, intervals, *numbers, f"{a.feasible:.6f}", a.note]
+
+
+def verdicts(found: Sequence[Answer]) -> Iterator[str]:
+    """Per curved case, how fast the peers come within a thousandth of the best order-3 motion that holds."""
+    for name in dict.fromkeys(a.case for a in found):
+        third = [a for a in found if a.case == name and a.order == 3]
+        ours, peers = third[0], [a for a in third if a.method.startswith("copp")]
+        durations = [a.feasible for a in third if a.feasible == a.feasible]
+        if not peers or not durations:
+            continue
+        best = min(durations)
+        yield (
+            f"{name}, order 3: best known {best:.6f} s; ours {100 * (ours.feasible / best - 1):.3f} % above it; "
+            f"building the problem, once per process: {max(0.0, ours.first - ours.again):.3f} s"
+        )
+        near = [a for a in peers if a.feasible <= best * (1 + CLOSE)]
+        if near:
+            fastest = min(near, key=lambda a: a.again)
+            yield (
+                f"  copp-py's fastest within {CLOSE:.1%}: {fastest.again:.3f} s ({fastest.method}, "
+                f"{fastest.intervals} intervals); ours with certificate {ours.again:.3f} s, "
+                f"{ours.again / fastest.again:.2f} of it"
+            )
+        else:
+            closest = min((a for a in peers if a.feasible == a.feasible), key=lambda a: a.feasible, default=None)
+            if closest is not None:
+                yield (
+                    f"  no copp-py run within {CLOSE:.1%}; the closest {100 * (closest.feasible / best - 1):.3f} % "
+                    f"above, in {closest.again:.3f} s; ours with certificate {ours.again:.3f} s"
+                )
+
+
+def figure(found: Sequence[Answer], path: Path) -> None:
+    """Duration above the best of its case and order, over wall time."""
+    from matplotlib import pyplot as plt
+
+    groups = list(dict.fromkeys((a.case, a.order) for a in found))
+    drawn, axes = plt.subplots(1, len(groups), figsize=(3.4 * len(groups), 3.6), layout="constrained")
+    for ax, (case, order) in zip(axes, groups, strict=True):
+        rows = [a for a in found if (a.case, a.order) == (case, order) and a.feasible == a.feasible]
+        best = min(a.feasible for a in rows)
+        for kind, (marker, colour) in MARKS.items():
+            of = [a for a in rows if a.method.startswith(kind)]
+            if of:
+                ax.plot(
+                    [a.again for a in of],
+                    [100 * (a.feasible / best - 1) + 1e-4 for a in of],
+                    marker,
+                    color=colour,
+                    label=kind,
+                    alpha=0.8,
+                )
+        ax.set(xscale="log", yscale="log", title=f"{case}, order {order}", xlabel="wall time (s)")
+        ax.title.set_fontsize(9)
+        ax.legend(fontsize=7)
+    axes[0].set_ylabel("slowed to hold: above the best (%, +1e-4)")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    drawn.savefig(path, dpi=110)
+    plt.close(drawn)
+
+
+def main() -> None:
+    parser = ArgumentParser(prog="python -m benchmarks.peers", description=__doc__)
+    parser.add_argument("--csv", type=Path, default=Path("docs/peers.csv"))
+    parser.add_argument("--figure", type=Path, default=Path("docs/images/peers.png"))
+    asked = parser.parse_args()
+    found = list(answers())
+    print(markdown(HEADER, map(cells, found)))
+    print(*verdicts(found), sep="\n")
+    asked.csv.parent.mkdir(parents=True, exist_ok=True)
+    with asked.csv.open("w", newline="") as file:
+        csv.writer(file).writerows([HEADER, *map(cells, found)])
+    figure(found, asked.figure)
+
+
+if __name__ == "__main__":
+    main()

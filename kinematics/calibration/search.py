@@ -1,0 +1,144 @@
+"""The search for the parameters of least error, and whether what it found is one."""
+
+import numpy as np
+
+from kinematics.array import Array
+from kinematics.calibration.measurements import POSITION
+from kinematics.calibration.parameters import XYZ
+from kinematics.calibration.prediction import Prediction
+from kinematics.errors import MotionError
+from kinematics.units import describe, everyday
+
+FIRST = 0.01
+"""Share of the machine's size by which the first step may change the parameters together."""
+EVALUATIONS = 5000
+CONVERGED = 1e-3
+"""Relative offset [Bates and Watts 1981] up to which a search counts as converged: along no parameter would the errors
+fall by more than this share of what is left of them, degree of freedom by degree of freedom."""
+NOTHING = 1e-10
+"""m or rad per component: smaller errors are none, so that they need not fall any further."""
+BLIND = 1e-9
+"""Share of the strongest effect below which a change of parameters has none: rounding."""
+
+
+def least_errors(prediction: Prediction, start: Array, weights: Array, chosen: np.ndarray, basis: Array) -> Array:
+    """The full vector (k,) of least Σ (weight · error)² in start + the span of basis (k, r), from start.
+
+    Errors are linear in the parameters as long as those change the machine little. So the trust region is a ball in
+    changes over the size of the machine (`_sizes`), whatever the data show of them: a combination that is hardly seen
+    asks for a long way, which the region lets it go in steps that the machine's own nonlinearity allows.
+    Raises MotionError where the search does not converge, and where it ends in what contradicts the machine.
+    """
+    from scipy.optimize import least_squares
+
+    if not basis.shape[1]:
+        return start
+    size = _sizes(prediction)[:, None]
+    columns = basis / size
+    steps = FIRST * size * np.linalg.qr(columns / np.linalg.norm(columns, axis=0))[0]
+    whole = float(np.linalg.norm((prediction.at(start)[0] * weights)[chosen])) or 1.0
+    latest: dict[bytes, tuple[Array, Array]] = {}
+
+    def evaluated(z: Array) -> tuple[Array, Array]:
+        key = z.tobytes()
+        if key not in latest:
+            error, jacobian = prediction.at(start + steps @ z)
+            latest.clear()  # the optimiser asks for the derivatives where it has just asked for the errors
+            latest[key] = (error * weights)[chosen] / whole, (jacobian * weights[:, None])[chosen] @ steps / whole
+        return latest[key]
+
+    def errors(z: Array) -> Array:
+        return evaluated(z)[0]
+
+    def derivatives(z: Array) -> Array:
+        return evaluated(z)[1]
+
+    found = least_squares(
+        errors,
+        np.zeros(steps.shape[1]),
+        jac=derivatives,
+        method="trf",  # takes errors that are no numbers for a step too far
+        xtol=1e-12,
+        ftol=1e-12,
+        gtol=None,  # gradients of what is hardly seen are small long before it is found
+        max_nfev=EVALUATIONS,
+    )
+    theta = np.asarray(start + steps @ found.x)
+    least = NOTHING * float(np.linalg.norm(np.broadcast_to(weights, chosen.shape)[chosen])) / whole
+    _refuse_outliers(prediction, theta, chosen)
+    if not _converged(errors(found.x), derivatives(found.x), least):
+        _refuse_unfinished(prediction, start, theta, chosen, used_up=found.status <= 0)
+    _refuse_displaced(prediction, theta)
+    return theta
+
+
+def _sizes(prediction: Prediction) -> Array:
+    """(k,) the change of each entry of the full vector that is as large as the machine: its characteristic length for
+    lengths, one for angles, and for factors what moves a sent coordinate by that."""
+    machine, vector = prediction.machine, prediction.vector
+    length = machine.characteristic_length
+    axes = np.array([length if axis.kind == "linear" else 1.0 for axis in machine.axes])
+    most = np.abs(prediction.sent).max(0)
+    sizes = np.full(vector.size, length)
+    sizes[vector.factors()] = axes / np.where(most > 0, most, axes)
+    sizes[vector.offsets()] = axes
+    sizes[vector.frame()][len(XYZ) :] = 1.0
+    return sizes
+
+
+def _converged(errors: Array, jacobian: Array, least: float) -> bool:
+    """Whether what the tangent plane still promises is small beside what it cannot remove, or is nothing anyway."""
+    change, _, rank, _ = np.linalg.lstsq(jacobian, errors, rcond=BLIND)
+    promised, spare = jacobian @ change, len(errors) - int(rank)
+    rest = float(np.linalg.norm(errors - promised)) * np.sqrt(rank / spare) if spare else 0.0
+    return bool(np.linalg.norm(promised) <= max(CONVERGED * rest, least))
+
+
+def _refuse_unfinished(prediction: Prediction, start: Array, theta: Array, chosen: np.ndarray, used_up: bool) -> None:
+    name = prediction.measurements.name
+    before, after = (1e6 * _rms(prediction.at(vector)[0], chosen) for vector in (start, theta))
+    progress = f"RMS position error {before:.6g} um at the start, {after:.6g} um at the end"
+    if used_up:
+        raise MotionError(
+            f"{name}: the search for the parameters did not converge in {EVALUATIONS} evaluations ({progress}): the "
+            "poses hardly show some of them; free fewer parameters, or measure poses that are farther apart"
+        )
+    raise MotionError(
+        f"{name}: the measurements contradict the machine {prediction.machine.name}: the search for parameters that "
+        f"explain them ended where a pose becomes singular or out of reach ({progress}); check units, signs and home "
+        "of the file, and that the machine is the one that was measured"
+    )
+
+
+def _rms(errors: Array, chosen: np.ndarray) -> float:
+    known = errors[:, POSITION][chosen[:, POSITION]]
+    return float(np.sqrt(np.mean(known**2))) if known.size else np.nan
+
+
+def _refuse_outliers(prediction: Prediction, theta: Array, chosen: np.ndarray) -> None:
+    """Raise MotionError where an error remains that is larger than the machine: that pose is none of it."""
+    machine, data = prediction.machine, prediction.measurements
+    length = machine.characteristic_length
+    left = np.abs(np.where(chosen, prediction.at(theta)[0], 0.0))[:, POSITION].max(1)
+    if left.max() > length:
+        raise MotionError(
+            f"{data.name}: {data.labels[int(left.argmax())]} contradicts the machine {machine.name}: with the best "
+            f"parameters it is {describe(left.max(), everyday('m'))} off, farther than the machine is large "
+            f"({describe(length, everyday('m'))}); check units, signs and home of the file, or leave that pose out"
+        )
+
+
+def _refuse_displaced(prediction: Prediction, theta: Array) -> None:
+    """Raise MotionError where joints move by more than the machine's size: no such machine was built from the file."""
+    vector, machine = prediction.vector, prediction.machine
+    length = machine.characteristic_length
+    moved = np.linalg.norm((theta - vector.nominal)[vector.joints()].reshape(-1, 3), axis=1)
+    if moved.size and moved.max() > length:
+        end, axis = divmod(int(moved.argmax()), len(vector.axes))
+        what = f"{('base', 'platform')[end]} joint of {vector.axes[axis]} {describe(moved.max(), everyday('m'))} away"
+        raise MotionError(
+            f"{prediction.measurements.name}: the measurements contradict the machine {machine.name}, or hardly show "
+            f"the parameters: they ask for the {what} from where its file has it, farther than the machine is large "
+            f"({describe(length, everyday('m'))}); check units and signs, measure poses that are farther apart, or "
+            "free fewer parameters"
+        )

@@ -1,0 +1,32 @@
+"""SI values as the texts of TOML files, which are read back as the same floats."""
+
+from collections.abc import Iterable
+from decimal import Decimal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+
+def quantity(value: float, unit: str, power: int = 0) -> str:
+    """The shortest text of an SI value in a unit 10^power times smaller; exact, as the point only moves."""
+    number = Decimal(repr(float(value))).scaleb(power).normalize()
+    return f'"{number:{"" if 0 < abs(number) < 1e-6 else "f"}} {unit}"'
+
+
+def millimetres(values: ArrayLike) -> str:
+    """An array of lengths."""
+    return vector(values, "mm", 3)
+
+
+def vector(values: ArrayLike, unit: str, power: int = 0) -> str:
+    return f"[{', '.join(quantity(value, unit, power) for value in np.asarray(values, float).tolist())}]"
+
+
+def plain(values: ArrayLike) -> str:
+    """An array of numbers without a unit."""
+    return f"[{', '.join(repr(value) for value in np.asarray(values, float).tolist())}]"
+
+
+def rows(texts: Iterable[str]) -> str:
+    """Arrays, one on each line."""
+    return "[" + "".join(f"\n    {text}," for text in texts) + "\n]"

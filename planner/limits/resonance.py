@@ -1,0 +1,73 @@
+"""Resonance of a stepper axis: bands of speed to keep below, or to cross within a stated time [Sasidhar 1981]."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from kinematics.array import Array
+from kinematics.axis import Axis
+from planner.actuation import Points
+from planner.limits.limit import AxisLimit, Motion, Quantity, Rows, Term
+
+# Room below a band where an axis is held: what lies between grid points must not touch the band.
+BELOW = 1e-3
+
+
+@dataclass(frozen=True, slots=True)
+class Band:
+    """low ≤ |q̇| ≤ high of axis number `axis`, in which no stay may last longer than `time` (s)."""
+
+    axis: int
+    low: float
+    high: float
+    time: float
+
+
+@dataclass(frozen=True, slots=True)
+class Held:
+    """|q̇| < low of a band from s = first to last, where the fastest motion stayed in the band too long."""
+
+    band: Band
+    first: float
+    last: float
+
+
+class Resonance(AxisLimit):
+    """An axis that states no time keeps |q̇| ≤ the lower edge of its first band: starting from rest, it stays below.
+
+    One that does may cross: `bands` are proved by how long each stay in them lasts (planner.stays), which no value at
+    an instant tells. Where the fastest motion stays too long, the axis is `held` below the band.
+    """
+
+    name, dimension = "resonance", "/s"
+    terms = frozenset({Term.SD})
+
+    def __init__(self, axes: Sequence[Axis], held: Sequence[Held] = ()) -> None:
+        below = [axis.resonance[0][0] if axis.resonance and axis.resonance_time is None else None for axis in axes]
+        super().__init__(axes, below)
+        self.axes, self.held = tuple(axes), tuple(held)
+        self.bands = tuple(
+            Band(n, *edges, axis.resonance_time)
+            for n, axis in enumerate(axes)
+            if axis.resonance_time is not None
+            for edges in axis.resonance or ()
+        )
+
+    @property
+    def binds(self) -> bool:
+        return super().binds or bool(self.bands)
+
+    def holding(self, more: Sequence[Held]) -> "Resonance":
+        """The same limit, held in more places."""
+        return Resonance(self.axes, (*self.held, *more))
+
+    def value(self, motion: Motion) -> Quantity:
+        return motion.qd
+
+    def rows(self, points: Points) -> Rows:
+        bound: Array = np.tile(self.bounds, (len(points.s), 1))
+        for each in self.held:
+            inside = (points.s >= each.first) & (points.s <= each.last)
+            bound[inside, each.band.axis] = np.minimum(bound[inside, each.band.axis], each.band.low * (1 - BELOW))
+        return Rows({Term.SD: points.derivatives[1]}, bound)

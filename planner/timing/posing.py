@@ -1,0 +1,177 @@
+"""A run's problem, posed: on which grid, and from which motion an order-3 solve starts."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from kinematics.array import Array
+from kinematics.errors import MotionError
+from planner.actuation import ActuatorPath
+from planner.limits.limit import Limit, Term
+from planner.timing.problem import Block, Problem, Run, grid, pose_problem
+from planner.timing.profile import Profile
+from planner.timing.second_order import TERMS as SECOND
+from planner.timing.second_order import second_order
+from planner.timing.smooth import Smoothed
+
+# Intervals of a run at least, for each piece in it, and for each radian that it turns; START is for the order-2 motion
+# that starts an order-3 solve.
+SECOND_ORDER, THIRD_ORDER, START = (1000, 50, 40), (160, 16, 15), (400, 20, 20)
+# At order 2 fewer do where the axes' directions q′ hardly change along a piece: so many for each change by the whole of
+# themselves, rounded up to one of a few sizes. Measured on lines of the hexapod: durations stay within 3e-4 of those on
+# 8000 intervals, since each interval at whose ends s̈ steps by a share of the largest is cut in so many.
+PER_CHANGE, FEWER = 2000, (250, 350, 500, 700)
+STEPS, PARTS = 0.2, 8
+# Points of a piece at which its directions are looked at.
+LOOKED = 17
+# Window of the average, as a share of what the run allows, where a gentle start finds no way between two speeds.
+BRIEF = 1e-2
+
+
+def order_2_problem(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> Problem:
+    """A run's rows on an even grid. Raises MotionError where nothing bounds the acceleration."""
+    few = _few(path, run)
+    placed = _grid(SECOND_ORDER, path, run) if few is None else grid(path, run, few)
+    problem = pose_problem(path, limits, *placed, run.speeds)
+    _need(problem, Term.SDD, "acceleration")
+    return problem
+
+
+def refined(path: ActuatorPath, limits: Sequence[Limit], problem: Problem, motion: Profile) -> Problem | None:
+    """A problem of few intervals, each about which s̈ steps cut in PARTS: it cannot step inside one, and that takes
+    time. None for the others.
+    """
+    if problem.intervals > max(FEWER):
+        return None
+    step = np.abs(np.diff(motion.a, prepend=0.0, append=0.0)) > STEPS * np.abs(motion.a).max()
+    count = np.where(step[:-1] | step[1:], PARTS, 1)
+    first = np.repeat(np.cumsum(count) - count, count)
+    share = (np.arange(count.sum()) - first) / np.repeat(count, count)
+    s = np.repeat(problem.s[:-1], count) + share * np.repeat(np.diff(problem.s), count)
+    return pose_problem(path, limits, np.append(s, problem.s[-1]), np.repeat(problem.piece, count), problem.speeds)
+
+
+def order_3_coarse(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> Problem:
+    """A run's rows on an even grid, to start from. Raises MotionError where nothing bounds the jerk."""
+    coarse = pose_problem(path, limits, *_grid(START, path, run), run.speeds)
+    _need(coarse, Term.SDDD, "jerk")
+    return coarse
+
+
+def jerk_problem(
+    path: ActuatorPath, limits: Sequence[Limit], run: Run, coarse: Problem | None = None
+) -> tuple[Problem, Smoothed]:
+    """The order-3 problem of a run, on a grid graded for it, and the averaged order-2 motion to start from."""
+    coarse = order_3_coarse(path, limits, run) if coarse is None else coarse
+    start = _smoothed(coarse)
+
+    def shares(intervals: int) -> Array:
+        places = start.spread(intervals) - coarse.s[0]
+        return np.asarray(np.clip(places / (coarse.s[-1] - coarse.s[0]), 0.0, 1.0))
+
+    return graded(path, limits, run, shares), start
+
+
+def graded(path: ActuatorPath, limits: Sequence[Limit], run: Run, shares: Callable[[int], Array]) -> Problem:
+    """The order-3 problem of a run on a grid whose points lie at such shares of it, for a number of intervals."""
+    spread = shares(_size(THIRD_ORDER, path, run))
+    return pose_problem(path, limits, *_grid(THIRD_ORDER, path, run, spread), run.speeds)
+
+
+def _grid(
+    rule: tuple[int, int, int], path: ActuatorPath, run: Run, spread: Array | None = None
+) -> tuple[Array, np.ndarray]:
+    """A run's grid by a rule, of which every piece by itself has its share."""
+    least = np.maximum(rule[1], rule[2] * path.turns[run.first : run.last + 1])
+    return grid(path, run, _size(rule, path, run), spread, least=least)
+
+
+def _size(rule: tuple[int, int, int], path: ActuatorPath, run: Run) -> int:
+    least, per_piece, per_radian = rule
+    turn = float(path.turns[run.first : run.last + 1].sum())
+    return max(least, per_piece * (run.last - run.first + 1), int(per_radian * turn))
+
+
+def _few(path: ActuatorPath, run: Run) -> int | None:
+    """Intervals that do for a run of one piece along which the axes' directions hardly change; None: the rule's."""
+    if run.first != run.last:
+        return None
+    start, end = run.breaks(path)
+    slope = path.derivatives(np.linspace(start, end, LOOKED), np.full(LOOKED, run.first))[1]
+    change = float(np.abs(np.diff(slope, axis=0)).max(1).sum() / np.abs(slope).max())
+    return min([size for size in FEWER if size >= PER_CHANGE * change], default=None)
+
+
+def _need(problem: Problem, term: Term, name: str) -> None:
+    if not any(np.any(block.start.get(term, 0.0)) for block in problem.blocks):
+        raise MotionError(
+            f"nothing bounds the motion: no axis that moves states a limit of {name}; "
+            "state one, or plan at another order"
+        )
+
+
+def _smoothed(coarse: Problem) -> Smoothed:
+    """The averaged order-2 motion over a run; begun and ended at a speed, of a shorter one."""
+    gentle, window = _second_order_start(coarse)
+    onward = sum(coarse.speeds)
+    if onward == 0:
+        return Smoothed(second_order(gentle), window)
+    whole = (coarse.s[-1] - coarse.s[0]) / onward
+    try:
+        return _averaged(gentle, min(window, whole))
+    except MotionError:
+        blocks = tuple(block for block in coarse.blocks if set(block.start) <= SECOND)
+        return _averaged(replace(coarse, blocks=blocks), BRIEF * whole)
+
+
+def _averaged(problem: Problem, window: float) -> Smoothed:
+    low = problem.s[0] + problem.speeds[0] * window / 2
+    high = problem.s[-1] - problem.speeds[1] * window / 2
+    sliver = 1e-9 * (high - low)
+    kept = np.flatnonzero((problem.s[1:] > low + sliver) & (problem.s[:-1] < high - sliver))
+    chosen = slice(kept[0], kept[-1] + 1)
+    s = problem.s[kept[0] : kept[-1] + 2].copy()
+    s[0], s[-1] = low, high
+    blocks = tuple(
+        Block(
+            block.name,
+            {term: values[chosen] for term, values in block.start.items()},
+            {term: values[chosen] for term, values in block.end.items()},
+            block.room[chosen],
+            block.middle,
+        )
+        for block in problem.blocks
+    )
+    return Smoothed(
+        second_order(replace(problem, s=s, piece=problem.piece[chosen], blocks=blocks)), window, problem.speeds
+    )
+
+
+def _second_order_start(problem: Problem) -> tuple[Problem, float]:
+    """The problem without its jerk rows, and the window A/J over which its motion is averaged.
+
+    A is the least of the limit on acceleration and what the jerk lets a motion reach before full speed, √(V J), or
+    halfway, (J² L/2)^⅓; speeds, accelerations and jerks are along the path, on average. It shapes the start only,
+    never the answer.
+    """
+    jerk, speed, push = _along(problem, Term.SDDD), _along(problem, Term.SD), _along(problem, Term.SDD)
+    reached = min(np.sqrt(speed * jerk), np.cbrt(jerk**2 * (problem.s[-1] - problem.s[0]) / 2))
+    if not np.isfinite(reached):
+        raise MotionError(
+            "nothing bounds the motion: no axis that moves states a limit of speed or acceleration; state one"
+        )
+    blocks = [block for block in problem.blocks if set(block.start) <= SECOND]
+    if reached < push:
+        size = np.full((problem.intervals, 1), 1 / reached)
+        blocks.append(Block("start", {Term.SDD: size}, {Term.SDD: size}, np.ones(problem.intervals), np.zeros(1)))
+    return replace(problem, blocks=tuple(blocks)), min(reached, push) / jerk
+
+
+def _along(problem: Problem, term: Term) -> float:
+    """How large a term may be along the path by itself, on average; ∞ where no row holds it."""
+    size = np.zeros(problem.intervals)
+    for block in problem.blocks:
+        if term in block.start:
+            np.maximum(size, np.abs(block.start[term]).max(1), out=size)
+    return 1 / float(size.mean()) if size.any() else float("inf")

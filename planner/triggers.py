@@ -1,0 +1,88 @@
+"""Triggers: when a motion comes by the positions that its program marks, and what every axis has counted by then."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from kinematics.array import frozen
+from kinematics.pose import Pose
+from planner.actuation import MachinePath
+from planner.place import Place
+from planner.program import Dwell, Program
+from planner.pulses import PulseSchedule
+from planner.trajectory import Trajectory
+
+# Halvings of an interval of time after which nothing of it is left to floats.
+HALVINGS = 64
+
+
+@dataclass(frozen=True, slots=True)
+class Triggered:
+    """A trigger's name and place (segment, repetition, s and t); there the platform's pose and the axes' counts (n,).
+
+    At a rest the time is that of the arrival.
+    """
+
+    name: str
+    where: Place
+    pose: Pose
+    counts: np.ndarray
+
+    @property
+    def time(self) -> float:
+        """s from the start of the motion."""
+        assert self.where.t is not None  # every trigger has one
+        return self.where.t
+
+
+def triggered(
+    program: Program, path: MachinePath, trajectory: Trajectory, pulses: PulseSchedule
+) -> tuple[Triggered, ...]:
+    """Every trigger of a program, in the order of its segments, repetition after repetition."""
+    events = {
+        number: segment.trigger
+        for number, segment in enumerate(program.segments, 1)
+        if not isinstance(segment, Dwell) and segment.trigger is not None
+    }
+    found = []
+    for first, last in _segments(path):
+        event = events.get(path.segment(first))
+        if event is None:
+            continue
+        low, high = path.breaks[first], path.breaks[last + 1]
+        s = float(high if event.at == 1 else low + event.at * (high - low))
+        t = arrival(trajectory, s)
+        state, counts = trajectory.at(t), pulses.counts(np.array([t]))[0]
+        assert state.pose is not None  # a machine's path has one
+        found.append(Triggered(event.name, path.place(s, first, t), state.pose[0], frozen(counts, np.int64)))
+    return tuple(found)
+
+
+def arrival(trajectory: Trajectory, s: float) -> float:
+    """The first time (s) at which the motion is at path length s, to rounding: s(t) never falls."""
+    breaks = trajectory.path.breaks
+    piece = int(np.searchsorted(breaks, s, side="left")) - 1
+    if piece < 0:
+        return 0.0
+    moving = (trajectory.v != 0) | (trajectory.a != 0) | (trajectory.j != 0)
+    there = np.flatnonzero(moving & (trajectory.piece == piece))
+    if s == breaks[piece + 1]:  # exactly its end, whatever rounding says of s there
+        return float(trajectory.knots[there[-1] + 1])
+    k = int(there[max(int(np.searchsorted(trajectory.s[there], s, side="right")) - 1, 0)])
+    low, high = 0.0, float(trajectory.knots[k + 1] - trajectory.knots[k])
+    for _ in range(HALVINGS):
+        middle = (low + high) / 2
+        low, high = (middle, high) if _at(trajectory, k, middle) < s else (low, middle)
+    return float(trajectory.knots[k]) + high
+
+
+def _at(trajectory: Trajectory, k: int, tau: float) -> float:
+    s, v, a, j = (float(values[k]) for values in (trajectory.s, trajectory.v, trajectory.a, trajectory.j))
+    return s + tau * (v + tau * (a / 2 + tau * j / 6))
+
+
+def _segments(path: MachinePath) -> list[tuple[int, int]]:
+    """First and last piece of every segment of every repetition."""
+    whose = np.array([(piece.segment, piece.repetition or 1) for piece in path.pieces])
+    starts = np.flatnonzero(np.concatenate([[True], (np.diff(whose, axis=0) != 0).any(1)]))
+    return list(zip(starts.tolist(), [*(starts[1:] - 1).tolist(), len(whose) - 1], strict=True))
