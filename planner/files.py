@@ -52,6 +52,7 @@ def load_program(name_or_path: str | PathLike[str]) -> Program:
         _pose(model.start),
         model.machine,
         Path(source.name).stem,
+        duration=model.duration,
         speed=model.speed,
         acceleration=model.acceleration,
         angular_speed=model.angular_speed,
@@ -287,6 +288,7 @@ class ProgramFile(File):
     length: Annotated[str, unit_of("m")] | None = None
     angle: Annotated[str, unit_of("rad")] | None = None
     frame: Frame = "home"
+    duration: Annotated[float, Unit("s", above=0)] | None = None
     start: Annotated[tuple[float, ...], chosen(_start_type)] | None = None
     speed: ToolSpeed | None = None
     acceleration: ToolAcceleration | None = None

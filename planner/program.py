@@ -200,6 +200,7 @@ class Program:
     tool     the tool's frame in the platform's: coordinates say where it goes, speeds are its own; None: the platform's
     work     the frame, in the program's, in which coordinates are given; None: the program's frame itself
     repeat   how often the segments are run, one time after the other, each from where the path stands
+    duration  s that the whole is to take, as smoothly as it can; None: as little as it can
     start_speed, end_speed  tool speed (m/s) with which the motion begins and ends; 0: at rest
     Raises MotionError for an empty program, an unknown frame, a count or a speed that is none.
     """
@@ -209,6 +210,7 @@ class Program:
     start: Pose | None = None
     machine: str | None = None
     name: str = "program"
+    duration: float | None = field(default=None, kw_only=True)
     speed: float | None = field(default=None, kw_only=True)
     acceleration: float | None = field(default=None, kw_only=True)
     angular_speed: float | None = field(default=None, kw_only=True)
@@ -229,6 +231,7 @@ class Program:
         for end, speed in (("start_speed", self.start_speed), ("end_speed", self.end_speed)):
             if not (isfinite(speed) and speed >= 0):
                 raise MotionError(f"program {self.name}: {end} {speed} m/s must be finite and not negative")
+        _positive(f"program {self.name}", "duration", self.duration, "s")
         _caps(self, f"program {self.name}")
 
     def cap(self, segment: Segment, name: str) -> float | None:

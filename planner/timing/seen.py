@@ -8,7 +8,6 @@ from kinematics.array import Array
 from planner.actuation import ActuatorPath
 from planner.limits.limit import Limit
 from planner.timing.profile import Profile
-from planner.trajectory import Trajectory
 
 # Instants of each time piece that are looked at: a parabola's peak between them is missed by 1/1024 of its height.
 LOOKED = np.linspace(0.0, 1.0, 33)
@@ -16,8 +15,7 @@ LOOKED = np.linspace(0.0, 1.0, 33)
 
 def seen(path: ActuatorPath, limits: Sequence[Limit], profile: Profile) -> dict[str, Array]:
     """The largest share (M,) of each limit on time that is met in each time piece."""
-    knots = np.append(0.0, np.cumsum(profile.h))
-    motion = Trajectory(path, knots, profile.s, profile.v, profile.a, profile.j, profile.piece)
+    motion = profile.along(path)
     k = np.repeat(np.arange(len(profile.h)), len(LOOKED))
     state = motion.within(k, (profile.h[:, None] * LOOKED).ravel())
     found = {}
