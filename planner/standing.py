@@ -1,4 +1,4 @@
-"""What no timing can help: reach, travel, tilt, clearance, holding still; proved along the path before solving."""
+"""What no timing can help: reach, control, travel, tilt, clearance, holding; proved along the path before solving."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -6,8 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from kinematics.errors import MotionError, OutOfReach
-from planner.actuation import ActuatorPath
+from planner.actuation import ActuatorPath, MachinePath
 from planner.certify import TOLERANCE, prove
+from planner.control import singular
 from planner.limits.limit import Limit
 from planner.path.join import Blended
 from planner.place import Infeasible, Place
@@ -41,6 +42,12 @@ def standing(path: ActuatorPath, limits: Sequence[Limit]) -> Standing:
         first = int(np.argmax(lost))
         place = path.place(float(state.s[first]), int(state.piece[first]))
         return Standing((OutOfReach(f"no actuator coordinates reach the path at {place}; bring it nearer"),), {})
+    if isinstance(path, MachinePath):
+        met = singular(path, np.append(along.s, path.breaks[-1]), along.piece)
+        if met is not None:
+            where = f"the pose at {path.place(*met)} is singular, or too near to one to be told from it"
+            lost_there = OutOfReach(f"{where}: the actuators do not hold the platform there; lead the path around it")
+            return Standing((lost_there,), {})
     use, _ = prove(along, geometric, 2)
     largest: dict[str, tuple[float, Place]] = {}
     found: dict[tuple[str, int, int], tuple[float, Infeasible]] = {}
