@@ -44,7 +44,7 @@ def refined(path: ActuatorPath, limits: Sequence[Limit], problem: Problem, motio
     """A problem of few intervals, each about which s̈ steps cut in PARTS: it cannot step inside one, and that takes
     time. None for the others.
     """
-    if problem.intervals > max(FEWER):
+    if problem.intervals not in FEWER:
         return None
     step = np.abs(np.diff(motion.a, prepend=0.0, append=0.0)) > STEPS * np.abs(motion.a).max()
     count = np.where(step[:-1] | step[1:], PARTS, 1)

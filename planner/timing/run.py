@@ -124,7 +124,7 @@ def _attempt(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int, 
         finer = refined(path, limits, problem, profile)
         if finer is not None:
             problem, profile = finer, second_order(finer)
-        return Attempt(problem, profile, "passes", order, floor(problem))
+        return Attempt(problem, profile, "passes", order, floor(problem, profile))
     coarse = order_3_coarse(path, limits, run)
     profile = straight(coarse)
     if profile is not None:
