@@ -6,9 +6,10 @@ from planner.bare import time_optimal
 from planner.baselines import Classical, classical
 from planner.certify import Certificate
 from planner.many import plan_many
+from planner.orientation import orient
 from planner.place import Infeasible, Place
 from planner.plan import Plan, check, plan
-from planner.program import Arc, Blend, Dwell, Line, Program, Spline, Stop, Through, Trigger, Turn
+from planner.program import Arc, Blend, Dwell, Free, Line, Program, Spline, Stop, Through, Trigger, Turn
 from planner.pulses import PulseSchedule
 from planner.solve import Solution
 from planner.standing import Standing
@@ -16,9 +17,10 @@ from planner.trajectory import State, Trajectory
 from planner.triggers import Triggered
 
 __all__ = [
-    "Arc", "Blend", "Certificate", "Classical", "Dwell", "Infeasible", "Line", "Place", "Plan", "Program",
+    "Arc", "Blend", "Certificate", "Classical", "Dwell", "Free", "Infeasible", "Line", "Place", "Plan", "Program",
     "PulseSchedule", "Solution", "Spline", "Standing", "State", "Stop", "Through", "Trajectory", "Trigger",
-    "Triggered", "Turn", "check", "classical", "load_program", "plan", "plan_many", "program_names", "time_optimal",
+    "Triggered", "Turn", "check", "classical", "load_program", "orient", "plan", "plan_many", "program_names",
+    "time_optimal",
 ]  # fmt: skip
 
 

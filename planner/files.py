@@ -21,6 +21,7 @@ from planner.program import (
     Blend,
     Dwell,
     Frame,
+    Free,
     Join,
     Line,
     Program,
@@ -30,8 +31,8 @@ from planner.program import (
     Through,
     Trigger,
     Turn,
-    repeats,
 )
+from planner.wanted import repeats
 
 PLAIN_UNITS = {"length": "m", "angle": "rad"}
 """The declarations that give plain numbers their unit, and the SI unit of each."""
@@ -153,6 +154,14 @@ class TriggerTable(Table):
     at: Annotated[float, Field(ge=0, le=1)] = 1.0
 
 
+class FreeTable(Table):
+    yaw: bool = False
+    tilt: Annotated[float, Unit("rad", least=0, most=1.57, plain="angle")] = 0.0
+
+
+FreeEntry = Annotated[
+    Literal["yaw"] | FreeTable, chosen(lambda value: FreeTable if isinstance(value, dict) else Literal["yaw"])
+]
 TriggerEntry = Annotated[Name | TriggerTable, chosen(_trigger_type)]
 
 
@@ -228,6 +237,11 @@ class Drawn(Entry):
     speed: ToolSpeed | None = None
     acceleration: ToolAcceleration | None = None
     speed_constant: Annotated[bool, AfterValidator(_with_speed)] = False
+    free: FreeEntry | None = None
+
+    @property
+    def freedom(self) -> Free | None:
+        return Free(self.free.yaw, self.free.tilt) if isinstance(self.free, FreeTable) else self.free and Free()
 
     @property
     def said(self) -> dict[str, Any]:
@@ -239,6 +253,7 @@ class Drawn(Entry):
             "angular_speed": self.angular_speed,
             "speed_constant": self.speed_constant,
             "trigger": self.event,
+            "free": self.freedom,
         }
 
 

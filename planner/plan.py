@@ -11,6 +11,7 @@ from planner.actuation import MachinePath
 from planner.certify import Certificate
 from planner.duration import within
 from planner.limits import Limit, limits_of
+from planner.orientation import oriented
 from planner.parallel import Progress
 from planner.path.chain import chain
 from planner.place import Infeasible
@@ -108,6 +109,7 @@ def plan(
     duration = program.duration if duration is None else duration
     if duration is not None and not 0 < duration < np.inf:
         raise MotionError(f"duration {duration} s must be positive and finite")
+    program = oriented(program, machine)
     path = actuate(program, machine)
     limits = limits_of(path, machine.axes, order)
     if duration is None:
@@ -147,5 +149,5 @@ def check(program: Program, machine: Machine) -> Standing:
 
     Raises MotionError for a path that cannot be drawn.
     """
-    path = actuate(program, machine)
+    path = actuate(oriented(program, machine), machine)
     return replace(standing(path, limits_of(path, machine.axes, 2)), blends=path.blends)

@@ -1,16 +1,16 @@
 """The program model: what the tool is asked to do, segment by segment, in SI units and in the program's own frame."""
 
 from dataclasses import dataclass, field, replace
-from math import isfinite
+from math import isfinite, pi
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from kinematics.array import Array, frozen
 from kinematics.errors import MotionError
 from kinematics.pose import Pose
+from planner.wanted import capped, direction, point, points, positive, repeats
 
 SAME = 1e-9
 """Points nearer than this are the same (m), angles likewise (rad)."""
@@ -40,8 +40,8 @@ class Blend:
     angle: float | None = None
 
     def __post_init__(self) -> None:
-        _positive("blend", "tolerance", self.tolerance, "m")
-        _positive("blend", "angle", self.angle, "rad")
+        positive("blend", "tolerance", self.tolerance, "m")
+        positive("blend", "angle", self.angle, "rad")
 
 
 Join = Stop | Through | Blend
@@ -62,6 +62,28 @@ class Trigger:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Free:
+    """Orientation that a segment leaves free: the turn about the tool's own z axis, and a tilt of that axis.
+
+    yaw       whether the turn is free
+    tilt      rad by which the axis may lean from where the program has it, any way; 0: not at all
+    controls  what was chosen, as `planner.path.free` has it; None: nothing yet
+    """
+
+    yaw: bool = True
+    tilt: float = 0.0
+    controls: Array | None = None
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.tilt < pi / 2:
+            raise MotionError(f"free: tilt {self.tilt} rad must not be negative, and be less than a right angle")
+        if not self.yaw and self.tilt == 0:
+            raise MotionError("free: leave yaw free, or a tilt, or both; else leave free out")
+        if self.controls is not None:
+            object.__setattr__(self, "controls", frozen(self.controls))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Line:
     """A straight line to a position.
 
@@ -72,6 +94,7 @@ class Line:
     acceleration, angular_speed  caps of the tool's acceleration, m/s², and of the platform's turning, rad/s
     speed_constant  exactly this speed, outside the shortest ramps at its ends
     trigger      an event along it
+    free         what of its orientation is left free, for `planner.orientation` to choose
     line_number  where it stands in its file, for messages
     """
 
@@ -83,11 +106,12 @@ class Line:
     angular_speed: float | None = field(default=None, kw_only=True)
     speed_constant: bool = field(default=False, kw_only=True)
     trigger: Trigger | None = field(default=None, kw_only=True)
+    free: Free | None = field(default=None, kw_only=True)
     line_number: int | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "to", _vector("line", "to", self.to))
-        _caps(self, "line")
+        object.__setattr__(self, "to", point("line", "to", self.to))
+        capped(self, "line")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -96,7 +120,7 @@ class Arc:
 
     centre  (3,) m;  normal  (3,) of any length, kept as a unit vector;  angle  rad
     rise    m by which it moves along the normal in all: a helix
-    rotate, speed, join, acceleration, angular_speed, speed_constant, trigger, line_number  as of a line
+    rotate, speed, join, acceleration, angular_speed, speed_constant, trigger, free, line_number  as of a line
     """
 
     centre: Array
@@ -110,16 +134,17 @@ class Arc:
     angular_speed: float | None = field(default=None, kw_only=True)
     speed_constant: bool = field(default=False, kw_only=True)
     trigger: Trigger | None = field(default=None, kw_only=True)
+    free: Free | None = field(default=None, kw_only=True)
     line_number: int | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "centre", _vector("arc", "centre", self.centre))
-        object.__setattr__(self, "normal", _direction("arc", "normal", self.normal))
+        object.__setattr__(self, "centre", point("arc", "centre", self.centre))
+        object.__setattr__(self, "normal", direction("arc", "normal", self.normal))
         if not isfinite(self.angle) or self.angle == 0:
             raise MotionError(f"arc: angle {self.angle} rad must be finite and not zero")
         if not isfinite(self.rise):
             raise MotionError(f"arc: rise {self.rise} m must be finite")
-        _caps(self, "arc")
+        capped(self, "arc")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -128,7 +153,7 @@ class Spline:
 
     through  (N, 3) m, no two neighbours the same (the path's shape: planner.path.spline)
     rotate   N orientations, one at each point; None: kept
-    speed, join, acceleration, angular_speed, speed_constant, trigger, line_number  as of a line
+    speed, join, acceleration, angular_speed, speed_constant, trigger, free, line_number  as of a line
     """
 
     through: Array
@@ -139,18 +164,19 @@ class Spline:
     angular_speed: float | None = field(default=None, kw_only=True)
     speed_constant: bool = field(default=False, kw_only=True)
     trigger: Trigger | None = field(default=None, kw_only=True)
+    free: Free | None = field(default=None, kw_only=True)
     line_number: int | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
-        points = _vectors("spline", "through", self.through)
-        object.__setattr__(self, "through", points)
-        repeated = np.flatnonzero(np.linalg.norm(np.diff(points, axis=0), axis=1) <= SAME)
+        through = points("spline", "through", self.through)
+        object.__setattr__(self, "through", through)
+        repeated = np.flatnonzero(np.linalg.norm(np.diff(through, axis=0), axis=1) <= SAME)
         if len(repeated):
             raise MotionError(f"spline: {repeats(int(repeated[0]) + 1)}")
-        if self.rotate is not None and (self.rotate.single or len(self.rotate) != len(points)):
+        if self.rotate is not None and (self.rotate.single or len(self.rotate) != len(through)):
             given = 1 if self.rotate.single else len(self.rotate)
-            raise MotionError(f"spline: {given} orientations for {len(points)} points; give one for each, or none")
-        _caps(self, "spline")
+            raise MotionError(f"spline: {given} orientations for {len(through)} points; give one for each, or none")
+        capped(self, "spline")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -173,10 +199,10 @@ class Turn:
         if (self.to is None) == (self.about is None):
             raise MotionError("turn: give the orientation `to`, or `about` and `angle`; exactly one of the two")
         if self.about is not None:
-            object.__setattr__(self, "about", _direction("turn", "about", self.about))
+            object.__setattr__(self, "about", direction("turn", "about", self.about))
             if not isfinite(self.angle) or self.angle == 0:
                 raise MotionError(f"turn: angle {self.angle} rad must be finite and not zero")
-        _caps(self, "turn")
+        capped(self, "turn")
 
 
 @dataclass(frozen=True, slots=True)
@@ -187,11 +213,9 @@ class Dwell:
     line_number: int | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
-        _positive("dwell", "duration", self.duration, "s")
+        positive("dwell", "duration", self.duration, "s")
 
 
-CAPS = {"speed": "m/s", "acceleration": "m/s²", "angular_speed": "rad/s"}
-"""What segments may cap, as far as they have it, and its unit."""
 Segment = Line | Arc | Spline | Turn | Dwell
 Frame = Literal["home", "base"]
 
@@ -238,8 +262,8 @@ class Program:
         for end, speed in (("start_speed", self.start_speed), ("end_speed", self.end_speed)):
             if not (isfinite(speed) and speed >= 0):
                 raise MotionError(f"program {self.name}: {end} {speed} m/s must be finite and not negative")
-        _positive(f"program {self.name}", "duration", self.duration, "s")
-        _caps(self, f"program {self.name}")
+        positive(f"program {self.name}", "duration", self.duration, "s")
+        capped(self, f"program {self.name}")
 
     def cap(self, segment: Segment, name: str) -> float | None:
         """A segment's own cap, or the program's; None where neither says one, or the segment cannot have it."""
@@ -251,49 +275,3 @@ def stopping(program: Program) -> Program:
     """The same program with a stop at every join: what a control without blends would run."""
     stopped = (part if isinstance(part, Dwell) else replace(part, join=Stop()) for part in program.segments)
     return replace(program, segments=tuple(stopped))
-
-
-def _vector(segment: str, name: str, value: ArrayLike) -> Array:
-    try:
-        vector = frozen(value, float)
-    except (TypeError, ValueError):
-        vector = frozen([])
-    if vector.shape != (3,) or not np.isfinite(vector).all():
-        raise MotionError(f"{segment}: {name} must be three finite numbers, not {value!r}")
-    return vector
-
-
-def _direction(segment: str, name: str, value: ArrayLike) -> Array:
-    vector = _vector(segment, name, value)
-    largest = np.abs(vector).max()
-    if largest == 0:
-        raise MotionError(f"{segment}: {name} is zero; give the direction about which it turns, e.g. [0, 0, 1]")
-    scaled = vector / largest  # the norm of very large or very small vectors would overflow
-    return frozen(scaled / np.linalg.norm(scaled))
-
-
-def _caps(stated: object, what: str) -> None:
-    for name, unit in CAPS.items():
-        _positive(what, name, getattr(stated, name, None), unit)
-    if getattr(stated, "speed_constant", False) and getattr(stated, "speed", None) is None:
-        raise MotionError(f"{what}: speed_constant asks for a speed: give speed as well")
-
-
-def _vectors(segment: str, name: str, value: ArrayLike) -> Array:
-    try:
-        vectors = frozen(value, float)
-    except (TypeError, ValueError):
-        vectors = frozen([])
-    if vectors.ndim != 2 or vectors.shape[1:] != (3,) or not len(vectors) or not np.isfinite(vectors).all():
-        raise MotionError(f"{segment}: {name} must be points of three finite numbers, at least one, not {value!r}")
-    return vectors
-
-
-def repeats(point: int) -> str:
-    """What to say of a spline whose point of a number, from 1, is its next one as well."""
-    return f"points {point} and {point + 1} are the same; leave one of them out"
-
-
-def _positive(segment: str, name: str, value: float | None, unit: str) -> None:
-    if value is not None and not (isfinite(value) and value > 0):
-        raise MotionError(f"{segment}: {name} {value} {unit} must be positive and finite")

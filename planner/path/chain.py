@@ -10,12 +10,14 @@ from kinematics.errors import MotionError
 from kinematics.machine import Machine
 from kinematics.pose import Pose
 from planner.path.arc import arc
+from planner.path.free import DEGREE, freed
 from planner.path.join import Blended, join
 from planner.path.line import line, turn, turn_angle
-from planner.path.shape import Piece
+from planner.path.shape import Piece, turning
 from planner.path.spline import spline
 from planner.path.tool import carrying
-from planner.program import CAPS, SAME, Arc, Dwell, Join, Line, Program, Segment, Spline, Turn
+from planner.program import SAME, Arc, Dwell, Join, Line, Program, Segment, Spline, Turn
+from planner.wanted import CAPS
 
 # An arc may start this share of its radius out of its plane.
 IN_PLANE = 1e-6
@@ -36,6 +38,18 @@ class Chain:
 
 def chain(program: Program, machine: Machine) -> Chain:
     """The program's path for a machine. Raises MotionError naming the segment that cannot be drawn."""
+    drawn, joins, dwells = draw(program, machine)
+    pieces, stops, rests, blends = join(drawn, joins, dwells, machine.characteristic_length)
+    if program.tool is not None:
+        pieces = tuple(carrying(piece, program.tool) for piece in pieces)
+    return Chain(pieces, stops, rests, blends)
+
+
+def draw(program: Program, machine: Machine) -> tuple[list[list[Piece]], list[Join], Array]:
+    """The tool's pieces of every segment that moves, repetition after repetition, and the joins at their ends.
+
+    dwells (S+1,) s at the start and at the ends. Raises MotionError naming the segment that cannot be drawn.
+    """
     _refuse_lever(program, machine)
     _refuse_end_speed("start_speed", program.start_speed, program.segments[0], 1)
     _refuse_end_speed("end_speed", program.end_speed, program.segments[-1], len(program.segments))
@@ -56,16 +70,13 @@ def chain(program: Program, machine: Machine) -> Chain:
                 own = _pieces(segment, number, here, there, frame, machine.characteristic_length)
             except MotionError as wrong:
                 raise _again(wrong, repetition) if repetition > 1 else wrong from None
-            drawn.append([_finished(piece, segment, program, repetition) for piece in own])
+            drawn.append([_finished(piece, segment, program, repetition) for piece in _freed(own, segment)])
             joins.append(segment.join)
             dwells.append(0.0)
             here = there
     if not drawn:
         raise MotionError(f"program {program.name}: nothing moves; add a line, an arc, a spline or a turn")
-    pieces, stops, rests, blends = join(drawn, joins, frozen(dwells), machine.characteristic_length)
-    if program.tool is not None:
-        pieces = tuple(carrying(piece, program.tool) for piece in pieces)
-    return Chain(pieces, stops, rests, blends)
+    return drawn, joins, frozen(dwells)
 
 
 def _default_start(program: Program, machine: Machine) -> Pose:
@@ -78,6 +89,16 @@ def _default_start(program: Program, machine: Machine) -> Pose:
 
 def _again(wrong: MotionError, repetition: int) -> MotionError:
     return MotionError(f"repetition {repetition}: {wrong}; what only leads to the first repetition belongs into start")
+
+
+def _freed(pieces: list[Piece], segment: Line | Arc | Spline | Turn) -> list[Piece]:
+    """The pieces of a segment that leaves orientation free, turned as was chosen: not at all if nothing was."""
+    if isinstance(segment, Turn) or segment.free is None:
+        return pieces
+    controls = np.zeros((3, DEGREE + 1)) if segment.free.controls is None else segment.free.controls
+    ends = np.concatenate([[0.0], np.cumsum([piece.length for piece in pieces])])
+    turned = (freed(piece, controls, start, ends[-1]) for piece, start in zip(pieces, ends[:-1], strict=True))
+    return [replace(piece, turn=turning(piece)) for piece in turned]
 
 
 def _finished(piece: Piece, segment: Line | Arc | Spline | Turn, program: Program, repetition: int) -> Piece:

@@ -1,0 +1,63 @@
+"""What a program may give: points, directions and magnitudes that make sense, or a refusal that says what is wanted."""
+
+from math import isfinite
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kinematics.array import Array, frozen
+from kinematics.errors import MotionError
+
+CAPS = {"speed": "m/s", "acceleration": "m/s²", "angular_speed": "rad/s"}
+"""What segments may cap, as far as they have it, and its unit."""
+
+
+def point(segment: str, name: str, value: ArrayLike) -> Array:
+    """Three finite numbers."""
+    try:
+        found = frozen(value, float)
+    except (TypeError, ValueError):
+        found = frozen([])
+    if found.shape != (3,) or not np.isfinite(found).all():
+        raise MotionError(f"{segment}: {name} must be three finite numbers, not {value!r}")
+    return found
+
+
+def points(segment: str, name: str, value: ArrayLike) -> Array:
+    """(N, 3) of them, at least one."""
+    try:
+        found = frozen(value, float)
+    except (TypeError, ValueError):
+        found = frozen([])
+    if found.ndim != 2 or found.shape[1:] != (3,) or not len(found) or not np.isfinite(found).all():
+        raise MotionError(f"{segment}: {name} must be points of three finite numbers, at least one, not {value!r}")
+    return found
+
+
+def direction(segment: str, name: str, value: ArrayLike) -> Array:
+    """A unit vector (3,) of one of any length."""
+    given = point(segment, name, value)
+    largest = np.abs(given).max()
+    if largest == 0:
+        raise MotionError(f"{segment}: {name} is zero; give the direction about which it turns, e.g. [0, 0, 1]")
+    scaled = given / largest  # the norm of very large or very small vectors would overflow
+    return frozen(scaled / np.linalg.norm(scaled))
+
+
+def positive(segment: str, name: str, value: float | None, unit: str) -> None:
+    """A magnitude, or nothing."""
+    if value is not None and not (isfinite(value) and value > 0):
+        raise MotionError(f"{segment}: {name} {value} {unit} must be positive and finite")
+
+
+def capped(stated: object, what: str) -> None:
+    """The caps that a segment or a program states, and the speed that a constant one needs."""
+    for name, unit in CAPS.items():
+        positive(what, name, getattr(stated, name, None), unit)
+    if getattr(stated, "speed_constant", False) and getattr(stated, "speed", None) is None:
+        raise MotionError(f"{what}: speed_constant asks for a speed: give speed as well")
+
+
+def repeats(number: int) -> str:
+    """What to say of a spline whose point of a number, from 1, is its next one as well."""
+    return f"points {number} and {number + 1} are the same; leave one of them out"
