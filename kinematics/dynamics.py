@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from kinematics.arm import Arm
 from kinematics.arm_dynamics import link_torques
-from kinematics.array import Array, frozen, quantities
+from kinematics.array import Array, finite, frozen
 from kinematics.body import Body, Leg
 from kinematics.closed_loop import leg_forces
 from kinematics.errors import MotionError
@@ -102,11 +102,9 @@ def forces(
     body = Body() if platform is None else platform
     if not isinstance(body, Body):
         raise MotionError(f"{name}: platform must be a Body, not {body!r}")
-    load = np.broadcast_to(
-        quantities(wrench, f"{name}: wrench", (6,), (1, 6), (count, 6), unit="N and N·m"), (count, 6)
-    )
-    down = quantities(gravity, f"{name}: gravity", (3,), unit="m/s²")
-    own = np.broadcast_to(quantities(reflected, f"{name}: reflected", (), (n,), unit="kg or kg·m²"), (n,))
+    load = np.broadcast_to(finite(wrench, f"{name}: wrench", (6,), (1, 6), (count, 6), unit="N and N·m"), (count, 6))
+    down = finite(gravity, f"{name}: gravity", (3,), unit="m/s²")
+    own = np.broadcast_to(finite(reflected, f"{name}: reflected", (), (n,), unit="kg or kg·m²"), (n,))
     if (own < 0).any():
         raise MotionError(f"machine {machine.name}: reflected inertias {own.tolist()} must not be below 0")
     if legs is not None:
