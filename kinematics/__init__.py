@@ -24,6 +24,7 @@ from kinematics.forward import Forward
 from kinematics.hexapod import Hexapod, joint_circle
 from kinematics.leadscrew_axis import Leadscrew, Slide, StepMotor, Traverse
 from kinematics.linkage import Linkage
+from kinematics.load import Load
 from kinematics.machine import Machine
 from kinematics.machine_writer import machine_toml
 from kinematics.margins import Margins
@@ -62,6 +63,7 @@ __all__ = [
     "Leadscrew",
     "Leg",
     "Linkage",
+    "Load",
     "Machine",
     "Margins",
     "Measurements",

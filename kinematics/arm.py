@@ -10,9 +10,11 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics.array import Array, finite
 from kinematics.axis import Axis
+from kinematics.body import Body
 from kinematics.errors import MotionError
+from kinematics.load import Load
 from kinematics.machine import Machine, side
-from kinematics.pose import Pose, numbers
+from kinematics.pose import Pose, column, numbers
 from kinematics.traverser import nearest_turn
 
 # How far (m, or sine of an angle) joints may lie off the form that the closed inverse needs.
@@ -52,7 +54,15 @@ class Arm(Machine):
     branched = True
     sorts = ("rotary",) * 3
 
-    def __init__(self, joints: Joints, *, axes: Iterable[Axis], home: ArrayLike, name: str = "arm") -> None:
+    def __init__(
+        self,
+        joints: Joints,
+        *,
+        axes: Iterable[Axis],
+        home: ArrayLike,
+        name: str = "arm",
+        load: Load | None = None,
+    ) -> None:
         """home (3,): the joint angles at home, rad."""
         self.joints = joints
         angles = finite(home, f"machine {name}: home", (3,), unit="rad")
@@ -78,7 +88,7 @@ class Arm(Machine):
         a2, a3 = np.arctan2(z2, r2), np.arctan2(z3, r3)
         self._zero = np.array([np.arctan2(outwards[1], outwards[0]), a2, a3 - a2])
         self.characteristic_length = self.upper + self.fore
-        super().__init__(name, axes, self.pose_of(angles), near=angles)
+        super().__init__(name, axes, self.pose_of(angles), near=angles, load=load)
 
     def expression(self, position: ca.SX, rotation: ca.SX, near: ca.SX) -> ca.SX:
         _, second, bend = (self._sense[k] * near[k] + self._zero[k] for k in range(3))
@@ -108,12 +118,26 @@ class Arm(Machine):
         return [self._sense * (over - self._zero)]
 
     def carried(self, position: ca.SX, rotation: ca.SX, q: ca.SX) -> tuple[ca.SX, ca.SX]:
-        turned = ca.SX.eye(3)
-        for k, axis in enumerate(self.joints.directions):
-            skew = ca.skew(ca.DM(axis))
-            turned = turned @ (ca.SX.eye(3) + ca.sin(q[k]) * skew + (1 - ca.cos(q[k])) * (skew @ skew))
-        oriented: ca.SX = turned @ self.joints.tool_rotation
+        oriented: ca.SX = self._turned(q)[-1][1] @ self.joints.tool_rotation
         return position, oriented
+
+    def _turned(self, q: ca.SX) -> list[tuple[ca.SX, ca.SX]]:
+        """Per joint, the motion p, R: r -> p + R r that it gives to what it moves, from where that lies at q = 0."""
+        place, turned, frames = ca.SX.zeros(3), ca.SX.eye(3), []
+        for k, (on, axis) in enumerate(zip(self.joints.points, self.joints.directions, strict=True)):
+            skew, point = ca.skew(ca.DM(axis)), ca.DM(on)
+            turn = ca.SX.eye(3) + ca.sin(q[k]) * skew + (1 - ca.cos(q[k])) * (skew @ skew)
+            place, turned = place + turned @ (point - turn @ point), turned @ turn
+            frames.append((place, turned))
+        return frames
+
+    def moved(self, position: ca.SX, rotation: ca.SX, q: ca.SX) -> tuple[tuple[Body, ca.SX], ...]:
+        """The links, and the tool as the last of them carries it: all by the coordinates alone."""
+        frames = self._turned(q)
+        place, turned = frames[-1]
+        tool = column(place + turned @ ca.DM(self.joints.tool), turned @ ca.DM(self.joints.tool_rotation))
+        links = zip(self.joints.links, frames, strict=False)
+        return ((self.load.platform, tool), *((Body(*link), column(*frame)) for link, frame in links))
 
     def pose_of(self, q: Array) -> Pose:
         """The tool's pose at joint angles (N, 3) or (3,): the product of the joints' turns."""

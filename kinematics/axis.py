@@ -30,7 +30,10 @@ class Axis:
     max_speed, max_acceleration, max_jerk  one number, or two: (towards smaller q, towards greater q)
     pulse           m or rad that one pulse moves the axis
     direction       +1/-1: the sign in which a positive coordinate is counted by the wiring
-    torque_speed    ((speed, force), ...) curve of the motor, speeds rising; the forces mostly fall
+    torque_speed    ((speed, force), ...) pull-out curve of the motor, speeds rising: what force it gives at a speed and
+                    at every lower one; below the first point as there, none beyond the last
+    friction        N s/m or N m s/rad: a viscous force, against q̇
+    reflected       kg or kg m²: rotors and screws as the axis feels them
     max_pulse_rate  1/s
     resonance       ((low, high), ...) rising bands of speed |q̇| in which a stepper resonates [Sasidhar 1981]
     resonance_time  s that each stay in a band may last; None: the axis keeps below the first band
@@ -50,6 +53,8 @@ class Axis:
     max_jerk: Magnitude | None = None
     max_force: float | None = None
     torque_speed: tuple[tuple[float, float], ...] | None = None
+    friction: float = 0.0
+    reflected: float = 0.0
     max_pulse_rate: float | None = None
     resonance: tuple[tuple[float, float], ...] | None = None
     resonance_time: float | None = None
@@ -66,7 +71,8 @@ class Axis:
             raise MotionError(f'axis {self.name}: kind {self.kind!r} is neither "linear" nor "rotary"')
         self._travel()
         self._numbers("pulse", (), least=POSITIVE)
-        self._numbers("backlash", (), least=0.0)
+        for field in ("backlash", "friction", "reflected"):
+            self._numbers(field, (), least=0.0)
         if finite(self.direction, f"axis {self.name}: direction", ()) not in (1, -1):
             raise MotionError(f"axis {self.name}: direction {self.direction!r} is neither 1 nor -1")
         object.__setattr__(self, "direction", int(self.direction))

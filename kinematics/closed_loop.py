@@ -12,13 +12,11 @@ from kinematics.body import Body, Leg
 from kinematics.errors import MotionError
 from kinematics.expression import Expression
 from kinematics.hexapod import Hexapod
+from kinematics.leg_frames import ALONG, home_frames
 from kinematics.motion import Motion, controlled
 from kinematics.pinocchio_adapter import inertia, pinocchio
 from kinematics.pose import numbers
 from kinematics.rates import Moving
-
-# Sine of the angle between a universal joint's first axis and the leg at home below which it cannot tilt the leg.
-ALONG = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +40,7 @@ def closed_loop(machine: Hexapod, legs: Sequence[Leg], platform: Body, gravity: 
     model.gravity.linear[:] = gravity
     plate = model.addJoint(0, pin.JointModelFreeFlyer(), none, "platform")
     model.appendBodyToJoint(plate, inertia(platform), none)
-    for axis, leg, frame, base in zip(machine.axes, legs, base_frames(machine, legs), machine.base, strict=True):
+    for axis, leg, frame, base in zip(machine.axes, legs, home_frames(machine, legs), machine.base, strict=True):
         first = model.addJoint(0, pin.JointModelRX(), pin.SE3(frame, base), f"{axis.name} first turn")
         second = model.addJoint(first, pin.JointModelRY(), none, f"{axis.name} second turn")
         stroke = model.addJoint(second, pin.JointModelPZ(), none, f"{axis.name} stroke")
@@ -59,24 +57,6 @@ def closed_loop(machine: Hexapod, legs: Sequence[Leg], platform: Body, gravity: 
     return ClosedLoop(model, constraints, np.array(driven))
 
 
-def base_frames(machine: Hexapod, legs: Sequence[Leg]) -> Array:
-    """(n, 3, 3) per leg at home: columns x, the universal joint's first axis; y, its second; z, along the leg."""
-    along = machine.home.apply(machine.platform) - machine.base
-    frames = []
-    for axis, leg, z in zip(machine.axes, legs, along / np.linalg.norm(along, axis=1, keepdims=True), strict=True):
-        first = np.eye(3)[np.argmin(np.abs(z))] if leg.first_axis is None else np.asarray(leg.first_axis, float)
-        x = first / np.linalg.norm(first)
-        x = x - (x @ z) * z
-        if np.linalg.norm(x) < ALONG:
-            raise MotionError(
-                f"machine {machine.name}: the first axis of {axis.name}'s universal joint lies along the leg at home; "
-                "the joint could not tilt it there"
-            )
-        x /= np.linalg.norm(x)
-        frames.append(np.stack([x, np.cross(z, x), z], 1))
-    return np.array(frames)
-
-
 def states(machine: Hexapod, legs: Sequence[Leg], motion: Motion) -> tuple[Array, Array, Array]:
     """Coordinates (N, 25), velocities and accelerations (N, 24) of the tree in which all loops are closed.
 
@@ -85,7 +65,7 @@ def states(machine: Hexapod, legs: Sequence[Leg], motion: Motion) -> tuple[Array
     x = ca.SX.sym("x", 12)
     moving = Moving(x)
     joints = []
-    for base, end, frame in zip(machine.base, machine.platform, base_frames(machine, legs), strict=True):
+    for base, end, frame in zip(machine.base, machine.platform, home_frames(machine, legs), strict=True):
         u = frame.T @ (moving.position + moving.rotation @ end - base)
         joints += [ca.atan2(-u[1], u[2]), ca.atan2(u[0], ca.sqrt(u[1] ** 2 + u[2] ** 2)), ca.norm_2(u)]
     inputs = ca.vertcat(x, moving.twist, moving.acceleration)

@@ -28,9 +28,6 @@ if TYPE_CHECKING:
 # Share of a coordinate (of 1 m or rad at least) that a motion's may be off its pose's: rounding.
 OTHER = 1e-9
 
-GRAVITY = (0.0, 0.0, -9.80665)
-"""m/s², where the base stands upright."""
-
 
 @dataclass(frozen=True, slots=True)
 class Forces:
@@ -78,39 +75,46 @@ def forces(
     motion: Motion | Moving,
     *,
     platform: Body | None = None,
-    wrench: ArrayLike = (0.0,) * 6,
-    gravity: ArrayLike = GRAVITY,
+    wrench: ArrayLike | None = None,
+    gravity: ArrayLike | None = None,
     legs: Leg | Sequence[Leg] | None = None,
-    reflected: ArrayLike = 0.0,
+    reflected: ArrayLike | None = None,
 ) -> Forces:
     """The forces that the actuators give in a motion, by inverse dynamics at every one of its N instants.
 
     motion     a `Motion`, or the state of a trajectory at N times
-    platform   what moves with the platform's (tool's) frame, in that frame; nothing by default
+    platform   what moves with the platform's (tool's) frame, in that frame
     wrench     (6,) or (N, 6) N and N·m that act on the platform from outside at its origin, in the base frame
     gravity    (3,) m/s² in the base frame
-    legs       a hexapod's leg, or six: then they have inertia, in closed loops. None: legs without mass
+    legs       a hexapod's leg, or six: then they have inertia, in closed loops
     reflected  kg or kg·m², one or (n,): rotors and screws as each axis feels them; adds reflected · q̈ to its force
 
-    An arm's links weigh what its URDF says. Other moving parts weigh nothing, and nothing rubs. Raises MotionError for
-    a singular pose, for what does not fit the machine, and where pinocchio is needed (legs, arm) but not installed.
+    What is not given is as the machine states it (`Machine.load`, its axes), friction always; mostly that is nothing.
+    An arm's links weigh what its URDF says. Raises MotionError for a singular pose, for what does not fit the machine,
+    and where pinocchio is needed (legs, arm) but not installed.
     """
     moving = _own(machine, motion if isinstance(motion, Motion) else motion_of_axes(machine, motion))
     n, count, name = len(machine.axes), len(moving), f"machine {machine.name}"
     if not count:
         raise MotionError(f"{name}: the motion has no instants")
-    body = Body() if platform is None else platform
+    stated, inertias = machine.load, [axis.reflected for axis in machine.axes]
+    body = stated.platform if platform is None else platform
+    legs = (stated.legs or None) if legs is None else legs
     if not isinstance(body, Body):
         raise MotionError(f"{name}: platform must be a Body, not {body!r}")
-    load = np.broadcast_to(finite(wrench, f"{name}: wrench", (6,), (1, 6), (count, 6), unit="N and N·m"), (count, 6))
-    down = finite(gravity, f"{name}: gravity", (3,), unit="m/s²")
-    own = np.broadcast_to(finite(reflected, f"{name}: reflected", (), (n,), unit="kg or kg·m²"), (n,))
+    push = stated.wrench if wrench is None else wrench
+    load = finite(push, f"{name}: wrench", (6,), (1, 6), (count, 6), unit="N and N·m")
+    load = np.broadcast_to(load, (count, 6))
+    down = finite(stated.gravity if gravity is None else gravity, f"{name}: gravity", (3,), unit="m/s²")
+    own = finite(inertias if reflected is None else reflected, f"{name}: reflected", (), (n,), unit="kg or kg·m²")
+    own = np.broadcast_to(own, (n,))
     if (own < 0).any():
         raise MotionError(f"machine {machine.name}: reflected inertias {own.tolist()} must not be below 0")
     if legs is not None:
         if not isinstance(machine, Hexapod):
             raise MotionError(f"machine {machine.name} is no hexapod: legs with inertia are known for hexapods only")
-        six = (legs,) * 6 if isinstance(legs, Leg) else tuple(legs) if isinstance(legs, Sequence) else (legs,)
+        six = (legs,) if isinstance(legs, Leg) else tuple(legs) if isinstance(legs, Sequence) else (legs,)
+        six = six * 6 if len(six) == 1 else six
         if len(six) != 6 or not all(isinstance(leg, Leg) for leg in six):
             kinds = ", ".join(sorted({type(leg).__name__ for leg in six}))
             raise MotionError(f"{name}: {len(six)} legs with inertia ({kinds}); give one Leg for all, or six")
@@ -119,7 +123,7 @@ def forces(
         found = massless_forces(machine, moving, body, load, down)
         if isinstance(machine, Arm):
             found = found + link_torques(machine, moving, down)
-    total = found + own * moving.qdd
+    total = found + own * moving.qdd + moving.qd * [axis.friction for axis in machine.axes]
     if not np.isfinite(total).all():
         raise MotionError(f"{name}: loads and motion are too large for numbers; check their units (SI)")
     return Forces(machine, moving, total)

@@ -10,11 +10,14 @@ from numpy.typing import ArrayLike
 
 from kinematics.array import POSITIVE, Array, finite, frozen, unit_vectors
 from kinematics.axis import Axis
+from kinematics.body import Body
 from kinematics.clearance import Bodies, Disc
 from kinematics.errors import MotionError
 from kinematics.freedom import scaled_jacobian
+from kinematics.leg_frames import home_frames, leg_rotation
+from kinematics.load import Load
 from kinematics.machine import Machine
-from kinematics.pose import Pose, numbers
+from kinematics.pose import Pose, column, numbers
 
 # Share of the machine's size up to which joint centres are the same point: the rounding of computed geometry.
 SAME = 1e-9
@@ -52,6 +55,7 @@ class Legged(Machine):
         leg_ends: float | None = None,
         base_disc: Disc | None = None,
         platform_disc: Disc | None = None,
+        load: Load | None = None,
     ) -> None:
         name, count = type(self).__name__.lower() if name is None else name, self.legs
         self.base, self.platform = joints(name, "base", base, count), joints(name, "platform", platform, count)
@@ -59,7 +63,7 @@ class Legged(Machine):
         self.platform_rest = _directions(name, "platform_rest", platform_rest, count)
         self.max_tilt = _tilts(name, max_tilt, count)
         self.characteristic_length = float(np.sqrt((self.platform**2).sum(1).mean()))
-        super().__init__(name, axes, home)
+        super().__init__(name, axes, home, load=load)
         legs = tuple(axis.name for axis in self.axes)
         self.tilt_names = tuple(f"{leg} {end} joint" for end in ("base", "platform") for leg in legs)
         _refuse_coincident(self, legs)
@@ -74,6 +78,17 @@ class Legged(Machine):
 
     def expression(self, position: ca.SX, rotation: ca.SX, near: ca.SX) -> ca.SX:
         return ca.vertcat(*(ca.norm_2(leg) for leg in self._legs(position, rotation)))
+
+    def moved(self, position: ca.SX, rotation: ca.SX, q: ca.SX) -> tuple[tuple[Body, ca.SX], ...]:
+        """The platform, and barrel and rod of every leg that has masses."""
+        found = list(super().moved(position, rotation, q))
+        stated = self.load.legs * (self.legs if len(self.load.legs) == 1 else 1)
+        if stated:
+            ends = home_frames(self, stated)
+            for leg, vector, base, frame in zip(stated, self._legs(position, rotation), self.base, ends, strict=True):
+                turned = leg_rotation(vector, frame[:, 0])
+                found += [(leg.barrel, column(ca.SX(ca.DM(base)), turned)), (leg.rod, column(vector + base, turned))]
+        return tuple(found)
 
     def tilts(self, position: ca.SX, rotation: ca.SX) -> ca.SX:
         """cos of the angle between leg and rest axis: base joints first, then platform joints, each in its frame."""

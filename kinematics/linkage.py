@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 from kinematics.array import POSITIVE, Array, finite, frozen
 from kinematics.axis import Axis
 from kinematics.errors import MotionError, OutOfReach
+from kinematics.load import Load
 from kinematics.machine import Machine, side
 from kinematics.pose import Pose
 
@@ -46,6 +47,7 @@ class Linkage(Machine):
         home: Pose,
         near: ArrayLike | None = None,
         name: str = "linkage",
+        load: Load | None = None,
     ) -> None:
         ends = (("base_a", base_a), ("base_b", base_b))
         self.base_a, self.base_b = (frozen(finite(p, f"machine {name}: {what}", (2,), unit="m")) for what, p in ends)
@@ -55,7 +57,7 @@ class Linkage(Machine):
         self.angle = float(finite(angle, f"machine {name}: angle", (), unit="rad"))
         self.characteristic_length = max(self.offset, float(np.linalg.norm(self.base_b - self.base_a)) / 2)
         longer = [self.offset * abs(np.cos(self.angle)) + 1.0, 0.0]
-        super().__init__(name, axes, home, longer if near is None else near)
+        super().__init__(name, axes, home, longer if near is None else near, load)
         for axis, length in zip(self.axes, self.home_q, strict=True):
             if np.isfinite(axis.travel[0]) and length + axis.travel[0] <= 0:
                 raise MotionError(

@@ -3,8 +3,9 @@
 from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Iterable
+from copy import copy
 from functools import cached_property
-from typing import ClassVar
+from typing import ClassVar, Self
 
 import casadi as ca
 import numpy as np
@@ -12,15 +13,18 @@ from numpy.typing import ArrayLike
 
 from kinematics.array import Array, finite, frozen
 from kinematics.axis import Axis
+from kinematics.body import Body
 from kinematics.clearance import Bodies
 from kinematics.errors import MotionError, OutOfReach
 from kinematics.expression import Expression
 from kinematics.forward import Forward, solve
 from kinematics.freedom import COMPONENTS, refuse
+from kinematics.load import Load
 from kinematics.margins import Margins, measure
 from kinematics.pose import Pose, checked, column, symbols
 from kinematics.rates import rates
 from kinematics.regular import cell_map
+from kinematics.virtual_work import Balance, force_map, holding_map, loaded
 
 
 def side(x: ca.SX) -> ca.SX:
@@ -46,15 +50,24 @@ class Machine(ABC):
     branched: ClassVar[bool] = False
     lengths: ClassVar[bool] = False
     sorts: ClassVar[tuple[str, ...]] = ()
+    legs: ClassVar[int] = 0
     characteristic_length: float
     """m that count as one radian where lengths and angles meet, as in the path parameter of a pure turn."""
 
-    def __init__(self, name: str, axes: Iterable[Axis], home: Pose, near: ArrayLike | None = None) -> None:
+    def __init__(
+        self,
+        name: str,
+        axes: Iterable[Axis],
+        home: Pose,
+        near: ArrayLike | None = None,
+        load: Load | None = None,
+    ) -> None:
         """near (n,): which of the home pose's coordinates are meant, where there are several (zeros by default)."""
         if not isinstance(name, str) or not name:
             raise MotionError(f"a machine needs a name, a text that is not empty, not {name!r}")
         checked(name, "home", home, single=True)
         self.name, self.axes, self.home = name, self._driven(name, axes), home
+        self.load = self._bearing(Load() if load is None else load)
         self.home_q: Array = frozen(self.inverse(home, np.zeros(len(self.axes)) if near is None else near))
 
     def _driven(self, name: str, given: Iterable[Axis]) -> tuple[Axis, ...]:
@@ -108,6 +121,31 @@ class Machine(ABC):
     bodies: Bodies | None = None
     """What takes up room, so that its clearance can be measured; nothing by default."""
 
+    def carrying(self, load: Load) -> Self:
+        """The same machine with another load."""
+        other = copy(self)
+        other.load = self._bearing(load)
+        for of_load in ("force_map", "holding_map", "loaded"):
+            other.__dict__.pop(of_load, None)
+        return other
+
+    def _bearing(self, load: Load) -> Load:
+        """A load that fits the machine. Raises MotionError for legs that it has not."""
+        if load.legs and self.legs == 0:
+            raise MotionError(f"machine {self.name} has no legs that could have masses")
+        if len(load.legs) not in (0, 1, self.legs):
+            raise MotionError(
+                f"machine {self.name}: {len(load.legs)} legs with masses; give one for all, or {self.legs}"
+            )
+        return load
+
+    def moved(self, position: ca.SX, rotation: ca.SX, q: ca.SX) -> tuple[tuple[Body, ca.SX], ...]:
+        """The bodies that move, the platform first, each with the twelve numbers of its frame.
+
+        The pose has what follows filled in; q belongs to it.
+        """
+        return ((self.load.platform, column(*self.carried(position, rotation, q))),)
+
     def symbolic(self, x: ca.SX, near: ca.SX) -> ca.SX:
         """Coordinates (n,) of pose numbers (12), to be composed with whatever they depend on."""
         return self.expression(*symbols(x), near)
@@ -144,6 +182,21 @@ class Machine(ABC):
         """The same, a twist (6) and its rate (6) -> q̇ (n), q̈ (n), and twist and rate (6, 6) of what is carried."""
         x, near = self._symbols()
         return rates(self, x, near, self._inputs(x, near))
+
+    @cached_property
+    def force_map(self) -> Balance:
+        """x, ẋ, ẍ (12 each), q, q̇, q̈ (n each) -> actuator forces (n): see `kinematics.virtual_work`."""
+        return force_map(self)
+
+    @cached_property
+    def holding_map(self) -> Balance:
+        """x (12), q (n) -> the forces (n) that hold the machine still."""
+        return holding_map(self)
+
+    @cached_property
+    def loaded(self) -> bool:
+        """Whether it states masses, friction or a wrench: without any, its actuators have nothing to push."""
+        return loaded(self)
 
     @cached_property
     def cell_map(self) -> Expression:

@@ -14,6 +14,7 @@ from typing import Any
 from kinematics.axis import Axis
 from kinematics.errors import MotionError
 from kinematics.geometry_writer import geometry
+from kinematics.load_writer import gravity, load
 from kinematics.machine import Machine
 from kinematics.toml_text import quantity, vector
 
@@ -26,6 +27,8 @@ _UNITS = {
     "max_jerk": (("mm/s^3", 3), ("rad/s^3", 0)),
     "max_force": (("N", 0), ("N*m", 0)),
     "max_pulse_rate": (("1/s", 0), ("1/s", 0)),
+    "friction": (("N*s/m", 0), ("N*m*s/rad", 0)),
+    "reflected": (("kg", 0), ("kg*m^2", 0)),
     "backlash": (("mm", 3), ("rad", 0)),
     "resonance_time": (("ms", 3), ("ms", 3)),
 }
@@ -47,7 +50,8 @@ def machine_toml(machine: Machine, comment: str = "") -> str:
     """
     kind, own = geometry(machine)
     lines = [f"# {line}".rstrip() for line in comment.splitlines()]
-    lines += ["schema = 1", f'kind = "{kind}"', "", "[geometry]", *own, *_axes(machine, kind)]
+    lines += ["schema = 1", f'kind = "{kind}"', *gravity(machine.load), "", "[geometry]", *own]
+    lines += [*_axes(machine, kind), *load(machine.name, machine.load)]
     return "\n".join(lines) + "\n"
 
 
@@ -90,7 +94,7 @@ def _fields(machine: str, axis: Axis) -> Iterator[tuple[str, str]]:
     """Key and text of every field of an axis that says something."""
     for field in fields(axis):
         value = getattr(axis, field.name)
-        if field.name in _ELSEWHERE or value is None or (field.name == "backlash" and value == 0):
+        if field.name in _ELSEWHERE or value is None or (field.default == 0 and value == 0):
             continue
         if field.name == "travel" and not all(map(isfinite, value)):
             if axis.kind == "rotary":

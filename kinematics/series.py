@@ -40,15 +40,21 @@ class Series:
 
     @staticmethod
     def stack(parts: Sequence[Series]) -> Series:
-        """Series (d+1, N) side by side: (d+1, N, len(parts))."""
+        """Series (d+1, N) side by side: (d+1, N, len(parts)), known as far as all of them are."""
+        order = min(part.order for part in parts)
+        parts = [part if part.degree <= order else part.cut(order) for part in parts]
         degree = max(part.degree for part in parts)
         padded = [part.padded(degree) for part in parts]
         shape = np.broadcast_shapes(*(part.mid.shape for part in padded))
         return Series(
             np.stack([np.broadcast_to(part.mid, shape) for part in padded], -1),
             np.stack([np.broadcast_to(part.rad, shape) for part in padded], -1),
-            parts[0].order,
+            order,
         )
+
+    def cut(self, order: int) -> Series:
+        """The same, known up to τ^order at most."""
+        return Series(self.mid[: order + 1], self.rad[: order + 1], min(self.order, order))
 
     @staticmethod
     def zeros(order: int, shape: tuple[int, ...]) -> Series:

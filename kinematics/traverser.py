@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 from kinematics.array import POSITIVE, finite, frozen, unit_vectors
 from kinematics.axis import Axis
 from kinematics.errors import MotionError
+from kinematics.load import Load
 from kinematics.machine import Machine
 from kinematics.pose import Pose, checked
 
@@ -37,6 +38,7 @@ class Traverser(Machine):
         directions: ArrayLike | None = None,
         length: float = 0.1,
         name: str = "traverser",
+        load: Load | None = None,
     ) -> None:
         given = np.eye(3) if directions is None else directions
         self.directions = frozen(unit_vectors(given, f"machine {name}: directions", (3, 3)))
@@ -44,7 +46,7 @@ class Traverser(Machine):
             raise MotionError(f"machine {name}: the slides' directions {self.directions.tolist()} do not span space")
         self.characteristic_length = float(finite(length, f"machine {name}: length", (), unit="m", least=POSITIVE))
         self._held = checked(name, "home", home, single=True)[0, 3:].reshape(3, 3)
-        super().__init__(name, axes, home)
+        super().__init__(name, axes, home, load=load)
 
     def expression(self, position: ca.SX, rotation: ca.SX, near: ca.SX) -> ca.SX:
         turn = rotation @ self._held.T

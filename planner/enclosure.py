@@ -88,7 +88,9 @@ class Enclosure:
         return rate if self.tool is None else self.evaluate(self.tool, rate)
 
     def evaluate(self, expression: Expression, *inputs: Series) -> Series:
-        return Series.stack(expression.enclose([column for each in inputs for column in each.columns()]))
+        found = Series.stack(expression.enclose([column for each in inputs for column in each.columns()]))
+        shape = (found.degree + 1, inputs[0].mid.shape[1], found.mid.shape[2])  # what is constant is so on every cell
+        return Series(np.broadcast_to(found.mid, shape), np.broadcast_to(found.rad, shape), found.order)
 
 
 def enclose(trajectory: Trajectory, cells: Cells, order: int) -> Enclosure:

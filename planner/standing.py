@@ -1,4 +1,4 @@
-"""What no timing can help: reach, travel, tilt and clearance, proved along the whole path before anything is solved."""
+"""What no timing can help: reach, travel, tilt, clearance, holding still; proved along the path before solving."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -83,7 +83,6 @@ def _look(walk: Trajectory, part: int) -> State:
 def refusal(limit: Limit, value: float, channel: int, place: Place) -> Infeasible:
     """What to say where a geometric limit is broken."""
     unit, scale = limit.units[channel]
-    reached, allowed = limit.told(value, channel)
-    missing = f"{abs(reached - allowed) * scale:.4g} {unit}"
-    remedy = f"no timing can help: move the path so that it {limit.relief.format(missing)}"
-    return Infeasible(limit.name, limit.channels[channel], place, reached * scale, allowed * scale, unit, remedy)
+    reached, allowed = (each * scale for each in limit.told(value, channel))
+    remedy = limit.remedy(abs(reached - allowed), unit)
+    return Infeasible(limit.name, limit.channels[channel], place, reached, allowed, unit, remedy)

@@ -36,8 +36,8 @@ class Job:
 
 def run(program: Program, machine: Machine, order: int | None, clock_hz: int) -> Job:
     """Plan, prove and compare. Raises as `planner.plan`, and Defect where the pulses fail their check."""
-    for field in unkept(machine.axes):
-        print(f"note: {machine.name} states {field}, which no plan keeps yet", file=sys.stderr)
+    for field in unkept(machine):
+        print(f"note: {machine.name} states {field} but no masses, so no plan can keep it", file=sys.stderr)
     with step(f"planning {program.name} on {machine.name}"):
         planned = plan(program, machine, order=order, clock_hz=clock_hz)
     with step(f"checking {planned.pulses.total} pulses"):

@@ -48,7 +48,7 @@ def of_plan(job: Job, inputs: Inputs) -> Record:
             },
         },
         "blends": _blends(plan.path.blends),
-        "stated_but_not_kept": list(unkept(plan.machine.axes)),
+        "stated_but_not_kept": list(unkept(plan.machine)),
         "lower_bound": {"kind": "estimate", "duration_s": plan.lower_estimate, "gap": plan.gap},
         "solver": {"rounds": plan.rounds, "methods": list(plan.methods)},
         "pulses": {

@@ -59,5 +59,6 @@ def _hexapod(machine: Hexapod, joints: Array, axes: list[Axis], home: Pose) -> H
         platform_rest=machine.platform_rest,
         max_tilt=(float(machine.max_tilt[0]), float(machine.max_tilt[6])),
         name=f"{machine.name}-calibrated",
+        load=machine.load,
         **({} if machine.bodies is None else {key: getattr(machine.bodies, key) for key in ROOM}),
     )

@@ -11,7 +11,8 @@ from pydantic import Field
 from kinematics.arm import Arm
 from kinematics.document import Key
 from kinematics.errors import MotionError
-from kinematics.kinds.axes import MachineFile, RotaryAxis, axes
+from kinematics.kinds.axes import RotaryAxis, axes
+from kinematics.kinds.masses import LoadedFile
 from kinematics.registry import nearest
 from kinematics.schema import Table
 from kinematics.units import Angle, shown
@@ -31,7 +32,7 @@ class Own(RotaryAxis):
     name: str
 
 
-class ArmFile(MachineFile):
+class ArmFile(LoadedFile):
     """An arm, key by key."""
 
     kind: Literal["arm"]
@@ -62,5 +63,9 @@ def arm(file: ArmFile, name: str, folder: Path | Traversable) -> Arm:
         joints = read_urdf(path, geometry.joints, geometry.tool)
     names = geometry.joints
     return Arm(
-        joints, axes=axes(names, dict.fromkeys(names, file.axes), file.axis, file), home=geometry.home, name=name
+        joints,
+        axes=axes(names, dict.fromkeys(names, file.axes), file.axis, file),
+        home=geometry.home,
+        name=name,
+        load=file.load(),
     )

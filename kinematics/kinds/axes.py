@@ -111,6 +111,8 @@ class LinearAxis(Input):
         ]
         | None
     ) = None
+    friction: Annotated[float, Unit("N*s/m", least=0)] | None = None
+    reflected: Annotated[float, Unit("kg", least=0)] | None = None
     backlash: Annotated[float, Unit("m", least=0)] | None = None
     lead_error: Annotated[tuple[tuple[Length, Length], ...], AfterValidator(_rising_first)] | None = None
 
@@ -150,6 +152,8 @@ class RotaryAxis(Input):
         ]
         | None
     ) = None
+    friction: Annotated[float, Unit("N*m*s/rad", least=0)] | None = None
+    reflected: Annotated[float, Unit("kg*m^2", least=0)] | None = None
     backlash: Annotated[float, Unit("rad", least=0)] | None = None
     lead_error: Annotated[tuple[tuple[Angle, Angle], ...], AfterValidator(_rising_first)] | None = None
 

@@ -8,8 +8,9 @@ from typing import Annotated, Any, Literal
 from numpy.typing import ArrayLike
 
 from kinematics.hexapod import Hexapod, joint_circle
-from kinematics.kinds.axes import LinearAxis, LinearDefaults, MachineFile, axes
+from kinematics.kinds.axes import LinearAxis, LinearDefaults, axes
 from kinematics.kinds.legs import Platforms, Radius, rests
+from kinematics.kinds.masses import Legs, LoadedFile
 from kinematics.kinds.poses import Point
 from kinematics.schema import either
 from kinematics.units import Length, Unit
@@ -60,16 +61,17 @@ class JointPoints(SixLegs):
         return self.base_joints, self.platform_joints
 
 
-class HexapodFile(MachineFile):
+class HexapodFile(LoadedFile):
     """A hexapod's TOML, key by key."""
 
     kind: Literal["hexapod"]
     geometry: Annotated[JointCircles | JointPoints, either(JointCircles, JointPoints)]
     axes: LinearDefaults
     axis: tuple[Leg, ...] = ()
+    legs: Legs | None = None
 
 
 def hexapod(file: HexapodFile, name: str, folder: Path | Traversable) -> Hexapod:
     base, platform = file.geometry.joints()
     own = axes(LEGS, dict.fromkeys(LEGS, file.axes), file.axis, file)
-    return Hexapod(base, platform, axes=own, name=name, **file.geometry.options())
+    return Hexapod(base, platform, axes=own, name=name, load=file.load(file.legs), **file.geometry.options())

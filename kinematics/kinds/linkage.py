@@ -4,7 +4,8 @@ from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Annotated, Literal
 
-from kinematics.kinds.axes import LinearAxis, LinearDefaults, MachineFile, axes
+from kinematics.kinds.axes import LinearAxis, LinearDefaults, axes
+from kinematics.kinds.masses import LoadedFile
 from kinematics.kinds.poses import Home
 from kinematics.linkage import Linkage
 from kinematics.schema import Table
@@ -26,7 +27,7 @@ class Own(LinearAxis):
     name: Literal["a", "b"]
 
 
-class LinkageFile(MachineFile):
+class LinkageFile(LoadedFile):
     """A linkage, key by key."""
 
     kind: Literal["linkage"]
@@ -46,4 +47,5 @@ def linkage(file: LinkageFile, name: str, folder: Path | Traversable) -> Linkage
         home=geometry.home.pose,
         near=geometry.near,
         name=name,
+        load=file.load(),
     )

@@ -4,7 +4,8 @@ from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from kinematics.kinds.axes import LinearAxis, LinearDefaults, MachineFile, RotaryAxis, axes
+from kinematics.kinds.axes import LinearAxis, LinearDefaults, RotaryAxis, axes
+from kinematics.kinds.masses import LoadedFile
 from kinematics.kinds.poses import Home
 from kinematics.schema import Direction, Table, chosen
 from kinematics.traverser import Traverser
@@ -31,7 +32,7 @@ def _own(value: Any) -> type[Table]:
     return OwnRotary if isinstance(value, dict) and value.get("name") == ROTARY else OwnSlide
 
 
-class TraverserFile(MachineFile):
+class TraverserFile(LoadedFile):
     """A traverser, key by key: `axes` is what the slides have, `rotary` what the turning axis has."""
 
     kind: Literal["traverser"]
@@ -48,4 +49,5 @@ def traverser(file: TraverserFile, name: str, folder: Path | Traversable) -> Tra
         directions=file.geometry.directions,
         length=file.geometry.length,
         name=name,
+        load=file.load(),
     )

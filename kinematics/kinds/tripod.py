@@ -4,8 +4,9 @@ from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from kinematics.kinds.axes import LinearAxis, LinearDefaults, MachineFile, axes
+from kinematics.kinds.axes import LinearAxis, LinearDefaults, axes
 from kinematics.kinds.legs import Platforms, rests
+from kinematics.kinds.masses import Legs, LoadedFile
 from kinematics.kinds.poses import Point
 from kinematics.tripod import Tripod
 
@@ -28,13 +29,14 @@ class Own(LinearAxis):
     name: Literal["arm1", "arm2", "arm3"]
 
 
-class TripodFile(MachineFile):
+class TripodFile(LoadedFile):
     """A tripod, key by key."""
 
     kind: Literal["tripod"]
     geometry: Geometry
     axes: LinearDefaults
     axis: tuple[Own, ...] = ()
+    legs: Legs | None = None
 
 
 def tripod(file: TripodFile, name: str, folder: Path | Traversable) -> Tripod:
@@ -45,5 +47,6 @@ def tripod(file: TripodFile, name: str, folder: Path | Traversable) -> Tripod:
         axes=axes(ARMS, dict.fromkeys(ARMS, file.axes), file.axis, file),
         tool=geometry.tool,
         name=name,
+        load=file.load(file.legs),
         **geometry.options(),
     )

@@ -42,11 +42,15 @@ class Term(Enum):
 class Rows:
     """−below ≤ Σ coefficient · term ≤ bound at N grid points: each (N, m); below None: the same as bound, which is
     broadcast; a bound of ∞ says that a channel is free.
+
+    about  (low, high), each (N, m), of a limit that is not convex: a row speaks where the motion sought is near one
+           whose ṡ lies between. All that speak near any one ṡ keep the limit at every ṡ, with no loss at that one.
     """
 
     coefficients: Mapping[Term, Array]
     bound: Array
     below: Array | None = None
+    about: tuple[Array, Array] | None = None
 
 
 class Motion(Protocol):
@@ -82,7 +86,7 @@ class Limit(ABC):
     """
 
     name: ClassVar[str]
-    terms: ClassVar[frozenset[Term]] = frozenset()
+    terms: frozenset[Term] = frozenset()
     """What its rows use; empty for a geometric limit, which no timing can help."""
     relief: ClassVar[str] = "uses {} less"
     """What a path must do that breaks it by so much."""
@@ -104,6 +108,10 @@ class Limit(ABC):
     def slowness(self, use: float) -> float:
         """How many times slower a motion must run that uses so much of this limit; 1 where it keeps it already."""
         return 1.0 if self.geometric else max(1.0, use) ** (1 / max(1, min(term.per_time for term in self.terms)))
+
+    def remedy(self, over: float, unit: str) -> str:
+        """What to say where it is geometric and exceeded by so much."""
+        return f"no timing can help: move the path so that it {self.relief.format(f'{over:.4g} {unit}')}"
 
     @abstractmethod
     def value(self, motion: Motion) -> Quantity:

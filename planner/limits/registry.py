@@ -8,6 +8,8 @@ from planner.actuation import ActuatorPath, MachinePath
 from planner.limits.acceleration import Acceleration
 from planner.limits.angular_speed import AngularSpeed
 from planner.limits.clearance import Clearance
+from planner.limits.force import Force
+from planner.limits.holding import Holding
 from planner.limits.jerk import Jerk
 from planner.limits.limit import Limit
 from planner.limits.pulse_rate import PulseRate
@@ -16,6 +18,7 @@ from planner.limits.speed import Speed
 from planner.limits.tilt import Tilt
 from planner.limits.tool_acceleration import ToolAcceleration
 from planner.limits.tool_speed import ToolSpeed
+from planner.limits.torque_speed import TorqueSpeed
 from planner.limits.travel import Travel
 
 # Of the axes alone, with the order of motion that they belong to.
@@ -35,6 +38,9 @@ MACHINE_LIMITS: dict[type[Limit], Callable[[Machine, MachinePath], Limit]] = {
     ToolSpeed: lambda machine, path: ToolSpeed(piece.tool_speed for piece in path.pieces),
     ToolAcceleration: lambda machine, path: ToolAcceleration(piece.tool_acceleration for piece in path.pieces),
     AngularSpeed: lambda machine, path: AngularSpeed(piece.angular_speed for piece in path.pieces),
+    Holding: lambda machine, path: Holding(machine),
+    Force: Force,
+    TorqueSpeed: TorqueSpeed,
 }
 
 
@@ -46,10 +52,11 @@ def limits_of(path: ActuatorPath, axes: Sequence[Axis], order: int) -> tuple[Lim
     return tuple(limit for limit in limits if limit.binds)
 
 
-# What an axis may state that no limit here keeps yet.
-UNKEPT = ("max_force", "torque_speed")
+# What an axis may state that says nothing where the machine states no masses, friction or wrench.
+OF_LOADS = ("max_force", "torque_speed")
 
 
-def unkept(axes: Sequence[Axis]) -> tuple[str, ...]:
-    """The limits that some axis states and that no plan keeps yet, as its file calls them."""
-    return tuple(field for field in UNKEPT if any(getattr(axis, field) is not None for axis in axes))
+def unkept(machine: Machine) -> tuple[str, ...]:
+    """The limits that some axis states and that no plan keeps, as its file calls them: nothing says what they bear."""
+    stated = tuple(field for field in OF_LOADS if any(getattr(axis, field) is not None for axis in machine.axes))
+    return stated if stated and not machine.loaded else ()

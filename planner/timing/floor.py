@@ -15,7 +15,9 @@ def floor(problem: Problem) -> float:
     Fewer limits take no longer, so that it bounds every motion of the run from below, but for what the extrapolation
     is off: an estimate, not a proof.
     """
-    relaxed = replace(problem, blocks=tuple(block for block in problem.blocks if set(block.start) <= TERMS))
+    relaxed = replace(
+        problem, blocks=tuple(block for block in problem.blocks if set(block.start) <= TERMS and block.about is None)
+    )
     finer = second_order(relaxed).duration
     try:
         return 2 * finer - second_order(_halved(relaxed)).duration

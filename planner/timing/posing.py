@@ -9,21 +9,23 @@ from kinematics.array import Array
 from kinematics.errors import MotionError
 from planner.actuation import ActuatorPath
 from planner.limits.limit import Limit, Term
-from planner.timing.problem import Block, Problem, Run, grid, pose_problem
+from planner.timing.problem import About, Block, Problem, Run, grid, pose_problem
 from planner.timing.second_order import TERMS as SECOND
 from planner.timing.second_order import second_order
 from planner.timing.smooth import Smoothed
 
 # Intervals of a run at least, for each piece in it, and for each radian that it turns; START is for the order-2 motion
 # that starts an order-3 solve.
-SECOND_ORDER, THIRD_ORDER, START = (1000, 50, 40), (160, 16, 15), (400, 20, 20)
+SECOND_ORDER, THIRD_ORDER, START = (1000, 50, 40), (240, 16, 15), (400, 20, 20)
 # Window of the average, as a share of what the run allows, where a gentle start finds no way between two speeds.
 BRIEF = 1e-2
 
 
 def order_2_problem(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> Problem:
-    """A run's rows on an even grid. Raises MotionError where nothing bounds the acceleration."""
-    problem = pose_problem(path, limits, *_grid(SECOND_ORDER, path, run), run.speeds)
+    """A run's rows on an even grid, or a graded one. Raises MotionError where nothing bounds the acceleration."""
+    mixed = any(Term.SD in limit.terms and len(limit.terms) > 1 for limit in limits)
+    spread = _graded(_size(SECOND_ORDER, path, run)) if mixed else None
+    problem = pose_problem(path, limits, *_grid(SECOND_ORDER, path, run, spread), run.speeds)
     _need(problem, Term.SDD, "acceleration")
     return problem
 
@@ -52,6 +54,12 @@ def _grid(
     """A run's grid by a rule, of which every piece by itself has its share."""
     least = np.maximum(rule[1], rule[2] * path.turns[run.first : run.last + 1])
     return grid(path, run, _size(rule, path, run), spread, least=least)
+
+
+def _graded(intervals: int) -> Array:
+    """Shares of a run, ever denser towards its ends: what falls with ṡ, as √x does, changes fastest there."""
+    even = np.linspace(0.0, 1.0, intervals + 1)
+    return np.asarray(even**2 * (3 - 2 * even))
 
 
 def _size(rule: tuple[int, int, int], path: ActuatorPath, run: Run) -> int:
@@ -97,12 +105,18 @@ def _averaged(problem: Problem, window: float) -> Smoothed:
             {term: values[chosen] for term, values in block.end.items()},
             block.room[chosen],
             block.middle,
+            block.about and _sliced(block.about, chosen),
         )
         for block in problem.blocks
     )
     return Smoothed(
         second_order(replace(problem, s=s, piece=problem.piece[chosen], blocks=blocks)), window, problem.speeds
     )
+
+
+def _sliced(about: About, chosen: slice) -> About:
+    low, high, low_end, high_end = (values[chosen] for values in about)
+    return low, high, low_end, high_end
 
 
 def _second_order_start(problem: Problem) -> tuple[Problem, float]:

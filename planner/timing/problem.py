@@ -1,7 +1,7 @@
 """A timing problem as the solvers see it: a grid along one run, and every limit's rows on it, normalised."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -39,6 +39,9 @@ class Run:
         return breaks
 
 
+About = tuple[Array, Array, Array, Array]
+
+
 @dataclass(frozen=True, slots=True)
 class Block:
     """One limit on N intervals, |Σ coefficient · term − room · middle| ≤ room, at each interval's start and end.
@@ -47,6 +50,7 @@ class Block:
 
     room    (N,) 1, or less where the certificate asked for it: what it takes off leaves standing still inside
     middle  (m,) of the range, in ]−1, 1[: 0 where the bounds are the same both ways
+    about   (low, high at the start, low, high at the end), each (N, m): as `Rows` has it, None where every row speaks
     """
 
     name: str
@@ -54,6 +58,18 @@ class Block:
     end: Mapping[Term, Array]
     room: Array
     middle: Array
+    about: About | None = None
+
+    def around(self, start: Array, end: Array) -> "Block":
+        """What speaks near a motion with ṡ (N,) at the intervals' starts and ends; other rows become nothing."""
+        if self.about is None:
+            return self
+        low, high, low_end, high_end = self.about
+        sides = []
+        for side, speed, least, most in ((self.start, start, low, high), (self.end, end, low_end, high_end)):
+            speaks = (least <= speed[:, None]) & (speed[:, None] < most)
+            sides.append({term: np.where(speaks, values, 0.0) for term, values in side.items()})
+        return replace(self, start=sides[0], end=sides[1], about=None)
 
     def share(self, values: Array) -> Array:
         """(N, m) of the range on their own side of zero, what values (N, m) of the sum are; 1 is at the bound."""
@@ -72,6 +88,15 @@ class Problem:
     @property
     def intervals(self) -> int:
         return len(self.piece)
+
+    @property
+    def settled(self) -> bool:
+        """Whether every row speaks near every motion."""
+        return all(block.about is None for block in self.blocks)
+
+    def around(self, start: Array, end: Array) -> "Problem":
+        """The rows that speak near a motion with ṡ (N,) at the intervals' starts and ends."""
+        return replace(self, blocks=tuple(block.around(start, end) for block in self.blocks))
 
 
 def grid(
@@ -117,23 +142,25 @@ def pose_problem(
         if limit.geometric:
             continue
         rows = limit.rows(points)
-        scaled, middle = _normalised(rows, 2 * count)
+        scaled, middle, about = _normalised(rows, 2 * count)
         if scaled:
             start = {term: values[:count] for term, values in scaled.items()}
             end = {term: values[count:] for term, values in scaled.items()}
-            blocks.append(Block(limit.name, start, end, np.ones(count), middle))
+            speaks = None if about is None else (about[0][:count], about[1][:count], about[0][count:], about[1][count:])
+            blocks.append(Block(limit.name, start, end, np.ones(count), middle, speaks))
     return Problem(s, piece, tuple(blocks), speeds)
 
 
-def _normalised(rows: Rows, points: int) -> tuple[dict[Term, Array], Array]:
-    """Coefficients of the channels that are bound, over half their range, and its middle."""
+def _normalised(rows: Rows, points: int) -> tuple[dict[Term, Array], Array, tuple[Array, Array] | None]:
+    """Coefficients of the channels that are bound, over half their range; its middle; and where they speak."""
     bound = np.broadcast_to(rows.bound, (points, np.shape(rows.bound)[-1]))
     binding = np.isfinite(bound).any(0)
     half, middle = bound[:, binding], np.zeros(int(binding.sum()))
+    if not binding.any():
+        return {}, middle, None
     if rows.below is not None:
         above, below = rows.bound[binding], rows.below[binding]
         half = (above + below) / 2
         middle = (above - below) / 2 / half
-    return {
-        term: values[:, binding] / half for term, values in rows.coefficients.items()
-    } if binding.any() else {}, middle
+    about = None if rows.about is None else (rows.about[0][:, binding], rows.about[1][:, binding])
+    return {term: values[:, binding] / half for term, values in rows.coefficients.items()}, middle, about

@@ -30,6 +30,8 @@ CHEAP = 1 + 3e-5
 AVERAGED, STRAIGHT = "averaged", "straight"
 # How near the largest speed at an end is told, and the share of a bound below which none is looked for.
 NEARLY, VANISHING = 1e-3, 1e-2
+# How often an order-3 run is solved where rows depend on the motion, unless a round gains less than this share.
+ROUNDS, GAIN = 4, 1e-4
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,7 +169,19 @@ def _largest_end(path: ActuatorPath, limits: Sequence[Limit], run: Run, end: int
 
 
 def _third(problem: Problem, guess: Array, **options: Any) -> tuple[Profile, str]:
-    """By FATROP, or by IPOPT where that gives no answer; which of them is told."""
+    """By FATROP, or by IPOPT where that gives no answer; which of them is told.
+
+    Rows that speak only near some motions are taken near the guess, and then near each answer in turn.
+    """
+    if not problem.settled:
+        for _ in range(ROUNDS):
+            v, a, j, h = guess
+            speed = v + h / 2 * (a + h * j / 4)  # in the middle, for both sides
+            profile, method = _third(problem.around(speed, speed), guess, **options)
+            gained, guess = 1 - profile.duration / h.sum(), profile.columns()
+            if abs(gained) < GAIN:
+                break
+        return profile, method
     try:
         return third_order(problem, guess, **options), "fatrop"
     except MotionError:

@@ -9,9 +9,12 @@ from kinematics.errors import MotionError
 from planner.limits.limit import Term
 from planner.timing import passes, toppra_adapter
 from planner.timing.ends import TooFast
+from planner.timing.inner import inner, straight
 from planner.timing.problem import Block, Problem
 from planner.timing.profile import Profile
 
+# Growth of ṡ² that each round allows anywhere, so that the chords close in; rounds end where one gains less than GAIN.
+GROWTH, GAIN = (8.0, 3.0, 1.0, 0.5, 0.25, 0.1, 0.05, 0.02, 0.01, 0.005), 1e-7
 TERMS = frozenset({Term.ONE, Term.SD, Term.SD2, Term.SDD})
 Solver = Literal["passes", "toppra"]
 
@@ -21,9 +24,29 @@ def second_order(problem: Problem, *, solver: Solver = "passes") -> Profile:
 
     With x = ṡ² and u = s̈, x grows by 2 u Δs over an interval, so a row a u + b x + c at its end is (a + 2 Δs b) u + b
     x + c at its start: that is the interpolation scheme, with the derivatives of the interval's own side at both ends.
-    Lengths and times are scaled so that x and u are about one. Raises TooFast where a speed at an end cannot be, and
-    MotionError where nothing gets through.
+    Lengths and times are scaled so that x and u are about one. Rows in ṡ beside others are kept from inside, in rounds
+    (planner.timing.inner). Raises TooFast where a speed at an end cannot be, MotionError where nothing gets through.
     """
+    if straight(problem):
+        return _solved(problem, solver)
+    profile, highest = _solved(inner(problem), solver), None
+    for growth in GROWTH:
+        speed = np.append(profile.v, problem.speeds[1])
+        reach = np.sqrt(1 + growth) * np.where(speed > 0, speed, speed.max())
+        highest = reach if highest is None else np.minimum(highest, reach)
+        try:
+            faster = _solved(inner(problem, speed, highest), solver)
+        except MotionError:  # rounding closed what the motion at hand had left
+            break
+        gained = 1 - faster.duration / profile.duration
+        if gained > 0:
+            profile = faster
+        if gained < GAIN:
+            break
+    return profile
+
+
+def _solved(problem: Problem, solver: Solver) -> Profile:
     length = problem.s[-1] - problem.s[0]
     time = _time_scale(problem, length)
     step = np.diff(problem.s) / length

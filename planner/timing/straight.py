@@ -68,6 +68,8 @@ def straight(problem: Problem) -> Profile | None:
 
 def _limits(problem: Problem) -> _Limits | None:
     """The limits along the run, where every row is constant and holds ṡ, s̈ or s⃛ alone; None elsewhere."""
+    if not problem.settled:
+        return None
     largest = dict.fromkeys((Term.SD, Term.SDD, Term.SDDD), 0.0)
     others: list[tuple[Term, float]] = []
     for block in problem.blocks:

@@ -4,8 +4,13 @@ import numpy as np
 
 from kinematics.array import Array
 from planner.limits.limit import Term
-from planner.timing.problem import Problem
+from planner.timing.problem import Block, Problem
 from planner.timing.profile import Profile
+
+# Share of a limit that counts as room at least, where holding still takes nearly all of it.
+LEAST = 1e-3
+# How often a trapezoid is sought near the last one, where rows depend on the motion.
+ROUNDS = 6
 
 
 def trapezoid(problem: Problem) -> Profile:
@@ -15,32 +20,62 @@ def trapezoid(problem: Problem) -> Profile:
     length L takes (L + 2d)/V. For every d on the grid the largest V is the least of what three kinds of rows allow:
     speed and curvature while cruising, |c| V ≤ 1 and |b| V² ≤ 1;  speed on the ramps, |c| V √(x/d) ≤ 1;
     acceleration on the ramps, |±a + 2 b x| V²/2d ≤ 1 (where its bounds differ, against the one on its side of zero).
-    Running maxima from both ends give all d at once.
+    Running maxima from both ends give all d at once. Of rows that mix these, P V² + S V ≤ 1 is kept beside what holds
+    still, each part at its largest; of rows that speak near some motions only, those near rest, and then those near
+    each faster trapezoid's top speed.
     """
+    best = _trapezoid(problem.around(*np.zeros((2, problem.intervals))))
+    for _ in range(0 if problem.settled else ROUNDS):
+        faster = _trapezoid(problem.around(*np.full((2, problem.intervals), best.v.max())))
+        if not faster.duration < best.duration:
+            break
+        best = faster
+    return best
+
+
+def _trapezoid(problem: Problem) -> Profile:
     s0, length = problem.s[0], problem.s[-1] - problem.s[0]
     # both sides of every interval, as distances from the run's start
     x = np.concatenate([problem.s[:-1], problem.s[1:]]) - s0
-    slope, push, bend = _largest(problem, Term.SD), *_accelerations(problem, x, length)
+    slope, drag, push, bend = *_speeds(problem), *_accelerations(problem, x, length)
     d = np.unique(np.concatenate([np.minimum(x, length - x), [length / 2]]))
     d = d[d > 0]
     near = np.minimum(x, length - x)
     ramp_speed = _running_max(near, slope * np.sqrt(near), d)
-    ramp_push = _running_max(near, push, d)
+    ramp_push, ramp_drag = _running_max(near, push, d) / (2 * d), _running_max(near, drag * np.sqrt(near), d)
     with np.errstate(divide="ignore"):
-        cruise = np.minimum(1 / _running_max(-near, slope, -d), 1 / np.sqrt(_running_max(-near, bend, -d)))
-        top = np.minimum(cruise, np.minimum(np.sqrt(d) / ramp_speed, np.sqrt(2 * d / ramp_push)))
+        cruise = np.minimum(
+            1 / _running_max(-near, slope, -d), _root(_running_max(-near, bend, -d), _running_max(-near, drag, -d))
+        )
+        ramps = np.minimum(np.sqrt(d) / ramp_speed, _root(ramp_push, ramp_drag / np.sqrt(d)))
+        top = np.minimum(cruise, ramps)
     best = int(np.argmin((length + 2 * d) / top))
     return _profile(problem, float(d[best]), float(top[best]))
 
 
-def _largest(problem: Problem, term: Term) -> Array:
-    """Largest |coefficient| of a term (2N,) at the starts and ends of all intervals, in blocks of that term alone."""
-    found = np.zeros(2 * problem.intervals)
+def _root(square: Array, linear: Array) -> Array:
+    """V of P V² + S V = 1."""
+    return np.asarray(2 / (linear + np.sqrt(linear**2 + 4 * square)))
+
+
+def _sides(block: Block, term: Term) -> Array:
+    """Coefficients of a term (2N, m) at all intervals' starts and ends, as shares of what holding still leaves."""
+    if term not in block.start:
+        return np.zeros((1, 1))
+    room = 1.0
+    if Term.ONE in block.start:
+        room = np.maximum(1 - np.abs(np.concatenate([block.start[Term.ONE], block.end[Term.ONE]])), LEAST)
+    return np.asarray(np.concatenate([block.start[term], block.end[term]]) / room)
+
+
+def _speeds(problem: Problem) -> tuple[Array, Array]:
+    """Largest |coefficient| of ṡ (2N,), in blocks of ṡ alone and in others."""
+    alone, mixed = np.zeros((2, 2 * problem.intervals))
     for block in problem.blocks:
-        if set(block.start) == {term}:
-            sides = np.concatenate([block.start[term], block.end[term]])
-            np.maximum(found, np.abs(sides).max(1), out=found)
-    return found
+        if Term.SD in block.start:
+            found = alone if len(block.start) == 1 else mixed
+            np.maximum(found, np.abs(_sides(block, Term.SD)).max(1), out=found)
+    return alone, mixed
 
 
 def _accelerations(problem: Problem, x: Array, length: float) -> tuple[Array, Array]:
@@ -49,8 +84,7 @@ def _accelerations(problem: Problem, x: Array, length: float) -> tuple[Array, Ar
     sign, near = np.where(x <= length / 2, 1.0, -1.0)[:, None], np.minimum(x, length - x)[:, None]
     for block in problem.blocks:
         if Term.SDD in block.start:
-            a = np.concatenate([block.start[Term.SDD], block.end[Term.SDD]])
-            b = np.concatenate([block.start[Term.SD2], block.end[Term.SD2]])
+            a, b = _sides(block, Term.SDD), _sides(block, Term.SD2)
             np.maximum(push, block.share(sign * a + 2 * near * b).max(1), out=push)
             np.maximum(bend, block.share(b).max(1), out=bend)
     return push, bend

@@ -9,7 +9,8 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from kinematics import MotionError
 from kinematics.body import Body, Leg, cylinder
 from kinematics.closed_loop import closed_loop, local_wrench, states
-from kinematics.dynamics import GRAVITY, forces
+from kinematics.dynamics import forces
+from kinematics.load import GRAVITY
 from kinematics.motion import motion_of_poses
 
 pin = pytest.importorskip("pinocchio")

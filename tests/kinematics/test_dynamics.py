@@ -10,8 +10,9 @@ from kinematics import MotionError, OutOfReach, load_machine
 from kinematics.arm import Arm, Joints
 from kinematics.axis import Axis
 from kinematics.body import Body, Leg, cylinder, together
-from kinematics.dynamics import GRAVITY, forces
+from kinematics.dynamics import forces
 from kinematics.freedom import COMPONENTS
+from kinematics.load import GRAVITY
 from kinematics.motion import motion_of_axes, motion_of_poses
 
 G = -GRAVITY[2]

@@ -129,6 +129,49 @@ def test_a_torque_curve_is_pairs_of_speed_and_force(load):
     assert load(PRESET + curve).axes[5].torque_speed == ((0.0, 220.0), (0.01, 222.411080763025))
 
 
+LOADED = """\
+friction = "20 N*s/m"
+reflected = "300 g"
+[platform]
+mass = "1.3 kg"
+inertia = ["100 kg*cm^2", "0.01 kg*m^2", "0.018 kg*m^2"]
+force = ["0 N", "0 N", "-10 N"]
+[legs]
+barrel = { mass = "200 g", centre = ["0 mm", "0 mm", "60 mm"] }
+rod = { mass = "41 g" }
+"""
+
+
+def test_masses_are_stated_in_tables(load):
+    machine = load(PRESET.replace("[geometry]", 'gravity = ["0 m/s^2", "0 m/s^2", "9.8 m/s^2"]\n[geometry]') + LOADED)
+    own = machine.load
+    assert {(axis.friction, axis.reflected) for axis in machine.axes} == {(20.0, 0.3)}
+    assert (own.platform.mass, own.legs[0].barrel.mass, own.legs[0].rod.mass) == (1.3, 0.2, 0.041)
+    np.testing.assert_allclose(own.platform.inertia, np.diag([0.01, 0.01, 0.018]), rtol=1e-15)
+    np.testing.assert_allclose(own.legs[0].barrel.centre, [0, 0, 0.06], rtol=1e-15)
+    np.testing.assert_array_equal(own.wrench, [0, 0, -10, 0, 0, 0])
+    np.testing.assert_array_equal(own.gravity, [0, 0, 9.8])
+    np.testing.assert_array_equal(load(PRESET).load.gravity, [0, 0, -9.80665])
+    assert not load(PRESET).loaded
+
+
+@pytest.mark.parametrize(
+    ("text", "key", "phrase"),
+    [
+        ('[platform]\nmass = "-1 kg"\n', "platform.mass", "must be at least 0 kg"),
+        ('[platform]\nmass = "1 kg"\ninertia = ["1 kg*m^2", "0 kg*m^2", "0 kg*m^2"]\n', "platform", "no rigid body's"),
+        ('[platform]\nweight = "1 kg"\n', "platform.weight", "unknown key"),
+        ('[legs]\nbarrel = { mass = "1 kg" }\n', "legs.rod", "missing"),
+        ('friction = "1 N"\n', "axes.friction", "not convertible to N*s/m"),
+    ],
+)
+def test_masses_that_cannot_be_are_faults(load, text, key, phrase):
+    with pytest.raises(FileError) as refusal:
+        load(PRESET + text)
+    assert [fault.key for fault in refusal.value.faults] == [key]
+    assert phrase in str(refusal.value)
+
+
 BAD = """\
 schema = 1
 kind = "hexapod"

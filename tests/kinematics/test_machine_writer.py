@@ -10,7 +10,9 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics import Axis, Hexapod, MotionError, Traverser, load_machine
+from kinematics.body import Body, Leg
 from kinematics.clearance import Disc
+from kinematics.load import Load
 from kinematics.machine_writer import machine_toml
 
 PER_AXIS = [
@@ -19,7 +21,7 @@ PER_AXIS = [
     {"max_speed": 1 / 3, "torque_speed": ((0.0, 220.0), (0.07, 1 / 7))},
     {"travel": (-0.01, 1 / 30), "resonance": ((0.003, 0.004),), "resonance_time": 1 / 7},
     {"max_pulse_rate": 3000.0, "max_force": 1e5 / 7, "resonance": ((0.003, 0.01 / 3), (0.007, 0.008))},
-    {"max_acceleration": (9.80665, 1 / 7), "max_jerk": (1e-9, 1.0)},
+    {"max_acceleration": (9.80665, 1 / 7), "max_jerk": (1e-9, 1.0), "friction": 1 / 7, "reflected": 0.3},
 ]
 
 
@@ -92,6 +94,24 @@ def test_what_takes_up_room_comes_back(preset, again):
     assert (bodies.base_disc.radius, bodies.base_disc.thickness) == (0.174, 0.011)
     np.testing.assert_allclose(bodies.base_disc.normal, machine.bodies.base_disc.normal, atol=1e-15)
     np.testing.assert_array_equal(bodies.base_disc.centre, [0.0, 0.001, -0.002])
+
+
+def test_what_it_moves_comes_back(preset, again):
+    moments = [[3e-4, 1e-6, 0], [1e-6, 3e-4, -2e-6], [0, -2e-6, 1e-5]]
+    leg = Leg(Body(0.2, [0, 1e-3, 0.06], moments), Body(1 / 7), [0.3, 1, 0])
+    load = Load(Body(4 / 3, [0, 0, 0.1], np.diag([0.1, 0.2, 0.15])), leg, [0.1, 0, 9.8], [0, 1, -10, 0.2, 0, 0])
+    found = again(preset.carrying(load)).load
+    pairs = [(found.platform, load.platform)]
+    pairs += [(getattr(found.legs[0], part), getattr(leg, part)) for part in ("barrel", "rod")]
+    for a, b in pairs:
+        assert a.mass == b.mass
+        np.testing.assert_array_equal(a.centre, b.centre)
+        np.testing.assert_array_equal(a.inertia, b.inertia)
+    for name in ("gravity", "wrench"):
+        np.testing.assert_array_equal(getattr(found, name), getattr(load, name))
+    np.testing.assert_array_equal(found.legs[0].first_axis, leg.first_axis)
+    with pytest.raises(MotionError, match="legs of different masses have no place in a machine file"):
+        machine_toml(preset.carrying(Load(legs=[leg] * 6)))
 
 
 def test_the_preset_comes_back_under_a_comment(preset, again):

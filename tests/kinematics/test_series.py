@@ -353,3 +353,12 @@ def test_zero_annihilates_and_stays_short(a):
         assert result.degree == 0
         assert not result.mid.any()
         assert not result.rad.any()
+
+
+def test_side_by_side_nothing_is_claimed_beyond_what_is_known_least():
+    """x known to τ⁴ beside its second derivative, known to τ²: both to τ² afterwards."""
+    x = Series(np.arange(1.0, 6.0).reshape(5, 1), np.zeros((5, 1)), 4)
+    for parts in ((x, x.derivative().derivative()), (x.derivative().derivative(), x)):
+        both = Series.stack(parts)
+        assert (both.order, both.degree) == (2, 2)
+        assert np.sort(both.mid[:, 0], axis=1).tolist() == [[1.0, 6.0], [2.0, 24.0], [3.0, 60.0]]

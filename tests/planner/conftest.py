@@ -4,8 +4,11 @@ from functools import cache
 
 import numpy as np
 import pytest
+from scipy.integrate import cumulative_trapezoid
+from scipy.spatial.transform import RigidTransform
 
-from kinematics import load_machine
+from kinematics import Axis, Body, Traverser, load_machine
+from kinematics.load import Load
 from planner import load_program, plan
 
 
@@ -73,5 +76,37 @@ def seven_segments():
         if top >= a**2 / jerk:
             return 2 * (top / a + a / jerk)
         return 4 * np.cbrt(length / (2 * jerk))  # neither
+
+    return time
+
+
+@pytest.fixture(scope="session")
+def slide():
+    """(mass, **what the axis states) -> a machine whose upright slide alone has masses and limits that bind."""
+
+    def make(mass, **own):
+        free = {"max_speed": 1e3, "max_acceleration": 1e5, "max_jerk": 1e9}
+        axes = [Axis("X", **free), Axis("Y", **free), Axis("Z", **own), Axis("R", "rotary", **free)]
+        return Traverser(axes=axes, home=RigidTransform.identity(), load=Load(Body(mass)))
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def bang_bang():
+    """(length, v̇ up, v̇ down, top speed) -> the least time from rest to rest on one axis, by quadrature.
+
+    As fast as possible up and down again, ds = v dv/v̇ and dt = dv/v̇; a step of 1/200 000 of the top speed.
+    """
+
+    def time(length, up, down, top):
+        v = np.linspace(0, top, 200_001)
+        s, t = (
+            [cumulative_trapezoid(weight / rate(v), v, initial=0) for rate in (up, down)]
+            for weight in (v, np.ones_like(v))
+        )
+        if s[0][-1] + s[1][-1] < length:
+            return t[0][-1] + t[1][-1] + (length - s[0][-1] - s[1][-1]) / top
+        return np.interp(length, s[0] + s[1], t[0] + t[1])
 
     return time

@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from kinematics import MotionError
+from kinematics import Hexapod, MotionError
 from kinematics.axis import Axis
+from kinematics.body import Body
+from kinematics.load import Load
 from planner import Arc, Line, Program, Turn
 from planner.actuation import PolynomialPath, points_of
 from planner.limits import Term, limits_of
@@ -16,6 +18,8 @@ from planner.limits.acceleration import Acceleration
 from planner.limits.angular_speed import AngularSpeed
 from planner.limits.capped import Capped
 from planner.limits.clearance import Clearance
+from planner.limits.force import Force
+from planner.limits.holding import Holding
 from planner.limits.jerk import Jerk
 from planner.limits.pulse_rate import PulseRate
 from planner.limits.registry import AXIS_LIMITS, MACHINE_LIMITS
@@ -24,6 +28,7 @@ from planner.limits.speed import Speed
 from planner.limits.tilt import Tilt
 from planner.limits.tool_acceleration import FACETS, ToolAcceleration
 from planner.limits.tool_speed import ToolSpeed
+from planner.limits.torque_speed import TorqueSpeed
 from planner.limits.travel import Travel
 from planner.plan import actuate
 from planner.timing.problem import pose_problem
@@ -66,7 +71,14 @@ ZOO = {
     AngularSpeed: Case(squares, row=np.sqrt),
     # a polygon inscribed in a circle: of the facets, the nearest uses at most so much more
     ToolAcceleration: Case(squares, row=np.sqrt, loss=1 / np.cos(np.pi / 2 / FACETS) - 1),
+    Holding: Case(bounds),
+    Force: Case(bounds, row=lambda value: value),
+    TorqueSpeed: Case(bounds, row=lambda value: value),
 }
+# Only the lines that a speed lies on count: see test_torque_speed.
+BY_LINES = {TorqueSpeed}
+# What holds the machine still does not fall when it slows: see test_force.
+STAYS = {Force, TorqueSpeed}
 
 
 def test_every_limit_is_in_the_zoo():
@@ -74,7 +86,25 @@ def test_every_limit_is_in_the_zoo():
 
 
 @pytest.fixture(scope="module")
-def path(hexapod):
+def machine(hexapod):
+    """The preset with everything that an axis may state, and something to carry."""
+    curve = ((0.0, 220.0), (0.01, 200.0), (0.02, 120.0), (0.04, 100.0))
+    own = {"max_pulse_rate": 2e4, "friction": 50.0, "reflected": 0.5, "torque_speed": curve}
+    return Hexapod(
+        hexapod.base,
+        hexapod.platform,
+        axes=[replace(axis, **own) for axis in hexapod.axes],
+        home=hexapod.home,
+        max_tilt=np.deg2rad(35),
+        leg_radius=hexapod.bodies.leg_radius,
+        base_disc=hexapod.bodies.base_disc,
+        platform_disc=hexapod.bodies.platform_disc,
+        load=Load(Body(20.0, [0.01, 0, 0.05], np.diag([0.1, 0.2, 0.15]))),
+    )
+
+
+@pytest.fixture(scope="module")
+def path(machine):
     program = Program(
         [
             Line([0.01, 0, 0.02], Rotation.from_euler("XYZ", [3, -4, 5], degrees=True), speed=0.03, angular_speed=0.2),
@@ -85,12 +115,12 @@ def path(hexapod):
         acceleration=0.03,
         angular_speed=0.1,
     )
-    return actuate(program, hexapod)
+    return actuate(program, machine)
 
 
 @pytest.fixture(scope="module")
-def limits(path, hexapod):
-    axes = [replace(axis, max_pulse_rate=2e4, resonance=((0.006, 0.008),)) for axis in hexapod.axes]
+def limits(path, machine):
+    axes = [replace(axis, resonance=((0.006, 0.008),)) for axis in machine.axes]
     return {type(limit): limit for limit in limits_of(path, axes, 3)}
 
 
@@ -101,6 +131,20 @@ def limit(request, limits):
 
 @pytest.fixture(scope="module", params=[kind for kind in ZOO if ZOO[kind].row], ids=lambda kind: kind.__name__)
 def timing_limit(request, limits):
+    return limits[request.param]
+
+
+@pytest.fixture(scope="module", params=[kind for kind in ZOO if kind not in BY_LINES], ids=lambda kind: kind.__name__)
+def even_limit(request, limits):
+    return limits[request.param]
+
+
+@pytest.fixture(
+    scope="module",
+    params=[kind for kind in ZOO if ZOO[kind].row and kind not in STAYS],
+    ids=lambda kind: kind.__name__,
+)
+def falling_limit(request, limits):
     return limits[request.param]
 
 
@@ -167,11 +211,14 @@ def test_rows_sum_to_the_value_that_the_certificate_bounds(timing_limit, motion)
     share = np.abs(total) / bound
     if isinstance(timing_limit, Capped):
         share = share.max(1, keepdims=True)
-    assert share == pytest.approx(np.clip(share, use, use * (1 + loss)), rel=1e-9, abs=1e-12)
+    counts = use > 0 if type(timing_limit) in BY_LINES else np.ones(use.shape, bool)
+    assert counts.any(0).all()
+    expected = np.clip(share, use, use * (1 + loss))
+    assert share[counts] == pytest.approx(expected[counts], rel=1e-9, abs=1e-12)
 
 
-def test_use_is_one_exactly_at_the_bound(limit):
-    piece = np.array([0, 1])
+def test_use_is_one_exactly_at_the_bound(even_limit):
+    limit, piece = even_limit, np.array([0, 1])
     full = ZOO[type(limit)].full(limit, piece)
     assert np.abs(limit.use(full, full, piece) - 1).max() <= 2**-51  # a root or an arc cosine may round
     for share in (0.5, 0.999, 1.001, 1.4):
@@ -184,7 +231,8 @@ def test_use_is_one_exactly_at_the_bound(limit):
         assert use == pytest.approx(np.sqrt(share) if isinstance(limit, Capped) else share, rel=1e-12)
 
 
-def test_use_of_a_range_is_its_worst_value_s(limit, motion):
+def test_use_of_a_range_is_its_worst_value_s(even_limit, motion):
+    limit = even_limit
     value = limit.value(motion.state)
     piece = motion.trajectory.piece
     low, high = np.minimum(value, value[::-1]), np.maximum(value, value[::-1])
@@ -195,17 +243,17 @@ def test_use_of_a_range_is_its_worst_value_s(limit, motion):
 
 
 @pytest.mark.parametrize("excess", [1.0, 1 + 1e-6, 1.3, 40.0])
-def test_slowness_brings_a_motion_to_the_limit(timing_limit, motion, excess):
+def test_slowness_brings_a_motion_to_the_limit(falling_limit, motion, excess):
     """Slowed k times, each term falls by its own power of k; a motion that used `excess` then uses 1."""
 
     def used(motion):
-        value = timing_limit.value(motion.state)
-        return timing_limit.use(value, value, motion.trajectory.piece).max()
+        value = falling_limit.value(motion.state)
+        return falling_limit.use(value, value, motion.trajectory.piece).max()
 
-    power = {Acceleration: 2, ToolAcceleration: 2, Jerk: 3}.get(type(timing_limit), 1)
+    power = {Acceleration: 2, ToolAcceleration: 2, Jerk: 3}.get(type(falling_limit), 1)
     quick = motion.slowed((used(motion) / excess) ** (1 / power))
     assert used(quick) == pytest.approx(excess, rel=1e-12)
-    k = timing_limit.slowness(used(quick))
+    k = falling_limit.slowness(used(quick))
     assert used(quick.slowed(k)) == pytest.approx(1.0, rel=1e-12)
 
 
@@ -228,7 +276,7 @@ def test_channels_bounds_and_units_belong_together(limit, motion):
     assert len(limit.channels) == len(limit.bounds) == len(limit.units) == limit.value(motion.state).shape[1]
     for channel, (unit, scale) in enumerate(limit.units):
         said, allowed = limit.told(float(ZOO[type(limit)].full(limit, np.zeros(1, int))[0, channel]), channel)
-        expected = {"deg": 180 / np.pi, "mm": 1e3, "1": 1.0}
+        expected = {"deg": 180 / np.pi, "mm": 1e3, "1": 1.0, "N": 1.0}
         assert scale == expected[unit.split("/")[0]]
         assert said >= allowed * (1 - 1e-12)  # other pieces may have a higher cap
         assert isinstance(limit, Capped) or said == pytest.approx(allowed, rel=1e-12, abs=1e-12)

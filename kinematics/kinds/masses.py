@@ -1,0 +1,80 @@
+"""Tables of what a machine moves, which every kind's file may have: `[platform]`, `[legs]` and `gravity`."""
+
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import AfterValidator
+
+from kinematics.body import Body, Leg
+from kinematics.errors import MotionError
+from kinematics.kinds.axes import MachineFile
+from kinematics.kinds.poses import Point
+from kinematics.load import GRAVITY, Load
+from kinematics.schema import Direction, Table, chosen, wrong
+from kinematics.units import Unit
+
+Moment = Annotated[float, Unit("kg*m^2")]
+Moments = tuple[Moment, Moment, Moment]
+Pull = Annotated[float, Unit("m/s^2")]
+Push = Annotated[float, Unit("N")]
+Twist = Annotated[float, Unit("N*m")]
+
+
+def _moments(value: object) -> Any:
+    rows = isinstance(value, tuple) and value and isinstance(value[0], tuple)
+    return tuple[Moments, Moments, Moments] if rows else Moments
+
+
+class Mass(Table):
+    """A body in the frame of its part; inertia about the centre of mass: its moments about the axes, or all nine."""
+
+    mass: Annotated[float, Unit("kg", least=0)]
+    centre: Point = (0.0, 0.0, 0.0)
+    inertia: Annotated[Any, chosen(_moments)] = (0.0, 0.0, 0.0)
+
+    def body(self, name: str) -> Body:
+        given = np.asarray(self.inertia, float)
+        return Body(self.mass, np.asarray(self.centre), np.diag(given) if given.ndim == 1 else given, name)
+
+
+def _possible(table: Mass) -> Mass:
+    try:
+        table.body("body")
+    except MotionError as error:
+        raise wrong(str(error)) from None
+    return table
+
+
+Bodied = Annotated[Mass, AfterValidator(_possible)]
+
+
+class Carried(Mass):
+    """The platform (or tool), and what pushes on it from outside at its origin, in the base frame."""
+
+    mass: Annotated[float, Unit("kg", least=0)] = 0.0
+    force: tuple[Push, Push, Push] = (0.0, 0.0, 0.0)
+    moment: tuple[Twist, Twist, Twist] = (0.0, 0.0, 0.0)
+
+
+class Legs(Table):
+    """The two parts of every leg: barrel in a frame at the base joint, rod at the platform joint, z along the leg."""
+
+    barrel: Bodied
+    rod: Bodied
+    first_axis: Direction | None = None
+
+
+class LoadedFile(MachineFile):
+    """What every machine's file may say of its masses; gravity points down a base that stands upright."""
+
+    platform: Annotated[Carried, AfterValidator(_possible)] | None = None
+    gravity: tuple[Pull, Pull, Pull] = GRAVITY
+
+    def load(self, legs: Legs | None = None) -> Load:
+        platform = Carried() if self.platform is None else self.platform
+        parts: tuple[Leg, ...] = ()
+        if legs is not None:
+            axis = None if legs.first_axis is None else np.asarray(legs.first_axis)
+            parts = (Leg(legs.barrel.body("barrel"), legs.rod.body("rod"), axis),)
+        wrench = np.array([*platform.force, *platform.moment])
+        return Load(platform.body("platform"), parts, np.asarray(self.gravity), wrench)
