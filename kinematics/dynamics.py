@@ -114,11 +114,10 @@ def forces(
         if not isinstance(machine, Hexapod):
             raise MotionError(f"machine {machine.name} is no hexapod: legs with inertia are known for hexapods only")
         six = (legs,) if isinstance(legs, Leg) else tuple(legs) if isinstance(legs, Sequence) else (legs,)
-        six = six * 6 if len(six) == 1 else six
-        if len(six) != 6 or not all(isinstance(leg, Leg) for leg in six):
+        if len(six) not in (1, 6) or not all(isinstance(leg, Leg) for leg in six):
             kinds = ", ".join(sorted({type(leg).__name__ for leg in six}))
             raise MotionError(f"{name}: {len(six)} legs with inertia ({kinds}); give one Leg for all, or six")
-        found = leg_forces(machine, six, moving, body, load, down)
+        found = leg_forces(machine, six * (6 // len(six)), moving, body, load, down)
     else:
         found = massless_forces(machine, moving, body, load, down)
         if isinstance(machine, Arm):
