@@ -10,7 +10,7 @@ import numpy as np
 
 from benchmarks.page import grouped, png, render, style
 from controllers.metrics import Metrics
-from planner.baseline import Classical
+from planner.baselines import Classical
 from planner.limits import Limit
 from planner.plan import Plan
 from planner.pulses import PulseCheck
@@ -22,16 +22,23 @@ if TYPE_CHECKING:
 
 
 def write_report(
-    plan: Plan, classical: Classical, metrics: Sequence[Metrics], path: Path, *, verdict: PulseCheck
+    plan: Plan,
+    classical: Classical,
+    metrics: Sequence[Metrics],
+    path: Path,
+    *,
+    verdict: PulseCheck,
+    others: Sequence[Classical] = (),
 ) -> None:
     """Write the page to `path` and its figures to `figures/*.png` beside it.
 
     classical  the baseline of the saving
     metrics    the errors of each tracking law; none: the page has no such part
     verdict    of the independent check of the plan's pulses
+    others     further classical timings, for the table
     """
     figures = draw(plan, classical, metrics)
-    path.write_text(_page(plan, classical, metrics, verdict, figures), encoding="utf-8")
+    path.write_text(_page(plan, classical, metrics, verdict, others, figures), encoding="utf-8")
     folder = path.parent / "figures"
     folder.mkdir(exist_ok=True)
     for name, image in figures.items():
@@ -141,6 +148,7 @@ def _page(
     classical: Classical,
     metrics: Sequence[Metrics],
     verdict: PulseCheck,
+    others: Sequence[Classical],
     figures: dict[str, bytes],
 ) -> str:
     from planner.plots import ACTIVE, BINS
@@ -150,6 +158,7 @@ def _page(
         figures,
         plan=plan,
         classical=classical,
+        others=others,
         metrics=metrics,
         verdict=verdict,
         triggers=plan.triggers,

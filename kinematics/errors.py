@@ -2,10 +2,21 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 
 class MotionError(Exception):
     """Something the user can act on: the message names what, where, value, limit, unit and remedy."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """As it is: Python's own way calls the class with the message alone, which few of these take."""
+        return _restored, (type(self), self.args, self.__dict__)
+
+
+def _restored(kind: type[MotionError], args: tuple[Any, ...], state: dict[str, Any]) -> MotionError:
+    error = kind.__new__(kind, *args)
+    error.__dict__.update(state)
+    return error
 
 
 @dataclass(frozen=True, slots=True)

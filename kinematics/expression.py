@@ -26,11 +26,20 @@ class Expression:
     """
 
     def __init__(self, name: str, inputs: ca.SX, outputs: ca.SX) -> None:
-        self.function = ca.Function(name, [ca.vec(inputs)], [ca.densify(ca.vec(outputs))], {"cse": True})
+        self._compiled(ca.Function(name, [ca.vec(inputs)], [ca.densify(ca.vec(outputs))], {"cse": True}))
+
+    def _compiled(self, function: ca.Function) -> None:
+        self.function = function
         self.size = int(self.function.size1_in(0)), int(self.function.size1_out(0))
         self._lock = Lock()
         self._alive: list[object] = []  # `run` holds raw pointers into these
         self._blocks: dict[int, tuple[Array, Array, Callable[[], None]]] = {}
+
+    def __getstate__(self) -> ca.Function:
+        return self.function  # the rest is made from it, or cannot leave the process
+
+    def __setstate__(self, function: ca.Function) -> None:
+        self._compiled(function)
 
     def __call__(self, x: Array) -> Array:
         rows, out = len(x), np.empty((len(x), self.size[1]))

@@ -3,8 +3,9 @@
 from typing import Any
 
 from planner.bare import time_optimal
-from planner.baseline import Classical, classical
+from planner.baselines import Classical, classical
 from planner.certify import Certificate
+from planner.many import plan_many
 from planner.place import Infeasible, Place
 from planner.plan import Plan, check, plan
 from planner.program import Arc, Blend, Dwell, Line, Program, Spline, Stop, Through, Trigger, Turn
@@ -17,7 +18,7 @@ from planner.triggers import Triggered
 __all__ = [
     "Arc", "Blend", "Certificate", "Classical", "Dwell", "Infeasible", "Line", "Place", "Plan", "Program",
     "PulseSchedule", "Solution", "Spline", "Standing", "State", "Stop", "Through", "Trajectory", "Trigger",
-    "Triggered", "Turn", "check", "classical", "load_program", "plan", "program_names", "time_optimal",
+    "Triggered", "Turn", "check", "classical", "load_program", "plan", "plan_many", "program_names", "time_optimal",
 ]  # fmt: skip
 
 

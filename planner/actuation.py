@@ -10,7 +10,7 @@ import numpy as np
 
 from kinematics.array import Array, frozen
 from kinematics.expression import Expression
-from kinematics.freedom import refuse
+from kinematics.freedom import columns, refuse
 from kinematics.machine import Machine
 from kinematics.pose import Pose, column
 from kinematics.series import Series
@@ -216,6 +216,21 @@ class MachinePath:
         return out
 
     def enclose(self, s: Series, piece: np.ndarray) -> tuple[Series, Series]:
+        inputs = self._enclosed(s, piece)
+        q = Series.stack(self.machine.inverse_map.enclose(inputs))
+        pose = self.machine.carried_map.enclose(inputs) if self.machine.follows else inputs[:12]
+        return q, Series.stack(pose)
+
+    def jacobian(self, s: Series, piece: np.ndarray) -> Series:
+        """The square Jacobian (order+1, N, n · n), row by row; columns of rotation by the characteristic length."""
+        entries = self.machine.jacobian_map.enclose(self._enclosed(s, piece))
+        free = columns(self.machine).tolist()
+        scale = [1.0 if k < 3 else 1 / self.machine.characteristic_length for k in free]
+        chosen = [entries[6 * row + k] * x for row in range(len(self.names)) for k, x in zip(free, scale, strict=True)]
+        return Series.stack([*chosen, Series.zeros(s.order, (len(piece),))])[:, :-1]  # rows for all, also constants
+
+    def _enclosed(self, s: Series, piece: np.ndarray) -> list[Series]:
+        """What the machine's maps take, along the path."""
         pose = Series.zeros(s.order, (len(piece), 12))
         local = s - self.breaks[piece] + self._start[piece]
         for k, shape in enumerate(self._shapes):
@@ -224,9 +239,7 @@ class MachinePath:
                 parameters = [Series.constant(values, s.order) for values in self._parameters[k][piece[chosen]].T]
                 pose.put(chosen, Series.stack(pose_map(shape).enclose([local[chosen], *parameters])))
         near = [Series.constant(values, s.order) for values in self._near[piece].T if self.machine.branched]
-        inputs = [*pose.columns(), *near]
-        q = Series.stack(self.machine.inverse_map.enclose(inputs))
-        return q, Series.stack(self.machine.carried_map.enclose(inputs)) if self.machine.follows else pose
+        return [*pose.columns(), *near]
 
 
 def _at(ends: np.ndarray, values: np.ndarray) -> np.ndarray:

@@ -17,6 +17,7 @@ from planner.limits.resonance import Resonance
 from planner.place import Place
 from planner.stays import stays
 from planner.trajectory import Trajectory
+from planner.walk import walk
 
 TOLERANCE = 1e-6
 """A limit holds when its proven bound is at most 1 + TOLERANCE: room for the solvers' own tolerance."""
@@ -36,6 +37,8 @@ ROUNDING = 1e-13
 LOOKED = 201
 # Cells that are looked at together: their series stay in the processor's cache.
 TOGETHER = 1024
+# States that are computed together: a state holds far more than what is kept of it.
+STATES = 1 << 14
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,6 +67,20 @@ class Known:
     use: dict[str, Array]
     attained: dict[str, Array]
 
+    @classmethod
+    def nothing(cls, limits: Sequence[Limit], pieces: int) -> "Known":
+        use, attained = ({limit.name: np.full(pieces, np.nan) for limit in limits} for _ in range(2))
+        return cls(use, attained)
+
+    @classmethod
+    def joined(cls, parts: "Sequence[Known]") -> "Known":
+        """Of time pieces one after the other."""
+        use, attained = (
+            {name: np.concatenate([getattr(part, each)[name] for part in parts]) for name in parts[0].use}
+            for each in ("use", "attained")
+        )
+        return cls(use, attained)
+
 
 def certify(trajectory: Trajectory, limits: Sequence[Limit], known: Known | None = None) -> Certificate:
     """Prove what the trajectory uses of every limit, and that it is the motion asked for.
@@ -71,12 +88,18 @@ def certify(trajectory: Trajectory, limits: Sequence[Limit], known: Known | None
     It runs the whole path once, forwards, from rest to rest or between the speeds that the path states for its ends,
     and is as smooth as its order asks: nothing jumps.
 
-    known spares the work on time pieces that did not change since they were proved.
+    known spares the work on time pieces of which the timing limits are proved already. What a geometric limit uses
+    depends on the place alone: it is proved once along the path, and each time piece has what the parts of the path
+    use through which it passes.
     """
     order = 3 if any(Term.SDDD in limit.terms for limit in limits) else 2
-    use, attained = prove(trajectory, limits, order, known)
+    timed, standing = ([limit for limit in limits if limit.geometric is still] for still in (False, True))
+    use, attained = prove(trajectory, timed, order, known)
+    for every, some in zip((use, attained), _placed(trajectory, standing), strict=True):
+        every |= some
     worst = {name: float(values.max()) for name, values in use.items()}
-    where = {limit.name: _place(trajectory, limit, int(np.argmax(use[limit.name]))) for limit in limits}
+    most = {limit.name: attained if limit.geometric else use for limit in limits}
+    where = {limit.name: _place(trajectory, limit, int(np.argmax(most[limit.name][limit.name]))) for limit in limits}
     for limit in limits:
         if isinstance(limit, Resonance) and limit.bands:
             use[CROSSING], attained[CROSSING], where[CROSSING] = _crossing(trajectory, limit)
@@ -127,6 +150,31 @@ def prove(
     return use, attained
 
 
+def _placed(trajectory: Trajectory, limits: Sequence[Limit]) -> tuple[dict[str, Array], dict[str, Array]]:
+    """Per geometric limit, what `prove` gives, from one walk along the path."""
+    if not limits:
+        return {}, {}
+    along = walk(trajectory.path)
+    proven, _ = prove(along, limits, 2)
+    # every knot: the start of each time piece, and the end of the last
+    pieces = len(trajectory.s)
+    k, tau = np.minimum(np.arange(pieces + 1), pieces - 1), np.zeros(pieces + 1)
+    tau[-1] = trajectory.knots[-1] - trajectory.knots[-2]
+    s, met = np.empty(pieces + 1), {limit.name: np.empty(pieces + 1) for limit in limits}
+    for some in (slice(first, first + STATES) for first in range(0, pieces + 1, STATES)):
+        state = trajectory.within(k[some], tau[some])
+        s[some] = state.s
+        for limit in limits:
+            value = limit.value(state)
+            met[limit.name][some] = limit.use(value, value, state.piece).max(1)
+    slack = JUMP * (along.s[-1] - along.s[0])  # by which `_gaps` lets a motion stray
+    first = np.searchsorted(along.s, np.minimum(s[:-1], s[1:]) - slack, side="right") - 1
+    last = np.searchsorted(along.s, np.maximum(s[:-1], s[1:]) + slack, side="right")
+    ranges = np.stack([np.clip(first, 0, len(along.s) - 1), np.maximum(last, 1)], 1).ravel()
+    use = {name: np.maximum.reduceat(np.append(values, 0.0), ranges)[::2] for name, values in proven.items()}
+    return use, {name: np.maximum(values[:-1], values[1:]) for name, values in met.items()}
+
+
 def _judge(trajectory: Trajectory, limits: Sequence[Limit], cells: Cells, expansion: int) -> tuple[Array, Array]:
     """Over each of N cells, the bound of every limit's use over all its channels, and the use attained: (limits, N).
 
@@ -167,20 +215,16 @@ def _jumps(trajectory: Trajectory, order: int) -> dict[str, Place]:
 
     At an end ṡ is what the path states, rest if nothing, and s̈ is 0: q̇ = q′ ṡ and q̈ = q″ ṡ² there.
     """
-    k = np.arange(len(trajectory.s))
-    start, end = trajectory.within(k, np.zeros(len(k))), trajectory.within(k, np.diff(trajectory.knots))
+    lengths = np.diff(trajectory.knots)
+    start, end = _states(trajectory, order, np.zeros(len(lengths))), _states(trajectory, order, lengths)
     path = trajectory.path
     _, q1, q2, _ = path.derivatives(path.breaks[[0, -1]], np.array([0, len(path.breaks) - 2]))
     stated = np.array(path.end_speeds)[:, None]
-    qd, qdd = q1 * stated, q2 * stated**2
-    quantities = {
-        "position jump": (start.q, end.q, start.q[:1], end.q[-1:]),
-        "speed jump": (start.qd, end.qd, qd[:1], qd[1:]),
-    }
-    if order == 3:
-        quantities["acceleration jump"] = (start.qdd, end.qdd, qdd[:1], qdd[1:])
+    asked = [np.stack([start[0][0], end[0][-1]]), q1 * stated, q2 * stated**2]
     found: dict[str, Place] = {}
-    for name, (starts, ends, before, after) in quantities.items():
+    for n, name in enumerate(("position jump", "speed jump", "acceleration jump")[:order]):
+        starts, ends = start[n], end[n]
+        before, after = asked[n][:1], asked[n][1:]
         gaps = np.abs(np.concatenate([starts, after]) - np.concatenate([before, ends]))
         # rounding is that of each axis' own values, and of what they were made from together
         scale = np.ptp(starts, axis=0) + 1e-6 * np.abs(starts).max(0)
@@ -189,6 +233,15 @@ def _jumps(trajectory: Trajectory, order: int) -> dict[str, Place]:
             knot, axis = np.unravel_index(int(np.argmax(np.where(np.isnan(beyond), np.inf, beyond))), beyond.shape)
             found[name] = _at(trajectory, float(trajectory.knots[knot]), trajectory.path.names[axis])
     return found
+
+
+def _states(trajectory: Trajectory, order: int, tau: Array) -> list[Array]:
+    """q, q̇ (and q̈ at order 3), each (M, n), tau (M,) after the start of every time piece."""
+    parts = []
+    for first in range(0, len(tau), STATES):
+        state = trajectory.within(np.arange(first, min(first + STATES, len(tau))), tau[first : first + STATES])
+        parts.append((state.q, state.qd, state.qdd)[:order])
+    return [np.concatenate(each) for each in zip(*parts, strict=True)]
 
 
 def _gaps(trajectory: Trajectory) -> dict[str, Place]:

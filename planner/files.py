@@ -52,6 +52,7 @@ def load_program(name_or_path: str | PathLike[str]) -> Program:
         _pose(model.start),
         model.machine,
         Path(source.name).stem,
+        duration=model.duration,
         speed=model.speed,
         acceleration=model.acceleration,
         angular_speed=model.angular_speed,
@@ -191,8 +192,13 @@ class SplineTable(Table):
         return self
 
 
-class TurnTable(Table):
+class TurnTo(Table):
     to: Orientation
+
+
+class TurnBy(Table):
+    about: Direction
+    angle: Annotated[PlainAngle, AfterValidator(not_zero)]
 
 
 class Entry(Table):
@@ -260,11 +266,13 @@ class SplineEntry(Drawn):
 
 
 class TurnEntry(Entry):
-    turn: TurnTable
+    turn: Annotated[TurnTo | TurnBy, either(TurnTo, TurnBy)]
 
     def segment(self, line_number: int | None) -> Segment:
-        turned = Rotation.from_euler("XYZ", self.turn.to)
-        return Turn(turned, self.after, angular_speed=self.angular_speed, trigger=self.event, line_number=line_number)
+        said: dict[str, Any] = {"angular_speed": self.angular_speed, "trigger": self.event, "line_number": line_number}
+        if isinstance(self.turn, TurnBy):
+            return Turn(None, self.after, about=frozen(self.turn.about), angle=self.turn.angle, **said)
+        return Turn(Rotation.from_euler("XYZ", self.turn.to), self.after, **said)
 
 
 class DwellEntry(Table):
@@ -287,6 +295,7 @@ class ProgramFile(File):
     length: Annotated[str, unit_of("m")] | None = None
     angle: Annotated[str, unit_of("rad")] | None = None
     frame: Frame = "home"
+    duration: Annotated[float, Unit("s", above=0)] | None = None
     start: Annotated[tuple[float, ...], chosen(_start_type)] | None = None
     speed: ToolSpeed | None = None
     acceleration: ToolAcceleration | None = None

@@ -9,7 +9,9 @@ from kinematics.errors import MotionError
 from kinematics.machine import Machine
 from planner.actuation import MachinePath
 from planner.certify import Certificate
+from planner.duration import within
 from planner.limits import Limit, limits_of
+from planner.parallel import Progress
 from planner.path.chain import chain
 from planner.place import Infeasible
 from planner.program import Program
@@ -81,11 +83,21 @@ def actuate(program: Program, machine: Machine) -> MachinePath:
     )
 
 
-def plan(program: Program, machine: Machine, *, order: int | None = None, clock_hz: int = 10_000_000) -> Plan:
+def plan(
+    program: Program,
+    machine: Machine,
+    *,
+    order: int | None = None,
+    clock_hz: int = 10_000_000,
+    duration: float | None = None,
+    progress: Progress | None = None,
+) -> Plan:
     """The fastest motion of a machine along a program, proved to respect every limit, and its pulses.
 
-    order 2 keeps speed and acceleration, 3 jerk as well; None: 3 where the machine states jerk limits. Raises
-    Infeasible (what, where, by how much, remedy), OutOfReach, or MotionError.
+    order 2 keeps speed and acceleration, 3 jerk as well; None: 3 where the machine states jerk limits.
+    duration (s): the smoothest motion that takes so long instead, as `planner.duration.within` has it; None: what the
+    program states, if it does. progress is told how many of the runs between stops are solved, and of how
+    many. Raises Infeasible (what, where, by how much, remedy), OutOfReach, or MotionError.
     """
     if order is None:
         order = 3 if any(axis.max_jerk is not None for axis in machine.axes) else 2
@@ -93,9 +105,15 @@ def plan(program: Program, machine: Machine, *, order: int | None = None, clock_
         raise MotionError(f"order {order} is not known; 2 keeps speed and acceleration, 3 jerk as well")
     if isinstance(clock_hz, bool) or not isinstance(clock_hz, (int, np.integer)) or clock_hz <= 0:
         raise MotionError(f"clock_hz {clock_hz} must be a positive whole number of ticks per second")
+    duration = program.duration if duration is None else duration
+    if duration is not None and not 0 < duration < np.inf:
+        raise MotionError(f"duration {duration} s must be positive and finite")
     path = actuate(program, machine)
     limits = limits_of(path, machine.axes, order)
-    solution = fastest(path, limits, order)
+    if duration is None:
+        solution = fastest(path, limits, order, progress)
+    else:
+        solution = within(path, limits, machine.axes, order, duration, progress)
     pulses = _pulses(solution.trajectory, machine, int(clock_hz))
     return Plan(
         program,

@@ -114,12 +114,7 @@ class Arc:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "centre", _vector("arc", "centre", self.centre))
-        normal = _vector("arc", "normal", self.normal)
-        largest = np.abs(normal).max()
-        if largest == 0:
-            raise MotionError("arc: normal is zero; give the direction about which the arc turns, e.g. [0, 0, 1]")
-        scaled = normal / largest  # the norm of very large or very small vectors would overflow
-        object.__setattr__(self, "normal", frozen(scaled / np.linalg.norm(scaled)))
+        object.__setattr__(self, "normal", _direction("arc", "normal", self.normal))
         if not isfinite(self.angle) or self.angle == 0:
             raise MotionError(f"arc: angle {self.angle} rad must be finite and not zero")
         if not isfinite(self.rise):
@@ -160,15 +155,27 @@ class Spline:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Turn:
-    """A rotation on the spot to the orientation `to`, the shorter way; angular_speed as of a line."""
+    """A rotation on the spot: to the orientation `to`, the shorter way, or by any signed angle.
 
-    to: Rotation
+    about, angle  (3,) axis, right hand, kept as a unit vector, and rad: any number of turns
+    angular_speed, join, trigger, line_number  as of a line
+    """
+
+    to: Rotation | None = None
     join: Join = Stop()
     angular_speed: float | None = field(default=None, kw_only=True)
     trigger: Trigger | None = field(default=None, kw_only=True)
+    about: Array | None = field(default=None, kw_only=True)
+    angle: float = field(default=0.0, kw_only=True)
     line_number: int | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
+        if (self.to is None) == (self.about is None):
+            raise MotionError("turn: give the orientation `to`, or `about` and `angle`; exactly one of the two")
+        if self.about is not None:
+            object.__setattr__(self, "about", _direction("turn", "about", self.about))
+            if not isfinite(self.angle) or self.angle == 0:
+                raise MotionError(f"turn: angle {self.angle} rad must be finite and not zero")
         _caps(self, "turn")
 
 
@@ -200,6 +207,7 @@ class Program:
     tool     the tool's frame in the platform's: coordinates say where it goes, speeds are its own; None: the platform's
     work     the frame, in the program's, in which coordinates are given; None: the program's frame itself
     repeat   how often the segments are run, one time after the other, each from where the path stands
+    duration  s that the whole is to take, as smoothly as it can; None: as little as it can
     start_speed, end_speed  tool speed (m/s) with which the motion begins and ends; 0: at rest
     Raises MotionError for an empty program, an unknown frame, a count or a speed that is none.
     """
@@ -209,6 +217,7 @@ class Program:
     start: Pose | None = None
     machine: str | None = None
     name: str = "program"
+    duration: float | None = field(default=None, kw_only=True)
     speed: float | None = field(default=None, kw_only=True)
     acceleration: float | None = field(default=None, kw_only=True)
     angular_speed: float | None = field(default=None, kw_only=True)
@@ -229,6 +238,7 @@ class Program:
         for end, speed in (("start_speed", self.start_speed), ("end_speed", self.end_speed)):
             if not (isfinite(speed) and speed >= 0):
                 raise MotionError(f"program {self.name}: {end} {speed} m/s must be finite and not negative")
+        _positive(f"program {self.name}", "duration", self.duration, "s")
         _caps(self, f"program {self.name}")
 
     def cap(self, segment: Segment, name: str) -> float | None:
@@ -251,6 +261,15 @@ def _vector(segment: str, name: str, value: ArrayLike) -> Array:
     if vector.shape != (3,) or not np.isfinite(vector).all():
         raise MotionError(f"{segment}: {name} must be three finite numbers, not {value!r}")
     return vector
+
+
+def _direction(segment: str, name: str, value: ArrayLike) -> Array:
+    vector = _vector(segment, name, value)
+    largest = np.abs(vector).max()
+    if largest == 0:
+        raise MotionError(f"{segment}: {name} is zero; give the direction about which it turns, e.g. [0, 0, 1]")
+    scaled = vector / largest  # the norm of very large or very small vectors would overflow
+    return frozen(scaled / np.linalg.norm(scaled))
 
 
 def _caps(stated: object, what: str) -> None:

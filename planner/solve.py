@@ -2,27 +2,27 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
+from functools import partial
+from itertools import chain, pairwise
+from typing import NoReturn
 
 import numpy as np
 
-from kinematics.array import Array
 from kinematics.errors import MotionError
 from planner.actuation import ActuatorPath
-from planner.certify import CROSSING, TOLERANCE, Certificate, Known, certify
+from planner.certify import TOLERANCE, Certificate, Known, certify
 from planner.limits.limit import Limit
-from planner.limits.resonance import Held, Resonance
+from planner.parallel import Progress, spread
+from planner.proved import ROUNDS, Proved, Prover, Timing, holding
 from planner.standing import refusal, standing
-from planner.stays import stays
 from planner.steady import Steady, steady
 from planner.timing.problem import Run
 from planner.timing.profile import Profile
 from planner.timing.run import Attempt, attempt
 from planner.trajectory import Trajectory
 
-ROUNDS = 8
-# Rounds after which an axis that still stays in a resonance band too long is held below it over its whole run.
-STRETCHES = 3
+# Runs that are proved together: what one of them takes is more than handing it to another process.
+PART = 8
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,55 +51,44 @@ class Solution:
         return f"{self.trajectory.duration:.6f} s at order {self.order}, by {solvers}; {self.certificate}"
 
 
-def fastest(path: ActuatorPath, limits: Sequence[Limit], order: int) -> Solution:
-    """Solve and certify. Raises Infeasible where a geometric limit is broken, MotionError where no round holds."""
+def fastest(path: ActuatorPath, limits: Sequence[Limit], order: int, progress: Progress | None = None) -> Solution:
+    """Solve and certify. Raises Infeasible where a geometric limit is broken, MotionError where no round holds.
+
+    progress is told how many of the runs between stops are solved, and of how many.
+    """
     for worst in standing(path, limits).violations:
         raise worst
+    return proved(path, limits, order, partial(_started, order=order), progress)
+
+
+def proved(
+    path: ActuatorPath, limits: Sequence[Limit], order: int, timing: Timing, progress: Progress | None = None
+) -> Solution:
+    """The motion of every run as `timing` makes it, in several processes where that pays, and the proof of the whole.
+
+    Runs go in parts of PART to whichever process is free; each part is solved and proved by itself, so that what
+    becomes of it does not depend on who does it.
+    """
     stops = np.flatnonzero(path.stops(order))
     runs = _runs(path, stops)
-    attempts = [_started(path, limits, run, order) for run in runs]
-    trajectory, owner = assemble(path, [attempt.profile for attempt in attempts], stops)
-    certificate = certify(trajectory, limits)
-    rounds = 1
-    while not certificate.holds:
+    parts = [runs[first : first + PART] for first in range(0, len(runs), PART)]
+    solved = 0
+
+    def done(part: Sequence[Run]) -> None:
+        nonlocal solved
+        solved += len(part)
+        if progress is not None:
+            progress(solved, len(runs))
+
+    found: list[Proved] = [*chain(*spread(Prover(path, tuple(limits), order, timing), parts, done))]
+    limits = holding(limits, [held for one in found for held in one.held])
+    trajectory, known = assemble(path, limits, found, stops)
+    certificate = certify(trajectory, limits, known)
+    if not certificate.holds:
         _refuse(trajectory, limits, certificate)
-        if rounds == ROUNDS:
-            raise MotionError(f"no motion could be proved within {ROUNDS} rounds; what remained:\n{certificate}")
-        failed = set()
-        limits = _held(trajectory, limits, runs if rounds >= STRETCHES else ())
-        for n, tried in enumerate(attempts):
-            use = {name: values[owner == n] for name, values in certificate.use.items()}
-            if CROSSING in use and use[CROSSING].max() > 1 + TOLERANCE:
-                attempts[n] = _started(path, limits, runs[n], order)
-                failed.add(n)
-            elif any(values.max() > 1 + TOLERANCE for values in use.values()):
-                slowness = max(limit.slowness(float(use[limit.name].max())) for limit in limits)
-                attempts[n] = tried.tightened(use, slowness)
-                failed.add(n)
-        before = owner
-        trajectory, owner = assemble(path, [attempt.profile for attempt in attempts], stops)
-        certificate = certify(trajectory, limits, _known(certificate, before, owner, failed))
-        rounds += 1
-    methods, least = tuple(a.method for a in attempts), sum(a.floor for a in attempts) + float(path.dwells.sum())
-    return Solution(trajectory, certificate, tuple(limits), order, rounds, methods, least)
-
-
-def _held(trajectory: Trajectory, limits: Sequence[Limit], whole: Sequence[Run]) -> Sequence[Limit]:
-    """The limits, with axes held below the bands in which they stay too long: there, or over one of the whole runs."""
-
-    def held(limit: Resonance) -> Resonance:
-        more = []
-        for stay in stays(trajectory, limit):
-            if stay.use > 1 + TOLERANCE:
-                first, last = trajectory.at(np.array([stay.start, stay.end])).s
-                piece = trajectory.piece[stay.first]
-                for run in whole:
-                    if run.first <= piece <= run.last:
-                        first, last = trajectory.path.breaks[[run.first, run.last + 1]]
-                more.append(Held(stay.band, float(first), float(last)))
-        return limit.holding(more) if more else limit
-
-    return [held(limit) if isinstance(limit, Resonance) else limit for limit in limits]
+    rounds, methods = max(one.rounds for one in found), tuple(one.method for one in found)
+    least = sum(one.floor for one in found) + float(path.dwells.sum())
+    return Solution(trajectory, certificate, limits, order, rounds, methods, least)
 
 
 def _runs(path: ActuatorPath, stops: np.ndarray) -> list[Run]:
@@ -122,35 +111,18 @@ def _started(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int) 
     return attempt(path, limits, run, order) if speed is None else steady(path, limits, run, order, speed)
 
 
-def assemble(path: ActuatorPath, profiles: Sequence[Profile], stops: np.ndarray) -> tuple[Trajectory, np.ndarray]:
-    """The runs one after the other, the rests between, and whose each time piece is: run n, or −1 − n at stop n."""
-    parts: list[tuple[Profile, int]] = []
+def assemble(
+    path: ActuatorPath, limits: Sequence[Limit], found: Sequence[Proved], stops: np.ndarray
+) -> tuple[Trajectory, Known]:
+    """The runs one after the other with the rests between, and what is proved of them: of the rests, nothing yet."""
+    parts: list[tuple[Profile, Known]] = []
     for n, stop in enumerate(stops):
         if path.dwells[stop] > 0:
-            parts.append((_rest(path, int(stop)), -1 - n))
-        if n < len(profiles):
-            parts.append((profiles[n], n))
-    joined = Profile(
-        *(np.concatenate([getattr(part, name) for part, _ in parts]) for name in ("s", "v", "a", "j", "h", "piece"))
-    )
-    knots = np.concatenate([[0.0], np.cumsum(joined.h)])
-    owner = np.concatenate([np.full(len(part.h), n) for part, n in parts])
-    return Trajectory(path, knots, joined.s, joined.v, joined.a, joined.j, joined.piece), owner
-
-
-def _known(certificate: Certificate, before: np.ndarray, after: np.ndarray, failed: set[int]) -> Known:
-    """What stays proved of the parts that were not solved again, laid out as the new trajectory has them."""
-
-    def carried(values: Array) -> Array:
-        laid = np.full(len(after), np.nan)
-        for part in set(after.tolist()) - failed:
-            laid[after == part] = values[before == part]
-        return laid
-
-    return Known(
-        {name: carried(values) for name, values in certificate.use.items()},
-        {name: carried(values) for name, values in certificate.attained.items()},
-    )
+            parts.append((_rest(path, int(stop)), Known.nothing([limit for limit in limits if not limit.geometric], 1)))
+        if n < len(found):
+            parts.append((found[n].profile, found[n].known))
+    joined = Profile.joined([profile for profile, _ in parts])
+    return joined.along(path), Known.joined([known for _, known in parts])
 
 
 def _rest(path: ActuatorPath, stop: int) -> Profile:
@@ -158,8 +130,8 @@ def _rest(path: ActuatorPath, stop: int) -> Profile:
     return Profile(path.breaks[[stop]], nothing, nothing, nothing, path.dwells[[stop]], np.array([max(stop - 1, 0)]))
 
 
-def _refuse(trajectory: Trajectory, limits: Sequence[Limit], certificate: Certificate) -> None:
-    """Faults that no tightening mends."""
+def _refuse(trajectory: Trajectory, limits: Sequence[Limit], certificate: Certificate) -> NoReturn:
+    """Why there is no proof."""
     for limit in limits:
         if limit.geometric and certificate.worst[limit.name] > 1 + TOLERANCE:
             place = certificate.where[limit.name]
@@ -172,3 +144,4 @@ def _refuse(trajectory: Trajectory, limits: Sequence[Limit], certificate: Certif
             f"the motion could not be proved: {unproved[0]} at {certificate.where[unproved[0]]} has no bound; "
             "this is a fault of the planner: report it"
         )
+    raise MotionError(f"no motion could be proved within {ROUNDS} rounds; what remained:\n{certificate}")

@@ -1,4 +1,4 @@
-"""What no timing can help: reach, travel, tilt, clearance, holding still; proved along the path before solving."""
+"""What no timing can help: reach, control, travel, tilt, clearance, holding; proved along the path before solving."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -6,15 +6,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from kinematics.errors import MotionError, OutOfReach
-from planner.actuation import ActuatorPath
+from planner.actuation import ActuatorPath, MachinePath
 from planner.certify import TOLERANCE, prove
+from planner.control import singular
 from planner.limits.limit import Limit
 from planner.path.join import Blended
 from planner.place import Infeasible, Place
 from planner.trajectory import State, Trajectory
+from planner.walk import walk
 
-# Parts of a piece at least, and for each radian that it turns; points of a part that are looked at for the worst place.
-PARTS, PER_RADIAN, POINTS = 8, 4, 65
+# Points of a part of the path that are looked at for the worst place.
+POINTS = 65
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,23 +33,29 @@ class Standing:
 
 def standing(path: ActuatorPath, limits: Sequence[Limit]) -> Standing:
     """Bound the geometric limits over the path, walked at unit speed: what they use is the same under every timing."""
-    walk = _walk(path)
+    along = walk(path)
     geometric = [limit for limit in limits if limit.geometric]
-    everywhere = np.repeat(np.arange(len(walk.s)), 3)
-    state = walk.within(everywhere, np.tile([0.0, 0.5, 1.0], len(walk.s)) * np.diff(walk.knots)[everywhere])
+    everywhere = np.repeat(np.arange(len(along.s)), 3)
+    state = along.within(everywhere, np.tile([0.0, 0.5, 1.0], len(along.s)) * np.diff(along.knots)[everywhere])
     lost = ~np.isfinite(state.q).all(1)
     if lost.any():
         first = int(np.argmax(lost))
         place = path.place(float(state.s[first]), int(state.piece[first]))
         return Standing((OutOfReach(f"no actuator coordinates reach the path at {place}; bring it nearer"),), {})
-    use, _ = prove(walk, geometric, 2)
+    if isinstance(path, MachinePath):
+        met = singular(path, np.append(along.s, path.breaks[-1]), along.piece)
+        if met is not None:
+            where = f"the pose at {path.place(*met)} is singular, or too near to one to be told from it"
+            lost_there = OutOfReach(f"{where}: the actuators do not hold the platform there; lead the path around it")
+            return Standing((lost_there,), {})
+    use, _ = prove(along, geometric, 2)
     largest: dict[str, tuple[float, Place]] = {}
     found: dict[tuple[str, int, int], tuple[float, Infeasible]] = {}
     for limit in geometric:
         bound = use[limit.name]
         worst, broken = int(np.argmax(bound)), np.flatnonzero(bound > 1 + TOLERANCE).tolist()
         for part in {worst, *broken}:
-            look = _look(walk, part)
+            look = _look(along, part)
             value = limit.value(look)
             uses = limit.use(value, value, look.piece)
             rows, most = uses.argmax(0), uses.max(0)
@@ -66,18 +74,9 @@ def standing(path: ActuatorPath, limits: Sequence[Limit]) -> Standing:
     return Standing(tuple(told for _, told in sorted(found.values(), key=lambda pair: -pair[0])), largest)
 
 
-def _walk(path: ActuatorPath) -> Trajectory:
-    counts = np.maximum(PARTS, np.ceil(PER_RADIAN * path.turns)).astype(int)
-    s = [np.linspace(path.breaks[k], path.breaks[k + 1], count + 1)[:-1] for k, count in enumerate(counts)]
-    knots = np.append(np.concatenate(s), path.breaks[-1])
-    nothing = np.zeros(len(knots) - 1)
-    piece = np.repeat(np.arange(len(counts)), counts)
-    return Trajectory(path, knots - knots[0], knots[:-1], nothing + 1, nothing, nothing, piece)
-
-
-def _look(walk: Trajectory, part: int) -> State:
-    span = walk.knots[part + 1] - walk.knots[part]
-    return walk.within(np.full(POINTS, part), span * np.linspace(0.0, 1.0, POINTS))
+def _look(along: Trajectory, part: int) -> State:
+    span = along.knots[part + 1] - along.knots[part]
+    return along.within(np.full(POINTS, part), span * np.linspace(0.0, 1.0, POINTS))
 
 
 def refusal(limit: Limit, value: float, channel: int, place: Place) -> Infeasible:

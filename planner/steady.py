@@ -55,9 +55,7 @@ class Steady:
     @property
     def profile(self) -> Profile:
         parts = [part for part in (self.up and self.up.profile, self.cruise, self.down and self.down.profile) if part]
-        return Profile(
-            *(np.concatenate([getattr(part, name) for part in parts]) for name in ("s", "v", "a", "j", "h", "piece"))
-        )
+        return Profile.joined(parts)
 
     @property
     def method(self) -> str:
@@ -216,9 +214,7 @@ def _refuse(path: ActuatorPath, limits: Sequence[Limit], s: Array, piece: np.nda
 def _too_short(path: ActuatorPath, limits: Sequence[Limit], capped: Profile, speed: float) -> Infeasible:
     """What to say where the ramps leave nothing between them: how fast the motion gets, and what holds it there."""
     k = np.array([max(int(np.argmax(capped.v)) - 1, 0)])
-    state = Trajectory(
-        path, np.append(0.0, np.cumsum(capped.h)), capped.s, capped.v, capped.a, capped.j, capped.piece
-    ).within(k, capped.h[k] / 2)
+    state = capped.along(path).within(k, capped.h[k] / 2)
     timed = [limit for limit in limits if not limit.geometric and limit.name != ToolSpeed.name]
     uses = [limit.use(value, value, state.piece)[0] for limit in timed for value in [limit.value(state)]]
     holding = int(np.argmax([use.max() for use in uses]))

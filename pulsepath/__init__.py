@@ -108,6 +108,7 @@ if TYPE_CHECKING:
         classical,
         load_program,
         plan,
+        plan_many,
         program_names,
         time_optimal,
     )
@@ -202,6 +203,7 @@ __all__ = [
     "motion_of_axes",
     "motion_of_poses",
     "plan",
+    "plan_many",
     "program_names",
     "read_urdf",
     "select_parts",

@@ -39,12 +39,23 @@ def main() -> None:
 @click.option(
     "--clock-hz", type=click.IntRange(min=1), default=10_000_000, show_default=True, help="Ticks/s of pulses."
 )
+@click.option(
+    "--duration", metavar="TIME", help='As "12 s": not the fastest motion, but the smoothest that takes so long.'
+)
 @click.option("--force", is_flag=True, help="Replace DIR, if an earlier plan is in it.")
 @json_option
 def plan(
-    program: str, machine: str | None, out: Path, order: str | None, clock_hz: int, force: bool, as_json: bool
+    program: str,
+    machine: str | None,
+    out: Path,
+    order: str | None,
+    clock_hz: int,
+    duration: str | None,
+    force: bool,
+    as_json: bool,
 ) -> None:
     """Plan PROGRAM, and write motion, pulses and report into DIR."""
+    from kinematics.units import quantity
     from pulsepath import plan_directory, record, tables
     from pulsepath.directory import refuse_overwrite, replacing
     from pulsepath.inputs import read_inputs
@@ -52,9 +63,10 @@ def plan(
     from pulsepath.progress import step
 
     refuse_overwrite(out, force)
+    seconds = None if duration is None else quantity(duration, "s")
     inputs = read_inputs(program, machine)
     with replacing(out, force) as folder:  # where nothing can be written, that is said before the work
-        job = run(inputs.program, inputs.machine, None if order is None else int(order), clock_hz)
+        job = run(inputs.program, inputs.machine, None if order is None else int(order), clock_hz, seconds)
         with step("writing the files"):
             plan_directory.write(folder, job, inputs)
     report = str(out / plan_directory.REPORT)

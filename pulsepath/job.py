@@ -1,12 +1,13 @@
 """All that the command `plan` finds out about a program on a machine."""
 
 import sys
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 from controllers import Metrics, evaluate, find_law, track
 from kinematics import Machine, MotionError
 from planner import Plan, Program, plan
-from planner.baseline import Classical, classical
+from planner.baselines import KINDS, Classical, classical
 from planner.limits import unkept
 from planner.pulses import PulseCheck, check
 from pulsepath.progress import step
@@ -21,10 +22,14 @@ class Defect(MotionError):
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """A plan, the classical timing of its path, the check of its pulses, and the errors of the tracking laws."""
+    """A plan, the classical timing of its path, the check of its pulses, and the errors of the tracking laws.
+
+    others: the other classical timings, as far as the program and the machine allow them
+    """
 
     plan: Plan
     classical: Classical
+    others: tuple[Classical, ...]
     verdict: PulseCheck
     metrics: tuple[Metrics, ...]
 
@@ -34,19 +39,27 @@ class Job:
         return self.classical.duration - self.plan.trajectory.duration
 
 
-def run(program: Program, machine: Machine, order: int | None, clock_hz: int) -> Job:
+def run(program: Program, machine: Machine, order: int | None, clock_hz: int, duration: float | None = None) -> Job:
     """Plan, prove and compare. Raises as `planner.plan`, and Defect where the pulses fail their check."""
     for field in unkept(machine):
         print(f"note: {machine.name} states {field} but no masses, so no plan can keep it", file=sys.stderr)
-    with step(f"planning {program.name} on {machine.name}"):
-        planned = plan(program, machine, order=order, clock_hz=clock_hz)
+    with step(f"planning {program.name} on {machine.name}") as tell:
+        planned = plan(program, machine, order=order, clock_hz=clock_hz, duration=duration, progress=tell)
     with step(f"checking {planned.pulses.total} pulses"):
         verdict = check(planned.pulses, planned.trajectory, machine.axes, machine.home_q)
     if not verdict.holds:
         raise Defect(f"{verdict.fault_count} faults in the pulses, the first: {verdict.faults[0]}")
     with step("timing the path classically"):
-        baseline = classical(planned)
-    return Job(planned, baseline, verdict, _tracked(planned, machine))
+        baseline, others = classical(planned), tuple(_others(planned))
+    return Job(planned, baseline, others, verdict, _tracked(planned, machine))
+
+
+def _others(planned: Plan) -> Iterator[Classical]:
+    for kind in KINDS[1:]:
+        try:
+            yield classical(planned, kind)
+        except MotionError as error:
+            print(f"no {kind} timing: {error}", file=sys.stderr)
 
 
 def _tracked(planned: Plan, machine: Machine) -> tuple[Metrics, ...]:

@@ -1,21 +1,32 @@
-"""Progress of long work, on stderr: a spinner on a terminal, a line per step elsewhere."""
+"""Progress of long work, on stderr: a spinner on a terminal, a line per step elsewhere, and how far long steps are."""
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from time import perf_counter
 
+EVERY = 10.0
+"""s between two lines of a long step, where they are not drawn over each other."""
+
 
 @contextmanager
-def step(what: str) -> Iterator[None]:
-    """Tell that a step begins, and in the end how long it took."""
+def step(what: str) -> Iterator[Callable[[int, int], None]]:
+    """Tell that a step begins, and in the end how long it took; what it yields tells how much is done, of how much."""
     begin = perf_counter()
     if sys.stderr.isatty():
         from rich.console import Console
 
-        with Console(stderr=True, markup=False).status(what):
-            yield
+        with Console(stderr=True, markup=False).status(what) as status:
+            yield lambda done, of: status.update(f"{what}: {done} of {of}")
     else:
         print(f"{what} …", file=sys.stderr, flush=True)
-        yield
+        told = begin
+
+        def tell(done: int, of: int) -> None:
+            nonlocal told
+            if perf_counter() - told > EVERY:
+                told = perf_counter()
+                print(f"{what}: {done} of {of}", file=sys.stderr, flush=True)
+
+        yield tell
     print(f"{what}: {perf_counter() - begin:.1f} s", file=sys.stderr, flush=True)

@@ -35,7 +35,19 @@ def of_plan(job: Job, inputs: Inputs) -> Record:
         "order": plan.order,
         "duration_s": plan.trajectory.duration,
         "path_length_m": float(plan.path.breaks[-1]),
-        "classical": {"duration_s": job.classical.duration, "saved_s": job.saved},
+        "classical": {
+            "duration_s": job.classical.duration,
+            "saved_s": job.saved,
+            "kinds": {
+                one.kind: {
+                    "duration_s": one.duration,
+                    "order": one.order,
+                    "certified": one.certificate.holds,
+                    "deviation_m": None if one.deviation is None else one.deviation.distance,
+                }
+                for one in (job.classical, *job.others)
+            },
+        },
         "certificate": {
             "holds": certificate.holds,
             "limits": {

@@ -36,11 +36,16 @@ def of_plan(job: Job) -> list[Table]:
     """Duration and saving, the worst proven ratio of each limit and where, and the pulses of each axis."""
     plan, certificate = job.plan, job.plan.certificate
     percent = 100 * job.saved / job.classical.duration
-    bare = ", which has no jerk limit" if plan.order == 3 else ""
+    note = "has no jerk limit" if plan.order == 3 else ""
     times = _table(f"{plan.program.name} on {plan.machine.name}, order {plan.order}", "", "time (s)#", "")
     times.add_row("duration", f"{plan.trajectory.duration:.6f}")
-    times.add_row("classical timing", f"{job.classical.duration:.6f}", bare.removeprefix(", which "))
+    times.add_row("classical timing", f"{job.classical.duration:.6f}", note)
     times.add_row("time saved", f"{job.saved:.6f}", f"{percent:.2f} %")
+    if job.others:
+        times.add_section()
+    for other in job.others:
+        off = None if other.deviation is None else f"off the path by up to {1e3 * other.deviation.distance:.3f} mm"
+        times.add_row(other.kind, f"{other.duration:.6f}", off or ("" if other.order == 3 else note))
     limits = _table("limits, proved over continuous time", "limit", "ratio ≤#", "at", "segment#", "mm#", "s#")
     for name, worst in certificate.worst.items():
         limits.add_row(name, _up(worst), *_where(certificate.where[name]))

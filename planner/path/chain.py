@@ -11,7 +11,7 @@ from kinematics.machine import Machine
 from kinematics.pose import Pose
 from planner.path.arc import arc
 from planner.path.join import Blended, join
-from planner.path.line import line, turn_angle
+from planner.path.line import line, turn, turn_angle
 from planner.path.shape import Piece
 from planner.path.spline import spline
 from planner.path.tool import carrying
@@ -124,7 +124,10 @@ def _end(segment: Line | Arc | Spline | Turn, number: int, here: Pose) -> Pose:
     """The pose at a segment's end, in the program's frame."""
     match segment:
         case Turn():
-            return RigidTransform.from_components(here.translation, segment.to)
+            if segment.to is not None:
+                return RigidTransform.from_components(here.translation, segment.to)
+            turned = Rotation.from_rotvec(segment.angle * np.asarray(segment.about)) * here.rotation
+            return RigidTransform.from_components(here.translation, turned)
         case Line():
             position = np.asarray(segment.to, float)
             if np.linalg.norm(position - here.translation) <= SAME:
@@ -170,6 +173,9 @@ def _pieces(
     start, end = frame * here, frame * there
     match segment:
         case Turn():
+            if segment.about is not None:
+                axis = start.rotation.inv().apply(frame.rotation.apply(np.array(segment.about)))
+                return [turn(start, axis, segment.angle, characteristic, number)]
             angle = turn_angle(start, end)
             if angle <= SAME:
                 raise MotionError(f"{_name(segment, number)}: the orientation is reached already; leave it out")

@@ -52,20 +52,24 @@ def fit(motion: Motion, tolerance: Array) -> Pieces:
         reach, speed = np.maximum(reach, size), np.maximum(speed, rate)
         noise = ROUNDING * (reach + speed * motion.duration)
         good = ((error <= noise) | ((error <= tolerance) & (error > before / 4))).all(axis=1)
-        fitted.append((lo[good], hi[good], coefficients[:, :, good]))
         if good.all():
+            fitted.append((lo, hi, coefficients))
             break
+        fitted.append((lo[good], hi[good], coefficients[:, :, good]))
         lo, hi, before = lo[~good], hi[~good], np.repeat(error[~good], 2, axis=0)
         if depth == HALVINGS - 1 or len(lo) > MOST:
             raise _rough(lo, error[~good], tolerance)
         middle = (lo + hi) / 2
         lo, hi = np.column_stack((lo, middle)).ravel(), np.column_stack((middle, hi)).ravel()
-    start = np.concatenate([piece[0] for piece in fitted])
-    end = np.concatenate([piece[1] for piece in fitted])
-    order = np.argsort(start)
-    return Pieces(
-        start[order], (end - start)[order], np.concatenate([p[2] for p in fitted], axis=2)[:, :, order], noise
-    )
+    if len(fitted) == 1:  # in order already, and too much to copy
+        ((start, end, coefficients),) = fitted
+    else:
+        start, end = (np.concatenate([piece[k] for piece in fitted]) for k in (0, 1))
+        order = np.argsort(start)
+        start, end = start[order], end[order]
+        coefficients = np.concatenate([piece[2] for piece in fitted], axis=2)[:, :, order]
+    coefficients.flags.writeable = False
+    return Pieces(start, end - start, coefficients, noise)
 
 
 def _rough(lo: Array, error: Array, tolerance: Array) -> MotionError:
@@ -77,15 +81,30 @@ def _rough(lo: Array, error: Array, tolerance: Array) -> MotionError:
 
 
 def _quintics(motion: Motion, lo: Array, hi: Array) -> tuple[Array, Array, Array, Array]:
-    """Coefficients (n, 6, P), largest error at the probes (P, n), and the largest |q| and |q̇| (n,)."""
+    """Coefficients (n, 6, P), largest error at the probes (P, n), and the largest |q| and |q̇| (n,).
+
+    In blocks: a state holds far more than what is kept.
+    """
+    blocks = [slice(first, first + BLOCK) for first in range(0, len(lo), BLOCK)]
+    axes = motion.at(lo[:1]).q.shape[1]
+    coefficients, error = np.empty((axes, 6, len(lo))), np.empty((len(lo), axes))
+    reach, speed = np.zeros(axes), np.zeros(axes)
+    for block in blocks:
+        coefficients[:, :, block], error[block], size, rate = _block(motion, lo[block], hi[block])
+        reach, speed = np.maximum(reach, size), np.maximum(speed, rate)
+    return coefficients, error, reach, speed
+
+
+def _block(motion: Motion, lo: Array, hi: Array) -> tuple[Array, Array, Array, Array]:
     h = (hi - lo)[:, None]
     # The last instant of an interval still has its own acceleration; the knot itself belongs to the next interval.
-    q, qd, qdd = _states(motion, np.concatenate((lo, np.nextafter(hi, lo))))
+    ends = motion.at(np.concatenate((lo, np.nextafter(hi, lo))))
+    q, qd, qdd = ends.q, ends.qd, ends.qdd
     (q0, q1), (v0, v1), (a0, a1) = (np.split(values, 2) for values in (q, qd, qdd))
     v0, v1, a0, a1 = v0 * h, v1 * h, a0 * h**2, a1 * h**2
     r, s, w = q1 - q0 - v0 - a0 / 2, v1 - v0 - a0, a1 - a0
     c = np.stack((q0, v0, a0 / 2, 10 * r - 4 * s + w / 2, -15 * r + 7 * s - w, 6 * r - 3 * s + w / 2))
-    true = _states(motion, (lo[:, None] + PROBES * (hi - lo)[:, None]).ravel())[0].reshape(len(lo), len(PROBES), -1)
+    true = motion.at((lo[:, None] + PROBES * (hi - lo)[:, None]).ravel()).q.reshape(len(lo), len(PROBES), -1)
     ours = np.einsum("ipn,ui->pun", c, PROBES[:, None] ** np.arange(6))
     return (
         c.transpose(2, 0, 1),
@@ -93,10 +112,3 @@ def _quintics(motion: Motion, lo: Array, hi: Array) -> tuple[Array, Array, Array
         abs(q).max(axis=0, initial=0),
         abs(qd).max(axis=0, initial=0),
     )
-
-
-def _states(motion: Motion, t: Array) -> tuple[Array, Array, Array]:
-    """q, q̇, q̈ (N, n), asked in blocks: a state holds far more than what is kept."""
-    states = [motion.at(t[i : i + BLOCK]) for i in range(0, max(len(t), 1), BLOCK)]
-    q, qd, qdd = ([getattr(state, name) for state in states] for name in ("q", "qd", "qdd"))
-    return np.concatenate(q), np.concatenate(qd), np.concatenate(qdd)

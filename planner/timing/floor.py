@@ -6,19 +6,20 @@ import numpy as np
 
 from planner.timing.ends import TooFast
 from planner.timing.problem import Block, Problem
+from planner.timing.profile import Profile
 from planner.timing.second_order import TERMS, second_order
 
 
-def floor(problem: Problem) -> float:
+def floor(problem: Problem, fastest: Profile | None = None) -> float:
     """The order-2 duration without rows of jerk, on intervals of no length: 2 T(N) − T(N/2), as errors go with 1/N.
 
     Fewer limits take no longer, so that it bounds every motion of the run from below, but for what the extrapolation
-    is off: an estimate, not a proof.
+    is off: an estimate, not a proof. fastest: the order-2 motion of a problem without such rows, where it is known.
     """
     relaxed = replace(
         problem, blocks=tuple(block for block in problem.blocks if set(block.start) <= TERMS and block.about is None)
     )
-    finer = second_order(relaxed).duration
+    finer = (second_order(relaxed) if fastest is None or not problem.settled else fastest).duration
     try:
         return 2 * finer - second_order(_halved(relaxed)).duration
     except TooFast:  # a speed at an end that the coarser grid only just leaves no room for

@@ -13,7 +13,7 @@ from planner.limits.limit import Limit
 from planner.place import Infeasible
 from planner.timing.ends import TooFast
 from planner.timing.floor import floor
-from planner.timing.posing import jerk_problem, order_2_problem, order_3_coarse
+from planner.timing.posing import jerk_problem, order_2_problem, order_3_coarse, refined
 from planner.timing.problem import Problem, Run
 from planner.timing.profile import Profile
 from planner.timing.second_order import second_order
@@ -120,7 +120,11 @@ def _attempt(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int, 
         profile = straight(problem)
         if profile is not None:
             return Attempt(problem, profile, STRAIGHT, order, profile.duration)
-        return Attempt(problem, second_order(problem), "passes", order, floor(problem))
+        profile = second_order(problem)
+        finer = refined(path, limits, problem, profile)
+        if finer is not None:
+            problem, profile = finer, second_order(finer)
+        return Attempt(problem, profile, "passes", order, floor(problem, profile))
     coarse = order_3_coarse(path, limits, run)
     profile = straight(coarse)
     if profile is not None:

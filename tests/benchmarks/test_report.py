@@ -15,7 +15,7 @@ from controllers import evaluate, find_law, track
 from controllers.plots import contour_error, following_error
 from kinematics import load_machine
 from planner import load_program, plan
-from planner.baseline import classical
+from planner.baselines import classical
 from planner.plots import active_limits, axis_motion, limit_use, path_in_space, pulse_rate
 from planner.pulses import check
 

@@ -8,8 +8,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics import Body, Leg, MotionError, Traverser, forces, load_machine
 from kinematics.load import GRAVITY, Load
-from planner import Arc, Line, Program, plan
-from planner.baseline import classical
+from planner import Arc, Line, Program, classical, plan
 from planner.certify import certify
 from planner.enclosure import Cells, bounds, enclose
 from planner.limits import limits_of, unkept

@@ -8,7 +8,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from kinematics import Hexapod, MotionError
+from kinematics import Hexapod, MotionError, load_machine
 from planner import Arc, Dwell, Line, Program, Spline, Turn
 from planner.path.chain import chain
 from planner.plan import actuate
@@ -296,3 +296,45 @@ def test_moving_the_centre_as_told_mends_an_arc_out_of_its_plane(hexapod):
     _, position, _ = along(drawn(hexapod, Arc(moved, normal, 1.0)))
     assert np.abs((position - hexapod.home.translation - moved) @ normal).max() < 1e-8  # told to six digits
     assert np.abs(position[0] - hexapod.home.translation - RIM.translation).max() < ROUNDING
+
+
+@pytest.mark.parametrize("angle", [np.deg2rad(720), -np.deg2rad(200), 1e-3])
+def test_a_turn_by_any_angle_goes_all_the_way_round(angle):
+    """A traverser's rotary axis counts every turn; the pose at the end is SciPy's."""
+    machine = load_machine("traverser")
+    away = RigidTransform.from_components([0.1, 0.2, 0.3], Rotation.identity())
+    program = Program([Turn(about=[0, 0, 2], angle=angle)], start=away)
+    path = actuate(program, machine)
+    length = abs(angle) * machine.characteristic_length
+    assert path.breaks[-1] == pytest.approx(length, rel=1e-12)
+    last = len(path.breaks) - 2
+    q = path.derivatives(np.array([length / 2, length]), np.array([last // 2, last]))[0]
+    assert q[1, 3] - machine.home_q[3] == pytest.approx(angle, rel=1e-12)
+    assert np.abs(q[:, :3] - q[0, :3]).max() < 1e-15
+
+
+def test_a_turn_about_an_axis_of_the_work_frame(hexapod):
+    """R_end = exp(angle · about) R_start in the program's frame, whatever the frame and the start."""
+    start = RigidTransform.from_components([0, 0, 0.02], Rotation.from_euler("XYZ", [3, -2, 4], degrees=True))
+    work = RigidTransform.from_components([0.001, 0, 0], Rotation.from_euler("Z", 0.3))
+    program = Program([Turn(about=[1, 2, 0], angle=0.1)], start=start, work=work)
+    path = actuate(program, hexapod)
+    axis = np.array([1, 2, 0]) / np.sqrt(5)
+    end = (
+        hexapod.home
+        * work
+        * RigidTransform.from_components(start.translation, Rotation.from_rotvec(0.1 * axis) * start.rotation)
+    )
+    x = path.pose_numbers(path.breaks[-1:], np.array([0]))[0]
+    assert np.abs(x[3:].reshape(3, 3) - end.rotation.as_matrix()).max() < 1e-14
+    assert np.abs(x[:3] - end.translation).max() < 1e-15
+
+
+def test_a_turn_says_one_thing():
+    for said in ({}, {"to": Rotation.identity(), "about": [0, 0, 1], "angle": 1.0}):
+        with pytest.raises(MotionError, match="exactly one of the two"):
+            Turn(**said)
+    with pytest.raises(MotionError, match=r"angle 0\.0 rad must be"):
+        Turn(about=[0, 0, 1])
+    with pytest.raises(MotionError, match="about is zero"):
+        Turn(about=[0, 0, 0], angle=1.0)

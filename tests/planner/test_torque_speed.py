@@ -10,8 +10,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics import Axis, Body, MotionError, Traverser, forces
 from kinematics.load import GRAVITY, Load
-from planner import Line, Program, plan
-from planner.baseline import classical
+from planner import Line, Program, classical, plan
 from planner.limits.pull_out import Curve
 from planner.limits.torque_speed import TorqueSpeed
 from planner.place import Infeasible

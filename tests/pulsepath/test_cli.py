@@ -126,6 +126,19 @@ def test_plan_prints_the_figures_and_where_the_report_is(call, tmp_path, job):
         assert rows[axis.name] == [str(len(axis)), "0"]
 
 
+def test_a_stated_duration(call, tmp_path):
+    out = tmp_path / "o"
+    command = ["plan", "bare-circle", "--order", "2", "--out", str(out)]
+    refused = call(*command, "--duration", "1200 ms")
+    assert refused.exit_code == 1
+    assert "no motion within the limits is shorter than 1.204" in refused.stderr
+    assert call(*command, "--duration", "2").exit_code == 2  # of what?
+    assert not out.exists()
+    done = call(*command, "--duration", "1.5 s", "--json")
+    assert done.exit_code == 0
+    assert json.loads(done.stdout)["duration_s"] == pytest.approx(1.5, abs=1e-9)
+
+
 def test_the_machine_of_a_program_counts_from_its_folder(call, tmp_path, program, tilting):
     folder = tmp_path / "sub"
     folder.mkdir()

@@ -1,5 +1,6 @@
 """Progress goes to stderr."""
 
+from pulsepath import progress
 from pulsepath.progress import step
 
 
@@ -10,3 +11,11 @@ def test_a_step_tells_what_and_how_long_on_stderr(capsys):
     assert out == ""
     assert err.startswith("counting: ")
     assert err.endswith(" s\n")
+
+
+def test_a_long_step_tells_how_far_it_is(capsys, monkeypatch):
+    with step("counting") as tell:
+        tell(1, 3)  # too early to say anything
+        monkeypatch.setattr(progress, "EVERY", 0.0)
+        tell(2, 3)
+    assert capsys.readouterr().err.splitlines()[:2] == ["counting …", "counting: 2 of 3"]

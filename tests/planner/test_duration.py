@@ -1,0 +1,105 @@
+"""A stated duration: met, certified, and as smooth as it can be."""
+
+import numpy as np
+import pytest
+
+from kinematics import MotionError, load_machine
+from kinematics.axis import Axis
+from planner import Dwell, Infeasible, Line, Program, load_program, plan
+from planner.actuation import PolynomialPath
+from planner.duration import within
+from planner.limits import limits_of
+
+
+def straight(length, duration, speed=1e3, acceleration=1e3, jerk=1e4, order=3):
+    path = PolynomialPath([0.0, length], np.array([[[1.0]], [[0.0]]]), ["x"])
+    axes = [Axis("x", max_speed=speed, max_acceleration=acceleration, max_jerk=jerk if order == 3 else None)]
+    return within(path, limits_of(path, axes, order), axes, order, duration)
+
+
+def roughness(trajectory):
+    """∫ Σ q⃛² dt by Simpson's rule on every time piece: exact for straight moves, whose jerk is constant there."""
+    k, h = np.arange(len(trajectory.s)), np.diff(trajectory.knots)
+    at = [(trajectory.within(k, share * h).qddd ** 2).sum(1) for share in (0, 0.5, 1)]
+    return float((h / 6 * (at[0] + 4 * at[1] + at[2])).sum())
+
+
+@pytest.mark.parametrize("order", [2, 3])
+@pytest.mark.parametrize(("length", "duration"), [(1.0, 2.0), (1e-3, 0.5), (30.0, 40.0)])
+def test_where_no_limit_binds_it_is_the_quintic(length, duration, order):
+    """The least ∫ q⃛² dt from rest to rest is 720 L²/T⁵, of 10 τ³ − 15 τ⁴ + 6 τ⁵."""
+    found = straight(length, duration, order=order)
+    assert found.certificate.holds
+    assert set(found.methods) == {"smoothest"}
+    assert found.trajectory.duration == pytest.approx(duration, rel=1e-9)
+    least = 720 * length**2 / duration**5
+    # pieces of constant jerk: above the least by (1/N)² or so
+    assert least * (1 - 1e-6) <= roughness(found.trajectory) <= least * (1 + 2e-3)
+    tau = np.linspace(0, 1, 501)
+    quintic = length * tau**3 * (10 - 15 * tau + 6 * tau**2)
+    assert found.trajectory.at(tau * duration).q[:, 0] == pytest.approx(quintic, abs=2e-4 * length)
+
+
+def test_under_a_speed_limit_it_cruises_and_is_rougher():
+    """Half way between the quintic's largest speed, 1.875 L/T, and the least that is possible, L/T."""
+    found = straight(1.0, 2.0, speed=0.7)
+    assert found.certificate.holds
+    assert found.methods == ("smoothest",)
+    v = found.trajectory.at(np.linspace(0, 2, 2001)).qd[:, 0]
+    assert v.max() == pytest.approx(0.7, rel=1e-3)
+    assert (v > 0.699).mean() > 0.2
+    assert roughness(found.trajectory) > 1.05 * 720 / 2**5
+
+
+@pytest.mark.parametrize("share", [1.01, 1.2, 3.0])
+def test_the_circle_takes_as_long_as_stated_and_is_smoother_than_the_fastest_slowed(planned, share):
+    best = planned("bare-circle", 3)
+    duration = share * best.trajectory.duration
+    made = plan(load_program("bare-circle"), load_machine("hexapod"), duration=duration)
+    assert made.trajectory.duration == pytest.approx(duration, rel=1e-9)
+    assert made.certificate.holds
+    assert made.methods == ("smoothest",)
+    t = np.linspace(0, 1, 20001)
+    cost, slowed = (
+        np.trapezoid((one.trajectory.at(t * one.trajectory.duration).qddd ** 2).sum(1), t) for one in (made, best)
+    )
+    assert cost < 0.99 * slowed / share**6  # the same motion slower has jerks share³ times as small
+
+
+def test_runs_and_rests():
+    """Every run takes as much longer as the moving time does; the dwells stay."""
+    machine = load_machine("hexapod")
+    program = Program((Line(np.array([0, 0, 5e-3])), Dwell(0.5), Line(np.array([4e-3, 0, 5e-3]))))
+    best = plan(program, machine)
+    made = plan(Program(program.segments, duration=2.0), machine)
+    assert made.trajectory.duration == pytest.approx(2.0, rel=1e-9)
+    assert made.certificate.holds
+
+    def moving(one):
+        return [np.diff(one.trajectory.knots)[one.trajectory.piece == k].sum() for k in (0, 1)]
+
+    first, second = (moving(one) for one in (best, made))
+    slower = 1.5 / (best.trajectory.duration - 0.5)
+    assert second[1] == pytest.approx(slower * first[1], rel=1e-6)
+    assert second[0] - 0.5 == pytest.approx(slower * (first[0] - 0.5), rel=1e-6)
+
+
+def test_less_than_the_shortest_is_refused_and_named(planned):
+    shortest = planned("bare-circle", 2).trajectory.duration
+    with pytest.raises(Infeasible, match=r"no motion within the limits is shorter than 1\.20") as told:
+        plan(load_program("bare-circle"), load_machine("hexapod"), order=2, duration=0.99 * shortest)
+    assert told.value.limit == pytest.approx(shortest, abs=1e-6)
+    made = plan(load_program("bare-circle"), load_machine("hexapod"), order=2, duration=told.value.limit)
+    assert made.certificate.holds
+    assert made.trajectory.duration == pytest.approx(told.value.limit, abs=2e-6)
+    with pytest.raises(MotionError, match="positive"):
+        plan(load_program("bare-circle"), load_machine("hexapod"), duration=float("nan"))
+
+
+def test_a_program_file_states_it(tmp_path):
+    file = tmp_path / "slow.toml"
+    file.write_text('schema = 1\nduration = "1.5 min"\n[[segment]]\nline = { to = ["0 mm", "0 mm", "5 mm"] }\n')
+    assert load_program(str(file)).duration == 90.0
+    file.write_text(file.read_text().replace("1.5 min", "-1 s"))
+    with pytest.raises(MotionError, match="duration"):
+        load_program(str(file))

@@ -1,0 +1,172 @@
+"""Work spread over processes: the same results, the same refusals, and what is spread can leave its process."""
+
+import multiprocessing
+import os
+import pickle
+import signal
+import subprocess
+import sys
+import textwrap
+import time
+
+import numpy as np
+import pytest
+
+from benchmarks.raster import raster
+from kinematics import Fault, FileError, MotionError, OutOfReach, load_machine, machine_names
+from planner import Infeasible, Place, parallel, plan
+from planner.limits import limits_of
+from planner.plan import actuate
+from planner.solve import fastest
+
+
+@pytest.fixture
+def eager(monkeypatch):
+    """Two processes, however little there is to do."""
+    monkeypatch.setattr(parallel, "ENOUGH", 0.0)
+    monkeypatch.setattr(parallel, "cores", lambda: 2)
+
+
+def where(task):
+    if task == "infeasible":
+        raise Infeasible("tilt", "leg1 base joint", Place(0.1, 2, 0.5, "leg1"), 36.0, 35.0, "deg", "move the path")
+    if task == "dies":
+        os._exit(1) if multiprocessing.parent_process() else None
+    return task, os.getpid()
+
+
+def test_results_come_in_order_and_from_other_processes(eager):
+    told = []
+    found = parallel.spread(where, range(20), told.append)
+    assert [task for task, _ in found] == told == list(range(20))
+    processes = {process for _, process in found[parallel.TRIED :]}
+    assert os.getpid() not in processes
+    assert {process for _, process in found[: parallel.TRIED]} == {os.getpid()}
+
+
+def test_what_a_task_raises_is_raised_as_itself(eager):
+    with pytest.raises(Infeasible, match="36 deg is beyond 35 deg") as caught:
+        parallel.spread(where, [1, 2, 3, "infeasible", 5])
+    assert (caught.value.kind, caught.value.axis, caught.value.limit) == ("tilt", "leg1 base joint", 35.0)
+    assert caught.value.place == Place(0.1, 2, 0.5, "leg1")
+    assert not multiprocessing.active_children()
+
+
+def test_work_that_is_lost_with_its_process_is_done_here(eager):
+    found = parallel.spread(where, [1, 2, 3, "dies", 5])
+    assert [task for task, _ in found] == [1, 2, 3, "dies", 5]
+    assert found[3][1] == os.getpid()
+
+
+def test_work_that_cannot_leave_the_process_is_done_here(eager):
+    found = parallel.spread(lambda task: (task, os.getpid()), range(5))
+    assert found == [(task, os.getpid()) for task in range(5)]
+
+
+def test_little_work_stays_here():
+    assert {process for _, process in parallel.spread(where, range(50))} == {os.getpid()}
+
+
+@pytest.mark.parametrize("order", [2, 3])
+def test_the_same_motion_to_the_bit(eager, monkeypatch, order):
+    machine = load_machine("hexapod")
+    path = actuate(raster(8), machine)
+    limits, told = limits_of(path, machine.axes, order), []
+    monkeypatch.setattr("planner.solve.PART", 2)
+    spread = fastest(path, limits, order, lambda done, of: told.append((done, of)))
+    monkeypatch.setattr(parallel, "ENOUGH", np.inf)
+    alone = fastest(path, limits, order)
+    for name in ("knots", "s", "v", "a", "j", "piece"):
+        assert np.array_equal(getattr(spread.trajectory, name), getattr(alone.trajectory, name)), name
+    assert spread.certificate.worst == alone.certificate.worst
+    assert spread.methods == alone.methods
+    assert told == [(done, 8) for done in (2, 4, 6, 8)]
+    assert spread.certificate.holds
+
+
+SCRIPT = """
+    import signal, sys, time
+    import kinematics, planner.parallel as parallel
+    print("begins", flush=True)
+    parallel.ENOUGH, parallel.cores = 0.0, lambda: 2
+    try:
+        print(sum(parallel.spread({work}, [0.01] * 2 + [{wait}] * 6) or [0]), flush=True)
+    except KeyboardInterrupt:
+        print("ended", flush=True)
+"""
+
+
+def script(tmp_path, work, wait):
+    file = tmp_path / "script.py"
+    file.write_text(textwrap.dedent(SCRIPT.format(work=work, wait=wait)))
+    return [sys.executable, str(file)], {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+
+
+def test_a_script_without_a_main_guard_is_not_run_again(tmp_path):
+    command, environment = script(tmp_path, "abs", 1)
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=60, check=True)
+    assert done.stdout.split() == ["begins", "6.02"]
+    assert not done.stderr
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals of a terminal")
+def test_ctrl_c_ends_all_processes(tmp_path):
+    command, environment = script(tmp_path, "time.sleep", 30)
+    process = subprocess.Popen(
+        command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
+    )
+    assert process.stdout.readline() == "begins\n"
+    with pytest.raises(subprocess.TimeoutExpired):
+        process.wait(4)
+    os.killpg(process.pid, signal.SIGINT)
+    out, err = process.communicate(timeout=15)
+    assert (out, process.returncode) == ("ended\n", 0), err
+    assert not err
+    for _ in range(50):  # Python's own helper ends a moment after the others
+        try:
+            os.killpg(process.pid, 0)
+        except ProcessLookupError:
+            return
+        time.sleep(0.1)
+    pytest.fail("a process is left")
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        MotionError("what, where"),
+        OutOfReach("too far"),
+        FileError("program.toml", [Fault("segment[2].arc", "no centre", 7)]),
+        Infeasible("speed", "leg1", None, 2.0, 1.0, "mm/s", "slower"),
+    ],
+)
+def test_errors_pickle_as_they_are(error):
+    again = pickle.loads(pickle.dumps(error))
+    assert type(again) is type(error)
+    assert str(again) == str(error)
+    assert again.__dict__ == error.__dict__
+
+
+@pytest.mark.parametrize("name", machine_names())
+def test_machines_pickle(name):
+    machine = load_machine(name)
+    machine.check(machine.home)
+    again = pickle.loads(pickle.dumps(machine))
+    assert (again.name, again.axes) == (machine.name, machine.axes)
+    assert np.array_equal(again.inverse(again.home), machine.inverse(machine.home))
+    assert np.array_equal(again.jacobian(again.home), machine.jacobian(machine.home))
+
+
+def test_plans_pickle(planned):
+    made = planned("bare-circle", 2)
+    again = pickle.loads(pickle.dumps(made))
+    t = np.linspace(0, made.trajectory.duration, 101)
+    assert np.array_equal(again.trajectory.at(t).q, made.trajectory.at(t).q)
+    assert np.array_equal(again.pulses.axes[0].ticks, made.pulses.axes[0].ticks)
+    assert again.certificate.worst == made.certificate.worst
+
+
+def test_progress_of_a_plan():
+    told = []
+    plan(raster(10), load_machine("hexapod"), order=2, progress=lambda done, of: told.append((done, of)))
+    assert told == [(8, 10), (10, 10)]
