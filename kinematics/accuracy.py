@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinematics.array import Array, frozen, quantities
+from kinematics.array import Array, finite, frozen
 from kinematics.effect import Source
 from kinematics.errors import MotionError
 from kinematics.freedom import COMPONENTS
@@ -145,8 +145,8 @@ def _contribution(source: Source, machine: Machine, pose: Pose, q: Array, invers
 
 def _carried_to(machine: Machine, tool: ArrayLike | None, pose: Pose) -> Array:
     """(N, 6, 6) from the twist at the platform's origin to that at the tool: v + ω × R t."""
-    point = np.zeros(3) if tool is None else quantities(tool, f"error budget of {machine.name}: tool", (3,), unit="m")
-    arm = pose.rotation.apply(point.copy())  # SciPy refuses what is read-only
+    point = np.zeros(3) if tool is None else finite(tool, f"error budget of {machine.name}: tool", (3,), unit="m")
+    arm = pose.rotation.apply(point)
     carry = np.broadcast_to(np.eye(6), (len(arm), 6, 6)).copy()
     # ω × r = −[r]× ω
     x, y, z = arm.T

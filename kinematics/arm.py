@@ -1,6 +1,6 @@
 """The serial arm: a yaw and two parallel joints (3R)."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import casadi as ca
@@ -8,14 +8,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from kinematics.array import Array
+from kinematics.array import Array, finite
 from kinematics.axis import Axis
 from kinematics.body import Body
 from kinematics.errors import MotionError
 from kinematics.load import Load
 from kinematics.machine import Machine, side
 from kinematics.pose import Pose, column, numbers
-from kinematics.traverser import nearest
+from kinematics.traverser import nearest_turn
 
 # How far (m, or sine of an angle) joints may lie off the form that the closed inverse needs.
 STRAIGHT = 1e-9
@@ -52,21 +52,20 @@ class Arm(Machine):
     freedom = ("x", "y", "z")
     follows = ("rx", "ry", "rz")
     branched = True
+    sorts = ("rotary",) * 3
 
     def __init__(
         self,
         joints: Joints,
         *,
-        axes: Sequence[Axis],
+        axes: Iterable[Axis],
         home: ArrayLike,
         name: str = "arm",
         load: Load | None = None,
     ) -> None:
         """home (3,): the joint angles at home, rad."""
         self.joints = joints
-        angles = np.asarray(home, float)
-        if angles.shape != (3,) or not np.isfinite(angles).all():
-            raise MotionError(f"machine {name}: home must be three finite joint angles in rad, not {home!r}")
+        angles = finite(home, f"machine {name}: home", (3,), unit="rad")
         yaw, second, third = joints.directions
         for what, off in (
             ("the first joint's axis must be upright", float(np.hypot(yaw[0], yaw[1]))),
@@ -110,7 +109,7 @@ class Arm(Machine):
     def _joint(self, k: int, sine: ca.SX, cosine: ca.SX, near: ca.SX) -> ca.SX:
         """q_k, near, of the angle sense·q + zero that has this sine and cosine (times what is positive)."""
         sense, zero = float(self._sense[k]), float(self._zero[k])
-        return sense * (nearest(sine, cosine, sense * near + zero) - zero)
+        return sense * (nearest_turn(sine, cosine, sense * near + zero) - zero)
 
     def alternatives(self, near: Array) -> list[Array]:
         """The same place over the other side: half a turn of the yaw, A₂ → π − A₂, E → −E."""

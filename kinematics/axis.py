@@ -6,9 +6,7 @@ from math import inf, isinf
 from numbers import Integral
 from typing import Literal
 
-import numpy as np
-
-from kinematics.array import LARGEST, finite, number
+from kinematics.array import LARGEST, POSITIVE, finite, plain
 from kinematics.errors import MotionError
 
 Magnitude = float | tuple[float, float]
@@ -21,11 +19,6 @@ def sides(bound: Magnitude | None) -> tuple[float, float]:
         return inf, inf
     below, above = bound if isinstance(bound, tuple) else (bound, bound)
     return below, above
-
-
-# Fields that hold numbers, or None for no limit; those of them that may hold one for each way.
-_LIMITS = ("max_speed", "max_acceleration", "max_jerk", "max_force", "max_pulse_rate", "resonance_time")
-_SIDED = ("max_speed", "max_acceleration", "max_jerk")
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,8 +64,46 @@ class Axis:
     channel: int | None = None
 
     def __post_init__(self) -> None:
-        self._are_what_they_say()
-        lo, hi = self.travel
+        """Everything is what it says, sequences become tuples of floats; else MotionError names the field."""
+        if not isinstance(self.name, str) or not self.name:
+            raise MotionError(f"an axis needs a name, a text that is not empty, not {self.name!r}")
+        if self.kind not in ("linear", "rotary"):
+            raise MotionError(f'axis {self.name}: kind {self.kind!r} is neither "linear" nor "rotary"')
+        self._travel()
+        self._numbers("pulse", (), least=POSITIVE)
+        for field in ("backlash", "friction", "reflected"):
+            self._numbers(field, (), least=0.0)
+        if finite(self.direction, f"axis {self.name}: direction", ()) not in (1, -1):
+            raise MotionError(f"axis {self.name}: direction {self.direction!r} is neither 1 nor -1")
+        object.__setattr__(self, "direction", int(self.direction))
+        for field in ("max_speed", "max_acceleration", "max_jerk"):
+            ways = "unlimited; two: towards smaller and towards greater positions"
+            self._numbers(field, (), (2,), least=POSITIVE, none=ways)
+        for field in ("max_force", "max_pulse_rate", "resonance_time"):
+            self._numbers(field, (), least=POSITIVE, none="unlimited")
+        self._numbers("resonance", (None, 2), least=POSITIVE, none="no band")
+        edges = [edge for band in self.resonance or () for edge in band]
+        if any(not slower < faster for slower, faster in pairwise(edges)):
+            raise MotionError(
+                f"axis {self.name}: resonance {self.resonance} must be bands (low, high) of speeds above 0, "
+                "rising and apart"
+            )
+        if self.resonance_time is not None and self.resonance is None:
+            raise MotionError(f"axis {self.name}: resonance_time without resonance; give the bands that it crosses")
+        self._numbers("torque_speed", (None, 2), least=0.0, none="no curve")
+        self._numbers("lead_error", (None, 2), none="no error")
+        for field in ("torque_speed", "lead_error"):
+            curve = getattr(self, field)
+            if curve is not None and (len(curve) < 2 or any(not b[0] > a[0] for a, b in pairwise(curve))):
+                raise MotionError(f"axis {self.name}: {field} {curve} must be two or more points, first values rising")
+        self._wiring()
+
+    def _travel(self) -> None:
+        ends = plain(self.travel)
+        if ends is None or ends.shape != (2,):
+            raise MotionError(f"axis {self.name}: travel must be two numbers (low, high), not {self.travel!r:.100}")
+        lo, hi = ends.tolist()
+        object.__setattr__(self, "travel", (lo, hi))
         if not lo < hi:
             raise MotionError(f"axis {self.name}: travel {lo} .. {hi} is empty; the first bound must be the smaller")
         if isinf(lo) != isinf(hi):
@@ -80,51 +111,8 @@ class Axis:
                 f"axis {self.name}: travel {lo} .. {hi} {self.unit} has one end only; "
                 "give both, or leave travel out where there is no end"
             )
-        if not 0 < self.pulse < inf:
-            raise MotionError(f"axis {self.name}: pulse {self.pulse} {self.unit} must be positive and finite")
-        if self.direction not in (1, -1):
-            raise MotionError(f"axis {self.name}: direction {self.direction} is neither 1 nor -1")
-        for field in ("max_speed", "max_acceleration", "max_jerk"):
-            value = getattr(self, field)
-            if isinstance(value, tuple) and len(value) != 2:
-                raise MotionError(
-                    f"axis {self.name}: {field} {value} must be one number, or two: "
-                    "towards smaller and towards greater positions"
-                )
-        for field in ("max_speed", "max_acceleration", "max_jerk", "max_force", "max_pulse_rate", "resonance_time"):
-            value = getattr(self, field)
-            if value is not None and not all(0 < side < inf for side in sides(value)):
-                raise MotionError(f"axis {self.name}: {field} {value} must be positive and finite (or None: unlimited)")
 
-        edges = [edge for band in self.resonance or () for edge in band]
-        if any(not slower < faster for slower, faster in pairwise([0.0, *edges, inf])):
-            raise MotionError(
-                f"axis {self.name}: resonance {self.resonance} must be bands (low, high) of speeds above 0, "
-                "rising and apart"
-            )
-        if self.resonance_time is not None and self.resonance is None:
-            raise MotionError(f"axis {self.name}: resonance_time without resonance; give the bands that it crosses")
-
-    def _are_what_they_say(self) -> None:
-        """The types of all fields; tuples of floats, whatever sequences were given."""
-        if not isinstance(self.name, str) or not self.name:
-            raise MotionError(f"an axis needs a name, a text that is not empty, not {self.name!r}")
-        if self.kind not in ("linear", "rotary"):
-            raise MotionError(f'axis {self.name}: kind {self.kind!r} is neither "linear" nor "rotary"')
-        ends = finite(f"axis {self.name}: travel must be two numbers", self.travel, (2,), least=-inf, most=inf)
-        object.__setattr__(self, "travel", tuple(ends.tolist()))
-        for field in ("pulse", *_LIMITS):
-            value = getattr(self, field)
-            for each in value if field in _SIDED and isinstance(value, tuple) else (value,):
-                if each is not None or field not in _LIMITS:
-                    number(f"axis {self.name}: {field} must be a number", each, least=-inf, most=inf)
-        if number(f"axis {self.name}: direction must be 1 or -1", self.direction) in (1, -1):
-            object.__setattr__(self, "direction", int(self.direction))
-        number(f"axis {self.name}: backlash must be a number of {self.unit}, not below 0", self.backlash, least=0)
-        for field in ("friction", "reflected"):
-            number(f"axis {self.name}: {field} must be finite and not below 0 (0: none)", getattr(self, field), least=0)
-        self._curve("lead_error", -LARGEST)
-        self._curve("torque_speed", 0.0)
+    def _wiring(self) -> None:
         if (self.card is None) != (self.channel is None):
             raise MotionError(
                 f"axis {self.name}: card {self.card!r} and channel {self.channel!r}: give both or neither"
@@ -135,16 +123,14 @@ class Axis:
         if self.channel is not None and not (whole and self.channel >= 0):
             raise MotionError(f"axis {self.name}: channel must be a whole number, not below 0, not {self.channel!r}")
 
-    def _curve(self, field: str, least: float) -> None:
-        """Two or more points, the first values rising."""
-        values = getattr(self, field)
-        if values is None:
-            return
-        told = f"axis {self.name}: {field} must be two or more points ((first, second), ...), the first values rising"
-        points = finite(told + (", none below 0" if least == 0 else ""), values, (None, 2), least=least)
-        if len(points) < 2 or (np.diff(points[:, 0]) <= 0).any():
-            raise MotionError(f"{told}, not {points.tolist()}")
-        object.__setattr__(self, field, tuple(map(tuple, points.tolist())))
+    def _numbers(self, field: str, *shapes: tuple[int | None, ...], least: float = -LARGEST, none: str = "") -> None:
+        """none: what None means where it is allowed."""
+        value, told = getattr(self, field), f"axis {self.name}: {field}"
+        if value is not None or not none:
+            array = finite(value, f"{told} (None: {none})" if none else told, *shapes, least=least)
+            rows = array.tolist()
+            pairs = tuple(tuple(row) if array.ndim == 2 else row for row in rows) if array.ndim else rows
+            object.__setattr__(self, field, pairs)
 
     @property
     def unit(self) -> str:

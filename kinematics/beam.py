@@ -6,7 +6,7 @@ from math import sqrt
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinematics.array import Array, quantities
+from kinematics.array import Array, finite
 from kinematics.errors import MotionError
 
 
@@ -24,7 +24,7 @@ class Beam:
     def __post_init__(self) -> None:
         for field in fields(self):
             value = getattr(self, field.name)
-            if not quantities(value, f"beam: {field.name}", ()) > 0:
+            if not finite(value, f"beam: {field.name}", ()) > 0:
                 raise MotionError(f"beam: {field.name} {value} must be positive and finite (m, Pa, m⁴)")
 
     def deflection(self, load: float, place: ArrayLike) -> Array:
@@ -50,11 +50,11 @@ class Beam:
         return self.modulus * self.second_moment
 
     def _inside(self, place: ArrayLike) -> Array:
-        c = quantities(place, "beam: the load's place", unit="m")
+        c = finite(place, "beam: the load's place", unit="m")
         if not ((c >= 0) & (c <= self.span)).all():
             raise MotionError(f"beam: a load at {c[~((c >= 0) & (c <= self.span))].flat[0]} m is off its {self.span} m")
         return c
 
 
 def _weight(load: float) -> float:
-    return float(quantities(load, "beam: the load", (), unit="N"))
+    return float(finite(load, "beam: the load", (), unit="N"))

@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from kinematics.array import Array, frozen, quantities
+from kinematics.array import Array, finite, frozen
 from kinematics.errors import MotionError
 
 # Rounding, as a share of the largest moment, that an inertia may be off what a rigid body can have.
@@ -29,10 +29,10 @@ class Body:
     name: str = "body"
 
     def __post_init__(self) -> None:
-        if quantities(self.mass, f"{self.name}: mass", (), unit="kg") < 0:
+        if finite(self.mass, f"{self.name}: mass", (), unit="kg") < 0:
             raise MotionError(f"{self.name}: mass {self.mass} kg must be finite and not below 0")
-        centre = quantities(self.centre, f"{self.name}: centre", (3,), unit="m")
-        inertia = quantities(self.inertia, f"{self.name}: inertia", (3, 3), unit="kg·m²")
+        centre = finite(self.centre, f"{self.name}: centre", (3,), unit="m")
+        inertia = finite(self.inertia, f"{self.name}: inertia", (3, 3), unit="kg·m²")
         slack = ROUNDING * float(np.abs(inertia).max())
         if np.abs(inertia - inertia.T).max() > slack:
             raise MotionError(f"{self.name}: inertia {inertia.tolist()} kg·m² must be symmetric")
@@ -91,7 +91,7 @@ class Leg:
                 raise MotionError(f"leg: {part} must be a Body, not {getattr(self, part)!r}")
         if self.first_axis is None:
             return
-        axis = quantities(self.first_axis, "leg: first_axis", (3,))
+        axis = finite(self.first_axis, "leg: first_axis", (3,))
         if not axis.any():
             raise MotionError("leg: first_axis is a direction, which must not be zero")
         object.__setattr__(self, "first_axis", frozen(axis))

@@ -12,7 +12,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinematics.array import POSITIVE, Array, finite, frozen, number, unit_vectors
+from kinematics.array import POSITIVE, Array, finite, frozen, unit_vectors
 from kinematics.errors import MotionError
 
 BLOCK = 1024
@@ -31,12 +31,10 @@ class Disc:
     normal: ArrayLike = (0.0, 0.0, 1.0)
 
     def __post_init__(self) -> None:
-        number("disc: radius must be a finite length above 0 in m", self.radius, least=POSITIVE)
-        number("disc: thickness must be a finite length in m, not below 0", self.thickness, least=0)
-        centre = finite("disc: centre must be a finite point (3,) in m", self.centre, (3,))
-        normal = unit_vectors("disc: normal must be a finite direction (3,), not zero", self.normal, (3,))
-        object.__setattr__(self, "centre", centre)
-        object.__setattr__(self, "normal", normal)
+        finite(self.radius, "disc: radius", (), unit="m", least=POSITIVE)
+        finite(self.thickness, "disc: thickness", (), unit="m", least=0)
+        object.__setattr__(self, "centre", frozen(finite(self.centre, "disc: centre", (3,), unit="m")))
+        object.__setattr__(self, "normal", frozen(unit_vectors(self.normal, "disc: normal", (3,))))
 
 
 @dataclass(frozen=True)
@@ -64,8 +62,8 @@ class Bodies:
     platform_disc: Disc | None = None
 
     def __post_init__(self) -> None:
-        number("legs: leg_radius must be a finite length above 0 in m", self.leg_radius, least=POSITIVE)
-        number("legs: leg_ends must be a finite length in m, not below 0", self.ends, least=0)
+        finite(self.leg_radius, "legs: leg_radius", (), unit="m", least=POSITIVE)
+        finite(self.ends, "legs: leg_ends", (), unit="m", least=0)
         for what, disc in (("base_disc", self.base_disc), ("platform_disc", self.platform_disc)):
             if disc is not None and not isinstance(disc, Disc):
                 raise MotionError(f"legs: {what} must be a Disc, not {disc!r:.100}")

@@ -126,10 +126,10 @@ def contains(machine: Machine, rotation: Rotation, low: ArrayLike, high: ArrayLi
     Inside means what it means to `Margins`: no more than ROUNDING of a limit beyond it. Raises MotionError for ends
     that are none, OutOfReach where the machine does not control what the box asks.
     """
-    what = f"box of machine {machine.name}: low and high must be finite positions (3,) in m"
-    low, high = finite(what, low, (3,)), finite(what, high, (3,))
+    what = f"box of machine {machine.name}:"
+    low, high = (finite(end, f"{what} {name}", (3,), unit="m") for end, name in ((low, "low"), (high, "high")))
     if (low > high).any():
-        raise MotionError(f"{what}, no coordinate of low above that of high, not {low.tolist()} and {high.tolist()}")
+        raise MotionError(f"{what} no coordinate of low {low.tolist()} may be above that of high {high.tolist()}")
     refuse(machine, pose_rows(np.stack([low, high]), rotation), ("low", "high").__getitem__)
     corners = np.array(list(product(*zip(low, high, strict=True))))
     use = uses(machine, rotation, corners).max(1)

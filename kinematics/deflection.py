@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kinematics.array import Array, quantities
+from kinematics.array import Array, finite
 from kinematics.beam import Beam
 from kinematics.effect import UNIFORM, Effect, not_negative
 from kinematics.errors import MotionError
@@ -49,7 +49,7 @@ class Deflection:
         if self.spans < 1 or self.spans != int(self.spans):
             raise MotionError(f"{self.name}: {self.spans} spans; a beam has 1, 2 or another whole number")
         _, along, down = (
-            quantities(getattr(self, what), f"{self.name}: {what}", (3,)) for what in ("start", "along", "down")
+            finite(getattr(self, what), f"{self.name}: {what}", (3,)) for what in ("start", "along", "down")
         )
         if not along.any() or not down.any():
             raise MotionError(f"{self.name}: along and down are directions, which must not be zero")

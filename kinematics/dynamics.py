@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from kinematics.arm import Arm
 from kinematics.arm_dynamics import link_torques
-from kinematics.array import Array, frozen, quantities
+from kinematics.array import Array, finite, frozen
 from kinematics.body import Body, Leg
 from kinematics.closed_loop import leg_forces
 from kinematics.errors import MotionError
@@ -103,10 +103,10 @@ def forces(
     if not isinstance(body, Body):
         raise MotionError(f"{name}: platform must be a Body, not {body!r}")
     push = stated.wrench if wrench is None else wrench
-    load = quantities(push, f"{name}: wrench", (6,), (1, 6), (count, 6), unit="N and N·m")
+    load = finite(push, f"{name}: wrench", (6,), (1, 6), (count, 6), unit="N and N·m")
     load = np.broadcast_to(load, (count, 6))
-    down = quantities(stated.gravity if gravity is None else gravity, f"{name}: gravity", (3,), unit="m/s²")
-    own = quantities(inertias if reflected is None else reflected, f"{name}: reflected", (), (n,), unit="kg or kg·m²")
+    down = finite(stated.gravity if gravity is None else gravity, f"{name}: gravity", (3,), unit="m/s²")
+    own = finite(inertias if reflected is None else reflected, f"{name}: reflected", (), (n,), unit="kg or kg·m²")
     own = np.broadcast_to(own, (n,))
     if (own < 0).any():
         raise MotionError(f"machine {machine.name}: reflected inertias {own.tolist()} must not be below 0")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any, Protocol
 
-from kinematics.array import Array, frozen, quantities
+from kinematics.array import Array, finite, frozen
 from kinematics.errors import MotionError
 from kinematics.pose import Pose
 
@@ -50,7 +50,7 @@ def not_negative(source: Any, skip: tuple[str, ...] = (), per_axis: tuple[str, .
             continue
         if value is None and field.default is None:
             continue
-        numbers = quantities(value, f"{source.name}: {field.name}", unit="SI units")
+        numbers = finite(value, f"{source.name}: {field.name}", unit="SI units")
         if (numbers < 0).any() or numbers.ndim > 1 or (numbers.ndim and field.name not in per_axis):
             kind = "not negative" if (numbers < 0).any() else "a single number"
             raise MotionError(f"{source.name}: {field.name} {value} must be {kind} (SI units)")

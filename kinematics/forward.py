@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from kinematics.array import Array, frozen, real
+from kinematics.array import Array, frozen, plain
 from kinematics.errors import MotionError, OutOfReach
 from kinematics.freedom import HELD, columns, refuse, square_jacobian
 from kinematics.pose import Pose, checked, from_numbers, numbers
@@ -66,9 +66,11 @@ def solve(machine: Machine, q: ArrayLike, near: Pose, certify: bool = True) -> F
     if given.ndim == 2:
         return Forward(pose, frozen(residual), frozen(certified))
     if machine.lengths and not residual[0] <= CONVERGED * max(1.0, rows.max()):
+        least = f"the nearest leaves {residual[0] * 1e3:.6g} mm"
         raise OutOfReach(
-            f"machine {machine.name}: no pose was found that has the lengths {given * 1e3} mm; the nearest to them "
-            f"leaves {residual[0] * 1e3:.6g} mm; they may be out of reach: change them, or ask from a nearer pose"
+            f"machine {machine.name}: no pose was found that has the lengths {given * 1e3} mm; "
+            f"{least if np.isfinite(residual[0]) else 'it was asked from one that is itself out of reach'}; "
+            "they may be out of reach: change them, or ask from a nearer pose"
         )
     return Forward(pose[0], residual[0], certified[0])
 
@@ -76,8 +78,9 @@ def solve(machine: Machine, q: ArrayLike, near: Pose, certify: bool = True) -> F
 def _coordinates(machine: Machine, q: ArrayLike) -> Array:
     """(N, n) or (n,), finite, and not below 0 where they are lengths."""
     n = len(machine.axes)
-    told = f"machine {machine.name}: forward takes finite coordinates (N, {n})"
-    given = real(told, q, (n,), (None, n))
+    told, given = f"machine {machine.name}: forward takes finite coordinates (N, {n})", plain(q)
+    if given is None or given.ndim not in (1, 2) or given.shape[-1] != n:
+        raise MotionError(f"{told}, not {f'{q!r:.100}' if given is None else f'shape {given.shape}'}")
     rows, least = np.atleast_2d(given), 0.0 if machine.lengths else -np.inf
     wrong = ~(np.isfinite(rows) & (rows >= least))
     if wrong.any():

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from kinematics.array import quantities
+from kinematics.array import finite
 from kinematics.errors import MotionError
 
 STEEL = 7850.0
@@ -65,7 +65,7 @@ class StepMotor:
         _positive(self, "motor", skip=("pull_out",))
         if self.pull_out is None:
             return
-        points = quantities(self.pull_out, "motor: pull_out")
+        points = finite(self.pull_out, "motor: pull_out")
         if points.ndim != 2 or points.shape[1] != 2:
             raise MotionError(f"motor: pull_out must be points (steps/s, N·m), not of shape {points.shape}")
         if len(points) < 2 or not (np.diff(points[:, 0]) > 0).all():
@@ -113,7 +113,7 @@ def _positive(values: Any, what: str, zero: tuple[str, ...] = (), skip: tuple[st
         value = getattr(values, field.name)
         if field.name in skip or (value is None and field.default is None):
             continue
-        number = quantities(value, f"{what}: {field.name}", (), unit="SI units")
+        number = finite(value, f"{what}: {field.name}", (), unit="SI units")
         if number < 0 or (number == 0 and field.name not in zero):
             least = "zero or more" if field.name in zero else "positive"
             raise MotionError(f"{what}: {field.name} {value} must be {least} and finite (SI units)")

@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinematics.array import POSITIVE, Array, finite, frozen, number, unit_vectors
+from kinematics.array import POSITIVE, Array, finite, frozen, unit_vectors
 from kinematics.axis import Axis
 from kinematics.body import Body
 from kinematics.clearance import Bodies, Disc
@@ -101,27 +101,24 @@ class Legged(Machine):
 
 def joints(machine: str, what: str, values: ArrayLike, count: int) -> Array:
     """Joint centres (n, 3) that a caller gives."""
-    return finite(f"machine {machine}: {what} must be {count} finite points ({count}, 3) in m", values, (count, 3))
+    return frozen(finite(values, f"machine {machine}: {what}", (count, 3), unit="m"))
 
 
 def _directions(machine: str, what: str, values: ArrayLike | None, count: int) -> Array:
     """(n, 3) unit vectors."""
-    told = f"machine {machine}: {what} must be one direction (3,), or one for each of {count} legs, finite and not zero"
-    rest = unit_vectors(told, [0.0, 0.0, 1.0] if values is None else values, (3,), (count, 3))
+    given = [0.0, 0.0, 1.0] if values is None else values
+    rest = unit_vectors(given, f"machine {machine}: {what}", (3,), (count, 3))
     return frozen(np.broadcast_to(rest, (count, 3)))
 
 
 def _tilts(machine: str, limit: object, count: int) -> Array:
     """(2n,) rad: n base joints, n platform joints; no joint can turn further than π."""
-    told = (
-        f"machine {machine}: max_tilt must be one angle or (base, platform), "
-        "each above 0 and at most π rad (or None: unlimited)"
-    )
     given = limit.tolist() if isinstance(limit, np.ndarray) else limit
     ends = tuple(given) if isinstance(given, (tuple, list)) else (given, given)
     if len(ends) != 2:
-        raise MotionError(f"{told}, not {limit}")
-    angles = [np.pi if end is None else number(told, end, least=POSITIVE, most=np.pi) for end in ends]
+        raise MotionError(f"machine {machine}: max_tilt {limit} must be one angle or (base, platform), rad")
+    what = f"machine {machine}: max_tilt (None: unlimited)"
+    angles = [finite(np.pi if e is None else e, what, (), unit="rad", least=POSITIVE, most=np.pi) for e in ends]
     return frozen(np.repeat(angles, count))
 
 

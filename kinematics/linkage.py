@@ -1,12 +1,12 @@
 """The linkage: two actuators in a plane, hinged to each other; one of them carries the point."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinematics.array import Array, frozen
+from kinematics.array import POSITIVE, Array, finite, frozen
 from kinematics.axis import Axis
 from kinematics.errors import MotionError, OutOfReach
 from kinematics.load import Load
@@ -33,6 +33,8 @@ class Linkage(Machine):
     freedom = ("x", "y")
     follows = ("rz",)
     branched = True
+    lengths = True
+    sorts = ("linear", "linear")
 
     def __init__(
         self,
@@ -41,20 +43,18 @@ class Linkage(Machine):
         offset: float,
         angle: float,
         *,
-        axes: Sequence[Axis],
+        axes: Iterable[Axis],
         home: Pose,
         near: ArrayLike | None = None,
         name: str = "linkage",
         load: Load | None = None,
     ) -> None:
-        self.base_a, self.base_b = (_point(name, *pair) for pair in (("base_a", base_a), ("base_b", base_b)))
+        ends = (("base_a", base_a), ("base_b", base_b))
+        self.base_a, self.base_b = (frozen(finite(p, f"machine {name}: {what}", (2,), unit="m")) for what, p in ends)
         if np.linalg.norm(self.base_b - self.base_a) < 1e-9:
             raise MotionError(f"machine {name}: base_a and base_b are the same point, {self.base_a * 1e3} mm")
-        if not (0 <= offset < np.inf and np.isfinite(angle)):
-            raise MotionError(
-                f"machine {name}: offset {offset} m and angle {angle} rad must be finite, offset not below 0"
-            )
-        self.offset, self.angle = float(offset), float(angle)
+        self.offset = float(finite(offset, f"machine {name}: offset", (), unit="m", least=0))
+        self.angle = float(finite(angle, f"machine {name}: angle", (), unit="rad"))
         self.characteristic_length = max(self.offset, float(np.linalg.norm(self.base_b - self.base_a)) / 2)
         longer = [self.offset * abs(np.cos(self.angle)) + 1.0, 0.0]
         super().__init__(name, axes, home, longer if near is None else near, load)
@@ -91,19 +91,14 @@ class Linkage(Machine):
         turned: ca.SX = theta @ self._at_home
         return position, turned
 
-    def possible(self, q: Array) -> np.ndarray:
-        return np.asarray((q > 0).all(1))
-
     def realised(self, q: ArrayLike, side: int | None = None) -> Array:
         """P (N, 2) of coordinates q (N, 2), (2,) of one, in closed form: θ from the law of cosines at a.
 
         side: J lies to the left (1) or to the right (−1) of a → b; as at home by default. Raises OutOfReach where no
         triangle closes over the base.
         """
-        given = np.asarray(q, float)
+        given = finite(q, f"machine {self.name}: lengths", (2,), (None, 2), unit="m", least=POSITIVE)
         rows = np.atleast_2d(given)
-        if rows.ndim != 2 or rows.shape[1] != 2 or not (np.isfinite(rows) & (rows > 0)).all():
-            raise MotionError(f"machine {self.name}: realised takes positive lengths (N, 2) in m, not {q!r}")
         if side not in (None, 1, -1):
             raise MotionError(f"machine {self.name}: side {side} is neither 1 (left of a -> b) nor -1 (right)")
         base = self.base_b - self.base_a
@@ -121,10 +116,3 @@ class Linkage(Machine):
         back = theta - self.angle
         points = joint - self.offset * np.stack([np.cos(back), np.sin(back)], 1)
         return np.asarray(points[0] if given.ndim == 1 else points, float)
-
-
-def _point(machine: str, what: str, values: ArrayLike) -> Array:
-    point = np.asarray(values, float)
-    if point.shape != (2,) or not np.isfinite(point).all():
-        raise MotionError(f"machine {machine}: {what} must be a finite point (2,) in m, not {values!r}")
-    return frozen(point)

@@ -4,9 +4,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from kinematics.array import Array, frozen
+from kinematics.array import Array, finite, frozen
 from kinematics.body import Body, Leg
-from kinematics.errors import MotionError
 
 GRAVITY = (0.0, 0.0, -9.80665)
 """m/s², where the base stands upright."""
@@ -33,7 +32,5 @@ class Load:
         legs = (self.legs,) if isinstance(self.legs, Leg) else tuple(self.legs)
         object.__setattr__(self, "legs", legs)
         for name, size, unit in (("gravity", 3, "m/s²"), ("wrench", 6, "N and N·m")):
-            values = np.asarray(getattr(self, name), float)
-            if values.shape != (size,) or not np.isfinite(values).all():
-                raise MotionError(f"load: {name} must be {size} finite numbers in {unit}, not {getattr(self, name)!r}")
+            values = finite(getattr(self, name), f"load: {name}", (size,), unit=unit)
             object.__setattr__(self, name, frozen(values))

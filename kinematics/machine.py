@@ -106,10 +106,6 @@ class Machine(ABC):
         """The pose with what `follows` filled in from the coordinates."""
         return position, rotation
 
-    def possible(self, q: Array) -> np.ndarray:
-        """(N,) whether coordinates q (N, n) can be; a length below zero cannot."""
-        return np.ones(len(q), bool)
-
     def alternatives(self, near: Array) -> list[Array]:
         """Coordinates near which a pose's are looked for, in turn, where there are none near (n,)."""
         return []
@@ -247,7 +243,7 @@ class Machine(ABC):
         return x, q
 
     def _lost(self, q: Array) -> np.ndarray:
-        return ~(np.isfinite(q).all(1) & self.possible(q))
+        return np.asarray(~(np.isfinite(q) & (q >= (0.0 if self.lengths else -np.inf))).all(1))
 
     def jacobian(self, pose: Pose, near: ArrayLike | None = None) -> Array:
         """J (N, n, 6) of N poses, (n, 6) of one: dq = J [dx, dy, dz, wx, wy, wz] in the base frame.
@@ -255,8 +251,8 @@ class Machine(ABC):
         The velocity is that of the platform's origin, the reference point. near as in `inverse`. Raises what `inverse`
         does, and MotionError where coordinates have no finite rates: an arm stretched out, a leg of no length.
         """
-        x = self.located(pose, near)[0]
-        j = self.jacobian_map(self.inputs(x, self._near(near))).reshape(-1, len(self.axes), 6)
+        x, q = self.located(pose, near)
+        j = self.jacobian_map(self.inputs(x, q)).reshape(-1, len(self.axes), 6)
         endless = ~np.isfinite(j).all((1, 2))
         if endless.any():
             first = int(np.argmax(endless))
@@ -269,7 +265,7 @@ class Machine(ABC):
     def _near(self, near: ArrayLike | None) -> Array:
         if near is None:
             return self.home_q
-        return finite(f"machine {self.name}: near must be {len(self.axes)} finite coordinates", near, (len(self.axes),))
+        return finite(near, f"machine {self.name}: near", (len(self.axes),))
 
     def start(self, q: Array, near: Array) -> Array:
         """Pose numbers (N, 12) from which `forward` looks for coordinates q (N, n), asked from near (N, 12)."""

@@ -6,7 +6,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinematics.array import Array, frozen, quantities
+from kinematics.array import Array, finite, frozen
 from kinematics.errors import MotionError, OutOfReach
 from kinematics.freedom import COMPONENTS, columns, square_jacobian
 from kinematics.machine import Machine
@@ -70,7 +70,7 @@ def motion_of_poses(
     for what, values in (("twist", twist), ("acceleration", acceleration)):
         shape = (len(q), 6)
         values = np.zeros(6) if values is None else values
-        rows = np.broadcast_to(quantities(values, f"machine {machine.name}: {what}", shape, (6,), (1, 6)), shape)
+        rows = np.broadcast_to(finite(values, f"machine {machine.name}: {what}", shape, (6,), (1, 6)), shape)
         if rows[:, held].any():
             instant, k = np.argwhere(rows[:, held])[0]
             raise OutOfReach(

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinematics.array import Array, frozen, quantities
+from kinematics.array import Array, finite, frozen
 from kinematics.dynamics import Forces
 from kinematics.errors import MotionError
 from kinematics.motion import Motion
@@ -60,7 +60,7 @@ class AxisMotion:
             value = getattr(self, field.name)
             if value is None:
                 continue
-            array = quantities(value, f"motion: {field.name}")
+            array = finite(value, f"motion: {field.name}")
             if array.ndim != 2 or not array.size:
                 raise MotionError(f"motion: {field.name} must be finite numbers (N, axes), not shape {array.shape}")
             if array.shape != np.shape(self.q):
@@ -109,7 +109,7 @@ def joint_need(machine: Machine, pose: Pose, force: ArrayLike | None = None) -> 
         raise MotionError(f"machine {machine.name} has no joints that tilt")
     machine.inverse(pose)  # refuses what cannot be reached
     tilt = float(np.arccos(np.clip(machine.tilt_map(numbers(pose)), -1.0, 1.0)).max())
-    return JointNeed(tilt or None, None if force is None else float(np.abs(quantities(force, "force")).max()) or None)
+    return JointNeed(tilt or None, None if force is None else float(np.abs(finite(force, "force")).max()) or None)
 
 
 def asked(need: ActuatorNeed | JointNeed) -> dict[str, float]:
@@ -120,5 +120,5 @@ def asked(need: ActuatorNeed | JointNeed) -> dict[str, float]:
 
 def _checked(need: ActuatorNeed | JointNeed) -> None:
     for name, value in asked(need).items():
-        if not quantities(value, f"needed {name}", (), unit="SI units") > 0:
+        if not finite(value, f"needed {name}", (), unit="SI units") > 0:
             raise MotionError(f"needed {name} {describe(value, UNITS[name])} must be positive and finite, or None")

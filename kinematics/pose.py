@@ -25,7 +25,7 @@ def checked(machine: str, what: str, pose: object, *, single: bool = False) -> A
     """
     if not isinstance(pose, RigidTransform):
         raise MotionError(
-            f"machine {machine}: {what} must be a Pose, SciPy's RigidTransform, not {pose!r:.100}; "
+            f"machine {machine}: {what} must be a pose; a pose is a scipy RigidTransform, not {type(pose).__name__}; "
             "RigidTransform.from_components(position, rotation) makes one"
         )
     if single and not pose.single:

@@ -37,8 +37,8 @@ def presets(package: str) -> dict[str, Traversable]:
 
 def find(package: str, what: str, name_or_path: str | PathLike[str]) -> Path | Traversable:
     """Where a preset or a file is: a plain word is a preset's name, anything with a folder or suffix a file's path."""
-    if not isinstance(name_or_path, (str, PathLike)):
-        raise MotionError(f"a {what} is told by its name or the path of its file, not by {name_or_path!r:.100}")
+    if not isinstance(name_or_path, str | PathLike):
+        raise MotionError(f"a {what} is given by its name or the path of a file, not as {name_or_path!r}")
     path = Path(name_or_path)
     name = fspath(name_or_path)
     if isinstance(name_or_path, PathLike) or path.suffix or path.name != name:

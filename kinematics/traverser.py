@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinematics.array import POSITIVE, number, unit_vectors
+from kinematics.array import POSITIVE, finite, frozen, unit_vectors
 from kinematics.axis import Axis
 from kinematics.errors import MotionError
 from kinematics.load import Load
@@ -40,21 +40,20 @@ class Traverser(Machine):
         name: str = "traverser",
         load: Load | None = None,
     ) -> None:
-        told = f"machine {name}: directions must be three vectors (3, 3), finite and not zero"
-        self.directions = unit_vectors(told, np.eye(3) if directions is None else directions, (3, 3))
+        given = np.eye(3) if directions is None else directions
+        self.directions = frozen(unit_vectors(given, f"machine {name}: directions", (3, 3)))
         if abs(np.linalg.det(self.directions)) < PARALLEL:
             raise MotionError(f"machine {name}: the slides' directions {self.directions.tolist()} do not span space")
-        told = f"machine {name}: length per radian must be finite and above 0, in m"
-        self.characteristic_length = number(told, length, least=POSITIVE)
+        self.characteristic_length = float(finite(length, f"machine {name}: length", (), unit="m", least=POSITIVE))
         self._held = checked(name, "home", home, single=True)[0, 3:].reshape(3, 3)
         super().__init__(name, axes, home, load=load)
 
     def expression(self, position: ca.SX, rotation: ca.SX, near: ca.SX) -> ca.SX:
         turn = rotation @ self._held.T
-        return ca.vertcat(np.linalg.inv(self.directions.T) @ position, nearest(turn[1, 0], turn[0, 0], near[3]))
+        return ca.vertcat(np.linalg.inv(self.directions.T) @ position, nearest_turn(turn[1, 0], turn[0, 0], near[3]))
 
 
-def nearest(sine: ca.SX, cosine: ca.SX, near: ca.SX) -> ca.SX:
+def nearest_turn(sine: ca.SX, cosine: ca.SX, near: ca.SX) -> ca.SX:
     """The angle of r (cos φ, sin φ) within half a turn of `near`."""
     s, c = ca.sin(near), ca.cos(near)
     return near + ca.atan2(sine * c - cosine * s, cosine * c + sine * s)

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinematics.array import Array, finite
+from kinematics.array import Array, finite, frozen
 from kinematics.clearance import Disc
 from kinematics.legs import Legged, joints
 
@@ -33,8 +33,7 @@ class Tripod(Legged):
         **options: Any,
     ) -> None:
         machine = options.get("name") or "tripod"
-        told = f"machine {machine}: tool must be a finite point (3,) in the plate's frame"
-        self.tool: Array = finite(told, tool, (3,))
+        self.tool: Array = frozen(finite(tool, f"machine {machine}: tool", (3,), unit="m"))
         if isinstance(platform_disc, Disc):
             platform_disc = replace(platform_disc, centre=np.asarray(platform_disc.centre) - self.tool)
         plate = joints(machine, "platform", platform, self.legs) - self.tool

@@ -144,9 +144,7 @@ class Workspace:
 
     def _cell(self, position: ArrayLike) -> tuple[int, int, int]:
         """The cell that a position lies in."""
-        place = finite(
-            f"workspace of {self.machine.name}: around must be one finite position (3,) in m", position, (3,)
-        )
+        place = finite(position, f"workspace of {self.machine.name}: around", (3,), unit="m")
         for k, name in enumerate("xyz"):
             low, high = self.nodes[k][0], self.nodes[k][-1]
             if not low - HELD <= place[k] <= high + HELD:
@@ -213,8 +211,8 @@ def _range(machine: Machine, k: int, given: Range) -> tuple[float, float] | None
     if given is None:
         home = float(machine.home.translation[k])
         return None if name in machine.freedom + machine.follows else (home, home)
-    what = f"workspace of {machine.name}: {name} must be one number or (low, high), finite, in m"
-    low, high = np.broadcast_to(finite(what, given, (), (2,)), 2).tolist()
+    what = f"workspace of {machine.name}: {name}, held or from low to high,"
+    low, high = np.broadcast_to(finite(given, what, (), (2,), unit="m"), 2).tolist()
     if low > high:
         raise MotionError(f"workspace of {machine.name}: {name} from {low} to {high} m is no range")
     return low, high

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform
 
-from kinematics.array import Array, frozen, quantities
+from kinematics.array import Array, finite, frozen
 from kinematics.errors import MotionError
 from kinematics.pose import Pose, numbers
 
@@ -32,7 +32,7 @@ class Noise:
 
     def __post_init__(self) -> None:
         for what, value in (("position", self.position), ("rotation", self.rotation)):
-            if not LEAST_NOISE <= quantities(value, f"measurements: noise of the {what}", ()) <= FAR:
+            if not LEAST_NOISE <= finite(value, f"measurements: noise of the {what}", ()) <= FAR:
                 raise MotionError(
                     f"measurements: noise of the {what} {value} must lie between {LEAST_NOISE:g} and {FAR:g} (m or rad)"
                 )
@@ -109,7 +109,7 @@ def measured_positions(
     name: str = "measurements",
 ) -> Measurements:
     """Measurements of positions alone, (N, 3) m in the home pose's frame; the rest as `whole_poses`."""
-    places = quantities(measured, f"{name}: measured", unit="m")
+    places = finite(measured, f"{name}: measured", unit="m")
     if places.ndim != 2 or places.shape[1] != 3:
         raise MotionError(f"{name}: measured must be positions (N, 3) in m, not of shape {places.shape}")
     return _fitted(commanded, RigidTransform.from_translation(places), POSITION.stop, noise, labels, name)

@@ -269,7 +269,7 @@ def test_clearance_decided_the_gap():
 @pytest.mark.parametrize(
     ("changes", "told"),
     [
-        ({"leg_radius": 0.0}, "leg_radius .* above 0 in m, not 0.0"),
+        ({"leg_radius": 0.0}, "leg_radius .* in m above 0, not 0.0"),
         ({"leg_radius": np.nan}, "leg_radius .* not nan"),
         ({"leg_radius": 0.01, "leg_ends": -0.001}, "leg_ends .* not below 0, not -0.001"),
         ({"base_disc": Disc(0.1, 0.01)}, "leg_radius; state it"),

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import RigidTransform
 
 import kinematics as k
-from kinematics.array import quantities
+from kinematics.array import LONGEST, finite
 
 PLACE = RigidTransform.from_translation([[0, 0, 0.24], [0, 0, 0.25]])
 BODY = k.Body(1.0, np.zeros(3), 0.01 * np.eye(3))
@@ -21,24 +21,24 @@ def motion(preset):
 
 @given(st.lists(st.floats(-1e300, 1e300), min_size=1, max_size=5))
 def test_numbers_stay_what_they_are(values):
-    np.testing.assert_array_equal(quantities(values, "x", (len(values),)), values)
+    np.testing.assert_array_equal(finite(values, "x", (len(values),)), values)
     with pytest.raises(k.MotionError, match=rf"x must be finite numbers \({len(values) + 1},\)"):
-        quantities(values, "x", (len(values) + 1,))
+        finite(values, "x", (len(values) + 1,))
     for bad in (np.nan, np.inf, -np.inf):
         with pytest.raises(k.MotionError, match="x must be finite numbers in mm"):
-            quantities([*values, bad], "x", unit="mm")
+            finite([*values, bad], "x", unit="mm")
 
 
 @pytest.mark.parametrize("value", ["1", "1 m", None, [[1], [2, 3]], [1, None], object(), {1: 2}, True, 1j, b"1"])
 def test_what_is_no_number_is_said(value):
     with pytest.raises(k.MotionError, match=r"^span must be one finite number in m, not "):
-        quantities(value, "span", (), unit="m")
+        finite(value, "span", (), unit="m")
 
 
 def test_a_long_value_is_shown_in_part():
     with pytest.raises(k.MotionError) as raised:
-        quantities(np.zeros((50, 2)), "x", (3,))
-    assert len(str(raised.value)) < 300
+        finite(np.zeros((50, 2)), "x", (3,))
+    assert len(str(raised.value)) < LONGEST + 60
     assert "\n" not in str(raised.value)
 
 
@@ -66,7 +66,7 @@ def test_sources_of_another_shape(preset, sources, told):
     ("given", "told"),
     [
         ({"pose": [0, 0, 1]}, "a pose is a scipy RigidTransform, not list"),
-        ({"near": [1, 2]}, r"near must be 6 finite coordinates"),
+        ({"near": [1, 2]}, r"near must be finite numbers \(6,\)"),
         ({"tool": "tip"}, r"tool must be finite numbers \(3,\) in m"),
     ],
 )
@@ -132,8 +132,8 @@ BAD = [
     (lambda: k.Leg(1.0, 0.6), "leg: barrel must be a Body, not 1.0"),
     (lambda: k.ActuatorNeed(stroke="50 mm"), "needed stroke must be one finite number"),
     (lambda: k.AxisMotion(np.zeros((3, 2)), np.zeros((5, 2))), r"qd is \(5, 2\), q is \(3, 2\)"),
-    (lambda: k.load_measurements(None), "measurement file is told by its name or the path"),
-    (lambda: k.load_machine(3), "machine is told by its name or the path"),
+    (lambda: k.load_measurements(None), "measurement file is given by its name or the path"),
+    (lambda: k.load_machine(3), "machine is given by its name or the path"),
     (lambda: k.actuator_need([3]), "3 is no motion"),
 ]
 

@@ -182,21 +182,24 @@ def test_lengths_that_no_pose_has(preset, q):
     assert perf_counter() - began < 5
 
 
-def test_lengths_below_zero_are_refused(legged):
-    q = np.tile(legged.home_q, (3, 1))
+def test_lengths_below_zero_are_refused(parallel):
+    q = np.tile(parallel.home_q, (3, 1))
     q[2, 1] *= -1
-    with pytest.raises(MotionError, match=f"m for {legged.axes[1].name} in row 2; a length is not below 0"):
-        legged.forward(q)
+    with pytest.raises(MotionError, match=f"m for {parallel.axes[1].name} in row 2; a length is not below 0"):
+        parallel.forward(q)
 
 
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
 def test_a_start_out_of_reach_leads_nowhere():
     """No lengths of the linkage reach the pose it is asked from: it stays there, and says that it is no answer."""
     linkage = load_machine("linkage")
-    found = linkage.forward(linkage.home_q, RigidTransform.from_translation([0.01, 0.01, 0]))
-    assert np.isinf(found.residual)
-    assert not found.certified
+    nowhere = RigidTransform.from_translation([0.01, 0.01, 0])
+    found = linkage.forward(linkage.home_q[None], nowhere)
+    assert np.isinf(found.residual).all()
+    assert not found.certified.any()
     assert np.isfinite(found.pose.as_matrix()).all()
+    with pytest.raises(OutOfReach, match=r"no pose was found .* from one that is itself out of reach"):
+        linkage.forward(linkage.home_q, nowhere)
 
 
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")

@@ -97,7 +97,7 @@ def test_what_is_no_traverser_is_refused(values, phrase):
 
 def test_what_is_near_to_nothing_is_refused(preset):
     for near in ([0, 0, 0], [0, 0, 0, np.nan]):
-        with pytest.raises(MotionError, match=r"near must be 4 finite coordinates"):
+        with pytest.raises(MotionError, match=r"near must be finite numbers \(4,\)"):
             preset.inverse(preset.home, near=near)
 
 

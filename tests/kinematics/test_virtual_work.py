@@ -138,12 +138,12 @@ def test_a_singular_pose_gives_no_force():
 @pytest.mark.parametrize(
     ("made", "phrase"),
     [
-        (lambda: Load(gravity=[0, 0]), "gravity must be 3 finite numbers"),
-        (lambda: Load(wrench=[0, 0, np.nan, 0, 0, 0]), "wrench must be 6 finite numbers"),
+        (lambda: Load(gravity=[0, 0]), "gravity must be finite numbers"),
+        (lambda: Load(wrench=[0, 0, np.nan, 0, 0, 0]), "wrench must be finite numbers"),
         (lambda: load_machine("linkage").carrying(Load(legs=LEG)), "machine linkage has no legs"),
         (lambda: load_machine("tripod").carrying(Load(legs=[LEG] * 6)), "6 legs with masses; give one for all, or 3"),
-        (lambda: Axis("z", friction=-1.0), "friction must be finite and not below 0 .* not -1.0"),
-        (lambda: Axis("z", reflected=np.inf), "reflected must be finite .* not inf"),
+        (lambda: Axis("z", friction=-1.0), "friction must be one finite number not below 0, not -1.0"),
+        (lambda: Axis("z", reflected=np.inf), "reflected must be .* not inf"),
     ],
 )
 def test_loads_that_cannot_be_are_refused(made, phrase):

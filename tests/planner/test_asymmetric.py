@@ -114,9 +114,9 @@ def test_a_hexapod_with_a_weak_side(hexapod, order):
 
 
 def test_what_is_no_magnitude_is_refused():
-    with pytest.raises(MotionError, match=r"axis x: max_speed \(1.0, 0.0\) must be positive and finite"):
+    with pytest.raises(MotionError, match=r"axis x: max_speed .* above 0, not \(1.0, 0.0\)"):
         Axis("x", max_speed=(1.0, 0.0))
-    with pytest.raises(MotionError, match="one number, or two: towards smaller and towards greater"):
+    with pytest.raises(MotionError, match="two: towards smaller and towards greater"):
         Axis("x", max_jerk=(1.0, 2.0, 3.0))
     with pytest.raises(MotionError, match="max_speed"):
         time_optimal(straight(1.0), max_speed=[[1.0, -1.0]], max_acceleration=1.0)

@@ -107,10 +107,13 @@ def test_no_stay_of_two_axes_is_longer_than_proved(seed, time):
 
 
 def test_what_is_no_band_is_refused():
-    for bands in (((0.004, 0.003),), ((0.0, 0.003),), ((0.003, 0.005), (0.004, 0.006)), ((0.003, np.inf),)):
+    for bands in (((0.004, 0.003),), ((0.003, 0.005), (0.004, 0.006))):
         with pytest.raises(MotionError, match=r"axis x: resonance .* rising and apart"):
+            Axis("x", resonance=bands)
+    for bands in (((0.0, 0.003),), ((0.003, np.inf),)):
+        with pytest.raises(MotionError, match=r"axis x: resonance .* must be finite numbers \(N, 2\) above 0"):
             Axis("x", resonance=bands)
     with pytest.raises(MotionError, match="resonance_time without resonance"):
         Axis("x", resonance_time=0.1)
-    with pytest.raises(MotionError, match=r"resonance_time 0.0 must be positive"):
+    with pytest.raises(MotionError, match=r"resonance_time .* above 0, not 0.0"):
         Axis("x", resonance=(BAND,), resonance_time=0.0)
