@@ -28,8 +28,8 @@ from planner.program import Dwell, Free, Program
 Objective = Literal["time", "tilt", "feasible"]
 # Grid intervals of a segment, closer together towards its ends.
 INTERVALS = 48
-# Share of travel and tilt that is left free, for what lies between the points of the grid.
-ROOM = 5e-4
+# Share of travel and tilt that is left free, for what lies between the points of the grid; and for rounding.
+ROOM, ROUNDING = 5e-4, 1e-9
 # Weight of turning at all, against the objective: where several ways are as good, the calmest.
 CALM = 1e-4
 # Least ṡ² inside a segment, in a problem scaled to about one.
@@ -201,14 +201,20 @@ def _cone(part: _Part, controls: ca.MX) -> ca.MX:
 
 
 def _inside(machine: Machine, q: ca.MX, cosines: ca.MX, slack: ca.MX, objective: Objective) -> list[ca.MX]:
-    """At most 0 within travel and tilt: by as much less as `slack` is below 0 for what is to be made small."""
+    """At most 0 within travel and tilt: by as much less as `slack` is below 0 for what is to be made small.
+
+    The ends keep no room: their orientation may be given, and a machine may stand at an end of its travel.
+    """
     lo, hi = np.array([axis.travel for axis in machine.axes]).T
     bounded = np.flatnonzero(np.isfinite(hi))
     half = (hi - lo)[bounded] / 2
     off = (q[bounded.tolist(), :] - ca.DM((machine.home_q + lo)[bounded] + half)) / ca.DM(half)
-    travel = 1 - ROOM + (slack if objective == "feasible" else 0.0)
-    tilted = ca.DM(np.cos(machine.max_tilt * (1 - ROOM))) - cosines
-    rows = [ca.vec(off) - travel, -ca.vec(off) - travel, ca.vec(tilted) - (slack if objective == "feasible" else 0.0)]
+    room = np.full(INTERVALS + 1, ROOM)
+    room[[0, -1]] = -ROUNDING
+    moved = slack if objective == "feasible" else 0.0
+    travel = ca.DM(np.tile(1 - room, (len(bounded), 1))) + moved
+    least = np.cos(np.outer(machine.max_tilt, 1 - room))
+    rows = [ca.vec(off - travel), ca.vec(-off - travel), ca.vec(ca.DM(least) - cosines - moved)]
     if objective == "tilt" and cosines.numel():
         rows.append(1 - ca.vec(cosines) - slack)  # the least cosine as large as can be
     return rows
