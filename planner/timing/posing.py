@@ -17,7 +17,7 @@ from planner.timing.smooth import Smoothed
 
 # Intervals of a run at least, for each piece in it, and for each radian that it turns; START is for the order-2 motion
 # that starts an order-3 solve.
-SECOND_ORDER, THIRD_ORDER, START = (1000, 50, 40), (240, 16, 15), (400, 20, 20)
+SECOND_ORDER, THIRD_ORDER, START = (1000, 50, 40), (240, 32, 15), (400, 20, 20)
 # At order 2 fewer do where the axes' directions q′ hardly change along a piece: so many for each change by the whole of
 # themselves, rounded up to one of a few sizes. Measured on lines of the hexapod: durations stay within 3e-4 of those on
 # 8000 intervals, since each interval at whose ends s̈ steps by a share of the largest is cut in so many.
