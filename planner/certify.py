@@ -7,10 +7,12 @@ bounds are tight.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from kinematics.array import Array, frozen
+from planner.actuation import ActuatorPath
 from planner.enclosure import Cells, bounds, enclose
 from planner.limits.limit import Limit, Term
 from planner.limits.resonance import Resonance
@@ -150,12 +152,24 @@ def prove(
     return use, attained
 
 
+_ALONG: WeakKeyDictionary[ActuatorPath, tuple[tuple[Limit, ...], dict[str, Array]]] = WeakKeyDictionary()
+
+
+def along_path(path: ActuatorPath, limits: Sequence[Limit]) -> dict[str, Array]:
+    """Per geometric limit, the proven bound of its use on every part of `walk(path)`; proved once for a path."""
+    known, use = _ALONG.get(path, ((), {}))
+    if len(known) != len(limits) or any(a is not b for a, b in zip(known, limits, strict=True)):
+        use, _ = prove(walk(path), limits, 2)
+        _ALONG[path] = tuple(limits), use
+    return use
+
+
 def _placed(trajectory: Trajectory, limits: Sequence[Limit]) -> tuple[dict[str, Array], dict[str, Array]]:
     """Per geometric limit, what `prove` gives, from one walk along the path."""
     if not limits:
         return {}, {}
     along = walk(trajectory.path)
-    proven, _ = prove(along, limits, 2)
+    proven = along_path(trajectory.path, limits)
     # every knot: the start of each time piece, and the end of the last
     pieces = len(trajectory.s)
     k, tau = np.minimum(np.arange(pieces + 1), pieces - 1), np.zeros(pieces + 1)

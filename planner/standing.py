@@ -7,7 +7,7 @@ import numpy as np
 
 from kinematics.errors import MotionError, OutOfReach
 from planner.actuation import ActuatorPath, MachinePath
-from planner.certify import TOLERANCE, prove
+from planner.certify import TOLERANCE, along_path
 from planner.control import singular
 from planner.limits.limit import Limit
 from planner.path.join import Blended
@@ -48,7 +48,7 @@ def standing(path: ActuatorPath, limits: Sequence[Limit]) -> Standing:
             where = f"the pose at {path.place(*met)} is singular, or too near to one to be told from it"
             lost_there = OutOfReach(f"{where}: the actuators do not hold the platform there; lead the path around it")
             return Standing((lost_there,), {})
-    use, _ = prove(along, geometric, 2)
+    use = along_path(path, geometric)
     largest: dict[str, tuple[float, Place]] = {}
     found: dict[tuple[str, int, int], tuple[float, Infeasible]] = {}
     for limit in geometric:
