@@ -16,6 +16,7 @@ import casadi as ca
 import numpy as np
 
 from kinematics.array import Array, frozen
+from kinematics.axis import sides
 from kinematics.errors import MotionError
 from kinematics.machine import Machine
 from kinematics.pose import column
@@ -106,7 +107,7 @@ def _part(pieces: Sequence[Piece], segment: Any) -> _Part:
     of = np.clip(np.searchsorted(ends, s, side="right") - 1, 0, len(pieces) - 1)
     own = np.array([np.delete(pieces[k].parameters, CONTROLS) for k in of]).T
     local = s - ends[of] + np.array([piece.start for piece in pieces])[of]
-    return _Part(pieces[0].shape, s, np.concatenate([local[None], own]), segment.free, segment.speed)
+    return _Part(pieces[0].shape, s, np.concatenate([local[None], own]), segment.free, pieces[0].tool_speed)
 
 
 @lru_cache(maxsize=16)
@@ -223,8 +224,9 @@ def _inside(machine: Machine, q: ca.MX, cosines: ca.MX, slack: ca.MX, objective:
 def _timed(machine: Machine, part: _Part, q1: ca.MX, q2: ca.MX, inner: ca.MX) -> tuple[list[ca.MX], ca.MX]:
     """Speed and acceleration of every axis on both sides of every interval, at most 0; and the duration (scaled)."""
     length = float(part.s[-1])
-    speed = np.array([np.inf if axis.max_speed is None else axis.max_speed for axis in machine.axes])
-    push = np.array([np.inf if axis.max_acceleration is None else axis.max_acceleration for axis in machine.axes])
+    # of limits that differ by direction the smaller: an estimate is all that is wanted
+    speed = np.array([min(sides(axis.max_speed)) for axis in machine.axes])
+    push = np.array([min(sides(axis.max_acceleration)) for axis in machine.axes])
     unit = np.nanmin(np.where(np.isfinite(speed), speed, np.nan)) if np.isfinite(speed).any() else 1.0
     z = ca.vertcat(0, inner, 0).T * unit**2
     step = ca.DM(np.diff(part.s)).T

@@ -7,7 +7,7 @@ import numpy as np
 
 from kinematics.errors import MotionError
 from kinematics.machine import Machine
-from planner.actuation import MachinePath
+from planner.actuation import MachinePath, points_of
 from planner.certify import Certificate
 from planner.duration import within
 from planner.limits import Limit, limits_of
@@ -72,16 +72,21 @@ class Plan:
 def actuate(program: Program, machine: Machine) -> MachinePath:
     """The program's path in the machine's actuators. Raises MotionError naming the segment that cannot be drawn."""
     chained = chain(program, machine)
-    speeds = program.start_speed, program.end_speed
-    return MachinePath(
+    path = MachinePath(
         machine,
         chained.pieces,
         chained.stops,
         chained.dwells,
         chained.blends,
         tool=program.tool,
-        end_speeds=speeds,
     )
+    stated = np.array([program.start_speed, program.end_speed])
+    if stated.any():  # of the tool, whose way is not everywhere the path's parameter
+        ends = points_of(path, path.breaks[[0, -1]], np.array([0, len(path.pieces) - 1]))
+        way = np.linalg.norm(ends.tool_derivatives[1][:, :3], axis=1)
+        first, last = stated / np.where(stated > 0, way, 1.0)
+        path.end_speeds = float(first), float(last)
+    return path
 
 
 def plan(

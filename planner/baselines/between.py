@@ -110,9 +110,10 @@ def _parabolas(times: Array, q: Array, way: Array, ramp: Array, whole: Array) ->
 
 
 def _ends(path: MachinePath) -> np.ndarray:
-    """Breaks at which a segment of the program begins or ends."""
-    segments = np.array([path.segment(k) for k in range(len(path.breaks) - 1)])
-    return np.concatenate([[0], np.flatnonzero(np.diff(segments)) + 1, [len(segments)]])
+    """Breaks at which a segment of the program begins or ends, in every repetition anew."""
+    places = [path.place(0.0, k) for k in range(len(path.breaks) - 1)]
+    said = np.array([(place.segment or 0, place.repetition or 0) for place in places])
+    return np.concatenate([[0], np.flatnonzero(np.diff(said, axis=0).any(1)) + 1, [len(said)]])
 
 
 def _corners(path: MachinePath, ends: np.ndarray) -> Array:

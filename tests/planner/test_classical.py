@@ -4,11 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import RigidTransform
 
 from kinematics import MotionError, load_machine
 from kinematics.axis import Axis
 from kinematics.pose import from_numbers
-from planner import Line, Program, classical, plan
+from planner import Arc, Line, Program, classical, plan
 from planner.actuation import PolynomialPath
 from planner.baselines.along import Along
 from planner.baselines.classical import ALONG
@@ -214,3 +215,12 @@ def test_what_cannot_be_timed_says_so(planned):
     bare = replace(planned("bare-circle", 2), machine=machine)
     with pytest.raises(MotionError, match="jerk"):
         classical(bare, "s-curve")
+
+
+def test_moves_between_poses_run_every_repetition(hexapod):
+    """Half a circle there and half back: twice the segment takes twice the time, and a full one does not move."""
+    start = RigidTransform.from_translation([0.01, 0, 0.03])
+    half = Arc([0, 0, 0.03], [0, 0, 1], np.pi)
+    once, twice = (plan(Program([half], start=start, repeat=n), hexapod, order=2) for n in (1, 2))
+    for kind in ("synchronised", "independent"):
+        assert classical(twice, kind).duration == pytest.approx(2 * classical(once, kind).duration, rel=1e-6)

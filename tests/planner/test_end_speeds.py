@@ -8,7 +8,7 @@ from scipy.interpolate import PPoly
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics import MotionError
-from planner import Arc, Dwell, Infeasible, Line, Program, Turn, classical, plan, time_optimal
+from planner import Arc, Dwell, Infeasible, Line, Program, Spline, Turn, classical, plan, time_optimal
 from planner.certify import certify
 from planner.plan import actuate
 from planner.pulses import check
@@ -106,3 +106,15 @@ def test_segments_that_cannot_bear_a_speed_are_named(hexapod, segments, speeds, 
 def test_speeds_that_are_none_are_refused(speed):
     with pytest.raises(MotionError, match="end_speed"):
         Program((Arc([0, 0, 0], [0, 0, 1], 1),), end_speed=speed)
+
+
+@pytest.mark.parametrize("order", [2, 3])
+def test_end_speeds_are_the_tool_s_on_splines_too(hexapod, order):
+    """A spline's parameter is its chords' length; what is stated is how fast the tool goes."""
+    through = [[0.01, 0.02, 0.03], [0.03, 0.0, 0.03], [0.05, 0.02, 0.03]]
+    start = RigidTransform.from_translation([0, 0, 0.03])
+    program = Program([Spline(through)], start=start, start_speed=0.004, end_speed=0.006)
+    made = plan(program, hexapod, order=order)
+    state = made.trajectory.at(np.array([0.0, made.trajectory.duration]))
+    assert np.linalg.norm(state.tool_velocity, axis=1) == pytest.approx([0.004, 0.006], rel=1e-9)
+    assert made.certificate.holds

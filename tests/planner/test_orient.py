@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from kinematics import MotionError, load_machine
+from kinematics import Hexapod, MotionError, load_machine
 from planner import Free, Infeasible, Line, Program, Spline, check, load_program, orient, plan
 from planner.path.free import DEGREE
 from planner.plan import actuate
@@ -128,3 +128,10 @@ def test_free_in_a_file(tmp_path):
         path.write_text(f"{text}[[segment]]\nline = {{ to = [1, 2, 3] }}\nfree = {said}\n")
         with pytest.raises(MotionError, match=r"p\.toml:6: segment\[1\]\.free"):
             load_program(path)
+
+
+def test_limits_that_differ_by_direction_are_no_hindrance(hexapod):
+    axes = [replace(axis, max_speed=(0.015, 0.02), max_acceleration=(0.2, 0.3)) for axis in hexapod.axes]
+    machine = Hexapod(hexapod.base, hexapod.platform, axes=axes, home=hexapod.home, max_tilt=np.deg2rad(35))
+    made = plan(Program([Line([0, 0, 0.03]), Line([0.01, 0, 0.03], free=Free())]), machine, order=2)
+    assert made.certificate.holds
