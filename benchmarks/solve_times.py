@@ -5,21 +5,23 @@ graded grids found 1.2615 to 1.2617 s with jerk limits, toppra with 4000 points 
 """
 
 from collections.abc import Callable
+from functools import partial
 from statistics import median
 from time import perf_counter
 from typing import TypeVar
 
-from kinematics import load_machine
-from planner import load_program
+from kinematics import Machine, load_machine
+from planner import Program, Solution, load_program
 from planner.limits import limits_of
 from planner.plan import actuate
 from planner.solve import fastest
 from planner.timing.posing import jerk_problem
 from planner.timing.problem import Run, grid, pose_problem
 from planner.timing.second_order import second_order
-from planner.timing.third_order import third_order
+from planner.timing.third_order import Solver, third_order
 
 REPEATS = 7
+JERK_SOLVERS: tuple[Solver, ...] = ("fatrop", "ipopt")
 # What order 2 and 3 are held against, and the time that solving and certifying may take (s).
 TARGETS = {2: (1.2046, 0.4), 3: (1.2630, 1.5)}
 
@@ -43,8 +45,7 @@ def main() -> None:
     second_order(tiny, solver="toppra")  # its imports
     print(f"{'':<44}{'duration':>12}{'first call':>12}{'again':>12}")
     for order in (2, 3):
-        limits = limits_of(path, machine.axes, order)
-        solution, first, again = timed(lambda order=order, limits=limits: fastest(path, limits, order))  # type: ignore[misc]
+        solution, first, again = timed(partial(planned, program, machine, order))
         worst = max(solution.certificate.worst.values())
         line(
             f"order {order}, solved and certified ({solution.rounds} rounds)",
@@ -57,12 +58,18 @@ def main() -> None:
     for points in (1000, 4000):
         problem = pose_problem(path, limits_of(path, machine.axes, 2), *grid(path, Run(0, 0), points))
         for solver in ("passes", "toppra"):
-            profile, first, again = timed(lambda problem=problem, solver=solver: second_order(problem, solver=solver))  # type: ignore[misc]
+            profile, first, again = timed(partial(second_order, problem, solver=solver))
             line(f"{solver} alone, {points} intervals, not certified", profile.duration, first, again)
     third, start = jerk_problem(path, limits_of(path, machine.axes, 3), Run(0, 0))
-    for solver in ("fatrop", "ipopt"):
-        profile, first, again = timed(lambda solver=solver: third_order(third, start.on(third.s), solver=solver))  # type: ignore[misc]
-        line(f"{solver} alone, {third.intervals} intervals, not certified", profile.duration, first, again)
+    for name in JERK_SOLVERS:
+        profile, first, again = timed(partial(third_order, third, start.on(third.s), solver=name))
+        line(f"{name} alone, {third.intervals} intervals, not certified", profile.duration, first, again)
+
+
+def planned(program: Program, machine: Machine, order: int) -> Solution:
+    """From the program on: what geometry uses is proved once for a path, so each call gets a path of its own."""
+    path = actuate(program, machine)
+    return fastest(path, limits_of(path, machine.axes, order), order)
 
 
 def line(what: str, duration: float, first: float, again: float) -> None:

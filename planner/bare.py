@@ -9,8 +9,8 @@ from numpy.typing import ArrayLike
 from kinematics.array import Array
 from kinematics.axis import Axis, Magnitude
 from kinematics.errors import MotionError
-from planner.actuation import ROUNDING, PolynomialPath
 from planner.limits import limits_of
+from planner.polynomial import ROUNDING, PolynomialPath
 from planner.solve import Solution, fastest
 
 # A jump of an axis' values at a break, as a share of their range, up to which it is rounding.

@@ -12,8 +12,9 @@ from kinematics import load_machine
 from kinematics.array import Array
 from kinematics.axis import Axis
 from planner import load_program
-from planner.actuation import ActuatorPath, PolynomialPath
+from planner.actuation import ActuatorPath
 from planner.plan import actuate
+from planner.polynomial import PolynomialPath
 from planner.timing.profile import Profile
 
 # How often a solve is timed, at most: no more once it has taken so long (s), but twice.
@@ -32,10 +33,11 @@ class Case:
 
     @property
     def bounds(self) -> tuple[Array, Array, Array]:
-        return tuple(
+        speed, acceleration, jerk = (
             np.array([getattr(axis, field) for axis in self.axes])
             for field in ("max_speed", "max_acceleration", "max_jerk")
-        )  # type: ignore[return-value]
+        )
+        return speed, acceleration, jerk
 
     @property
     def length(self) -> float:

@@ -11,8 +11,9 @@ from kinematics.axis import Axis, sides
 from kinematics.errors import MotionError
 from kinematics.machine import Machine
 from kinematics.pose import from_numbers
-from planner.actuation import MachinePath, PolynomialPath
+from planner.actuation import MachinePath
 from planner.place import Place
+from planner.polynomial import PolynomialPath
 from planner.trajectory import Trajectory
 
 # Instants of a move at which its pose is found, and points of the programmed curve that it is held against.

@@ -13,6 +13,8 @@ from planner.program import Blend, Join, Stop
 # A jump of a derivative of the pose that is rounding, as a share of its size: a tenth of what the certificate allows.
 ROUNDING = 1e-10
 ALWAYS, NEVER = 1, 0
+# Share by which two lengths may differ and be the same: rounding.
+SAME_LENGTH = 1e-12
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,7 +107,7 @@ def _blend(
         return [], replace(told, stop="it turns back")
     told = replace(told, deviation=made.deviation, turned=made.turned, reach=made.reach)
     if told.used < LOWEST:
-        told = replace(told, half_of=tuple(segment for segment, length in most.items() if length == made.reach))
+        told = replace(told, half_of=tuple(n for n, length in most.items() if length <= made.reach * (1 + SAME_LENGTH)))
     return list(made.halves), told
 
 

@@ -49,7 +49,7 @@ def _toppra() -> tuple[Any, Any]:
 
     logging.getLogger("toppra").setLevel(logging.ERROR)
 
-    class Ready(LinearConstraint):  # type: ignore[misc]
+    class Ready(LinearConstraint):  # type: ignore[misc]  # toppra has no types
         """Rows |a u + b x + c| ≤ 1 as they stand."""
 
         def __init__(self, rows: list[Array], ceiling: Array) -> None:

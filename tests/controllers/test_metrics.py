@@ -11,8 +11,8 @@ from controllers.metrics import ErrorSeries, evaluate
 from controllers.servo import leg_servo
 from controllers.simulate import Tracking, track
 from kinematics.errors import MotionError
-from planner.actuation import PolynomialPath
 from planner.place import Place
+from planner.polynomial import PolynomialPath
 from planner.trajectory import Trajectory
 
 

@@ -40,7 +40,10 @@ class Drawn:
 @st.composite
 def balls(draw, order, values=numbers, errors=radii):
     count = draw(st.integers(1, order + 1)) * ENTRIES
-    column = lambda strategy: draw(st.lists(strategy, min_size=count, max_size=count))  # noqa: E731
+
+    def column(strategy):
+        return draw(st.lists(strategy, min_size=count, max_size=count))
+
     mid, rad, share = column(values), column(errors), column(shares)
     exact = [Fraction(m) + t * Fraction(r) for m, r, t in zip(mid, rad, share, strict=True)]
     points = [(exact[k::ENTRIES] + [Fraction(0)] * order)[: order + 1] for k in range(ENTRIES)]

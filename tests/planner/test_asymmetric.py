@@ -10,9 +10,9 @@ from scipy.interpolate import CubicSpline, PPoly
 
 from kinematics import Axis, MotionError
 from planner import Line, Program, plan, time_optimal
-from planner.actuation import PolynomialPath
 from planner.baselines import classical
 from planner.limits import limits_of
+from planner.polynomial import PolynomialPath
 from planner.timing.problem import Run, grid, pose_problem
 from planner.timing.second_order import second_order
 

@@ -12,13 +12,13 @@ from scipy.interpolate import PPoly
 from kinematics import MotionError
 from kinematics.axis import Axis
 from planner import time_optimal
-from planner.actuation import PolynomialPath
 from planner.certify import TOLERANCE, Known, certify
 from planner.limits import limits_of
 from planner.limits.acceleration import Acceleration
 from planner.limits.jerk import Jerk
 from planner.limits.speed import Speed
 from planner.place import Place
+from planner.polynomial import PolynomialPath
 from planner.trajectory import Trajectory
 
 

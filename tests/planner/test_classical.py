@@ -10,10 +10,10 @@ from kinematics import MotionError, load_machine
 from kinematics.axis import Axis
 from kinematics.pose import from_numbers
 from planner import Arc, Line, Program, classical, plan
-from planner.actuation import PolynomialPath
 from planner.baselines.along import Along
 from planner.baselines.classical import ALONG
 from planner.limits import limits_of
+from planner.polynomial import PolynomialPath
 from planner.solve import proved
 from planner.timing.shapes import PARTS, quarter_sine
 

@@ -114,7 +114,10 @@ def test_the_refusal_agrees_with_a_scan_of_its_own(hexapod, own_lengths, speed):
     def allowed(angle):
         h = 1e-5
         home = hexapod.home.translation
-        circle = lambda x: home + np.stack([0.015 * np.cos(x), 0.015 * np.sin(x), np.full(len(x), 0.025)], 1)  # noqa: E731
+
+        def circle(x):
+            return home + np.stack([0.015 * np.cos(x), 0.015 * np.sin(x), np.full(len(x), 0.025)], 1)
+
         legs = [own_lengths(circle(angle + k * h), np.tile(np.eye(3), (len(angle), 1, 1))) for k in (-1, 0, 1)]
         first, second = (legs[2] - legs[0]) / (2 * h * 0.015), (legs[2] - 2 * legs[1] + legs[0]) / (h * 0.015) ** 2
         return 1 / np.maximum(np.abs(first) / limit_v, np.sqrt(np.abs(second) / limit_a)).max(1)

@@ -6,9 +6,9 @@ import pytest
 from kinematics import MotionError, load_machine
 from kinematics.axis import Axis
 from planner import Dwell, Infeasible, Line, Program, load_program, plan
-from planner.actuation import PolynomialPath
 from planner.duration import within
 from planner.limits import limits_of
+from planner.polynomial import PolynomialPath
 
 
 def straight(length, duration, speed=1e3, acceleration=1e3, jerk=1e4, order=3):

@@ -9,8 +9,8 @@ from scipy.interpolate import CubicSpline
 from kinematics import Hexapod
 from kinematics.axis import Axis
 from planner import Infeasible, Line, Program, check
-from planner.actuation import PolynomialPath
 from planner.limits import limits_of
+from planner.polynomial import PolynomialPath
 from planner.timing.problem import Run
 from planner.timing.run import attempt
 

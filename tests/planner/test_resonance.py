@@ -7,10 +7,10 @@ from hypothesis import strategies as st
 from scipy.interpolate import CubicSpline
 
 from kinematics import Axis, MotionError
-from planner.actuation import PolynomialPath
 from planner.certify import CROSSING, certify
 from planner.limits import limits_of
 from planner.limits.resonance import Resonance
+from planner.polynomial import PolynomialPath
 from planner.solve import fastest
 from planner.stays import SHORT, stays
 from planner.trajectory import Trajectory

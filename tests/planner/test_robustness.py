@@ -9,10 +9,11 @@ from benchmarks.robustness import EXACT, attempted, random_problem, scaled, tiny
 from kinematics.axis import Axis
 from kinematics.linkage import Linkage
 from planner import time_optimal
-from planner.actuation import MachinePath, PolynomialPath
+from planner.actuation import MachinePath
 from planner.limits import limits_of
 from planner.path.arc import arc
 from planner.path.line import line
+from planner.polynomial import PolynomialPath
 from planner.solve import fastest
 from planner.timing import posing
 from planner.timing.problem import Run, grid, pose_problem

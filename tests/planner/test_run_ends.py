@@ -5,10 +5,10 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 from kinematics.axis import Axis
-from planner.actuation import PolynomialPath
 from planner.certify import prove
 from planner.limits import limits_of
 from planner.place import Infeasible
+from planner.polynomial import PolynomialPath
 from planner.timing import run as runs
 from planner.timing.problem import Run, grid, pose_problem
 from planner.timing.run import attempt

@@ -12,9 +12,9 @@ from scipy.sparse import diags_array, vstack
 
 from kinematics import MotionError
 from kinematics.axis import Axis
-from planner.actuation import PolynomialPath
 from planner.limits import limits_of
 from planner.limits.limit import Term
+from planner.polynomial import PolynomialPath
 from planner.timing.posing import order_2_problem, refined
 from planner.timing.problem import Run, grid, pose_problem
 from planner.timing.run import attempt

@@ -9,9 +9,9 @@ from scipy.interpolate import CubicSpline, PPoly
 from kinematics import load_machine
 from kinematics.axis import Axis
 from planner import Line, Program, plan, time_optimal
-from planner.actuation import PolynomialPath
 from planner.limits import limits_of
 from planner.place import Infeasible
+from planner.polynomial import PolynomialPath
 from planner.timing.problem import Run
 from planner.timing.run import attempt
 

@@ -9,9 +9,9 @@ import pytest
 
 from kinematics import MotionError
 from kinematics.axis import Axis
-from planner.actuation import PolynomialPath
 from planner.certify import certify
 from planner.limits import limits_of
+from planner.polynomial import PolynomialPath
 from planner.solve import fastest
 from planner.timing import run as runs
 from planner.timing import third_order as solver_module

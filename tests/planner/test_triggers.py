@@ -54,7 +54,7 @@ def test_times_by_another_root_finder(marked):
     for event in marked.triggers:
         s, t = event.where.s, event.time
         if event.name in ("third", "half turned"):
-            root = brentq(lambda x: trajectory.at(x).s[0] - s, 0, trajectory.duration, xtol=1e-15, rtol=1e-14)  # noqa: B023
+            root = brentq(lambda x, s=s: trajectory.at(x).s[0] - s, 0, trajectory.duration, xtol=1e-15, rtol=1e-14)
             assert t == pytest.approx(root, abs=1e-12)
         else:
             assert trajectory.at(t).s[0] == pytest.approx(s, abs=1e-15)

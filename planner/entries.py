@@ -1,0 +1,276 @@
+"""The schema of a program's TOML: what each [[segment]] may say, and the segment that it describes."""
+
+from itertools import pairwise
+from math import dist
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import AfterValidator, Field, ValidationInfo, model_validator
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from kinematics.array import frozen
+from kinematics.pose import Pose
+from kinematics.schema import Direction, File, Table, chosen, either, not_zero, unit_of, wrong
+from kinematics.units import Unit, shown
+from planner.program import (
+    SAME,
+    Arc,
+    Blend,
+    Dwell,
+    Frame,
+    Free,
+    Join,
+    Line,
+    Segment,
+    Spline,
+    Stop,
+    Through,
+    Trigger,
+    Turn,
+)
+from planner.wanted import repeats
+
+
+def _rotation(angles: tuple[float, float, float] | None) -> Rotation | None:
+    """Rx(θx) · Ry(θy) · Rz(θz): about the moving axes in turn."""
+    return None if angles is None else Rotation.from_euler("XYZ", angles)
+
+
+def _with_speed(constant: bool, info: ValidationInfo) -> bool:
+    if constant and info.data.get("speed", 1.0) is None:  # a faulty speed is not there, and told of already
+        raise wrong('asks for a speed: add e.g. speed = "20 mm/s"')
+    return constant
+
+
+def _named(name: str) -> str:
+    if not name:
+        raise wrong("empty: give the name of the output line or event")
+    return name
+
+
+def _trigger_type(value: object) -> Any:
+    return TriggerTable if isinstance(value, dict) else Name
+
+
+def _not_empty(segments: tuple[Any, ...]) -> tuple[Any, ...]:
+    if not segments:
+        raise wrong(f"empty: {_SOME_SEGMENT}")
+    return segments
+
+
+def _distinct(points: tuple[tuple[float, float, float], ...]) -> tuple[Any, ...]:
+    if not points:
+        raise wrong("empty: give a spline at least one point")
+    for n, (one, other) in enumerate(pairwise(points), 1):
+        if dist(one, other) <= SAME:
+            raise wrong(repeats(n))
+    return points
+
+
+def _join_type(value: object) -> Any:
+    if isinstance(value, dict):
+        return BlendTable
+    if value not in ("stop", "through"):
+        raise wrong(f'{shown(value)} is not a join: write "stop", "through" or {{ blend = "0.05 mm" }}')
+    return Literal["stop", "through"]
+
+
+def _start_type(value: object) -> Any:
+    if isinstance(value, tuple) and len(value) not in (3, 6):
+        raise wrong(f"{len(value)} entries: give 3 (x, y, z) or 6 (x, y, z, θx, θy, θz)")
+    return PositionAndAngles if isinstance(value, tuple) and len(value) == 6 else Position
+
+
+_SOME_SEGMENT = "a program needs at least one [[segment]]"
+
+Coordinate = Annotated[float, Unit("m", plain="length")]
+PlainAngle = Annotated[float, Unit("rad", plain="angle")]
+ToolSpeed = Annotated[float, Unit("m/s", above=0)]
+ToolAcceleration = Annotated[float, Unit("m/s^2", above=0)]
+AngularSpeed = Annotated[float, Unit("rad/s", above=0)]
+EndSpeed = Annotated[float, Unit("m/s", least=0)]
+Name = Annotated[str, AfterValidator(_named)]
+Position = tuple[Coordinate, Coordinate, Coordinate]
+Orientation = tuple[PlainAngle, PlainAngle, PlainAngle]
+PositionAndAngles = tuple[Coordinate, Coordinate, Coordinate, PlainAngle, PlainAngle, PlainAngle]
+
+
+class BlendTable(Table):
+    blend: Annotated[float, Unit("m", above=0, plain="length")]
+    angle: Annotated[float, Unit("rad", above=0, plain="angle")] | None = None
+
+
+JoinEntry = Annotated[Literal["stop", "through"] | BlendTable, chosen(_join_type)]
+
+
+class TriggerTable(Table):
+    name: Name
+    at: Annotated[float, Field(ge=0, le=1)] = 1.0
+
+
+class FreeTable(Table):
+    yaw: bool = False
+    tilt: Annotated[float, Unit("rad", least=0, most=1.57, plain="angle")] = 0.0
+
+
+FreeEntry = Annotated[
+    Literal["yaw"] | FreeTable, chosen(lambda value: FreeTable if isinstance(value, dict) else Literal["yaw"])
+]
+TriggerEntry = Annotated[Name | TriggerTable, chosen(_trigger_type)]
+
+
+class PoseTable(Table):
+    """A frame in another: moved by `to`, then turned by `rotate`."""
+
+    to: Position = (0.0, 0.0, 0.0)
+    rotate: Orientation = (0.0, 0.0, 0.0)
+
+    @property
+    def pose(self) -> Pose:
+        return RigidTransform.from_components(self.to, Rotation.from_euler("XYZ", self.rotate))
+
+
+class LineTable(Table):
+    to: Position
+    rotate: Orientation | None = None
+
+
+class ArcTable(Table):
+    centre: Position
+    normal: Direction
+    angle: Annotated[PlainAngle, AfterValidator(not_zero)]
+    rise: Coordinate = 0.0
+    rotate: Orientation | None = None
+
+
+class SplineTable(Table):
+    through: Annotated[tuple[Position, ...], AfterValidator(_distinct)]
+    rotate: tuple[Orientation, ...] | None = None
+
+    @model_validator(mode="after")
+    def _one_for_each(self) -> Self:
+        if self.rotate is not None and len(self.rotate) != len(self.through):
+            given, points = len(self.rotate), len(self.through)
+            raise wrong(f"{given} orientations in rotate for {points} points in through: give one for each, or none")
+        return self
+
+
+class TurnTo(Table):
+    to: Orientation
+
+
+class TurnBy(Table):
+    about: Direction
+    angle: Annotated[PlainAngle, AfterValidator(not_zero)]
+
+
+class Entry(Table):
+    """What every segment that moves has."""
+
+    join: JoinEntry = "stop"
+    angular_speed: AngularSpeed | None = None
+    trigger: TriggerEntry | None = None
+
+    @property
+    def after(self) -> Join:
+        if isinstance(self.join, BlendTable):
+            return Blend(self.join.blend, self.join.angle)
+        return Stop() if self.join == "stop" else Through()
+
+    @property
+    def event(self) -> Trigger | None:
+        entry = self.trigger
+        if entry is None:
+            return None
+        return Trigger(entry.name, entry.at) if isinstance(entry, TriggerTable) else Trigger(entry)
+
+
+class Drawn(Entry):
+    """What every segment that moves the tool has beside it."""
+
+    speed: ToolSpeed | None = None
+    acceleration: ToolAcceleration | None = None
+    speed_constant: Annotated[bool, AfterValidator(_with_speed)] = False
+    free: FreeEntry | None = None
+
+    @property
+    def freedom(self) -> Free | None:
+        return Free(self.free.yaw, self.free.tilt) if isinstance(self.free, FreeTable) else self.free and Free()
+
+    @property
+    def said(self) -> dict[str, Any]:
+        """What its segment takes by name."""
+        return {
+            "speed": self.speed,
+            "join": self.after,
+            "acceleration": self.acceleration,
+            "angular_speed": self.angular_speed,
+            "speed_constant": self.speed_constant,
+            "trigger": self.event,
+            "free": self.freedom,
+        }
+
+
+class LineEntry(Drawn):
+    line: LineTable
+
+    def segment(self, line_number: int | None) -> Segment:
+        return Line(frozen(self.line.to), _rotation(self.line.rotate), **self.said, line_number=line_number)
+
+
+class ArcEntry(Drawn):
+    arc: ArcTable
+
+    def segment(self, line_number: int | None) -> Segment:
+        centre, normal, turned = frozen(self.arc.centre), frozen(self.arc.normal), _rotation(self.arc.rotate)
+        return Arc(centre, normal, self.arc.angle, turned, **self.said, rise=self.arc.rise, line_number=line_number)
+
+
+class SplineEntry(Drawn):
+    spline: SplineTable
+
+    def segment(self, line_number: int | None) -> Segment:
+        turned = None if self.spline.rotate is None else Rotation.from_euler("XYZ", self.spline.rotate)
+        return Spline(frozen(self.spline.through), turned, **self.said, line_number=line_number)
+
+
+class TurnEntry(Entry):
+    turn: Annotated[TurnTo | TurnBy, either(TurnTo, TurnBy)]
+
+    def segment(self, line_number: int | None) -> Segment:
+        said: dict[str, Any] = {"angular_speed": self.angular_speed, "trigger": self.event, "line_number": line_number}
+        if isinstance(self.turn, TurnBy):
+            return Turn(None, self.after, about=frozen(self.turn.about), angle=self.turn.angle, **said)
+        return Turn(Rotation.from_euler("XYZ", self.turn.to), self.after, **said)
+
+
+class DwellEntry(Table):
+    dwell: Annotated[float, Unit("s", above=0)]
+
+    def segment(self, line_number: int | None) -> Segment:
+        return Dwell(self.dwell, line_number=line_number)
+
+
+SegmentEntry = Annotated[
+    LineEntry | ArcEntry | SplineEntry | TurnEntry | DwellEntry,
+    either(LineEntry, ArcEntry, SplineEntry, TurnEntry, DwellEntry),
+]
+
+
+class ProgramFile(File):
+    """A program's TOML, key by key."""
+
+    machine: str | None = None
+    length: Annotated[str, unit_of("m")] | None = None
+    angle: Annotated[str, unit_of("rad")] | None = None
+    frame: Frame = "home"
+    duration: Annotated[float, Unit("s", above=0)] | None = None
+    start: Annotated[tuple[float, ...], chosen(_start_type)] | None = None
+    speed: ToolSpeed | None = None
+    acceleration: ToolAcceleration | None = None
+    angular_speed: AngularSpeed | None = None
+    tool: PoseTable | None = None
+    work: PoseTable | None = None
+    repeat: Annotated[int, Field(ge=1)] = 1
+    start_speed: EndSpeed = 0.0
+    end_speed: EndSpeed = 0.0
+    segment: Annotated[tuple[SegmentEntry, ...], Field(description=_SOME_SEGMENT), AfterValidator(_not_empty)]
