@@ -7,6 +7,7 @@ import click
 
 from pulsepath import __version__
 from pulsepath.exits import BAD_INPUT, INFEASIBLE, INTERNAL, Commands
+from pulsepath.export_command import export
 
 json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON instead of tables.")
 machine_option = click.option(
@@ -134,6 +135,9 @@ def track(directory: Path, laws: tuple[str, ...], force: bool, as_json: bool) ->
         click.echo(text, nl=False)
     else:
         tables.show(tables.of_tracking(metrics))
+
+
+main.add_command(export)
 
 
 @main.command()

@@ -84,12 +84,19 @@ def _swap(staged: Path, place: Path) -> None:
 
 def write_whole(path: Path, text: str) -> None:
     """Write a file so that it is there complete or as it was before."""
-    staged = path.with_name(f".{path.name}-{os.getpid()}")
+    with staged(path) as file:
+        file.write_text(text, encoding="utf-8")
+
+
+@contextmanager
+def staged(path: Path) -> Iterator[Path]:
+    """A file beside another to write, which takes its place when the block ends well, and is gone when it does not."""
+    beside = path.with_name(f".{path.name}-{os.getpid()}")
     try:
-        staged.write_text(text, encoding="utf-8")
-        staged.replace(path)
+        yield beside
+        beside.replace(path)
     finally:
-        staged.unlink(missing_ok=True)
+        beside.unlink(missing_ok=True)
 
 
 def _umask() -> int:

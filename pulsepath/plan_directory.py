@@ -9,6 +9,7 @@ from kinematics import Machine, MotionError, load_machine
 from planner import Program, Trajectory, load_program
 from planner.export import motion_json
 from planner.plan import actuate
+from planner.pulses import PulseSchedule, generate
 from pulsepath.directory import RECORD, is_ours
 from pulsepath.inputs import Inputs
 from pulsepath.job import Job
@@ -22,11 +23,16 @@ SOURCES = {"program": "program.toml", "machine": "machine.toml"}
 
 @dataclass(frozen=True, slots=True)
 class Planned:
-    """A plan taken up again: its motion, exactly as it was proved."""
+    """A plan taken up again: its motion, exactly as it was proved, and the clock of its pulses."""
 
     program: Program
     machine: Machine
     trajectory: Trajectory
+    clock_hz: int
+
+    def pulses(self) -> PulseSchedule:
+        """The pulses, made again from the motion."""
+        return generate(self.trajectory, self.machine.axes, self.machine.home_q, self.clock_hz)
 
 
 def write(folder: Path, job: Job, inputs: Inputs) -> None:
@@ -49,10 +55,14 @@ def read(folder: Path) -> Planned:
     """The plan in a folder. Raises MotionError where there is none, or where its sources are no longer the same."""
     if not is_ours(folder):
         raise MotionError(f"{folder} holds no plan: make one with pulsepath plan PROGRAM --out {folder}")
-    digests = json.loads((folder / RECORD).read_bytes()).get("provenance", {}).get("sha256", {})
+    record = json.loads((folder / RECORD).read_bytes())
+    digests = record.get("provenance", {}).get("sha256", {})
+    clock = record.get("pulses", {}).get("clock_hz")
+    if not isinstance(clock, int) or clock <= 0:
+        raise MotionError(f"{folder / RECORD} names no clock of its pulses: plan it again")
     for what, name in SOURCES.items():
         content = (folder / name).read_bytes()
         if sha256(content).hexdigest() != digests.get(what):
             raise MotionError(f"{folder / name} is not the {what} that the plan was made from: plan it again")
     program, machine = load_program(folder / SOURCES["program"]), load_machine(str(folder / SOURCES["machine"]))
-    return Planned(program, machine, motion_json.read(folder / MOTION, actuate(program, machine)))
+    return Planned(program, machine, motion_json.read(folder / MOTION, actuate(program, machine)), clock)

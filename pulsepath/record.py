@@ -12,6 +12,7 @@ from controllers import Metrics
 from controllers.metrics import ErrorSeries
 from kinematics import Axis, Machine, MotionError
 from planner import Infeasible, Place, Triggered
+from planner.export.format import Exported
 from planner.limits import unkept
 from planner.path.join import Blended
 from pulsepath import __version__
@@ -114,6 +115,17 @@ def of_check(
         "blends": _blends(blends),
         "violations": [_violation(violation) for violation in violations],
         "largest_use": {name: {"ratio": use, "where": _place(place)} for name, (use, place) in largest.items()},
+    }
+
+
+def of_export(name: str, file: str, done: Exported) -> Record:
+    """A file that was written: how far what it holds is from the plan."""
+    return {
+        "format": name,
+        "file": file,
+        "error_pulses": done.error,
+        "against": done.against,
+        "notes": list(done.notes),
     }
 
 

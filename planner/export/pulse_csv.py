@@ -15,10 +15,11 @@
 
 import csv
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from io import BytesIO
 from os import PathLike
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -26,6 +27,7 @@ from numpy.typing import ArrayLike, NDArray
 from kinematics.array import Array
 from kinematics.axis import Axis
 from kinematics.errors import Fault, FileError, MotionError
+from planner.export.format import Exported, Source, option
 from planner.pulses.schedule import AxisPulses, PulseSchedule, Ticks
 
 WIDTH = 2e-6  # s, enough for every common drive
@@ -34,6 +36,24 @@ PART = 1 << 22  # bytes read together
 DECIMALS = 9
 OFF_TICK = 0.1  # a time further from every tick was written for another clock
 FAULTS = 20  # of one kind told of at once
+
+
+@dataclass(frozen=True, slots=True)
+class PulseCsv:
+    """Every edge of the step and direction lines, as a logic analyser records them."""
+
+    suffix: ClassVar[str] = ".csv"
+    width: float | None = option(None, "how long STEP stays high; default 2 us, or half the smallest interval", "s")
+
+    def write(self, source: Source, path: Path) -> Exported:
+        axes, pulses = source.machine.axes, source.pulses
+        write(pulses, path, [axis.direction for axis in axes], width=self.width)
+        held = read(path, pulses.clock_hz, axes, source.machine.home_q)
+        same = all(
+            np.array_equal(got.ticks, axis.ticks) and np.array_equal(got.direction, axis.direction)
+            for got, axis in zip(held.axes, pulses.axes, strict=True)
+        )
+        return Exported(0.0 if same else np.inf, "the pulses, edge by edge")
 
 
 def write(

@@ -3,10 +3,12 @@
 from planner.pulses.check import check
 from planner.pulses.generate import generate
 from planner.pulses.motion import Motion, MotionState
+from planner.pulses.rules import RULES, Rule, find_rule
 from planner.pulses.schedule import AxisPulses, PulseSchedule
 from planner.pulses.verdict import AxisCheck, PulseCheck, PulseFault
 
 __all__ = [
+    "RULES",
     "AxisCheck",
     "AxisPulses",
     "Motion",
@@ -14,6 +16,8 @@ __all__ = [
     "PulseCheck",
     "PulseFault",
     "PulseSchedule",
+    "Rule",
     "check",
+    "find_rule",
     "generate",
 ]

@@ -21,6 +21,7 @@ class AxisPulses:
     start      count before the first pulse: (q(0) - home) / pulse rounded to the nearest, half-way cases down
     pulse      m or rad per pulse
     home       m or rad, the axis coordinate from which pulses count
+    bound      pulses: |count - (q(t) - home) / pulse| stays within it and one tick's travel
 
     The class holds what it is given: that the ticks rise and follow the motion is for `planner.pulses.check` to prove.
     """
@@ -31,6 +32,7 @@ class AxisPulses:
     start: int
     pulse: float
     home: float
+    bound: float = 0.5
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "ticks", frozen(self.ticks, np.int64))
@@ -55,11 +57,15 @@ class AxisPulses:
 
 @dataclass(frozen=True, slots=True)
 class PulseSchedule:
-    """The pulses of every axis on one clock (clock_hz ticks per second); the motion ends at `duration` (s)."""
+    """The pulses of every axis on one clock (clock_hz ticks per second); the motion ends at `duration` (s).
+
+    rule  the name of the firing rule that made them
+    """
 
     clock_hz: int
     axes: tuple[AxisPulses, ...]
     duration: float
+    rule: str = "nearest"
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "axes", tuple(self.axes))

@@ -1,0 +1,53 @@
+"""The plug point of the export formats: what each is given, its options, and what it says of itself."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, ClassVar, Protocol
+
+from kinematics.machine import Machine
+from planner.pulses.schedule import PulseSchedule
+from planner.trajectory import Trajectory
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """What is exported: a certified motion of a machine, and its checked pulses.
+
+    name: of the program, for formats that hold one
+    """
+
+    name: str
+    machine: Machine
+    trajectory: Trajectory
+    pulses: PulseSchedule
+
+
+@dataclass(frozen=True, slots=True)
+class Exported:
+    """What a file holds of the motion, found by decoding it as its consumer would.
+
+    error    pulses, the largest by which any axis of the decoded file is from what was exported
+    against  what it is measured against, and how, in words: "the pulses, edge by edge"
+    notes    what its user has to know: a spacing that was chosen, what the format cannot hold
+    """
+
+    error: float
+    against: str
+    notes: tuple[str, ...] = ()
+
+
+class Format(Protocol):
+    """A file format: a frozen dataclass whose fields, made by `option`, are its options.
+
+    The first line of its docstring is what the command's help says of it; the rest states units, line ends and limits.
+    """
+
+    suffix: ClassVar[str]
+
+    def write(self, source: Source, path: Path, /) -> Exported:
+        """Write the file. Raises MotionError, before anything is written where it can, for what it cannot hold."""
+
+
+def option(default: Any, about: str, unit: str = "") -> Any:
+    """A field that the command line offers: what it is about; unit: the SI unit of a quantity, given as "10 ms"."""
+    return field(default=default, metadata={"help": about, "unit": unit})

@@ -1,0 +1,56 @@
+"""`pulsepath export`: a plan in the format that another program or controller reads."""
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+
+class Export(click.Command):
+    """A command whose options are also those of the formats, which load only when they are needed."""
+
+    def get_params(self, ctx: click.Context) -> list[click.Parameter]:
+        from pulsepath.format_options import options
+
+        return [*super().get_params(ctx)[:-1], *options(), *super().get_params(ctx)[-1:]]  # --help stays last
+
+    def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        from pulsepath.format_options import help_text
+
+        formatter.write_paragraph()
+        formatter.write("Formats:\n" + help_text() + "\n")
+
+
+@click.command(cls=Export)
+@click.argument("directory", metavar="DIR", type=click.Path(path_type=Path))
+@click.option("--format", "name", required=True, metavar="FORMAT", help="One of those below.")
+@click.option("--out", type=click.Path(path_type=Path), metavar="FILE", help="Default: DIR/FORMAT with its suffix.")
+@click.option("--force", is_flag=True, help="Replace FILE.")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON instead of text.")
+def export(directory: Path, name: str, out: Path | None, force: bool, as_json: bool, **given: Any) -> None:
+    """Write the plan in DIR in another format, and say how far what it holds is from the pulses.
+
+    Options in brackets belong to the formats that are named there.
+    """
+    from kinematics import MotionError
+    from planner.export.format import Source
+    from planner.export.formats import find_format
+    from pulsepath import plan_directory, record
+    from pulsepath.directory import staged
+    from pulsepath.format_options import make
+    from pulsepath.progress import step
+
+    target = out or directory / f"{name}{find_format(name).suffix}"
+    if target.exists() and not force:
+        raise MotionError(f"{target} exists; give --force to replace it")
+    format_ = make(name, given)
+    planned = plan_directory.read(directory)
+    source = Source(planned.program.name, planned.machine, planned.trajectory, planned.pulses())
+    with step(f"writing {target}"), staged(target) as file:
+        done = format_.write(source, file)
+    if as_json:
+        click.echo(record.as_json(record.of_export(name, str(target), done)), nl=False)
+    else:
+        click.echo(f"{target}: {done.error:.3g} pulses from {done.against}")
+        for note in done.notes:
+            click.echo(f"  {note}")

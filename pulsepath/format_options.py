@@ -1,0 +1,67 @@
+"""The options of every export format on the command line, made from the fields of the formats themselves."""
+
+from collections.abc import Mapping
+from dataclasses import Field, fields
+from typing import Any, Literal, get_args, get_origin, get_type_hints
+
+import click
+
+from kinematics.errors import MotionError
+from kinematics.units import quantity
+from planner.export.format import Format
+from planner.export.formats import FORMATS, find_format
+
+
+def options() -> list[click.Parameter]:
+    """One option for each name of a field, told with the formats that know it."""
+    known: dict[str, list[str]] = {}
+    described: dict[str, click.Option] = {}
+    for name in FORMATS:
+        for field, kind in _fields(find_format(name)):
+            known.setdefault(field.name, []).append(name)
+            described.setdefault(field.name, _option(field, kind))
+    for name, option in described.items():
+        option.help = f"[{', '.join(known[name])}] {option.help}"
+    return list(described.values())
+
+
+def make(name: str, given: Mapping[str, Any]) -> Format:
+    """The format of a name with the options that were given (None: not given). Raises MotionError for another's."""
+    format_ = find_format(name)
+    own = {field.name: field for field, _ in _fields(format_)}
+    values = {key: value for key, value in given.items() if value is not None}
+    for key in values.keys() - own.keys():
+        offered = ", ".join(_flag(field) for field in own) or "none"
+        raise MotionError(f"format {name} has no option {_flag(key)}; its options: {offered}")
+    for key in values:
+        unit = own[key].metadata["unit"]
+        values[key] = quantity(values[key], unit) if unit else values[key]
+    return format_(**values)
+
+
+def help_text() -> str:
+    """A line for each format: its name and the first line of its docstring."""
+    first = {name: (find_format(name).__doc__ or "").splitlines()[0] for name in FORMATS}
+    return "\n".join(f"  {name:<{max(map(len, first))}}  {line}" for name, line in first.items())
+
+
+def _fields(format_: type[Format]) -> list[tuple[Field[Any], Any]]:
+    hints = get_type_hints(format_)
+    return [(field, hints[field.name]) for field in fields(format_) if "help" in field.metadata]  # type: ignore[arg-type]
+
+
+def _flag(name: str) -> str:
+    return "--" + name.replace("_", "-")
+
+
+def _option(field: Field[Any], kind: Any) -> click.Option:
+    plain = [part for part in get_args(kind) if part is not type(None)] if get_origin(kind) is not Literal else [kind]
+    kind = plain[0] if plain else kind
+    told = field.metadata["help"]
+    if field.metadata["unit"]:
+        return click.Option([_flag(field.name)], metavar="QUANTITY", help=told)
+    if kind is bool:
+        return click.Option([f"{_flag(field.name)}/--no-{_flag(field.name)[2:]}"], default=None, help=told)
+    if get_origin(kind) is Literal:
+        return click.Option([_flag(field.name)], type=click.Choice(get_args(kind)), help=told)
+    return click.Option([_flag(field.name)], type=kind, help=told)

@@ -1,0 +1,63 @@
+"""The command `export`: the plan in a directory, in another format, whole or not at all."""
+
+import json
+
+import numpy as np
+import pytest
+
+from planner.export import pulse_csv
+from planner.export.formats import FORMATS, find_format
+
+
+@pytest.fixture
+def plan(tmp_path, directory):
+    """A copy of the shared plan, of which only what `export` needs."""
+    folder = tmp_path / "plan"
+    folder.mkdir()
+    for name in ("plan.json", "motion.json", "program.toml", "machine.toml"):
+        (folder / name).write_bytes((directory / name).read_bytes())
+    return folder
+
+
+def test_pulses_are_those_of_the_plan(call, plan, job):
+    done = call("export", plan, "--format", "pulses", "--width", "1 us", "--json")
+    assert done.exit_code == 0, done.stderr
+    record = json.loads(done.stdout)
+    assert record["error_pulses"] == 0
+    machine, pulses = job.plan.machine, job.plan.pulses
+    held = pulse_csv.read(record["file"], pulses.clock_hz, machine.axes, machine.home_q)
+    for got, axis in zip(held.axes, pulses.axes, strict=True):
+        assert np.array_equal(got.ticks, axis.ticks)
+        assert np.array_equal(got.direction, axis.direction)
+
+
+def test_every_format_says_what_it_is_and_its_options_what_they_are_about(call):
+    told = call("export", "--help").stdout
+    for name in FORMATS:
+        assert (find_format(name).__doc__ or "").splitlines()[0] in told
+        assert f"  {name} " in told
+
+
+def test_an_earlier_file_is_replaced_only_by_force(call, plan):
+    (plan / "pulses.csv").write_text("mine")
+    assert call("export", plan, "--format", "pulses").exit_code == 2
+    assert (plan / "pulses.csv").read_text() == "mine"
+    assert call("export", plan, "--format", "pulses", "--force").exit_code == 0
+    assert (plan / "pulses.csv").read_text().startswith("Time[s]")
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        (["--format", "pulsse"], 'no format is called "pulsse", nearest is "pulses"'),
+        (["--format", "pulses", "--width", "1"], "1"),
+        (["--format", "pulses", "--width", "1 mm"], "mm"),
+        (["--format", "pulses", "--width", "1 s"], "pulse width"),
+    ],
+)
+def test_bad_input_is_told_and_leaves_no_file(call, plan, options, told):
+    before = sorted(plan.iterdir())
+    done = call("export", plan, *options)
+    assert done.exit_code == 2
+    assert told in done.stderr
+    assert sorted(plan.iterdir()) == before
