@@ -4,13 +4,14 @@ from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
 from typing import Annotated, Any
 
-from pydantic import AfterValidator, Field, PlainValidator
+from pydantic import AfterValidator, Field, PlainValidator, ValidationInfo
 
 from kinematics.axis import Axis, Magnitude
 from kinematics.document import Key
 from kinematics.errors import MotionError
 from kinematics.registry import nearest
 from kinematics.schema import File, Table, chosen, wrong
+from kinematics.step_timing import StepTiming, find_drive
 from kinematics.units import Angle, Length, Unit, shown
 
 MICROSTEPS = tuple(sorted({200, 400, 1000, 2000, 5000, 10_000, 25_000, 50_000} | {400 << k for k in range(8)}))
@@ -62,11 +63,35 @@ def _bands(bands: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float],
     return bands
 
 
+class TimingTable(Table):
+    """The timing of a drive that has no name here."""
+
+    high: Annotated[float, Unit("s", above=0, like="1 us")]
+    low: Annotated[float, Unit("s", above=0, like="1 us")]
+    setup: Annotated[float, Unit("s", least=0, like="1 us")]
+    hold: Annotated[float, Unit("s", least=0, like="1 us")]
+    max_rate: Annotated[float, Unit("1/s", above=0, like="500 kHz")] | None = None
+
+
+def _timing(value: object, info: ValidationInfo) -> StepTiming:
+    if isinstance(value, str):
+        try:
+            return find_drive(value)
+        except MotionError as error:
+            raise wrong(str(error)) from None
+    table = TimingTable.model_validate(value, strict=True, context=info.context)
+    return StepTiming(**table.model_dump(exclude_none=True))
+
+
+Timing = Annotated[StepTiming, PlainValidator(_timing)]
+
+
 class Input(Table):
     """What no unit of its own depends on."""
 
     direction: Annotated[int, AfterValidator(_sign)] | None = None
     max_pulse_rate: Rate | None = None
+    timing: Timing | None = None
     resonance_time: Annotated[float, Unit("s", above=0)] | None = None
 
 

@@ -10,6 +10,7 @@ from kinematics.errors import MotionError
 from planner.pulses.motion import Motion
 from planner.pulses.rules import Nearest, Rule
 from planner.pulses.schedule import PulseSchedule
+from planner.pulses.spacing import spaced
 
 DEFAULT = Nearest()
 
@@ -21,7 +22,7 @@ def generate(
     clock_hz: int = 10_000_000,
     rule: Rule = DEFAULT,
 ) -> PulseSchedule:
-    """The pulses of a motion by a firing rule, on a clock of whole ticks.
+    """The pulses of a motion by a firing rule, on a clock of whole ticks, as far apart as the drives' timing asks.
 
     home_q (n,) is the axis position from which pulses count. Raises Infeasible where the rule cannot keep what it
     states, as where an axis would need more than one pulse per tick, MotionError where axes do not match.
@@ -31,4 +32,4 @@ def generate(
     if not len(machine_axes) == width == home.size:
         given = f"{len(machine_axes)} machine axes, {width} axes of the motion, {home.size} home positions"
         raise MotionError(f"{given}: give one of each per axis")
-    return rule.fire(trajectory, machine_axes, home, clock_hz)
+    return spaced(rule.fire(trajectory, machine_axes, home, clock_hz), trajectory, machine_axes)
