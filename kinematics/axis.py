@@ -14,6 +14,10 @@ Magnitude = float | tuple[float, float]
 """Of both directions, or of each: (towards smaller q, towards greater q)."""
 
 
+COMPENSATED = ("lead", "backlash")
+"""What the pulses of an axis can make up for."""
+
+
 def sides(bound: Magnitude | None) -> tuple[float, float]:
     """A bound's magnitudes (towards smaller q, towards greater q); ∞ where it is None."""
     if bound is None:
@@ -41,6 +45,7 @@ class Axis:
     backlash        m or rad lost at every reversal
     lead_error      ((position, error), ...) of the screw, positions rising: where the axis is beyond where it counts;
                     past either end as at that end
+    compensate      what its pulses make up for, of "lead" and "backlash": then they count the motor, not the axis
     timing          what its drive asks of the pulses; None: nothing
     card, channel   which motion card drives it, and which of the card's axes it is: both or neither
     """
@@ -62,6 +67,7 @@ class Axis:
     resonance_time: float | None = None
     backlash: float = 0.0
     lead_error: tuple[tuple[float, float], ...] | None = None
+    compensate: tuple[str, ...] = ()
     timing: StepTiming | None = None
     card: str | None = None
     channel: int | None = None
@@ -99,6 +105,10 @@ class Axis:
             curve = getattr(self, field)
             if curve is not None and (len(curve) < 2 or any(not b[0] > a[0] for a, b in pairwise(curve))):
                 raise MotionError(f"axis {self.name}: {field} {curve} must be two or more points, first values rising")
+        object.__setattr__(self, "compensate", tuple(self.compensate))
+        for kind in self.compensate:
+            if kind not in COMPENSATED:
+                raise MotionError(f"axis {self.name}: compensate {kind!r} is none of {', '.join(COMPENSATED)}")
         if self.timing is not None and not isinstance(self.timing, StepTiming):
             raise MotionError(f"axis {self.name}: timing must be a StepTiming, or None, not {self.timing!r:.100}")
         self._wiring()

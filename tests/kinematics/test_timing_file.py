@@ -1,4 +1,4 @@
-"""The timing of a drive in machine files: by name or in full, read, written, and told what is wrong."""
+"""What machine files say of a drive: its timing, by name or in full, its gear, and what its pulses make up for."""
 
 from importlib.resources import files
 
@@ -50,3 +50,43 @@ def test_it_is_read_and_written_back(machine, tmp_path, written, timing):
 def test_what_is_wrong_is_told(machine, written, told):
     with pytest.raises(FileError, match=told):
         machine(written)
+
+
+@pytest.fixture
+def with_line(tmp_path):
+    def read(line):
+        path = tmp_path / "mine.toml"
+        path.write_text(HEXAPOD.replace("direction = -1", f"direction = -1\n{line}"))
+        return load_machine(str(path))
+
+    return read
+
+
+def test_a_gear_and_a_factor_make_the_pulse_longer(with_line, tmp_path):
+    read = with_line('electronic_gear = [3, 2]\npulse_factor = 1.0178\n[[axis]]\nname = "leg2"\npulse = "1 um"')
+    assert read.axes[0].pulse == pytest.approx(0.75e-6 * 1.5 * 1.0178, rel=1e-15)
+    assert read.axes[1].pulse == pytest.approx(1e-6 * 1.5 * 1.0178, rel=1e-15)
+    (tmp_path / "again.toml").write_text(machine_toml(read))
+    assert load_machine(str(tmp_path / "again.toml")).axes == read.axes
+
+
+def test_compensation_is_read_and_written_back(with_line, tmp_path):
+    read = with_line('compensate = ["lead", "backlash"]\nbacklash = "5 um"')
+    assert {axis.compensate for axis in read.axes} == {("lead", "backlash")}
+    (tmp_path / "again.toml").write_text(machine_toml(read))
+    assert load_machine(str(tmp_path / "again.toml")).axes == read.axes
+
+
+@pytest.mark.parametrize(
+    ("line", "told"),
+    [
+        ('compensate = ["screw"]', "axes.compensate"),
+        ("electronic_gear = [0, 2]", "axes.electronic_gear"),
+        ("electronic_gear = 1.5", "axes.electronic_gear"),
+        ("pulse_factor = -1.0", "axes.pulse_factor"),
+        ("pulse_factor = nan", "axes.pulse_factor"),
+    ],
+)
+def test_what_is_wrong_with_them_is_told(with_line, line, told):
+    with pytest.raises(FileError, match=told):
+        with_line(line)
