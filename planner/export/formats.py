@@ -8,6 +8,9 @@ from planner.export.format import Format
 
 FORMATS = {
     "pulses": "planner.export.pulse_csv:PulseCsv",
+    "zaber": "planner.export.zaber:ZaberCsv",
+    "xps": "planner.export.xps:Xps",
+    "pmac": "planner.export.pmac:Pmac",
 }
 """Module and class by the name that the command line knows."""
 

@@ -1,0 +1,59 @@
+"""How far a file is from the motion: what was written is decoded, interpolated as its consumer does, and compared."""
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from kinematics.array import Array
+from kinematics.axis import Axis
+from planner.export.format import Exported
+from planner.export.hermite import Segments
+from planner.export.knots import BACKWARD
+from planner.pulses.motion import Motion
+
+PROBES = 16  # parts of a segment, and
+PER_PIECE = 4  # of every piece of the motion inside it
+INSTANTS = 1 << 16  # compared together
+READ = {1: "straight", 2: "cubic", 3: "quintic"}
+
+
+def compare(
+    motion: Motion, axes: tuple[Axis, ...], points: Iterable[tuple[Array, Array]], notes: tuple[str, ...]
+) -> Exported:
+    """What the points of a decoded file are from a motion.
+
+    points  in blocks, in order: t (K,) s from the start, and what is stated there (rows, K, axes), m or rad
+    """
+    pulse = np.array([axis.pulse for axis in axes])
+    worst, back, backs, rows = 0.0, 0.0, 0, 0
+    t, stated = np.empty(0), np.empty((0, 0, 0))
+    for after, further in points:
+        rows = len(further)
+        t = np.concatenate([t[-1:], after])
+        stated = np.concatenate([stated[:, -1:], further], 1) if stated.size else further
+        for part in _parts(motion, t):
+            ends = slice(part.start + 1, part.stop + 1)
+            segments = Segments(t[part], t[ends], stated[:, part], stated[:, ends])
+            probes = _probes(motion, segments.start, segments.end)
+            worst = max(worst, float((segments.deviation(motion, probes) / pulse).max()))
+            runs = (segments.backward(motion, probes) / pulse).max(1)
+            back, backs = max(back, float(runs.max())), backs + int((runs > 2 * BACKWARD).sum())
+    if backs:
+        notes += (
+            f"{backs} segments run back by up to {back:.3g} pulses where the motion does not: "
+            "their speeds are too high for their way; a smaller spacing mends that",
+        )
+    return Exported(worst, f"the motion, {READ[rows]} between the points", notes)
+
+
+def _probes(motion: Motion, start: Array, end: Array) -> int:
+    pieces = np.searchsorted(motion.knots, end) - np.searchsorted(motion.knots, start)
+    return max(PROBES, PER_PIECE * int(pieces.max()))
+
+
+def _parts(motion: Motion, t: Array) -> Iterable[slice]:
+    """Runs of segments of which all instants are compared together."""
+    first, last = 0, len(t) - 1
+    size = max(1, INSTANTS // max(PROBES, _probes(motion, t[:-1], t[1:]))) if last > 0 else 1
+    for lo in range(first, last, size):
+        yield slice(lo, min(lo + size, last))
