@@ -12,9 +12,7 @@ from kinematics.array import Array, frozen
 from kinematics.axis import Axis
 from kinematics.errors import MotionError
 from planner.export.format import Source, option
-from planner.export.knots import TOLERANCE, Knots, rows_at
-
-Origin = Literal["home", "natural"]
+from planner.export.knots import TOLERANCE, Knots, rows_at, seconds
 
 BLOCK = 1 << 12  # points written or read together
 ROUNDING = 1e-3  # of the tolerance that half a unit of the last decimal may be
@@ -22,7 +20,7 @@ DECIMALS = (6, 15)  # at least and at most
 LARGEST = 2.0**52  # units of the last decimal, to be exact
 
 
-def origin_option(default: Origin) -> Any:
+def origin_option(default: Literal["home", "natural"]) -> Any:
     return option(default, "positions from home, or natural: leg lengths and angles. Default home; of ros: natural")
 
 
@@ -45,10 +43,17 @@ class Columns:
         object.__setattr__(self, "factor", frozen(self.factor))
         object.__setattr__(self, "zero", frozen(self.zero))
 
+    @property
+    def unit(self) -> str:
+        """All units that the axes have."""
+        return " and ".join(dict.fromkeys(self.units))
+
     def blocks(
         self, source: Source, knots: Knots, rows: int, *, rest: bool = False
     ) -> Iterator[tuple[NDArray[np.int64], Array]]:
-        """Durations (K,) in steps up to each knot, and there (rows, K, axes) whole units of the last decimal, in blocks.
+        """Durations (K,) in steps up to each knot, and there (rows, K, axes) in whole units of the last decimal.
+
+        In blocks of knots.
 
         rest  the rates at both ends are 0, not what solving left of them
         """
@@ -56,7 +61,7 @@ class Columns:
         lasting = np.diff(knots.steps, prepend=0)
         for first in range(0, len(knots.steps), BLOCK):
             steps = knots.steps[first : first + BLOCK]
-            told = rows_at(source.trajectory, steps * knots.step, rows)
+            told = rows_at(source.trajectory, seconds(steps, knots.step), rows)
             told[0] -= self.zero
             units = np.rint(told * scale)
             self._refuse_large(source.machine.axes, units)
@@ -92,7 +97,11 @@ class Columns:
 
 
 def columns(
-    source: Source, tolerance: float | None, *, origin: Origin = "home", unit: Literal["mm", "SI", "counts"] = "mm"
+    source: Source,
+    tolerance: float | None,
+    *,
+    origin: Literal["home", "natural"] = "home",
+    unit: Literal["mm", "SI", "counts"] = "mm",
 ) -> Columns:
     """How the axes of a machine are written in mm and deg, in m and rad, or in pulses of the axis' wiring."""
     axes = source.machine.axes
@@ -102,7 +111,7 @@ def columns(
     signs = np.array([axis.direction for axis in axes])
     factor = signs / pulses if unit == "counts" else np.array([factors.get(key, 1.0) for key in own])
     names = {("mm", "rotary"): "deg", ("SI", "linear"): "m", ("SI", "rotary"): "rad"}
-    finest = float((pulses * abs(factor)).min()) * ROUNDING * 2 * (tolerance or TOLERANCE)
+    finest = float((pulses * abs(factor)).min()) * ROUNDING * 2 * min(tolerance or TOLERANCE, TOLERANCE)
     decimals = min(max(DECIMALS[0], ceil(-log10(finest))), DECIMALS[1])
     home = np.asarray(source.machine.home_q, float)
     zero = home if origin == "home" or unit == "counts" else np.zeros(len(axes))

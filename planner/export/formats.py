@@ -11,6 +11,8 @@ FORMATS = {
     "zaber": "planner.export.zaber:ZaberCsv",
     "xps": "planner.export.xps:Xps",
     "pmac": "planner.export.pmac:Pmac",
+    "g93": "planner.export.g93:InverseTime",
+    "ros": "planner.export.ros:JointTrajectory",
 }
 """Module and class by the name that the command line knows."""
 

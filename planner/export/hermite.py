@@ -24,7 +24,7 @@ class Segments:
 
     @property
     def coefficients(self) -> Array:
-        """(2 rows, S, axes) c of q(u) - q(0) = Σ c_i uⁱ, u in [0, 1]: of the way only, which keeps small moves exact."""
+        """(2 rows, S, axes) c of q(u) - q(0) = Σ c_i uⁱ, u in [0, 1]: of the way, whose rounding is as small as it."""
         rows = len(self.first)
         scale = (self.end - self.start)[:, None] ** np.arange(rows)[:, None, None]
         ends = np.concatenate([self.first * scale, self.last * scale])

@@ -37,19 +37,23 @@ def spacing_option() -> Any:
 
 @dataclass(frozen=True, slots=True)
 class Knots:
-    """Whole time steps (K,) from 0 on, of `step` s each; the last is the end of the motion, or just after it."""
+    """Whole time steps (K,) from 0 on, of `step` s each; the last is the end of the motion, or the next after it.
+
+    tolerance  pulses, that they were chosen for; None where their spacing was given
+    """
 
     steps: Steps
     step: float
-
-    @property
-    def t(self) -> Array:
-        return np.asarray(self.steps * self.step)
+    tolerance: float | None
 
     def stated(self) -> str:
         """How many segments, and how long they are."""
         length = np.diff(self.steps) * (1e3 * self.step)
         return f"{len(length)} segments of {length.min():.4g} to {length.max():.4g} ms"
+
+
+def seconds(steps: Steps, step: float) -> Array:
+    return np.asarray(steps * step)
 
 
 def rows_at(motion: Motion, t: Array, rows: int) -> Array:
@@ -84,7 +88,7 @@ def choose(
 
     Segments between knots of the motion are halved, at such a knot where one lies near the middle, until the measured
     deviation of every axis is within the tolerance (pulses), and no cubic runs back where the motion does not. With a
-    spacing (s) they are even, whatever error that makes.
+    spacing (s) they are even, whatever error that makes, and the last outlasts the motion.
 
     step     s, every knot is a whole number of them
     longest  steps that a segment may last
@@ -96,19 +100,19 @@ def choose(
     if end < 1:
         raise MotionError(f"motion of {motion.duration:.4g} s: there is nothing to export; let the program move")
     if spacing is not None:
-        return Knots(_even(end, spacing, step, longest), step)
+        return Knots(_even(end, spacing, step, longest), step, None)
     wanted = TOLERANCE if tolerance is None else tolerance
     if not (isfinite(wanted) and wanted > 0):
         raise MotionError(f"tolerance {wanted:g} pulses: must be above 0")
-    marks = np.unique(np.clip(np.rint(motion.knots / step).astype(np.int64), 0, end))
-    marks = np.union1d(marks, [0, end])
+    inner = np.rint(motion.knots[motion.knots < motion.duration] / step).astype(np.int64)
+    marks = np.union1d(inner[inner < end - 1], [0, end])
     pulse = np.array([axis.pulse for axis in axes])
-    starts = _cut(marks[_kept(motion, marks * step, pulse)], min(ceil(LONGEST / step), longest or end))
+    starts = _cut(marks[_kept(motion, seconds(marks, step), pulse)], min(ceil(LONGEST / step), longest or end))
     parts = [starts[:1]]
     for first in range(0, len(starts) - 1, WINDOW):
         group = starts[first : first + WINDOW + 1]
         parts.append(_refined(motion, axes, rows, step, wanted, marks, group))
-    return Knots(np.concatenate(parts), step)
+    return Knots(np.concatenate(parts), step, wanted)
 
 
 def _even(end: int, spacing: float, step: float, longest: int | None) -> Steps:
@@ -117,7 +121,7 @@ def _even(end: int, spacing: float, step: float, longest: int | None) -> Steps:
         most = "" if longest is None else f" and at most {longest * step:.10g} s"
         least = max(step, end * step / MOST)
         raise MotionError(f"spacing {spacing:.4g} s: must be at least {least:.4g} s{most}; choose another")
-    return np.append(np.arange(0, end, each), end)
+    return np.arange(0, end + each, each)
 
 
 def _kept(motion: Motion, t: Array, pulse: Array) -> NDArray[np.bool_]:
@@ -154,7 +158,7 @@ def _refined(
     while len(left):
         share = np.concatenate(
             [
-                _use(motion, rows, lo * step, hi * step, pulse, tolerance)
+                _use(motion, rows, seconds(lo, step), seconds(hi, step), pulse, tolerance)
                 for lo, hi in zip(_batches(left), _batches(right), strict=True)
             ]
         )

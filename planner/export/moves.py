@@ -26,9 +26,7 @@ def moves(columns: Columns, source: Source, knots: Knots) -> Iterator[tuple[NDAr
             yield steps[skipped:], np.stack([np.diff(position, axis=0), units[1, skipped:]]) + 0.0
 
 
-def points(
-    columns: Columns, source: Source, decoded: Iterable[tuple[Array, Array]]
-) -> Iterator[tuple[Array, Array]]:
+def points(columns: Columns, source: Source, decoded: Iterable[tuple[Array, Array]]) -> Iterator[tuple[Array, Array]]:
     """Where the moves of a file lead from the start of the motion, at rest: what `roundtrip.compare` takes.
 
     decoded  in blocks: durations (K,) s, and moves and end speeds (2, K, axes) in the units of the file

@@ -48,12 +48,10 @@ class Pmac:
         letters = assign(axes, self.letters, USUAL, "a PMAC coordinate system")
         refuse_moving_ends(motion, axes, "a PMAC program in PVT mode")
         form = columns(source, self.tolerance, unit=self.unit)
-        knots = choose(
-            motion, axes, 2, step=STEP, tolerance=self.tolerance, spacing=self.spacing, longest=LONGEST
-        )
+        knots = choose(motion, axes, 2, step=STEP, tolerance=self.tolerance, spacing=self.spacing, longest=LONGEST)
         named = told(axes, letters)
         with path.open("w", encoding="ascii", newline="") as file:
-            file.write(f"; {plain(source.name)}: {plain(named)}; in {', '.join(form.units)}\nINC\n")
+            file.write(f"; {plain(source.name)}: {plain(named)}; in {form.unit}\nINC\n")
             before = 0
             for steps, units in moves(form, source, knots):
                 for lasting, row in zip(steps.tolist(), form.text_rows(units), strict=True):
@@ -62,8 +60,8 @@ class Pmac:
                         before = lasting
                     pairs = zip(letters, row[::2], row[1::2], strict=True)
                     file.write(" ".join(f"{letter}{way}:{speed}" for letter, way, speed in pairs) + "\n")
-        notes = (knots.stated(), named, "speeds are per second (Isx90 = 1000), durations as with I42 = 0")
-        return compare(motion, axes, points(form, source, _decoded(path)), notes)
+        notes = (named, "speeds are per second (Isx90 = 1000), durations as with I42 = 0")
+        return compare(motion, axes, knots, points(form, source, _decoded(path)), notes)
 
 
 def _decoded(path: Path) -> Iterator[tuple[Array, Array]]:

@@ -6,9 +6,10 @@ import numpy as np
 
 from kinematics.array import Array
 from kinematics.axis import Axis
+from kinematics.errors import MotionError
 from planner.export.format import Exported
 from planner.export.hermite import Segments
-from planner.export.knots import BACKWARD
+from planner.export.knots import BACKWARD, Knots
 from planner.pulses.motion import Motion
 
 PROBES = 16  # parts of a segment, and
@@ -18,11 +19,16 @@ READ = {1: "straight", 2: "cubic", 3: "quintic"}
 
 
 def compare(
-    motion: Motion, axes: tuple[Axis, ...], points: Iterable[tuple[Array, Array]], notes: tuple[str, ...]
+    motion: Motion,
+    axes: tuple[Axis, ...],
+    knots: Knots,
+    points: Iterable[tuple[Array, Array]],
+    notes: tuple[str, ...],
 ) -> Exported:
     """What the points of a decoded file are from a motion.
 
     points  in blocks, in order: t (K,) s from the start, and what is stated there (rows, K, axes), m or rad
+    Raises MotionError where that is more than the tolerance for which the knots were chosen.
     """
     pulse = np.array([axis.pulse for axis in axes])
     worst, back, backs, rows = 0.0, 0.0, 0, 0
@@ -38,12 +44,17 @@ def compare(
             worst = max(worst, float((segments.deviation(motion, probes) / pulse).max()))
             runs = (segments.backward(motion, probes) / pulse).max(1)
             back, backs = max(back, float(runs.max())), backs + int((runs > 2 * BACKWARD).sum())
+    if knots.tolerance is not None and not worst <= knots.tolerance:
+        raise MotionError(
+            f"decoded file: {worst:.4g} pulses from the motion, more than the tolerance {knots.tolerance:g}; "
+            "give a greater tolerance, or a spacing"
+        )
     if backs:
         notes += (
             f"{backs} segments run back by up to {back:.3g} pulses where the motion does not: "
             "their speeds are too high for their way; a smaller spacing mends that",
         )
-    return Exported(worst, f"the motion, {READ[rows]} between the points", notes)
+    return Exported(worst, f"the motion, {READ[rows]} between the points", (knots.stated(), *notes))
 
 
 def _probes(motion: Motion, start: Array, end: Array) -> int:

@@ -55,8 +55,8 @@ class Xps:
                 file.writelines(
                     f"{dt:.8f}, {', '.join(row)}\n" for dt, row in zip((steps * STEP).tolist(), rows, strict=True)
                 )
-        notes = (knots.stated(), f"group in the order {', '.join(axis.name for axis in axes)}")
-        return compare(motion, axes, points(form, source, _decoded(path)), notes)
+        notes = (f"group in the order {', '.join(axis.name for axis in axes)}; in {form.unit}",)
+        return compare(motion, axes, knots, points(form, source, _decoded(path)), notes)
 
 
 def _decoded(path: Path) -> Iterator[tuple[Array, Array]]:

@@ -17,13 +17,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
-from typing import ClassVar
+from typing import ClassVar, Literal
 
 import numpy as np
 
 from kinematics.array import Array
 from kinematics.errors import MotionError
-from planner.export.columns import BLOCK, Columns, Origin, columns, origin_option
+from planner.export.columns import BLOCK, Columns, columns, origin_option
 from planner.export.format import Exported, Source, option
 from planner.export.knots import choose, refuse_moving_ends, spacing_option, tolerance_option
 from planner.export.letters import ALPHABET, assign, letters_option, told
@@ -39,7 +39,7 @@ class ZaberCsv:
     suffix: ClassVar[str] = ".csv"
     tolerance: float | None = tolerance_option()
     spacing: float | None = spacing_option()
-    origin: Origin = origin_option("home")
+    origin: Literal["home", "natural"] = origin_option("home")
     letters: str | None = letters_option()
     step: float = option(STEP, "durations are whole steps of this; default 0.1 ms", "s")
 
@@ -62,8 +62,8 @@ class ZaberCsv:
                     f"{time:.10g},{','.join(row)},false\n"
                     for time, row in zip((steps * (1e3 * self.step)).tolist(), form.text_rows(units), strict=True)
                 )
-        notes = (knots.stated(), told(axes, letters), f"positions from {self.origin}, in the sense of the axes")
-        return compare(motion, axes, _decoded(path, form), notes)
+        notes = (told(axes, letters), f"positions from {self.origin}, in the sense of the axes")
+        return compare(motion, axes, knots, _decoded(path, form), notes)
 
 
 def _decoded(path: Path, form: Columns) -> Iterator[tuple[Array, Array]]:
