@@ -17,7 +17,6 @@ from planner.export.knots import TOLERANCE, Knots, rows_at, seconds
 BLOCK = 1 << 12  # points written or read together
 ROUNDING = 1e-3  # of the tolerance that half a unit of the last decimal may be
 DECIMALS = (6, 15)  # at least and at most
-LARGEST = 2.0**52  # units of the last decimal, to be exact
 
 
 def origin_option(default: Literal["home", "natural"]) -> Any:
@@ -64,7 +63,6 @@ class Columns:
             told = rows_at(source.trajectory, seconds(steps, knots.step), rows)
             told[0] -= self.zero
             units = np.rint(told * scale)
-            self._refuse_large(source.machine.axes, units)
             if rest and first == 0:
                 units[1:, 0] = 0.0
             if rest and first + BLOCK >= len(knots.steps):
@@ -85,15 +83,6 @@ class Columns:
         told = numbers / self.factor
         told[0] += self.zero
         return np.asarray(told)
-
-    def _refuse_large(self, axes: tuple[Axis, ...], units: Array) -> None:
-        over = abs(units).max((0, 1)) > LARGEST
-        for axis, number in zip(np.array(axes, object)[over], abs(units).max((0, 1))[over].tolist(), strict=True):
-            raise MotionError(
-                f"axis {axis.name}: {number / 10.0**self.decimals:.4g} cannot be written with the {self.decimals} "
-                f"decimals that pulses of {axis.pulse:.3g} {axis.unit} need; count from home, or give a greater "
-                "tolerance"
-            )
 
 
 def columns(

@@ -35,7 +35,7 @@ class Segments:
         """(S, axes) how far the segments are from a motion, in its unit.
 
         The largest |e| at the ends of `probes` equal parts of a segment, and what it may grow to between them: a part
-        of length d adds at most d² max|ë| / 8, with ë as it is at the probes.
+        of length d adds at most d² max|ë| / 8, with ë as it is inside (at an end q̈ may be that of the next piece).
         """
         u = np.linspace(0.0, 1.0, probes + 1)
         length = self.end - self.start
@@ -47,7 +47,7 @@ class Segments:
         bend = np.einsum("pi,isa->spa", u[:, None] ** np.maximum(power - 2, 0) * power * (power - 1), c)
         error = abs(self.first[0][:, None] + way - state.q.reshape(shape)).max(1)
         bend -= state.qdd.reshape(shape) * (length**2)[:, None, None]  # ë times the square of the length
-        return np.asarray(error + abs(bend).max(1) / (8 * probes**2))
+        return np.asarray(error + abs(bend[:, 1:-1]).max(1) / (8 * probes**2))
 
     def backward(self, motion: Motion, probes: int) -> Array:
         """(S, axes) how far a cubic runs back inside its segment where the motion runs one way only, else 0.

@@ -49,7 +49,8 @@ class Knots:
     def stated(self) -> str:
         """How many segments, and how long they are."""
         length = np.diff(self.steps) * (1e3 * self.step)
-        return f"{len(length)} segments of {length.min():.4g} to {length.max():.4g} ms"
+        least, most = f"{length.min():.4g}", f"{length.max():.4g}"
+        return f"segments: {len(length)}, of {least if least == most else f'{least} to {most}'} ms"
 
 
 def seconds(steps: Steps, step: float) -> Array:
@@ -104,10 +105,8 @@ def choose(
     wanted = TOLERANCE if tolerance is None else tolerance
     if not (isfinite(wanted) and wanted > 0):
         raise MotionError(f"tolerance {wanted:g} pulses: must be above 0")
-    inner = np.rint(motion.knots[motion.knots < motion.duration] / step).astype(np.int64)
-    marks = np.union1d(inner[inner < end - 1], [0, end])
-    pulse = np.array([axis.pulse for axis in axes])
-    starts = _cut(marks[_kept(motion, seconds(marks, step), pulse)], min(ceil(LONGEST / step), longest or end))
+    marks, starts = _marks(motion, step, end, np.array([axis.pulse for axis in axes]))
+    starts = _cut(starts, min(ceil(LONGEST / step), longest or end))
     parts = [starts[:1]]
     for first in range(0, len(starts) - 1, WINDOW):
         group = starts[first : first + WINDOW + 1]
@@ -124,19 +123,29 @@ def _even(end: int, spacing: float, step: float, longest: int | None) -> Steps:
     return np.arange(0, end + each, each)
 
 
-def _kept(motion: Motion, t: Array, pulse: Array) -> NDArray[np.bool_]:
-    """Where the first segments are parted: at rests, and at every GROUP-th mark from there."""
-    rest = np.concatenate(
-        [
-            (abs(motion.at(part).qd) <= STANDING * pulse).all(1)
-            for part in np.array_split(t, max(1, len(t) // (WINDOW * PROBES)))
-        ]
-    )
+def _marks(motion: Motion, step: float, end: int, pulse: Array) -> tuple[Steps, Steps]:
+    """The motion's knots in steps, and those that part the first segments: ends of rests, every GROUP-th from there.
+
+    The ends of a rest are moved into it, where speeds are 0: a long cubic magnifies what is left of one.
+    """
+    t = motion.knots
+    rest, between = (_resting(motion, when, pulse) for when in (t, (t[1:] + t[:-1]) / 2))
+    between &= rest[1:] & rest[:-1]
+    before, after = np.append(False, between), np.append(between, False)
+    exact = t / step
+    steps = np.where(after & ~before, np.ceil(exact), np.where(before & ~after, np.floor(exact), np.rint(exact)))
+    steps = np.where(t < motion.duration, steps, end).astype(np.int64)
+    near = (steps == end - 1) & (end > 1)  # a rounded end
     index = np.arange(len(t))
     since = index - np.maximum.accumulate(np.where(rest, index, 0))
-    kept = rest | (since % GROUP == 0)
-    kept[-1] = True
-    return np.asarray(kept)
+    parting = (since % GROUP == 0) & ~(before & after)
+    return np.union1d(steps[~near], [0, end]), np.union1d(steps[parting & ~near], [0, end])
+
+
+def _resting(motion: Motion, t: Array, pulse: Array) -> NDArray[np.bool_]:
+    """Whether every axis stands at t (N,), a batch at a time."""
+    parts = np.array_split(t, -(-len(t) // (WINDOW * PROBES)))
+    return np.concatenate([(abs(motion.at(part).qd) <= STANDING * pulse).all(1) for part in parts])
 
 
 def _cut(starts: Steps, longest: int) -> Steps:

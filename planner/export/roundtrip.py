@@ -51,8 +51,8 @@ def compare(
         )
     if backs:
         notes += (
-            f"{backs} segments run back by up to {back:.3g} pulses where the motion does not: "
-            "their speeds are too high for their way; a smaller spacing mends that",
+            f"segments that run back where the motion does not, their speeds too high for their way: {backs}, by up to "
+            f"{back:.3g} pulses; a smaller spacing mends that",
         )
     return Exported(worst, f"the motion, {READ[rows]} between the points", (knots.stated(), *notes))
 
