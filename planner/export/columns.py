@@ -9,8 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinematics.array import Array, frozen
-from kinematics.axis import Axis
-from kinematics.errors import MotionError
 from planner.export.format import Source, option
 from planner.export.knots import TOLERANCE, Knots, rows_at, seconds
 
