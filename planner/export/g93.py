@@ -1,6 +1,9 @@
 """G-code in inverse time: on every G1 line F is 1 / minutes, so each straight piece lasts exactly what it says.
 
-    (pulsepath: circle: X = leg1, Y = leg2, Z = leg3; joint axes, not Cartesian, in mm)
+    (pulsepath: circle)
+    (X = leg1 in mm: a joint axis, not Cartesian)
+    (Y = leg2 in mm: a joint axis, not Cartesian)
+    (Z = leg3 in mm: a joint axis, not Cartesian)
     (the axes must stand at X21.0935915 Y27.0092485 Z25.7989127)
     G21 G90 G93
     G1 X21.0947185 Y27.0050374 Z25.7935812 F3000
@@ -49,12 +52,13 @@ class InverseTime:
     def write(self, source: Source, path: Path) -> Exported:
         axes, motion = source.machine.axes, source.trajectory
         letters = assign(axes, self.letters, USUAL, "G-code")
-        form = columns(source, self.tolerance, origin=self.origin)
         knots = choose(motion, axes, 1, step=STEP, tolerance=self.tolerance, spacing=self.spacing)
-        named = told(axes, letters)
+        form = columns(source, knots.tolerance, origin=self.origin)
         with path.open("w", encoding="ascii", newline="") as file:
-            about = f"pulsepath: {source.name}: {named}; joint axes, not Cartesian, in {form.unit}"
-            file.write(f"({plain(about).translate(SQUARE)})\n")
+            about = [f"pulsepath: {source.name}"]
+            for letter, axis, unit in zip(letters, axes, form.units, strict=True):
+                about.append(f"{letter} = {axis.name} in {unit}: a joint axis, not Cartesian")
+            file.writelines(f"({plain(text).translate(SQUARE)})\n" for text in about)
             before = ""
             for steps, units in form.blocks(source, knots, 1):
                 for lasting, row in zip((steps * STEP).tolist(), form.text_rows(units), strict=True):
@@ -67,12 +71,12 @@ class InverseTime:
                         file.write(f"G1 {words} F{60 / lasting:.12g}\n")
                     before = words
             file.write("G94\nM2\n")
-        notes = (named, f"joint axes, positions from {self.origin}, in the sense of the axes")
+        notes = (told(axes, letters), f"joint axes, positions from {self.origin}, in the sense of the axes")
         return compare(motion, axes, knots, _points(source, form, path), notes)
 
 
 def _points(source: Source, form: Columns, path: Path) -> Iterator[tuple[Array, Array]]:
-    """Where the lines lead from where the axes stand, each word kept until the next of its letter."""
+    """Where the lines lead from where the axes stand."""
     at = rows_at(source.trajectory, np.zeros(1), 1)
     yield np.zeros(1), at
     t, place = 0.0, ((at[0, 0] - form.zero) * form.factor).tolist()

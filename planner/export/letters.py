@@ -7,6 +7,7 @@ from kinematics.errors import MotionError
 from planner.export.format import option
 
 USUAL = "XYZABCUVW"
+LONGEST = 200  # characters of a comment: G-code lines have 255 at most
 ALPHABET = "ABCDEFGHIJKLMNOPQRSTUVWXYZ"
 
 
@@ -43,5 +44,5 @@ def told(axes: tuple[Axis, ...], letters: str) -> str:
 
 
 def plain(text: str) -> str:
-    """The text as one line of printable ASCII, for comments; what is not shows as ?."""
-    return "".join(char if " " <= char <= "~" else "?" for char in text)
+    """The text as one line of printable ASCII, for comments; what is not shows as ?, and what is too long is cut."""
+    return "".join(char if " " <= char <= "~" else "?" for char in text[:LONGEST])

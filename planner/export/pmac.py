@@ -47,11 +47,11 @@ class Pmac:
         axes, motion = source.machine.axes, source.trajectory
         letters = assign(axes, self.letters, USUAL, "a PMAC coordinate system")
         refuse_moving_ends(motion, axes, "a PMAC program in PVT mode")
-        form = columns(source, self.tolerance, unit=self.unit)
         knots = choose(motion, axes, 2, step=STEP, tolerance=self.tolerance, spacing=self.spacing, longest=LONGEST)
+        form = columns(source, knots.tolerance, unit=self.unit)
         named = told(axes, letters)
         with path.open("w", encoding="ascii", newline="") as file:
-            file.write(f"; {plain(source.name)}: {plain(named)}; in {form.unit}\nINC\n")
+            file.write(f"; {plain(source.name)}\n; {plain(named)}\n; in {form.unit}\nINC\n")
             before = 0
             for steps, units in moves(form, source, knots):
                 for lasting, row in zip(steps.tolist(), form.text_rows(units), strict=True):

@@ -47,8 +47,8 @@ class JointTrajectory:
 
     def write(self, source: Source, path: Path) -> Exported:
         axes, motion = source.machine.axes, source.trajectory
-        form = columns(source, self.tolerance, origin=self.origin, unit="SI")
         knots = choose(motion, axes, 3, step=1 / PER_SECOND, tolerance=self.tolerance, spacing=self.spacing)
+        form = columns(source, knots.tolerance, origin=self.origin, unit="SI")
         whole, rest = TIMES[self.ros]
         with path.open("w", encoding="ascii", newline="") as file:
             names = ", ".join(quoted(axis.name) for axis in axes)

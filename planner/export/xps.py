@@ -5,8 +5,8 @@
 - dt is the duration in s; d the way of the segment and v the speed at its end, mm or degrees (and per second), axes in
   the order of the machine, which has to be that of the group. The first segment starts from rest, the last ends there.
 - The axes go by the cubic that meets way and both speeds. Where an end speed is too high for the way, it runs back
-  inside the segment: with a tolerance segments are halved until none does that the motion itself does not; with a
-  spacing it is told where they do.
+  inside the segment: with a tolerance segments are halved until none does so by more than 1/100 pulse where the
+  motion itself does not; with a spacing it is told how many do, and by how much.
 - Ways lead from rounded place to rounded place, so their rounding does not add up.
 - ASCII, line ends \\n, decimal points whatever the locale.
 """
@@ -47,8 +47,8 @@ class Xps:
                 "choose another format"
             )
         refuse_moving_ends(motion, axes, "an XPS trajectory")
-        form = columns(source, self.tolerance)
         knots = choose(motion, axes, 2, step=STEP, tolerance=self.tolerance, spacing=self.spacing)
+        form = columns(source, knots.tolerance)
         with path.open("w", encoding="ascii", newline="") as file:
             for steps, units in moves(form, source, knots):
                 rows = form.text_rows(units)

@@ -49,8 +49,8 @@ class ZaberCsv:
         refuse_moving_ends(motion, axes, "Zaber PVT")
         if not 1e-9 <= self.step <= 1:
             raise MotionError(f"step {self.step:.4g} s: must be from 1 ns to 1 s")
-        form = columns(source, self.tolerance, origin=self.origin)
         knots = choose(motion, axes, 2, step=self.step, tolerance=self.tolerance, spacing=self.spacing)
+        form = columns(source, knots.tolerance, origin=self.origin)
         with path.open("w", encoding="utf-8", newline="") as file:
             names = [
                 f"{letter} Position ({unit}),{letter} Velocity ({unit}/s)"

@@ -94,6 +94,7 @@ def test_an_earlier_file_is_replaced_only_by_force(call, plan):
         (["--format", "pulses", "--width", "1 s"], "pulse width"),
         (["--format", "xps", "--spacing", "0 s"], "spacing 0 s: must be at least"),
         (["--format", "xps", "--spacing", "10 ms", "--tolerance", "1"], "tolerance and spacing exclude each other"),
+        (["--format", "g93", "--tolerance", "-1"], "tolerance -1 pulses: must be above 0"),
         (["--format", "pmac", "--spacing", "5 s"], "at most 4.09599975 s"),
         (["--format", "xps", "--letters", "XYZABC"], "format xps has no option --letters; its options: --tolerance"),
         (["--format", "g93", "--letters", "XYZABB"], "letters XYZABB: G-code needs 6 different ones of XYZABCUVW"),
