@@ -1,4 +1,4 @@
-"""The realised path: by other kinematics than the library's own, within what theory allows, for every kind of machine."""
+"""The realised path: by other kinematics than the library's own, and within what theory allows, on every machine."""
 
 import sys
 from dataclasses import replace
@@ -17,7 +17,7 @@ def short(machine, step=1e-3):
     """A line of a few millimetres, a rest, and a quarter of a circle, as far as the machine can go."""
     flat = machine == "linkage"
     there = np.array([step, step / 2, 0.0 if flat else step])
-    bend = Arc(there + [0, step, 0], [0, 0, 1], np.pi / 2)
+    bend = Arc(np.add(there, [0, step, 0]), [0, 0, 1], np.pi / 2)
     return plan(Program((Line(there), Dwell(0.05), bend)), load_machine(machine))
 
 
