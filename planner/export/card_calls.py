@@ -136,7 +136,8 @@ def counted(source: Source, k: int, t: Array) -> tuple[Array, Array]:
 
 
 def _wired(source: Source) -> list[Kind]:
-    kinds, names = [], {}
+    kinds: list[Kind] = []
+    names: dict[str, str | None] = {}
     for axis in source.machine.axes:
         found = [number for number in KINDS if number in (axis.card or "")]
         if len(found) != 1:

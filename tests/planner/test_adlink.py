@@ -190,7 +190,7 @@ def test_axes_that_rest_get_no_calls_and_names_survive(tmp_path):
         ({"Y": {"card": "PCI-8164 (2)"}}, {}, "two cards of one kind"),
         ({"Y": {"channel": 48}}, {}, "axis Y: channel 48; limit 47"),
         ({}, {}, "axis X comes to count 134218228; the 28-bit"),
-        ({"X": {"pulse": 1.25e-8}}, {}, r"axis X needs 8\.0\d*e\+06 pulses/s .* the card's 6\.55e\+06"),
+        ({"X": {"pulse": 1.25e-8}}, {}, r"axis X needs 8e\+06 pulses/s .* the card's 6\.55e\+06"),
         ({"X": {"card": "PCI-8132", "channel": 1, "pulse": 4e-8}}, {}, r"and the card's 2\.4e\+06"),
         ({}, {"speed_range": 5000.0}, "its speed range is 5000"),
         ({}, {"spacing": 0.0}, "spacing 0.0 s"),
