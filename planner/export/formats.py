@@ -7,13 +7,13 @@ from kinematics.registry import nearest
 from planner.export.format import Format
 
 FORMATS = {
-    "byte": "planner.export.kmitl_byte:KmitlByte",
-    "kmitl-arms": "planner.export.kmitl_arms:KmitlArms",
-    "kmitl-positions": "planner.export.kmitl_positions:KmitlPositions",
-    "sasidhar": "planner.export.sasidhar:Sasidhar",
+    "pulses": "planner.export.pulse_csv:PulseCsv",
     "adlink": "planner.export.adlink_c:AdlinkC",
     "adlink-csv": "planner.export.adlink_csv:AdlinkCsv",
-    "pulses": "planner.export.pulse_csv:PulseCsv",
+    "kmitl-arms": "planner.export.kmitl_arms:KmitlArms",
+    "kmitl-positions": "planner.export.kmitl_positions:KmitlPositions",
+    "byte": "planner.export.kmitl_byte:KmitlByte",
+    "sasidhar": "planner.export.sasidhar:Sasidhar",
 }
 """Module and class by the name that the command line knows."""
 

@@ -39,14 +39,14 @@ class KmitlPositions:
     """Position list of the three-armed machine: poses joined by straight lines."""
 
     suffix: ClassVar[str] = ".txt"
-    tolerance: float = option(1e-5, "of the straight lines between listed poses; default 0.01 mm", "m")
+    chord: float = option(1e-5, "by how much straight lines between poses may leave the path; default 0.01 mm", "m")
     unit: float = option(kmitl.UNIT, "the length of one unit; default 1 mm", "m")
 
     def write(self, source: Source, path: Path) -> Exported:
         machine = kmitl.tripod_of(source, "kmitl-positions")
-        tolerance, unit = kmitl.length(self.tolerance, "tolerance"), kmitl.length(self.unit, "unit")
+        chord, unit = kmitl.length(self.chord, "chord"), kmitl.length(self.unit, "unit")
         curve = source.trajectory.path
-        each = [_chords(curve, k, tolerance) for k in range(len(curve.breaks) - 1)]
+        each = [_chords(curve, k, chord) for k in range(len(curve.breaks) - 1)]
         s, piece = (np.concatenate([part[n][min(k, 1) :] for k, part in enumerate(each)]) for n in (0, 1))
         kmitl.numbered(len(s), 1, "poses")
         x = _numbers(curve, s, piece)
@@ -61,7 +61,7 @@ class KmitlPositions:
             lines += [*(f"Polar{n}{key} {kmitl.number(v, key)}" for key, v in zip(KEYS, row, strict=True)), ""]
         path.write_text("".join(f"{line}\r\n" for line in lines), encoding="ascii", newline="")
         notes = [
-            f"{len(s)} poses, joined by straight lines within {1e3 * tolerance:g} mm; the file holds no times",
+            f"{len(s)} poses, joined by straight lines within {1e3 * chord:g} mm; the file holds no times",
             f"units of {1e3 * unit:g} mm in the machine's base frame",
         ]
         if len(s) > 9:
@@ -70,18 +70,18 @@ class KmitlPositions:
         return Exported(_error(source, _read(path) * unit, s, piece), against, tuple(notes))
 
 
-def _chords(curve: ActuatorPath, piece: int, tolerance: float) -> tuple[Array, np.ndarray]:
-    """Ends of equal parts of a piece that are straight to a tolerance (m)."""
+def _chords(curve: ActuatorPath, piece: int, chord: float) -> tuple[Array, np.ndarray]:
+    """Ends of equal parts of a piece, none of which leaves its chord by more than `chord` (m)."""
     count = 1
     while count <= kmitl.LAST:
         s, index = kmitl.along(curve, piece, count)
         inside = (s[:-1, None] + np.diff(s)[:, None] * INSIDE).ravel()
         here = _numbers(curve, inside, np.full(len(inside), piece))[:, :3].reshape(count, -1, 3)
         ends = _numbers(curve, s, index)[:, :3]
-        if float(np.linalg.norm(here - _nearest(here, ends), axis=2).max()) <= tolerance:
+        if float(np.linalg.norm(here - _nearest(here, ends), axis=2).max()) <= chord:
             return s, index
         count *= 2
-    raise MotionError(f"kmitl-positions: tolerance {tolerance:g} m asks for more than {kmitl.LAST} poses; widen it")
+    raise MotionError(f"kmitl-positions: chord {chord:g} m asks for more than {kmitl.LAST} poses; widen it")
 
 
 def _nearest(points: Array, ends: Array) -> Array:

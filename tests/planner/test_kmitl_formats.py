@@ -157,8 +157,8 @@ def test_the_position_list_reads_by_its_keys(source, tmp_path):
 
 
 def test_the_position_lists_error_is_that_of_its_chords(source, tmp_path):
-    coarse = KmitlPositions(tolerance=1e-3).write(source, tmp_path / "coarse.txt").error
-    fine = KmitlPositions(tolerance=1e-5).write(source, tmp_path / "fine.txt").error
+    coarse = KmitlPositions(chord=1e-3).write(source, tmp_path / "coarse.txt").error
+    fine = KmitlPositions(chord=1e-5).write(source, tmp_path / "fine.txt").error
     # no arm changes by more than the end point moves; the text of z = -300.00 mm adds up to 0.005 mm
     assert fine <= (0.01 + 0.006) * 25_000
     assert fine < coarse <= (1 + 0.006) * 25_000
@@ -194,9 +194,9 @@ def test_other_machines_are_refused_by_name(tmp_path, hexapod, format_):
         (KmitlArms(unit=float("nan")), "unit nan m"),
         (KmitlArms(unit=1e-9), "more than 7 characters"),
         (KmitlArms(step=5e-7), "the source counts to 32767"),
-        (KmitlPositions(tolerance=-1.0), "tolerance -1.0 m"),
+        (KmitlPositions(chord=-1.0), "chord -1.0 m"),
         (KmitlPositions(unit=1e-9), "more than 7 characters"),
-        (KmitlPositions(tolerance=1e-13), "asks for more than 32767 poses"),
+        (KmitlPositions(chord=1e-13), "asks for more than 32767 poses"),
     ],
 )
 def test_what_a_list_cannot_hold_is_refused_before_anything_is_written(source, tmp_path, format_, told):
