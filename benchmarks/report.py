@@ -13,7 +13,7 @@ from controllers.metrics import Metrics
 from planner.baselines import Classical
 from planner.limits import Limit
 from planner.plan import Plan
-from planner.pulses import PulseCheck
+from planner.pulses import PulseCheck, RealisedPath
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -29,6 +29,7 @@ def write_report(
     *,
     verdict: PulseCheck,
     others: Sequence[Classical] = (),
+    realised: RealisedPath | None = None,
 ) -> None:
     """Write the page to `path` and its figures to `figures/*.png` beside it.
 
@@ -36,9 +37,10 @@ def write_report(
     metrics    the errors of each tracking law; none: the page has no such part
     verdict    of the independent check of the plan's pulses
     others     further classical timings, for the table
+    realised   the path that the pulses make; None: the page has no such part
     """
-    figures = draw(plan, classical, metrics)
-    path.write_text(_page(plan, classical, metrics, verdict, others, figures), encoding="utf-8")
+    figures = draw(plan, classical, metrics, realised)
+    path.write_text(_page(plan, classical, metrics, verdict, others, realised, figures), encoding="utf-8")
     folder = path.parent / "figures"
     folder.mkdir(exist_ok=True)
     for name, image in figures.items():
@@ -68,7 +70,9 @@ def summary(plan: Plan, classical: Classical, verdict: PulseCheck) -> dict[str, 
 BARE_JERK = " (without a jerk limit)"
 
 
-def draw(plan: Plan, classical: Classical, metrics: Sequence[Metrics]) -> dict[str, bytes]:
+def draw(
+    plan: Plan, classical: Classical, metrics: Sequence[Metrics], realised: RealisedPath | None = None
+) -> dict[str, bytes]:
     """Every figure of the page as a PNG, by name."""
     from planner.plots import path_in_space, pulse_rate
 
@@ -80,6 +84,7 @@ def draw(plan: Plan, classical: Classical, metrics: Sequence[Metrics]) -> dict[s
             "pulses": png(_with_legend(pulse_rate(plan))),
             "classical": png(_classical(plan, classical)),
         }
+        figures |= {"realised": png(*_realised(realised))} if realised else {}
         return figures | ({"tracking": png(*_tracking(metrics))} if metrics else {})
 
 
@@ -103,6 +108,17 @@ def _limits(plan: Plan) -> "list[Axes]":
     axes = _rows(2, 3.2, share=False)
     limit_use(plan, axes[0], "path")
     limit_use(plan, axes[1], "time")
+    _with_legend(axes[0])
+    return axes
+
+
+def _realised(realised: RealisedPath) -> "list[Axes]":
+    from planner.plots import realised_error
+
+    names = [error.name for error in realised.errors if error.name in ("position", "orientation")]
+    axes = _rows(len(names), 2.6)
+    for name, ax in zip(names, axes, strict=True):
+        realised_error(realised, name, ax)
     _with_legend(axes[0])
     return axes
 
@@ -149,6 +165,7 @@ def _page(
     metrics: Sequence[Metrics],
     verdict: PulseCheck,
     others: Sequence[Classical],
+    realised: RealisedPath | None,
     figures: dict[str, bytes],
 ) -> str:
     from planner.plots import ACTIVE, BINS
@@ -161,6 +178,7 @@ def _page(
         others=others,
         metrics=metrics,
         verdict=verdict,
+        realised=realised,
         triggers=plan.triggers,
         summary=summary(plan, classical, verdict),
         saved=classical.duration - plan.trajectory.duration,

@@ -16,7 +16,7 @@ from planner.parallel import Progress
 from planner.path.chain import chain
 from planner.place import Infeasible
 from planner.program import Program
-from planner.pulses import Motion, PulseSchedule, generate
+from planner.pulses import Motion, PulseSchedule, RealisedPath, generate, realised
 from planner.pulses.compensate import compensated
 from planner.solve import fastest
 from planner.standing import Standing, standing
@@ -68,6 +68,10 @@ class Plan:
     def constant_speeds(self) -> tuple[Stretch, ...]:
         """Where the tool runs at exactly the speeds that segments with `speed_constant` ask for."""
         return stretches(self.path, self.trajectory)
+
+    def realised(self, *, stride: int = 1) -> RealisedPath:
+        """How far the pose that the pulses stand for is from the planned one; stride k looks at every k-th interval."""
+        return realised(self, stride=stride)
 
     def plot(self, ax: "Axes3D | None" = None) -> "Axes3D":
         """The path in space, coloured by speed; planner.plots has the other figures of a plan."""

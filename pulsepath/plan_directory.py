@@ -49,7 +49,10 @@ def write(folder: Path, job: Job, inputs: Inputs) -> None:
     pulse_csv.write(job.plan.pulses, folder / PULSES, wiring, timing=timing)
     if job.plan.triggers:
         trigger_csv.write(job.plan, folder / TRIGGERS)
-    write_report(job.plan, job.classical, job.metrics, folder / REPORT, verdict=job.verdict, others=job.others)
+    page = folder / REPORT
+    write_report(
+        job.plan, job.classical, job.metrics, page, verdict=job.verdict, others=job.others, realised=job.realised
+    )
     (folder / RECORD).write_text(as_json(of_plan(job, inputs)), encoding="utf-8")
 
 

@@ -15,6 +15,7 @@ from planner import Infeasible, Place, Triggered
 from planner.export.format import Exported
 from planner.limits import unkept
 from planner.path.join import Blended
+from planner.pulses import RealisedPath
 from pulsepath import __version__
 from pulsepath.directory import KIND
 from pulsepath.inputs import Inputs
@@ -89,6 +90,7 @@ def of_plan(job: Job, inputs: Inputs) -> Record:
                 "highest_rate_hz": job.verdict.highest_rate,
             },
         },
+        "realised": None if job.realised is None else of_realised(job.realised),
         "constant_speeds": [
             {"speed_m_s": stretch.speed, "from": _place(stretch.since), "to": _place(stretch.until)}
             for stretch in plan.constant_speeds
@@ -101,6 +103,25 @@ def of_plan(job: Job, inputs: Inputs) -> Record:
                 "python": python_version(),
                 **_versions("casadi", "numpy", "scipy"),
             },
+        },
+    }
+
+
+def of_realised(path: RealisedPath) -> Record:
+    """The path that the pulses make: its errors, in m or rad, under their bounds; "one_in": how thinly it was seen."""
+    return {
+        "of": path.mover,
+        "instants": path.instants,
+        "one_in": path.stride,
+        "errors": {
+            error.name: {
+                "rms": error.rms,
+                "max": error.max,
+                "bound": error.bound,
+                "unit": error.unit,
+                "where": _place(error.where),
+            }
+            for error in path.errors
         },
     }
 

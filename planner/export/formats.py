@@ -13,6 +13,12 @@ FORMATS = {
     "pmac": "planner.export.pmac:Pmac",
     "g93": "planner.export.g93:InverseTime",
     "ros": "planner.export.ros:JointTrajectory",
+    "adlink": "planner.export.adlink_c:AdlinkC",
+    "adlink-csv": "planner.export.adlink_csv:AdlinkCsv",
+    "kmitl-arms": "planner.export.kmitl_arms:KmitlArms",
+    "kmitl-positions": "planner.export.kmitl_positions:KmitlPositions",
+    "byte": "planner.export.kmitl_byte:KmitlByte",
+    "sasidhar": "planner.export.sasidhar:Sasidhar",
 }
 """Module and class by the name that the command line knows."""
 

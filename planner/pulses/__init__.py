@@ -3,6 +3,8 @@
 from planner.pulses.check import check
 from planner.pulses.generate import generate
 from planner.pulses.motion import Motion, MotionState
+from planner.pulses.realised import realised
+from planner.pulses.realised_path import RealisedError, RealisedPath
 from planner.pulses.rules import RULES, Rule, find_rule
 from planner.pulses.schedule import AxisPulses, Moved, PulseSchedule
 from planner.pulses.verdict import AxisCheck, PulseCheck, PulseFault
@@ -17,8 +19,11 @@ __all__ = [
     "PulseCheck",
     "PulseFault",
     "PulseSchedule",
+    "RealisedError",
+    "RealisedPath",
     "Rule",
     "check",
     "find_rule",
     "generate",
+    "realised",
 ]

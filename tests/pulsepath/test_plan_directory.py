@@ -28,6 +28,13 @@ def test_the_record(directory, job):
     # no leg steps faster than its speed limit, but for the tick to which each of two pulses is rounded
     interval = 0.75e-6 / 20e-3
     assert pulses["check"]["highest_rate_hz"] <= 1 / (interval - 1 / pulses["clock_hz"])
+    realised = record["realised"]
+    assert set(realised["errors"]) == {"x", "y", "z", "rx", "ry", "rz", "position", "orientation"}
+    for error in realised["errors"].values():
+        assert 0 < error["rms"] < error["max"] <= error["bound"]
+        assert error["where"]["segment"] == 1
+    # half a pulse of 0.75 µm in every leg moves the platform by some microns
+    assert 1e-6 < realised["errors"]["position"]["max"] < 5e-6
 
 
 def test_nothing_written_tells_where_or_when_it_was_made(directory, inputs, job, tmp_path):
