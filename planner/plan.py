@@ -19,7 +19,7 @@ from planner.program import Program
 from planner.pulses import PulseSchedule, generate
 from planner.solve import fastest
 from planner.standing import Standing, standing
-from planner.steady import Stretch, stretches
+from planner.steadiness import CONSTANT, Stretch, stretches
 from planner.trajectory import Trajectory
 from planner.triggers import Triggered, triggered
 
@@ -59,8 +59,8 @@ class Plan:
 
     @property
     def constant_speeds(self) -> tuple[Stretch, ...]:
-        """Where the tool runs at exactly the speeds that segments with `speed_constant` ask for."""
-        return stretches(self.path, self.trajectory)
+        """Where the tool runs at exactly the speeds that segments with `speed_constant` ask for, proved to STEADY."""
+        return stretches(self.trajectory, self.certificate.use.get(CONSTANT, np.zeros(len(self.trajectory.s))))
 
     def plot(self, ax: "Axes3D | None" = None) -> "Axes3D":
         """The path in space, coloured by speed; planner.plots has the other figures of a plan."""

@@ -9,7 +9,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics import MotionError, Traverser, load_machine
 from planner import Arc, Blend, Infeasible, Line, Program, Spline, plan
-from planner.steady import stretches
+from planner.steadiness import STEADY
 
 A, J = 0.5, 10.0
 RIM = RigidTransform.from_components([0.015, 0, 0.025], Rotation.identity())
@@ -30,8 +30,9 @@ def ramp(speed, order):
 
 def kept(made, speed, number=1):
     """Asserts that the stretch at constant speed is there, by the trajectory itself; its ends along the segment."""
-    (stretch,) = (each for each in stretches(made.path, made.trajectory) if each.since.segment == number)
+    (stretch,) = (each for each in made.constant_speeds if each.since.segment == number)
     assert stretch.speed == speed
+    assert stretch.deviation <= STEADY
     t = np.linspace(stretch.since.t, stretch.until.t, 5001)[1:-1]
     moved = np.linalg.norm(made.trajectory.at(t).tool_velocity, axis=1)
     assert np.abs(moved / speed - 1).max() < 1e-9
