@@ -7,7 +7,7 @@ segment's cap as well. Where the motion comes from rest, or out of a slower segm
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import chain, pairwise
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from planner.limits.limit import Limit
 from planner.limits.tool_speed import ToolSpeed
 from planner.place import Infeasible
 from planner.proved import Timed
-from planner.steady import steady
+from planner.steady import refuse, steady
 from planner.timing.problem import Run
 from planner.timing.profile import Profile
 from planner.timing.run import Attempt, attempt
@@ -64,14 +64,21 @@ def parted(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int) ->
     blocks = _blocks(path, limits, run)
     if len(blocks) == 1 and path.constant(run.first) is None:
         return attempt(path, limits, run, order)
-    parts: list[Timed] = []
-    for block in blocks:
+    for before, after in pairwise(blocks):
+        both = np.array([before.last, after.first])
+        refuse(path, limits, path.breaks[[after.first, after.first]], both, after.start_speed)
+    parts: dict[int, Sequence[Timed]] = {}
+    # constant speeds first: why they cannot be is soon known
+    for block in sorted(blocks, key=lambda block: path.constant(block.first) is None):
         speed = path.constant(block.first)
-        if speed is None:
-            parts.append(_passage(path, limits, block, order, run))
-        else:
-            parts += steady(path, limits, block, order, speed)
-    return Parted(tuple(parts))
+        try:
+            if speed is None:
+                parts[block.first] = [attempt(path, limits, block, order)]
+            else:
+                parts[block.first] = steady(path, limits, block, order, speed)
+        except MotionError as no:
+            raise _told(path, block, run, no) from None
+    return Parted(tuple(chain(*(parts[block.first] for block in blocks))))
 
 
 def _blocks(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> list[Run]:
@@ -88,19 +95,21 @@ def _blocks(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> list[Run]:
     ]
 
 
-def _passage(path: ActuatorPath, limits: Sequence[Limit], block: Run, order: int, run: Run) -> Attempt:
-    """A part that is free to be as fast as can be, from and to the constant speeds about it."""
-    try:
-        return attempt(path, limits, block, order)
-    except MotionError as no:
-        before = block.first > run.first and (not isinstance(no, Infeasible) or no.kind != "end speed")
-        end, piece = (0, block.first) if before else (-1, block.last)
-        place = path.place(float(block.breaks(path)[end]), piece)
-        remedy = (
-            f"the ramp {'from' if before else 'to'} the constant speed of the segment "
-            f"{'before' if before else 'after'} lies in segment {place.segment}, joined to it without a stop: lower the "
-            'speed, lengthen that segment, or write join = "stop" between them'
-        )
-        if not isinstance(no, Infeasible):
-            raise MotionError(f"{place}: {no}; {remedy}") from None
-        raise Infeasible("constant speed", no.axis, place, no.value, no.limit, no.unit, remedy) from None
+def _told(path: ActuatorPath, block: Run, run: Run, no: MotionError) -> MotionError:
+    """What to say where a part cannot be run from or to the constant speeds about it: which of them, and the remedy."""
+    kind = no.kind if isinstance(no, Infeasible) else ""
+    for kinds, joined, end, piece, words in (
+        (("start speed", ""), block.first > run.first, 0, block.first, ("from", "before")),
+        (("end speed", ""), block.last < run.last, -1, block.last, ("to", "after")),
+    ):
+        if kind in kinds and joined:
+            place = path.place(float(block.breaks(path)[end]), piece)
+            remedy = (
+                f"the ramp {words[0]} the constant speed of the segment {words[1]} lies in segment {place.segment}, "
+                f"joined to it without a stop: lower that speed, lengthen segment {place.segment}, or write "
+                'join = "stop" between the two'
+            )
+            if isinstance(no, Infeasible):
+                return Infeasible("constant speed", no.axis, place, no.value, no.limit, no.unit, remedy)
+            return MotionError(f"{place}: {no}; {remedy}")
+    return no

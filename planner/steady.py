@@ -37,8 +37,8 @@ LONGER = {True: (1.0, 1.002, 1.02), False: (1.01, 1.03, 1.1)}
 GAIN, SOLVES = {True: 1e-3, False: 1.5e-2}, 4
 # Time pieces of the part at constant speed at least, and for each radian that the path turns.
 PIECES, PER_RADIAN = 200, 100
-# Points of a piece looked at where it breaks a limit.
-POINTS = 17
+# Points of a piece looked at before the proof, and where that finds a limit broken.
+FEW, POINTS = 3, 17
 # Halvings that find a largest speed: to rounding.
 HALVINGS = 50
 
@@ -58,7 +58,7 @@ class Cruise:
 
     def tightened(self, use: Mapping[str, Array], slowness: float) -> "Cruise":
         k = np.flatnonzero(np.max([*use.values()], axis=0) > 1 + TOLERANCE)
-        _refuse(self.path, self.limits, *_places(self.profile, k), float(self.profile.v[0]))
+        refuse(self.path, self.limits, *_places(self.profile, k, POINTS), float(self.profile.v[0]))
         return self
 
 
@@ -84,7 +84,7 @@ def steady(
         if since >= until:
             raise _too_short(path, limits, capped.profile, speed)
     profile = _cruise(path, run, since, until, speed)
-    _refuse(path, limits, *_places(profile, np.arange(len(profile.h))), speed)
+    refuse(path, limits, *_places(profile, np.arange(len(profile.h)), FEW), speed)
     return (*up, Cruise(path, tuple(limits), profile), *down)
 
 
@@ -97,7 +97,7 @@ def _capped(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int, s
     motion = tried.profile
     fastest = [int(np.argmax(motion.v))]
     if _use(path, limits, motion.s[fastest], motion.piece[fastest], np.array([speed])).max() > 1 + TOLERANCE:
-        _refuse(path, limits, motion.s, motion.piece, speed)
+        refuse(path, limits, motion.s, motion.piece, speed)
     return tried
 
 
@@ -157,10 +157,10 @@ def _cruise(path: ActuatorPath, run: Run, since: float, until: float, speed: flo
     return Profile(s[:-1], nothing + speed, nothing, nothing, np.diff(s) / speed, piece)
 
 
-def _places(profile: Profile, k: np.ndarray) -> tuple[Array, np.ndarray]:
-    """Path lengths on time pieces k of constant speed, and their path pieces."""
-    s = profile.s[k, None] + (profile.v * profile.h)[k, None] * np.linspace(0, 1, POINTS)
-    return s.ravel(), np.repeat(profile.piece[k], POINTS)
+def _places(profile: Profile, k: np.ndarray, points: int) -> tuple[Array, np.ndarray]:
+    """Path lengths at so many points of time pieces k of constant speed, and their path pieces."""
+    s = profile.s[k, None] + (profile.v * profile.h)[k, None] * np.linspace(0, 1, points)
+    return s.ravel(), np.repeat(profile.piece[k], points)
 
 
 def _refuse_resonance(path: ActuatorPath, limits: Sequence[Limit], run: Run, speed: float) -> None:
@@ -190,7 +190,7 @@ def _refuse_resonance(path: ActuatorPath, limits: Sequence[Limit], run: Run, spe
             raise Infeasible(limit.name, limit.channels[band.axis], place, value, band.low * scale, unit, remedy)
 
 
-def _refuse(path: ActuatorPath, limits: Sequence[Limit], s: Array, piece: np.ndarray, speed: float) -> None:
+def refuse(path: ActuatorPath, limits: Sequence[Limit], s: Array, piece: np.ndarray, speed: float) -> None:
     """Raise Infeasible where the speed breaks a limit: with what is possible at the place that allows the least."""
     over = _use(path, limits, s, piece, np.full(len(s), speed)).max(0) > 1 + TOLERANCE
     if not over.any():
