@@ -6,7 +6,7 @@ segment's cap as well. Where the motion comes from rest, or out of a slower segm
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain, pairwise
 
 import numpy as np
@@ -29,6 +29,7 @@ from planner.timing.run import Attempt, attempt
 class Parted:
     """Motions one after the other, as one."""
 
+    path: ActuatorPath
     parts: tuple[Timed, ...]
 
     @property
@@ -48,12 +49,25 @@ class Parted:
         """The parts that exceed a limit, each tightened by itself."""
         ends = np.cumsum([0, *(len(part.profile.h) for part in self.parts)])
         own = [{name: values[a:b] for name, values in use.items()} for a, b in pairwise(ends)]
-        return Parted(
-            tuple(
-                part.tightened(used, slowness) if max(map(np.max, used.values())) > 1 + TOLERANCE else part
+        return replace(
+            self,
+            parts=tuple(
+                self._tightened(part, used, slowness) if max(map(np.max, used.values())) > 1 + TOLERANCE else part
                 for part, used in zip(self.parts, own, strict=True)
-            )
+            ),
         )
+
+    def _tightened(self, part: Timed, use: Mapping[str, Array], slowness: float) -> Timed:
+        try:
+            return part.tightened(use, slowness)
+        except Infeasible:
+            raise
+        except MotionError as no:  # a ramp between given speeds, which does not know where it lies
+            place = self.path.place(float(part.profile.s[0]), int(part.profile.piece[0]))
+            raise MotionError(
+                f"the ramp from {place}: {no}: lower the constant speed that it joins, or write join = "
+                '"stop" where its segments meet'
+            ) from None
 
 
 def parted(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int) -> Attempt | Parted:
@@ -78,7 +92,7 @@ def parted(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int) ->
                 parts[block.first] = steady(path, limits, block, order, speed)
         except MotionError as no:
             raise _told(path, block, run, no) from None
-    return Parted(tuple(chain(*(parts[block.first] for block in blocks))))
+    return Parted(path, tuple(chain(*(parts[block.first] for block in blocks))))
 
 
 def _blocks(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> list[Run]:

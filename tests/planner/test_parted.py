@@ -6,13 +6,15 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from kinematics import Traverser, load_machine
+from kinematics import MotionError, Traverser, load_machine
 from planner import Arc, Blend, Infeasible, Line, Program, Spline, Through, plan
 from planner.actuation import MachinePath
 from planner.certify import certify
 from planner.limits import limits_of
+from planner.parted import parted
 from planner.plan import actuate
 from planner.steadiness import CONSTANT, STEADY
+from planner.timing.problem import Run
 from planner.trajectory import Trajectory
 
 V, A, J = 0.1, 0.5, 10.0
@@ -109,6 +111,17 @@ def test_a_neighbour_too_short_for_the_ramp_is_named(table, segments, at, reache
     assert (no.kind, no.place.s, no.place.segment) == ("constant speed", pytest.approx(at[0]), at[1])
     assert f"the ramp {at[2]} the constant speed" in str(no)
     assert no.limit / 1e3 == pytest.approx(reached, rel=1e-6)
+
+
+def test_a_ramp_that_cannot_be_tightened_says_where_it_lies(table):
+    """A closed form between two given speeds has nothing to give; what exceeds nothing is left alone."""
+    path = actuate(Program((to(0.03), to(0.06, 0.02))), table)
+    made = parted(path, limits_of(path, table.axes, 2), Run(0, 1), 2)
+    count, first = len(made.profile.h), len(made.parts[0].profile.h)
+    assert made.tightened({"speed": np.full(count, 0.9)}, 1.0).parts == made.parts
+    use = np.where(np.arange(count) < first, 1.1, 0.9)
+    with pytest.raises(MotionError, match=r'the ramp from s = 0 mm, segment 1: no motion.*join = "stop"'):
+        made.tightened({"speed": use}, 1.1)
 
 
 SAID = {"speed": 0.005, "speed_constant": True}
