@@ -11,9 +11,11 @@ import numpy as np
 from benchmarks.page import grouped, png, render, style
 from controllers.metrics import Metrics
 from planner.baselines import Classical
+from planner.certify import CROSSING
 from planner.limits import Limit
 from planner.plan import Plan
 from planner.pulses import PulseCheck, RealisedPath
+from planner.steadiness import CONSTANT, STEADY
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -183,12 +185,16 @@ def _page(
         summary=summary(plan, classical, verdict),
         saved=classical.duration - plan.trajectory.duration,
         bare_jerk=BARE_JERK,
-        allowed={limit.name: _allowed(limit) for limit in plan.limits},
+        allowed={limit.name: _allowed(limit) for limit in plan.limits} | CLAIMS,
         active=dict(_active_time(plan)),
         active_share=ACTIVE,
         window=plan.pulses.duration / BINS,
         axes=list(zip(plan.pulses.axes, verdict.axes, plan.machine.axes, strict=True)),
     )
+
+
+# What is proved beside the limits, and what it is held against.
+CLAIMS = {CROSSING: "the time of its axis", CONSTANT: f"{STEADY:g} off the speed"}
 
 
 def _allowed(limit: Limit) -> str:

@@ -20,7 +20,7 @@ from planner.pulses import Motion, PulseSchedule, RealisedPath, generate, realis
 from planner.pulses.compensate import compensated
 from planner.solve import fastest
 from planner.standing import Standing, standing
-from planner.steady import Stretch, stretches
+from planner.steadiness import CONSTANT, Stretch, stretches
 from planner.trajectory import Trajectory
 from planner.triggers import Triggered, triggered
 
@@ -66,8 +66,8 @@ class Plan:
 
     @property
     def constant_speeds(self) -> tuple[Stretch, ...]:
-        """Where the tool runs at exactly the speeds that segments with `speed_constant` ask for."""
-        return stretches(self.path, self.trajectory)
+        """Where the tool runs at exactly the speeds that segments with `speed_constant` ask for, proved to STEADY."""
+        return stretches(self.trajectory, self.certificate.use.get(CONSTANT, np.zeros(len(self.trajectory.s))))
 
     def realised(self, *, stride: int = 1) -> RealisedPath:
         """How far the pose that the pulses stand for is from the planned one; stride k looks at every k-th interval."""

@@ -92,7 +92,12 @@ def of_plan(job: Job, inputs: Inputs) -> Record:
         },
         "realised": None if job.realised is None else of_realised(job.realised),
         "constant_speeds": [
-            {"speed_m_s": stretch.speed, "from": _place(stretch.since), "to": _place(stretch.until)}
+            {
+                "speed_m_s": stretch.speed,
+                "largest_deviation": stretch.deviation,
+                "from": _place(stretch.since),
+                "to": _place(stretch.until),
+            }
             for stretch in plan.constant_speeds
         ],
         "triggers": [_trigger(event, plan.machine.axes) for event in plan.triggers],

@@ -107,6 +107,7 @@ def test_triggers_repetitions_and_constant_speeds_are_told(call, tmp_path, progr
         (0.004, 1),
         (0.004, 2),
     ]
+    assert all(0 < stretch["largest_deviation"] < 1e-9 for stretch in record["constant_speeds"])
     page = (tmp_path / "o" / "report.html").read_text()
     assert '<h2 id="triggers">' in page
     assert "2, run 2 times" in page
