@@ -43,6 +43,13 @@ def main() -> None:
 @click.option(
     "--duration", metavar="TIME", help='As "12 s": not the fastest motion, but the smoothest that takes so long.'
 )
+@click.option(
+    "--rule",
+    default="nearest",
+    show_default=True,
+    metavar="RULE",
+    help="When pulses fire, of those below; as sampled:period=50us.",
+)
 @click.option("--force", is_flag=True, help="Replace DIR, if an earlier plan is in it.")
 @json_option
 def plan(
@@ -52,6 +59,7 @@ def plan(
     order: str | None,
     clock_hz: int,
     duration: str | None,
+    rule: str,
     force: bool,
     as_json: bool,
 ) -> None:
@@ -67,7 +75,7 @@ def plan(
     seconds = None if duration is None else quantity(duration, "s")
     inputs = read_inputs(program, machine)
     with replacing(out, force) as folder:  # where nothing can be written, that is said before the work
-        job = run(inputs.program, inputs.machine, None if order is None else int(order), clock_hz, seconds)
+        job = run(inputs.program, inputs.machine, None if order is None else int(order), clock_hz, seconds, rule)
         with step("writing the files"):
             plan_directory.write(folder, job, inputs)
     report = str(out / plan_directory.REPORT)

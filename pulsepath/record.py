@@ -67,6 +67,7 @@ def of_plan(job: Job, inputs: Inputs) -> Record:
         "pulses": {
             "clock_hz": plan.pulses.clock_hz,
             "total": plan.pulses.total,
+            "rule": plan.pulses.rule,
             "axes": {
                 axis.name: {
                     "pulses": len(axis),
@@ -75,6 +76,7 @@ def of_plan(job: Job, inputs: Inputs) -> Record:
                     "net_count": axis.final - axis.start,
                     "pulse": axis.pulse,
                     "unit": driven.unit,
+                    "bound_pulses": axis.bound,
                 }
                 for axis, driven in zip(plan.pulses.axes, plan.machine.axes, strict=True)
             },

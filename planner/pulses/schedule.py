@@ -59,7 +59,7 @@ class AxisPulses:
 class PulseSchedule:
     """The pulses of every axis on one clock (clock_hz ticks per second); the motion ends at `duration` (s).
 
-    rule  the name of the firing rule that made them
+    rule  the firing rule that made them, with its options as `planner.pulses.find_rule` reads them
     """
 
     clock_hz: int
