@@ -8,6 +8,7 @@ import click
 from pulsepath import __version__
 from pulsepath.exits import BAD_INPUT, INFEASIBLE, INTERNAL, Commands
 from pulsepath.export_command import export
+from pulsepath.rule_help import WithRules
 
 json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON instead of tables.")
 machine_option = click.option(
@@ -28,7 +29,7 @@ def main() -> None:
     """
 
 
-@main.command()
+@main.command(cls=WithRules)
 @click.argument("program")
 @machine_option
 @click.option("--out", type=click.Path(path_type=Path), required=True, metavar="DIR", help="Directory to write.")

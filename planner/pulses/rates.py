@@ -24,9 +24,7 @@ def largest(pieces: Pieces, axis: int, times: int) -> tuple[float, float]:
     for _ in range(times):
         part = part[1:] * np.arange(1, len(part))[:, None]
     degree = len(part) - 1
-    bernstein = [
-        [comb(j, i) / comb(degree, i) if i <= j else 0.0 for i in range(degree + 1)] for j in range(degree + 1)
-    ]
+    bernstein = [[comb(j, i) / comb(degree, i) for i in range(degree + 1)] for j in range(degree + 1)]
     length = np.repeat(pieces.length, PARTS)
     control = abs(np.array(bernstein) @ part) / (length / PARTS) ** times
     nth, worst = np.unravel_index(control.argmax(), control.shape)

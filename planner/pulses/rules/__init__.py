@@ -1,7 +1,7 @@
 """Firing rules: one file each, one line here."""
 
+from kinematics import registry  # by its module: `nearest` here is the rule's
 from kinematics.errors import MotionError
-from kinematics.registry import nearest
 from planner.option import read_options
 from planner.pulses.rules.dda import Dda
 from planner.pulses.rules.floor import Floor
@@ -27,7 +27,9 @@ def find_rule(text: str) -> Rule:
     """
     name, colon, rest = text.partition(":")
     if name not in RULES:
-        raise MotionError(f'no firing rule is called "{name}"{nearest(name, RULES)}; rules: {", ".join(RULES)}')
+        raise MotionError(
+            f'no firing rule is called "{name}"{registry.nearest(name, RULES)}; rules: {", ".join(RULES)}'
+        )
     given = {}
     for part in rest.split(",") if colon else ():
         key, equals, value = part.partition("=")
