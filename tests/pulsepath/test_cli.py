@@ -9,6 +9,7 @@ from functools import partial
 import numpy as np
 import pytest
 
+from planner.pulses import RULES
 from pulsepath.job import Defect
 
 FILES = {
@@ -414,3 +415,25 @@ def test_a_terminal_without_the_letters_still_gets_the_table():
     done = subprocess.run(command, env=environment, capture_output=True, text=True)
     assert done.returncode == 0
     assert "hexapod" in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("rule", "told"),
+    [
+        ("sampeld", 'no firing rule is called "sampeld", nearest is "sampled"'),
+        ("sampled:perod=1us", 'has no option "perod", nearest is "period"'),
+    ],
+)
+def test_a_mistaken_rule_is_told_before_the_work(call, tmp_path, rule, told):
+    done = call("plan", "bare-circle", "--out", tmp_path / "plan", "--rule", rule)
+    assert done.exit_code == 2
+    assert told in done.stderr
+    assert not (tmp_path / "plan").exists()
+
+
+def test_the_help_of_plan_says_every_rule_and_its_options(call):
+    shown = call("plan", "--help").stdout
+    for name, rule in RULES.items():
+        assert (rule.__doc__ or "").splitlines()[0] in shown
+        assert f"  {name} " in shown
+    assert "period: time between two looks at the motion" in shown

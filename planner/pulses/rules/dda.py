@@ -11,6 +11,7 @@ from kinematics.array import Array
 from kinematics.axis import Axis
 from kinematics.errors import MotionError
 from planner.option import option
+from planner.place import Infeasible
 from planner.pulses.levels import FINE
 from planner.pulses.motion import Motion
 from planner.pulses.pieces import fit
@@ -47,7 +48,7 @@ class Dda:
             )
 
     def fire(self, motion: Motion, axes: Sequence[Axis], home: Array, clock_hz: int) -> PulseSchedule:
-        """Raises Infeasible where a burst does not fit into its step, MotionError for bursts faster than the clock."""
+        """Raises Infeasible for bursts that no step has time for or no axis takes, MotionError where no clock does."""
         if self.rate > clock_hz:
             raise MotionError(f"rate {self.rate:.6g} 1/s must be at most the clock's {clock_hz} Hz")
         pulse = np.array([axis.pulse for axis in axes])
@@ -72,6 +73,10 @@ class Dda:
 
     def _refuse(self, motion: Motion, axes: Sequence[Axis], vectors: Ticks, apart: float) -> None:
         rates = abs(vectors) * self.pulses_per_count / apart
+        for axis in axes:
+            if axis.max_pulse_rate is not None and self.rate > axis.max_pulse_rate:
+                remedy = "send the pulses of a count no faster"
+                raise Infeasible("pulse rate", axis.name, None, self.rate, axis.max_pulse_rate, "1/s", remedy)
         worst, k = map(int, np.unravel_index(rates.argmax(), rates.shape))
         highest = float(rates[worst, k])
         if highest > self.rate:
