@@ -68,6 +68,8 @@ def of_plan(job: Job, inputs: Inputs) -> Record:
             "clock_hz": plan.pulses.clock_hz,
             "total": plan.pulses.total,
             "rule": plan.pulses.rule,
+            "compensations": [asdict(one) for one in plan.pulses.compensations],
+            "moved_for_drives": [asdict(moved) for moved in plan.pulses.moves],
             "axes": {
                 axis.name: {
                     "pulses": len(axis),
