@@ -32,10 +32,10 @@ def table(planned: Plan, schedules: list[PulseSchedule]) -> list[str]:
     rows = [head, f"{'':<24}{'pulses':>9}{'pulses':>9}{'':>10}{'µs':>11}{'µm':>10}{'':>8}"]
     for schedule in schedules:
         bound = max(axis.bound for axis in schedule.axes)
-        worst = max(abs(axis_errors(schedule, motion, k)[1]).max() for k in range(len(schedule.axes)))
+        worst = max(abs(axis_errors(schedule, planned.counted, k)[1]).max() for k in range(len(schedule.axes)))
         interval = 1e6 * (schedule.smallest_interval or 0) / schedule.clock_hz
         space = 1e6 * space_errors(schedule, motion, machine)[1].max()
-        faults = check(schedule, motion, machine.axes, machine.home_q).fault_count
+        faults = check(schedule, planned.counted, machine.axes, machine.home_q).fault_count
         rows.append(
             f"{schedule.rule:<24}{bound:>9.3f}{worst:>9.3f}{schedule.total:>10}{interval:>11.1f}{space:>10.3f}{faults:>8}"
         )
@@ -48,9 +48,9 @@ def draw(planned: Plan, schedules: list[PulseSchedule]) -> Figure:
 
     figure = Figure(figsize=(10, 10), layout="constrained")
     over_time, near, space = figure.subplots(3)
-    axis_error(schedules, planned.trajectory, 0, over_time)
+    axis_error(schedules, planned.counted, 0, over_time)
     middle = planned.trajectory.duration / 2
-    close_up(schedules, planned.trajectory, middle, middle + SHOWN, 0, near)
+    close_up(schedules, planned.counted, middle, middle + SHOWN, 0, near)
     near.set_ylim(-1.3, 1.3)
     space_error(schedules, planned.trajectory, planned.machine, space)
     figure.legend(*over_time.get_legend_handles_labels(), loc="outside upper center", ncols=3, frameon=False)

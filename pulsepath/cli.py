@@ -8,7 +8,6 @@ import click
 from pulsepath import __version__
 from pulsepath.exits import BAD_INPUT, INFEASIBLE, INTERNAL, Commands
 from pulsepath.export_command import export
-from pulsepath.rule_help import WithRules
 
 json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON instead of tables.")
 machine_option = click.option(
@@ -29,7 +28,7 @@ def main() -> None:
     """
 
 
-@main.command(cls=WithRules)
+@main.command()
 @click.argument("program")
 @machine_option
 @click.option("--out", type=click.Path(path_type=Path), required=True, metavar="DIR", help="Directory to write.")
@@ -49,7 +48,7 @@ def main() -> None:
     default="nearest",
     show_default=True,
     metavar="RULE",
-    help="When pulses fire, of those below; as sampled:period=50us.",
+    help='When pulses fire; "pulsepath rules" lists them. With options as sampled:period=50us.',
 )
 @click.option("--force", is_flag=True, help="Replace DIR, if an earlier plan is in it.")
 @json_option
@@ -218,3 +217,18 @@ def machines(as_json: bool) -> None:
         click.echo(record.as_json([record.of_machine(machine) for machine in bundled]), nl=False)
     else:
         tables.show(tables.of_machines(bundled))
+
+
+@main.command()
+@json_option
+def rules(as_json: bool) -> None:
+    """List the firing rules and their options.
+
+    `plan --rule` takes a name, or a name and options: "sampled:period=50us", "dda:spacing=5ms,rate=200kHz".
+    """
+    from pulsepath import record, tables
+
+    if as_json:
+        click.echo(record.as_json(record.of_rules()), nl=False)
+    else:
+        tables.show(tables.of_rules())

@@ -15,7 +15,9 @@ from kinematics.axis import Magnitude, sides
 from kinematics.calibration import Calibration
 from kinematics.calibration.result import GROUPS
 from planner import Place, Standing, Triggered
+from planner.option import options
 from planner.path.join import Blended
+from planner.pulses import RULES
 from pulsepath.job import Job
 
 WIDTH = 110
@@ -54,6 +56,17 @@ def of_plan(job: Job) -> list[Table]:
         pulses.add_row(axis.name, f"{len(axis)}", f"{axis.final - axis.start}", _up(axis.bound, 3))
     pulses.add_row("all", f"{plan.pulses.total}")
     return [times, limits, *of_blends(plan.path.blends), pulses, *_triggers(plan.triggers)]
+
+
+def of_rules() -> list[Table]:
+    """The firing rules, each with its options and their defaults."""
+    rules = _table("firing rules", "rule", "option", "default#", "")
+    for name, rule in RULES.items():
+        rules.add_row(name, "", "", (rule.__doc__ or "").splitlines()[0])
+        for field in options(rule).values():
+            default = f"{field.default:g} {field.metadata['unit']}".rstrip()
+            rules.add_row("", field.name, default, field.metadata["help"])
+    return [rules]
 
 
 def of_blends(blends: Sequence[Blended]) -> list[Table]:

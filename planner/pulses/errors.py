@@ -4,6 +4,7 @@ import numpy as np
 
 from kinematics.array import Array
 from kinematics.machine import Machine
+from planner.pulses.motion import Motion
 from planner.pulses.schedule import PulseSchedule
 from planner.trajectory import Trajectory
 
@@ -13,7 +14,7 @@ BLOCK = 1 << 14
 FREEDOM = ("x", "y", "z", "rx", "ry", "rz")
 
 
-def axis_errors(schedule: PulseSchedule, motion: Trajectory, axis: int = 0) -> tuple[Array, Array]:
+def axis_errors(schedule: PulseSchedule, motion: Motion, axis: int = 0) -> tuple[Array, Array]:
     """Instants (N,) in s and count - (q - home)/pulse (N,) of one axis there, in pulses.
 
     Right before and at each pulse, where they are the largest, and at 20 000 even instants.

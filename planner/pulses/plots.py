@@ -9,6 +9,7 @@ from kinematics.array import Array
 from kinematics.machine import Machine
 from planner.plots import PALETTE, new_axes
 from planner.pulses.errors import axis_errors, space_errors
+from planner.pulses.motion import Motion
 from planner.pulses.schedule import PulseSchedule
 from planner.trajectory import Trajectory
 
@@ -19,7 +20,7 @@ WIDTHS = (3.0, 1.4, 1.4, 1.4, 1.4, 1.2)
 STYLES = ("-", (0, (4, 2)), "-", "-", (0, (1, 1)), "-.")
 
 
-def axis_error(schedules: Sequence[PulseSchedule], motion: Trajectory, axis: int = 0, ax: Axes | None = None) -> Axes:
+def axis_error(schedules: Sequence[PulseSchedule], motion: Motion, axis: int = 0, ax: Axes | None = None) -> Axes:
     """The largest |count·pulse - (q - home)| of an axis in each window of time, in pulses, for every schedule."""
     ax = new_axes(ax)
     for n, schedule in enumerate(schedules):
@@ -42,7 +43,7 @@ def space_error(
 
 def close_up(
     schedules: Sequence[PulseSchedule],
-    motion: Trajectory,
+    motion: Motion,
     since: float,
     until: float,
     axis: int = 0,

@@ -4,6 +4,7 @@ from math import comb
 
 import numpy as np
 
+from kinematics.array import Array
 from kinematics.axis import Axis
 from planner.place import Infeasible, Place
 from planner.pulses.motion import Motion
@@ -30,6 +31,13 @@ def largest(pieces: Pieces, axis: int, times: int) -> tuple[float, float]:
     nth, worst = np.unravel_index(control.argmax(), control.shape)
     place = np.repeat(pieces.start, PARTS)[worst] + length[worst] * (lo[worst] + nth / degree / PARTS)
     return float(control[nth, worst]), float(place)
+
+
+def jumps(pieces: Pieces, axis: int) -> tuple[Array, Array]:
+    """Where (s) pieces meet, and by how much q̇ jumps there: by rounding, or where the error of a screw bends."""
+    c = pieces.coefficients[axis]
+    ends = (np.arange(6) @ c / pieces.length)[:-1]
+    return pieces.start[1:], abs((c[1] / pieces.length)[1:] - ends)
 
 
 def too_fast(motion: Motion, axis: Axis, t: float, rate: float, limit: float, remedy: str) -> Infeasible:

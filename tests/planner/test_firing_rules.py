@@ -13,6 +13,7 @@ from kinematics.axis import Axis
 from kinematics.errors import MotionError
 from planner.place import Infeasible
 from planner.pulses import RULES, AxisPulses, PulseSchedule, check, find_rule, generate
+from planner.pulses.compensate import compensated
 from planner.pulses.levels import COARSE
 from planner.pulses.rules.dda import dda
 from planner.pulses.rules.rule import told
@@ -206,6 +207,19 @@ def test_the_stated_bound_is_no_wider_than_what_is_needed(rule):
     # The timer states a whole timer count's travel for its last pulse; the others are late by half of one at most.
     spare = (axis.bound - 0.5) / 2 if rule.startswith("timer") else 0.02
     assert abs(before).max() >= axis.bound - spare - tick
+
+
+@pytest.mark.parametrize("rule", EVERY)
+def test_compensated_axes_keep_the_bound_too(rule):
+    """A screw whose error bends at two places, where the motor's speed jumps by 4 %; and play."""
+    screw = ((0.0, 0.0), (30 * PULSE, 1.2 * PULSE), (70 * PULSE, 0.0))
+    axis = Axis("X", pulse=PULSE, lead_error=screw, backlash=3 * PULSE, compensate=("lead", "backlash"))
+    motion = there_and_back()
+    schedule = generate(motion, [axis], [0.0], rule=rule)
+    behind = compensated(motion, [axis], np.zeros(1))
+    found = check(schedule, behind, [axis], [0.0])
+    assert found.holds, found.faults
+    assert not check(schedule, motion, [axis], [0.0]).holds or rule == DDA
 
 
 # floor

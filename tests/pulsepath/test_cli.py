@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from planner.pulses import RULES
+from planner.pulses import RULES, find_rule
 from pulsepath.job import Defect
 
 FILES = {
@@ -124,7 +124,7 @@ def test_plan_prints_the_figures_and_where_the_report_is(call, tmp_path, job):
         assert worst <= float(rows[name][0]) <= worst + 1.1e-7
         assert rows[name][1] == job.plan.certificate.where[name].axis.split()[0]
     for axis in job.plan.pulses.axes:
-        assert rows[axis.name] == [str(len(axis)), "0"]
+        assert rows[axis.name] == [str(len(axis)), "0", "0.500"]
 
 
 def test_a_stated_duration(call, tmp_path):
@@ -431,9 +431,12 @@ def test_a_mistaken_rule_is_told_before_the_work(call, tmp_path, rule, told):
     assert not (tmp_path / "plan").exists()
 
 
-def test_the_help_of_plan_says_every_rule_and_its_options(call):
-    shown = call("plan", "--help").stdout
+def test_rules_are_listed_with_their_options(call):
+    record = json.loads(call("rules", "--json").stdout)
+    shown = call("rules").stdout
     for name, rule in RULES.items():
-        assert (rule.__doc__ or "").splitlines()[0] in shown
-        assert f"  {name} " in shown
-    assert "period: time between two looks at the motion" in shown
+        assert record[name]["about"] == (rule.__doc__ or "").splitlines()[0]
+        assert any(line.split()[:1] == [name] for line in shown.splitlines())
+    period = record["sampled"]["options"]["period"]
+    assert find_rule(f"sampled:period={period['default']} {period['unit']}") == find_rule("sampled")
+    assert "2e-05 s" in shown

@@ -14,8 +14,8 @@ from planner.option import option
 from planner.place import Infeasible
 from planner.pulses.levels import FINE
 from planner.pulses.motion import Motion
-from planner.pulses.pieces import fit
-from planner.pulses.rates import largest, too_fast
+from planner.pulses.pieces import Pieces, fit
+from planner.pulses.rates import jumps, largest, too_fast
 from planner.pulses.rules.rule import told
 from planner.pulses.schedule import AxisPulses, PulseSchedule, Signs, Ticks
 
@@ -29,8 +29,9 @@ class Dda:
     - A count is sent as a burst of `pulses_per_count` pulses at `rate`. The source has 500 counts to a unit of length
       and 50 pulses to a count, so 25 000 pulses to a unit; here a pulse is the axis', and so a count 50 of them.
     - |count - x| ≤ 1.5·pulses_per_count + ½ + max|ẍ|·spacing²/8, + one tick's travel: one count of the DDA, half a
-      count of the points, half a pulse of the start, and the chord between the points. So is the final count off, but
-      where the motion ends a whole number of counts from its start.
+      count of the points, half a pulse of the start, and the chord between the points (of which speeds that jump, as
+      where the error of a screw bends, take a quarter of the spacing). So is the final count off, but where the motion
+      ends a whole number of counts from its start.
     Assumption: the source prints no burst rate (its loops take what they take); no axis may need a faster one.
     """
 
@@ -65,8 +66,7 @@ class Dda:
         pieces = fit(motion, FINE * pulse)
         fired = []
         for k, axis in enumerate(axes):
-            bend, _ = largest(pieces, k, 2)
-            bound = 1.5 * self.pulses_per_count + 0.5 + bend / axis.pulse * apart**2 / 8
+            bound = 1.5 * self.pulses_per_count + 0.5 + _sagitta(pieces, k, apart) / axis.pulse
             ticks, sign = self._bursts(began, steps[:, k], clock_hz)
             fired.append(AxisPulses(axis.name, ticks, sign, int(start[k]), axis.pulse, float(home[k]), bound))
         return PulseSchedule(clock_hz, tuple(fired), motion.duration, told(self))
@@ -89,6 +89,14 @@ class Dda:
         within = np.arange(self.pulses_per_count) / self.rate
         ticks = np.floor((began[counted, None] + within) * clock_hz + 0.5).astype(np.int64)
         return ticks.ravel(), np.repeat(steps[counted], self.pulses_per_count)
+
+
+def _sagitta(pieces: Pieces, axis: int, apart: float) -> float:
+    """By how much (m or rad) the motion of an axis may leave the chords between points that are so far apart (s)."""
+    bend, _ = largest(pieces, axis, 2)
+    t, jump = jumps(pieces, axis)
+    together = np.bincount((t / apart).astype(np.intp), weights=jump, minlength=1)
+    return bend * apart**2 / 8 + float(together.max()) * apart / 4
 
 
 def dda(vectors: ArrayLike) -> Signs:
