@@ -93,6 +93,9 @@ class ActuatorPath(Protocol):
         """What to call path length s of a piece."""
 
     def derivatives(self, s: Array, piece: np.ndarray) -> Derivatives: ...
+    def axis_derivatives(self, axis: int, s: Array, piece: np.ndarray) -> Derivatives:
+        """The same of one axis, each (N, 1), in a fraction of the time."""
+
     def pose_numbers(self, s: Array, piece: np.ndarray) -> Array | None:
         """(N, 12) numbers of the pose, None where there is no machine."""
 
@@ -109,6 +112,12 @@ def _along(machine: Machine, shape: Shape) -> Expression:
     s, parameters, near = ca.SX.sym("s"), ca.SX.sym("parameters", shape.size), ca.SX.sym("near", len(machine.axes))
     q = machine.symbolic(column(*shape.motion(s, parameters)), near)
     return differentiated(f"{shape.name}_actuated", q, s, ca.vertcat(s, parameters, near))
+
+
+@lru_cache(maxsize=256)
+def _axis_along(machine: Machine, shape: Shape, axis: int) -> Expression:
+    """The same -> q, q′, q″, q‴ of one axis."""
+    return _along(machine, shape).only(range(axis, 4 * len(machine.axes), len(machine.axes)))
 
 
 @lru_cache(maxsize=64)
@@ -185,6 +194,11 @@ class MachinePath:
 
     def derivatives(self, s: Array, piece: np.ndarray) -> Derivatives:
         both = self._evaluate(lambda shape: _along(self.machine, shape), s, piece, self._near)
+        q, q1, q2, q3 = np.split(both, 4, axis=1)
+        return q, q1, q2, q3
+
+    def axis_derivatives(self, axis: int, s: Array, piece: np.ndarray) -> Derivatives:
+        both = self._evaluate(lambda shape: _axis_along(self.machine, shape, axis), s, piece, self._near)
         q, q1, q2, q3 = np.split(both, 4, axis=1)
         return q, q1, q2, q3
 

@@ -1,6 +1,7 @@
 """A motion in time: s(t) in closed-form pieces along an actuator path."""
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -99,18 +100,32 @@ class Trajectory:
 
         q̇ = q′ ṡ;  q̈ = q′ s̈ + q″ ṡ²;  q⃛ = q′ s⃛ + 3 q″ ṡ s̈ + q‴ ṡ³.
         """
-        asked = np.atleast_1d(np.asarray(t, float))
+        return self._at(np.atleast_1d(np.asarray(t, float)), None)
+
+    def axis_at(self, t: Array, axis: int) -> State:
+        """The same with the values of one axis only, (N, 1), in a fraction of the time."""
+        return self._at(t, axis)
+
+    def _at(self, asked: Array, axis: int | None) -> State:
         held = np.clip(asked, 0.0, self.duration)
         k = self.locate(held)
-        return self.within(k, held - self.knots[k], asked, moving=asked == held)
+        return self.within(k, held - self.knots[k], asked, moving=asked == held, axis=axis)
 
-    def within(self, k: np.ndarray, tau: Array, t: Array | None = None, moving: np.ndarray | None = None) -> State:
+    def within(
+        self,
+        k: np.ndarray,
+        tau: Array,
+        t: Array | None = None,
+        moving: np.ndarray | None = None,
+        axis: int | None = None,
+    ) -> State:
         """The state tau after the start of time piece k, each (N,): on a knot, the side is the caller's choice."""
         share = np.ones(len(k)) if moving is None else moving.astype(float)
         v0, a0, j0 = self.v[k], self.a[k], self.j[k]
         s = self.s[k] + tau * (v0 + tau * (a0 / 2 + tau * j0 / 6))
         sd = share * (v0 + tau * (a0 + tau * j0 / 2))
-        q, q1, q2, q3 = self.path.derivatives(s, self.piece[k])
+        derivatives = self.path.derivatives if axis is None else partial(self.path.axis_derivatives, axis)
+        q, q1, q2, q3 = derivatives(s, self.piece[k])
         v, a, j = sd[:, None], (share * (a0 + tau * j0))[:, None], (share * j0)[:, None]
         qdd, qddd = q1 * a + q2 * v**2, q1 * j + 3 * q2 * v * a + q3 * v**3
         when = self.knots[k] + tau if t is None else t
