@@ -65,8 +65,16 @@ def summary(plan: Plan, classical: Classical, verdict: PulseCheck) -> dict[str, 
         "Solved by": f"{', '.join(sorted(set(plan.methods)))}; the proof held in round {plan.rounds}",
         "Pulses": f"{grouped(plan.pulses.total)} on a clock of {grouped(plan.pulses.clock_hz)} Hz",
         "Highest pulse rate": f"{verdict.highest_rate:.1f} 1/s",
-        "Pulse check": f"{verdict.fault_count} faults; largest time error {verdict.time_error:.4f} ticks",
+        "Pulse check": f"{verdict.fault_count} faults; {_exactness(plan, verdict)}",
     }
+
+
+def _exactness(plan: Plan, verdict: PulseCheck) -> str:
+    """What the check proved of the pulses: exact times where they stand for crossings, else the bounds they state."""
+    if verdict.time_error is not None:
+        return f"largest time error {verdict.time_error:.4f} ticks"
+    widest = max(axis.bound for axis in plan.pulses.axes)
+    return f"within {widest:.3g} pulses, as the rule {plan.pulses.rule} states"
 
 
 BARE_JERK = " (without a jerk limit)"

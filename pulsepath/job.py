@@ -42,12 +42,19 @@ class Job:
         return self.classical.duration - self.plan.trajectory.duration
 
 
-def run(program: Program, machine: Machine, order: int | None, clock_hz: int, duration: float | None = None) -> Job:
+def run(
+    program: Program,
+    machine: Machine,
+    order: int | None,
+    clock_hz: int,
+    duration: float | None = None,
+    rule: str = "nearest",
+) -> Job:
     """Plan, prove and compare. Raises as `planner.plan`, and Defect where the pulses fail their check."""
     for field in unkept(machine):
         print(f"note: {machine.name} states {field} but no masses, so no plan can keep it", file=sys.stderr)
     with step(f"planning {program.name} on {machine.name}") as tell:
-        planned = plan(program, machine, order=order, clock_hz=clock_hz, duration=duration, progress=tell)
+        planned = plan(program, machine, order=order, clock_hz=clock_hz, duration=duration, rule=rule, progress=tell)
     with step(f"checking {planned.pulses.total} pulses"):
         verdict = check(planned.pulses, planned.counted, machine.axes, machine.home_q)
     if not verdict.holds:

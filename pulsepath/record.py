@@ -14,8 +14,9 @@ from kinematics import Axis, Machine, MotionError
 from planner import Infeasible, Place, Triggered
 from planner.export.format import Exported
 from planner.limits import unkept
+from planner.option import options
 from planner.path.join import Blended
-from planner.pulses import RealisedPath
+from planner.pulses import RULES, RealisedPath
 from pulsepath import __version__
 from pulsepath.directory import KIND
 from pulsepath.inputs import Inputs
@@ -156,6 +157,20 @@ def of_export(name: str, file: str, done: Exported) -> Record:
         "error_pulses": done.error,
         "against": done.against,
         "notes": list(done.notes),
+    }
+
+
+def of_rules() -> Record:
+    """The firing rules by name: what each is, and its options; values in SI units."""
+    return {
+        name: {
+            "about": (rule.__doc__ or "").splitlines()[0],
+            "options": {
+                field.name: {"about": field.metadata["help"], "default": field.default, "unit": field.metadata["unit"]}
+                for field in options(rule).values()
+            },
+        }
+        for name, rule in RULES.items()
     }
 
 

@@ -2,12 +2,13 @@
 
 import json
 import sys
+from dataclasses import replace
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from planner.export import pulse_csv
-from planner.pulses import check
+from planner.pulses import check, generate
 from pulsepath import plan_directory
 
 
@@ -80,6 +81,22 @@ def test_the_pulse_file_holds_the_plans_pulses(directory, job):
     )
     assert check(read, plan.trajectory).holds
     assert read.total == plan.pulses.total
+
+
+def test_a_plan_taken_up_again_fires_by_its_rule(inputs, job, tmp_path):
+    plan, rule = job.plan, "sampled:period=1e-05 s"
+    pulses = generate(plan.trajectory, plan.machine.axes, plan.machine.home_q, rule=rule)
+    verdict = check(pulses, plan.trajectory, plan.machine.axes, plan.machine.home_q)
+    plan_directory.write(tmp_path, replace(job, plan=replace(plan, pulses=pulses), verdict=verdict), inputs)
+    record = json.loads((tmp_path / "plan.json").read_text())["pulses"]
+    assert record["rule"] == rule
+    assert record["check"] == {**record["check"], "holds": True, "time_error_ticks": None}
+    assert [axis["bound_pulses"] for axis in record["axes"].values()] == [axis.bound for axis in pulses.axes]
+    again = plan_directory.read(tmp_path).pulses()
+    assert again.rule == rule
+    for got, axis in zip(again.axes, pulses.axes, strict=True):
+        np.testing.assert_array_equal(got.ticks, axis.ticks)
+        np.testing.assert_array_equal(got.direction, axis.direction)
 
 
 def test_a_plan_taken_up_again_is_the_same_to_the_last_bit(directory, job):
