@@ -1,6 +1,7 @@
 """Pulse schedules: from a motion to exact clock ticks, and the independent proof that they stand for it."""
 
 from planner.pulses.check import check
+from planner.pulses.file_check import check_file
 from planner.pulses.generate import generate
 from planner.pulses.motion import Motion, MotionState
 from planner.pulses.realised import realised
@@ -23,6 +24,7 @@ __all__ = [
     "RealisedPath",
     "Rule",
     "check",
+    "check_file",
     "find_rule",
     "generate",
     "realised",

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from planner.export import pulse_csv
 from planner.export.formats import FORMATS, find_format
+from planner.pulses import lines
 
 
 @pytest.fixture
@@ -27,7 +27,7 @@ def test_pulses_are_those_of_the_plan(call, plan, job):
     record = json.loads(done.stdout)
     assert record["error_pulses"] == 0
     machine, pulses = job.plan.machine, job.plan.pulses
-    held = pulse_csv.read(record["file"], pulses.clock_hz, machine.axes, machine.home_q)
+    held = lines.read(record["file"], pulses.clock_hz, machine.axes, machine.home_q).schedule
     for got, axis in zip(held.axes, pulses.axes, strict=True):
         assert np.array_equal(got.ticks, axis.ticks)
         assert np.array_equal(got.direction, axis.direction)
