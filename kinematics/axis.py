@@ -8,9 +8,14 @@ from typing import Literal
 
 from kinematics.array import LARGEST, POSITIVE, finite, plain
 from kinematics.errors import MotionError
+from kinematics.step_timing import StepTiming
 
 Magnitude = float | tuple[float, float]
 """Of both directions, or of each: (towards smaller q, towards greater q)."""
+
+
+COMPENSATED = ("lead", "backlash")
+"""What the pulses of an axis can make up for."""
 
 
 def sides(bound: Magnitude | None) -> tuple[float, float]:
@@ -40,6 +45,8 @@ class Axis:
     backlash        m or rad lost at every reversal
     lead_error      ((position, error), ...) of the screw, positions rising: where the axis is beyond where it counts;
                     past either end as at that end
+    compensate      what its pulses make up for, of "lead" and "backlash": then they count the motor, not the axis
+    timing          what its drive asks of the pulses; None: nothing
     card, channel   which motion card drives it, and which of the card's axes it is: both or neither
     """
 
@@ -60,6 +67,8 @@ class Axis:
     resonance_time: float | None = None
     backlash: float = 0.0
     lead_error: tuple[tuple[float, float], ...] | None = None
+    compensate: tuple[str, ...] = ()
+    timing: StepTiming | None = None
     card: str | None = None
     channel: int | None = None
 
@@ -96,6 +105,12 @@ class Axis:
             curve = getattr(self, field)
             if curve is not None and (len(curve) < 2 or any(not b[0] > a[0] for a, b in pairwise(curve))):
                 raise MotionError(f"axis {self.name}: {field} {curve} must be two or more points, first values rising")
+        object.__setattr__(self, "compensate", tuple(self.compensate))
+        for kind in self.compensate:
+            if kind not in COMPENSATED:
+                raise MotionError(f"axis {self.name}: compensate {kind!r} is none of {', '.join(COMPENSATED)}")
+        if self.timing is not None and not isinstance(self.timing, StepTiming):
+            raise MotionError(f"axis {self.name}: timing must be a StepTiming, or None, not {self.timing!r:.100}")
         self._wiring()
 
     def _travel(self) -> None:
@@ -131,6 +146,12 @@ class Axis:
             rows = array.tolist()
             pairs = tuple(tuple(row) if array.ndim == 2 else row for row in rows) if array.ndim else rows
             object.__setattr__(self, field, pairs)
+
+    @property
+    def pulse_rate(self) -> float:
+        """1/s: the most pulses that the axis takes, as stated and as its drive's timing allows; ∞: any number."""
+        stated = inf if self.max_pulse_rate is None else self.max_pulse_rate
+        return stated if self.timing is None else min(stated, self.timing.rate)
 
     @property
     def unit(self) -> str:

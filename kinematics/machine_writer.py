@@ -16,6 +16,7 @@ from kinematics.errors import MotionError
 from kinematics.geometry_writer import geometry
 from kinematics.load_writer import gravity, load
 from kinematics.machine import Machine
+from kinematics.step_timing import DRIVES, StepTiming
 from kinematics.toml_text import quantity, vector
 
 # The unit in which a field is written, and its power of ten from SI: of linear axes, and of rotary ones.
@@ -94,7 +95,7 @@ def _fields(machine: str, axis: Axis) -> Iterator[tuple[str, str]]:
     """Key and text of every field of an axis that says something."""
     for field in fields(axis):
         value = getattr(axis, field.name)
-        if field.name in _ELSEWHERE or value is None or (field.default == 0 and value == 0):
+        if field.name in _ELSEWHERE or value in (None, ()) or (field.default == 0 and value == 0):
             continue
         if field.name == "travel" and not all(map(isfinite, value)):
             if axis.kind == "rotary":
@@ -106,8 +107,22 @@ def _fields(machine: str, axis: Axis) -> Iterator[tuple[str, str]]:
         yield field.name, _text(field.name, value, 0 if axis.kind == "linear" else 1)
 
 
+def _timing(timing: StepTiming) -> str:
+    """By the drive's name where it has one."""
+    for name, known in DRIVES.items():
+        if known == timing:
+            return dumps(name)
+    times = [f"{name} = {quantity(getattr(timing, name), 'us', 6)}" for name in ("high", "low", "setup", "hold")]
+    rate = [] if timing.max_rate is None else [f"max_rate = {quantity(timing.max_rate, '1/s', 0)}"]
+    return f"{{ {', '.join(times + rate)} }}"
+
+
 def _text(field: str, value: Any, sort: int) -> str:
     """sort: 0 in the units of a linear axis, 1 in those of a rotary one."""
+    if isinstance(value, StepTiming):
+        return _timing(value)
+    if field == "compensate":
+        return dumps(list(value))
     if field in _POINTS:
         x, y = (_UNITS[unit][sort] for unit in _POINTS[field])
         return f"[{', '.join(f'[{quantity(a, *x)}, {quantity(b, *y)}]' for a, b in value)}]"

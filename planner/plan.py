@@ -16,7 +16,8 @@ from planner.parallel import Progress
 from planner.path.chain import chain
 from planner.place import Infeasible
 from planner.program import Program
-from planner.pulses import PulseSchedule, generate
+from planner.pulses import Motion, PulseSchedule, generate
+from planner.pulses.compensate import compensated
 from planner.solve import fastest
 from planner.standing import Standing, standing
 from planner.steady import Stretch, stretches
@@ -51,6 +52,12 @@ class Plan:
     def gap(self) -> float:
         """How far the duration is above the estimate of its lower bound, as a share of that."""
         return self.trajectory.duration / self.lower_estimate - 1
+
+    @property
+    def counted(self) -> Motion:
+        """What the pulses count: the motion, or where axes ask for compensation what their motors make of it."""
+        behind = compensated(self.trajectory, self.machine.axes, self.machine.home_q)
+        return self.trajectory if behind is None else behind
 
     @property
     def triggers(self) -> tuple[Triggered, ...]:

@@ -46,7 +46,7 @@ def run(program: Program, machine: Machine, order: int | None, clock_hz: int, du
     with step(f"planning {program.name} on {machine.name}") as tell:
         planned = plan(program, machine, order=order, clock_hz=clock_hz, duration=duration, progress=tell)
     with step(f"checking {planned.pulses.total} pulses"):
-        verdict = check(planned.pulses, planned.trajectory, machine.axes, machine.home_q)
+        verdict = check(planned.pulses, planned.counted, machine.axes, machine.home_q)
     if not verdict.holds:
         raise Defect(f"{verdict.fault_count} faults in the pulses, the first: {verdict.faults[0]}")
     with step("timing the path classically"):

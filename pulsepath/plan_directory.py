@@ -44,7 +44,9 @@ def write(folder: Path, job: Job, inputs: Inputs) -> None:
     (folder / SOURCES["machine"]).write_bytes(inputs.machine_toml)
     motion_json.write(job.plan.trajectory, folder / MOTION)
     trajectory_csv.write(job.plan, folder / TRAJECTORY)
-    pulse_csv.write(job.plan.pulses, folder / PULSES, [axis.direction for axis in job.plan.machine.axes])
+    axes = job.plan.machine.axes
+    wiring, timing = [axis.direction for axis in axes], [axis.timing for axis in axes]
+    pulse_csv.write(job.plan.pulses, folder / PULSES, wiring, timing=timing)
     if job.plan.triggers:
         trigger_csv.write(job.plan, folder / TRIGGERS)
     write_report(job.plan, job.classical, job.metrics, folder / REPORT, verdict=job.verdict, others=job.others)

@@ -67,6 +67,9 @@ def of_plan(job: Job, inputs: Inputs) -> Record:
         "pulses": {
             "clock_hz": plan.pulses.clock_hz,
             "total": plan.pulses.total,
+            "rule": plan.pulses.rule,
+            "compensations": [asdict(one) for one in plan.pulses.compensations],
+            "moved_for_drives": [asdict(moved) for moved in plan.pulses.moves],
             "axes": {
                 axis.name: {
                     "pulses": len(axis),
@@ -75,6 +78,7 @@ def of_plan(job: Job, inputs: Inputs) -> Record:
                     "net_count": axis.final - axis.start,
                     "pulse": axis.pulse,
                     "unit": driven.unit,
+                    "bound_pulses": axis.bound,
                 }
                 for axis, driven in zip(plan.pulses.axes, plan.machine.axes, strict=True)
             },

@@ -2,15 +2,16 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, Field, PlainValidator
+from pydantic import AfterValidator, AllowInfNan, Field, PlainValidator, ValidationInfo
 
 from kinematics.axis import Axis, Magnitude
 from kinematics.document import Key
 from kinematics.errors import MotionError
 from kinematics.registry import nearest
 from kinematics.schema import File, Table, chosen, wrong
+from kinematics.step_timing import StepTiming, find_drive
 from kinematics.units import Angle, Length, Unit, shown
 
 MICROSTEPS = tuple(sorted({200, 400, 1000, 2000, 5000, 10_000, 25_000, 50_000} | {400 << k for k in range(8)}))
@@ -62,11 +63,42 @@ def _bands(bands: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float],
     return bands
 
 
+class TimingTable(Table):
+    """The timing of a drive that has no name here."""
+
+    high: Annotated[float, Unit("s", above=0, like="1 us")]
+    low: Annotated[float, Unit("s", above=0, like="1 us")]
+    setup: Annotated[float, Unit("s", least=0, like="1 us")]
+    hold: Annotated[float, Unit("s", least=0, like="1 us")]
+    max_rate: Annotated[float, Unit("1/s", above=0, like="500 kHz")] | None = None
+
+
+def _timing(value: object, info: ValidationInfo) -> StepTiming:
+    if isinstance(value, str):
+        try:
+            return find_drive(value)
+        except MotionError as error:
+            raise wrong(str(error)) from None
+    table = TimingTable.model_validate(value, strict=True, context=info.context)
+    return StepTiming(**table.model_dump(exclude_none=True))
+
+
+Timing = Annotated[StepTiming, PlainValidator(_timing)]
+
+
 class Input(Table):
-    """What no unit of its own depends on."""
+    """What no unit of its own depends on.
+
+    pulse_factor     what a calibration found a pulse to be, over what is stated
+    electronic_gear  (n, d): the drive makes n/d steps of each pulse, and a pulse is so much longer
+    """
 
     direction: Annotated[int, AfterValidator(_sign)] | None = None
     max_pulse_rate: Rate | None = None
+    timing: Timing | None = None
+    compensate: tuple[Literal["lead", "backlash"], ...] | None = None
+    pulse_factor: Annotated[float, Field(gt=0), AllowInfNan(False)] | None = None
+    electronic_gear: tuple[Annotated[int, Field(gt=0)], Annotated[int, Field(gt=0)]] | None = None
     resonance_time: Annotated[float, Unit("s", above=0)] | None = None
 
 
@@ -184,8 +216,15 @@ def axes(
         kind = next(kind for table, kind in kinds.items() if isinstance(common, table))
         card, channel = file.wiring.get(name, (None, None))
         wired = {"name": name, "card": card, "channel": channel}
-        made.append(Axis(**({"kind": kind} | _stated(common) | own.get(name, {}) | wired)))
+        made.append(Axis(**_counted({"kind": kind} | _stated(common) | own.get(name, {}) | wired)))
     return made
+
+
+def _counted(values: dict[str, Any]) -> dict[str, Any]:
+    """With the pulse as it is behind its factor and the drive's gear."""
+    steps, pulses = values.pop("electronic_gear", (1, 1))
+    factor = values.pop("pulse_factor", 1.0)
+    return values | {"pulse": values["pulse"] * factor * steps / pulses}
 
 
 def _stated(table: Any) -> dict[str, Any]:

@@ -27,6 +27,7 @@ from numpy.typing import ArrayLike, NDArray
 from kinematics.array import Array
 from kinematics.axis import Axis
 from kinematics.errors import Fault, FileError, MotionError
+from kinematics.step_timing import StepTiming, whole
 from planner.export.format import Exported, Source, option
 from planner.pulses.schedule import AxisPulses, PulseSchedule, Ticks
 
@@ -47,7 +48,7 @@ class PulseCsv:
 
     def write(self, source: Source, path: Path) -> Exported:
         axes, pulses = source.machine.axes, source.pulses
-        write(pulses, path, [axis.direction for axis in axes], width=self.width)
+        write(pulses, path, [axis.direction for axis in axes], width=self.width, timing=[axis.timing for axis in axes])
         held = read(path, pulses.clock_hz, axes, source.machine.home_q)
         same = all(
             np.array_equal(got.ticks, axis.ticks) and np.array_equal(got.direction, axis.direction)
@@ -57,17 +58,24 @@ class PulseCsv:
 
 
 def write(
-    schedule: PulseSchedule, path: str | PathLike[str], wiring: Sequence[int], *, width: float | None = None
+    schedule: PulseSchedule,
+    path: str | PathLike[str],
+    wiring: Sequence[int],
+    *,
+    width: float | None = None,
+    timing: Sequence[StepTiming | None] = (),
 ) -> None:
     """Write the edges of every axis, in pieces of bounded memory.
 
     wiring  (n,) +1/-1, the `direction` of each machine axis
-    width   s that STEP stays high, rounded to ticks; None: 2 µs, or half the smallest pulse interval if that is less
-    Raises MotionError where the width leaves STEP no time to be low, or the wiring does not match the axes.
+    width   s that STEP stays high, rounded to ticks; None: 2 µs, or half the smallest pulse interval if that is less,
+            or else what the drives allow
+    timing  (n,) what each drive asks of its inputs
+    Raises MotionError where the width leaves STEP no time to be low or a drive another, or the wiring does not match.
     """
     if len(wiring) != len(schedule.axes) or any(sign not in (1, -1) for sign in wiring):
         raise MotionError(f"wiring {tuple(wiring)}: give +1 or -1 for each of the {len(schedule.axes)} axes")
-    high = _high_ticks(schedule, width)
+    high = _high_ticks(schedule, width, [drive for drive in timing if drive is not None])
     names = [f"{axis.name} {line}" for axis in schedule.axes for line in ("STEP", "DIR")]
     with Path(path).open("wb") as file:
         file.write((", ".join(["Time[s]", *map(_quoted, names)]) + "\n").encode())
@@ -117,15 +125,17 @@ def read(
     return PulseSchedule(clock_hz, tuple(pulses), float(max(before[0], 0.0)) if duration is None else duration)
 
 
-def _high_ticks(schedule: PulseSchedule, width: float | None) -> int:
-    """Ticks that STEP stays high: at least one, and fewer than between any two pulses."""
+def _high_ticks(schedule: PulseSchedule, width: float | None, drives: Sequence[StepTiming]) -> int:
+    """Ticks that STEP stays high: as the drives ask, and leaving the closest pulses what these need of a low one."""
     clock, closest = schedule.clock_hz, schedule.smallest_interval
-    room = np.inf if closest is None else closest
-    high = max(1, round(min(WIDTH * clock, room // 2))) if width is None else round(width * clock)
-    if not 1 <= high < room:
+    least = max([1, *(whole(max(drive.high, drive.hold), clock) for drive in drives)])
+    room = np.inf if closest is None else closest - max([1, *(whole(drive.low, clock) for drive in drives)])
+    usual = min(WIDTH * clock, np.inf if closest is None else closest // 2)
+    high = int(min(max(round(usual), least), room)) if width is None else round(width * clock)
+    if not least <= high <= room:
         raise MotionError(
-            f"pulse width {high} ticks of {1e6 / clock:.4g} µs: must be at least 1 and less than the {room:.0f} "
-            "between the closest pulses; choose another width, a faster clock, or a slower motion"
+            f"pulse width {high} ticks of {1e6 / clock:.4g} µs: must be at least {least} and at most {room:.0f} "
+            "to leave the closest pulses apart; choose another width, a faster clock, or a slower motion"
         )
     return high
 

@@ -15,7 +15,7 @@ class PulseRate(AxisLimit):
     terms = frozenset({Term.SD})
 
     def __init__(self, axes: Sequence[Axis]) -> None:
-        super().__init__(axes, [axis.max_pulse_rate for axis in axes])
+        super().__init__(axes, [axis.pulse_rate for axis in axes])
         self.pulse: Array = frozen([axis.pulse for axis in axes])
         self.units = (("1/s", 1.0),) * len(axes)
 

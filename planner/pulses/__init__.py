@@ -4,7 +4,7 @@ from planner.pulses.check import check
 from planner.pulses.generate import generate
 from planner.pulses.motion import Motion, MotionState
 from planner.pulses.rules import RULES, Rule, find_rule
-from planner.pulses.schedule import AxisPulses, PulseSchedule
+from planner.pulses.schedule import AxisPulses, Moved, PulseSchedule
 from planner.pulses.verdict import AxisCheck, PulseCheck, PulseFault
 
 __all__ = [
@@ -13,6 +13,7 @@ __all__ = [
     "AxisPulses",
     "Motion",
     "MotionState",
+    "Moved",
     "PulseCheck",
     "PulseFault",
     "PulseSchedule",

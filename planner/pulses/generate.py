@@ -1,17 +1,23 @@
 """From a motion to pulses: the firing rule at work."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from kinematics.axis import Axis
 from kinematics.errors import MotionError
+from planner.pulses.compensate import compensated
 from planner.pulses.motion import Motion
 from planner.pulses.rules import Nearest, Rule
-from planner.pulses.schedule import PulseSchedule
+from planner.pulses.schedule import AxisPulses, PulseSchedule
+from planner.pulses.spacing import spaced
 
 DEFAULT = Nearest()
+
+COUNTER = -(1 << 27), (1 << 27) - 1
+"""What the 28-bit position counters of the cards hold [Sahbaz 2007]."""
 
 
 def generate(
@@ -21,8 +27,9 @@ def generate(
     clock_hz: int = 10_000_000,
     rule: Rule = DEFAULT,
 ) -> PulseSchedule:
-    """The pulses of a motion by a firing rule, on a clock of whole ticks.
+    """The pulses of a motion by a firing rule, on a clock of whole ticks, as far apart as the drives' timing asks.
 
+    Axes that ask for compensation count what their motors have to do (`planner.pulses.compensate`).
     home_q (n,) is the axis position from which pulses count. Raises Infeasible where the rule cannot keep what it
     states, as where an axis would need more than one pulse per tick, MotionError where axes do not match.
     """
@@ -31,4 +38,23 @@ def generate(
     if not len(machine_axes) == width == home.size:
         given = f"{len(machine_axes)} machine axes, {width} axes of the motion, {home.size} home positions"
         raise MotionError(f"{given}: give one of each per axis")
-    return rule.fire(trajectory, machine_axes, home, clock_hz)
+    behind = compensated(trajectory, machine_axes, home)
+    motion = trajectory if behind is None else behind
+    schedule = spaced(rule.fire(motion, machine_axes, home, clock_hz), motion, machine_axes)
+    for pulses, axis in zip(schedule.axes, machine_axes, strict=True):
+        _refuse_counter(pulses, axis)
+    return schedule if behind is None else replace(schedule, compensations=behind.costs)
+
+
+def _refuse_counter(pulses: AxisPulses, axis: Axis) -> None:
+    """Raise MotionError where the count would leave a card's register."""
+    if axis.card is None or not len(pulses):
+        return
+    counts = pulses.start + np.cumsum(pulses.direction, dtype=np.int64)
+    for extreme in (int(counts.min()), int(counts.max())):
+        wired = extreme * axis.direction
+        if not COUNTER[0] <= wired <= COUNTER[1]:
+            raise MotionError(
+                f"axis {axis.name}: the motion counts to {wired}, beyond the {COUNTER[0]} .. {COUNTER[1]} of the "
+                f"position counter of card {axis.card}; use a longer pulse, or work nearer to home"
+            )

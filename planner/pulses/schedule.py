@@ -56,16 +56,57 @@ class AxisPulses:
 
 
 @dataclass(frozen=True, slots=True)
+class Moved:
+    """What the timing of its drive cost an axis.
+
+    pulses  how many were moved
+    time    s, the farthest
+    error   pulses by which that widened the bound of the counts, at t (s)
+    length  m or rad, the same
+    """
+
+    axis: str
+    pulses: int
+    time: float
+    error: float
+    t: float
+    length: float
+
+
+@dataclass(frozen=True, slots=True)
+class Compensation:
+    """What an axis counts besides the motion, and what that costs.
+
+    kinds         "lead", "backlash"
+    crossings     times that the motor crosses the play
+    off           m or rad by which the axis is behind at most while it does
+    speed         m/s or rad/s of the motor, beside the motion's own
+    acceleration  m/s² or rad/s², likewise: neither is in the certificate
+    """
+
+    axis: str
+    kinds: tuple[str, ...]
+    crossings: int
+    off: float
+    speed: float
+    acceleration: float
+
+
+@dataclass(frozen=True, slots=True)
 class PulseSchedule:
     """The pulses of every axis on one clock (clock_hz ticks per second); the motion ends at `duration` (s).
 
-    rule  the name of the firing rule that made them
+    rule   the name of the firing rule that made them
+    moves  what the timing of the drives cost
+    compensations  of the axes that ask for one: they count in the motors' coordinates
     """
 
     clock_hz: int
     axes: tuple[AxisPulses, ...]
     duration: float
     rule: str = "nearest"
+    moves: tuple[Moved, ...] = ()
+    compensations: tuple[Compensation, ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "axes", tuple(self.axes))
