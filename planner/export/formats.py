@@ -8,6 +8,11 @@ from planner.export.format import Format
 
 FORMATS = {
     "pulses": "planner.export.pulse_csv:PulseCsv",
+    "zaber": "planner.export.zaber:ZaberCsv",
+    "xps": "planner.export.xps:Xps",
+    "pmac": "planner.export.pmac:Pmac",
+    "g93": "planner.export.g93:InverseTime",
+    "ros": "planner.export.ros:JointTrajectory",
 }
 """Module and class by the name that the command line knows."""
 

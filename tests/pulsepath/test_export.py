@@ -1,6 +1,8 @@
 """The command `export`: the plan in a directory, in another format, whole or not at all."""
 
 import json
+import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -31,6 +33,43 @@ def test_pulses_are_those_of_the_plan(call, plan, job):
         assert np.array_equal(got.direction, axis.direction)
 
 
+@pytest.mark.parametrize(
+    ("name", "head", "row", "relative", "unit"),
+    [
+        ("zaber", "Time (ms),X Position (mm),X Velocity (mm/s),", r"[\d.]+,(.*),false", False, 1e-3),
+        ("xps", "0.0", r"[\d.]+, (.*)", True, 1e-3),
+        ("pmac", "; ", r"X(.*)", True, 1e-3),
+        ("g93", "(pulsepath: ", r"G1 (.*) F.*", False, 1e-3),
+        ("ros", 'joint_names: ["leg1", ', r"  - positions: \[(.*)\]", False, 1.0),
+    ],
+)
+def test_points_lead_to_where_the_plan_ends(call, plan, job, name, head, row, relative, unit):
+    """The rows of the file, added up where they are moves: from the start to within half a pulse of the end."""
+    done = call("export", plan, "--format", name, "--tolerance", "0.4", "--json")
+    assert done.exit_code == 0, done.stderr
+    record = json.loads(done.stdout)
+    assert 0 < record["error_pulses"] <= 0.4
+    assert "the points" in record["against"]
+    assert record["notes"][0].startswith("segments: ")
+    text = Path(record["file"]).read_bytes().decode()
+    assert text.startswith(head)
+    assert text.endswith("\n")
+    axes, motion = job.plan.machine.axes, job.plan.trajectory
+    found = np.array([re.findall(r"-?\d+\.\d+", numbers) for numbers in re.findall(f"(?m)^{row}$", text)], float)
+    places = found[:, :: found.shape[1] // len(axes)] * unit
+    start, end = motion.at(np.array([0.0, motion.duration])).q
+    reached = start + places.sum(0) if relative else places[-1] + (0 if name == "ros" else job.plan.machine.home_q)
+    assert abs(reached - end).max() <= 0.5 * axes[0].pulse
+
+
+def test_the_error_and_what_to_know_are_printed(call, plan):
+    done = call("export", plan, "--format", "xps", "--spacing", "20 ms", "--out", plan / "mine.trj")
+    assert done.exit_code == 0, done.stderr
+    first, *notes = done.stdout.splitlines()
+    assert re.fullmatch(r".*mine\.trj: 0\.\d+ pulses from the motion, cubic between the points", first)
+    assert notes[:2] == ["  segments: 64, of 20 ms", "  group in the order leg1, leg2, leg3, leg4, leg5, leg6; in mm"]
+
+
 def test_every_format_says_what_it_is_and_its_options_what_they_are_about(call):
     told = call("export", "--help").stdout
     for name in FORMATS:
@@ -53,6 +92,12 @@ def test_an_earlier_file_is_replaced_only_by_force(call, plan):
         (["--format", "pulses", "--width", "1"], "1"),
         (["--format", "pulses", "--width", "1 mm"], "mm"),
         (["--format", "pulses", "--width", "1 s"], "pulse width"),
+        (["--format", "xps", "--spacing", "0 s"], "spacing 0 s: must be at least"),
+        (["--format", "xps", "--spacing", "10 ms", "--tolerance", "1"], "tolerance and spacing exclude each other"),
+        (["--format", "g93", "--tolerance", "-1"], "tolerance -1 pulses: must be above 0"),
+        (["--format", "pmac", "--spacing", "5 s"], "at most 4.09599975 s"),
+        (["--format", "xps", "--letters", "XYZABC"], "format xps has no option --letters; its options: --tolerance"),
+        (["--format", "g93", "--letters", "XYZABB"], "letters XYZABB: G-code needs 6 different ones of XYZABCUVW"),
     ],
 )
 def test_bad_input_is_told_and_leaves_no_file(call, plan, options, told):

@@ -1,0 +1,70 @@
+"""How far a file is from the motion: what was written is decoded, interpolated as its consumer does, and compared."""
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from kinematics.array import Array
+from kinematics.axis import Axis
+from kinematics.errors import MotionError
+from planner.export.format import Exported
+from planner.export.hermite import Segments
+from planner.export.knots import BACKWARD, Knots
+from planner.pulses.motion import Motion
+
+PROBES = 16  # parts of a segment, and
+PER_PIECE = 4  # of every piece of the motion inside it
+INSTANTS = 1 << 16  # compared together
+READ = {1: "straight", 2: "cubic", 3: "quintic"}
+
+
+def compare(
+    motion: Motion,
+    axes: tuple[Axis, ...],
+    knots: Knots,
+    points: Iterable[tuple[Array, Array]],
+    notes: tuple[str, ...],
+) -> Exported:
+    """What the points of a decoded file are from a motion.
+
+    points  in blocks, in order: t (K,) s from the start, and what is stated there (rows, K, axes), m or rad
+    Raises MotionError where that is more than the tolerance for which the knots were chosen.
+    """
+    pulse = np.array([axis.pulse for axis in axes])
+    worst, back, backs, rows = 0.0, 0.0, 0, 0
+    t, stated = np.empty(0), np.empty((0, 0, 0))
+    for after, further in points:
+        rows = len(further)
+        t = np.concatenate([t[-1:], after])
+        stated = np.concatenate([stated[:, -1:], further], 1) if stated.size else further
+        for part in _parts(motion, t):
+            ends = slice(part.start + 1, part.stop + 1)
+            segments = Segments(t[part], t[ends], stated[:, part], stated[:, ends])
+            probes = _probes(motion, segments.start, segments.end)
+            worst = max(worst, float((segments.deviation(motion, probes) / pulse).max()))
+            runs = (segments.backward(motion, probes) / pulse).max(1)
+            back, backs = max(back, float(runs.max())), backs + int((runs > 2 * BACKWARD).sum())
+    if knots.tolerance is not None and not worst <= knots.tolerance:
+        raise MotionError(
+            f"decoded file: {worst:.4g} pulses from the motion, more than the tolerance {knots.tolerance:g}; "
+            "give a greater tolerance, or a spacing"
+        )
+    if backs:
+        notes += (
+            f"segments that run back where the motion does not, their speeds too high for their way: {backs}, by up to "
+            f"{back:.3g} pulses; a smaller spacing mends that",
+        )
+    return Exported(worst, f"the motion, {READ[rows]} between the points", (knots.stated(), *notes))
+
+
+def _probes(motion: Motion, start: Array, end: Array) -> int:
+    pieces = np.searchsorted(motion.knots, end) - np.searchsorted(motion.knots, start)
+    return max(PROBES, PER_PIECE * int(pieces.max()))
+
+
+def _parts(motion: Motion, t: Array) -> Iterable[slice]:
+    """Runs of segments of which all instants are compared together."""
+    first, last = 0, len(t) - 1
+    size = max(1, INSTANTS // max(PROBES, _probes(motion, t[:-1], t[1:]))) if last > 0 else 1
+    for lo in range(first, last, size):
+        yield slice(lo, min(lo + size, last))
