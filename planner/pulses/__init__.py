@@ -1,10 +1,12 @@
 """Pulse schedules: from a motion to exact clock ticks, and the independent proof that they stand for it."""
 
 from planner.pulses.check import check
+from planner.pulses.compress import compress
 from planner.pulses.generate import generate
 from planner.pulses.motion import Motion, MotionState
 from planner.pulses.rules import RULES, Rule, find_rule
 from planner.pulses.schedule import AxisPulses, Moved, PulseSchedule
+from planner.pulses.step_queue import StepQueue, decompress
 from planner.pulses.verdict import AxisCheck, PulseCheck, PulseFault
 
 __all__ = [
@@ -18,7 +20,10 @@ __all__ = [
     "PulseFault",
     "PulseSchedule",
     "Rule",
+    "StepQueue",
     "check",
+    "compress",
+    "decompress",
     "find_rule",
     "generate",
 ]

@@ -1,8 +1,8 @@
 """Pulses to the run-length step queue: the longest command that stays within a tolerance, and again from its end.
 
 A command starts where the one before ended, so they come one after another; but where a pulse is kept exactly, what
-follows can be encoded without knowing what came before. So the pulses are cut into blocks that end with such a pulse, and
-all blocks of all axes are encoded side by side: that costs less than a command per block.
+follows can be encoded without knowing what came before. So the pulses are cut into blocks that end with such a pulse,
+and all blocks of all axes are encoded side by side: that costs less than a command per block.
 """
 
 from collections.abc import Iterator, Sequence
@@ -34,7 +34,7 @@ def compress(axes: Sequence[AxisPulses], tolerance: int, least: int = 1) -> tupl
     stretches = np.concatenate(
         [np.empty((0, 3), np.int64)]
         + [
-            np.column_stack([np.full(len(first), k), first + 1, np.append(first[1:], len(axis))])
+            np.column_stack([np.full(len(first), k), first + 1, np.append(first, len(axis))[1:]])
             for k, (axis, first) in enumerate(zip(axes, firsts, strict=True))
         ]
     )
@@ -103,21 +103,21 @@ def _encode(axes: Sequence[AxisPulses], blocks: Ticks, tolerance: int, least: in
     end = np.cumsum(blocks[:, 2] - blocks[:, 1] + 1)
     begin = np.concatenate([[1], end[:-1] + 1])
     earliest, latest = ticks - tolerance, ticks + tolerance
-    _keep(ticks, earliest, latest, end[blocks[:, 3] == 1] - 1, least)
+    kept = blocks[:, 3] == 1
+    _keep(ticks, earliest, latest, begin[kept], end[kept] - 1, least)
     place, interval, count, add = encode(Bounds(ticks, earliest, latest, turns, begin, end, least), once).T
     block = np.searchsorted(end, place, side="right")
     return np.column_stack([blocks[block, 0], place - begin[block] + blocks[block, 1], interval, count, add])
 
 
-def _keep(ticks: Ticks, earliest: Ticks, latest: Ticks, kept: Ticks, least: int) -> None:
-    """Bounds that keep some pulses exactly, and those before them early enough to leave them room."""
-    earliest[kept] = latest[kept] = ticks[kept]
-    room = ticks[kept]
-    while len(kept):
-        kept, room = kept - 1, room - least
-        tight = (kept >= 0) & (room < latest[kept]) & (latest[kept] > ticks[kept])
-        kept, room = kept[tight], room[tight]
-        latest[kept] = room
+def _keep(ticks: Ticks, earliest: Ticks, latest: Ticks, begin: Ticks, last: Ticks, least: int) -> None:
+    """Narrow the bounds: the last pulses of blocks are kept exactly, and those before them early enough for that."""
+    room = earliest[last] = latest[last] = ticks[last]
+    while len(last):
+        last, room = last - 1, room - least
+        tight = (last >= begin) & (room < latest[last])
+        begin, last, room = begin[tight], last[tight], room[tight]
+        latest[last] = room
 
 
 def _queue(axis: AxisPulses, first: Ticks, commands: Ticks) -> StepQueue:

@@ -1,4 +1,4 @@
-"""The run-length step queue: pulses as short polynomials in the pulse number, as step-generating firmware takes them."""
+"""The run-length step queue: pulses as short polynomials, as firmware that makes the steps itself takes them."""
 
 from dataclasses import dataclass
 
