@@ -11,9 +11,11 @@ import numpy as np
 from benchmarks.page import grouped, png, render, style
 from controllers.metrics import Metrics
 from planner.baselines import Classical
+from planner.certify import CROSSING
 from planner.limits import Limit
 from planner.plan import Plan
-from planner.pulses import PulseCheck
+from planner.pulses import PulseCheck, RealisedPath
+from planner.steadiness import CONSTANT, STEADY
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -29,6 +31,7 @@ def write_report(
     *,
     verdict: PulseCheck,
     others: Sequence[Classical] = (),
+    realised: RealisedPath | None = None,
 ) -> None:
     """Write the page to `path` and its figures to `figures/*.png` beside it.
 
@@ -36,9 +39,10 @@ def write_report(
     metrics    the errors of each tracking law; none: the page has no such part
     verdict    of the independent check of the plan's pulses
     others     further classical timings, for the table
+    realised   the path that the pulses make; None: the page has no such part
     """
-    figures = draw(plan, classical, metrics)
-    path.write_text(_page(plan, classical, metrics, verdict, others, figures), encoding="utf-8")
+    figures = draw(plan, classical, metrics, realised)
+    path.write_text(_page(plan, classical, metrics, verdict, others, realised, figures), encoding="utf-8")
     folder = path.parent / "figures"
     folder.mkdir(exist_ok=True)
     for name, image in figures.items():
@@ -61,14 +65,24 @@ def summary(plan: Plan, classical: Classical, verdict: PulseCheck) -> dict[str, 
         "Solved by": f"{', '.join(sorted(set(plan.methods)))}; the proof held in round {plan.rounds}",
         "Pulses": f"{grouped(plan.pulses.total)} on a clock of {grouped(plan.pulses.clock_hz)} Hz",
         "Highest pulse rate": f"{verdict.highest_rate:.1f} 1/s",
-        "Pulse check": f"{verdict.fault_count} faults; largest time error {verdict.time_error:.4f} ticks",
+        "Pulse check": f"{verdict.fault_count} faults; {_exactness(plan, verdict)}",
     }
+
+
+def _exactness(plan: Plan, verdict: PulseCheck) -> str:
+    """What the check proved of the pulses: exact times where they stand for crossings, else the bounds they state."""
+    if verdict.time_error is not None:
+        return f"largest time error {verdict.time_error:.4f} ticks"
+    widest = max(axis.bound for axis in plan.pulses.axes)
+    return f"within {widest:.3g} pulses, as the rule {plan.pulses.rule} states"
 
 
 BARE_JERK = " (without a jerk limit)"
 
 
-def draw(plan: Plan, classical: Classical, metrics: Sequence[Metrics]) -> dict[str, bytes]:
+def draw(
+    plan: Plan, classical: Classical, metrics: Sequence[Metrics], realised: RealisedPath | None = None
+) -> dict[str, bytes]:
     """Every figure of the page as a PNG, by name."""
     from planner.plots import path_in_space, pulse_rate
 
@@ -80,6 +94,7 @@ def draw(plan: Plan, classical: Classical, metrics: Sequence[Metrics]) -> dict[s
             "pulses": png(_with_legend(pulse_rate(plan))),
             "classical": png(_classical(plan, classical)),
         }
+        figures |= {"realised": png(*_realised(realised))} if realised else {}
         return figures | ({"tracking": png(*_tracking(metrics))} if metrics else {})
 
 
@@ -103,6 +118,17 @@ def _limits(plan: Plan) -> "list[Axes]":
     axes = _rows(2, 3.2, share=False)
     limit_use(plan, axes[0], "path")
     limit_use(plan, axes[1], "time")
+    _with_legend(axes[0])
+    return axes
+
+
+def _realised(realised: RealisedPath) -> "list[Axes]":
+    from planner.plots import realised_error
+
+    names = [error.name for error in realised.errors if error.name in ("position", "orientation")]
+    axes = _rows(len(names), 2.6)
+    for name, ax in zip(names, axes, strict=True):
+        realised_error(realised, name, ax)
     _with_legend(axes[0])
     return axes
 
@@ -149,6 +175,7 @@ def _page(
     metrics: Sequence[Metrics],
     verdict: PulseCheck,
     others: Sequence[Classical],
+    realised: RealisedPath | None,
     figures: dict[str, bytes],
 ) -> str:
     from planner.plots import ACTIVE, BINS
@@ -161,16 +188,21 @@ def _page(
         others=others,
         metrics=metrics,
         verdict=verdict,
+        realised=realised,
         triggers=plan.triggers,
         summary=summary(plan, classical, verdict),
         saved=classical.duration - plan.trajectory.duration,
         bare_jerk=BARE_JERK,
-        allowed={limit.name: _allowed(limit) for limit in plan.limits},
+        allowed={limit.name: _allowed(limit) for limit in plan.limits} | CLAIMS,
         active=dict(_active_time(plan)),
         active_share=ACTIVE,
         window=plan.pulses.duration / BINS,
         axes=list(zip(plan.pulses.axes, verdict.axes, plan.machine.axes, strict=True)),
     )
+
+
+# What is proved beside the limits, and what it is held against.
+CLAIMS = {CROSSING: "the time of its axis", CONSTANT: f"{STEADY:g} off the speed"}
 
 
 def _allowed(limit: Limit) -> str:

@@ -10,7 +10,7 @@ from planner.orientation import orient
 from planner.place import Infeasible, Place
 from planner.plan import Plan, check, plan
 from planner.program import Arc, Blend, Dwell, Free, Line, Program, Spline, Stop, Through, Trigger, Turn
-from planner.pulses import PulseSchedule
+from planner.pulses import PulseSchedule, RealisedPath, realised
 from planner.solve import Solution
 from planner.standing import Standing
 from planner.trajectory import State, Trajectory
@@ -18,9 +18,9 @@ from planner.triggers import Triggered
 
 __all__ = [
     "Arc", "Blend", "Certificate", "Classical", "Dwell", "Free", "Infeasible", "Line", "Place", "Plan", "Program",
-    "PulseSchedule", "Solution", "Spline", "Standing", "State", "Stop", "Through", "Trajectory", "Trigger",
-    "Triggered", "Turn", "check", "classical", "load_program", "orient", "plan", "plan_many", "program_names",
-    "time_optimal",
+    "PulseSchedule", "RealisedPath", "Solution", "Spline", "Standing", "State", "Stop", "Through", "Trajectory",
+    "Trigger", "Triggered", "Turn", "check", "classical", "load_program", "orient", "plan", "plan_many",
+    "program_names", "realised", "time_optimal",
 ]  # fmt: skip
 
 

@@ -18,6 +18,7 @@ from planner.limits.limit import Limit, Term
 from planner.limits.resonance import Resonance
 from planner.place import Place
 from planner.stays import stays
+from planner.steadiness import CONSTANT, claimed, unsteadiness
 from planner.trajectory import Trajectory
 from planner.walk import walk
 
@@ -106,6 +107,9 @@ def certify(trajectory: Trajectory, limits: Sequence[Limit], known: Known | None
         if isinstance(limit, Resonance) and limit.bands:
             use[CROSSING], attained[CROSSING], where[CROSSING] = _crossing(trajectory, limit)
             worst[CROSSING] = float(use[CROSSING].max())
+    if np.isfinite(claimed(trajectory)).any():
+        use[CONSTANT], attained[CONSTANT], where[CONSTANT] = unsteadiness(trajectory)
+        worst[CONSTANT] = float(use[CONSTANT].max())
     for name, place in (_jumps(trajectory, order) | _gaps(trajectory)).items():
         worst[name], where[name] = float("inf"), place
     return Certificate(

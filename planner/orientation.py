@@ -166,6 +166,7 @@ def _solve(machine: Machine, parts: Sequence[_Part], returns: bool, objective: O
         {
             "ipopt": {"print_level": 0, "sb": "yes", "max_iter": ITERATIONS, "tol": 1e-7, "acceptable_tol": 1e-5},
             "print_time": False,
+            "calc_lam_p": False,  # nobody asks for them, and where IPOPT gives up CasADi would warn of them
             "error_on_fail": False,
             "show_eval_warnings": False,
         },

@@ -16,11 +16,11 @@ from planner.parallel import Progress
 from planner.path.chain import chain
 from planner.place import Infeasible
 from planner.program import Program
-from planner.pulses import Motion, PulseSchedule, generate
+from planner.pulses import Motion, PulseSchedule, RealisedPath, Rule, find_rule, generate, realised
 from planner.pulses.compensate import compensated
 from planner.solve import fastest
 from planner.standing import Standing, standing
-from planner.steady import Stretch, stretches
+from planner.steadiness import CONSTANT, Stretch, stretches
 from planner.trajectory import Trajectory
 from planner.triggers import Triggered, triggered
 
@@ -66,8 +66,12 @@ class Plan:
 
     @property
     def constant_speeds(self) -> tuple[Stretch, ...]:
-        """Where the tool runs at exactly the speeds that segments with `speed_constant` ask for."""
-        return stretches(self.path, self.trajectory)
+        """Where the tool runs at exactly the speeds that segments with `speed_constant` ask for, proved to STEADY."""
+        return stretches(self.trajectory, self.certificate.use.get(CONSTANT, np.zeros(len(self.trajectory.s))))
+
+    def realised(self, *, stride: int = 1) -> RealisedPath:
+        """How far the pose that the pulses stand for is from the planned one; stride k looks at every k-th interval."""
+        return realised(self, stride=stride)
 
     def plot(self, ax: "Axes3D | None" = None) -> "Axes3D":
         """The path in space, coloured by speed; planner.plots has the other figures of a plan."""
@@ -103,14 +107,16 @@ def plan(
     order: int | None = None,
     clock_hz: int = 10_000_000,
     duration: float | None = None,
+    rule: str | Rule = "nearest",
     progress: Progress | None = None,
 ) -> Plan:
     """The fastest motion of a machine along a program, proved to respect every limit, and its pulses.
 
     order 2 keeps speed and acceleration, 3 jerk as well; None: 3 where the machine states jerk limits.
     duration (s): the smoothest motion that takes so long instead, as `planner.duration.within` has it; None: what the
-    program states, if it does. progress is told how many of the runs between stops are solved, and of how
-    many. Raises Infeasible (what, where, by how much, remedy), OutOfReach, or MotionError.
+    program states, if it does. rule: of firing, or its name and options ("sampled:period=50us"). progress is told how
+    many of the runs between stops are solved, and of how many. Raises Infeasible (what, where, by how much, remedy),
+    OutOfReach, or MotionError.
     """
     if order is None:
         order = 3 if any(axis.max_jerk is not None for axis in machine.axes) else 2
@@ -121,6 +127,7 @@ def plan(
     duration = program.duration if duration is None else duration
     if duration is not None and not 0 < duration < np.inf:
         raise MotionError(f"duration {duration} s must be positive and finite")
+    rule = find_rule(rule) if isinstance(rule, str) else rule
     program = oriented(program, machine)
     path = actuate(program, machine)
     limits = limits_of(path, machine.axes, order)
@@ -128,7 +135,7 @@ def plan(
         solution = fastest(path, limits, order, progress)
     else:
         solution = within(path, limits, machine.axes, order, duration, progress)
-    pulses = _pulses(solution.trajectory, machine, int(clock_hz))
+    pulses = _pulses(solution.trajectory, machine, int(clock_hz), rule)
     return Plan(
         program,
         machine,
@@ -144,10 +151,10 @@ def plan(
     )
 
 
-def _pulses(trajectory: Trajectory, machine: Machine, clock_hz: int) -> PulseSchedule:
+def _pulses(trajectory: Trajectory, machine: Machine, clock_hz: int, rule: Rule) -> PulseSchedule:
     """The pulses; a refusal names the segment, which pulses alone do not know."""
     try:
-        return generate(trajectory, machine.axes, machine.home_q, clock_hz)
+        return generate(trajectory, machine.axes, machine.home_q, clock_hz, rule)
     except Infeasible as no:
         if no.place is None or no.place.t is None:
             raise

@@ -14,6 +14,7 @@ from kinematics.array import Array
 from kinematics.axis import Axis
 from kinematics.pose import from_numbers
 from planner.plan import Plan
+from planner.pulses.realised_path import RealisedPath
 from planner.trajectory import Trajectory
 
 Quantity = Literal["position", "speed", "acceleration", "jerk"]
@@ -139,6 +140,21 @@ def pulse_rate(plan: Plan, ax: Axes | None = None) -> Axes:
     for rate in {axis.max_pulse_rate for axis in plan.machine.axes if axis.max_pulse_rate is not None}:
         ax.axhline(rate / 1e3, color="black", linestyle=(0, (6, 3)), linewidth=1)
     ax.set(xlabel="time (s)", ylabel="pulse rate (1000/s)", xlim=(0, plan.pulses.duration))
+    ax.set_ylim(bottom=0)
+    return ax
+
+
+def realised_error(result: RealisedPath, name: str = "position", ax: Axes | None = None, **style: Any) -> Axes:
+    """One error of a realised path over time, the largest in each of its windows, under what bounds it.
+
+    `style` goes to the error's line, so that the paths of several firing rules can share the axes.
+    """
+    ax = new_axes(ax)
+    error = result[name]
+    ax.stairs(1e6 * error.series, result.edges, label=result.rule, baseline=None, **{**_style(0), **style})
+    ax.stairs(1e6 * error.bounds, result.edges, label="bound", baseline=None, color="black", linestyle=(0, (6, 3)))
+    ax.set_axisbelow(True)
+    ax.set(xlabel="time (s)", ylabel=f"{name} error (µ{error.unit})", xlim=(0, result.edges[-1]))
     ax.set_ylim(bottom=0)
     return ax
 

@@ -49,7 +49,10 @@ Join = Stop | Through | Blend
 
 @dataclass(frozen=True, slots=True)
 class Trigger:
-    """An event at a position: named, at a share of its segment's path length (1: at its end)."""
+    """An event at a position: named, at a share of the tool's way along its segment (1: at its end).
+
+    Where the segment only turns the tool, at a share of the angle.
+    """
 
     name: str
     at: float = 1.0
@@ -92,7 +95,8 @@ class Line:
     speed        cap of the tool speed, m/s; None: as fast as the machine can
     join         to the next segment
     acceleration, angular_speed  caps of the tool's acceleration, m/s², and of the platform's turning, rad/s
-    speed_constant  exactly this speed, outside the shortest ramps at its ends
+    speed_constant  exactly this speed, outside the shortest ramps where it is begun from rest or left to rest
+                (planner.parted: where the ramps lie at other joins)
     trigger      an event along it
     free         what of its orientation is left free, for `planner.orientation` to choose
     line_number  where it stands in its file, for messages

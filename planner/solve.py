@@ -9,23 +9,19 @@ from typing import NoReturn
 import numpy as np
 
 from kinematics.errors import MotionError
-from planner.actuation import ActuatorPath, points_of
+from planner.actuation import ActuatorPath
 from planner.certify import TOLERANCE, Certificate, Known, certify
 from planner.limits.limit import Limit
 from planner.parallel import Progress, spread
+from planner.parted import parted
 from planner.proved import ROUNDS, Proved, Prover, Timing, holding
 from planner.standing import refusal, standing
-from planner.steady import Steady, steady
 from planner.timing.problem import Run
 from planner.timing.profile import Profile
-from planner.timing.run import Attempt, attempt
 from planner.trajectory import Trajectory
 
 # Runs that are proved together: what one of them takes is more than handing it to another process.
 PART = 8
-
-# Points of a piece at which its parameter is held against the tool's way, and by how much they may differ: rounding.
-LOOKED, EVEN = 9, 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +57,7 @@ def fastest(path: ActuatorPath, limits: Sequence[Limit], order: int, progress: P
     """
     for worst in standing(path, limits).violations:
         raise worst
-    return proved(path, limits, order, partial(_started, order=order), progress)
+    return proved(path, limits, order, partial(parted, order=order), progress)
 
 
 def proved(
@@ -100,36 +96,6 @@ def _runs(path: ActuatorPath, stops: np.ndarray) -> list[Run]:
     runs[0] = replace(runs[0], start_speed=path.end_speeds[0])
     runs[-1] = replace(runs[-1], end_speed=path.end_speeds[1])
     return runs
-
-
-def _started(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int) -> Attempt | Steady:
-    """The first solve of a run, at constant speed where its segment asks for one."""
-    speeds = {path.constant(piece) for piece in range(run.first, run.last + 1)}
-    speed = speeds.pop()
-    if speeds:
-        raise MotionError(
-            f"{path.place(float(path.breaks[run.first]), run.first)}: a constant speed needs stops at the ends of its "
-            'segment: write join = "stop" there and on the segment before it'
-        )
-    if speed is None:
-        return attempt(path, limits, run, order)
-    _refuse_uneven(path, run)
-    return steady(path, limits, run, order, speed)
-
-
-def _refuse_uneven(path: ActuatorPath, run: Run) -> None:
-    """Where the path's parameter is not the tool's way, as on splines and blends, a constant ṡ is no constant speed."""
-    pieces = np.repeat(np.arange(run.first, run.last + 1), LOOKED)
-    share = np.tile(np.linspace(0.0, 1.0, LOOKED), run.last + 1 - run.first)
-    s = path.breaks[pieces] + share * np.diff(path.breaks)[pieces]
-    way = np.linalg.norm(points_of(path, s, pieces).tool_derivatives[1][:, :3], axis=1)
-    uneven = np.abs(way - 1) > EVEN
-    if uneven.any():
-        first = int(np.argmax(uneven))
-        raise MotionError(
-            f"{path.place(float(s[first]), int(pieces[first]))}: a constant speed is kept on lines and arcs only, "
-            'not on splines or through blends: write join = "stop" at both ends, or take speed_constant away'
-        )
 
 
 def assemble(

@@ -1,4 +1,6 @@
-"""Constant tool speed: a segment as the shortest ramp up, exactly the speed that is asked for, and a ramp down.
+"""Constant tool speed: the shortest ramp up, exactly the speed that is asked for, and a ramp down.
+
+The path's parameter is the tool's way here (planner.path.even), so a constant ṡ is the tool's speed, to 1e-10 of it.
 
 The fastest motion under the speed as a cap tells where the ramps can end: at order 2 no motion is faster anywhere
 [Pham and Pham 2018], so none reaches the speed earlier or leaves it later; at order 3 that is taken over as a rule, and
@@ -8,6 +10,7 @@ Between those two places the speed either can be kept, or the plan is infeasible
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -16,8 +19,9 @@ from kinematics.errors import MotionError
 from planner.actuation import ActuatorPath
 from planner.certify import TOLERANCE
 from planner.limits.limit import Limit
+from planner.limits.resonance import Resonance
 from planner.limits.tool_speed import ToolSpeed
-from planner.place import Infeasible, Place
+from planner.place import Infeasible
 from planner.timing.problem import Run, grid
 from planner.timing.profile import Profile
 from planner.timing.run import STRAIGHT, Attempt, attempt
@@ -33,101 +37,68 @@ LONGER = {True: (1.0, 1.002, 1.02), False: (1.01, 1.03, 1.1)}
 GAIN, SOLVES = {True: 1e-3, False: 1.5e-2}, 4
 # Time pieces of the part at constant speed at least, and for each radian that the path turns.
 PIECES, PER_RADIAN = 200, 100
-# Points of a piece looked at where it breaks a limit.
-POINTS = 17
+# Points of a piece looked at before the proof, and where that finds a limit broken.
+FEW, POINTS = 3, 17
 # Halvings that find a largest speed: to rounding.
 HALVINGS = 50
 
 
 @dataclass(frozen=True, slots=True)
-class Steady:
-    """A run at constant speed, in the place of an `Attempt`: ramp up, the speed itself, ramp down.
-
-    A ramp is None where the run begins or ends at that speed.
-    """
+class Cruise:
+    """The speed itself: what it asks of a limit cannot be changed, so an excess is a refusal."""
 
     path: ActuatorPath
     limits: tuple[Limit, ...]
-    up: Attempt | None
-    cruise: Profile
-    down: Attempt | None
-
-    @property
-    def profile(self) -> Profile:
-        parts = [part for part in (self.up and self.up.profile, self.cruise, self.down and self.down.profile) if part]
-        return Profile.joined(parts)
-
-    @property
-    def method(self) -> str:
-        return next((ramp.method for ramp in (self.up, self.down) if ramp is not None), "constant speed")
+    profile: Profile
+    method: ClassVar[str] = "constant speed"
 
     @property
     def floor(self) -> float:
-        """An estimate of the least time: of the ramps, and what the constant speed takes."""
-        return float(self.cruise.h.sum()) + sum(ramp.floor for ramp in (self.up, self.down) if ramp is not None)
+        return self.profile.duration
 
-    def tightened(self, use: Mapping[str, Array], slowness: float) -> "Steady":
-        """The ramps solved again; at constant speed there is nothing to give, so an excess there is a refusal."""
-        first = 0 if self.up is None else len(self.up.profile.h)
-        last = first + len(self.cruise.h)
-        over = np.max([values[first:last] for values in use.values()], axis=0) > 1 + TOLERANCE
-        if over.any():
-            k = np.flatnonzero(over)
-            s = self.cruise.s[k, None] + (self.cruise.v * self.cruise.h)[k, None] * np.linspace(0, 1, POINTS)
-            _refuse(self.path, self.limits, s.ravel(), np.repeat(self.cruise.piece[k], POINTS), float(self.cruise.v[0]))
-        up = self.up and _tightened(self.up, {name: values[:first] for name, values in use.items()}, slowness)
-        down = self.down and _tightened(self.down, {name: values[last:] for name, values in use.items()}, slowness)
-        return replace(self, up=up, down=down)
+    def tightened(self, use: Mapping[str, Array], slowness: float) -> "Cruise":
+        k = np.flatnonzero(np.max([*use.values()], axis=0) > 1 + TOLERANCE)
+        refuse(self.path, self.limits, *_places(self.profile, k, POINTS), float(self.profile.v[0]))
+        return self
 
 
-def _tightened(ramp: Attempt, use: Mapping[str, Array], slowness: float) -> Attempt:
-    return ramp.tightened(use, slowness) if any((values > 1 + TOLERANCE).any() for values in use.values()) else ramp
+def steady(
+    path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int, speed: float
+) -> tuple[Attempt | Cruise, ...]:
+    """The run at constant speed: the ramp up, the speed, and the ramp down, of which an end at that speed has none.
+
+    Raises Infeasible where a limit does not allow it, or where the run is too short.
+    """
+    _refuse_resonance(path, limits, run, speed)
+    breaks = run.breaks(path)
+    since, until = float(breaks[0]), float(breaks[-1])
+    up, down = list[Attempt](), list[Attempt]()
+    if min(run.speeds) < speed:
+        capped = _capped(path, limits, run, order, speed)
+        if run.start_speed < speed:
+            ramp, since = _ramp(path, limits, run, order, speed, capped, down=False)
+            up.append(ramp)
+        if run.end_speed < speed:
+            ramp, until = _ramp(path, limits, run, order, speed, capped, down=True)
+            down.append(ramp)
+        if since >= until:
+            raise _too_short(path, limits, capped.profile, speed)
+    profile = _cruise(path, run, since, until, speed)
+    refuse(path, limits, *_places(profile, np.arange(len(profile.h)), FEW), speed)
+    return (*up, Cruise(path, tuple(limits), profile), *down)
 
 
-@dataclass(frozen=True, slots=True)
-class Stretch:
-    """A part of a segment that is run at exactly `speed` (m/s), from one place to another."""
-
-    speed: float
-    since: Place
-    until: Place
-
-
-def stretches(path: ActuatorPath, trajectory: Trajectory) -> tuple[Stretch, ...]:
-    """Where a motion along a path has the constant speeds that its segments ask for."""
-    asked = np.array([path.constant(int(piece)) or np.nan for piece in trajectory.piece])
-    at_it = (trajectory.v == asked) & (trajectory.a == 0) & (trajectory.j == 0)
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], at_it, [False]])))
-    found = []
-    for first, last in zip(edges[::2].tolist(), (edges[1::2] - 1).tolist(), strict=True):
-        start, end = (float(trajectory.knots[k]) for k in (first, last + 1))
-        s = float(trajectory.s[last] + trajectory.v[last] * (end - trajectory.knots[last]))
-        since = path.place(float(trajectory.s[first]), int(trajectory.piece[first]), start)
-        found.append(Stretch(float(asked[first]), since, path.place(s, int(trajectory.piece[last]), end)))
-    return tuple(found)
-
-
-def steady(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int, speed: float) -> Steady:
-    """The run at constant speed. Raises Infeasible where a limit does not allow it, or where the run is too short."""
+def _capped(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int, speed: float) -> Attempt:
+    """The fastest motion under the speed. Raises Infeasible where no ramp, however long, would help."""
     try:
         tried = attempt(path, limits, run, order, probing=True)
     except MotionError:  # told why, or given the next best
         tried = attempt(path, limits, run, order)
-    capped = tried.profile
-    breaks = run.breaks(path)
-    fastest = [int(np.argmax(capped.v))]
-    if _use(path, limits, capped.s[fastest], capped.piece[fastest], np.array([speed])).max() > 1 + TOLERANCE:
-        _refuse(path, limits, capped.s, capped.piece, speed)  # no ramp, however long, would help
-    up = _ramp(path, limits, run, order, speed, tried, down=False) if run.start_speed < speed else None
-    down = _ramp(path, limits, run, order, speed, tried, down=True) if run.end_speed < speed else None
-    since = float(breaks[0]) if up is None else up[1]
-    until = float(breaks[-1]) if down is None else down[1]
-    if since >= until:
-        raise _too_short(path, limits, capped, speed)
-    cruise = _cruise(path, run, since, until, speed)
-    s = np.concatenate([cruise.s + cruise.h * speed * share for share in (0.0, 0.5, 1.0)])
-    _refuse(path, limits, s, np.tile(cruise.piece, 3), speed)
-    return Steady(path, tuple(limits), up and up[0], cruise, down and down[0])
+    motion = tried.profile
+    fastest = [int(np.argmax(motion.v))]
+    if _use(path, limits, motion.s[fastest], motion.piece[fastest], np.array([speed])).max() > 1 + TOLERANCE:
+        refuse(path, limits, motion.s, motion.piece, speed)
+    return tried
 
 
 def _ramp(
@@ -186,7 +157,40 @@ def _cruise(path: ActuatorPath, run: Run, since: float, until: float, speed: flo
     return Profile(s[:-1], nothing + speed, nothing, nothing, np.diff(s) / speed, piece)
 
 
-def _refuse(path: ActuatorPath, limits: Sequence[Limit], s: Array, piece: np.ndarray, speed: float) -> None:
+def _places(profile: Profile, k: np.ndarray, points: int) -> tuple[Array, np.ndarray]:
+    """Path lengths at so many points of time pieces k of constant speed, and their path pieces."""
+    s = profile.s[k, None] + (profile.v * profile.h)[k, None] * np.linspace(0, 1, points)
+    return s.ravel(), np.repeat(profile.piece[k], points)
+
+
+def _refuse_resonance(path: ActuatorPath, limits: Sequence[Limit], run: Run, speed: float) -> None:
+    """Where an axis was found to stay in a band too long, and the constant speed has it there: no timing can help."""
+    breaks = run.breaks(path)
+    for limit in limits:
+        for held in limit.held if isinstance(limit, Resonance) else ():
+            s = np.linspace(max(held.first, breaks[0]), min(held.last, breaks[-1]), PIECES)
+            if s[0] >= s[-1]:
+                continue
+            piece = run.first + np.clip(np.searchsorted(breaks, s, side="right") - 1, 0, len(breaks) - 2)
+            band, slope = held.band, np.abs(path.derivatives(s, piece)[1][:, held.band.axis])
+            inside = np.flatnonzero((slope * speed >= band.low) & (slope * speed <= band.high))
+            if not len(inside):
+                continue
+            unit, scale = limit.units[band.axis]
+            most = int(inside[np.argmax(slope[inside])])
+            place = path.place(float(s[most]), int(piece[most]), None, limit.channels[band.axis])
+            since, until = s[inside[[0, -1]]] * 1e3
+            below, above = band.low / slope[inside].max() * 1e3, band.high / slope[inside].min() * 1e3
+            remedy = (
+                f"at {speed * 1e3:.6g} mm/s it stays in its resonance band of {band.low * scale:.6g} to "
+                f"{band.high * scale:.6g} {unit} for longer than the {band.time:.6g} s allowed, between "
+                f"s = {since:.6g} mm and {until:.6g} mm: take a speed below {below:.6g} mm/s or above {above:.6g} mm/s"
+            )
+            value = float(slope[most]) * speed * scale
+            raise Infeasible(limit.name, limit.channels[band.axis], place, value, band.low * scale, unit, remedy)
+
+
+def refuse(path: ActuatorPath, limits: Sequence[Limit], s: Array, piece: np.ndarray, speed: float) -> None:
     """Raise Infeasible where the speed breaks a limit: with what is possible at the place that allows the least."""
     over = _use(path, limits, s, piece, np.full(len(s), speed)).max(0) > 1 + TOLERANCE
     if not over.any():
@@ -204,8 +208,10 @@ def _refuse(path: ActuatorPath, limits: Sequence[Limit], s: Array, piece: np.nda
     unit, scale = limit.units[channel]
     reached, allowed = limit.told(float(value[0, channel]), channel)
     place = path.place(float(s[worst[0]]), int(piece[worst[0]]), None, limit.channels[channel])
+    band = limit.first_band(channel) if isinstance(limit, Resonance) else ""
     remedy = (
-        f"so {speed * 1e3:.6g} mm/s cannot be kept constant: there it could be {float(low[worst[0]]) * 1e3:.6g} mm/s; "
+        f"{band}so {speed * 1e3:.6g} mm/s cannot be kept constant: there it could be "
+        f"{float(low[worst[0]]) * 1e3:.6g} mm/s; "
         "lower the speed, or let the segment run without speed_constant"
     )
     raise Infeasible(limit.name, limit.channels[channel], place, reached * scale, allowed * scale, unit, remedy)

@@ -1,14 +1,16 @@
 """Triggers: when a motion comes by the positions that its program marks, and what every axis has counted by then."""
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
-from kinematics.array import frozen
+from kinematics.array import Array, frozen
 from kinematics.pose import Pose
-from planner.actuation import MachinePath
+from planner.actuation import MachinePath, points_of
+from planner.path.way import way
 from planner.place import Place
-from planner.program import Dwell, Program
+from planner.program import SAME, Dwell, Program
 from planner.pulses import PulseSchedule
 from planner.trajectory import Trajectory
 
@@ -49,13 +51,32 @@ def triggered(
         event = events.get(path.segment(first))
         if event is None:
             continue
-        low, high = path.breaks[first], path.breaks[last + 1]
-        s = float(high if event.at == 1 else low + event.at * (high - low))
+        s = _place(path, first, last, event.at)
         t = arrival(trajectory, s)
         state, counts = trajectory.at(t), pulses.counts(np.array([t]))[0]
         assert state.pose is not None  # a machine's path has one
         found.append(Triggered(event.name, path.place(s, first, t), state.pose[0], frozen(counts, np.int64)))
     return tuple(found)
+
+
+def _place(path: MachinePath, first: int, last: int, share: float) -> float:
+    """s at which a share of the tool's way on pieces first … last is made; of the angle, where they only turn it."""
+    low, high = float(path.breaks[first]), float(path.breaks[last + 1])
+    ways = [
+        way(partial(_tool_speed, path, piece), float(path.breaks[piece]), float(path.breaks[piece + 1]))
+        for piece in (range(first, last + 1) if 0 < share < 1 else ())
+    ]
+    done = np.cumsum([0.0, *(each.length for each in ways)])
+    if done[-1] <= SAME:
+        return high if share == 1 else low + share * (high - low)
+    k = int(np.clip(np.searchsorted(done, share * done[-1], side="right") - 1, 0, len(ways) - 1))
+    return float(ways[k].place(np.array([share * done[-1] - done[k]]))[0])
+
+
+def _tool_speed(path: MachinePath, piece: int, s: Array) -> Array:
+    """|dp/ds| (N,) of the tool on a piece."""
+    along = points_of(path, s, np.full(len(s), piece)).tool_derivatives[1]
+    return np.asarray(np.linalg.norm(along[:, :3], axis=1))
 
 
 def arrival(trajectory: Trajectory, s: float) -> float:

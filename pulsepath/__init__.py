@@ -96,6 +96,7 @@ if TYPE_CHECKING:
         Plan,
         Program,
         PulseSchedule,
+        RealisedPath,
         Solution,
         Spline,
         Standing,
@@ -112,6 +113,7 @@ if TYPE_CHECKING:
         plan,
         plan_many,
         program_names,
+        realised,
         time_optimal,
     )
 
@@ -163,6 +165,7 @@ __all__ = [
     "PulseLength",
     "PulseSchedule",
     "Quantization",
+    "RealisedPath",
     "Selection",
     "Slide",
     "Solution",
@@ -210,6 +213,7 @@ __all__ = [
     "plan_many",
     "program_names",
     "read_urdf",
+    "realised",
     "select_parts",
     "size_stepper",
     "time_optimal",

@@ -43,6 +43,13 @@ def main() -> None:
 @click.option(
     "--duration", metavar="TIME", help='As "12 s": not the fastest motion, but the smoothest that takes so long.'
 )
+@click.option(
+    "--rule",
+    default="nearest",
+    show_default=True,
+    metavar="RULE",
+    help='When pulses fire; "pulsepath rules" lists them. With options as sampled:period=50us.',
+)
 @click.option("--force", is_flag=True, help="Replace DIR, if an earlier plan is in it.")
 @json_option
 def plan(
@@ -52,6 +59,7 @@ def plan(
     order: str | None,
     clock_hz: int,
     duration: str | None,
+    rule: str,
     force: bool,
     as_json: bool,
 ) -> None:
@@ -67,7 +75,7 @@ def plan(
     seconds = None if duration is None else quantity(duration, "s")
     inputs = read_inputs(program, machine)
     with replacing(out, force) as folder:  # where nothing can be written, that is said before the work
-        job = run(inputs.program, inputs.machine, None if order is None else int(order), clock_hz, seconds)
+        job = run(inputs.program, inputs.machine, None if order is None else int(order), clock_hz, seconds, rule)
         with step("writing the files"):
             plan_directory.write(folder, job, inputs)
     report = str(out / plan_directory.REPORT)
@@ -209,3 +217,18 @@ def machines(as_json: bool) -> None:
         click.echo(record.as_json([record.of_machine(machine) for machine in bundled]), nl=False)
     else:
         tables.show(tables.of_machines(bundled))
+
+
+@main.command()
+@json_option
+def rules(as_json: bool) -> None:
+    """List the firing rules and their options.
+
+    `plan --rule` takes a name, or a name and options: "sampled:period=50us", "dda:spacing=5ms,rate=200kHz".
+    """
+    from pulsepath import record, tables
+
+    if as_json:
+        click.echo(record.as_json(record.of_rules()), nl=False)
+    else:
+        tables.show(tables.of_rules())

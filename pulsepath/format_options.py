@@ -1,7 +1,7 @@
 """The options of every export format on the command line, made from the fields of the formats themselves."""
 
 from collections.abc import Mapping
-from dataclasses import Field, fields
+from dataclasses import Field
 from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 import click
@@ -10,6 +10,7 @@ from kinematics.errors import MotionError
 from kinematics.units import quantity
 from planner.export.format import Format
 from planner.export.formats import FORMATS, find_format
+from planner.option import options as known_options
 
 
 def options() -> list[click.Parameter]:
@@ -47,7 +48,7 @@ def help_text() -> str:
 
 def _fields(format_: type[Format]) -> list[tuple[Field[Any], Any]]:
     hints = get_type_hints(format_)
-    return [(field, hints[field.name]) for field in fields(format_) if "help" in field.metadata]  # type: ignore[arg-type]
+    return [(field, hints[name]) for name, field in known_options(format_).items()]
 
 
 def _flag(name: str) -> str:

@@ -9,11 +9,13 @@ from kinematics import Machine, MotionError
 from planner import Plan, Program, plan
 from planner.baselines import KINDS, Classical, classical
 from planner.limits import unkept
-from planner.pulses import PulseCheck, check
+from planner.pulses import PulseCheck, RealisedPath, check
 from pulsepath.progress import step
 
 LAWS = ("3", "6")
 """Tracking laws that the report compares: open and closed loop."""
+LOOKED = 25_000
+"""Intervals between pulses at which the realised path is looked at: well below a second, and within 2 % in its RMS."""
 
 
 class Defect(MotionError):
@@ -22,7 +24,7 @@ class Defect(MotionError):
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """A plan, the classical timing of its path, the check of its pulses, and the errors of the tracking laws.
+    """A plan, the classical timing of its path, the check of its pulses, their path, and the errors of the laws.
 
     others: the other classical timings, as far as the program and the machine allow them
     """
@@ -31,6 +33,7 @@ class Job:
     classical: Classical
     others: tuple[Classical, ...]
     verdict: PulseCheck
+    realised: RealisedPath | None
     metrics: tuple[Metrics, ...]
 
     @property
@@ -39,19 +42,26 @@ class Job:
         return self.classical.duration - self.plan.trajectory.duration
 
 
-def run(program: Program, machine: Machine, order: int | None, clock_hz: int, duration: float | None = None) -> Job:
+def run(
+    program: Program,
+    machine: Machine,
+    order: int | None,
+    clock_hz: int,
+    duration: float | None = None,
+    rule: str = "nearest",
+) -> Job:
     """Plan, prove and compare. Raises as `planner.plan`, and Defect where the pulses fail their check."""
     for field in unkept(machine):
         print(f"note: {machine.name} states {field} but no masses, so no plan can keep it", file=sys.stderr)
     with step(f"planning {program.name} on {machine.name}") as tell:
-        planned = plan(program, machine, order=order, clock_hz=clock_hz, duration=duration, progress=tell)
+        planned = plan(program, machine, order=order, clock_hz=clock_hz, duration=duration, rule=rule, progress=tell)
     with step(f"checking {planned.pulses.total} pulses"):
         verdict = check(planned.pulses, planned.counted, machine.axes, machine.home_q)
     if not verdict.holds:
         raise Defect(f"{verdict.fault_count} faults in the pulses, the first: {verdict.faults[0]}")
     with step("timing the path classically"):
         baseline, others = classical(planned), tuple(_others(planned))
-    return Job(planned, baseline, others, verdict, _tracked(planned, machine))
+    return Job(planned, baseline, others, verdict, _followed(planned), _tracked(planned, machine))
 
 
 def _others(planned: Plan) -> Iterator[Classical]:
@@ -60,6 +70,16 @@ def _others(planned: Plan) -> Iterator[Classical]:
             yield classical(planned, kind)
         except MotionError as error:
             print(f"no {kind} timing: {error}", file=sys.stderr)
+
+
+def _followed(planned: Plan) -> RealisedPath | None:
+    """The path that the pulses make; None where the machine is singular on the way, so that counts tell no pose."""
+    try:
+        with step("following the path that the pulses make"):
+            return planned.realised(stride=max(1, planned.pulses.total // LOOKED))
+    except MotionError as error:
+        print(f"the path of the pulses is not known: {error}", file=sys.stderr)
+        return None
 
 
 def _tracked(planned: Plan, machine: Machine) -> tuple[Metrics, ...]:

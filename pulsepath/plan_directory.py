@@ -23,16 +23,17 @@ SOURCES = {"program": "program.toml", "machine": "machine.toml"}
 
 @dataclass(frozen=True, slots=True)
 class Planned:
-    """A plan taken up again: its motion, exactly as it was proved, and the clock of its pulses."""
+    """A plan taken up again: its motion, exactly as it was proved, and the clock and the rule of its pulses."""
 
     program: Program
     machine: Machine
     trajectory: Trajectory
     clock_hz: int
+    rule: str
 
     def pulses(self) -> PulseSchedule:
         """The pulses, made again from the motion."""
-        return generate(self.trajectory, self.machine.axes, self.machine.home_q, self.clock_hz)
+        return generate(self.trajectory, self.machine.axes, self.machine.home_q, self.clock_hz, self.rule)
 
 
 def write(folder: Path, job: Job, inputs: Inputs) -> None:
@@ -49,7 +50,10 @@ def write(folder: Path, job: Job, inputs: Inputs) -> None:
     pulse_csv.write(job.plan.pulses, folder / PULSES, wiring, timing=timing)
     if job.plan.triggers:
         trigger_csv.write(job.plan, folder / TRIGGERS)
-    write_report(job.plan, job.classical, job.metrics, folder / REPORT, verdict=job.verdict, others=job.others)
+    page = folder / REPORT
+    write_report(
+        job.plan, job.classical, job.metrics, page, verdict=job.verdict, others=job.others, realised=job.realised
+    )
     (folder / RECORD).write_text(as_json(of_plan(job, inputs)), encoding="utf-8")
 
 
@@ -59,12 +63,12 @@ def read(folder: Path) -> Planned:
         raise MotionError(f"{folder} holds no plan: make one with pulsepath plan PROGRAM --out {folder}")
     record = json.loads((folder / RECORD).read_bytes())
     digests = record.get("provenance", {}).get("sha256", {})
-    clock = record.get("pulses", {}).get("clock_hz")
-    if not isinstance(clock, int) or clock <= 0:
-        raise MotionError(f"{folder / RECORD} names no clock of its pulses: plan it again")
+    clock, rule = (record.get("pulses", {}).get(what) for what in ("clock_hz", "rule"))
+    if not isinstance(clock, int) or clock <= 0 or not isinstance(rule, str):
+        raise MotionError(f"{folder / RECORD} names no clock or no rule of its pulses: plan it again")
     for what, name in SOURCES.items():
         content = (folder / name).read_bytes()
         if sha256(content).hexdigest() != digests.get(what):
             raise MotionError(f"{folder / name} is not the {what} that the plan was made from: plan it again")
     program, machine = load_program(folder / SOURCES["program"]), load_machine(str(folder / SOURCES["machine"]))
-    return Planned(program, machine, motion_json.read(folder / MOTION, actuate(program, machine)), clock)
+    return Planned(program, machine, motion_json.read(folder / MOTION, actuate(program, machine)), clock, rule)

@@ -14,7 +14,9 @@ from kinematics import Axis, Machine, MotionError
 from planner import Infeasible, Place, Triggered
 from planner.export.format import Exported
 from planner.limits import unkept
+from planner.option import options
 from planner.path.join import Blended
+from planner.pulses import RULES, RealisedPath
 from pulsepath import __version__
 from pulsepath.directory import KIND
 from pulsepath.inputs import Inputs
@@ -89,8 +91,14 @@ def of_plan(job: Job, inputs: Inputs) -> Record:
                 "highest_rate_hz": job.verdict.highest_rate,
             },
         },
+        "realised": None if job.realised is None else of_realised(job.realised),
         "constant_speeds": [
-            {"speed_m_s": stretch.speed, "from": _place(stretch.since), "to": _place(stretch.until)}
+            {
+                "speed_m_s": stretch.speed,
+                "largest_deviation": stretch.deviation,
+                "from": _place(stretch.since),
+                "to": _place(stretch.until),
+            }
             for stretch in plan.constant_speeds
         ],
         "triggers": [_trigger(event, plan.machine.axes) for event in plan.triggers],
@@ -101,6 +109,25 @@ def of_plan(job: Job, inputs: Inputs) -> Record:
                 "python": python_version(),
                 **_versions("casadi", "numpy", "scipy"),
             },
+        },
+    }
+
+
+def of_realised(path: RealisedPath) -> Record:
+    """The path that the pulses make: its errors, in m or rad, under their bounds; "one_in": how thinly it was seen."""
+    return {
+        "of": path.mover,
+        "instants": path.instants,
+        "one_in": path.stride,
+        "errors": {
+            error.name: {
+                "rms": error.rms,
+                "max": error.max,
+                "bound": error.bound,
+                "unit": error.unit,
+                "where": _place(error.where),
+            }
+            for error in path.errors
         },
     }
 
@@ -130,6 +157,20 @@ def of_export(name: str, file: str, done: Exported) -> Record:
         "error_pulses": done.error,
         "against": done.against,
         "notes": list(done.notes),
+    }
+
+
+def of_rules() -> Record:
+    """The firing rules by name: what each is, and its options; values in SI units."""
+    return {
+        name: {
+            "about": (rule.__doc__ or "").splitlines()[0],
+            "options": {
+                field.name: {"about": field.metadata["help"], "default": field.default, "unit": field.metadata["unit"]}
+                for field in options(rule).values()
+            },
+        }
+        for name, rule in RULES.items()
     }
 
 

@@ -15,7 +15,9 @@ from kinematics.axis import Magnitude, sides
 from kinematics.calibration import Calibration
 from kinematics.calibration.result import GROUPS
 from planner import Place, Standing, Triggered
+from planner.option import options
 from planner.path.join import Blended
+from planner.pulses import RULES
 from pulsepath.job import Job
 
 WIDTH = 110
@@ -49,11 +51,22 @@ def of_plan(job: Job) -> list[Table]:
     limits = _table("limits, proved over continuous time", "limit", "ratio ≤#", "at", "segment#", "mm#", "s#")
     for name, worst in certificate.worst.items():
         limits.add_row(name, _up(worst), *_where(certificate.where[name]))
-    pulses = _table("pulses, checked", "axis", "pulses#", "net count#")
+    pulses = _table(f"pulses by the rule {plan.pulses.rule}, checked", "axis", "pulses#", "net count#", "error ≤#")
     for axis in plan.pulses.axes:
-        pulses.add_row(axis.name, f"{len(axis)}", f"{axis.final - axis.start}")
+        pulses.add_row(axis.name, f"{len(axis)}", f"{axis.final - axis.start}", _up(axis.bound, 3))
     pulses.add_row("all", f"{plan.pulses.total}")
     return [times, limits, *of_blends(plan.path.blends), pulses, *_triggers(plan.triggers)]
+
+
+def of_rules() -> list[Table]:
+    """The firing rules, each with its options and their defaults."""
+    rules = _table("firing rules", "rule", "option", "default#", "")
+    for name, rule in RULES.items():
+        rules.add_row(name, "", "", (rule.__doc__ or "").splitlines()[0])
+        for field in options(rule).values():
+            default = f"{field.default:g} {field.metadata['unit']}".rstrip()
+            rules.add_row("", field.name, default, field.metadata["help"])
+    return [rules]
 
 
 def of_blends(blends: Sequence[Blended]) -> list[Table]:
@@ -172,6 +185,6 @@ def _where(place: Place) -> Sequence[str]:
     return place.axis, segment, f"{1e3 * place.s:.3f}", "" if place.t is None else f"{place.t:.4f}"
 
 
-def _up(ratio: float) -> str:
+def _up(ratio: float, digits: int = 7) -> str:
     """A bound, rounded up, so that the text is a bound too."""
-    return f"{ceil(ratio * 1e7) / 1e7:.7f}" if ratio < inf else "∞"
+    return f"{ceil(ratio * 10**digits) / 10**digits:.{digits}f}" if ratio < inf else "∞"

@@ -58,14 +58,19 @@ def independent(distance: Array, speed: Array, acceleration: Array) -> Ramps:
 
 
 def moves(
-    path: MachinePath, axes: Sequence[Axis], ramps: Callable[[Array, Array, Array], Ramps]
+    path: MachinePath,
+    axes: Sequence[Axis],
+    ramps: Callable[[Array, Array, Array], Ramps],
+    ends: np.ndarray | None = None,
 ) -> tuple[Trajectory, Array]:
     """From end to end of every segment, with the path's dwells; and when each segment begins, and all ends (K+1,).
+
+    ends (K+1,): breaks to move between instead, from the first to the last.
 
     The motion runs along time itself: a path q(t) of parabolas, at ṡ = 1. Raises MotionError where an axis has no
     limit of speed or acceleration, or nothing moves.
     """
-    ends = _ends(path)
+    ends = _ends(path) if ends is None else ends
     speeds, acceleration = _bounds(axes, "max_speed"), _bounds(axes, "max_acceleration").min(0)
     q = _corners(path, ends)
     knots, pieces, begins = [np.zeros(1)], [], []
@@ -129,14 +134,16 @@ def _bounds(axes: Sequence[Axis], name: str) -> Array:
     return np.array([sides(getattr(axis, name)) for axis in axes]).T
 
 
-def deviation(machine: Machine, path: MachinePath, moved: Trajectory, begins: Array) -> Deviation:
+def deviation(
+    machine: Machine, path: MachinePath, moved: Trajectory, begins: Array, ends: np.ndarray | None = None
+) -> Deviation:
     """How far a move from pose to pose and the programmed curve part, by forward kinematics.
 
     It is the largest distance of any point of one from the other, segment by segment: 0 for a line that is kept, the
-    height over its chord for an arc that is cut short, the diameter of a circle that is not run at all. Raises
-    MotionError where the axes lead to no pose on the way.
+    height over its chord for an arc that is cut short, the diameter of a circle that is not run at all. `ends` as
+    `moves` had them. Raises MotionError where the axes lead to no pose on the way.
     """
-    ends = _ends(path)
+    ends = _ends(path) if ends is None else ends
     worst = Deviation(0.0, Place(float(path.breaks[0]), path.segment(0)))
     for n, (first, last) in enumerate(pairwise(ends)):
         t = np.linspace(begins[n], begins[n + 1] - path.dwells[last], LOOKED)

@@ -1,10 +1,11 @@
 """The plug point of the export formats: what each is given, its options, and what it says of itself."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar, Protocol
+from typing import ClassVar, Protocol
 
 from kinematics.machine import Machine
+from planner.option import option as option
 from planner.pulses.schedule import PulseSchedule
 from planner.trajectory import Trajectory
 
@@ -46,8 +47,3 @@ class Format(Protocol):
 
     def write(self, source: Source, path: Path, /) -> Exported:
         """Write the file. Raises MotionError, before anything is written where it can, for what it cannot hold."""
-
-
-def option(default: Any, about: str, unit: str = "") -> Any:
-    """A field that the command line offers: what it is about; unit: the SI unit of a quantity, given as "10 ms"."""
-    return field(default=default, metadata={"help": about, "unit": unit})

@@ -17,6 +17,12 @@ FORMATS = {
     "ros": "planner.export.ros:JointTrajectory",
     "halstreamer": "planner.export.halstreamer:Halstreamer",
     "galil": "planner.export.galil:Galil",
+    "adlink": "planner.export.adlink_c:AdlinkC",
+    "adlink-csv": "planner.export.adlink_csv:AdlinkCsv",
+    "kmitl-arms": "planner.export.kmitl_arms:KmitlArms",
+    "kmitl-positions": "planner.export.kmitl_positions:KmitlPositions",
+    "byte": "planner.export.kmitl_byte:KmitlByte",
+    "sasidhar": "planner.export.sasidhar:Sasidhar",
 }
 """Module and class by the name that the command line knows."""
 

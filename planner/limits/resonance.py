@@ -62,6 +62,12 @@ class Resonance(AxisLimit):
         """The same limit, held in more places."""
         return Resonance(self.axes, (*self.held, *more))
 
+    def first_band(self, channel: int) -> str:
+        """What to say of the band that an axis has to stay below."""
+        unit, scale = self.units[channel]
+        low, high = (edge * scale for edge in (self.axes[channel].resonance or ((0.0, 0.0),))[0])
+        return f"a resonance band from {low:.6g} to {high:.6g} {unit} that states no time to cross it, "
+
     def value(self, motion: Motion) -> Quantity:
         return motion.qd
 

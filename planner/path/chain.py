@@ -10,6 +10,7 @@ from kinematics.errors import MotionError
 from kinematics.machine import Machine
 from kinematics.pose import Pose
 from planner.path.arc import arc
+from planner.path.even import evened
 from planner.path.free import DEGREE, freed
 from planner.path.join import Blended, join
 from planner.path.line import line, turn, turn_angle
@@ -40,6 +41,8 @@ def chain(program: Program, machine: Machine) -> Chain:
     """The program's path for a machine. Raises MotionError naming the segment that cannot be drawn."""
     drawn, joins, dwells = draw(program, machine)
     pieces, stops, rests, blends = join(drawn, joins, dwells, machine.characteristic_length)
+    if any(piece.constant for piece in pieces):
+        pieces, stops, rests = evened(pieces, stops, rests)
     if program.tool is not None:
         pieces = tuple(carrying(piece, program.tool) for piece in pieces)
     return Chain(pieces, stops, rests, blends)

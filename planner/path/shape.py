@@ -29,7 +29,8 @@ class Piece:
     """A curve of a shape over a path length (m), from the shape's own s = start, of the program's segment `segment`.
 
     Path length is the path's parameter: the way of the platform's origin on lines and arcs, the length of the chords
-    on splines, never less than the way on blends, and angle times a length on turns.
+    on splines, never less than the way on blends, and angle times a length on turns. Where a constant speed is asked
+    for it is the way on all of them (planner.path.even).
 
     turn        rad by which its direction or the platform turns in all: how finely it must be looked at
     tool_speed, tool_acceleration  caps of the tool, m/s and m/s² (None: none, or it does not move)

@@ -4,6 +4,8 @@ from planner.pulses.check import check
 from planner.pulses.compress import compress
 from planner.pulses.generate import generate
 from planner.pulses.motion import Motion, MotionState
+from planner.pulses.realised import realised
+from planner.pulses.realised_path import RealisedError, RealisedPath
 from planner.pulses.rules import RULES, Rule, find_rule
 from planner.pulses.schedule import AxisPulses, Moved, PulseSchedule
 from planner.pulses.step_queue import StepQueue, decompress
@@ -19,6 +21,8 @@ __all__ = [
     "PulseCheck",
     "PulseFault",
     "PulseSchedule",
+    "RealisedError",
+    "RealisedPath",
     "Rule",
     "StepQueue",
     "check",
@@ -26,4 +30,5 @@ __all__ = [
     "decompress",
     "find_rule",
     "generate",
+    "realised",
 ]

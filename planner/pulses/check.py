@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
@@ -28,13 +28,15 @@ def check(
     machine_axes: Sequence[Axis] | None = None,
     home_q: ArrayLike | None = None,
 ) -> PulseCheck:
-    """Prove that every axis fires where its motion crosses half a pulse, and nowhere else.
+    """Prove that every axis keeps to what its schedule states of it, and that it is of this motion.
 
     With x = (q - home)/pulse:
-    - At each pulse x is at the level between the counts before and after it, to half a tick, going the pulse's way.
-    - Between pulses |count - x| ≤ ½ + half a tick's travel, between the samples too: an interval δ is halved until x is
-      monotone in it, or max|count - x| + max|ẍ| δ²/8 ≤ ½, with the motion's jerk taken to be largest at the ends of
-      intervals (an eighth of a knot interval, or less).
+    - Under the rule "nearest" with its bound of ½, at each pulse x is at the level between the counts before and after
+      it, to half a tick, going the pulse's way; and between pulses |count - x| ≤ ½ + half a tick's travel.
+    - Under any other rule or bound, |count - x| ≤ bound + one tick's travel before, between and after the pulses.
+    - Between the samples too: an interval δ is halved until x is monotone in it, or max|count - x| + max|ẍ| δ²/8 is
+      within the bound, with the motion's jerk taken to be largest at the ends of intervals (an eighth of a knot
+      interval, or less).
     - The ticks rise; the start and final counts are the motion's, and so is the duration.
     - Names, pulses and homes are the machine's, where machine_axes and home_q (n,) are given.
     Positions are trusted to 64 roundings of q, of home and of q̇·t. The motion is asked about once per pulse, in blocks.
@@ -88,6 +90,11 @@ class _Search:
     def tick(self) -> float:
         return 1 / self.schedule.clock_hz
 
+    @property
+    def exact(self) -> bool:
+        """The pulses stand for crossings of half a pulse, so that each has its one right tick."""
+        return self.schedule.rule == "nearest" and self.axis.bound == 0.5
+
     def sample(self, t: Array, count: NDArray[np.int64]) -> _Samples:
         state, pulse = self.motion.at(t), self.axis.pulse
         v, a, j = (values[:, self.k] / pulse for values in (state.qd, state.qdd, state.qddd))
@@ -103,8 +110,8 @@ class _Search:
         return abs(s.v) * time + abs(s.a) * time**2 / 2
 
     def allowance(self, s: _Samples) -> Array:
-        """(N,) pulses by which x may be from the count: ½, and its travel while a pulse waits for its tick."""
-        return 0.5 + self.travel(s, HALF_TICK) + self.noise(s)
+        """(N,) pulses by which x may be from the count: the bound, and its travel while a pulse waits for its tick."""
+        return self.axis.bound + self.travel(s, HALF_TICK if self.exact else 2 * HALF_TICK) + self.noise(s)
 
     def report(self, kind: str, ticks: NDArray[Any], text: str, values: NDArray[Any]) -> None:
         """Note a fault of one kind at each of the ticks (N,); `text` takes the value (N,) there."""
@@ -130,10 +137,11 @@ def _check_axis(search: _Search, grid: Array) -> AxisCheck:
         _check_motion(search, grid)
     else:  # without an order there is nothing to measure against the motion
         search.time_error = search.position_error = np.inf
+    time_error = search.time_error if search.exact else None
     _check_end(search, "start count", 0.0, axis.start)
     final_error = _check_end(search, "final count", search.motion.duration, axis.final)
     smallest = float(steps.min()) * search.tick if len(steps) else np.inf
-    figures = search.time_error, search.position_error, smallest, final_error
+    figures = time_error, search.position_error, smallest, final_error
     return AxisCheck(axis.name, len(axis), *figures, tuple(search.faults), search.kinds.total())
 
 
@@ -171,8 +179,14 @@ def _check_motion(search: _Search, grid: Array) -> None:
     """Go through the motion once, block by block."""
     last: _Samples | None = None
     for pulse, samples in _blocks(search, grid):
-        _check_levels(search, pulse[pulse >= 0], samples[pulse >= 0])
-        _check_band(search, samples[pulse < 0])
+        fired = pulse >= 0
+        if search.exact:
+            _check_levels(search, pulse[fired], samples[fired])
+            _check_band(search, samples[~fired])
+        else:
+            before = samples.count[fired] - search.axis.direction[pulse[fired]]
+            _check_band(search, samples)
+            _check_band(search, replace(samples[fired], count=before))
         _check_between(search, samples if last is None else last.followed_by(samples))
         last = samples[-1:]
 
@@ -220,9 +234,9 @@ def _check_levels(search: _Search, pulse: NDArray[np.intp], s: _Samples) -> None
 
 
 def _check_band(search: _Search, s: _Samples) -> None:
-    """Each sample between pulses within half a pulse of its count."""
+    """Each sample within the bound of its count."""
     away = abs(s.x - s.count)
-    beyond = away - 0.5 - search.noise(s) - search.travel(s)
+    beyond = away - search.axis.bound - search.noise(s) - search.travel(s)
     search.position_error = max(search.position_error, float(beyond.max(initial=0.0)))
     out = ~(away <= search.allowance(s))
     search.report("far from its count", np.rint(s.t[out] / search.tick), "{:.6g} pulses", away[out])
@@ -236,7 +250,7 @@ def _check_between(search: _Search, chain: _Samples) -> None:
         steepest = np.maximum(abs(a.a), abs(b.a)) + span * np.maximum(abs(a.j), abs(b.j))
         bulge = steepest * span**2 / 8  # by how much x can pass both ends of the interval
         away = np.maximum(abs(a.x - a.count), abs(b.x - a.count))
-        stays = (away + bulge <= 0.5) | (bulge <= search.noise(a))
+        stays = (away + bulge <= search.axis.bound) | (bulge <= search.noise(a))
         monotone = np.maximum(abs(a.v), abs(b.v)) >= steepest * span
         unsure = ~(stays | monotone) & (span > search.tick) & np.isfinite(away)
         a, b = a[unsure], b[unsure]

@@ -10,11 +10,9 @@ from kinematics.axis import Axis
 from kinematics.errors import MotionError
 from planner.pulses.compensate import compensated
 from planner.pulses.motion import Motion
-from planner.pulses.rules import Nearest, Rule
+from planner.pulses.rules import Rule, find_rule
 from planner.pulses.schedule import AxisPulses, PulseSchedule
 from planner.pulses.spacing import spaced
-
-DEFAULT = Nearest()
 
 COUNTER = -(1 << 27), (1 << 27) - 1
 """What the 28-bit position counters of the cards hold [Sahbaz 2007]."""
@@ -25,12 +23,13 @@ def generate(
     machine_axes: Sequence[Axis],
     home_q: ArrayLike,
     clock_hz: int = 10_000_000,
-    rule: Rule = DEFAULT,
+    rule: str | Rule = "nearest",
 ) -> PulseSchedule:
     """The pulses of a motion by a firing rule, on a clock of whole ticks, as far apart as the drives' timing asks.
 
     Axes that ask for compensation count what their motors have to do (`planner.pulses.compensate`).
-    home_q (n,) is the axis position from which pulses count. Raises Infeasible where the rule cannot keep what it
+    home_q (n,) is the axis position from which pulses count; rule: one, or its name and options as
+    `planner.pulses.find_rule` reads them. Raises Infeasible where the rule cannot keep what it
     states, as where an axis would need more than one pulse per tick, MotionError where axes do not match.
     """
     home = np.asarray(home_q, float)
@@ -38,6 +37,7 @@ def generate(
     if not len(machine_axes) == width == home.size:
         given = f"{len(machine_axes)} machine axes, {width} axes of the motion, {home.size} home positions"
         raise MotionError(f"{given}: give one of each per axis")
+    rule = find_rule(rule) if isinstance(rule, str) else rule
     behind = compensated(trajectory, machine_axes, home)
     motion = trajectory if behind is None else behind
     schedule = spaced(rule.fire(motion, machine_axes, home, clock_hz), motion, machine_axes)

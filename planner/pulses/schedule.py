@@ -96,7 +96,7 @@ class Compensation:
 class PulseSchedule:
     """The pulses of every axis on one clock (clock_hz ticks per second); the motion ends at `duration` (s).
 
-    rule   the name of the firing rule that made them
+    rule   the firing rule that made them, with its options as `planner.pulses.find_rule` reads them
     moves  what the timing of the drives cost
     compensations  of the axes that ask for one: they count in the motors' coordinates
     """

@@ -18,16 +18,17 @@ class PulseFault:
 class AxisCheck:
     """The findings on one axis.
 
-    time_error         ticks, largest |pulse - true crossing|; inf where the motion crosses no level there
-    position_error     pulses, largest |count - (q - home)/pulse| beyond ½ + one tick's travel; 0 within
+    time_error         ticks, largest |pulse - true crossing|; inf where the motion crosses no level there; None under
+                       a rule or bound whose pulses do not stand for crossings
+    position_error     pulses, largest |count - (q - home)/pulse| beyond the bound + one tick's travel; 0 within
     smallest_interval  s between two pulses; inf with fewer than two
-    final_error        pulses, the last count - where the motion ends; 0 within ½
+    final_error        pulses, the last count - where the motion ends; 0 within the bound
     faults             the first few of each kind; fault_count counts all
     """
 
     name: str
     pulses: int
-    time_error: float
+    time_error: float | None
     position_error: float
     smallest_interval: float
     final_error: float
@@ -54,8 +55,10 @@ class PulseCheck:
         return sum(axis.fault_count for axis in self.axes)
 
     @property
-    def time_error(self) -> float:
-        return max((axis.time_error for axis in self.axes), default=0.0)
+    def time_error(self) -> float | None:
+        """None where no axis has one."""
+        known = [axis.time_error for axis in self.axes if axis.time_error is not None]
+        return max(known, default=None)
 
     @property
     def position_error(self) -> float:

@@ -21,6 +21,7 @@ from planner.timing.closing import closed
 from planner.timing.patience import Patience
 from planner.timing.problem import Problem
 from planner.timing.profile import Profile
+from planner.timing.quiet import quiet
 from planner.timing.third_order import _ONE_AT_A_TIME, Signature, _rows, _stage
 
 ITERATIONS, EVALUATIONS, TOLERANCE = 300, 600, 1e-8
@@ -58,7 +59,7 @@ def smoothest(path: ActuatorPath, problem: Problem, weights: Array, guess: Array
     last = [0.0, 0.0, 1.0]
     equal = np.zeros((4, count))
     try:
-        with _ONE_AT_A_TIME, patience.asked():
+        with _ONE_AT_A_TIME, quiet(), patience.asked():
             answer = solver(
                 x0=np.concatenate([variables.T.ravel(), last]),
                 p=data.T.ravel(),

@@ -26,6 +26,7 @@ from planner.timing.closing import closed
 from planner.timing.patience import Patience
 from planner.timing.problem import Block, Problem
 from planner.timing.profile import Profile
+from planner.timing.quiet import quiet
 
 Solver = Literal["fatrop", "ipopt"]
 # The cost is the duration in thousandths of the guess', which suits the solver's tolerances, and a trace for jerk: as a
@@ -206,7 +207,7 @@ def _answer(
     equal = np.zeros((3, count))
     low, high = rows
     try:
-        with _ONE_AT_A_TIME, patience.asked():
+        with _ONE_AT_A_TIME, quiet(), patience.asked():
             answer = solver(
                 x0=np.concatenate([guess.T.ravel(), last]),
                 p=data.T.ravel(),

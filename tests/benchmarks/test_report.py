@@ -19,7 +19,7 @@ from planner.baselines import classical
 from planner.plots import active_limits, axis_motion, limit_use, path_in_space, pulse_rate
 from planner.pulses import check
 
-FIGURES = {"path", "axes", "limits", "pulses", "tracking", "classical"}
+FIGURES = {"path", "axes", "limits", "pulses", "realised", "tracking", "classical"}
 
 
 class Page(HTMLParser):
@@ -71,9 +71,14 @@ def metrics(planned):
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory, planned, baseline, metrics, verdict):
+def realised(planned):
+    return planned.realised(stride=20)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory, planned, baseline, metrics, verdict, realised):
     folder = tmp_path_factory.mktemp("report")
-    write_report(planned, baseline, metrics, folder / "report.html", verdict=verdict)
+    write_report(planned, baseline, metrics, folder / "report.html", verdict=verdict, realised=realised)
     return folder
 
 
@@ -175,9 +180,20 @@ def test_names_are_escaped(tmp_path, planned, baseline, verdict):
     text = (tmp_path / "report.html").read_text()
     assert "<script" not in text
     assert text.count("&lt;script&gt;alert(&#39;x&#39;)&lt;/script&gt; &amp; &#34;quoted&#34;") == 2
-    # and without laws there is no part about them
-    assert "tracking" not in Page(text).tables
-    assert {path.stem for path in (tmp_path / "figures").iterdir()} == FIGURES - {"tracking"}
+    # and without laws, or without the pulses' path, there is no part about them
+    assert {"tracking", "realised"}.isdisjoint(Page(text).tables)
+    assert {path.stem for path in (tmp_path / "figures").iterdir()} == FIGURES - {"tracking", "realised"}
+
+
+def test_the_path_of_the_pulses_is_told_with_its_bound(page, realised):
+    _, *rows = page.tables["realised"]
+    assert [row[0] for row in rows] == ["x", "y", "z", "rx", "ry", "rz", "position", "orientation"]
+    for row, error in zip(rows, realised.errors, strict=True):
+        assert [number(cell) for cell in row[1:4]] == pytest.approx(
+            [1e6 * e for e in (error.rms, error.max, error.bound)], abs=5e-4
+        )
+        assert number(row[2]) <= number(row[3])
+        assert row[5] == str(error.where)
 
 
 def test_a_bound_is_rounded_up():

@@ -8,8 +8,8 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics import MotionError, Traverser, load_machine
-from planner import Arc, Blend, Infeasible, Line, Program, Spline, plan
-from planner.steady import stretches
+from planner import Arc, Infeasible, Line, Program, plan
+from planner.steadiness import STEADY
 
 A, J = 0.5, 10.0
 RIM = RigidTransform.from_components([0.015, 0, 0.025], Rotation.identity())
@@ -30,8 +30,9 @@ def ramp(speed, order):
 
 def kept(made, speed, number=1):
     """Asserts that the stretch at constant speed is there, by the trajectory itself; its ends along the segment."""
-    (stretch,) = (each for each in stretches(made.path, made.trajectory) if each.since.segment == number)
+    (stretch,) = (each for each in made.constant_speeds if each.since.segment == number)
     assert stretch.speed == speed
+    assert stretch.deviation <= STEADY
     t = np.linspace(stretch.since.t, stretch.until.t, 5001)[1:-1]
     moved = np.linalg.norm(made.trajectory.at(t).tool_velocity, axis=1)
     assert np.abs(moved / speed - 1).max() < 1e-9
@@ -140,14 +141,3 @@ def test_a_constant_speed_needs_a_speed():
         Line([0, 0, 0.01], speed_constant=True)
     with pytest.raises(MotionError, match="give speed as well"):
         Arc([0, 0, 0.01], [0, 0, 1], 1, speed_constant=True)
-
-
-def test_no_constant_speed_where_the_parameter_is_not_the_way(hexapod):
-    """Through a blend the tool is slower than along its neighbours, and a spline's parameter is its chords' length."""
-    start = RigidTransform.from_translation([0, 0, 0.03])
-    said = {"speed": 0.005, "speed_constant": True}
-    corner = [Line([0.01, 0, 0.03], **said, join=Blend(2e-4)), Line([0.01, 0.01, 0.03], **said)]
-    spline = [Spline([[0.01, 0.005, 0.03], [0.02, 0, 0.03]], **said)]
-    for segments in (corner, spline):
-        with pytest.raises(MotionError, match="kept on lines and arcs only"):
-            plan(Program(segments, start=start), hexapod, order=2)

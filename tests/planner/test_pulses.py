@@ -1,6 +1,5 @@
 """Pulse schedules against closed-form crossing times, and the half-pulse bound on random motions."""
 
-import sys
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
 
@@ -13,8 +12,7 @@ from scipy.interpolate import PPoly
 from kinematics.axis import Axis
 from kinematics.errors import MotionError
 from planner.place import Infeasible
-from planner.pulses import AxisPulses, PulseSchedule, check, generate
-from planner.pulses.rules.nearest import Nearest
+from planner.pulses import AxisPulses, PulseSchedule, check, generate, levels
 
 CLOCK = 10_000_000
 PULSE = 0.75e-6
@@ -400,7 +398,7 @@ def test_a_schedule_cannot_be_changed():
 def test_where_the_fitted_pieces_cannot_tell_the_motion_itself_does(planned, hexapod, monkeypatch, polishing):
     """Pieces that stray by 3e-4 pulse take slow crossings to the wrong tick; asked, the motion puts them right."""
     trajectory = planned("bare-circle", 2).trajectory
-    source = sys.modules[Nearest.__module__]
+    source = levels
     true = source.fit(trajectory, np.full(6, 1e-12))
     strayed = replace(true, coefficients=true.coefficients + 3e-4 * hexapod.axes[0].pulse * np.eye(6)[0][:, None])
     monkeypatch.setattr(source, "fit", lambda *_: strayed)

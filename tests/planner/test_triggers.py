@@ -4,11 +4,13 @@ import csv
 
 import numpy as np
 import pytest
+from scipy.integrate import simpson
 from scipy.optimize import brentq
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics import MotionError
-from planner import Arc, Dwell, Line, Program, Trigger, Turn, plan
+from planner import Arc, Dwell, Line, Program, Spline, Trigger, Turn, plan
+from planner.actuation import points_of
 from planner.export import trigger_csv
 from planner.plan import actuate
 
@@ -46,6 +48,27 @@ def test_positions_are_those_of_the_program(marked, hexapod):
         found = hexapod.home.inv() * event.pose
         assert found.translation == pytest.approx(position, abs=1e-9)
         assert (found.rotation.inv() * rotation).magnitude() < 1e-8
+
+
+@pytest.mark.parametrize("tool", [None, RigidTransform.from_translation([0.01, 0.005, 0.04])])
+def test_on_a_spline_it_is_a_share_of_the_way(hexapod, tool):
+    """The tool's way up to the trigger, by Simpson's rule on 4001 points of every span: 1e-12 of it."""
+    z = 0.03 if tool is None else 0.07
+    start = RigidTransform.from_components([0.01, 0, z], Rotation.identity())
+    rotate = Rotation.from_rotvec([[0.02, 0, 0.05], [0.04, 0.01, 0.02]])
+    curve = Spline([[0.012, 0.006, z], [0.02, 0.001, z]], rotate, trigger=Trigger("here", 0.2))
+    made = plan(Program((Line([0.01, 0.002, z]), curve), start=start, tool=tool), hexapod, order=2)
+    path, s = made.path, made.triggers[0].where.s
+
+    def length(low, high, piece):
+        x = np.linspace(low, high, 4001)
+        points = points_of(path, x, np.full(len(x), piece))
+        return simpson(np.linalg.norm(points.tool_derivatives[1][:, :3], axis=1), x=x)
+
+    whole = sum(length(path.breaks[k], path.breaks[k + 1], k) for k in (1, 2))
+    assert path.breaks[1] < s < path.breaks[2]
+    assert length(path.breaks[1], s, 1) == pytest.approx(0.2 * whole, rel=1e-11)
+    assert abs(s - path.breaks[1] - 0.2 * (path.breaks[3] - path.breaks[1])) > 1e-5  # not the share of the chords
 
 
 def test_times_by_another_root_finder(marked):

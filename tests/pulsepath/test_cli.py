@@ -9,6 +9,7 @@ from functools import partial
 import numpy as np
 import pytest
 
+from planner.pulses import RULES, find_rule
 from pulsepath.job import Defect
 
 FILES = {
@@ -107,6 +108,7 @@ def test_triggers_repetitions_and_constant_speeds_are_told(call, tmp_path, progr
         (0.004, 1),
         (0.004, 2),
     ]
+    assert all(0 < stretch["largest_deviation"] < 1e-9 for stretch in record["constant_speeds"])
     page = (tmp_path / "o" / "report.html").read_text()
     assert '<h2 id="triggers">' in page
     assert "2, run 2 times" in page
@@ -123,7 +125,7 @@ def test_plan_prints_the_figures_and_where_the_report_is(call, tmp_path, job):
         assert worst <= float(rows[name][0]) <= worst + 1.1e-7
         assert rows[name][1] == job.plan.certificate.where[name].axis.split()[0]
     for axis in job.plan.pulses.axes:
-        assert rows[axis.name] == [str(len(axis)), "0"]
+        assert rows[axis.name] == [str(len(axis)), "0", "0.500"]
 
 
 def test_a_stated_duration(call, tmp_path):
@@ -414,3 +416,28 @@ def test_a_terminal_without_the_letters_still_gets_the_table():
     done = subprocess.run(command, env=environment, capture_output=True, text=True)
     assert done.returncode == 0
     assert "hexapod" in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("rule", "told"),
+    [
+        ("sampeld", 'no firing rule is called "sampeld", nearest is "sampled"'),
+        ("sampled:perod=1us", 'has no option "perod", nearest is "period"'),
+    ],
+)
+def test_a_mistaken_rule_is_told_before_the_work(call, tmp_path, rule, told):
+    done = call("plan", "bare-circle", "--out", tmp_path / "plan", "--rule", rule)
+    assert done.exit_code == 2
+    assert told in done.stderr
+    assert not (tmp_path / "plan").exists()
+
+
+def test_rules_are_listed_with_their_options(call):
+    record = json.loads(call("rules", "--json").stdout)
+    shown = call("rules").stdout
+    for name, rule in RULES.items():
+        assert record[name]["about"] == (rule.__doc__ or "").splitlines()[0]
+        assert any(line.split()[:1] == [name] for line in shown.splitlines())
+    period = record["sampled"]["options"]["period"]
+    assert find_rule(f"sampled:period={period['default']} {period['unit']}") == find_rule("sampled")
+    assert "2e-05 s" in shown

@@ -95,6 +95,24 @@ def test_every_format_says_what_it_is_and_its_options_what_they_are_about(call):
         assert f"  {name} " in told
 
 
+def test_the_calls_of_the_motion_cards_leave_the_plans_directory(call, plan, job):
+    done = call("export", plan, "--format", "adlink-csv", "--spacing", "4 ms", "--speed-range", "100000 1/s", "--json")
+    assert done.exit_code == 0, done.stderr
+    record = json.loads(done.stdout)
+    assert 0.4 < record["error_pulses"] <= 0.51
+    *_, last = (plan / "adlink-csv.csv").read_text().splitlines()
+    assert float(last.split(",")[0]) < job.plan.trajectory.duration
+
+
+def test_a_format_of_another_machine_is_refused_by_name(call, plan):
+    before = sorted(plan.iterdir())
+    for name in ("kmitl-arms", "kmitl-positions", "byte", "sasidhar"):
+        done = call("export", plan, "--format", name)
+        assert done.exit_code == 2
+        assert "machine machine" in done.stderr  # the name of machine.toml
+    assert sorted(plan.iterdir()) == before
+
+
 def test_an_earlier_file_is_replaced_only_by_force(call, plan):
     (plan / "pulses.csv").write_text("mine")
     assert call("export", plan, "--format", "pulses").exit_code == 2

@@ -2,12 +2,13 @@
 
 import json
 import sys
+from dataclasses import replace
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from planner.export import pulse_csv
-from planner.pulses import check
+from planner.pulses import check, generate
 from pulsepath import plan_directory
 
 
@@ -28,6 +29,13 @@ def test_the_record(directory, job):
     # no leg steps faster than its speed limit, but for the tick to which each of two pulses is rounded
     interval = 0.75e-6 / 20e-3
     assert pulses["check"]["highest_rate_hz"] <= 1 / (interval - 1 / pulses["clock_hz"])
+    realised = record["realised"]
+    assert set(realised["errors"]) == {"x", "y", "z", "rx", "ry", "rz", "position", "orientation"}
+    for error in realised["errors"].values():
+        assert 0 < error["rms"] < error["max"] <= error["bound"]
+        assert error["where"]["segment"] == 1
+    # half a pulse of 0.75 µm in every leg moves the platform by some microns
+    assert 1e-6 < realised["errors"]["position"]["max"] < 5e-6
 
 
 def test_nothing_written_tells_where_or_when_it_was_made(directory, inputs, job, tmp_path):
@@ -73,6 +81,22 @@ def test_the_pulse_file_holds_the_plans_pulses(directory, job):
     )
     assert check(read, plan.trajectory).holds
     assert read.total == plan.pulses.total
+
+
+def test_a_plan_taken_up_again_fires_by_its_rule(inputs, job, tmp_path):
+    plan, rule = job.plan, "sampled:period=1e-05 s"
+    pulses = generate(plan.trajectory, plan.machine.axes, plan.machine.home_q, rule=rule)
+    verdict = check(pulses, plan.trajectory, plan.machine.axes, plan.machine.home_q)
+    plan_directory.write(tmp_path, replace(job, plan=replace(plan, pulses=pulses), verdict=verdict), inputs)
+    record = json.loads((tmp_path / "plan.json").read_text())["pulses"]
+    assert record["rule"] == rule
+    assert record["check"] == {**record["check"], "holds": True, "time_error_ticks": None}
+    assert [axis["bound_pulses"] for axis in record["axes"].values()] == [axis.bound for axis in pulses.axes]
+    again = plan_directory.read(tmp_path).pulses()
+    assert again.rule == rule
+    for got, axis in zip(again.axes, pulses.axes, strict=True):
+        np.testing.assert_array_equal(got.ticks, axis.ticks)
+        np.testing.assert_array_equal(got.direction, axis.direction)
 
 
 def test_a_plan_taken_up_again_is_the_same_to_the_last_bit(directory, job):

@@ -1,162 +1,38 @@
 """The firing rule `nearest`: an axis is stepped when it is half-way between two counts."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import ClassVar
-
-import numpy as np
-from numpy.typing import NDArray
 
 from kinematics.array import Array
 from kinematics.axis import Axis
 from kinematics.errors import MotionError
-from planner.place import Infeasible, Place
-from planner.pulses.crossing import solve
+from planner.option import option
+from planner.pulses.levels import Levels, cross
 from planner.pulses.motion import Motion
-from planner.pulses.pieces import ROUNDING, fit
-from planner.pulses.schedule import AxisPulses, PulseSchedule, Signs, Ticks
-from planner.pulses.stretches import Stretches, derivative, monotone
-
-BLOCK = 1 << 14  # pulses solved together: their arrays stay in the processor's cache
-TICK_ERROR = 1e-4  # of a crossing time before it is rounded to a whole tick
-FINE = 1e-6  # of a pulse: how well the motion is met where its own noise hides more
-COARSE = 1e-3  # of a pulse: rounding may not blur a count by more
-
-POLISHING = 5  # looks at the motion itself, each a Newton step from the one before
-
-Refuse = Callable[[], Infeasible]
-Exact = Callable[[Array, Array], Array]
+from planner.pulses.rules.rule import told
+from planner.pulses.schedule import PulseSchedule
 
 
 @dataclass(frozen=True, slots=True)
 class Nearest:
-    """A pulse wherever q(t) - home crosses (k + ½)·pulse, at the true crossing time rounded to the nearest tick.
+    """A pulse wherever x = (q(t) - home)/pulse crosses k + ½, at the true crossing time rounded to the nearest tick.
 
-    |count·pulse - (q(t) - home)| ≤ ½ pulse + one tick's travel at all times, and the final counts are exact.
-    - A level counts as crossed once the motion is beyond it by more than rounding noise (some 1e-9 pulse); a motion
-      that only touches a level, or rests or ends on it, does not fire. One that starts on a level has the lower count.
-    - Two opposite pulses whose crossings round to the same tick cancel: both are left out.
+    |count - x| ≤ ½ pulse + one tick's travel at all times, and the final counts are exact.
+
+    hysteresis h keeps an axis that hovers on a crossing from chattering: the first pulse after one the other way, and
+    the very first, fires h beyond its level. It costs |count - x| ≤ ½ + h. Below ½, so that a motion which ends on
+    a whole count ends with it.
     """
 
     name: ClassVar[str] = "nearest"
+    hysteresis: float = option(0.0, "pulses by which an axis comes back before it fires the other way; below 0.5")
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.hysteresis < 0.5:
+            raise MotionError(f"hysteresis {self.hysteresis!r} pulses: must be from 0 to below 0.5, e.g. 0.2")
 
     def fire(self, motion: Motion, axes: Sequence[Axis], home: Array, clock_hz: int) -> PulseSchedule:
-        """Raises Infeasible where an axis needs more than one pulse per tick, MotionError where rounding drowns one."""
-        pulse = np.array([axis.pulse for axis in axes])
-        pieces = fit(motion, FINE * pulse)
-        slack = (pieces.noise + ROUNDING * abs(home)) / pulse
-        fired = []
-        for k, axis in enumerate(axes):
-            if slack[k] > COARSE:
-                raise MotionError(
-                    f"axis {axis.name}: pulse {axis.pulse:.3g} {axis.unit} is blurred by {slack[k]:.2g} pulse of "
-                    f"rounding, limit {COARSE:.2g}; use a longer pulse or count from nearer than "
-                    f"{abs(home[k]):.3g} {axis.unit}"
-                )
-            counted = pieces.coefficients[k].copy()
-            counted[0] -= home[k]
-            stretches = monotone(pieces.start * clock_hz, pieces.length * clock_hz, counted / pulse[k], slack[k])
-            counts = _follow(stretches.ends, slack[k])
-            refuse = partial(_refusal, motion, axis, stretches, clock_hz)
-            exact = partial(_exact, motion, k, axis.pulse, float(home[k]), clock_hz)
-            blur = FINE + slack[k]
-            ticks, direction = _cancel(*_fire(stretches, counts, refuse, exact, blur), refuse)
-            ticks.flags.writeable = direction.flags.writeable = False
-            fired.append(AxisPulses(axis.name, ticks, direction, int(counts[0]), axis.pulse, float(home[k])))
-        return PulseSchedule(clock_hz, tuple(fired), motion.duration, self.name)
-
-
-def _refusal(trajectory: Motion, axis: Axis, stretches: Stretches, clock_hz: int) -> Infeasible:
-    """More than one pulse per tick: named where the rate is highest."""
-    v = np.linspace(0.0, 1.0, 33)
-    rate = abs(derivative(stretches.coefficients).T @ v ** np.arange(5)[:, None]) / stretches.length[:, None]
-    worst, nth = np.unravel_index(rate.argmax(), rate.shape)
-    t = float(stretches.start[worst] + stretches.length[worst] * v[nth]) / clock_hz
-    highest = max(float(rate.max()), 1.0) * clock_hz
-    place = Place(float(trajectory.at(np.array([t])).s[0]), t=t, axis=axis.name)
-    remedy = f"slow the motion, use a longer pulse, or a clock above {highest:.4g} Hz"
-    return Infeasible("pulse rate", axis.name, place, highest, clock_hz, "1/s", remedy)
-
-
-def _follow(x: Array, slack: float) -> Ticks:
-    """The count at each end of the stretches: the nearest to x; within `slack` of half-way, the one it came with."""
-    low = np.ceil(x - 0.5 - slack).astype(np.int64)
-    high = np.floor(x + 0.5 + slack).astype(np.int64)
-    counts = low.copy()
-    for i in np.flatnonzero(high > low):
-        if i > 0 and counts[i - 1] > low[i]:
-            counts[i] = high[i]
-    return counts
-
-
-def _exact(trajectory: Motion, k: int, pulse: float, home: float, clock_hz: int, time: Array, level: Array) -> Array:
-    """Crossing times (N,) in ticks by the motion itself, from times that are good but not to the tick."""
-    nearest, least = time, np.full(len(time), np.inf)
-    for _ in range(POLISHING):
-        state = trajectory.at(np.clip(time / clock_hz, 0.0, trajectory.duration))
-        off = (state.q[:, k] - home) / pulse - level
-        nearer = abs(off) < least
-        nearest, least = np.where(nearer, time, nearest), np.where(nearer, abs(off), least)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            step = off / (state.qd[:, k] / pulse / clock_hz)
-        time = nearest - np.where(nearer & np.isfinite(step), step, 0.0)  # at a turning point the nearest stays
-    return nearest
-
-
-def _fire(stretches: Stretches, counts: Ticks, refuse: Refuse, exact: Exact, blur: float) -> tuple[Ticks, Signs]:
-    """Tick and direction of every level between the counts at both ends of each stretch.
-
-    Where the blur (pulses) of the stretches might turn the rounding to the other tick, `exact` decides.
-    """
-    change = np.diff(counts)
-    sign: Ticks = np.sign(change)
-    pulses: Ticks = abs(change)
-    crowded = pulses > stretches.length + 1
-    if crowded.any():  # known before room is made for them
-        raise refuse()
-    climb = stretches.coefficients[1:] * sign
-    first = sign * (counts[:-1] - stretches.coefficients[0]) + 0.5
-    with np.errstate(divide="ignore"):
-        tolerance = TICK_ERROR / stretches.length
-    ticks = np.empty(pulses.sum(), np.int64)
-    for block, part, index, nth in _blocks(pulses):
-        v = solve(climb[:, part], index, first[part].take(index) + nth, tolerance[part])
-        length = stretches.length[part].take(index)
-        time = stretches.start[part].take(index) + length * v
-        c1, c2, c3, c4, c5 = (row[part].take(index) for row in climb)
-        rate = abs(c1 + v * (2 * c2 + v * (3 * c3 + v * (4 * c4 + v * 5 * c5)))) / length
-        unsure = np.flatnonzero((0.5 - abs(time - np.rint(time))) * rate < blur + TICK_ERROR * rate)
-        if len(unsure):
-            way = sign[part].take(index[unsure])
-            level = counts[:-1][part].take(index[unsure]) + way * (nth[unsure] + 0.5)
-            time[unsure] = exact(time[unsure], level.astype(float))
-        ticks[block] = np.rint(time)
-    return ticks, np.repeat(sign.astype(np.int8), pulses)
-
-
-def _blocks(pulses: Ticks) -> Iterator[tuple[slice, slice, NDArray[np.intp], Ticks]]:
-    """Blocks of the pulses: where they stand, their stretches, which of these each is on, and its number there."""
-    end = np.cumsum(pulses)
-    begin, total = end - pulses, int(end[-1])
-    for lo in range(0, total, BLOCK):
-        hi = min(lo + BLOCK, total)
-        part = slice(np.searchsorted(end, lo, side="right"), np.searchsorted(end, hi, side="left") + 1)
-        inside = np.minimum(end[part], hi) - np.maximum(begin[part], lo)
-        index = np.repeat(np.arange(len(inside)), inside)
-        yield slice(lo, hi), part, index, np.arange(lo, hi) - begin[part].take(index)
-
-
-def _cancel(ticks: Ticks, direction: Signs, refuse: Refuse) -> tuple[Ticks, Signs]:
-    """Leave out the pairs of opposite pulses in one tick: the excursion between them is below one tick's travel."""
-    while True:
-        same = np.flatnonzero(ticks[1:] <= ticks[:-1])
-        if not len(same):
-            return ticks, direction
-        opposite = same[direction[same] != direction[same + 1]]
-        if not len(opposite):
-            raise refuse()
-        first = opposite[np.diff(opposite, prepend=-2) > 1]
-        kept = np.ones(len(ticks), bool)
-        kept[first] = kept[first + 1] = False
-        ticks, direction = ticks[kept], direction[kept]
+        """Raises as `planner.pulses.levels.cross` does."""
+        fired = cross(motion, axes, home, clock_hz, Levels(0.5, self.hysteresis))
+        return PulseSchedule(clock_hz, fired, motion.duration, told(self))

@@ -1,10 +1,11 @@
 """The plug point of the firing rules: when each axis of a motion is stepped."""
 
 from collections.abc import Sequence
-from typing import Protocol
+from typing import Any, Protocol
 
 from kinematics.array import Array
 from kinematics.axis import Axis
+from planner.option import options
 from planner.pulses.motion import Motion
 from planner.pulses.schedule import PulseSchedule
 
@@ -12,10 +13,18 @@ from planner.pulses.schedule import PulseSchedule
 class Rule(Protocol):
     """A rule of firing. Its docstring says by how much a count may be from the motion; its schedules say it too.
 
-    A rule is a frozen dataclass whose fields are its options.
+    A rule is a frozen dataclass whose fields, made by `planner.option.option`, are its options.
     """
 
     @property
     def name(self) -> str: ...
     def fire(self, motion: Motion, axes: Sequence[Axis], home: Array, clock_hz: int, /) -> PulseSchedule:
         """The pulses of every axis; home (n,): the axis positions from which they count."""
+
+
+def told(rule: Rule) -> str:
+    """A rule as `find_rule` reads it, with the options that are not the default: "sampled:period=5e-05 s"."""
+    kind: Any = type(rule)
+    values = [(field, getattr(rule, name)) for name, field in options(kind).items()]
+    given = [f"{field.name}={value!r} {field.metadata['unit']}" for field, value in values if value != field.default]
+    return f"{rule.name}:{','.join(map(str.rstrip, given))}" if given else rule.name

@@ -1,0 +1,254 @@
+"""Motion as calls of the cards PCI-8132 and PCI-8164: one absolute move per axis and interval of time.
+
+At t_k an axis that has to go on is sent ta_move(pos, start, max, tacc, tdec): pos is the count nearest to its position
+at t_{k+1}, start and max are speeds (magnitudes, pulses/s), tacc = t_{k+1} - t_k and tdec = 0. Card semantics are not
+printed; assumed are those of [Sahbaz 2007] as the virtual card has them: the speed runs from start to max linearly
+within tacc, tdec = 0 stops dead on the target, and the axis waits there. With D = |pos - the last pos| the speeds are
+
+    start = v(t_k) + δ,  max = 2 D/tacc - start,  δ = D/tacc - (v(t_k) + v(t_{k+1}))/2,
+
+whole steps of the card's 16-bit speed registers, max rounded up, so that every move is over when the next is sent. So
+it does not matter whether a card replaces a running move or queues behind it, errors do not add up, and the final
+counts are exact. Times are whole microseconds; an axis' own turning points and rests take the place of the nearest
+instants of the grid. Counts and their signs are the wiring's (direction -1: extension is sent as negative counts).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from kinematics.array import Array
+from kinematics.errors import MotionError
+from planner.export.format import Source
+from planner.trajectory import Trajectory
+
+REGISTER = 65535
+"""Largest value of a speed register; its step is the range it is set to, divided by this [Sahbaz 2007, Appendix A]."""
+COUNTER = (-(2**27), 2**27 - 1)
+MICRO = 1_000_000
+LONGEST, SHORTEST = 64_000, 1_000
+"""µs between calls that are tried, halved until the error is small enough."""
+ENOUGH = 1.0
+"""pulses: ½ is rounding of the targets alone."""
+LOOKED = 16
+"""Instants of each interval at which the replay is held against the motion."""
+SPREAD = 1.001
+"""Headroom of a speed range over the largest speed in it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """A kind of card: its call, what a channel can emit (pulses/s), and how many axes its library numbers."""
+
+    function: str
+    max_speed: float
+    axes: int
+
+
+KINDS = {"8132": Kind("_8132_ta_move", 2.4e6, 24), "8164": Kind("_8164_start_ta_move", 6.55e6, 48)}
+"""By the number in a card's name. Limits: [Sahbaz 2007, Appendix A]; twelve cards of two or of four axes."""
+
+
+@dataclass(frozen=True, slots=True)
+class Call:
+    """One call: at `time` (s) `function`(axis, position, start, top, tacc, tdec), in pulses, pulses/s and s."""
+
+    time: float
+    name: str
+    function: str
+    axis: int
+    position: int
+    start: float
+    top: float
+    tacc: float
+    tdec: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class CallList:
+    """The calls in the order of time, the spacing (s) of their grid, and the speed range (pulses/s) of every axis."""
+
+    calls: tuple[Call, ...]
+    spacing: float
+    ranges: tuple[float, ...]
+    notes: tuple[str, ...]
+
+
+def call_list(source: Source, spacing: float | None, speed_range: float | None) -> CallList:
+    """The calls that make a motion; None: the longest spacing that errs by a pulse at most, the least speed range.
+
+    Raises MotionError for an axis without a card, a count beyond the counters, a speed beyond the card or the range.
+    """
+    kinds = _wired(source)
+    _counters(source)
+    if spacing is not None:
+        if not 1e-6 <= spacing <= 1e3:
+            raise MotionError(f"adlink: spacing {spacing} s must be from 1 µs to 1000 s")
+        return _calls(source, kinds, round(spacing * MICRO), speed_range)
+    tried = LONGEST
+    while tried // 2 >= SHORTEST:
+        try:
+            made = _calls(source, kinds, tried, speed_range)
+            if error(source, made.calls) <= ENOUGH:
+                return made
+        except MotionError:
+            pass  # coarse ramps overshoot the motion's speeds: finer ones may fit the cards
+        tried //= 2
+    return _calls(source, kinds, tried, speed_range)
+
+
+def error(source: Source, calls: Sequence[Call]) -> float:
+    """Pulses, the largest by which command positions of the calls, replayed in closed form, are from the motion.
+
+    p(τ) = p₀ ± min(D, start τ + (max - start) τ²/(2 tacc)), then waiting; looked at at LOOKED instants of each move and
+    of each wait between two.
+    """
+    trajectory, worst = source.trajectory, 0.0
+    shares = np.linspace(0.0, 1.0, LOOKED + 1)
+    for k, axis in enumerate(source.machine.axes):
+        own = [call for call in calls if call.name == axis.name]
+        at_first = float(source.pulses.axes[k].start * axis.direction)
+        idle = np.linspace(0.0, own[0].time if own else trajectory.duration, LOOKED + 1)
+        worst = max(worst, float(abs(counted(source, k, idle)[0] - at_first).max()))
+        if not own:
+            continue
+        begin, target = np.array([c.time for c in own]), np.array([c.position for c in own], float)
+        before = np.concatenate([[at_first], target])[:-1]
+        ends = np.append(begin[1:], max(trajectory.duration, begin[-1] + own[-1].tacc))
+        u, w, h = (np.array([getattr(c, name) for c in own]) for name in ("start", "top", "tacc"))
+        for lo, hi in ((begin, np.minimum(begin + h, ends)), (np.minimum(begin + h, ends), ends)):
+            tau = (lo - begin)[:, None] + (hi - lo)[:, None] * shares
+            ramp = np.minimum(tau, h[:, None])
+            way = ramp * (u[:, None] + ramp * ((w - u) / (2 * h))[:, None]) + w[:, None] * (tau - ramp)
+            run = np.minimum(way, abs(target - before)[:, None])
+            p = before[:, None] + np.sign(target - before)[:, None] * run
+            x = counted(source, k, (begin[:, None] + tau).ravel())[0].reshape(p.shape)
+            worst = max(worst, float(abs(p - x).max(initial=0.0)))
+    return worst
+
+
+def counted(source: Source, k: int, t: Array) -> tuple[Array, Array]:
+    """Position (pulses) and speed (pulses/s) of an axis at instants t (N,), in the counts of its wiring."""
+    axis, state = source.machine.axes[k], source.trajectory.at(t)
+    scale = axis.direction / axis.pulse
+    return (state.q[:, k] - source.machine.home_q[k]) * scale, state.qd[:, k] * scale
+
+
+def _wired(source: Source) -> list[Kind]:
+    kinds: list[Kind] = []
+    names: dict[str, str | None] = {}
+    for axis in source.machine.axes:
+        found = [number for number in KINDS if number in (axis.card or "")]
+        if len(found) != 1:
+            wired = f"is wired to {axis.card!r}" if axis.card else "has no card"
+            raise MotionError(
+                f"adlink: axis {axis.name} of machine {source.machine.name} {wired}; give it a PCI-8132 or a PCI-8164 "
+                f'in [wiring], as in {axis.name} = ["PCI-8164", 0]'
+            )
+        (number,) = found
+        if names.setdefault(number, axis.card) != axis.card:
+            raise MotionError(
+                f"adlink: {names[number]!r} and {axis.card!r} are two cards of one kind; their library numbers axes "
+                "through all cards of a kind: name them the same and number the channels through"
+            )
+        if axis.channel is None or axis.channel >= KINDS[number].axes:
+            raise MotionError(f"adlink: axis {axis.name}: channel {axis.channel}; limit {KINDS[number].axes - 1}")
+        kinds.append(KINDS[number])
+    return kinds
+
+
+def _counters(source: Source) -> None:
+    low, high = COUNTER
+    for axis, driven in zip(source.pulses.axes, source.machine.axes, strict=True):
+        counts = np.concatenate([[axis.start], axis.start + np.cumsum(axis.direction, dtype=np.int64)])
+        far = int(counts[abs(counts).argmax()]) * driven.direction
+        if not low <= far <= high:
+            raise MotionError(
+                f"adlink: axis {axis.name} comes to count {far}; the 28-bit counters hold {low} … {high}: use a longer "
+                "pulse, or count from nearer"
+            )
+
+
+def _calls(source: Source, kinds: Sequence[Kind], spacing: int, speed_range: float | None) -> CallList:
+    trajectory = source.trajectory
+    end = int(np.ceil(trajectory.duration * MICRO))
+    grid = np.append(np.arange(0, end, spacing), end)
+    rests = _rests(trajectory)
+    found: list[Call] = []
+    ranges = []
+    for k, (axis, kind) in enumerate(zip(source.machine.axes, kinds, strict=True)):
+        t = _instants(grid, np.concatenate([rests, _turns(source, k)]))
+        x, v = counted(source, k, t / MICRO)
+        target = np.rint(x).astype(np.int64)
+        pulses = source.pulses.axes[k]
+        target[0], target[-1] = pulses.start * axis.direction, pulses.final * axis.direction
+        way, h = np.diff(target), np.diff(t) / MICRO
+        mean, sign = abs(way) / h, np.sign(way)
+        start = np.clip(mean + sign * (v[:-1] - v[1:]) / 2, 0.0, 2 * mean)
+        fastest = float(np.maximum(start, 2 * mean - start).max(initial=0.0))
+        top = max(fastest * SPREAD, 1.0) if speed_range is None else speed_range
+        if top > kind.max_speed or fastest > top:
+            when = float(t[int(np.maximum(start, 2 * mean - start).argmax())]) / MICRO
+            raise MotionError(
+                f"adlink: axis {axis.name} needs {fastest:.6g} pulses/s at t = {when:.6g} s, its speed range is "
+                f"{top:.6g} and the card's {kind.max_speed:.6g}; widen the range, use a longer pulse, or slow down"
+            )
+        step = top / REGISTER
+        low = np.maximum(np.minimum(np.rint(start / step), np.floor(2 * mean / step) - 1), 1)
+        high = np.maximum(np.ceil(2 * mean / step - low), 1)
+        ranges.append(top)
+        for n in np.flatnonzero(way).tolist():
+            found.append(
+                Call(
+                    int(t[n]) / MICRO, axis.name, kind.function, int(axis.channel or 0), int(target[n + 1]),
+                    float(low[n] * step), float(high[n] * step), int(t[n + 1] - t[n]) / MICRO,
+                )
+            )  # fmt: skip
+    found.sort(key=lambda call: call.time)  # stable: axes stay in order within an instant
+    return CallList(tuple(found), spacing / MICRO, tuple(ranges), _notes(source, found, spacing, ranges))
+
+
+def _notes(source: Source, calls: Sequence[Call], spacing: int, ranges: Sequence[float]) -> tuple[str, ...]:
+    axes = source.machine.axes
+    starts = [axis.direction * pulses.start for axis, pulses in zip(axes, source.pulses.axes, strict=True)]
+    spans = ", ".join(f"{axis.name} {top:.1f}" for axis, top in zip(axes, ranges, strict=True))
+    return (
+        f"{len(calls)} calls, {spacing / 1e3:g} ms apart for an axis that moves; the pulses fired are within ½ more",
+        f"counters must stand at {', '.join(map(str, starts))} at time 0",
+        f"speed ranges that were rounded to, in pulses/s: {spans}",
+        "assumed of the cards: speeds are magnitudes, tacc is the time of the whole ramp, tdec = 0 stops dead",
+    )
+
+
+def _instants(grid: np.ndarray, own: np.ndarray) -> np.ndarray:
+    """The grid (µs) with an axis' own instants in place of the nearest inner ones."""
+    inside = np.unique(np.rint(own).astype(np.int64))
+    inside = inside[(inside > 0) & (inside < grid[-1])]
+    if not len(inside) or len(grid) < 3:
+        return np.union1d(grid, inside)
+    inner = grid[1:-1]
+    right = np.clip(np.searchsorted(inner, inside), 0, len(inner) - 1)
+    left = np.maximum(right - 1, 0)
+    nearest = np.where(abs(inner[right] - inside) <= abs(inner[left] - inside), right, left)
+    return np.union1d(np.delete(grid, 1 + nearest), inside)
+
+
+def _rests(trajectory: Trajectory) -> Array:
+    """µs at which the motion is at rest at a knot."""
+    speed = trajectory.at(trajectory.knots).sd
+    still = speed <= 1e-9 * max(float(speed.max(initial=0.0)), 1e-300)
+    return np.asarray(trajectory.knots[still] * MICRO)
+
+
+def _turns(source: Source, k: int) -> Array:
+    """µs at which an axis turns round, between two opposite pulses: halved until q̇ = 0 is known to below one."""
+    pulses = source.pulses.axes[k]
+    last = np.flatnonzero(np.diff(pulses.direction))
+    lo, hi = (pulses.ticks[last + n] / source.pulses.clock_hz for n in (0, 1))
+    sign = np.sign(counted(source, k, lo)[1])
+    for _ in range(40 if len(last) else 0):
+        middle = (lo + hi) / 2
+        before = np.sign(counted(source, k, middle)[1]) == sign
+        lo, hi = np.where(before, middle, lo), np.where(before, hi, middle)
+    return np.asarray(lo * MICRO)

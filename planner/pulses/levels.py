@@ -1,0 +1,200 @@
+"""Pulses where a motion crosses evenly spaced levels, at the true crossing times rounded to whole ticks."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinematics.array import Array
+from kinematics.axis import Axis
+from kinematics.errors import MotionError
+from planner.place import Infeasible, Place
+from planner.pulses.crossing import solve
+from planner.pulses.motion import Motion
+from planner.pulses.pieces import ROUNDING, fit
+from planner.pulses.schedule import AxisPulses, Signs, Ticks
+from planner.pulses.stretches import Stretches, derivative, monotone
+
+BLOCK = 1 << 14  # pulses solved together: their arrays stay in the processor's cache
+TICK_ERROR = 1e-4  # of a crossing time before it is rounded to a whole tick
+FINE = 1e-6  # of a pulse: how well the motion is met where its own noise hides more
+COARSE = 1e-3  # of a pulse: rounding may not blur a count by more
+
+POLISHING = 5  # looks at the motion itself, each a Newton step from the one before
+
+Refuse = Callable[[], Infeasible]
+Exact = Callable[[Array, Array], Array]
+
+
+@dataclass(frozen=True, slots=True)
+class Levels:
+    """One level between each two counts k and k+1, k + above pulses from home.
+
+    hysteresis  pulses: the first pulse after one the other way, and the very first, fires so much beyond its level
+    """
+
+    above: float
+    hysteresis: float = 0.0
+
+    @property
+    def bound(self) -> float:
+        """Pulses by which x may be from the count before a pulse fires."""
+        return max(self.above, 1 - self.above) + self.hysteresis
+
+
+def cross(motion: Motion, axes: Sequence[Axis], home: Array, clock_hz: int, levels: Levels) -> tuple[AxisPulses, ...]:
+    """A pulse of every axis wherever x = (q(t) - home)/pulse crosses a level, on the nearest tick.
+
+    - A level counts as crossed once the motion is beyond it by more than rounding noise (some 1e-9 pulse); a motion
+      that only touches a level, or rests or ends on it, does not fire. One that starts on a level has the lower count.
+    - Two opposite pulses whose crossings round to the same tick cancel: both are left out.
+    Raises Infeasible where an axis needs more than one pulse per tick, MotionError where rounding drowns one.
+    """
+    pulse = np.array([axis.pulse for axis in axes])
+    pieces = fit(motion, FINE * pulse)
+    slack = (pieces.noise + ROUNDING * abs(home)) / pulse
+    fired = []
+    for k, axis in enumerate(axes):
+        if slack[k] > COARSE:
+            raise MotionError(
+                f"axis {axis.name}: pulse {axis.pulse:.3g} {axis.unit} is blurred by {slack[k]:.2g} pulse of "
+                f"rounding, limit {COARSE:.2g}; use a longer pulse or count from nearer than "
+                f"{abs(home[k]):.3g} {axis.unit}"
+            )
+        counted = pieces.coefficients[k].copy()
+        counted[0] -= home[k]
+        stretches = monotone(pieces.start * clock_hz, pieces.length * clock_hz, counted / pulse[k], slack[k])
+        counts = _follow(stretches.ends, slack[k], levels)
+        refuse = partial(_refusal, motion, axis, stretches, clock_hz)
+        exact = partial(_exact, motion, k, axis.pulse, float(home[k]), clock_hz)
+        blur = FINE + slack[k]
+        ticks, direction = _cancel(*_fire(stretches, counts, levels, refuse, exact, blur), refuse)
+        ticks.flags.writeable = direction.flags.writeable = False
+        fired.append(AxisPulses(axis.name, ticks, direction, int(counts[0]), axis.pulse, float(home[k]), levels.bound))
+    return tuple(fired)
+
+
+def _refusal(trajectory: Motion, axis: Axis, stretches: Stretches, clock_hz: int) -> Infeasible:
+    """More than one pulse per tick: named where the rate is highest."""
+    v = np.linspace(0.0, 1.0, 33)
+    rate = abs(derivative(stretches.coefficients).T @ v ** np.arange(5)[:, None]) / stretches.length[:, None]
+    worst, nth = np.unravel_index(rate.argmax(), rate.shape)
+    t = float(stretches.start[worst] + stretches.length[worst] * v[nth]) / clock_hz
+    highest = max(float(rate.max()), 1.0) * clock_hz
+    place = Place(float(trajectory.at(np.array([t])).s[0]), t=t, axis=axis.name)
+    remedy = f"slow the motion, use a longer pulse, or a clock above {highest:.4g} Hz"
+    return Infeasible("pulse rate", axis.name, place, highest, clock_hz, "1/s", remedy)
+
+
+def _follow(x: Array, slack: float, levels: Levels) -> Ticks:
+    """The count at each end of the stretches: the one it came with, until x is beyond a level by more than `slack`."""
+    low = np.ceil(x - levels.above - slack).astype(np.int64)
+    high = np.floor(x + 1 - levels.above + slack).astype(np.int64)
+    if levels.hysteresis:
+        return _linger(x, low, high, slack, levels)
+    counts = low.copy()
+    for i in np.flatnonzero(high > low):
+        if i > 0 and counts[i - 1] > low[i]:
+            counts[i] = high[i]
+    return counts
+
+
+def _linger(x: Array, low: Ticks, high: Ticks, slack: float, levels: Levels) -> Ticks:
+    """The same with hysteresis: the first pulse the other way waits until x is so much further beyond its level."""
+    count, way, counts = int(low[0]), 0, low.copy()
+    late = levels.hysteresis + slack
+    for i, (here, least, most) in enumerate(zip(x.tolist(), low.tolist(), high.tolist(), strict=True)):
+        if least > count and (way > 0 or here > count + levels.above + late):
+            count, way = least, 1
+        elif most < count and (way < 0 or here < count - 1 + levels.above - late):
+            count, way = most, -1
+        counts[i] = count
+    return counts
+
+
+def _exact(trajectory: Motion, k: int, pulse: float, home: float, clock_hz: int, time: Array, level: Array) -> Array:
+    """Crossing times (N,) in ticks by the motion itself, from times that are good but not to the tick."""
+    nearest, least = time, np.full(len(time), np.inf)
+    for _ in range(POLISHING):
+        state = trajectory.at(np.clip(time / clock_hz, 0.0, trajectory.duration))
+        off = (state.q[:, k] - home) / pulse - level
+        nearer = abs(off) < least
+        nearest, least = np.where(nearer, time, nearest), np.where(nearer, abs(off), least)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            step = off / (state.qd[:, k] / pulse / clock_hz)
+        time = nearest - np.where(nearer & np.isfinite(step), step, 0.0)  # at a turning point the nearest stays
+    return nearest
+
+
+def _fire(
+    stretches: Stretches, counts: Ticks, levels: Levels, refuse: Refuse, exact: Exact, blur: float
+) -> tuple[Ticks, Signs]:
+    """Tick and direction of every level between the counts at both ends of each stretch.
+
+    Where the blur (pulses) of the stretches might turn the rounding to the other tick, `exact` decides.
+    """
+    change = np.diff(counts)
+    sign: Ticks = np.sign(change)
+    pulses: Ticks = abs(change)
+    crowded = pulses > stretches.length + 1
+    if crowded.any():  # known before room is made for them
+        raise refuse()
+    climb = stretches.coefficients[1:] * sign
+    lead = np.where(sign > 0, levels.above, 1 - levels.above)  # from the count to its first level
+    late = levels.hysteresis * _turned(sign)
+    first = sign * (counts[:-1] - stretches.coefficients[0]) + lead
+    with np.errstate(divide="ignore"):
+        tolerance = TICK_ERROR / stretches.length
+    ticks = np.empty(pulses.sum(), np.int64)
+    for block, part, index, nth in _blocks(pulses):
+        beyond: NDArray[Any] = np.where(nth == 0, late[part].take(index), nth) if levels.hysteresis else nth
+        v = solve(climb[:, part], index, first[part].take(index) + beyond, tolerance[part])
+        length = stretches.length[part].take(index)
+        time = stretches.start[part].take(index) + length * v
+        c1, c2, c3, c4, c5 = (row[part].take(index) for row in climb)
+        rate = abs(c1 + v * (2 * c2 + v * (3 * c3 + v * (4 * c4 + v * 5 * c5)))) / length
+        unsure = np.flatnonzero((0.5 - abs(time - np.rint(time))) * rate < blur + TICK_ERROR * rate)
+        if len(unsure):
+            way = sign[part].take(index[unsure])
+            height = lead[part].take(index[unsure]) + beyond[unsure]
+            time[unsure] = exact(time[unsure], counts[:-1][part].take(index[unsure]) + way * height)
+        ticks[block] = np.rint(time)
+    return ticks, np.repeat(sign.astype(np.int8), pulses)
+
+
+def _turned(sign: Ticks) -> NDArray[np.bool_]:
+    """(S,) the stretches whose first pulse is the very first of all, or follows one the other way."""
+    turned = np.zeros(len(sign), bool)
+    firing = np.flatnonzero(sign)
+    turned[firing] = np.diff(sign[firing], prepend=0) != 0
+    return turned
+
+
+def _blocks(pulses: Ticks) -> Iterator[tuple[slice, slice, NDArray[np.intp], Ticks]]:
+    """Blocks of the pulses: where they stand, their stretches, which of these each is on, and its number there."""
+    end = np.cumsum(pulses)
+    begin, total = end - pulses, int(end[-1])
+    for lo in range(0, total, BLOCK):
+        hi = min(lo + BLOCK, total)
+        part = slice(np.searchsorted(end, lo, side="right"), np.searchsorted(end, hi, side="left") + 1)
+        inside = np.minimum(end[part], hi) - np.maximum(begin[part], lo)
+        index = np.repeat(np.arange(len(inside)), inside)
+        yield slice(lo, hi), part, index, np.arange(lo, hi) - begin[part].take(index)
+
+
+def _cancel(ticks: Ticks, direction: Signs, refuse: Refuse) -> tuple[Ticks, Signs]:
+    """Leave out the pairs of opposite pulses in one tick: the excursion between them is below one tick's travel."""
+    while True:
+        same = np.flatnonzero(ticks[1:] <= ticks[:-1])
+        if not len(same):
+            return ticks, direction
+        opposite = same[direction[same] != direction[same + 1]]
+        if not len(opposite):
+            raise refuse()
+        first = opposite[np.diff(opposite, prepend=-2) > 1]
+        kept = np.ones(len(ticks), bool)
+        kept[first] = kept[first + 1] = False
+        ticks, direction = ticks[kept], direction[kept]

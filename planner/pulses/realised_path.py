@@ -1,0 +1,88 @@
+"""How far the path that pulses make is from the planned one: what `planner.pulses.realised` finds."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from kinematics.array import Array
+from kinematics.errors import MotionError
+from kinematics.text_table import aligned
+from planner.place import Place
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+@dataclass(frozen=True, slots=True)
+class RealisedError:
+    """One error of the realised path: realised - planned, a component in the base frame or a distance in space.
+
+    rms         √(1/T ∫ e² dt), the error taken as linear between the instants looked at, window by window
+    max, where  the largest magnitude and its place
+    bound       of the magnitude, the largest along the path: Σⱼ |J⁻¹ᵢⱼ| bⱼ of a component, max ‖J⁻¹ b‖ over the signs
+                of the bⱼ in space; bⱼ is the schedule's bound and one tick's travel of axis j, in m or rad
+    series, bounds  (W,) the same in windows of time: largest magnitude, and largest bound at the windows' two ends
+    """
+
+    name: str
+    unit: str
+    rms: float
+    max: float
+    where: Place
+    bound: float
+    series: Array
+    bounds: Array
+
+    @property
+    def share(self) -> float:
+        """The largest share of the bound that any window's error takes."""
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return float(np.nanmax(np.where(self.bounds > 0, self.series / self.bounds, 0.0), initial=0.0))
+
+
+@dataclass(frozen=True, slots=True)
+class RealisedPath:
+    """How far the pose that the integer counts stand for is from the planned pose.
+
+    rule      of firing that made the pulses
+    instants  how many were looked at, each just after a pulse and just before the next
+    stride    1: all of them; k: every k-th
+    edges     (W+1,) s, the ends of the windows of the errors' series
+    errors    of each component that moves, then in space ("position") and of the whole turn ("orientation")
+    mover     "platform" or "tool": whose pose it is
+    """
+
+    machine: str
+    rule: str
+    mover: str
+    instants: int
+    stride: int
+    edges: Array
+    errors: tuple[RealisedError, ...]
+
+    def __getitem__(self, name: str) -> RealisedError:
+        """The error of a name. Raises MotionError for another one."""
+        for error in self.errors:
+            if error.name == name:
+                return error
+        known = ", ".join(error.name for error in self.errors)
+        raise MotionError(f"the realised path has no error {name!r}; it has {known}")
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """The error in space over time and its bound; planner.plots.realised_error has the other errors."""
+        from planner.plots import realised_error
+
+        return realised_error(self, ax=ax)
+
+    def __str__(self) -> str:
+        every = "each" if self.stride == 1 else f"one in {self.stride}"
+        rows = [
+            [e.name, *(f"{1e6 * v:.4f}" for v in (e.rms, e.max, e.bound)), f"{e.share:.3f}", f"µ{e.unit}", str(e.where)]
+            for e in self.errors
+        ]
+        header = ["error", "RMS", "largest", "bound", "of bound", "unit", "largest at"]
+        return (
+            f"realised path of the {self.mover} of {self.machine}, rule {self.rule}: {self.instants} instants, "
+            f"{every} just after and just before a pulse\n{aligned(header, rows)}"
+        )
