@@ -69,15 +69,15 @@ def write(
     """
     if len(wiring) != len(schedule.axes) or any(sign not in (1, -1) for sign in wiring):
         raise MotionError(f"wiring {tuple(wiring)}: give +1 or -1 for each of the {len(schedule.axes)} axes")
-    high = _high_ticks(schedule, width, [drive for drive in timing if drive is not None])
+    high = high_ticks(schedule, width, [drive for drive in timing if drive is not None])
     names = [f"{axis.name} {line}" for axis in schedule.axes for line in ("STEP", "DIR")]
     with Path(path).open("wb") as file:
         file.write((", ".join(["Time[s]", *map(_quoted, names)]) + "\n").encode())
-        for ticks, levels in _rows(schedule, wiring, high):
+        for ticks, levels in rows(schedule, wiring, high):
             file.write(_text(ticks, levels, schedule.clock_hz))
 
 
-def _high_ticks(schedule: PulseSchedule, width: float | None, drives: Sequence[StepTiming]) -> int:
+def high_ticks(schedule: PulseSchedule, width: float | None, drives: Sequence[StepTiming]) -> int:
     """Ticks that STEP stays high: as the drives ask, and leaving the closest pulses what these need of a low one."""
     clock, closest = schedule.clock_hz, schedule.smallest_interval
     least = max([1, *(whole(max(drive.high, drive.hold), clock) for drive in drives)])
@@ -96,7 +96,7 @@ def _quoted(name: str) -> str:
     return '"' + name.replace('"', '""') + '"' if set(name) & set(',"\n\r') else name
 
 
-def _rows(schedule: PulseSchedule, wiring: Sequence[int], high: int) -> Iterator[tuple[Ticks, NDArray[np.uint8]]]:
+def rows(schedule: PulseSchedule, wiring: Sequence[int], high: int) -> Iterator[tuple[Ticks, NDArray[np.uint8]]]:
     """Edge instants (N,) and the levels of all lines there (N, 2 n), in windows of time."""
     marks = np.unique(np.concatenate([[0], *(axis.ticks[WINDOW::WINDOW] for axis in schedule.axes)]))
     ends = [*marks[1:].tolist(), np.iinfo(np.int64).max]

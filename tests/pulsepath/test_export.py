@@ -70,6 +70,24 @@ def test_the_error_and_what_to_know_are_printed(call, plan):
     assert notes[:2] == ["  segments: 64, of 20 ms", "  group in the order leg1, leg2, leg3, leg4, leg5, leg6; in mm"]
 
 
+@pytest.mark.parametrize(
+    ("name", "options", "most", "note"),
+    [
+        ("vcd", [], 0.0, "times in units of 1 ns"),
+        ("steps", ["--within", "10 us", "--named"], 0.3, "a pulse is off by up to 10 us"),  # pulses are 37.5 us apart
+        ("halstreamer", ["--period", "2 ms", "--unit", "mm"], 0.5, "a sample lasts 0.002 s"),
+        ("galil", ["--interval", "1"], 1.0, "A = leg1, B = leg2, C = leg3, D = leg4, E = leg5, F = leg6"),
+    ],
+)
+def test_streams_say_how_far_they_are_off(call, plan, name, options, most, note):
+    done = call("export", plan, "--format", name, *options, "--json")
+    assert done.exit_code == 0, done.stderr
+    record = json.loads(done.stdout)
+    assert 0 <= record["error_pulses"] <= most
+    assert note in record["notes"]
+    assert Path(record["file"]).stat().st_size > 1000
+
+
 def test_every_format_says_what_it_is_and_its_options_what_they_are_about(call):
     told = call("export", "--help").stdout
     for name in FORMATS:
