@@ -77,10 +77,10 @@ def plan(
     with replacing(out, force) as folder:  # where nothing can be written, that is said before the work
         job = run(inputs.program, inputs.machine, None if order is None else int(order), clock_hz, seconds, rule)
         with step("writing the files"):
-            plan_directory.write(folder, job, inputs)
+            verdict = plan_directory.write(folder, job, inputs)
     report = str(out / plan_directory.REPORT)
     if as_json:
-        click.echo(record.as_json({**record.of_plan(job, inputs), "report": report}), nl=False)
+        click.echo(record.as_json({**record.of_plan(job, inputs, verdict), "report": report}), nl=False)
     else:
         tables.show(tables.of_plan(job))
         click.echo(f"report: {report}")

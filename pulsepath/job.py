@@ -9,7 +9,7 @@ from kinematics import Machine, MotionError
 from planner import Plan, Program, plan
 from planner.baselines import KINDS, Classical, classical
 from planner.limits import unkept
-from planner.pulses import PulseCheck, RealisedPath, check
+from planner.pulses import RealisedPath
 from pulsepath.progress import step
 
 LAWS = ("3", "6")
@@ -24,7 +24,7 @@ class Defect(MotionError):
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """A plan, the classical timing of its path, the check of its pulses, their path, and the errors of the laws.
+    """A plan, the classical timing of its path, the path of its pulses, and the errors of the laws.
 
     others: the other classical timings, as far as the program and the machine allow them
     """
@@ -32,7 +32,6 @@ class Job:
     plan: Plan
     classical: Classical
     others: tuple[Classical, ...]
-    verdict: PulseCheck
     realised: RealisedPath | None
     metrics: tuple[Metrics, ...]
 
@@ -50,18 +49,14 @@ def run(
     duration: float | None = None,
     rule: str = "nearest",
 ) -> Job:
-    """Plan, prove and compare. Raises as `planner.plan`, and Defect where the pulses fail their check."""
+    """Plan, prove and compare. Raises as `planner.plan`."""
     for field in unkept(machine):
         print(f"note: {machine.name} states {field} but no masses, so no plan can keep it", file=sys.stderr)
     with step(f"planning {program.name} on {machine.name}") as tell:
         planned = plan(program, machine, order=order, clock_hz=clock_hz, duration=duration, rule=rule, progress=tell)
-    with step(f"checking {planned.pulses.total} pulses"):
-        verdict = check(planned.pulses, planned.counted, machine.axes, machine.home_q)
-    if not verdict.holds:
-        raise Defect(f"{verdict.fault_count} faults in the pulses, the first: {verdict.faults[0]}")
     with step("timing the path classically"):
         baseline, others = classical(planned), tuple(_others(planned))
-    return Job(planned, baseline, others, verdict, _followed(planned), _tracked(planned, machine))
+    return Job(planned, baseline, others, _followed(planned), _tracked(planned, machine))
 
 
 def _others(planned: Plan) -> Iterator[Classical]:

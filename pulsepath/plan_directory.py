@@ -9,12 +9,15 @@ from kinematics import Machine, MotionError, load_machine
 from planner import Program, Trajectory, load_program
 from planner.export import motion_json
 from planner.plan import actuate
-from planner.pulses import PulseSchedule, generate
+from planner.pulses import PulseCheck, PulseSchedule, check_file, generate
 from pulsepath.directory import RECORD, is_ours
 from pulsepath.inputs import Inputs
-from pulsepath.job import Job
-from pulsepath.record import as_json, of_plan
+from pulsepath.job import Defect, Job
+from pulsepath.progress import step
+from pulsepath.record import as_json, of_plan, of_pulse_file
 
+CERTIFICATE = "certificate.json"
+"""What the check of the pulse file found: beside it."""
 MOTION, TRAJECTORY, PULSES, REPORT, TRACK = "motion.json", "trajectory.csv", "pulses.csv", "report.html", "track.json"
 TRIGGERS = "triggers.csv"
 """Only where the program has triggers."""
@@ -36,25 +39,33 @@ class Planned:
         return generate(self.trajectory, self.machine.axes, self.machine.home_q, self.clock_hz, self.rule)
 
 
-def write(folder: Path, job: Job, inputs: Inputs) -> None:
-    """Write everything into an empty folder, the record last."""
+def write(folder: Path, job: Job, inputs: Inputs) -> PulseCheck:
+    """Write everything into an empty folder, the record last; what the check of the written pulses found.
+
+    Raises Defect where they fail it.
+    """
     from benchmarks.report import write_report
     from planner.export import pulse_csv, trajectory_csv, trigger_csv
 
+    plan = job.plan
     (folder / SOURCES["program"]).write_bytes(inputs.program_toml)
     (folder / SOURCES["machine"]).write_bytes(inputs.machine_toml)
-    motion_json.write(job.plan.trajectory, folder / MOTION)
-    trajectory_csv.write(job.plan, folder / TRAJECTORY)
-    axes = job.plan.machine.axes
+    motion_json.write(plan.trajectory, folder / MOTION)
+    trajectory_csv.write(plan, folder / TRAJECTORY)
+    axes = plan.machine.axes
     wiring, timing = [axis.direction for axis in axes], [axis.timing for axis in axes]
-    pulse_csv.write(job.plan.pulses, folder / PULSES, wiring, timing=timing)
-    if job.plan.triggers:
-        trigger_csv.write(job.plan, folder / TRIGGERS)
+    pulse_csv.write(plan.pulses, folder / PULSES, wiring, timing=timing)
+    with step(f"checking {plan.pulses.total} pulses"):
+        verdict = check_file(folder / PULSES, plan)
+    if not verdict.holds:
+        raise Defect(f"{verdict.fault_count} faults in the pulses, the first: {verdict.faults[0]}")
+    (folder / CERTIFICATE).write_text(as_json(of_pulse_file(folder / PULSES, plan, verdict)), encoding="utf-8")
+    if plan.triggers:
+        trigger_csv.write(plan, folder / TRIGGERS)
     page = folder / REPORT
-    write_report(
-        job.plan, job.classical, job.metrics, page, verdict=job.verdict, others=job.others, realised=job.realised
-    )
-    (folder / RECORD).write_text(as_json(of_plan(job, inputs)), encoding="utf-8")
+    write_report(plan, job.classical, job.metrics, page, verdict=verdict, others=job.others, realised=job.realised)
+    (folder / RECORD).write_text(as_json(of_plan(job, inputs, verdict)), encoding="utf-8")
+    return verdict
 
 
 def read(folder: Path) -> Planned:

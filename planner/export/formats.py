@@ -8,11 +8,15 @@ from planner.export.format import Format
 
 FORMATS = {
     "pulses": "planner.export.pulse_csv:PulseCsv",
+    "vcd": "planner.export.vcd:Vcd",
+    "steps": "planner.export.steps:Steps",
     "zaber": "planner.export.zaber:ZaberCsv",
     "xps": "planner.export.xps:Xps",
     "pmac": "planner.export.pmac:Pmac",
     "g93": "planner.export.g93:InverseTime",
     "ros": "planner.export.ros:JointTrajectory",
+    "halstreamer": "planner.export.halstreamer:Halstreamer",
+    "galil": "planner.export.galil:Galil",
     "adlink": "planner.export.adlink_c:AdlinkC",
     "adlink-csv": "planner.export.adlink_csv:AdlinkCsv",
     "kmitl-arms": "planner.export.kmitl_arms:KmitlArms",

@@ -13,30 +13,24 @@
 - UTF-8, line ends \\n, decimal points whatever the locale. The file holds no start counts: keep them beside it.
 """
 
-import csv
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from io import BytesIO
 from os import PathLike
 from pathlib import Path
-from typing import BinaryIO, ClassVar
+from typing import ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from kinematics.array import Array
-from kinematics.axis import Axis
-from kinematics.errors import Fault, FileError, MotionError
+from kinematics.errors import MotionError
 from kinematics.step_timing import StepTiming, whole
 from planner.export.format import Exported, Source, option
-from planner.pulses.schedule import AxisPulses, PulseSchedule, Ticks
+from planner.pulses import lines
+from planner.pulses.schedule import PulseSchedule, Ticks
 
 WIDTH = 2e-6  # s, enough for every common drive
 WINDOW = 1 << 15  # pulses per axis written together
-PART = 1 << 22  # bytes read together
 DECIMALS = 9
-OFF_TICK = 0.1  # a time further from every tick was written for another clock
-FAULTS = 20  # of one kind told of at once
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +43,7 @@ class PulseCsv:
     def write(self, source: Source, path: Path) -> Exported:
         axes, pulses = source.machine.axes, source.pulses
         write(pulses, path, [axis.direction for axis in axes], width=self.width, timing=[axis.timing for axis in axes])
-        held = read(path, pulses.clock_hz, axes, source.machine.home_q)
+        held = lines.read(path, pulses.clock_hz, axes, source.machine.home_q).schedule
         same = all(
             np.array_equal(got.ticks, axis.ticks) and np.array_equal(got.direction, axis.direction)
             for got, axis in zip(held.axes, pulses.axes, strict=True)
@@ -75,57 +69,15 @@ def write(
     """
     if len(wiring) != len(schedule.axes) or any(sign not in (1, -1) for sign in wiring):
         raise MotionError(f"wiring {tuple(wiring)}: give +1 or -1 for each of the {len(schedule.axes)} axes")
-    high = _high_ticks(schedule, width, [drive for drive in timing if drive is not None])
+    high = high_ticks(schedule, width, [drive for drive in timing if drive is not None])
     names = [f"{axis.name} {line}" for axis in schedule.axes for line in ("STEP", "DIR")]
     with Path(path).open("wb") as file:
         file.write((", ".join(["Time[s]", *map(_quoted, names)]) + "\n").encode())
-        for ticks, levels in _rows(schedule, wiring, high):
+        for ticks, levels in rows(schedule, wiring, high):
             file.write(_text(ticks, levels, schedule.clock_hz))
 
 
-def read(
-    path: str | PathLike[str],
-    clock_hz: int,
-    axes: Sequence[Axis],
-    home_q: ArrayLike,
-    *,
-    start: Sequence[int] | None = None,
-    duration: float | None = None,
-) -> PulseSchedule:
-    """The schedule in a pulse CSV; what the file cannot hold comes from the machine's axes and its home (n,).
-
-    start     counts before the first pulse; None: 0, a motion from home
-    duration  s; None: up to the last row
-    Raises FileError with the lines at fault: a header of other axes, a row that is not a time and levels, a time that
-    runs back or is no tick of the clock.
-    """
-    name = str(path)
-    with Path(path).open("rb") as file:
-        expected = ["Time[s]", *(f"{axis.name} {line}" for axis in axes for line in ("STEP", "DIR"))]
-        header = next(csv.reader([file.readline().decode(errors="replace")], skipinitialspace=True), [])
-        if header != expected:
-            raise FileError(name, [Fault("header", f"{header} should be {expected}", 1)])
-        before = np.zeros(1 + 2 * len(axes))
-        before[0] = -0.5 / clock_hz  # the first row may be at time 0
-        fired: list[list[tuple[Ticks, NDArray[np.int8]]]] = [[] for _ in axes]
-        for line, table in _tables(file, name, len(expected)):
-            ticks = _ticks(table[:, 0], before[0], clock_hz, name, line)
-            levels = np.vstack((before, table))[:, 1:]
-            for k, axis in enumerate(axes):
-                rising = (levels[1:, 2 * k] == 1) & (levels[:-1, 2 * k] == 0)
-                sign = np.where(table[rising, 2 + 2 * k] == 1, axis.direction, -axis.direction)
-                fired[k].append((ticks[rising], sign.astype(np.int8)))
-            before = table[-1]
-    pulses = []
-    for k, axis in enumerate(axes):
-        when = np.concatenate([np.empty(0, np.int64), *(part[0] for part in fired[k])])
-        sign = np.concatenate([np.empty(0, np.int8), *(part[1] for part in fired[k])])
-        home = float(np.asarray(home_q, float)[k])
-        pulses.append(AxisPulses(axis.name, when, sign, 0 if start is None else start[k], axis.pulse, home))
-    return PulseSchedule(clock_hz, tuple(pulses), float(max(before[0], 0.0)) if duration is None else duration)
-
-
-def _high_ticks(schedule: PulseSchedule, width: float | None, drives: Sequence[StepTiming]) -> int:
+def high_ticks(schedule: PulseSchedule, width: float | None, drives: Sequence[StepTiming]) -> int:
     """Ticks that STEP stays high: as the drives ask, and leaving the closest pulses what these need of a low one."""
     clock, closest = schedule.clock_hz, schedule.smallest_interval
     least = max([1, *(whole(max(drive.high, drive.hold), clock) for drive in drives)])
@@ -144,7 +96,7 @@ def _quoted(name: str) -> str:
     return '"' + name.replace('"', '""') + '"' if set(name) & set(',"\n\r') else name
 
 
-def _rows(schedule: PulseSchedule, wiring: Sequence[int], high: int) -> Iterator[tuple[Ticks, NDArray[np.uint8]]]:
+def rows(schedule: PulseSchedule, wiring: Sequence[int], high: int) -> Iterator[tuple[Ticks, NDArray[np.uint8]]]:
     """Edge instants (N,) and the levels of all lines there (N, 2 n), in windows of time."""
     marks = np.unique(np.concatenate([[0], *(axis.ticks[WINDOW::WINDOW] for axis in schedule.axes)]))
     ends = [*marks[1:].tolist(), np.iinfo(np.int64).max]
@@ -206,50 +158,3 @@ def _put_digits(table: NDArray[np.uint8], number: Ticks) -> None:
     for column in range(table.shape[1] - 1, -1, -1):
         number, digit = np.divmod(number, 10)
         table[:, column] = digit + ord("0")
-
-
-def _tables(file: BinaryIO, name: str, columns: int) -> Iterator[tuple[int, Array]]:
-    """The rows as numbers, part by part, with the line that each part starts on."""
-    line, kept = 2, b""
-    while part := file.read(PART):
-        text, newline, kept = (kept + part).rpartition(b"\n")
-        if newline:
-            yield line, _table(text, name, columns, line)
-            line += text.count(b"\n") + 1
-    if kept.strip():
-        yield line, _table(kept, name, columns, line)
-
-
-def _table(text: bytes, name: str, columns: int, line: int) -> Array:
-    try:
-        table = np.loadtxt(BytesIO(text), delimiter=",", ndmin=2, comments=None)
-    except ValueError:
-        table = np.empty((0, 0))
-    levels = table[:, 1:]
-    if table.shape == (text.count(b"\n") + 1, columns) and ((levels == 0) | (levels == 1)).all():
-        return table
-    rows = enumerate(text.decode(errors="replace").split("\n"), line)
-    odd = [(n, row) for n, row in rows if not _is_row(row, columns)][:FAULTS]
-    message = f"is not a time and {columns - 1} levels 0 or 1"
-    raise FileError(name, [Fault("row", f"{row!r} {message}", n) for n, row in odd])
-
-
-def _is_row(row: str, columns: int) -> bool:
-    try:
-        float(row.split(",")[0])
-    except ValueError:
-        return False
-    levels = [cell.strip() for cell in row.split(",")[1:]]
-    return len(levels) == columns - 1 and set(levels) <= {"0", "1"}
-
-
-def _ticks(time: Array, last: float, clock_hz: int, name: str, line: int) -> Ticks:
-    """The ticks (N,) that rising times (N,) stand for."""
-    ticks = np.rint(time * clock_hz)
-    off = np.flatnonzero(~(abs(time * clock_hz - ticks) <= OFF_TICK))
-    back = np.flatnonzero(~(np.diff(time, prepend=last) > 0))
-    faults = [(i, f"is not a tick of {clock_hz} Hz") for i in off[:FAULTS].tolist()]
-    faults += [(i, "does not come after the row before, or after 0") for i in back[:FAULTS].tolist()]
-    if faults:
-        raise FileError(name, [Fault("Time[s]", f"{float(time[i])!r} s {message}", line + i) for i, message in faults])
-    return ticks.astype(np.int64)

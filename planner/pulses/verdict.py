@@ -4,6 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from planner.pulses.lines import LineTimes
+
 
 @dataclass(frozen=True, slots=True)
 class PulseFault:
@@ -24,6 +26,7 @@ class AxisCheck:
     smallest_interval  s between two pulses; inf with fewer than two
     final_error        pulses, the last count - where the motion ends; 0 within the bound
     faults             the first few of each kind; fault_count counts all
+    lines              the least times on its lines, where a file was checked
     """
 
     name: str
@@ -34,6 +37,7 @@ class AxisCheck:
     final_error: float
     faults: tuple[PulseFault, ...]
     fault_count: int
+    lines: LineTimes | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from kinematics.axis import Axis
 from kinematics.errors import FileError, MotionError
 from planner.export import pulse_csv
-from planner.pulses import AxisPulses, PulseSchedule
+from planner.pulses import AxisPulses, PulseSchedule, lines
 
 CLOCK = 10_000_000
 PULSE = 0.75e-6
@@ -39,7 +39,7 @@ def machine_axes(schedule, wiring=None):
 def read_back(path, schedule, wiring=None):
     home, start = [axis.home for axis in schedule.axes], [axis.start for axis in schedule.axes]
     axes = machine_axes(schedule, wiring)
-    return pulse_csv.read(path, schedule.clock_hz, axes, home, start=start, duration=schedule.duration)
+    return lines.read(path, schedule.clock_hz, axes, home, start=start, duration=schedule.duration).schedule
 
 
 def assert_same(one, other):
@@ -193,14 +193,14 @@ def test_a_million_pulses_are_written_and_read_in_pieces(tmp_path, monkeypatch):
     text = pulse_csv._text
     monkeypatch.setattr(pulse_csv, "_text", watched)
     monkeypatch.setattr(pulse_csv, "WINDOW", 500)
-    monkeypatch.setattr(pulse_csv, "PART", 1000)
+    monkeypatch.setattr(lines, "PART", 1000)
     few = replace(schedule, axes=tuple(replace(a, ticks=a.ticks[:3000], direction=a.direction[:3000]) for a in axes))
     pulse_csv.write(few, tmp_path / "pieces.csv", [1] * 6)
     monkeypatch.undo()
     pulse_csv.write(few, tmp_path / "whole.csv", [1] * 6)
     assert (tmp_path / "pieces.csv").read_bytes() == (tmp_path / "whole.csv").read_bytes()
     assert largest <= 2 * 6 * 500
-    monkeypatch.setattr(pulse_csv, "PART", 1000)
+    monkeypatch.setattr(lines, "PART", 1000)
     assert_same(read_back(tmp_path / "pieces.csv", few), few)
 
 
@@ -229,7 +229,7 @@ def test_a_spoilt_file_is_refused_with_the_line(tmp_path, old, new, line, says):
     path = tmp_path / "p.csv"
     path.write_text(SMALL.replace(old, new), encoding="utf-8")
     with pytest.raises(FileError, match=rf"p\.csv:{line}: .*{says}") as refused:
-        pulse_csv.read(path, CLOCK, [Axis("leg1", pulse=PULSE)], [0.0])
+        lines.read(path, CLOCK, [Axis("leg1", pulse=PULSE)], [0.0])
     assert refused.value.faults[0].line == line
 
 
@@ -237,12 +237,12 @@ def test_a_file_of_another_clock_is_refused(tmp_path):
     schedule = schedule_of([101, 203])
     pulse_csv.write(schedule, tmp_path / "p.csv", [1])
     with pytest.raises(FileError, match="not a tick of 1000000 Hz"):
-        pulse_csv.read(tmp_path / "p.csv", 1_000_000, machine_axes(schedule), [0.0])
+        lines.read(tmp_path / "p.csv", 1_000_000, machine_axes(schedule), [0.0])
 
 
 def test_without_counts_and_duration_the_file_starts_at_zero_and_ends_with_its_last_row(tmp_path):
     (tmp_path / "p.csv").write_text(SMALL.removesuffix("\n"))  # a last row without line end counts too
-    read = pulse_csv.read(tmp_path / "p.csv", CLOCK, [Axis("leg1", pulse=PULSE)], [0.1])
+    read = lines.read(tmp_path / "p.csv", CLOCK, [Axis("leg1", pulse=PULSE)], [0.1]).schedule
     assert (read.axes[0].start, read.axes[0].final, read.duration) == (0, 1, 1.2e-5)
 
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from planner.export import pulse_csv
 from planner.export.formats import FORMATS, find_format
+from planner.pulses import lines
 
 
 @pytest.fixture
@@ -27,7 +27,7 @@ def test_pulses_are_those_of_the_plan(call, plan, job):
     record = json.loads(done.stdout)
     assert record["error_pulses"] == 0
     machine, pulses = job.plan.machine, job.plan.pulses
-    held = pulse_csv.read(record["file"], pulses.clock_hz, machine.axes, machine.home_q)
+    held = lines.read(record["file"], pulses.clock_hz, machine.axes, machine.home_q).schedule
     for got, axis in zip(held.axes, pulses.axes, strict=True):
         assert np.array_equal(got.ticks, axis.ticks)
         assert np.array_equal(got.direction, axis.direction)
@@ -68,6 +68,24 @@ def test_the_error_and_what_to_know_are_printed(call, plan):
     first, *notes = done.stdout.splitlines()
     assert re.fullmatch(r".*mine\.trj: 0\.\d+ pulses from the motion, cubic between the points", first)
     assert notes[:2] == ["  segments: 64, of 20 ms", "  group in the order leg1, leg2, leg3, leg4, leg5, leg6; in mm"]
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "most", "note"),
+    [
+        ("vcd", [], 0.0, "times in units of 1 ns"),
+        ("steps", ["--within", "10 us", "--named"], 0.3, "a pulse is off by up to 10 us"),  # pulses are 37.5 us apart
+        ("halstreamer", ["--period", "2 ms", "--unit", "mm"], 0.5, "a sample lasts 0.002 s"),
+        ("galil", ["--interval", "1"], 1.0, "A = leg1, B = leg2, C = leg3, D = leg4, E = leg5, F = leg6"),
+    ],
+)
+def test_streams_say_how_far_they_are_off(call, plan, name, options, most, note):
+    done = call("export", plan, "--format", name, *options, "--json")
+    assert done.exit_code == 0, done.stderr
+    record = json.loads(done.stdout)
+    assert 0 <= record["error_pulses"] <= most
+    assert note in record["notes"]
+    assert Path(record["file"]).stat().st_size > 1000
 
 
 def test_every_format_says_what_it_is_and_its_options_what_they_are_about(call):

@@ -3,12 +3,13 @@
 import json
 import sys
 from dataclasses import replace
+from hashlib import sha256
 
 import numpy as np
+import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from planner.export import pulse_csv
-from planner.pulses import check, generate
+from planner.pulses import check, generate, lines
 from pulsepath import plan_directory
 
 
@@ -76,18 +77,45 @@ def test_the_pulse_file_holds_the_plans_pulses(directory, job):
     plan = job.plan
     start, machine = [axis.start for axis in plan.pulses.axes], plan.machine
     duration = plan.trajectory.duration
-    read = pulse_csv.read(
+    read = lines.read(
         directory / "pulses.csv", 10_000_000, machine.axes, machine.home_q, start=start, duration=duration
-    )
+    ).schedule
     assert check(read, plan.trajectory).holds
     assert read.total == plan.pulses.total
+
+
+def test_the_certificate_is_of_the_file(directory, job):
+    """Its figures are those of a reader of the tests' own: edges in whole ticks, from the text."""
+    certificate = json.loads((directory / "certificate.json").read_text())
+    content = (directory / "pulses.csv").read_bytes()
+    assert certificate["sha256"] == sha256(content).hexdigest()
+    assert certificate["holds"] is True
+    assert certificate["faults"] == []
+    rows = [line.split(",") for line in content.decode().splitlines()[1:]]
+    ticks = np.array([round(float(row[0]) * 1e7) for row in rows])
+    for k, axis in enumerate(job.plan.pulses.axes):
+        said = certificate["axes"][axis.name]
+        step = np.array([int(row[1 + 2 * k]) for row in rows])
+        turn = np.array([int(row[2 + 2 * k]) for row in rows])
+        rise = ticks[1:][np.diff(step) == 1]
+        fall = ticks[1:][np.diff(step) == -1]
+        change = ticks[1:][np.diff(turn) != 0]
+        assert said["pulses"] == len(rise) == len(axis)
+        assert said["highest_rate_hz"] == pytest.approx(1e7 / np.diff(rise).min())
+        assert said["lines_s"]["high"] == pytest.approx((fall - rise).min() / 1e7)
+        assert said["lines_s"]["low"] == pytest.approx((rise[1:] - fall[:-1]).min() / 1e7)
+        setups = [rise[rise >= at].min() - at for at in [0, *change.tolist()] if (rise >= at).any()]
+        assert said["lines_s"]["setup"] == pytest.approx(min(setups) / 1e7)
+        holds = [at - rise[rise < at].max() for at in change.tolist() if (rise < at).any()]
+        assert said["lines_s"]["hold"] == (pytest.approx(min(holds) / 1e7) if holds else None)
+        assert said["final_count"] - said["start_count"] == np.sum(axis.direction)
+        assert 0 <= said["time_error_ticks"] <= 0.5
 
 
 def test_a_plan_taken_up_again_fires_by_its_rule(inputs, job, tmp_path):
     plan, rule = job.plan, "sampled:period=1e-05 s"
     pulses = generate(plan.trajectory, plan.machine.axes, plan.machine.home_q, rule=rule)
-    verdict = check(pulses, plan.trajectory, plan.machine.axes, plan.machine.home_q)
-    plan_directory.write(tmp_path, replace(job, plan=replace(plan, pulses=pulses), verdict=verdict), inputs)
+    plan_directory.write(tmp_path, replace(job, plan=replace(plan, pulses=pulses)), inputs)
     record = json.loads((tmp_path / "plan.json").read_text())["pulses"]
     assert record["rule"] == rule
     assert record["check"] == {**record["check"], "holds": True, "time_error_ticks": None}

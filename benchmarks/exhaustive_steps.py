@@ -1,0 +1,55 @@
+"""The step queue by exhaustive search: every interval that a command may begin with, each with every add.
+
+Slow, and of other parts than `planner.pulses.compress`: whole numbers throughout, one command after the other. The
+intervals that reach the first pulse are few; for each, the pulses after it bound the add from both sides. The command
+that serves most pulses is taken, of several the one whose last pulse is nearest to its own tick.
+"""
+
+import numpy as np
+
+from planner.pulses.schedule import AxisPulses, Ticks
+
+WINDOW = 64  # pulses that are looked at first
+COUNT, ADD = 65535, 32767
+SEVERAL = 16  # adds that are compared where one interval allows many
+
+
+def exhaustive(axis: AxisPulses, tolerance: int, least: int = 1) -> list[tuple[int, int, int]]:
+    """Commands (interval, count, add), each the longest there is from where the one before ended; the clock is at 0."""
+    commands: list[tuple[int, int, int]] = []
+    last = 0
+    turns = [*(np.flatnonzero(np.diff(axis.direction)) + 1).tolist(), len(axis)]
+    at = 0
+    while at < len(axis):
+        end = next(turn for turn in turns if turn > at)
+        interval, count, add = _longest(axis.ticks[at:end] - last, tolerance, least if at else 0)
+        commands.append((interval, count, add))
+        last += count * interval + add * (count * (count - 1) // 2)
+        at += count
+    return commands
+
+
+def _longest(ticks: Ticks, tolerance: int, least: int) -> tuple[int, int, int]:
+    """The longest command for pulses (N,) counted from the one before."""
+    most = min(len(ticks), COUNT)
+    window = min(WINDOW, most)
+    intervals = np.arange(max(int(ticks[0]) - tolerance, least), int(ticks[0]) + tolerance + 1)[:, None]
+    while True:
+        j = np.arange(2, window + 1)
+        triangle, space = j * (j - 1) // 2, ticks[1:window] - j * intervals
+        low = np.maximum(-((tolerance - space) // triangle), -((intervals - least) // (j - 1)))
+        low = np.maximum(np.maximum.accumulate(low, axis=1), -ADD)
+        high = np.minimum(np.minimum.accumulate((space + tolerance) // triangle, axis=1), ADD)
+        counts = 1 + (low <= high).sum(axis=1)
+        count = int(counts.max())
+        if count < window or window == most:
+            break
+        window = min(2 * window, most)
+    best = np.inf, 0, 0
+    for row in np.flatnonzero(counts == count):
+        interval = int(intervals[row, 0])
+        adds = [0] if count == 1 else np.arange(low[row, count - 2], high[row, count - 2] + 1)
+        for add in np.array(adds)[:: max(1, len(adds) // SEVERAL)].tolist():
+            off = abs(count * interval + add * (count * (count - 1) // 2) - int(ticks[count - 1]))
+            best = min(best, (off, interval, add))
+    return best[1], count, best[2]

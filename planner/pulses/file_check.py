@@ -1,0 +1,60 @@
+"""The check of a written file of pulses: read back, proved against the motion, and timed against the drives."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from os import PathLike
+from typing import Protocol
+
+from kinematics.axis import Axis
+from kinematics.machine import Machine
+from planner.pulses.check import check
+from planner.pulses.lines import LineTimes, read
+from planner.pulses.motion import Motion
+from planner.pulses.schedule import PulseSchedule
+from planner.pulses.verdict import PulseCheck, PulseFault
+
+ROUNDING = 1e-12  # s by which decimal fractions may seem shorter than they are
+
+
+class Planned(Protocol):
+    """What a file of pulses stands for: a plan."""
+
+    @property
+    def machine(self) -> Machine: ...
+    @property
+    def counted(self) -> Motion: ...
+    @property
+    def pulses(self) -> PulseSchedule: ...
+
+
+def check_file(path: str | PathLike[str], plan: Planned) -> PulseCheck:
+    """Prove a pulse CSV: its pulses as `check` does, and the times on its lines against what each drive asks.
+
+    Only the edges come from the file; start counts, duration, rule and bounds, which it cannot hold, from the plan.
+    Raises FileError where it cannot be read.
+    """
+    stated, machine = plan.pulses, plan.machine
+    starts = [axis.start for axis in stated.axes]
+    lines = read(path, stated.clock_hz, machine.axes, machine.home_q, start=starts, duration=stated.duration)
+    held = tuple(replace(axis, bound=of.bound) for axis, of in zip(lines.schedule.axes, stated.axes, strict=True))
+    schedule = replace(lines.schedule, axes=held, rule=stated.rule)
+    found = check(schedule, plan.counted, machine.axes, machine.home_q)
+    axes = []
+    for one, times, axis in zip(found.axes, lines.times, machine.axes, strict=True):
+        short = tuple(_short(times, axis, 1 / stated.clock_hz))
+        axes.append(replace(one, lines=times, faults=one.faults + short, fault_count=one.fault_count + len(short)))
+    return PulseCheck(tuple(axes))
+
+
+def _short(times: LineTimes, axis: Axis, tick: float) -> Iterator[PulseFault]:
+    """What a drive would not see."""
+    asked = axis.timing
+    if asked is None:
+        return
+    for name in ("high", "low", "setup", "hold"):
+        least, needed = getattr(times, name), getattr(asked, name)
+        if least < needed - ROUNDING:
+            yield PulseFault(axis.name, 0, f"{name}: {1e6 * least:.4g} us, and its drive needs {1e6 * needed:.4g}")
+    if asked.max_rate is not None and times.interval < 1 / asked.max_rate - tick - ROUNDING:
+        rate = 1 / times.interval
+        yield PulseFault(axis.name, 0, f"rate: {rate:.6g} pulses/s, and its drive takes {asked.max_rate:.6g}")

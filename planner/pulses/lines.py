@@ -1,0 +1,187 @@
+"""The step and direction lines of a file of edges, read back: the pulses on them, and the times that a drive sees.
+
+Independent of whatever wrote the file. A rising STEP is a pulse; DIR 1 is a positive count of the wiring.
+"""
+
+import csv
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from io import BytesIO
+from os import PathLike
+from pathlib import Path
+from typing import BinaryIO, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from kinematics.array import Array
+from kinematics.axis import Axis
+from kinematics.errors import Fault, FileError
+from planner.pulses.schedule import AxisPulses, PulseSchedule, Ticks
+
+PART = 1 << 22  # bytes read together
+OFF_TICK = 0.1  # a time further from every tick was written for another clock
+FAULTS = 20  # of one kind told of at once
+TIMES = ("high", "low", "setup", "hold", "interval")
+
+
+@dataclass(frozen=True, slots=True)
+class LineTimes:
+    """The least times (s) on the lines of an axis; ∞ where there is nothing to time.
+
+    high, low    that STEP stays at each level, low between two pulses
+    setup, hold  from a change of DIR (the file's first level: from time 0) to the next rise of STEP, and from a rise to
+                 the next change
+    interval     from rise to rise
+    """
+
+    axis: str
+    high: float
+    low: float
+    setup: float
+    hold: float
+    interval: float
+
+
+@dataclass(frozen=True, slots=True)
+class Lines:
+    """What a file of edges holds."""
+
+    schedule: PulseSchedule
+    times: tuple[LineTimes, ...]
+
+
+def read(
+    path: str | PathLike[str],
+    clock_hz: int,
+    axes: Sequence[Axis],
+    home_q: ArrayLike,
+    *,
+    start: Sequence[int] | None = None,
+    duration: float | None = None,
+) -> Lines:
+    """The lines of a pulse CSV; what the file cannot hold comes from the machine's axes and its home (n,).
+
+    start     counts before the first pulse; None: 0, a motion from home
+    duration  s; None: up to the last row
+    Raises FileError with the lines at fault: a header of other axes, a row that is not a time and levels, a time that
+    runs back or is no tick of the clock.
+    """
+    name, home = str(path), np.asarray(home_q, float)
+    found = [_Found() for _ in axes]
+    with Path(path).open("rb") as file:
+        expected = ["Time[s]", *(f"{axis.name} {line}" for axis in axes for line in ("STEP", "DIR"))]
+        header = next(csv.reader([file.readline().decode(errors="replace")], skipinitialspace=True), [])
+        if header != expected:
+            raise FileError(name, [Fault("header", f"{header} should be {expected}", 1)])
+        last, before = -0.5 / clock_hz, None  # the first row may be at time 0
+        for line, table in _tables(file, name, len(expected)):
+            ticks = _ticks(table[:, 0], last, clock_hz, name, line)
+            levels = table[:, 1:].astype(np.uint8)
+            for k, axis in enumerate(axes):
+                found[k].add(
+                    ticks, levels[:, 2 * k : 2 * k + 2], before[2 * k :][:2] if before is not None else None, axis
+                )
+            last, before = float(table[-1, 0]), levels[-1]
+    pulses = [
+        AxisPulses(
+            axis.name,
+            np.concatenate([np.empty(0, np.int64), *one.rises]),
+            np.concatenate([np.empty(0, np.int8), *one.signs]),
+            0 if start is None else start[k],
+            axis.pulse,
+            float(home[k]),
+        )
+        for k, (axis, one) in enumerate(zip(axes, found, strict=True))
+    ]
+    schedule = PulseSchedule(clock_hz, tuple(pulses), max(last, 0.0) if duration is None else duration)
+    return Lines(schedule, tuple(one.times(axis.name, clock_hz) for axis, one in zip(axes, found, strict=True)))
+
+
+@dataclass(slots=True)
+class _Found:
+    """Of one axis, part after part: its pulses, the last edge of each kind (ticks), and the least times between."""
+
+    rises: list[Ticks] = field(default_factory=list)
+    signs: list[NDArray[np.int8]] = field(default_factory=list)
+    rise: float = -np.inf
+    fall: float = -np.inf
+    turn: float = 0.0
+    least: dict[str, float] = field(default_factory=lambda: dict.fromkeys(TIMES, np.inf))
+
+    def add(self, ticks: Ticks, levels: NDArray[np.uint8], before: NDArray[np.uint8] | None, axis: Axis) -> None:
+        """levels (N, 2): STEP and DIR from each tick on; before (2,): ahead of the first, low and as it begins."""
+        first = np.array([0, levels[0, 1]], np.uint8) if before is None else before
+        step, turn = np.diff(np.vstack((first, levels)).astype(np.int8), axis=0).T
+        rising, falling, turning = (ticks[edge] for edge in (step > 0, step < 0, turn != 0))
+        self.rises.append(rising)
+        self.signs.append(np.where(levels[step > 0, 1] == 1, axis.direction, -axis.direction).astype(np.int8))
+        self._between("high", rising, self.rise, falling)
+        self._between("low", falling, self.fall, rising)
+        self._between("setup", turning, self.turn, rising)
+        self._between("hold", rising, self.rise, turning)
+        self._between("interval", rising[:-1], self.rise, rising)
+        self.rise, self.fall, self.turn = (
+            float(edges[-1]) if len(edges) else at
+            for edges, at in ((rising, self.rise), (falling, self.fall), (turning, self.turn))
+        )
+
+    def _between(self, what: str, since: Ticks, earlier: float, until: Ticks) -> None:
+        """The least time from the last edge of one kind to each of another."""
+        if not len(until):
+            return
+        known = np.concatenate(([earlier], since.astype(float)))
+        # at the same tick an edge of DIR comes before the rise that it is for, and after none
+        side: Literal["left", "right"] = "left" if what in ("hold", "interval") else "right"
+        last = known[np.searchsorted(since, until, side=side)]
+        self.least[what] = min(self.least[what], float((until - last).min()))
+
+    def times(self, name: str, clock_hz: int) -> LineTimes:
+        return LineTimes(name, **{what: value / clock_hz for what, value in self.least.items()})
+
+
+def _tables(file: BinaryIO, name: str, columns: int) -> Iterator[tuple[int, Array]]:
+    """The rows as numbers, part by part, with the line that each part starts on."""
+    line, kept = 2, b""
+    while part := file.read(PART):
+        text, newline, kept = (kept + part).rpartition(b"\n")
+        if newline:
+            yield line, _table(text, name, columns, line)
+            line += text.count(b"\n") + 1
+    if kept.strip():
+        yield line, _table(kept, name, columns, line)
+
+
+def _table(text: bytes, name: str, columns: int, line: int) -> Array:
+    try:
+        table = np.loadtxt(BytesIO(text), delimiter=",", ndmin=2, comments=None)
+    except ValueError:
+        table = np.empty((0, 0))
+    levels = table[:, 1:]
+    if table.shape == (text.count(b"\n") + 1, columns) and ((levels == 0) | (levels == 1)).all():
+        return table
+    rows = enumerate(text.decode(errors="replace").split("\n"), line)
+    odd = [(n, row) for n, row in rows if not _is_row(row, columns)][:FAULTS]
+    message = f"is not a time and {columns - 1} levels 0 or 1"
+    raise FileError(name, [Fault("row", f"{row!r} {message}", n) for n, row in odd])
+
+
+def _is_row(row: str, columns: int) -> bool:
+    try:
+        float(row.split(",")[0])
+    except ValueError:
+        return False
+    levels = [cell.strip() for cell in row.split(",")[1:]]
+    return len(levels) == columns - 1 and set(levels) <= {"0", "1"}
+
+
+def _ticks(time: Array, last: float, clock_hz: int, name: str, line: int) -> Ticks:
+    """The ticks (N,) that rising times (N,) stand for."""
+    ticks = np.rint(time * clock_hz)
+    off = np.flatnonzero(~(abs(time * clock_hz - ticks) <= OFF_TICK))
+    back = np.flatnonzero(~(np.diff(time, prepend=last) > 0))
+    faults = [(i, f"is not a tick of {clock_hz} Hz") for i in off[:FAULTS].tolist()]
+    faults += [(i, "does not come after the row before, or after 0") for i in back[:FAULTS].tolist()]
+    if faults:
+        raise FileError(name, [Fault("Time[s]", f"{float(time[i])!r} s {message}", line + i) for i, message in faults])
+    return ticks.astype(np.int64)
