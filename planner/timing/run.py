@@ -14,7 +14,7 @@ from planner.timing.ends import TooFast
 from planner.timing.floor import floor
 from planner.timing.leg import AVERAGED, MARGIN, STRAIGHT, TRIES, Leg, jerk_limited, slowest
 from planner.timing.posing import jerk_problem, order_2_problem, order_3_coarse, refined
-from planner.timing.problem import Problem, Run
+from planner.timing.problem import Run
 from planner.timing.profile import Profile
 from planner.timing.second_order import second_order
 from planner.timing.seen import seen
@@ -84,6 +84,7 @@ def _legs(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int) -> 
         leg = _settled(path, limits, _solved(path, limits, run, order))
     except TooFast as no:
         if order == 3:
+            straight(order_3_coarse(path, limits, run))  # what that refuses, it refuses exactly
             _refuse_ends(path, limits, run, no)
         raise
     except MotionError:
