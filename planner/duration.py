@@ -15,10 +15,10 @@ from planner.limits.limit import Limit
 from planner.parallel import Progress
 from planner.place import Infeasible
 from planner.solve import Solution, fastest, proved
+from planner.timing.leg import MARGIN, MORE, TRIES
 from planner.timing.posing import graded
 from planner.timing.problem import Problem, Run
 from planner.timing.profile import Profile
-from planner.timing.run import MARGIN, MORE, TRIES
 from planner.timing.smoothest import even, quintic, smoothest
 
 # A duration so little above the shortest leaves no choice of motion.

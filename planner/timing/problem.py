@@ -71,6 +71,15 @@ class Block:
             sides.append({term: np.where(speaks, values, 0.0) for term, values in side.items()})
         return replace(self, start=sides[0], end=sides[1], about=None)
 
+    def part(self, own: slice) -> "Block":
+        """Of some intervals one after the other."""
+        start, end = ({term: values[own] for term, values in side.items()} for side in (self.start, self.end))
+        about = None
+        if self.about is not None:
+            low, high, low_end, high_end = (values[own] for values in self.about)
+            about = low, high, low_end, high_end
+        return replace(self, start=start, end=end, room=self.room[own], about=about)
+
     def share(self, values: Array) -> Array:
         """(N, m) of the range on their own side of zero, what values (N, m) of the sum are; 1 is at the bound."""
         return np.abs(values) / (1 + np.sign(values) * self.middle)
@@ -93,6 +102,11 @@ class Problem:
     def settled(self) -> bool:
         """Whether every row speaks near every motion."""
         return all(block.about is None for block in self.blocks)
+
+    def part(self, own: slice) -> "Problem":
+        """Some intervals one after the other, under the same speeds at the ends."""
+        s, blocks = self.s[own.start : own.stop + 1], tuple(block.part(own) for block in self.blocks)
+        return replace(self, s=s, piece=self.piece[own], blocks=blocks)
 
     def around(self, start: Array, end: Array) -> "Problem":
         """The rows that speak near a motion with ṡ (N,) at the intervals' starts and ends."""

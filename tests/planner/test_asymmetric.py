@@ -45,7 +45,7 @@ def test_two_jerks():
     """Jerks +8, −1, +8 over t, 16 t, t: the way is 2 · 204 t³ and T = 18 t."""
     moved = time_optimal(straight(1.0), max_speed=1e3, max_acceleration=1e3, max_jerk=[[1.0, 8.0]])
     assert moved.certificate.holds
-    assert moved.methods == ("fatrop",)
+    assert moved.methods[0].startswith("fatrop")
     # what the trace of jerk in the cost and the grid leave, as for equal jerks
     assert moved.trajectory.duration == pytest.approx(18 * np.cbrt(1 / 408), rel=2e-4)
 
