@@ -14,7 +14,7 @@ import numpy as np
 from kinematics.array import Array, frozen
 from planner.actuation import ActuatorPath
 from planner.enclosure import Cells, bounds, enclose
-from planner.limits.limit import Limit, Term
+from planner.limits.limit import Limit, order_of
 from planner.limits.resonance import Resonance
 from planner.place import Place
 from planner.stays import stays
@@ -94,7 +94,7 @@ def certify(trajectory: Trajectory, limits: Sequence[Limit], known: Known | None
     depends on the place alone: it is proved once along the path, and each time piece has what the parts of the path
     use through which it passes.
     """
-    order = 3 if any(Term.SDDD in limit.terms for limit in limits) else 2
+    order = order_of(limits)
     timed, standing = ([limit for limit in limits if limit.geometric is still] for still in (False, True))
     use, attained = prove(trajectory, timed, order, known)
     for every, some in zip((use, attained), _placed(trajectory, standing), strict=True):
@@ -133,7 +133,7 @@ def prove(
         cells = whole[np.isnan(known.use[limits[0].name])[whole.k]]
     share = 1.0
     while True:
-        bound, met = _judge(trajectory, limits, cells, EXPANSION[order])
+        bound, met = _judge(trajectory, limits, cells, order)
         loose = np.zeros(len(cells.k), bool)
         for n, limit in enumerate(limits):
             values = attained[limit.name]
@@ -189,7 +189,7 @@ def _placed(trajectory: Trajectory, limits: Sequence[Limit]) -> tuple[dict[str, 
     return use, {name: np.maximum(values[:-1], values[1:]) for name, values in met.items()}
 
 
-def _judge(trajectory: Trajectory, limits: Sequence[Limit], cells: Cells, expansion: int) -> tuple[Array, Array]:
+def _judge(trajectory: Trajectory, limits: Sequence[Limit], cells: Cells, order: int) -> tuple[Array, Array]:
     """Over each of N cells, the bound of every limit's use over all its channels, and the use attained: (limits, N).
 
     The bound comes from the enclosure, the attained use from the motion itself at each cell's ends and centre.
@@ -198,9 +198,9 @@ def _judge(trajectory: Trajectory, limits: Sequence[Limit], cells: Cells, expans
     for first in range(0, len(cells.k), TOGETHER):
         chosen = np.arange(first, min(first + TOGETHER, len(cells.k)))
         some = cells[chosen]
-        enclosure = enclose(trajectory, some, expansion)
+        enclosure = enclose(trajectory, some, EXPANSION[order])
         places = np.concatenate([some.lo, (some.lo + some.hi) / 2, some.hi])
-        seen = trajectory.within(np.tile(some.k, 3), places)
+        seen = trajectory.within(np.tile(some.k, 3), places, jerk=order == 3)
         with np.errstate(invalid="ignore", over="ignore"):
             for n, limit in enumerate(limits):
                 bound[n, chosen] = limit.use(*bounds(limit.value(enclosure), len(chosen)), enclosure.piece).max(1)
@@ -232,7 +232,7 @@ def _jumps(trajectory: Trajectory, order: int) -> dict[str, Place]:
     lengths = np.diff(trajectory.knots)
     start, end = _states(trajectory, order, np.zeros(len(lengths))), _states(trajectory, order, lengths)
     path = trajectory.path
-    _, q1, q2, _ = path.derivatives(path.breaks[[0, -1]], np.array([0, len(path.breaks) - 2]))
+    _, q1, q2 = path.derivatives(path.breaks[[0, -1]], np.array([0, len(path.breaks) - 2]), 2)
     stated = np.array(path.end_speeds)[:, None]
     asked = [np.stack([start[0][0], end[0][-1]]), q1 * stated, q2 * stated**2]
     found: dict[str, Place] = {}

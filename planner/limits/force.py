@@ -23,8 +23,8 @@ def force(machine: Machine, motion: Motion) -> Quantity:
 
 def force_terms(machine: Machine, points: Points) -> dict[Term, Array]:
     """What multiplies 1, ṡ, ṡ², s̈ in f, by its values at rest and for unit rates: ẋ = x′ṡ, ẍ = x′s̈ + x″ṡ²."""
-    x, x1, x2, _ = points.pose_derivatives
-    q, q1, q2, _ = points.derivatives
+    x, x1, x2 = points.pose_derivatives
+    q, q1, q2, *_ = points.derivatives
     still, none = np.zeros_like(x), np.zeros_like(q)
     held, pushed, carried = (
         machine.force_map(np.concatenate([x, first, second, q, turn, bend], 1))

@@ -1,7 +1,7 @@
 """What a limit is: data for the solvers, and a physical quantity for the certificate."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from typing import Any, ClassVar, Protocol
@@ -132,6 +132,11 @@ class Limit(ABC):
     def rows(self, points: Points) -> Rows:
         """What the solvers must keep at N grid points."""
         raise MotionError(f"{self.name} is geometric: it puts no row into a timing problem")
+
+
+def order_of(limits: Iterable[Limit]) -> int:
+    """3 where any of them holds jerk, else 2: the derivatives of q that they look at."""
+    return 3 if any(Term.SDDD in limit.terms for limit in limits) else 2
 
 
 class AxisLimit(Limit):

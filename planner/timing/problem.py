@@ -8,7 +8,7 @@ import numpy as np
 
 from kinematics.array import Array
 from planner.actuation import ActuatorPath, points_of
-from planner.limits.limit import Limit, Rows, Term
+from planner.limits.limit import Limit, Rows, Term, order_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,19 +135,22 @@ def pose_problem(
 ) -> Problem:
     """Evaluate the rows of every timing limit on both sides of every grid point, in one batch."""
     count = len(piece)
-    both = np.concatenate([piece, piece])
-    points = points_of(path, np.concatenate([s[:-1], s[1:]]), both)
+    # an interval ends where the next one starts, unless that is on another piece
+    alone = np.append(np.diff(piece) != 0, True)
+    end = np.where(alone, count - 1 + np.cumsum(alone), np.arange(1, count + 1))
+    places, pieces = np.concatenate([s[:-1], s[1:][alone]]), np.concatenate([piece, piece[alone]])
+    points = points_of(path, places, pieces, order_of(limits))
     blocks = []
     for limit in limits:
         if limit.geometric:
             continue
         rows = limit.rows(points)
-        scaled, middle, about = _normalised(rows, 2 * count)
+        scaled, middle, about = _normalised(rows, len(places))
         if scaled:
-            start = {term: values[:count] for term, values in scaled.items()}
-            end = {term: values[count:] for term, values in scaled.items()}
-            speaks = None if about is None else (about[0][:count], about[1][:count], about[0][count:], about[1][count:])
-            blocks.append(Block(limit.name, start, end, np.ones(count), middle, speaks))
+            starts = {term: values[:count] for term, values in scaled.items()}
+            ends = {term: values[end] for term, values in scaled.items()}
+            speaks = None if about is None else (about[0][:count], about[1][:count], about[0][end], about[1][end])
+            blocks.append(Block(limit.name, starts, ends, np.ones(count), middle, speaks))
     return Problem(s, piece, tuple(blocks), speeds)
 
 

@@ -74,7 +74,7 @@ class Attempt:
                 f"no motion from {self.problem.speeds[0]:.6g} to {self.problem.speeds[1]:.6g} along the path was found "
                 "that keeps every limit; ask for slower ends"
             )
-        return replace(self, profile=self.profile.slowed(slowness * (1 + MARGIN)))
+        return replace(self, profile=self.profile.slowed(slowness))
 
     def _solved(self, problem: Problem) -> tuple[Profile, str]:
         if self.order == 2:
