@@ -64,21 +64,25 @@ class Certificate:
 
 @dataclass(frozen=True, slots=True)
 class Known:
-    """What is proved already: per limit, use and attained of each time piece (M,), NaN where nothing is yet."""
+    """What is proved already: per limit, use and attained of each time piece (M,), NaN where nothing is yet.
+
+    Of geometric limits, what is attained: what they use is proved along the path.
+    """
 
     use: dict[str, Array]
     attained: dict[str, Array]
 
     @classmethod
     def nothing(cls, limits: Sequence[Limit], pieces: int) -> "Known":
-        use, attained = ({limit.name: np.full(pieces, np.nan) for limit in limits} for _ in range(2))
+        names = [[limit.name for limit in some] for some in ([each for each in limits if not each.geometric], limits)]
+        use, attained = ({name: np.full(pieces, np.nan) for name in each} for each in names)
         return cls(use, attained)
 
     @classmethod
     def joined(cls, parts: "Sequence[Known]") -> "Known":
         """Of time pieces one after the other."""
         use, attained = (
-            {name: np.concatenate([getattr(part, each)[name] for part in parts]) for name in parts[0].use}
+            {name: np.concatenate([getattr(part, each)[name] for part in parts]) for name in getattr(parts[0], each)}
             for each in ("use", "attained")
         )
         return cls(use, attained)
@@ -97,8 +101,8 @@ def certify(trajectory: Trajectory, limits: Sequence[Limit], known: Known | None
     order = order_of(limits)
     timed, standing = ([limit for limit in limits if limit.geometric is still] for still in (False, True))
     use, attained = prove(trajectory, timed, order, known)
-    for every, some in zip((use, attained), _placed(trajectory, standing), strict=True):
-        every |= some
+    use |= _placed(trajectory, standing)
+    attained |= at_knots(trajectory, standing, known)
     worst = {name: float(values.max()) for name, values in use.items()}
     most = {limit.name: attained if limit.geometric else use for limit in limits}
     where = {limit.name: _place(trajectory, limit, int(np.argmax(most[limit.name][limit.name]))) for limit in limits}
@@ -164,29 +168,47 @@ def along_path(path: ActuatorPath, limits: Sequence[Limit]) -> dict[str, Array]:
     return use
 
 
-def _placed(trajectory: Trajectory, limits: Sequence[Limit]) -> tuple[dict[str, Array], dict[str, Array]]:
-    """Per geometric limit, what `prove` gives, from one walk along the path."""
+def _placed(trajectory: Trajectory, limits: Sequence[Limit]) -> dict[str, Array]:
+    """Per geometric limit, the proven bound of its use over each time piece (M,): that of the parts of the path met."""
     if not limits:
-        return {}, {}
+        return {}
     along = walk(trajectory.path)
     proven = along_path(trajectory.path, limits)
-    # every knot: the start of each time piece, and the end of the last
-    pieces = len(trajectory.s)
-    k, tau = np.minimum(np.arange(pieces + 1), pieces - 1), np.zeros(pieces + 1)
-    tau[-1] = trajectory.knots[-1] - trajectory.knots[-2]
-    s, met = np.empty(pieces + 1), {limit.name: np.empty(pieces + 1) for limit in limits}
-    for some in (slice(first, first + STATES) for first in range(0, pieces + 1, STATES)):
-        state = trajectory.within(k[some], tau[some])
-        s[some] = state.s
-        for limit in limits:
-            value = limit.value(state)
-            met[limit.name][some] = limit.use(value, value, state.piece).max(1)
+    s = np.append(trajectory.s, _ends(trajectory)[-1:])
     slack = JUMP * (along.s[-1] - along.s[0])  # by which `_gaps` lets a motion stray
     first = np.searchsorted(along.s, np.minimum(s[:-1], s[1:]) - slack, side="right") - 1
     last = np.searchsorted(along.s, np.maximum(s[:-1], s[1:]) + slack, side="right")
     ranges = np.stack([np.clip(first, 0, len(along.s) - 1), np.maximum(last, 1)], 1).ravel()
-    use = {name: np.maximum.reduceat(np.append(values, 0.0), ranges)[::2] for name, values in proven.items()}
-    return use, {name: np.maximum(values[:-1], values[1:]) for name, values in met.items()}
+    return {name: np.maximum.reduceat(np.append(values, 0.0), ranges)[::2] for name, values in proven.items()}
+
+
+def at_knots(trajectory: Trajectory, limits: Sequence[Limit], known: Known | None = None) -> dict[str, Array]:
+    """Per geometric limit, the larger use attained at the two ends of each time piece (M,); known: what is already.
+
+    A knot is one place: what the path uses there is the same on both sides.
+    """
+    pieces = len(trajectory.s)
+    nothing = np.full(pieces, np.nan)
+    found = {limit.name: nothing.copy() if known is None else known.attained[limit.name].copy() for limit in limits}
+    new = np.flatnonzero(np.isnan(found[limits[0].name])) if limits else np.zeros(0, int)
+    knots = np.union1d(new, new + 1)
+    k = np.minimum(knots, pieces - 1)
+    tau = np.where(knots < pieces, 0.0, np.diff(trajectory.knots)[k])
+    met = {limit.name: np.empty(pieces + 1) for limit in limits}
+    for some in (slice(first, first + STATES) for first in range(0, len(knots), STATES)):
+        state = trajectory.within(k[some], tau[some])
+        for limit in limits:
+            value = limit.value(state)
+            met[limit.name][knots[some]] = limit.use(value, value, state.piece).max(1)
+    for name, values in met.items():
+        found[name][new] = np.maximum(values[new], values[new + 1])
+    return found
+
+
+def _ends(trajectory: Trajectory) -> Array:
+    """Path lengths (M,) at which the time pieces end."""
+    h, v, a, j = np.diff(trajectory.knots), trajectory.v, trajectory.a, trajectory.j
+    return np.asarray(trajectory.s + h * (v + h * (a / 2 + h * j / 6)))
 
 
 def _judge(trajectory: Trajectory, limits: Sequence[Limit], cells: Cells, order: int) -> tuple[Array, Array]:
@@ -262,7 +284,7 @@ def _gaps(trajectory: Trajectory) -> dict[str, Place]:
     """Where the motion leaves out, repeats or leaves the path: its first such place."""
     path, length = trajectory.path, float(trajectory.path.breaks[-1] - trajectory.path.breaks[0])
     h, v, a, j = np.diff(trajectory.knots), trajectory.v, trajectory.a, trajectory.j
-    end = trajectory.s + h * (v + h * (a / 2 + h * j / 6))
+    end = _ends(trajectory)
     with np.errstate(divide="ignore", invalid="ignore"):
         turn = np.where((j > 0) & (-a / j > 0) & (-a / j < h), v - a**2 / (2 * j), np.inf)  # least ṡ inside a piece
     slowest = np.minimum(np.minimum(v, v + h * (a + h * j / 2)), turn)
