@@ -20,6 +20,7 @@ from planner.pulses import PulseSchedule, generate
 from planner.solve import fastest
 from planner.standing import Standing, standing
 from planner.steady import Stretch, stretches
+from planner.timing.floor import left_out
 from planner.trajectory import Trajectory
 from planner.triggers import Triggered, triggered
 
@@ -51,6 +52,11 @@ class Plan:
     def gap(self) -> float:
         """How far the duration is above the estimate of its lower bound, as a share of that."""
         return self.trajectory.duration / self.lower_estimate - 1
+
+    @property
+    def left_out(self) -> tuple[str, ...]:
+        """What the estimate of the lower bound leaves out."""
+        return left_out(self.limits)
 
     @property
     def triggers(self) -> tuple[Triggered, ...]:

@@ -45,12 +45,14 @@ class Rows:
 
     about  (low, high), each (N, m), of a limit that is not convex: a row speaks where the motion sought is near one
            whose ṡ lies between. All that speak near any one ṡ keep the limit at every ṡ, with no loss at that one.
+    hull   of such a limit, rows without `about` that every motion keeps which keeps it
     """
 
     coefficients: Mapping[Term, Array]
     bound: Array
     below: Array | None = None
     about: tuple[Array, Array] | None = None
+    hull: "Rows | None" = None
 
 
 class Motion(Protocol):
