@@ -13,6 +13,7 @@ import numpy as np
 
 from kinematics.array import Array, frozen
 from planner.actuation import ActuatorPath
+from planner.continuity import JUMP, STATES, ends, gaps, jumps, place_at
 from planner.enclosure import Cells, bounds, enclose
 from planner.limits.limit import Limit, order_of
 from planner.limits.resonance import Resonance
@@ -31,16 +32,10 @@ CROSSING = "resonance crossing"
 """What no value at an instant tells: the longest stay of an axis in a band of speed, over the time allowed."""
 # Order of the expansions in time, by the highest derivative: q̈ or q⃛ keep a polynomial of degree 3 or 4.
 EXPANSION = {2: 6, 3: 8}
-# A jump of q, q̇ (and q̈ under jerk limits) between two pieces up to this share of the largest value met is rounding.
-JUMP = 1e-9
-# Rounding of what all axes are computed from, as a share of the largest of them.
-ROUNDING = 1e-13
 # Instants of a time piece that are looked at for where it uses a limit most (the bound itself needs none).
 LOOKED = 201
 # Cells that are looked at together: their series stay in the processor's cache.
 TOGETHER = 1024
-# States that are computed together: a state holds far more than what is kept of it.
-STATES = 1 << 14
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,7 +105,7 @@ def certify(trajectory: Trajectory, limits: Sequence[Limit], known: Known | None
         if isinstance(limit, Resonance) and limit.bands:
             use[CROSSING], attained[CROSSING], where[CROSSING] = _crossing(trajectory, limit)
             worst[CROSSING] = float(use[CROSSING].max())
-    for name, place in (_jumps(trajectory, order) | _gaps(trajectory)).items():
+    for name, place in (jumps(trajectory, order) | gaps(trajectory)).items():
         worst[name], where[name] = float("inf"), place
     return Certificate(
         holds=all(value <= 1 + TOLERANCE for value in worst.values()),
@@ -174,8 +169,8 @@ def _placed(trajectory: Trajectory, limits: Sequence[Limit]) -> dict[str, Array]
         return {}
     along = walk(trajectory.path)
     proven = along_path(trajectory.path, limits)
-    s = np.append(trajectory.s, _ends(trajectory)[-1:])
-    slack = JUMP * (along.s[-1] - along.s[0])  # by which `_gaps` lets a motion stray
+    s = np.append(trajectory.s, ends(trajectory)[-1:])
+    slack = JUMP * (along.s[-1] - along.s[0])  # by which `gaps` lets a motion stray
     first = np.searchsorted(along.s, np.minimum(s[:-1], s[1:]) - slack, side="right") - 1
     last = np.searchsorted(along.s, np.maximum(s[:-1], s[1:]) + slack, side="right")
     ranges = np.stack([np.clip(first, 0, len(along.s) - 1), np.maximum(last, 1)], 1).ravel()
@@ -205,12 +200,6 @@ def at_knots(trajectory: Trajectory, limits: Sequence[Limit], known: Known | Non
     return found
 
 
-def _ends(trajectory: Trajectory) -> Array:
-    """Path lengths (M,) at which the time pieces end."""
-    h, v, a, j = np.diff(trajectory.knots), trajectory.v, trajectory.a, trajectory.j
-    return np.asarray(trajectory.s + h * (v + h * (a / 2 + h * j / 6)))
-
-
 def _judge(trajectory: Trajectory, limits: Sequence[Limit], cells: Cells, order: int) -> tuple[Array, Array]:
     """Over each of N cells, the bound of every limit's use over all its channels, and the use attained: (limits, N).
 
@@ -236,72 +225,14 @@ def _crossing(trajectory: Trajectory, limit: Resonance) -> tuple[Array, Array, P
     attained (M,), and where the longest of all begins.
     """
     use, attained = np.zeros((2, len(trajectory.s)))
-    longest, place = 0.0, _at(trajectory, 0.0, "")
+    longest, place = 0.0, place_at(trajectory, 0.0, "")
     for stay in stays(trajectory, limit):
         part = slice(stay.first, stay.last + 1)
         np.maximum(use[part], stay.use, out=use[part])
         np.maximum(attained[part], stay.inside / stay.band.time, out=attained[part])
         if stay.use > longest:
-            longest, place = stay.use, _at(trajectory, stay.start, limit.channels[stay.band.axis])
+            longest, place = stay.use, place_at(trajectory, stay.start, limit.channels[stay.band.axis])
     return use, attained, place
-
-
-def _jumps(trajectory: Trajectory, order: int) -> dict[str, Place]:
-    """Each quantity that is not continuous between the pieces, or at an end not as stated, and where it jumps most.
-
-    At an end ṡ is what the path states, rest if nothing, and s̈ is 0: q̇ = q′ ṡ and q̈ = q″ ṡ² there.
-    """
-    lengths = np.diff(trajectory.knots)
-    start, end = _states(trajectory, order, np.zeros(len(lengths))), _states(trajectory, order, lengths)
-    path = trajectory.path
-    _, q1, q2 = path.derivatives(path.breaks[[0, -1]], np.array([0, len(path.breaks) - 2]), 2)
-    stated = np.array(path.end_speeds)[:, None]
-    asked = [np.stack([start[0][0], end[0][-1]]), q1 * stated, q2 * stated**2]
-    found: dict[str, Place] = {}
-    for n, name in enumerate(("position jump", "speed jump", "acceleration jump")[:order]):
-        starts, ends = start[n], end[n]
-        before, after = asked[n][:1], asked[n][1:]
-        gaps = np.abs(np.concatenate([starts, after]) - np.concatenate([before, ends]))
-        # rounding is that of each axis' own values, and of what they were made from together
-        scale = np.ptp(starts, axis=0) + 1e-6 * np.abs(starts).max(0)
-        beyond = gaps - JUMP * scale - ROUNDING * scale.max()
-        if not beyond.max() <= 0:
-            knot, axis = np.unravel_index(int(np.argmax(np.where(np.isnan(beyond), np.inf, beyond))), beyond.shape)
-            found[name] = _at(trajectory, float(trajectory.knots[knot]), trajectory.path.names[axis])
-    return found
-
-
-def _states(trajectory: Trajectory, order: int, tau: Array) -> list[Array]:
-    """q, q̇ (and q̈ at order 3), each (M, n), tau (M,) after the start of every time piece."""
-    parts = []
-    for first in range(0, len(tau), STATES):
-        state = trajectory.within(np.arange(first, min(first + STATES, len(tau))), tau[first : first + STATES])
-        parts.append((state.q, state.qd, state.qdd)[:order])
-    return [np.concatenate(each) for each in zip(*parts, strict=True)]
-
-
-def _gaps(trajectory: Trajectory) -> dict[str, Place]:
-    """Where the motion leaves out, repeats or leaves the path: its first such place."""
-    path, length = trajectory.path, float(trajectory.path.breaks[-1] - trajectory.path.breaks[0])
-    h, v, a, j = np.diff(trajectory.knots), trajectory.v, trajectory.a, trajectory.j
-    end = _ends(trajectory)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        turn = np.where((j > 0) & (-a / j > 0) & (-a / j < h), v - a**2 / (2 * j), np.inf)  # least ṡ inside a piece
-    slowest = np.minimum(np.minimum(v, v + h * (a + h * j / 2)), turn)
-    low, high = path.breaks[trajectory.piece], path.breaks[trajectory.piece + 1]
-    slack = JUMP * length
-    wrong = {
-        "start off the path's": (np.arange(len(h)) == 0) & ~(np.abs(trajectory.s - path.breaks[0]) <= slack),
-        "end off the path's": (np.arange(len(h)) == len(h) - 1) & ~(np.abs(end - path.breaks[-1]) <= slack),
-        "motion backwards": ~(slowest >= -JUMP * np.abs(v).max()),
-        "place off its piece": ~((trajectory.s >= low - slack) & (end <= high + slack)),
-        "piece out of turn": np.concatenate([[False], ~np.isin(np.diff(trajectory.piece), (0, 1))]),
-    }
-    return {
-        name: _at(trajectory, float(trajectory.knots[int(np.argmax(where))]), "")
-        for name, where in wrong.items()
-        if where.any()
-    }
 
 
 def _place(trajectory: Trajectory, limit: Limit, k: int) -> Place:
@@ -310,9 +241,4 @@ def _place(trajectory: Trajectory, limit: Limit, k: int) -> Place:
     state = trajectory.within(np.full(LOOKED, k), span * np.linspace(0.0, 1.0, LOOKED))
     value = limit.value(state)
     row, channel = np.unravel_index(int(np.argmax(limit.use(value, value, state.piece))), value.shape)
-    return _at(trajectory, float(state.t[row]), limit.channels[int(channel)])
-
-
-def _at(trajectory: Trajectory, t: float, axis: str) -> Place:
-    state = trajectory.at(t)
-    return trajectory.path.place(float(state.s[0]), int(state.piece[0]), t, axis)
+    return place_at(trajectory, float(state.t[row]), limit.channels[int(channel)])
