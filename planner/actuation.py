@@ -55,7 +55,7 @@ class Points:
         return tuple(tool(values) for values in self.pose_derivatives)
 
 
-def points_of(path: "ActuatorPath", s: Array, piece: np.ndarray, highest: int = 2) -> Points:
+def points_of(path: "ActuatorPath", s: Array, piece: np.ndarray, highest: int = 3) -> Points:
     return Points(path, s, piece, path.derivatives(s, piece, highest))
 
 

@@ -88,7 +88,7 @@ def actuate(program: Program, machine: Machine) -> MachinePath:
     )
     stated = np.array([program.start_speed, program.end_speed])
     if stated.any():  # of the tool, whose way is not everywhere the path's parameter
-        ends = points_of(path, path.breaks[[0, -1]], np.array([0, len(path.pieces) - 1]))
+        ends = points_of(path, path.breaks[[0, -1]], np.array([0, len(path.pieces) - 1]), 2)
         way = np.linalg.norm(ends.tool_derivatives[1][:, :3], axis=1)
         first, last = stated / np.where(stated > 0, way, 1.0)
         path.end_speeds = float(first), float(last)

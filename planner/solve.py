@@ -122,7 +122,7 @@ def _refuse_uneven(path: ActuatorPath, run: Run) -> None:
     pieces = np.repeat(np.arange(run.first, run.last + 1), LOOKED)
     share = np.tile(np.linspace(0.0, 1.0, LOOKED), run.last + 1 - run.first)
     s = path.breaks[pieces] + share * np.diff(path.breaks)[pieces]
-    way = np.linalg.norm(points_of(path, s, pieces).tool_derivatives[1][:, :3], axis=1)
+    way = np.linalg.norm(points_of(path, s, pieces, 2).tool_derivatives[1][:, :3], axis=1)
     uneven = np.abs(way - 1) > EVEN
     if uneven.any():
         first = int(np.argmax(uneven))

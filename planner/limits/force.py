@@ -38,7 +38,7 @@ def held(machine: Machine, path: MachinePath) -> Array:
     """(N, n) the forces that hold still, at points all along a path."""
     piece = np.repeat(np.arange(len(path.pieces)), LOOKED)
     s = (path.breaks[:-1, None] + np.diff(path.breaks)[:, None] * np.linspace(0, 1, LOOKED)).ravel()
-    points = points_of(path, s, piece)
+    points = points_of(path, s, piece, 2)
     return machine.holding_map(np.concatenate([points.pose_derivatives[0], points.derivatives[0]], 1))
 
 
