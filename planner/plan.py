@@ -21,6 +21,7 @@ from planner.pulses.compensate import compensated
 from planner.solve import fastest
 from planner.standing import Standing, standing
 from planner.steadiness import CONSTANT, Stretch, stretches
+from planner.timing.floor import left_out
 from planner.trajectory import Trajectory
 from planner.triggers import Triggered, triggered
 
@@ -60,6 +61,11 @@ class Plan:
         return self.trajectory if behind is None else behind
 
     @property
+    def left_out(self) -> tuple[str, ...]:
+        """What the estimate of the lower bound leaves out."""
+        return left_out(self.limits)
+
+    @property
     def triggers(self) -> tuple[Triggered, ...]:
         """What the program marks by `trigger`: when, where, and the counts by then."""
         return triggered(self.program, self.path, self.trajectory, self.pulses)
@@ -93,7 +99,7 @@ def actuate(program: Program, machine: Machine) -> MachinePath:
     )
     stated = np.array([program.start_speed, program.end_speed])
     if stated.any():  # of the tool, whose way is not everywhere the path's parameter
-        ends = points_of(path, path.breaks[[0, -1]], np.array([0, len(path.pieces) - 1]))
+        ends = points_of(path, path.breaks[[0, -1]], np.array([0, len(path.pieces) - 1]), 2)
         way = np.linalg.norm(ends.tool_derivatives[1][:, :3], axis=1)
         first, last = stated / np.where(stated > 0, way, 1.0)
         path.end_speeds = float(first), float(last)

@@ -105,7 +105,7 @@ def assemble(
     parts: list[tuple[Profile, Known]] = []
     for n, stop in enumerate(stops):
         if path.dwells[stop] > 0:
-            parts.append((_rest(path, int(stop)), Known.nothing([limit for limit in limits if not limit.geometric], 1)))
+            parts.append((_rest(path, int(stop)), Known.nothing(limits, 1)))
         if n < len(found):
             parts.append((found[n].profile, found[n].known))
     joined = Profile.joined([profile for profile, _ in parts])

@@ -76,8 +76,7 @@ class Leg:
                 f"no motion from {self.problem.speeds[0]:.6g} to {self.problem.speeds[1]:.6g} along the path was found "
                 "that keeps every limit; ask for slower ends"
             )
-        slower = slowness * (1 + MARGIN)
-        return replace(self, profile=self.profile.slowed(slower), slowness=self.slowness * slower)
+        return replace(self, profile=self.profile.slowed(slowness), slowness=self.slowness * slowness)
 
     def _solved(self, problem: Problem) -> tuple[Profile, str]:
         if self.order == 2:

@@ -147,7 +147,7 @@ def _few(path: ActuatorPath, run: Run) -> int | None:
     if run.first != run.last:
         return None
     start, end = run.breaks(path)
-    slope = path.derivatives(np.linspace(start, end, LOOKED), np.full(LOOKED, run.first))[1]
+    slope = path.derivatives(np.linspace(start, end, LOOKED), np.full(LOOKED, run.first), 2)[1]
     change = float(np.abs(np.diff(slope, axis=0)).max(1).sum() / np.abs(slope).max())
     return min([size for size in FEWER if size >= PER_CHANGE * change], default=None)
 

@@ -28,6 +28,7 @@ from planner.timing.patience import Patience
 from planner.timing.problem import Block, Problem
 from planner.timing.profile import Profile
 from planner.timing.quiet import quiet
+from planner.timing.stages import chained, derivatives
 
 Solver = Literal["fatrop", "ipopt"]
 # The cost is the duration in thousandths of the guess', which suits the solver's tolerances, and a trace for jerk: as a
@@ -168,13 +169,11 @@ def _term(term: Term, v: ca.SX, a: ca.SX, j: ca.SX) -> ca.SX:
 def _assemble(intervals: int, signature: Signature, solver: Solver) -> tuple[ca.Function, Patience]:
     """The problem for N intervals, built once: variables in stages, coefficients as parameters."""
     stage = _stage(signature)
-    size, rows = stage.size1_in(1), stage.size1_out(2)
-    columns, last = ca.MX.sym("columns", 4, intervals), ca.MX.sym("last", 2)
-    data = ca.MX.sym("data", size, intervals)
-    ends, travelled, values = stage.map(intervals)(columns, data)
-    following = ca.horzcat(columns[:2, 1:], last)
-    constraints = ca.vec(ca.vertcat(following - ends, travelled, values))
-    equality = np.tile(np.arange(3 + rows) < 3, intervals)
+    x, data, pull = ca.SX.sym("x", 4), ca.SX.sym("data", stage.size1_in(1)), ca.SX.sym("pull", 2)
+    ends, *others = stage(x, data)
+    cost = WEIGHT * (x[3] * data[4] + SMOOTH * (x[2] * data[5]) ** 2) - pull[0] * x[0] - pull[1] * ends[0]
+    interval = ca.Function("interval", [x, ca.vertcat(data, pull)], [ends, ca.vertcat(*others), cost], {"cse": True})
+    equality = np.tile(np.arange(3 + stage.size1_out(2)) < 3, intervals)
     options: dict[str, Any] = {
         "print_time": False,
         "expand": False,
@@ -185,18 +184,14 @@ def _assemble(intervals: int, signature: Signature, solver: Solver) -> tuple[ca.
         options |= {
             "structure_detection": "auto",
             "equality": equality.tolist(),
+            "cache": derivatives(interval, intervals),
             # no step too short: else its restoration begins, which knows no end (see Patience)
             "fatrop": {"print_level": 0, "max_iter": ITERATIONS, "tol": 1e-7, "mu_init": 1e-2, "alpha_min_frac": 0.0},
         }
     else:
         options |= {"ipopt": {"print_level": 0, "sb": "yes", "max_iter": ITERATIONS, "tol": 1e-9}}
-    variables = ca.vertcat(ca.vec(columns), last)
-    duration, roughness = ca.sum2(columns[3, :] * data[4, :]), ca.sumsqr(columns[2, :] * data[5, :])
-    pull = ca.MX.sym("pull", 2)
-    cost = WEIGHT * (duration + SMOOTH * roughness) - pull[0] * columns[0, 0] - pull[1] * last[0]
     patience = Patience(EVALUATIONS)
-    constraints = ca.vertcat(constraints[0] + patience(variables[0]), constraints[1:])
-    problem = {"x": variables, "p": ca.vertcat(ca.vec(data), pull), "f": cost, "g": constraints}
+    problem = chained(interval, intervals, patience)
     return ca.nlpsol("third_order", solver, problem, options), patience
 
 
@@ -235,13 +230,15 @@ def _answer(
     most[0, :2], most_last = (speeds[0], 0.0), [speeds[1], 0.0]
     lowest = np.where(pull > 0, 0.0, speeds)
     least[0, :2], least_last = (lowest[0], 0.0), [lowest[1], 0.0]
+    pulls = np.zeros((2, count))
+    pulls[0, 0], pulls[1, -1] = pull
     equal = np.zeros((3, count))
     low, high = rows
     try:
         with _ONE_AT_A_TIME, quiet(), patience.asked():
             answer = solver(
                 x0=np.concatenate([guess.T.ravel(), least_last]),
-                p=np.concatenate([data.T.ravel(), pull]),
+                p=np.concatenate([data, pulls]).T.ravel(),
                 lbx=np.concatenate([least.ravel(), least_last]),
                 ubx=np.concatenate([most.ravel(), most_last]),
                 lbg=np.concatenate([equal, low]).T.ravel(),

@@ -94,6 +94,7 @@ def test_triggers_repetitions_and_constant_speeds_are_told(call, tmp_path, progr
     assert done.exit_code == 0
     assert "1 (rep. 2)" in done.stdout
     record = json.loads((tmp_path / "o" / "plan.json").read_text())
+    assert record["lower_bound"]["leaves_out"] == []
     names = [(event["name"], event["where"]["segment"], event["where"]["repetition"]) for event in record["triggers"]]
     assert names == [("top", 1, 1), ("half", 2, 1), ("top", 1, 2), ("half", 2, 2)]
     rows = [line.split(",") for line in (tmp_path / "o" / "triggers.csv").read_text().splitlines()]
