@@ -11,10 +11,15 @@ from kinematics.array import Array
 from kinematics.axis import Axis, sides
 from kinematics.errors import MotionError
 from planner.actuation import ActuatorPath
+from planner.certify import TOLERANCE
+from planner.hastened import CROSSING, Crossing, crossing, hastened
 from planner.limits.limit import Limit
+from planner.limits.resonance import Held, Resonance
 from planner.parallel import Progress
 from planner.place import Infeasible
+from planner.proved import holding
 from planner.solve import Solution, fastest, proved
+from planner.stays import Stay, stays
 from planner.timing.posing import graded
 from planner.timing.problem import Problem, Run
 from planner.timing.profile import Profile
@@ -25,6 +30,9 @@ from planner.timing.smoothest import even, quintic, smoothest
 NO_CHOICE = 1e-6
 # Points of a piece at which the ranges of the axes are looked at.
 LOOKED = 17
+# How often a run is solved for axes that stay in resonance bands too long to go through them faster.
+CROSSINGS = 4
+SMOOTHEST, SLOWED = "smoothest", "slowed"
 
 
 def within(
@@ -106,8 +114,36 @@ class Smooth:
 
     def __call__(self, path: ActuatorPath, limits: Sequence[Limit], run: Run) -> "Smoothed":
         slowed = self.fastest[run.first].slowed(self.slower)
-        problem = graded(path, limits, run, even)
-        return Smoothed(path, problem, self.weights, slowed, slowed, "slowed", 0).solved()
+        first = self._posed(path, limits, run, slowed).solved()
+        bands = [limit for limit in limits if isinstance(limit, Resonance) and limit.bands]
+        if not bands or not _too_long(path, bands[0], first.profile):
+            return first
+        # through the bands as fast as they ask for, or below all of them: the smoother of the two
+        ends = run.breaks(path)[[0, -1]].tolist()
+        below = holding(limits, [Held(band, *ends) for band in bands[0].bands])
+        tried = [_crossing(first, bands[0]), self._posed(path, below, run, slowed).solved()]
+        kept = [one for one in tried if one.method == SMOOTHEST and not _too_long(path, bands[0], one.profile)]
+        return min(kept, key=Smoothed.roughness, default=first)
+
+    def _posed(self, path: ActuatorPath, limits: Sequence[Limit], run: Run, slowed: Profile) -> "Smoothed":
+        return Smoothed(path, graded(path, limits, run, even), self.weights, slowed, slowed, SLOWED, 0)
+
+
+def _too_long(path: ActuatorPath, limit: Resonance, profile: Profile) -> list[Stay]:
+    return [stay for stay in stays(profile.along(path), limit) if stay.use > 1 + TOLERANCE]
+
+
+def _crossing(tried: "Smoothed", limit: Resonance) -> "Smoothed":
+    """Solved again until no axis stays too long in a band that it goes through, or that does not help."""
+    found: list[Crossing] = []
+    for _ in range(CROSSINGS):
+        motion = tried.profile.along(tried.path)
+        new = [crossing(tried.path, motion, stay) for stay in _too_long(tried.path, limit, tried.profile)]
+        if not new or tried.method != SMOOTHEST or None in new:
+            break
+        found += [each for each in new if each is not None]
+        tried = replace(tried, problem=hastened(tried.path, tried.problem, found)).solved()
+    return tried
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,20 +163,30 @@ class Smoothed:
         """None of its own: the fastest motion has an estimate."""
         return 0.0
 
+    def roughness(self) -> float:
+        """∫ Σ_i (q⃛_i/w_i)² dt, by Simpson's rule on every time piece."""
+        motion, k = self.profile.along(self.path), np.arange(len(self.profile.h))
+        at = [((motion.within(k, share * self.profile.h).qddd / self.weights) ** 2).sum(1) for share in (0.0, 0.5, 1.0)]
+        return float((self.profile.h / 6 * (at[0] + 4 * at[1] + at[2])).sum())
+
     def solved(self) -> "Smoothed":
         """Solved within the rooms that are left; the fastest motion slowed where there is no answer."""
-        duration = self.slowed.duration
+        again = self.method == SMOOTHEST and len(self.profile.h) == self.problem.intervals
+        guess = self.profile.columns() if again else quintic(self.problem.s, self.slowed.duration)
         try:
-            found = smoothest(self.path, self.problem, self.weights, quintic(self.problem.s, duration))
+            found = smoothest(self.path, self.problem, self.weights, guess)
         except MotionError:
-            return replace(self, profile=self.slowed, method="slowed", tries=TRIES)
-        return replace(self, profile=found, method="smoothest", tries=self.tries + 1)
+            return replace(self, profile=self.slowed, method=SLOWED, tries=TRIES)
+        return replace(self, profile=found, method=SMOOTHEST, tries=self.tries + 1)
 
     def tightened(self, use: Mapping[str, Array], slowness: float) -> "Smoothed":
         if self.tries >= TRIES:
-            return replace(self, profile=self.slowed, method="slowed", tries=TRIES)
+            return replace(self, profile=self.slowed, method=SLOWED, tries=TRIES)
         blocks = []
         for block in self.problem.blocks:
+            if block.name == CROSSING:
+                blocks.append(block)
+                continue
             excess = use[block.name]
             less = block.room / (1 + MORE * self.tries * (excess - 1)) * (1 - MARGIN)
             blocks.append(replace(block, room=np.where(excess > 1, less, block.room)))

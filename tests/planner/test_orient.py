@@ -8,8 +8,8 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics import Hexapod, MotionError, load_machine
 from planner import Free, Infeasible, Line, Program, Spline, check, load_program, orient, plan
+from planner.actuation import actuate
 from planner.path.free import DEGREE
-from planner.plan import actuate
 
 
 @pytest.fixture(scope="module")
