@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from math import ceil
+from math import ceil, inf
 
 import numpy as np
 
@@ -11,15 +11,11 @@ from kinematics.array import Array
 from kinematics.axis import Axis, sides
 from kinematics.errors import MotionError
 from planner.actuation import ActuatorPath
-from planner.certify import TOLERANCE
-from planner.hastened import CROSSING, Crossing, crossing, hastened
 from planner.limits.limit import Limit
-from planner.limits.resonance import Held, Resonance
+from planner.pacing import Pacer
 from planner.parallel import Progress
 from planner.place import Infeasible
-from planner.proved import holding
 from planner.solve import Solution, fastest, proved
-from planner.stays import Stay, stays
 from planner.timing.posing import graded
 from planner.timing.problem import Problem, Run
 from planner.timing.profile import Profile
@@ -30,9 +26,7 @@ from planner.timing.smoothest import even, quintic, smoothest
 NO_CHOICE = 1e-6
 # Points of a piece at which the ranges of the axes are looked at.
 LOOKED = 17
-# How often a run is solved for axes that stay in resonance bands too long to go through them faster.
-CROSSINGS = 4
-SMOOTHEST, SLOWED = "smoothest", "slowed"
+SMOOTHEST, SLOWED, PACED = "smoothest", "slowed", "paced"
 
 
 def within(
@@ -47,8 +41,10 @@ def within(
 
     w_i is the jerk limit of axis i where it states one (the smaller of two), else its range over the path per s³. Every
     run from rest to rest takes as much longer than its shortest as the whole does, dwells aside: on short moves, whose
-    shortest time goes with the cube root of their length, that is also how the total becomes least. Raises Infeasible,
-    with the shortest, for less than that; MotionError where the path asks for speeds.
+    shortest time goes with the cube root of their length, that is also how the total becomes least. Where an axis would
+    stay in a resonance band too long, a run is the smoother of two: below all bands, or gentle but fast enough.
+    Raises Infeasible, with the shortest, for less than that, and where nothing was found that crosses the bands in
+    time; MotionError where the path asks for speeds.
     """
     _refuse(path)
     best = fastest(path, limits, order, progress)
@@ -61,7 +57,7 @@ def within(
         return best
     rests = float(path.dwells.sum())
     slower = (duration - rests) / (shortest - rests)
-    smooth = Smooth(order, _weights(path, axes), slower, _runs(path, best, order))
+    smooth = Smooth(order, tuple(axes), _weights(path, axes), slower, _runs(path, best, order))
     return replace(proved(path, best.limits, order, smooth, progress), lower_estimate=best.lower_estimate)
 
 
@@ -108,42 +104,47 @@ class Smooth:
     """
 
     order: int
+    axes: tuple[Axis, ...]
     weights: Array
     slower: float
     fastest: Mapping[int, Profile]
 
     def __call__(self, path: ActuatorPath, limits: Sequence[Limit], run: Run) -> "Smoothed":
         slowed = self.fastest[run.first].slowed(self.slower)
+        pacer = Pacer(path, tuple(limits), self.axes, run, self.order)
         first = self._posed(path, limits, run, slowed).solved()
-        bands = [limit for limit in limits if isinstance(limit, Resonance) and limit.bands]
-        if not bands or not _too_long(path, bands[0], first.profile):
+        if not pacer.late(first.profile):
             return first
-        # through the bands as fast as they ask for, or below all of them: the smoother of the two
-        ends = run.breaks(path)[[0, -1]].tolist()
-        below = holding(limits, [Held(band, *ends) for band in bands[0].bands])
-        tried = [_crossing(first, bands[0]), self._posed(path, below, run, slowed).solved()]
-        kept = [one for one in tried if one.method == SMOOTHEST and not _too_long(path, bands[0], one.profile)]
-        return min(kept, key=Smoothed.roughness, default=first)
+        # below all bands, or through them fast: the smoother of the two
+        tried = [self._posed(path, pacer.below(), run, slowed).solved()]
+        paced = pacer.paced(slowed.duration)
+        if paced is not None:
+            tried.append(replace(first, slowed=paced, profile=paced, method=PACED, tries=TRIES))
+        kept = [one for one in tried if not pacer.late(one.profile)]
+        if not kept:
+            raise _stays(pacer, first.profile, slowed.duration)
+        # at order 2 the accelerations of all but the smoothest step, which its jerks do not tell
+        rank = [SMOOTHEST, PACED, SLOWED]
+        return min(kept, key=lambda one: (self.order == 2 and rank.index(one.method), one.roughness()))
 
     def _posed(self, path: ActuatorPath, limits: Sequence[Limit], run: Run, slowed: Profile) -> "Smoothed":
         return Smoothed(path, graded(path, limits, run, even), self.weights, slowed, slowed, SLOWED, 0)
 
 
-def _too_long(path: ActuatorPath, limit: Resonance, profile: Profile) -> list[Stay]:
-    return [stay for stay in stays(profile.along(path), limit) if stay.use > 1 + TOLERANCE]
-
-
-def _crossing(tried: "Smoothed", limit: Resonance) -> "Smoothed":
-    """Solved again until no axis stays too long in a band that it goes through, or that does not help."""
-    found: list[Crossing] = []
-    for _ in range(CROSSINGS):
-        motion = tried.profile.along(tried.path)
-        new = [crossing(tried.path, motion, stay) for stay in _too_long(tried.path, limit, tried.profile)]
-        if not new or tried.method != SMOOTHEST or None in new:
-            break
-        found += [each for each in new if each is not None]
-        tried = replace(tried, problem=hastened(tried.path, tried.problem, found)).solved()
-    return tried
+def _stays(pacer: Pacer, profile: Profile, duration: float) -> Infeasible:
+    """What to say where axes stay in resonance bands too long, however the run is timed."""
+    worst = max(pacer.late(profile), key=lambda stay: stay.use)
+    axis = pacer.axes[worst.band.axis]
+    scale, unit = (1e3, "mm/s") if axis.kind == "linear" else (180 / np.pi, "deg/s")
+    band = f"{worst.band.low * scale:.6g} to {worst.band.high * scale:.6g} {unit}"
+    where = profile.along(pacer.path).at(np.array([worst.start]))
+    place = pacer.path.place(float(where.s[0]), int(where.piece[0]), None, axis.name)
+    longer = pacer.shortest(pacer.below()) / duration
+    more = f"state one {ceil(longer * 1000) / 1000:.3f} times as long, below all bands, or" if longer < inf else "state"
+    remedy = (
+        f"no motion of the stated duration was found that crosses the band from {band} in time: {more} a shorter one"
+    )
+    return Infeasible("resonance crossing", axis.name, place, worst.use * worst.band.time, worst.band.time, "s", remedy)
 
 
 @dataclass(frozen=True, slots=True)
@@ -165,16 +166,15 @@ class Smoothed:
 
     def roughness(self) -> float:
         """∫ Σ_i (q⃛_i/w_i)² dt, by Simpson's rule on every time piece."""
-        motion, k = self.profile.along(self.path), np.arange(len(self.profile.h))
-        at = [((motion.within(k, share * self.profile.h).qddd / self.weights) ** 2).sum(1) for share in (0.0, 0.5, 1.0)]
-        return float((self.profile.h / 6 * (at[0] + 4 * at[1] + at[2])).sum())
+        motion, h, k = self.profile.along(self.path), self.profile.h, np.arange(len(self.profile.h))
+        at = [((motion.within(k, share * h).qddd / self.weights) ** 2).sum(1) for share in (0.0, 0.5, 1.0)]
+        return float((h / 6 * (at[0] + 4 * at[1] + at[2])).sum())
 
     def solved(self) -> "Smoothed":
         """Solved within the rooms that are left; the fastest motion slowed where there is no answer."""
-        again = self.method == SMOOTHEST and len(self.profile.h) == self.problem.intervals
-        guess = self.profile.columns() if again else quintic(self.problem.s, self.slowed.duration)
+        duration = self.slowed.duration
         try:
-            found = smoothest(self.path, self.problem, self.weights, guess)
+            found = smoothest(self.path, self.problem, self.weights, quintic(self.problem.s, duration))
         except MotionError:
             return replace(self, profile=self.slowed, method=SLOWED, tries=TRIES)
         return replace(self, profile=found, method=SMOOTHEST, tries=self.tries + 1)
@@ -184,9 +184,6 @@ class Smoothed:
             return replace(self, profile=self.slowed, method=SLOWED, tries=TRIES)
         blocks = []
         for block in self.problem.blocks:
-            if block.name == CROSSING:
-                blocks.append(block)
-                continue
             excess = use[block.name]
             less = block.room / (1 + MORE * self.tries * (excess - 1)) * (1 - MARGIN)
             blocks.append(replace(block, room=np.where(excess > 1, less, block.room)))

@@ -31,7 +31,8 @@ class Plan:
     """A program on a machine: the path in the actuators, the fastest motion, its proof, and the pulses that make it.
 
     order (2: to acceleration, 3: to jerk); rounds of solving until the proof held; methods: the solver of each run
-    lower_estimate: s, about the least that any motion within the limits on speed and acceleration takes
+    lower_estimate: s, about the least that any motion within the limits on speed and acceleration takes, with the
+    constant speeds that are asked for; stated_duration: s, what was asked for instead of the fastest, if anything
     """
 
     program: Program
@@ -45,11 +46,12 @@ class Plan:
     rounds: int
     methods: tuple[str, ...]
     lower_estimate: float
+    stated_duration: float | None = None
 
     @property
-    def gap(self) -> float:
-        """How far the duration is above the estimate of its lower bound, as a share of that."""
-        return self.trajectory.duration / self.lower_estimate - 1
+    def gap(self) -> float | None:
+        """How far the duration is above the estimate of its lower bound, as a share of that; None if it was stated."""
+        return None if self.stated_duration is not None else self.trajectory.duration / self.lower_estimate - 1
 
     @property
     def triggers(self) -> tuple[Triggered, ...]:
@@ -113,6 +115,7 @@ def plan(
         solution.rounds,
         solution.methods,
         solution.lower_estimate,
+        duration,
     )
 
 

@@ -198,7 +198,7 @@ def _freedom(part: Part) -> tuple[float, float, float]:
 
 
 def _bounds(parts: Sequence[Part], joints: Sequence[Joint]) -> Array:
-    """The largest size of each control, one part after the other: 0 where nothing is free, and at ends that are given."""
+    """The largest size of each control, one part after the other: 0 where none is free, and at ends that are given."""
     high = np.array([np.repeat(_freedom(part), DEGREE + 1) for part in parts])
     each = high.reshape(len(parts), 3, DEGREE + 1)
     if joints[0].given:
