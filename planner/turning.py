@@ -118,7 +118,8 @@ def _solve(
     high = _bounds(parts, joints)
     open_ = np.flatnonzero(high > 0)
     chosen, slack = ca.MX.sym("chosen", len(open_)), ca.MX.sym("slack")
-    spread = ca.DM(ca.Sparsity.triplet(high.size, len(open_), open_.tolist(), list(range(len(open_)))), 1.0)
+    size = np.where(np.isfinite(high), high, 1.0)[open_]  # what is small is counted in its bound
+    spread = ca.DM.triplet(open_.tolist(), list(range(len(open_))), ca.DM(size), high.size, len(open_))
     controls = ca.reshape(spread @ chosen, NUMBERS, len(parts))
     unit = _unit(machine)
     speeds = [ca.MX.sym("speeds", INTERVALS - 1) for _ in parts]  # ṡ² between the ends, and at them
@@ -141,7 +142,7 @@ def _solve(
             kept, duration = _timed(machine, part, q1, q2, ca.vertcat(ends[k], speeds[k], ends[k + 1]).T * unit**2)
             below += kept
             cost += duration * unit / whole
-    cost += CALM * ca.sumsqr(chosen) / len(parts)
+    cost += CALM * ca.sumsqr(controls) / len(parts)
     joined = [row for k, _ in enumerate(pairwise(parts)) for row in _continued(parts, joints[k + 1], controls, k)]
     rows, equal = ca.vertcat(*below), ca.vertcat(*joined)
     timed = objective == "time"
@@ -161,14 +162,14 @@ def _solve(
         },
     )
     found = solver(
-        x0=np.concatenate([start.T.ravel()[open_], [0.0 if timed else 1.0], np.minimum(0.01, fastest / 2)]),
-        lbx=np.concatenate([-high[open_], [0.0 if timed else -np.inf], np.full(len(fastest), MOVING)]),
-        ubx=np.concatenate([high[open_], [0.0 if timed else np.inf], fastest]),
+        x0=np.concatenate([start.T.ravel()[open_] / size, [0.0 if timed else 1.0], np.minimum(0.01, fastest / 2)]),
+        lbx=np.concatenate([-high[open_] / size, [0.0 if timed else -np.inf], np.full(len(fastest), MOVING)]),
+        ubx=np.concatenate([high[open_] / size, [0.0 if timed else np.inf], fastest]),
         lbg=np.concatenate([np.full(rows.numel(), -np.inf), np.zeros(equal.numel())]),
         ubg=np.zeros(rows.numel() + equal.numel()),
     )
     answer = np.zeros(high.size)
-    answer[open_] = np.asarray(found["x"]).ravel()[: len(open_)]
+    answer[open_] = np.asarray(found["x"]).ravel()[: len(open_)] * size
     if not (solver.stats()["success"] and np.isfinite(answer).all()):
         if objective == "feasible":
             raise MotionError("no orientation could be found for the free segments: the solver gave up")
