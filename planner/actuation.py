@@ -15,10 +15,12 @@ from kinematics.machine import Machine
 from kinematics.pose import Pose, column
 from kinematics.series import Series
 from planner.branch import branches
+from planner.path.chain import chain
 from planner.path.join import Blended
 from planner.path.shape import Piece, Shape, differentiated, pose_map
 from planner.path.tool import tool_map
 from planner.place import Place
+from planner.program import Program
 
 # Points of each piece at which its pose is held against the machine's freedom.
 LOOKED = 17
@@ -246,3 +248,23 @@ def _at(ends: np.ndarray, values: np.ndarray) -> np.ndarray:
     out = np.zeros(ends[-1] + 1, values.dtype)
     out[ends] = values
     return out
+
+
+def actuate(program: Program, machine: Machine) -> MachinePath:
+    """The program's path in the machine's actuators. Raises MotionError naming the segment that cannot be drawn."""
+    chained = chain(program, machine)
+    path = MachinePath(
+        machine,
+        chained.pieces,
+        chained.stops,
+        chained.dwells,
+        chained.blends,
+        tool=program.tool,
+    )
+    stated = np.array([program.start_speed, program.end_speed])
+    if stated.any():  # of the tool, whose way is not everywhere the path's parameter
+        ends = points_of(path, path.breaks[[0, -1]], np.array([0, len(path.pieces) - 1]), 2)
+        way = np.linalg.norm(ends.tool_derivatives[1][:, :3], axis=1)
+        first, last = stated / np.where(stated > 0, way, 1.0)
+        path.end_speeds = float(first), float(last)
+    return path

@@ -40,6 +40,7 @@ def of_plan(job: Job, inputs: Inputs, verdict: PulseCheck) -> Record:
         "machine": plan.machine.name,
         "order": plan.order,
         "duration_s": plan.trajectory.duration,
+        "stated_duration_s": plan.stated_duration,
         "path_length_m": float(plan.path.breaks[-1]),
         "classical": {
             "duration_s": job.classical.duration,

@@ -11,10 +11,10 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from kinematics import Axis, Body, MotionError, Traverser, forces
 from kinematics.load import GRAVITY, Load
 from planner import Line, Program, classical, plan
+from planner.actuation import actuate
 from planner.limits.pull_out import Curve
 from planner.limits.torque_speed import TorqueSpeed
 from planner.place import Infeasible
-from planner.plan import actuate
 
 G = -GRAVITY[2]
 CONCAVE = ((0.0, 40.0), (0.5, 35.0), (1.0, 25.0))
