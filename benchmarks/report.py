@@ -56,7 +56,7 @@ def summary(plan: Plan, classical: Classical, verdict: PulseCheck) -> dict[str, 
     again = f", run {plan.program.repeat} times" if plan.program.repeat > 1 else ""
     radian = f"a pure turn counts its angle times {1e3 * plan.machine.characteristic_length:.3f} mm"
     return {
-        "Duration": f"{plan.trajectory.duration:.6f} s",
+        "Duration": f"{plan.trajectory.duration:.6f} s{'' if plan.stated_duration is None else ', as stated'}",
         "Classical timing": f"{classical.duration:.6f} s{bare}",
         "Time saved": f"{saved:.6f} s ({100 * saved / classical.duration:.2f} %)",
         "Segments": f"{len(plan.program.segments)}{again}",

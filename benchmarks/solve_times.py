@@ -12,8 +12,8 @@ from typing import TypeVar
 
 from kinematics import Machine, load_machine
 from planner import Program, Solution, load_program
+from planner.actuation import actuate
 from planner.limits import limits_of
-from planner.plan import actuate
 from planner.solve import fastest
 from planner.timing.posing import jerk_problem
 from planner.timing.problem import Run, grid, pose_problem

@@ -29,5 +29,5 @@ class PathCurve:
         return self.path.breaks
 
     def at(self, s: Array, piece: np.ndarray) -> tuple[Array, Array]:
-        x, slope, _, _ = self.path.pose_derivatives(s, piece)
+        x, slope = self.path.pose_derivatives(s, piece, 1)
         return x[:, :3], slope[:, :3]

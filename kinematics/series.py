@@ -103,7 +103,11 @@ class Series:
         a, b = self.padded(degree), other.padded(degree)
         mid = a.mid[: degree + 1] + b.mid[: degree + 1]
         rad = a.rad[: degree + 1] + b.rad[: degree + 1]
-        return Series(mid, rad * (1 + EPS) + EPS * np.abs(mid), order)
+        rad *= 1 + EPS
+        size = np.abs(mid)
+        size *= EPS
+        rad += size
+        return Series(mid, rad, order)
 
     __radd__ = __add__
 
@@ -121,16 +125,19 @@ class Series:
             return Series(few.mid, few.rad, order)  # nothing remains: what follows stays short
         degree = min(few.degree + many.degree, order)
         shape = (degree + 1, *np.broadcast_shapes(few.mid.shape[1:], many.mid.shape[1:]))
-        mid, size, rad = np.zeros(shape), np.zeros(shape), np.zeros(shape)
-        far = np.abs(many.mid) + many.rad
+        terms = few.degree + 1
+        mid, rad, part = np.zeros(shape), np.zeros(shape), np.empty(shape)
+        size, far = np.abs(few.mid), np.abs(many.mid)
+        error = many.rad + terms * EPS * far  # of a factor, and of rounding the sum that its products stand in
+        far += many.rad
         for j in range(min(few.degree, order) + 1):
             n = min(many.degree, order - j) + 1
-            product = few.mid[j] * many.mid[:n]
-            mid[j : j + n] += product
-            size[j : j + n] += np.abs(product)
-            rad[j : j + n] += np.abs(few.mid[j]) * many.rad[:n] + few.rad[j] * far[:n]
-        terms = few.degree + 1
-        return Series(mid, (rad + terms * EPS * size) * (1 + (terms + 2) * EPS), order)
+            here = slice(j, j + n)
+            mid[here] += np.multiply(few.mid[j], many.mid[:n], out=part[:n])
+            rad[here] += np.multiply(size[j], error[:n], out=part[:n])
+            rad[here] += np.multiply(few.rad[j], far[:n], out=part[:n])
+        rad *= 1 + (terms + 4) * EPS
+        return Series(mid, rad, order)
 
     __rmul__ = __mul__
 

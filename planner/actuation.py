@@ -15,21 +15,26 @@ from kinematics.machine import Machine
 from kinematics.pose import Pose, column
 from kinematics.series import Series
 from planner.branch import branches
+from planner.path.chain import chain
 from planner.path.join import Blended
 from planner.path.shape import Piece, Shape, differentiated, pose_map
 from planner.path.tool import tool_map
 from planner.place import Place
+from planner.program import Program
 
 # Points of each piece at which its pose is held against the machine's freedom.
 LOOKED = 17
 
-Derivatives = tuple[Array, Array, Array, Array]
-"""q, q′, q″, q‴ with respect to path length, each (N, n)."""
+Derivatives = tuple[Array, ...]
+"""q, q′, q″, q‴ with respect to path length, up to the highest that was asked for, each (N, n)."""
 
 
 @dataclass(frozen=True, slots=True)
 class Points:
-    """N points of a path, s (N,) on pieces (N,), as the limits' rows see them: in the actuators and in space."""
+    """N points of a path, s (N,) on pieces (N,), as the limits' rows see them: in the actuators and in space.
+
+    derivatives: q, q′, q″, and q‴ where jerk is limited
+    """
 
     path: "ActuatorPath"
     s: Array
@@ -38,8 +43,8 @@ class Points:
 
     @property
     def pose_derivatives(self) -> Derivatives:
-        """The pose's numbers and their derivatives with respect to path length, each (N, 12)."""
-        found = self.path.pose_derivatives(self.s, self.piece)
+        """The pose's numbers and their first two derivatives with respect to path length, each (N, 12)."""
+        found = self.path.pose_derivatives(self.s, self.piece, 2)
         assert found is not None  # only machines have limits on their pose
         return found
 
@@ -49,12 +54,11 @@ class Points:
         tool = self.path.tool
         if tool is None:
             return self.pose_derivatives
-        x, x1, x2, x3 = (tool(values) for values in self.pose_derivatives)
-        return x, x1, x2, x3
+        return tuple(tool(values) for values in self.pose_derivatives)
 
 
-def points_of(path: "ActuatorPath", s: Array, piece: np.ndarray) -> Points:
-    return Points(path, s, piece, path.derivatives(s, piece))
+def points_of(path: "ActuatorPath", s: Array, piece: np.ndarray, highest: int = 3) -> Points:
+    return Points(path, s, piece, path.derivatives(s, piece, highest))
 
 
 class ActuatorPath(Protocol):
@@ -92,43 +96,45 @@ class ActuatorPath(Protocol):
     def place(self, s: float, piece: int, t: float | None = None, axis: str = "") -> Place:
         """What to call path length s of a piece."""
 
-    def derivatives(self, s: Array, piece: np.ndarray) -> Derivatives: ...
-    def axis_derivatives(self, axis: int, s: Array, piece: np.ndarray) -> Derivatives:
+    def derivatives(self, s: Array, piece: np.ndarray, highest: int = 3) -> Derivatives: ...
+    def axis_derivatives(self, axis: int, s: Array, piece: np.ndarray, highest: int = 3) -> Derivatives:
         """The same of one axis, each (N, 1), in a fraction of the time."""
 
     def pose_numbers(self, s: Array, piece: np.ndarray) -> Array | None:
         """(N, 12) numbers of the pose, None where there is no machine."""
 
-    def pose_derivatives(self, s: Array, piece: np.ndarray) -> Derivatives | None:
+    def pose_derivatives(self, s: Array, piece: np.ndarray, highest: int = 3) -> Derivatives | None:
         """The pose's numbers x, x′, x″, x‴ by path length, each (N, 12); None where there is no machine."""
 
     def enclose(self, s: Series, piece: np.ndarray) -> tuple[Series, Series | None]:
         """q (order+1, N, n) and the pose's numbers (order+1, N, 12), as series of whatever s (order+1, N) is one of."""
 
 
-@lru_cache(maxsize=64)
-def _along(machine: Machine, shape: Shape) -> Expression:
+@lru_cache(maxsize=128)
+def _along(machine: Machine, shape: Shape, highest: int) -> Expression:
     """(s, parameters, near) -> q, q′, q″, q‴: the machine's inverse map composed with the shape, differentiated."""
     s, parameters, near = ca.SX.sym("s"), ca.SX.sym("parameters", shape.size), ca.SX.sym("near", len(machine.axes))
     q = machine.symbolic(column(*shape.motion(s, parameters)), near)
-    return differentiated(f"{shape.name}_actuated", q, s, ca.vertcat(s, parameters, near))
+    return differentiated(f"{shape.name}_actuated", q, s, ca.vertcat(s, parameters, near), highest)
 
 
 @lru_cache(maxsize=256)
-def _axis_along(machine: Machine, shape: Shape, axis: int) -> Expression:
-    """The same -> q, q′, q″, q‴ of one axis."""
-    return _along(machine, shape).only(range(axis, 4 * len(machine.axes), len(machine.axes)))
+def _axis_along(machine: Machine, shape: Shape, highest: int, axis: int) -> Expression:
+    """The same of one axis."""
+    width = len(machine.axes)
+    return _along(machine, shape, highest).only(range(axis, (highest + 1) * width, width))
 
 
-@lru_cache(maxsize=64)
-def _carried_along(machine: Machine, shape: Shape) -> Expression:
+@lru_cache(maxsize=128)
+def _carried_along(machine: Machine, shape: Shape, highest: int) -> Expression:
     """The same -> the pose's numbers x, x′, x″, x‴, with what follows filled in."""
     s, parameters, near = ca.SX.sym("s"), ca.SX.sym("parameters", shape.size), ca.SX.sym("near", len(machine.axes))
     position, rotation = shape.motion(s, parameters)
     if machine.follows:
         q = machine.symbolic(column(position, rotation), near)
         position, rotation = machine.carried(position, rotation, q)
-    return differentiated(f"{shape.name}_posed", column(position, rotation), s, ca.vertcat(s, parameters, near))
+    inputs = ca.vertcat(s, parameters, near)
+    return differentiated(f"{shape.name}_posed", column(position, rotation), s, inputs, highest)
 
 
 class MachinePath:
@@ -192,15 +198,13 @@ class MachinePath:
     def place(self, s: float, piece: int, t: float | None = None, axis: str = "") -> Place:
         return Place(s, self.pieces[piece].segment, t, axis, self.pieces[piece].repetition)
 
-    def derivatives(self, s: Array, piece: np.ndarray) -> Derivatives:
-        both = self._evaluate(lambda shape: _along(self.machine, shape), s, piece, self._near)
-        q, q1, q2, q3 = np.split(both, 4, axis=1)
-        return q, q1, q2, q3
+    def derivatives(self, s: Array, piece: np.ndarray, highest: int = 3) -> Derivatives:
+        every = self._evaluate(lambda shape: _along(self.machine, shape, highest), s, piece, self._near)
+        return tuple(np.split(every, highest + 1, axis=1))
 
-    def axis_derivatives(self, axis: int, s: Array, piece: np.ndarray) -> Derivatives:
-        both = self._evaluate(lambda shape: _axis_along(self.machine, shape, axis), s, piece, self._near)
-        q, q1, q2, q3 = np.split(both, 4, axis=1)
-        return q, q1, q2, q3
+    def axis_derivatives(self, axis: int, s: Array, piece: np.ndarray, highest: int = 3) -> Derivatives:
+        every = self._evaluate(lambda shape: _axis_along(self.machine, shape, highest, axis), s, piece, self._near)
+        return tuple(np.split(every, highest + 1, axis=1))
 
     def pose_numbers(self, s: Array, piece: np.ndarray) -> Array:
         drawn = self._evaluate(pose_map, s, piece)
@@ -208,10 +212,9 @@ class MachinePath:
             return drawn
         return self.machine.carried_map(self.machine.inputs(drawn, self._near[piece]))
 
-    def pose_derivatives(self, s: Array, piece: np.ndarray) -> Derivatives:
-        both = self._evaluate(lambda shape: _carried_along(self.machine, shape), s, piece, self._near)
-        x, x1, x2, x3 = np.split(both, 4, axis=1)
-        return x, x1, x2, x3
+    def pose_derivatives(self, s: Array, piece: np.ndarray, highest: int = 3) -> Derivatives:
+        every = self._evaluate(lambda shape: _carried_along(self.machine, shape, highest), s, piece, self._near)
+        return tuple(np.split(every, highest + 1, axis=1))
 
     def _evaluate(
         self, expression: Callable[[Shape], Expression], s: Array, piece: np.ndarray, also: Array | None = None
@@ -259,3 +262,23 @@ def _at(ends: np.ndarray, values: np.ndarray) -> np.ndarray:
     out = np.zeros(ends[-1] + 1, values.dtype)
     out[ends] = values
     return out
+
+
+def actuate(program: Program, machine: Machine) -> MachinePath:
+    """The program's path in the machine's actuators. Raises MotionError naming the segment that cannot be drawn."""
+    chained = chain(program, machine)
+    path = MachinePath(
+        machine,
+        chained.pieces,
+        chained.stops,
+        chained.dwells,
+        chained.blends,
+        tool=program.tool,
+    )
+    stated = np.array([program.start_speed, program.end_speed])
+    if stated.any():  # of the tool, whose way is not everywhere the path's parameter
+        ends = points_of(path, path.breaks[[0, -1]], np.array([0, len(path.pieces) - 1]), 2)
+        way = np.linalg.norm(ends.tool_derivatives[1][:, :3], axis=1)
+        first, last = stated / np.where(stated > 0, way, 1.0)
+        path.end_speeds = float(first), float(last)
+    return path

@@ -13,8 +13,9 @@ import numpy as np
 
 from kinematics.array import Array, frozen
 from planner.actuation import ActuatorPath
+from planner.continuity import JUMP, STATES, ends, gaps, jumps, place_at
 from planner.enclosure import Cells, bounds, enclose
-from planner.limits.limit import Limit, Term
+from planner.limits.limit import Limit, order_of
 from planner.limits.resonance import Resonance
 from planner.place import Place
 from planner.stays import stays
@@ -32,16 +33,10 @@ CROSSING = "resonance crossing"
 """What no value at an instant tells: the longest stay of an axis in a band of speed, over the time allowed."""
 # Order of the expansions in time, by the highest derivative: q̈ or q⃛ keep a polynomial of degree 3 or 4.
 EXPANSION = {2: 6, 3: 8}
-# A jump of q, q̇ (and q̈ under jerk limits) between two pieces up to this share of the largest value met is rounding.
-JUMP = 1e-9
-# Rounding of what all axes are computed from, as a share of the largest of them.
-ROUNDING = 1e-13
 # Instants of a time piece that are looked at for where it uses a limit most (the bound itself needs none).
 LOOKED = 201
 # Cells that are looked at together: their series stay in the processor's cache.
 TOGETHER = 1024
-# States that are computed together: a state holds far more than what is kept of it.
-STATES = 1 << 14
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,21 +60,25 @@ class Certificate:
 
 @dataclass(frozen=True, slots=True)
 class Known:
-    """What is proved already: per limit, use and attained of each time piece (M,), NaN where nothing is yet."""
+    """What is proved already: per limit, use and attained of each time piece (M,), NaN where nothing is yet.
+
+    Of geometric limits, what is attained: what they use is proved along the path.
+    """
 
     use: dict[str, Array]
     attained: dict[str, Array]
 
     @classmethod
     def nothing(cls, limits: Sequence[Limit], pieces: int) -> "Known":
-        use, attained = ({limit.name: np.full(pieces, np.nan) for limit in limits} for _ in range(2))
+        names = [[limit.name for limit in some] for some in ([each for each in limits if not each.geometric], limits)]
+        use, attained = ({name: np.full(pieces, np.nan) for name in each} for each in names)
         return cls(use, attained)
 
     @classmethod
     def joined(cls, parts: "Sequence[Known]") -> "Known":
         """Of time pieces one after the other."""
         use, attained = (
-            {name: np.concatenate([getattr(part, each)[name] for part in parts]) for name in parts[0].use}
+            {name: np.concatenate([getattr(part, each)[name] for part in parts]) for name in getattr(parts[0], each)}
             for each in ("use", "attained")
         )
         return cls(use, attained)
@@ -95,11 +94,11 @@ def certify(trajectory: Trajectory, limits: Sequence[Limit], known: Known | None
     depends on the place alone: it is proved once along the path, and each time piece has what the parts of the path
     use through which it passes.
     """
-    order = 3 if any(Term.SDDD in limit.terms for limit in limits) else 2
+    order = order_of(limits)
     timed, standing = ([limit for limit in limits if limit.geometric is still] for still in (False, True))
     use, attained = prove(trajectory, timed, order, known)
-    for every, some in zip((use, attained), _placed(trajectory, standing), strict=True):
-        every |= some
+    use |= _placed(trajectory, standing)
+    attained |= at_knots(trajectory, standing, known)
     worst = {name: float(values.max()) for name, values in use.items()}
     most = {limit.name: attained if limit.geometric else use for limit in limits}
     where = {limit.name: _place(trajectory, limit, int(np.argmax(most[limit.name][limit.name]))) for limit in limits}
@@ -110,7 +109,7 @@ def certify(trajectory: Trajectory, limits: Sequence[Limit], known: Known | None
     if np.isfinite(claimed(trajectory)).any():
         use[CONSTANT], attained[CONSTANT], where[CONSTANT] = unsteadiness(trajectory)
         worst[CONSTANT] = float(use[CONSTANT].max())
-    for name, place in (_jumps(trajectory, order) | _gaps(trajectory)).items():
+    for name, place in (jumps(trajectory, order) | gaps(trajectory)).items():
         worst[name], where[name] = float("inf"), place
     return Certificate(
         holds=all(value <= 1 + TOLERANCE for value in worst.values()),
@@ -137,7 +136,7 @@ def prove(
         cells = whole[np.isnan(known.use[limits[0].name])[whole.k]]
     share = 1.0
     while True:
-        bound, met = _judge(trajectory, limits, cells, EXPANSION[order])
+        bound, met = _judge(trajectory, limits, cells, order)
         loose = np.zeros(len(cells.k), bool)
         for n, limit in enumerate(limits):
             values = attained[limit.name]
@@ -168,32 +167,44 @@ def along_path(path: ActuatorPath, limits: Sequence[Limit]) -> dict[str, Array]:
     return use
 
 
-def _placed(trajectory: Trajectory, limits: Sequence[Limit]) -> tuple[dict[str, Array], dict[str, Array]]:
-    """Per geometric limit, what `prove` gives, from one walk along the path."""
+def _placed(trajectory: Trajectory, limits: Sequence[Limit]) -> dict[str, Array]:
+    """Per geometric limit, the proven bound of its use over each time piece (M,): that of the parts of the path met."""
     if not limits:
-        return {}, {}
+        return {}
     along = walk(trajectory.path)
     proven = along_path(trajectory.path, limits)
-    # every knot: the start of each time piece, and the end of the last
-    pieces = len(trajectory.s)
-    k, tau = np.minimum(np.arange(pieces + 1), pieces - 1), np.zeros(pieces + 1)
-    tau[-1] = trajectory.knots[-1] - trajectory.knots[-2]
-    s, met = np.empty(pieces + 1), {limit.name: np.empty(pieces + 1) for limit in limits}
-    for some in (slice(first, first + STATES) for first in range(0, pieces + 1, STATES)):
-        state = trajectory.within(k[some], tau[some])
-        s[some] = state.s
-        for limit in limits:
-            value = limit.value(state)
-            met[limit.name][some] = limit.use(value, value, state.piece).max(1)
-    slack = JUMP * (along.s[-1] - along.s[0])  # by which `_gaps` lets a motion stray
+    s = np.append(trajectory.s, ends(trajectory)[-1:])
+    slack = JUMP * (along.s[-1] - along.s[0])  # by which `gaps` lets a motion stray
     first = np.searchsorted(along.s, np.minimum(s[:-1], s[1:]) - slack, side="right") - 1
     last = np.searchsorted(along.s, np.maximum(s[:-1], s[1:]) + slack, side="right")
     ranges = np.stack([np.clip(first, 0, len(along.s) - 1), np.maximum(last, 1)], 1).ravel()
-    use = {name: np.maximum.reduceat(np.append(values, 0.0), ranges)[::2] for name, values in proven.items()}
-    return use, {name: np.maximum(values[:-1], values[1:]) for name, values in met.items()}
+    return {name: np.maximum.reduceat(np.append(values, 0.0), ranges)[::2] for name, values in proven.items()}
 
 
-def _judge(trajectory: Trajectory, limits: Sequence[Limit], cells: Cells, expansion: int) -> tuple[Array, Array]:
+def at_knots(trajectory: Trajectory, limits: Sequence[Limit], known: Known | None = None) -> dict[str, Array]:
+    """Per geometric limit, the larger use attained at the two ends of each time piece (M,); known: what is already.
+
+    A knot is one place: what the path uses there is the same on both sides.
+    """
+    pieces = len(trajectory.s)
+    nothing = np.full(pieces, np.nan)
+    found = {limit.name: nothing.copy() if known is None else known.attained[limit.name].copy() for limit in limits}
+    new = np.flatnonzero(np.isnan(found[limits[0].name])) if limits else np.zeros(0, int)
+    knots = np.union1d(new, new + 1)
+    k = np.minimum(knots, pieces - 1)
+    tau = np.where(knots < pieces, 0.0, np.diff(trajectory.knots)[k])
+    met = {limit.name: np.empty(pieces + 1) for limit in limits}
+    for some in (slice(first, first + STATES) for first in range(0, len(knots), STATES)):
+        state = trajectory.within(k[some], tau[some])
+        for limit in limits:
+            value = limit.value(state)
+            met[limit.name][knots[some]] = limit.use(value, value, state.piece).max(1)
+    for name, values in met.items():
+        found[name][new] = np.maximum(values[new], values[new + 1])
+    return found
+
+
+def _judge(trajectory: Trajectory, limits: Sequence[Limit], cells: Cells, order: int) -> tuple[Array, Array]:
     """Over each of N cells, the bound of every limit's use over all its channels, and the use attained: (limits, N).
 
     The bound comes from the enclosure, the attained use from the motion itself at each cell's ends and centre.
@@ -202,9 +213,9 @@ def _judge(trajectory: Trajectory, limits: Sequence[Limit], cells: Cells, expans
     for first in range(0, len(cells.k), TOGETHER):
         chosen = np.arange(first, min(first + TOGETHER, len(cells.k)))
         some = cells[chosen]
-        enclosure = enclose(trajectory, some, expansion)
+        enclosure = enclose(trajectory, some, EXPANSION[order])
         places = np.concatenate([some.lo, (some.lo + some.hi) / 2, some.hi])
-        seen = trajectory.within(np.tile(some.k, 3), places)
+        seen = trajectory.within(np.tile(some.k, 3), places, jerk=order == 3)
         with np.errstate(invalid="ignore", over="ignore"):
             for n, limit in enumerate(limits):
                 bound[n, chosen] = limit.use(*bounds(limit.value(enclosure), len(chosen)), enclosure.piece).max(1)
@@ -218,72 +229,14 @@ def _crossing(trajectory: Trajectory, limit: Resonance) -> tuple[Array, Array, P
     attained (M,), and where the longest of all begins.
     """
     use, attained = np.zeros((2, len(trajectory.s)))
-    longest, place = 0.0, _at(trajectory, 0.0, "")
+    longest, place = 0.0, place_at(trajectory, 0.0, "")
     for stay in stays(trajectory, limit):
         part = slice(stay.first, stay.last + 1)
         np.maximum(use[part], stay.use, out=use[part])
         np.maximum(attained[part], stay.inside / stay.band.time, out=attained[part])
         if stay.use > longest:
-            longest, place = stay.use, _at(trajectory, stay.start, limit.channels[stay.band.axis])
+            longest, place = stay.use, place_at(trajectory, stay.start, limit.channels[stay.band.axis])
     return use, attained, place
-
-
-def _jumps(trajectory: Trajectory, order: int) -> dict[str, Place]:
-    """Each quantity that is not continuous between the pieces, or at an end not as stated, and where it jumps most.
-
-    At an end ṡ is what the path states, rest if nothing, and s̈ is 0: q̇ = q′ ṡ and q̈ = q″ ṡ² there.
-    """
-    lengths = np.diff(trajectory.knots)
-    start, end = _states(trajectory, order, np.zeros(len(lengths))), _states(trajectory, order, lengths)
-    path = trajectory.path
-    _, q1, q2, _ = path.derivatives(path.breaks[[0, -1]], np.array([0, len(path.breaks) - 2]))
-    stated = np.array(path.end_speeds)[:, None]
-    asked = [np.stack([start[0][0], end[0][-1]]), q1 * stated, q2 * stated**2]
-    found: dict[str, Place] = {}
-    for n, name in enumerate(("position jump", "speed jump", "acceleration jump")[:order]):
-        starts, ends = start[n], end[n]
-        before, after = asked[n][:1], asked[n][1:]
-        gaps = np.abs(np.concatenate([starts, after]) - np.concatenate([before, ends]))
-        # rounding is that of each axis' own values, and of what they were made from together
-        scale = np.ptp(starts, axis=0) + 1e-6 * np.abs(starts).max(0)
-        beyond = gaps - JUMP * scale - ROUNDING * scale.max()
-        if not beyond.max() <= 0:
-            knot, axis = np.unravel_index(int(np.argmax(np.where(np.isnan(beyond), np.inf, beyond))), beyond.shape)
-            found[name] = _at(trajectory, float(trajectory.knots[knot]), trajectory.path.names[axis])
-    return found
-
-
-def _states(trajectory: Trajectory, order: int, tau: Array) -> list[Array]:
-    """q, q̇ (and q̈ at order 3), each (M, n), tau (M,) after the start of every time piece."""
-    parts = []
-    for first in range(0, len(tau), STATES):
-        state = trajectory.within(np.arange(first, min(first + STATES, len(tau))), tau[first : first + STATES])
-        parts.append((state.q, state.qd, state.qdd)[:order])
-    return [np.concatenate(each) for each in zip(*parts, strict=True)]
-
-
-def _gaps(trajectory: Trajectory) -> dict[str, Place]:
-    """Where the motion leaves out, repeats or leaves the path: its first such place."""
-    path, length = trajectory.path, float(trajectory.path.breaks[-1] - trajectory.path.breaks[0])
-    h, v, a, j = np.diff(trajectory.knots), trajectory.v, trajectory.a, trajectory.j
-    end = trajectory.s + h * (v + h * (a / 2 + h * j / 6))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        turn = np.where((j > 0) & (-a / j > 0) & (-a / j < h), v - a**2 / (2 * j), np.inf)  # least ṡ inside a piece
-    slowest = np.minimum(np.minimum(v, v + h * (a + h * j / 2)), turn)
-    low, high = path.breaks[trajectory.piece], path.breaks[trajectory.piece + 1]
-    slack = JUMP * length
-    wrong = {
-        "start off the path's": (np.arange(len(h)) == 0) & ~(np.abs(trajectory.s - path.breaks[0]) <= slack),
-        "end off the path's": (np.arange(len(h)) == len(h) - 1) & ~(np.abs(end - path.breaks[-1]) <= slack),
-        "motion backwards": ~(slowest >= -JUMP * np.abs(v).max()),
-        "place off its piece": ~((trajectory.s >= low - slack) & (end <= high + slack)),
-        "piece out of turn": np.concatenate([[False], ~np.isin(np.diff(trajectory.piece), (0, 1))]),
-    }
-    return {
-        name: _at(trajectory, float(trajectory.knots[int(np.argmax(where))]), "")
-        for name, where in wrong.items()
-        if where.any()
-    }
 
 
 def _place(trajectory: Trajectory, limit: Limit, k: int) -> Place:
@@ -292,9 +245,4 @@ def _place(trajectory: Trajectory, limit: Limit, k: int) -> Place:
     state = trajectory.within(np.full(LOOKED, k), span * np.linspace(0.0, 1.0, LOOKED))
     value = limit.value(state)
     row, channel = np.unravel_index(int(np.argmax(limit.use(value, value, state.piece))), value.shape)
-    return _at(trajectory, float(state.t[row]), limit.channels[int(channel)])
-
-
-def _at(trajectory: Trajectory, t: float, axis: str) -> Place:
-    state = trajectory.at(t)
-    return trajectory.path.place(float(state.s[0]), int(state.piece[0]), t, axis)
+    return place_at(trajectory, float(state.t[row]), limit.channels[int(channel)])

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from math import ceil
+from math import ceil, inf
 
 import numpy as np
 
@@ -12,19 +12,21 @@ from kinematics.axis import Axis, sides
 from kinematics.errors import MotionError
 from planner.actuation import ActuatorPath
 from planner.limits.limit import Limit
+from planner.pacing import Pacer
 from planner.parallel import Progress
 from planner.place import Infeasible
 from planner.solve import Solution, fastest, proved
+from planner.timing.leg import MARGIN, MORE, TRIES
 from planner.timing.posing import graded
 from planner.timing.problem import Problem, Run
 from planner.timing.profile import Profile
-from planner.timing.run import MARGIN, MORE, TRIES
 from planner.timing.smoothest import even, quintic, smoothest
 
 # A duration so little above the shortest leaves no choice of motion.
 NO_CHOICE = 1e-6
 # Points of a piece at which the ranges of the axes are looked at.
 LOOKED = 17
+SMOOTHEST, SLOWED, PACED = "smoothest", "slowed", "paced"
 
 
 def within(
@@ -39,8 +41,10 @@ def within(
 
     w_i is the jerk limit of axis i where it states one (the smaller of two), else its range over the path per s³. Every
     run from rest to rest takes as much longer than its shortest as the whole does, dwells aside: on short moves, whose
-    shortest time goes with the cube root of their length, that is also how the total becomes least. Raises Infeasible,
-    with the shortest, for less than that; MotionError where the path asks for speeds.
+    shortest time goes with the cube root of their length, that is also how the total becomes least. Where an axis would
+    stay in a resonance band too long, a run is the smoother of two: below all bands, or gentle but fast enough.
+    Raises Infeasible, with the shortest, for less than that, and where nothing was found that crosses the bands in
+    time; MotionError where the path asks for speeds.
     """
     _refuse(path)
     best = fastest(path, limits, order, progress)
@@ -53,7 +57,7 @@ def within(
         return best
     rests = float(path.dwells.sum())
     slower = (duration - rests) / (shortest - rests)
-    smooth = Smooth(order, _weights(path, axes), slower, _runs(path, best, order))
+    smooth = Smooth(order, tuple(axes), _weights(path, axes), slower, _runs(path, best, order))
     return replace(proved(path, best.limits, order, smooth, progress), lower_estimate=best.lower_estimate)
 
 
@@ -100,14 +104,47 @@ class Smooth:
     """
 
     order: int
+    axes: tuple[Axis, ...]
     weights: Array
     slower: float
     fastest: Mapping[int, Profile]
 
     def __call__(self, path: ActuatorPath, limits: Sequence[Limit], run: Run) -> "Smoothed":
         slowed = self.fastest[run.first].slowed(self.slower)
-        problem = graded(path, limits, run, even)
-        return Smoothed(path, problem, self.weights, slowed, slowed, "slowed", 0).solved()
+        pacer = Pacer(path, tuple(limits), self.axes, run, self.order)
+        first = self._posed(path, limits, run, slowed).solved()
+        if not pacer.late(first.profile):
+            return first
+        # below all bands, or through them fast: the smoother of the two
+        tried = [self._posed(path, pacer.below(), run, slowed).solved()]
+        paced = pacer.paced(slowed.duration)
+        if paced is not None:
+            tried.append(replace(first, slowed=paced, profile=paced, method=PACED, tries=TRIES))
+        kept = [one for one in tried if not pacer.late(one.profile)]
+        if not kept:
+            raise _stays(pacer, first.profile, slowed.duration)
+        # at order 2 the accelerations of all but the smoothest step, which its jerks do not tell
+        rank = [SMOOTHEST, PACED, SLOWED]
+        return min(kept, key=lambda one: (self.order == 2 and rank.index(one.method), one.roughness()))
+
+    def _posed(self, path: ActuatorPath, limits: Sequence[Limit], run: Run, slowed: Profile) -> "Smoothed":
+        return Smoothed(path, graded(path, limits, run, even), self.weights, slowed, slowed, SLOWED, 0)
+
+
+def _stays(pacer: Pacer, profile: Profile, duration: float) -> Infeasible:
+    """What to say where axes stay in resonance bands too long, however the run is timed."""
+    worst = max(pacer.late(profile), key=lambda stay: stay.use)
+    axis = pacer.axes[worst.band.axis]
+    scale, unit = (1e3, "mm/s") if axis.kind == "linear" else (180 / np.pi, "deg/s")
+    band = f"{worst.band.low * scale:.6g} to {worst.band.high * scale:.6g} {unit}"
+    where = profile.along(pacer.path).at(np.array([worst.start]))
+    place = pacer.path.place(float(where.s[0]), int(where.piece[0]), None, axis.name)
+    longer = pacer.shortest(pacer.below()) / duration
+    more = f"state one {ceil(longer * 1000) / 1000:.3f} times as long, below all bands, or" if longer < inf else "state"
+    remedy = (
+        f"no motion of the stated duration was found that crosses the band from {band} in time: {more} a shorter one"
+    )
+    return Infeasible("resonance crossing", axis.name, place, worst.use * worst.band.time, worst.band.time, "s", remedy)
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,18 +164,24 @@ class Smoothed:
         """None of its own: the fastest motion has an estimate."""
         return 0.0
 
+    def roughness(self) -> float:
+        """∫ Σ_i (q⃛_i/w_i)² dt, by Simpson's rule on every time piece."""
+        motion, h, k = self.profile.along(self.path), self.profile.h, np.arange(len(self.profile.h))
+        at = [((motion.within(k, share * h).qddd / self.weights) ** 2).sum(1) for share in (0.0, 0.5, 1.0)]
+        return float((h / 6 * (at[0] + 4 * at[1] + at[2])).sum())
+
     def solved(self) -> "Smoothed":
         """Solved within the rooms that are left; the fastest motion slowed where there is no answer."""
         duration = self.slowed.duration
         try:
             found = smoothest(self.path, self.problem, self.weights, quintic(self.problem.s, duration))
         except MotionError:
-            return replace(self, profile=self.slowed, method="slowed", tries=TRIES)
-        return replace(self, profile=found, method="smoothest", tries=self.tries + 1)
+            return replace(self, profile=self.slowed, method=SLOWED, tries=TRIES)
+        return replace(self, profile=found, method=SMOOTHEST, tries=self.tries + 1)
 
     def tightened(self, use: Mapping[str, Array], slowness: float) -> "Smoothed":
         if self.tries >= TRIES:
-            return replace(self, profile=self.slowed, method="slowed", tries=TRIES)
+            return replace(self, profile=self.slowed, method=SLOWED, tries=TRIES)
         blocks = []
         for block in self.problem.blocks:
             excess = use[block.name]

@@ -1,79 +1,71 @@
 """Orientation where a program leaves it free: chosen for time, for small tilts, or to make a path feasible at all.
 
-A nonlinear programme in CasADi, solved by IPOPT. Unknown are the Bernstein coefficients of what each free segment turns
-by (planner.path.free) and, for time, ṡ² on a grid of each segment. Travel and tilt are kept at the grid's points, and
-for time speed and acceleration too, from rest to rest on each segment: an estimate of what the plan then takes. What is
-chosen is proved afterwards like any other path.
+What is chosen (planner.turning) is an estimate at order 2. For time, both that and the program as it says, or else what
+is merely feasible, are really planned, and the faster is kept: stretch by stretch, where the motion rests between.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from functools import lru_cache
-from itertools import groupby, pairwise
-from typing import Any, Literal, get_args
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from itertools import groupby
+from typing import Any, get_args
 
-import casadi as ca
 import numpy as np
 
 from kinematics.array import Array, frozen
-from kinematics.axis import sides
 from kinematics.errors import MotionError
 from kinematics.machine import Machine
-from kinematics.pose import column
-from planner.path.chain import draw
-from planner.path.free import CONTROLS, DEGREE, NUMBERS
-from planner.path.shape import Piece, Shape
+from planner.actuation import MachinePath, actuate
+from planner.limits import limits_of, usual_order
+from planner.path.chain import chain, draw
+from planner.path.free import DEGREE
+from planner.path.shape import Piece
 from planner.path.tool import carrying
 from planner.program import Dwell, Free, Program
+from planner.solve import fastest
+from planner.trajectory import Trajectory
+from planner.turning import Joint, Objective, Part, turned
 
-Objective = Literal["time", "tilt", "feasible"]
-# Grid intervals of a segment, closer together towards its ends.
-INTERVALS = 48
-# Share of travel and tilt that is left free, for what lies between the points of the grid; and for rounding.
-ROOM, ROUNDING = 5e-4, 1e-9
-# Weight of turning at all, against the objective: where several ways are as good, the calmest.
-CALM = 1e-4
-# Least ṡ² inside a segment, in a problem scaled to about one.
-MOVING = 1e-8
-ITERATIONS = 300
+Choice = Mapping[int, Array]
+"""Controls (3, DEGREE + 1) of free segments, by their index."""
 
 
-def orient(program: Program, machine: Machine, objective: Objective = "time") -> Program:
+def orient(program: Program, machine: Machine, objective: Objective = "time", order: int | None = None) -> Program:
     """The program with the orientation of its free segments chosen.
 
-    "time": as fast as the machine's limits on speed and acceleration allow; "tilt": the largest tilt of any joint as
+    "time": as fast as the machine's limits on speed and acceleration allow, and at the order planned (None: as `plan`
+    has it) never slower than as the program says, where that is feasible; "tilt": the largest tilt of any joint as
     small as can be; "feasible": as far inside travel and tilt as can be. Neighbouring free segments are chosen
     together; they begin, and unless they end the program also end, in the orientation that it says.
     Raises MotionError where the machine does not control what is left free.
     """
     if objective not in get_args(Objective):
         raise MotionError(f'no objective "{objective}"; objectives: {", ".join(get_args(Objective))}')
-    segments: list[Any] = list(program.segments)
-    once, _, _ = draw(replace(program, repeat=1), machine)
-    drawn = {pieces[0].segment - 1: [_carried(piece, program) for piece in pieces] for pieces in once}
-    last = max(drawn)
-    for free, group in groupby(sorted(drawn), key=lambda k: _free(segments[k]) is not None):
-        members = list(group)
-        if not free:
-            continue
-        for k in members:
-            _refuse(segments[k].free, k + 1, machine)
-        parts = [_part(drawn[k], segments[k]) for k in members]
-        for k, controls in zip(
-            members, _chosen(machine, parts, members[-1] != last or program.repeat > 1, objective), strict=True
-        ):
-            segments[k] = replace(segments[k], free=replace(segments[k].free, controls=controls))
-    return replace(program, segments=tuple(segments))
+    free = {k: each for k, segment in enumerate(program.segments) if (each := _free(segment)) is not None}
+    for k, each in free.items():
+        _refuse(each, k + 1, machine)
+    if not free:
+        return program
+    order = usual_order(machine.axes) if order is None else order
+    held = {k: np.zeros((3, DEGREE + 1)) for k in free}
+    moving = _moving(_with(program, held), machine, order)
+    known, motion = held, _motion(_with(program, held), machine, order) if objective == "time" else None
+    if motion is None:  # nothing to be kept: begin with what is feasible, if anything is
+        known = _turned(program, machine, "feasible", moving, {}, held)
+        motion = _motion(_with(program, known), machine, order) if objective == "time" else None
+    if objective == "feasible":
+        return _with(program, known)
+    speeds = {} if motion is None else _speeds(motion)
+    chosen = _turned(program, machine, objective, moving, speeds, known)
+    if motion is not None:
+        made = _motion(_with(program, chosen), machine, order)
+        chosen = known if made is None else _faster(program, moving, (known, motion), (chosen, made))
+    return _with(program, chosen)
 
 
-def oriented(program: Program, machine: Machine) -> Program:
+def oriented(program: Program, machine: Machine, order: int) -> Program:
     """The program with whatever is still open chosen for time."""
     still = any(free is not None and free.controls is None for free in map(_free, program.segments))
-    return orient(program, machine) if still else program
-
-
-def _carried(piece: Piece, program: Program) -> Piece:
-    return piece if program.tool is None else carrying(piece, program.tool)
+    return orient(program, machine, order=order) if still else program
 
 
 def _free(segment: Any) -> Free | None:
@@ -90,156 +82,115 @@ def _refuse(free: Free, number: int, machine: Machine) -> None:
         )
 
 
-@dataclass(frozen=True, slots=True)
-class _Part:
-    """One free segment: its grid s (N+1,), and what its shape takes there, s first, but for the controls (k, N+1)."""
-
-    shape: Shape
-    s: Array
-    numbers: Array
-    free: Free
-    speed: float | None
+def _with(program: Program, choice: Choice) -> Program:
+    segments: list[Any] = list(program.segments)
+    for k, controls in choice.items():
+        segments[k] = replace(segments[k], free=replace(segments[k].free, controls=frozen(controls)))
+    return replace(program, segments=tuple(segments))
 
 
-def _part(pieces: Sequence[Piece], segment: Any) -> _Part:
-    ends = np.concatenate([[0.0], np.cumsum([piece.length for piece in pieces])])
-    s = ends[-1] * (1 - np.cos(np.linspace(0, np.pi, INTERVALS + 1))) / 2
-    of = np.clip(np.searchsorted(ends, s, side="right") - 1, 0, len(pieces) - 1)
-    own = np.array([np.delete(pieces[k].parameters, CONTROLS) for k in of]).T
-    local = s - ends[of] + np.array([piece.start for piece in pieces])[of]
-    return _Part(pieces[0].shape, s, np.concatenate([local[None], own]), segment.free, pieces[0].tool_speed)
-
-
-@lru_cache(maxsize=16)
-def _geometry(machine: Machine, shape: Shape) -> ca.Function:
-    """(numbers of a `_Part` at a point, controls) -> q, q′, q″, cosines of the tilts."""
-    numbers, controls = ca.SX.sym("numbers", 1 + shape.size - NUMBERS), ca.SX.sym("controls", NUMBERS)
-    s, before = numbers[0], 1 + CONTROLS.start
-    position, rotation = shape.motion(s, ca.vertcat(numbers[1:before], controls, numbers[before:]))
-    q = machine.symbolic(column(position, rotation), ca.SX(machine.home_q))
-    q1 = ca.jacobian(q, s)
-    return ca.Function(
-        "oriented", [numbers, controls], [q, q1, ca.jacobian(q1, s), machine.tilts(position, rotation)], {"cse": True}
+def _moving(program: Program, machine: Machine, order: int) -> frozenset[int]:
+    """The segments at whose end the motion need not rest, be it before the next one or the next repetition."""
+    drawn = chain(replace(program, repeat=min(program.repeat, 2)), machine)
+    rests = (drawn.stops[1:-1] > 0) & (drawn.stops[1:-1] <= order)
+    return frozenset(
+        a.segment - 1
+        for a, b, rest in zip(drawn.pieces[:-1], drawn.pieces[1:], rests, strict=True)
+        if _place(a) != _place(b) and not rest
     )
 
 
-def _chosen(machine: Machine, parts: Sequence[_Part], returns: bool, objective: Objective) -> list[Array]:
-    """Controls (3, DEGREE + 1) of each part: first as far inside the limits as can be, then for the objective."""
-    controls = _solve(machine, parts, returns, "feasible", np.zeros((NUMBERS, len(parts))))
-    if objective != "feasible":
-        controls = _solve(machine, parts, returns, objective, controls)
-    return [frozen(each.reshape(3, DEGREE + 1)) for each in controls.T]
+def _place(piece: Piece) -> tuple[int, int | None]:
+    return piece.segment, piece.repetition
 
 
-def _solve(machine: Machine, parts: Sequence[_Part], returns: bool, objective: Objective, start: Array) -> Array:
-    controls, slack = ca.MX.sym("controls", NUMBERS, len(parts)), ca.MX.sym("slack")
-    speeds = [ca.MX.sym("speeds", INTERVALS - 1) for _ in parts]  # ṡ² between the ends, where it is 0
-    at = [
-        _geometry(machine, part.shape).map(INTERVALS + 1)(part.numbers, ca.repmat(controls[:, k], 1, INTERVALS + 1))
-        for k, part in enumerate(parts)
-    ]
-    below = [_cone(part, controls[:, k]) for k, part in enumerate(parts)]
-    for q, _, _, cosines in at:
-        below += _inside(machine, q, cosines, slack, objective)
-    cost: ca.MX = slack
-    if objective == "time":
-        cost = ca.MX(0)
-        for part, (_, q1, q2, _), inner in zip(parts, at, speeds, strict=True):
-            kept, duration = _timed(machine, part, q1, q2, inner)
-            below += kept
-            cost += duration
-    cost += CALM * ca.sumsqr(controls) / len(parts)
-    joined = [
-        controls[(row + 1) * (DEGREE + 1) - 1, k] - controls[row * (DEGREE + 1), k + 1]
-        for k, _ in enumerate(pairwise(parts))
-        for row in range(3)
-    ]
-    low, high = _bounds(parts, returns)
-    rows, equal = ca.vertcat(*below), ca.vertcat(*joined)
-    timed = objective == "time"
-    x = ca.vertcat(ca.vec(controls), slack, *(speeds if timed else []))
-    count = (INTERVALS - 1) * len(parts) * timed
-    solver = ca.nlpsol(
-        "orient",
-        "ipopt",
-        {"x": x, "f": cost, "g": ca.vertcat(rows, equal)},
-        {
-            "ipopt": {"print_level": 0, "sb": "yes", "max_iter": ITERATIONS, "tol": 1e-7, "acceptable_tol": 1e-5},
-            "print_time": False,
-            "calc_lam_p": False,  # nobody asks for them, and where IPOPT gives up CasADi would warn of them
-            "error_on_fail": False,
-            "show_eval_warnings": False,
-        },
-    )
-    found = solver(
-        x0=np.concatenate([start.T.ravel(), [0.0 if timed else 1.0], np.full(count, 0.01)]),
-        lbx=np.concatenate([low, [0.0 if timed else -np.inf], np.full(count, MOVING)]),
-        ubx=np.concatenate([high, [0.0 if timed else np.inf], np.full(count, np.inf)]),
-        lbg=np.concatenate([np.full(rows.numel(), -np.inf), np.zeros(equal.numel())]),
-        ubg=np.zeros(rows.numel() + equal.numel()),
-    )
-    answer = np.asarray(found["x"]).ravel()[: NUMBERS * len(parts)]
-    if not (solver.stats()["success"] and np.isfinite(answer).all()):
-        if objective == "feasible":
-            raise MotionError("no orientation could be found for the free segments: the solver gave up")
-        return start  # what is feasible, if anything is, stays
-    return answer.reshape(len(parts), NUMBERS).T
+def _motion(program: Program, machine: Machine, order: int) -> Trajectory | None:
+    """The fastest, or nothing where there is none."""
+    try:
+        path = actuate(program, machine)
+        return fastest(path, limits_of(path, machine.axes, order), order).trajectory
+    except MotionError:
+        return None
 
 
-def _bounds(parts: Sequence[_Part], returns: bool) -> tuple[Array, Array]:
-    """Of the controls: nothing where nothing is free, and at the ends that are given."""
-    high = np.array([np.repeat([p.free.tilt, p.free.tilt, np.inf if p.free.yaw else 0.0], DEGREE + 1) for p in parts])
-    ends = np.arange(3) * (DEGREE + 1)
-    high[0, ends] = 0.0
-    if returns:
-        high[-1, ends + DEGREE] = 0.0
-    return -high.ravel(), high.ravel()
+def _pieces(motion: Trajectory) -> tuple[Piece, ...]:
+    assert isinstance(motion.path, MachinePath)  # programs have no others
+    return motion.path.pieces
 
 
-def _cone(part: _Part, controls: ca.MX) -> ca.MX:
-    """α² + β² within the cone at every coefficient, so everywhere between; the axis tilts by √(α² + β²) at most."""
-    alpha, beta = controls[: DEGREE + 1], controls[DEGREE + 1 : 2 * (DEGREE + 1)]
-    return alpha**2 + beta**2 - max(part.free.tilt, 1e-3) ** 2
+def _speeds(motion: Trajectory) -> dict[int, float]:
+    """ṡ at the end of every segment, the least of all repetitions; at −1 what it begins with."""
+    pieces, found = _pieces(motion), {-1: float(motion.v[0])}
+    for k in np.flatnonzero(np.diff(motion.piece)).tolist():
+        before, after = pieces[motion.piece[k]], pieces[motion.piece[k + 1]]
+        if _place(before) != _place(after):
+            speed = float(motion.v[k + 1])
+            found[before.segment - 1] = min(speed, found.get(before.segment - 1, speed))
+    found[pieces[-1].segment - 1] = found.get(pieces[-1].segment - 1, motion.path.end_speeds[1])
+    return found
 
 
-def _inside(machine: Machine, q: ca.MX, cosines: ca.MX, slack: ca.MX, objective: Objective) -> list[ca.MX]:
-    """At most 0 within travel and tilt: by as much less as `slack` is below 0 for what is to be made small.
+def _turned(
+    program: Program,
+    machine: Machine,
+    objective: Objective,
+    moving: frozenset[int],
+    speeds: Mapping[int, float],
+    start: Choice,
+) -> dict[int, Array]:
+    """Neighbouring free segments, each such group by itself."""
+    once, _, _ = draw(replace(_with(program, start), repeat=1), machine)
+    drawn = {pieces[0].segment - 1: [_carried(piece, program) for piece in pieces] for pieces in once}
+    found: dict[int, Array] = {}
+    for group in _groups(list(drawn), start):
+        parts = [Part.of(drawn[k], _known(program, k)) for k in group]
+        before = max((k for k in drawn if k < group[0]), default=-1)
+        joints = [Joint(speeds.get(k, 0.0), k in moving) for k in (before, *group)]
+        joints[0] = replace(joints[0], given=True)
+        joints[-1] = replace(joints[-1], given=group[-1] != max(drawn) or program.repeat > 1)
+        controls = turned(machine, parts, joints, objective, np.array([start[k] for k in group]))
+        found |= dict(zip(group, controls, strict=True))
+    return found
 
-    The ends keep no room: their orientation may be given, and a machine may stand at an end of its travel.
-    """
-    lo, hi = np.array([axis.travel for axis in machine.axes]).T
-    bounded = np.flatnonzero(np.isfinite(hi))
-    half = (hi - lo)[bounded] / 2
-    off = (q[bounded.tolist(), :] - ca.DM((machine.home_q + lo)[bounded] + half)) / ca.DM(half)
-    room = np.full(INTERVALS + 1, ROOM)
-    room[[0, -1]] = -ROUNDING
-    moved = slack if objective == "feasible" else 0.0
-    travel = ca.DM(np.tile(1 - room, (len(bounded), 1))) + moved
-    least = np.cos(np.outer(machine.max_tilt, 1 - room))
-    rows = [ca.vec(off - travel), ca.vec(-off - travel), ca.vec(ca.DM(least) - cosines - moved)]
-    if objective == "tilt" and cosines.numel():
-        rows.append(1 - ca.vec(cosines) - slack)  # the least cosine as large as can be
-    return rows
+
+def _groups(segments: Sequence[int], free: Choice) -> list[list[int]]:
+    return [list(members) for is_free, members in groupby(segments, key=lambda k: k in free) if is_free]
 
 
-def _timed(machine: Machine, part: _Part, q1: ca.MX, q2: ca.MX, inner: ca.MX) -> tuple[list[ca.MX], ca.MX]:
-    """Speed and acceleration of every axis on both sides of every interval, at most 0; and the duration (scaled)."""
-    length = float(part.s[-1])
-    # of limits that differ by direction the smaller: an estimate is all that is wanted
-    speed = np.array([min(sides(axis.max_speed)) for axis in machine.axes])
-    push = np.array([min(sides(axis.max_acceleration)) for axis in machine.axes])
-    unit = np.nanmin(np.where(np.isfinite(speed), speed, np.nan)) if np.isfinite(speed).any() else 1.0
-    z = ca.vertcat(0, inner, 0).T * unit**2
-    step = ca.DM(np.diff(part.s)).T
-    u = (z[1:] - z[:-1]) / (2 * step)
-    rows = []
-    if part.speed is not None:
-        rows.append((z / part.speed**2 - 1).T)
-    for k in np.flatnonzero(np.isfinite(speed)).tolist():
-        rows.append((q1[k, :] ** 2 * z / speed[k] ** 2 - 1).T)
-    for k in np.flatnonzero(np.isfinite(push)).tolist():
-        for side in (slice(None, -1), slice(1, None)):
-            value = ((q1[k, side] * u + q2[k, side] * z[side]) / push[k]).T
-            rows += [value - 1, -value - 1]
-    root = ca.sqrt(z)
-    return rows, ca.sum2(2 * step / (root[1:] + root[:-1])) * unit / length
+def _known(program: Program, k: int) -> Free:
+    free = _free(program.segments[k])
+    assert free is not None  # it was chosen from those
+    return free
+
+
+def _carried(piece: Piece, program: Program) -> Piece:
+    return piece if program.tool is None else carrying(piece, program.tool)
+
+
+def _faster(
+    program: Program, moving: frozenset[int], known: tuple[Choice, Trajectory], other: tuple[Choice, Trajectory]
+) -> dict[int, Array]:
+    """The better of two choices, for each stretch between rests in the orientation that the program says."""
+    segments = [k for k, segment in enumerate(program.segments) if not isinstance(segment, Dwell)]
+    before, after = (_durations(motion) for _, motion in (known, other))
+    inside = {k for group in _groups(segments, known[0]) for k in group[:-1]}
+    stretches: list[list[int]] = [[]]
+    for k in segments:
+        stretches[-1].append(k)
+        if k not in moving and k not in inside:
+            stretches.append([])
+    if stretches[-1]:  # without a rest into the next repetition
+        last = stretches.pop()
+        stretches = [[*last, *stretches[0]], *stretches[1:]] if stretches else [last]
+    found: dict[int, Array] = {}
+    for stretch in stretches:
+        better = other if sum(after[k] for k in stretch) < sum(before[k] for k in stretch) else known
+        found |= {k: better[0][k] for k in stretch if k in known[0]}
+    return found
+
+
+def _durations(motion: Trajectory) -> dict[int, float]:
+    """s that every segment takes, with all its repetitions."""
+    segment = np.array([piece.segment - 1 for piece in _pieces(motion)])[motion.piece]
+    spent = np.bincount(segment, np.diff(motion.knots))
+    return dict(enumerate(spent.tolist()))

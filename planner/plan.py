@@ -7,13 +7,12 @@ import numpy as np
 
 from kinematics.errors import MotionError
 from kinematics.machine import Machine
-from planner.actuation import MachinePath, points_of
+from planner.actuation import MachinePath, actuate
 from planner.certify import Certificate
 from planner.duration import within
-from planner.limits import Limit, limits_of
+from planner.limits import Limit, limits_of, usual_order
 from planner.orientation import oriented
 from planner.parallel import Progress
-from planner.path.chain import chain
 from planner.place import Infeasible
 from planner.program import Program
 from planner.pulses import Motion, PulseSchedule, RealisedPath, Rule, find_rule, generate, realised
@@ -21,6 +20,7 @@ from planner.pulses.compensate import compensated
 from planner.solve import fastest
 from planner.standing import Standing, standing
 from planner.steadiness import CONSTANT, Stretch, stretches
+from planner.timing.floor import left_out
 from planner.trajectory import Trajectory
 from planner.triggers import Triggered, triggered
 
@@ -33,7 +33,8 @@ class Plan:
     """A program on a machine: the path in the actuators, the fastest motion, its proof, and the pulses that make it.
 
     order (2: to acceleration, 3: to jerk); rounds of solving until the proof held; methods: the solver of each run
-    lower_estimate: s, about the least that any motion within the limits on speed and acceleration takes
+    lower_estimate: s, about the least that any motion within the limits on speed and acceleration takes, with the
+    constant speeds that are asked for; stated_duration: s, what was asked for instead of the fastest, if anything
     """
 
     program: Program
@@ -47,17 +48,23 @@ class Plan:
     rounds: int
     methods: tuple[str, ...]
     lower_estimate: float
+    stated_duration: float | None = None
 
     @property
-    def gap(self) -> float:
-        """How far the duration is above the estimate of its lower bound, as a share of that."""
-        return self.trajectory.duration / self.lower_estimate - 1
+    def gap(self) -> float | None:
+        """How far the duration is above the estimate of its lower bound, as a share of that; None if it was stated."""
+        return None if self.stated_duration is not None else self.trajectory.duration / self.lower_estimate - 1
 
     @property
     def counted(self) -> Motion:
         """What the pulses count: the motion, or where axes ask for compensation what their motors make of it."""
         behind = compensated(self.trajectory, self.machine.axes, self.machine.home_q)
         return self.trajectory if behind is None else behind
+
+    @property
+    def left_out(self) -> tuple[str, ...]:
+        """What the estimate of the lower bound leaves out."""
+        return left_out(self.limits)
 
     @property
     def triggers(self) -> tuple[Triggered, ...]:
@@ -80,26 +87,6 @@ class Plan:
         return path_in_space(self, ax)
 
 
-def actuate(program: Program, machine: Machine) -> MachinePath:
-    """The program's path in the machine's actuators. Raises MotionError naming the segment that cannot be drawn."""
-    chained = chain(program, machine)
-    path = MachinePath(
-        machine,
-        chained.pieces,
-        chained.stops,
-        chained.dwells,
-        chained.blends,
-        tool=program.tool,
-    )
-    stated = np.array([program.start_speed, program.end_speed])
-    if stated.any():  # of the tool, whose way is not everywhere the path's parameter
-        ends = points_of(path, path.breaks[[0, -1]], np.array([0, len(path.pieces) - 1]))
-        way = np.linalg.norm(ends.tool_derivatives[1][:, :3], axis=1)
-        first, last = stated / np.where(stated > 0, way, 1.0)
-        path.end_speeds = float(first), float(last)
-    return path
-
-
 def plan(
     program: Program,
     machine: Machine,
@@ -119,7 +106,7 @@ def plan(
     OutOfReach, or MotionError.
     """
     if order is None:
-        order = 3 if any(axis.max_jerk is not None for axis in machine.axes) else 2
+        order = usual_order(machine.axes)
     if order not in (2, 3):
         raise MotionError(f"order {order} is not known; 2 keeps speed and acceleration, 3 jerk as well")
     if isinstance(clock_hz, bool) or not isinstance(clock_hz, (int, np.integer)) or clock_hz <= 0:
@@ -128,7 +115,7 @@ def plan(
     if duration is not None and not 0 < duration < np.inf:
         raise MotionError(f"duration {duration} s must be positive and finite")
     rule = find_rule(rule) if isinstance(rule, str) else rule
-    program = oriented(program, machine)
+    program = oriented(program, machine, order)
     path = actuate(program, machine)
     limits = limits_of(path, machine.axes, order)
     if duration is None:
@@ -148,6 +135,7 @@ def plan(
         solution.rounds,
         solution.methods,
         solution.lower_estimate,
+        duration,
     )
 
 
@@ -168,5 +156,5 @@ def check(program: Program, machine: Machine) -> Standing:
 
     Raises MotionError for a path that cannot be drawn.
     """
-    path = actuate(oriented(program, machine), machine)
+    path = actuate(oriented(program, machine, usual_order(machine.axes)), machine)
     return replace(standing(path, limits_of(path, machine.axes, 2)), blends=path.blends)

@@ -8,7 +8,7 @@ import numpy as np
 
 from kinematics.array import Array
 from planner.actuation import ActuatorPath
-from planner.certify import TOLERANCE, Known, prove
+from planner.certify import TOLERANCE, Known, at_knots, prove
 from planner.limits.limit import Limit
 from planner.limits.resonance import Held, Resonance
 from planner.stays import stays
@@ -96,7 +96,9 @@ class Prover:
     def _prove(self, timed: Sequence[Timed]) -> list[Known]:
         """All in one go: what each uses of the limits."""
         profiles = [one.profile for one in timed]
-        use, attained = prove(Profile.joined(profiles).along(self.path), self._timed, self.order)
+        motion = Profile.joined(profiles).along(self.path)
+        use, attained = prove(motion, self._timed, self.order)
+        attained |= at_knots(motion, [limit for limit in self.limits if limit.geometric])
         ends = np.cumsum([len(profile.h) for profile in profiles])[:-1]
         parts = [{name: np.split(values, ends) for name, values in each.items()} for each in (use, attained)]
         return [

@@ -29,7 +29,8 @@ class Solution:
     """A trajectory and the proof that it respects every limit.
 
     order; rounds: how often it was solved until the proof held; methods: the solver that gave each run's motion
-    lower_estimate: s, about the least that any motion within the limits on speed and acceleration takes
+    lower_estimate: s, about the least that any motion within the limits on speed and acceleration takes, with the
+    constant speeds that are asked for; of a stated duration too, which need not be near it
     """
 
     trajectory: Trajectory = field(repr=False)
@@ -105,7 +106,7 @@ def assemble(
     parts: list[tuple[Profile, Known]] = []
     for n, stop in enumerate(stops):
         if path.dwells[stop] > 0:
-            parts.append((_rest(path, int(stop)), Known.nothing([limit for limit in limits if not limit.geometric], 1)))
+            parts.append((_rest(path, int(stop)), Known.nothing(limits, 1)))
         if n < len(found):
             parts.append((found[n].profile, found[n].known))
     joined = Profile.joined([profile for profile, _ in parts])

@@ -22,9 +22,10 @@ from planner.limits.limit import Limit
 from planner.limits.resonance import Resonance
 from planner.limits.tool_speed import ToolSpeed
 from planner.place import Infeasible
+from planner.timing.leg import STRAIGHT
 from planner.timing.problem import Run, grid
 from planner.timing.profile import Profile
-from planner.timing.run import STRAIGHT, Attempt, attempt
+from planner.timing.run import Attempt, attempt
 from planner.trajectory import State, Trajectory
 
 # Share of the speed from which on it counts as reached, where a motion is exact and where a solver has its tolerance.

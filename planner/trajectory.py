@@ -15,7 +15,7 @@ from planner.actuation import ActuatorPath
 
 @dataclass(frozen=True, slots=True)
 class State:
-    """The motion at instants t (N,): path length s and its rates sd, sdd (N,), q, q̇, q̈, q⃛ (N, axes).
+    """The motion at instants t (N,): path length s and its rates sd, sdd, sddd (N,), q, q̇, q̈, q⃛ (N, axes).
 
     pose is None without a machine.
     """
@@ -25,11 +25,20 @@ class State:
     q: Array
     qd: Array
     qdd: Array
-    qddd: Array
     sd: Array
     sdd: Array
+    sddd: Array
     path: ActuatorPath
     piece: np.ndarray
+    known: Array | None = None
+
+    @property
+    def qddd(self) -> Array:
+        """As it was asked for, or else worked out now: few want it."""
+        if self.known is not None:
+            return self.known
+        _, q1, q2, q3 = self.path.derivatives(self.s, self.piece)
+        return _third(q1, q2, q3, self.sd, self.sdd, self.sddd)
 
     @property
     def pose(self) -> Pose | None:
@@ -46,11 +55,11 @@ class State:
         numbers = self.path.pose_numbers(self.s, self.piece) if times == 0 else None
         if numbers is not None:
             return numbers
-        along = self.path.pose_derivatives(self.s, self.piece)
+        along = self.path.pose_derivatives(self.s, self.piece, times)
         if along is None:
             raise MotionError("this motion has no machine, so it has no pose")
         v, a = self.sd[:, None], self.sdd[:, None]
-        return (along[0], along[1] * v, along[1] * a + along[2] * v**2)[times]
+        return along[1] * v if times == 1 else along[1] * a + along[2] * v**2
 
     def distances(self, bodies: Bodies) -> Array:
         """Between the axes of a machine's bodies (N, k), m."""
@@ -100,16 +109,16 @@ class Trajectory:
 
         q̇ = q′ ṡ;  q̈ = q′ s̈ + q″ ṡ²;  q⃛ = q′ s⃛ + 3 q″ ṡ s̈ + q‴ ṡ³.
         """
-        return self._at(np.atleast_1d(np.asarray(t, float)), None)
+        return self._at(np.atleast_1d(np.asarray(t, float)))
 
     def axis_at(self, t: Array, axis: int) -> State:
         """The same with the values of one axis only, (N, 1), in a fraction of the time."""
-        return self._at(t, axis)
+        return self._at(t, jerk=True, axis=axis)
 
-    def _at(self, asked: Array, axis: int | None) -> State:
+    def _at(self, asked: Array, *, jerk: bool = False, axis: int | None = None) -> State:
         held = np.clip(asked, 0.0, self.duration)
         k = self.locate(held)
-        return self.within(k, held - self.knots[k], asked, moving=asked == held, axis=axis)
+        return self.within(k, held - self.knots[k], asked, moving=asked == held, jerk=jerk, axis=axis)
 
     def within(
         self,
@@ -117,16 +126,27 @@ class Trajectory:
         tau: Array,
         t: Array | None = None,
         moving: np.ndarray | None = None,
+        *,
+        jerk: bool = False,
         axis: int | None = None,
     ) -> State:
-        """The state tau after the start of time piece k, each (N,): on a knot, the side is the caller's choice."""
+        """The state tau after the start of time piece k, each (N,): on a knot, the side is the caller's choice.
+
+        jerk: q⃛ will be asked for too. axis: of this one alone, then always with `jerk`.
+        """
         share = np.ones(len(k)) if moving is None else moving.astype(float)
         v0, a0, j0 = self.v[k], self.a[k], self.j[k]
         s = self.s[k] + tau * (v0 + tau * (a0 / 2 + tau * j0 / 6))
-        sd = share * (v0 + tau * (a0 + tau * j0 / 2))
+        sd, sdd, sddd = share * (v0 + tau * (a0 + tau * j0 / 2)), share * (a0 + tau * j0), share * j0
         derivatives = self.path.derivatives if axis is None else partial(self.path.axis_derivatives, axis)
-        q, q1, q2, q3 = derivatives(s, self.piece[k])
-        v, a, j = sd[:, None], (share * (a0 + tau * j0))[:, None], (share * j0)[:, None]
-        qdd, qddd = q1 * a + q2 * v**2, q1 * j + 3 * q2 * v * a + q3 * v**3
+        q, q1, q2, *q3 = derivatives(s, self.piece[k], 3 if jerk else 2)
+        v, a = sd[:, None], sdd[:, None]
+        third = _third(q1, q2, q3[0], sd, sdd, sddd) if jerk else None
         when = self.knots[k] + tau if t is None else t
-        return State(when, s, q, q1 * v, qdd, qddd, sd, a[:, 0], self.path, self.piece[k])
+        return State(when, s, q, q1 * v, q1 * a + q2 * v**2, sd, sdd, sddd, self.path, self.piece[k], third)
+
+
+def _third(q1: Array, q2: Array, q3: Array, sd: Array, sdd: Array, sddd: Array) -> Array:
+    """q⃛ = q′ s⃛ + 3 q″ ṡ s̈ + q‴ ṡ³."""
+    v, a, j = sd[:, None], sdd[:, None], sddd[:, None]
+    return np.asarray(q1 * j + 3 * q2 * v * a + q3 * v**3)

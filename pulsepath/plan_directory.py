@@ -7,8 +7,8 @@ from pathlib import Path
 
 from kinematics import Machine, MotionError, load_machine
 from planner import Program, Trajectory, load_program
+from planner.actuation import actuate
 from planner.export import motion_json
-from planner.plan import actuate
 from planner.pulses import PulseCheck, PulseSchedule, check_file, generate
 from pulsepath.directory import RECORD, is_ours
 from pulsepath.inputs import Inputs

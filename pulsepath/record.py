@@ -40,6 +40,7 @@ def of_plan(job: Job, inputs: Inputs, verdict: PulseCheck) -> Record:
         "machine": plan.machine.name,
         "order": plan.order,
         "duration_s": plan.trajectory.duration,
+        "stated_duration_s": plan.stated_duration,
         "path_length_m": float(plan.path.breaks[-1]),
         "classical": {
             "duration_s": job.classical.duration,
@@ -67,7 +68,12 @@ def of_plan(job: Job, inputs: Inputs, verdict: PulseCheck) -> Record:
         },
         "blends": _blends(plan.path.blends),
         "stated_but_not_kept": list(unkept(plan.machine)),
-        "lower_bound": {"kind": "estimate", "duration_s": plan.lower_estimate, "gap": plan.gap},
+        "lower_bound": {
+            "kind": "estimate",
+            "duration_s": plan.lower_estimate,
+            "gap": plan.gap,
+            "leaves_out": list(plan.left_out),
+        },
         "solver": {"rounds": plan.rounds, "methods": list(plan.methods)},
         "pulses": {
             "clock_hz": plan.pulses.clock_hz,

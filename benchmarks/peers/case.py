@@ -12,8 +12,7 @@ from kinematics import load_machine
 from kinematics.array import Array
 from kinematics.axis import Axis
 from planner import load_program
-from planner.actuation import ActuatorPath
-from planner.plan import actuate
+from planner.actuation import ActuatorPath, actuate
 from planner.polynomial import PolynomialPath
 from planner.timing.profile import Profile
 

@@ -4,13 +4,13 @@ from dataclasses import dataclass, replace
 
 from kinematics.axis import Axis
 from kinematics.errors import MotionError
-from planner.actuation import MachinePath
+from planner.actuation import MachinePath, actuate
 from planner.baselines.along import Along
 from planner.baselines.between import Deviation, deviation, independent, moves, synchronised
 from planner.certify import Certificate, certify
 from planner.limits import limits_of
 from planner.limits.travel import Travel
-from planner.plan import Plan, actuate
+from planner.plan import Plan
 from planner.program import stopping
 from planner.solve import proved
 from planner.timing.shapes import QUARTER_SINE, S_CURVE, TRAPEZOID

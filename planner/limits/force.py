@@ -23,8 +23,8 @@ def force(machine: Machine, motion: Motion) -> Quantity:
 
 def force_terms(machine: Machine, points: Points) -> dict[Term, Array]:
     """What multiplies 1, ṡ, ṡ², s̈ in f, by its values at rest and for unit rates: ẋ = x′ṡ, ẍ = x′s̈ + x″ṡ²."""
-    x, x1, x2, _ = points.pose_derivatives
-    q, q1, q2, _ = points.derivatives
+    x, x1, x2 = points.pose_derivatives
+    q, q1, q2, *_ = points.derivatives
     still, none = np.zeros_like(x), np.zeros_like(q)
     held, pushed, carried = (
         machine.force_map(np.concatenate([x, first, second, q, turn, bend], 1))
@@ -38,7 +38,7 @@ def held(machine: Machine, path: MachinePath) -> Array:
     """(N, n) the forces that hold still, at points all along a path."""
     piece = np.repeat(np.arange(len(path.pieces)), LOOKED)
     s = (path.breaks[:-1, None] + np.diff(path.breaks)[:, None] * np.linspace(0, 1, LOOKED)).ravel()
-    points = points_of(path, s, piece)
+    points = points_of(path, s, piece, 2)
     return machine.holding_map(np.concatenate([points.pose_derivatives[0], points.derivatives[0]], 1))
 
 

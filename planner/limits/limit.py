@@ -1,7 +1,7 @@
 """What a limit is: data for the solvers, and a physical quantity for the certificate."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from typing import Any, ClassVar, Protocol
@@ -45,12 +45,14 @@ class Rows:
 
     about  (low, high), each (N, m), of a limit that is not convex: a row speaks where the motion sought is near one
            whose ṡ lies between. All that speak near any one ṡ keep the limit at every ṡ, with no loss at that one.
+    hull   of such a limit, rows without `about` that every motion keeps which keeps it
     """
 
     coefficients: Mapping[Term, Array]
     bound: Array
     below: Array | None = None
     about: tuple[Array, Array] | None = None
+    hull: "Rows | None" = None
 
 
 class Motion(Protocol):
@@ -132,6 +134,11 @@ class Limit(ABC):
     def rows(self, points: Points) -> Rows:
         """What the solvers must keep at N grid points."""
         raise MotionError(f"{self.name} is geometric: it puts no row into a timing problem")
+
+
+def order_of(limits: Iterable[Limit]) -> int:
+    """3 where any of them holds jerk, else 2: the derivatives of q that they look at."""
+    return 3 if any(Term.SDDD in limit.terms for limit in limits) else 2
 
 
 class AxisLimit(Limit):

@@ -54,6 +54,17 @@ class Curve:
         """The speed beyond which it gives nothing."""
         return float(self.ends[-1])
 
+    def hull(self) -> "Curve":
+        """The least concave curve above it: its lines hold whatever keeps it, at every speed."""
+        v = self.ends
+        f = np.append(self.force, self.force[-1]) - np.append(self.slope, self.slope[-1]) * v
+        kept = [0]
+        while kept[-1] < len(v) - 1:  # on to the corner to which it falls least steeply
+            rest = np.arange(len(v) - 1, kept[-1], -1)
+            kept.append(int(rest[np.argmin((f[kept[-1]] - f[rest]) / (v[rest] - v[kept[-1]]))]))
+        slope = -np.diff(f[kept]) / np.diff(v[kept])
+        return Curve(frozen(v[kept]), frozen(f[kept][:-1] + slope * v[kept][:-1]), frozen(slope))
+
     def about(self) -> tuple[Array, Array]:
         """Low and high (S,): near which speeds each line is one of those whose least is a concave floor of the curve.
 

@@ -52,6 +52,11 @@ def limits_of(path: ActuatorPath, axes: Sequence[Axis], order: int) -> tuple[Lim
     return tuple(limit for limit in limits if limit.binds)
 
 
+def usual_order(axes: Sequence[Axis]) -> int:
+    """3 where some axis states a limit of jerk, else 2."""
+    return 3 if any(axis.max_jerk is not None for axis in axes) else 2
+
+
 # What an axis may state that says nothing where the machine states no masses, friction or wrench.
 OF_LOADS = ("max_force", "torque_speed")
 

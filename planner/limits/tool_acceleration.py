@@ -33,7 +33,7 @@ class ToolAcceleration(Capped):
         return squared(motion.tool_rate(2), range(3))
 
     def rows(self, points: Points) -> Rows:
-        _, p1, p2, _ = (derivative[:, :3] for derivative in points.tool_derivatives)
+        _, p1, p2 = (derivative[:, :3] for derivative in points.tool_derivatives)
         size = np.linalg.norm(p1, axis=1, keepdims=True)
         along = p1 / np.where(size > 0, size, 1.0)
         push = (p2 * along).sum(1, keepdims=True)

@@ -1,5 +1,6 @@
 """Force of every actuator within its motor's falling curve: |f| ≤ F(|q̇|)."""
 
+from collections.abc import Sequence
 from dataclasses import astuple, dataclass
 from functools import cached_property
 
@@ -43,9 +44,8 @@ class TorqueSpeed(Limit):
         stated = [k for k, axis in enumerate(machine.axes) if axis.torque_speed is not None and machine.loaded]
         self.curves = {k: Curve.of(machine.axes[k]) for k in stated}
         lines = [line for k, curve in self.curves.items() for line in _lines(k, curve)]
-        columns = np.array([astuple(line) for line in lines]).reshape(-1, 8).T
-        self.axis: np.ndarray = frozen(columns[0], int)
-        self.pull, self.drop, self.bounds, self.low, self.high, self.near, self.far = map(frozen, columns[1:])
+        self.axis, self.pull, self.drop, self.bounds, self.low, self.high, self.near, self.far = _columns(lines)
+        self.hull = _columns([line for k, curve in self.curves.items() for line in _lines(k, curve.hull())])
         self.speed_of: np.ndarray = frozen(np.maximum.accumulate(np.where(self.pull == 0, np.arange(len(lines)), 0)))
         self.channels = tuple(machine.axes[line.axis].name for line in lines)
         self.units = tuple(_unit(machine, line) for line in lines)
@@ -70,12 +70,16 @@ class TorqueSpeed(Limit):
         return np.where(missed, 0.0, fastest / self.bounds)
 
     def rows(self, points: Points) -> Rows:
-        rate = points.derivatives[1][:, self.axis]
-        found = {term: values[:, self.axis] * self.pull for term, values in force_terms(self.machine, points).items()}
-        found[Term.SD] = found[Term.SD] + rate * self.drop
+        terms, slope = force_terms(self.machine, points), points.derivatives[1]
+
+        def sums(axis: np.ndarray, pull: Array, drop: Array) -> dict[Term, Array]:
+            found = {term: values[:, axis] * pull for term, values in terms.items()}
+            return found | {Term.SD: found[Term.SD] + slope[:, axis] * drop}
+
         with np.errstate(divide="ignore", invalid="ignore"):
-            near, far = (np.nan_to_num(speed / np.abs(rate), nan=0.0) for speed in (self.near, self.far))
-        return Rows(found, self.bounds, about=(near, far))
+            near, far = (np.nan_to_num(v / np.abs(slope[:, self.axis]), nan=0.0) for v in (self.near, self.far))
+        hull = Rows(sums(*self.hull[:3]), self.hull[3])
+        return Rows(sums(self.axis, self.pull, self.drop), self.bounds, about=(near, far), hull=hull)
 
 
 def _lines(axis: int, curve: Curve) -> list[_Line]:
@@ -86,6 +90,12 @@ def _lines(axis: int, curve: Curve) -> list[_Line]:
         stretch = float(curve.ends[i]), float(high[i]), float(near[i]), float(far[i])
         found += [_Line(axis, 1.0, drop, float(curve.force[i]), *stretch) for drop in sorted({slope, -slope})]
     return found
+
+
+def _columns(lines: Sequence[_Line]) -> tuple[np.ndarray, ...]:
+    """The fields of all lines, (m,) each."""
+    axis, *others = np.array([astuple(line) for line in lines]).reshape(-1, 8).T
+    return frozen(axis, int), *map(frozen, others)
 
 
 def _unit(machine: Machine, line: _Line) -> tuple[str, float]:

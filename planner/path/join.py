@@ -13,6 +13,10 @@ from planner.program import Blend, Join, Stop
 # A jump of a derivative of the pose that is rounding, as a share of its size: a tenth of what the certificate allows.
 ROUNDING = 1e-10
 ALWAYS, NEVER = 1, 0
+# The least that a blend may reach, as a share of the machine's characteristic length: its curvature goes with 1/reach,
+# and below so much the rounding of coordinates leaves no proof of an acceleration within the certificate's tolerance.
+# It is some 0.1 µm, far less than a pulse of the machines at hand.
+SMALLEST = 1e-6
 # Share by which two lengths may differ and be the same: rounding.
 SAME_LENGTH = 1e-12
 
@@ -105,6 +109,8 @@ def _blend(
     made = rounded(a, b, min(most.values()), asked.tolerance, angle)
     if made is None:
         return [], replace(told, stop="it turns back")
+    if made.reach < SMALLEST * characteristic:
+        return [], replace(told, stop=f"it would reach {made.reach * 1e6:.2g} um, too little beside rounding")
     told = replace(told, deviation=made.deviation, turned=made.turned, reach=made.reach)
     if told.used < LOWEST:
         told = replace(told, half_of=tuple(n for n, length in most.items() if length <= made.reach * (1 + SAME_LENGTH)))

@@ -87,10 +87,10 @@ def _pose_derivatives(shape: Shape) -> Expression:
     return differentiated(f"{shape.name}_moved", column(*shape.motion(s, parameters)), s, ca.vertcat(s, parameters))
 
 
-def differentiated(name: str, values: ca.SX, s: ca.SX, inputs: ca.SX) -> Expression:
-    """Inputs -> values and their first three derivatives by s, one after the other."""
+def differentiated(name: str, values: ca.SX, s: ca.SX, inputs: ca.SX, highest: int = 3) -> Expression:
+    """Inputs -> values and their derivatives by s, one after the other."""
     orders = [values]
-    for _ in range(3):
+    for _ in range(highest):
         orders.append(ca.jacobian(orders[-1], s))
     return Expression(name, inputs, ca.vertcat(*orders))
 

@@ -2,6 +2,10 @@
 
 The reachability analysis of Pham and Pham, IEEE T-RO 34 (2018), 645, in plain form: the x = ṡ² from which the end can
 be reached are an interval at each grid point, from 0 where the end is at rest, since standing still keeps every row.
+
+Of the interval, what a point's own rows say is found for all points at once. What reaching the next one says is, with
+u taken out of each pair of lines (Fourier and Motzkin), the least of straight lines in the next point's bound; so the
+passes go from point to point by nothing but x ← min(cap, min aₖ x + bₖ), and few of the lines matter anywhere.
 """
 
 import numpy as np
@@ -14,6 +18,8 @@ NEGLIGIBLE = 1e-12
 FAR = 1e12
 # Share of x up to which a given one may lie beyond what can be: rounding.
 ROUNDING = 1e-9
+# Share of x that a line may cut off unnoticed, and the least growth along a line: rounding.
+ROUNDED, VANISHING = 1e-13, 1e-30
 
 
 def largest_speeds(rows: list[Array], ceiling: Array, step: Array, ends: tuple[float, float] = (0.0, 0.0)) -> Array:
@@ -22,12 +28,12 @@ def largest_speeds(rows: list[Array], ceiling: Array, step: Array, ends: tuple[f
     rows: a, b, c, each (N+1, m), kept at the start of every interval. Zeros say that nothing gets through.
     """
     first, last = ends
-    slope, upper, lower, ceiling = _lines(rows, ceiling, step)
-    lowest, highest = _reach(slope, upper, lower, ceiling, step, last, last)
-    x = np.zeros(len(step) + 1)
+    lines = _lines(rows, ceiling, step)
+    slope, upper, _, ceiling = lines
+    lowest, highest = _reach(*lines, step, last, last)
     if last > ceiling[-1] * (1 + ROUNDING) or not _within(first, lowest[0], highest[0]):
-        return x
-    _climb(x, first, slope, upper, lowest, step)
+        return np.zeros(len(step) + 1)
+    x = _climb(first, slope, upper, lowest, highest, step)
     x[-1] = last
     return x
 
@@ -38,13 +44,13 @@ def largest_ends(rows: list[Array], ceiling: Array, step: Array, ends: tuple[flo
     Where no start leads to the given end, the largest end that can be had from the given start, or from a slower one.
     """
     first, last = ends
-    slope, upper, lower, ceiling = _lines(rows, ceiling, step)
-    lowest, highest = _reach(slope, upper, lower, ceiling, step, last, last)
+    lines = _lines(rows, ceiling, step)
+    slope, upper, _, ceiling = lines
+    lowest, highest = _reach(*lines, step, last, last)
     if first > highest[0] >= lowest[0] and last <= ceiling[-1]:
         return float(highest[0]), last
-    lowest, highest = _reach(slope, upper, lower, ceiling, step, 0.0, ceiling[-1])
-    x = np.zeros(len(step) + 1)
-    _climb(x, min(first, float(highest[0])), slope, upper, lowest, step)
+    lowest, highest = _reach(*lines, step, 0.0, float(ceiling[-1]))
+    x = _climb(min(first, float(highest[0])), slope, upper, lowest, highest, step)
     return first, min(last, float(x[-1]))
 
 
@@ -53,24 +59,60 @@ def _reach(
 ) -> tuple[Array, Array]:
     """At every grid point, the lowest and highest x from which one between low and high is reached at the end.
 
-    The last lines of `upper` and `lower`, which keep the next x within its own bounds, are filled in on the way.
+    With u on a line, the next x is gain x + 2 Δs (upper or lower). On a lower line it may not pass the next highest, on
+    an upper one not fall below the next lowest.
     """
-    lowest, highest = np.full(len(step) + 1, low), np.full(len(step) + 1, high)
-    for i in reversed(range(len(step))):
-        upper[i, -1], lower[i, -1] = highest[i + 1] / (2 * step[i]), lowest[i + 1] / (2 * step[i])
-        highest[i] = _highest(slope[i], upper[i], lower[i], ceiling[i])
-        lowest[i] = _lowest(slope[i], upper[i], lower[i]) if lowest[i + 1] > 0 else 0.0
-        if lowest[i] > highest[i]:
-            lowest[: i + 1], highest[: i + 1] = np.inf, -np.inf
-            break
+    gain = _gain(slope, step)
+    onward = np.where(gain > 0, 1 / gain, 0.0)
+    most, least = 2 * step[:, None] * upper, 2 * step[:, None] * lower
+    lowest, cap = np.zeros(len(step) + 1), ceiling[:-1]
+    if low > 0:
+        down = np.where(gain > 0, most / gain, np.inf)
+        free = np.full(len(step), 2 * FAR)
+        lowest = -_swept(-low, onward[::-1], down[::-1], -free, 0 * free)[::-1]
+    turned = np.where(gain < 0, (lowest[1:, None] - most) / gain, np.inf)
+    up = np.where(gain > 0, -least / gain, np.inf)
+    cap = np.minimum(cap, turned.min(1))[::-1]
+    highest = _swept(high, onward[::-1], up[::-1], np.zeros(len(step)), cap)[::-1]
+    closed = np.flatnonzero(lowest > highest)
+    if len(closed):
+        lowest[: closed[-1] + 1], highest[: closed[-1] + 1] = np.inf, -np.inf
     return lowest, highest
 
 
-def _climb(x: Array, first: float, slope: Array, upper: Array, lowest: Array, step: Array) -> None:
-    """x from the start on, as fast as the lines allow."""
-    x[0] = first
-    for i in range(len(step)):
-        x[i + 1] = max(lowest[i + 1], x[i] + 2 * step[i] * (slope[i] * x[i] + upper[i]).min())
+def _climb(first: float, slope: Array, upper: Array, lowest: Array, highest: Array, step: Array) -> Array:
+    """x (N+1,) from the start on, as fast as the lines allow."""
+    return _swept(first, _gain(slope, step), 2 * step[:, None] * upper, lowest[1:], highest[1:])
+
+
+def _gain(slope: Array, step: Array) -> Array:
+    """How much the next x grows with x along each line; never quite nothing."""
+    gain = 1 + 2 * step[:, None] * slope
+    return np.where(np.abs(gain) < VANISHING, VANISHING, gain)
+
+
+def _swept(first: float, gain: Array, offset: Array, floor: Array, cap: Array) -> Array:
+    """x (N+1,) with x ← the least of gain x + offset (N, m), held between floor and cap (N,), one after the other.
+
+    Between the bounds that an x has itself, the least of the lines is below their least at either bound: of the others
+    only those count that pass below where these two cross.
+    """
+    every = np.arange(len(cap))
+    low, high = np.append(first, floor[:-1]), np.append(first, cap[:-1])
+    early, late = ((gain * x[:, None] + offset).argmin(1) for x in (low, high))
+    (a, b), (c, d) = ((gain[every, k], offset[every, k]) for k in (early, late))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        crossing = np.clip(np.where(a != c, (d - b) / (a - c), low), low, high)
+        beneath = a * crossing + b
+        others = (gain * crossing[:, None] + offset < (beneath - ROUNDED * np.abs(beneath))[:, None]).any(1)
+    x, found = first, [first]
+    for n, (a0, b0, c0, d0, least, most, more) in enumerate(
+        zip(*(each.tolist() for each in (a, b, c, d, floor, cap, others)), strict=True)
+    ):
+        x = min(a0 * x + b0, c0 * x + d0) if not more else float((gain[n] * x + offset[n]).min())
+        x = least if x < least else most if x > most else x
+        found.append(x)
+    return np.array(found)
 
 
 def _within(x: float, low: float, high: float) -> bool:
@@ -78,57 +120,34 @@ def _within(x: float, low: float, high: float) -> bool:
 
 
 def _lines(rows: list[Array], ceiling: Array, step: Array) -> tuple[Array, Array, Array, Array]:
-    """lower + slope x ≤ u ≤ upper + slope x, each (N, m+1), and what is left for x alone (N+1,).
-
-    The last line keeps the next x within its bounds, which are filled in on the way.
-    """
-    a, b, c = (part[:-1] for part in rows) if rows else (np.zeros((len(step), 0)),) * 3
+    """lower + slope x ≤ u ≤ upper + slope x, each (N, m), and the largest x (N+1,) at which some u is left."""
+    a, b, c = (part[:-1] for part in rows) if rows else (np.zeros((len(step), 1)),) * 3
     size = np.abs(a)
-    idle = size <= NEGLIGIBLE * size.max(1, initial=0.0, keepdims=True)
+    idle = size <= NEGLIGIBLE * size.max(1, keepdims=True)
     with np.errstate(divide="ignore", invalid="ignore"):
         alone = np.where(idle & (b != 0), (1 - np.sign(b) * c) / np.abs(b), np.inf)
         slope, middle, half = (
             np.where(idle, free, part) for part, free in ((-b / a, 0.0), (-c / a, 0.0), (1 / size, np.inf))
         )
-    last = np.zeros((len(step), 1))
-    return (
-        np.concatenate([slope, last - 1 / (2 * step[:, None])], 1),
-        np.concatenate([middle + half, last], 1),
-        np.concatenate([middle - half, last], 1),
-        np.minimum(np.minimum(ceiling, np.append(alone.min(1, initial=np.inf), np.inf)), FAR),
-    )
+    upper, lower = middle + half, middle - half
+    most = np.minimum(np.minimum(ceiling, np.append(alone.min(1), np.inf)), FAR)
+    return slope, upper, lower, np.append(_highest(slope, upper, lower, most[:-1]), most[-1])
 
 
-def _highest(slope: Array, upper: Array, lower: Array, x: float) -> float:
-    """The largest x, at most the given one, at which some u lies between all lines.
+def _highest(slope: Array, upper: Array, lower: Array, most: Array) -> Array:
+    """The largest x (N,), at most the given one, at which some u lies between all lines.
 
     The room between the lines is concave in x: Newton steps from above never pass the answer, if there is one.
     """
-    while x > 0:
-        lines = slope * x
-        least, most = int(np.argmin(upper + lines)), int(np.argmax(lower + lines))
-        room = upper[least] - lower[most] + (lines[least] - lines[most])
-        if room >= 0:
-            break
-        nearer = (upper[least] - lower[most]) / (slope[most] - slope[least])
-        if not nearer < x:
-            break
-        x = float(nearer)
-    return max(x, 0.0)
-
-
-def _lowest(slope: Array, upper: Array, lower: Array) -> float:
-    """The least x at which some u lies between all lines, by the same steps from 0 up; ∞ where there is none."""
-    x = 0.0
-    while True:
-        lines = slope * x
-        least, most = int(np.argmin(upper + lines)), int(np.argmax(lower + lines))
-        if upper[least] - lower[most] + (lines[least] - lines[most]) >= 0:
-            return x
-        rise = slope[least] - slope[most]
-        if not rise > 0:
-            return float("inf")
-        nearer = float((lower[most] - upper[least]) / rise)
-        if not nearer > x:
-            return x
-        x = nearer
+    x, left = most.copy(), np.arange(len(most))
+    while len(left):
+        tilt, above, below = slope[left], upper[left], lower[left]
+        lines, each = tilt * x[left, None], np.arange(len(left))
+        least, top = (above + lines).argmin(1), (below + lines).argmax(1)
+        fall = tilt[each, top] - tilt[each, least]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            nearer = (above[each, least] - below[each, top]) / fall
+        short = (fall > 0) & (nearer < x[left]) & (x[left] > 0)
+        left = left[short]
+        x[left] = np.maximum(nearer[short], 0.0)
+    return x

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -9,7 +10,8 @@ from kinematics.array import Array
 from kinematics.errors import MotionError
 from planner.actuation import ActuatorPath
 from planner.limits.limit import Limit, Term
-from planner.timing.problem import About, Block, Problem, Run, grid, pose_problem
+from planner.timing.passing import Passing, slow_breaks
+from planner.timing.problem import Block, Problem, Run, grid, pose_problem
 from planner.timing.profile import Profile
 from planner.timing.second_order import TERMS as SECOND
 from planner.timing.second_order import second_order
@@ -18,6 +20,9 @@ from planner.timing.smooth import Smoothed
 # Intervals of a run at least, for each piece in it, and for each radian that it turns; START is for the order-2 motion
 # that starts an order-3 solve.
 SECOND_ORDER, THIRD_ORDER, START = (1000, 50, 40), (240, 32, 15), (400, 20, 20)
+# The first two of a part between breaks that the jerk lets by only slowly; and of one whose length is less than such a
+# share of the others', on average: little time goes by there.
+PARTLY, SHORT, SHORTLY = (32, 32), 0.2, (32, 16)
 # At order 2 fewer do where the axes' directions q′ hardly change along a piece: so many for each change by the whole of
 # themselves, rounded up to one of a few sizes. Measured on lines of the hexapod: durations stay within 3e-4 of those on
 # 8000 intervals, since each interval at whose ends s̈ steps by a share of the largest is cut in so many.
@@ -63,16 +68,52 @@ def order_3_coarse(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> Pro
 
 def jerk_problem(
     path: ActuatorPath, limits: Sequence[Limit], run: Run, coarse: Problem | None = None
-) -> tuple[Problem, Smoothed]:
-    """The order-3 problem of a run, on a grid graded for it, and the averaged order-2 motion to start from."""
+) -> tuple[Problem, Smoothed | Passing]:
+    """The order-3 problem of a run, on a grid graded for it, and the averaged order-2 motion to start from.
+
+    Where that passes breaks faster than the jerk lets, there are such motions from one of them to the next.
+    """
     coarse = order_3_coarse(path, limits, run) if coarse is None else coarse
     start = _smoothed(coarse)
+    breaks = run.breaks(path)
+    slow, speeds = slow_breaks(coarse, start, breaks)
+    if len(slow):
+        try:
+            return _passing(path, limits, run, breaks, slow, speeds)
+        except MotionError:  # a speed that leads nowhere: on as if there were none
+            pass
 
     def shares(intervals: int) -> Array:
-        places = start.spread(intervals) - coarse.s[0]
-        return np.asarray(np.clip(places / (coarse.s[-1] - coarse.s[0]), 0.0, 1.0))
+        return _shares(start, coarse.s, intervals)
 
     return graded(path, limits, run, shares), start
+
+
+def _passing(
+    path: ActuatorPath, limits: Sequence[Limit], run: Run, breaks: Array, slow: np.ndarray, speeds: Array
+) -> tuple[Problem, Passing]:
+    """The problem and its start, made of parts between breaks that are passed slowly."""
+    least, per_piece, per_radian = THIRD_ORDER
+    ends = np.concatenate([[0], slow, [len(breaks) - 1]])
+    short = np.diff(breaks[ends]) < SHORT * (breaks[-1] - breaks[0]) / (len(ends) - 1)
+    passed = np.concatenate([run.speeds[:1], speeds, run.speeds[1:]])
+    parts, grids, pieces = [], [breaks[:1]], []
+    for n, (a, b) in enumerate(pairwise(ends.tolist())):
+        own = Run(run.first + a, run.first + b - 1, passed[n], passed[n + 1], breaks[a], breaks[b])
+        coarse = order_3_coarse(path, limits, own)
+        fewest, some = SHORTLY if short[n] else PARTLY
+        rule = (max(fewest, least // len(short)), min(per_piece, some), per_radian)
+        parts.append(_smoothed(coarse))
+        s, piece = _grid(rule, path, own, _shares(parts[-1], coarse.s, _size(rule, path, own)))
+        grids.append(s[1:])
+        pieces.append(piece)
+    problem = pose_problem(path, limits, np.concatenate(grids), np.concatenate(pieces), run.speeds)
+    return problem, Passing(parts, breaks[ends])
+
+
+def _shares(start: Smoothed, s: Array, intervals: int) -> Array:
+    """Where a grid for a motion has its points, as shares of the run over s."""
+    return np.asarray(np.clip((start.spread(intervals) - s[0]) / (s[-1] - s[0]), 0.0, 1.0))
 
 
 def graded(path: ActuatorPath, limits: Sequence[Limit], run: Run, shares: Callable[[int], Array]) -> Problem:
@@ -106,7 +147,7 @@ def _few(path: ActuatorPath, run: Run) -> int | None:
     if run.first != run.last:
         return None
     start, end = run.breaks(path)
-    slope = path.derivatives(np.linspace(start, end, LOOKED), np.full(LOOKED, run.first))[1]
+    slope = path.derivatives(np.linspace(start, end, LOOKED), np.full(LOOKED, run.first), 2)[1]
     change = float(np.abs(np.diff(slope, axis=0)).max(1).sum() / np.abs(slope).max())
     return min([size for size in FEWER if size >= PER_CHANGE * change], default=None)
 
@@ -141,25 +182,8 @@ def _averaged(problem: Problem, window: float) -> Smoothed:
     chosen = slice(kept[0], kept[-1] + 1)
     s = problem.s[kept[0] : kept[-1] + 2].copy()
     s[0], s[-1] = low, high
-    blocks = tuple(
-        Block(
-            block.name,
-            {term: values[chosen] for term, values in block.start.items()},
-            {term: values[chosen] for term, values in block.end.items()},
-            block.room[chosen],
-            block.middle,
-            block.about and _sliced(block.about, chosen),
-        )
-        for block in problem.blocks
-    )
-    return Smoothed(
-        second_order(replace(problem, s=s, piece=problem.piece[chosen], blocks=blocks)), window, problem.speeds
-    )
-
-
-def _sliced(about: About, chosen: slice) -> About:
-    low, high, low_end, high_end = (values[chosen] for values in about)
-    return low, high, low_end, high_end
+    part = replace(problem.part(chosen), s=s)
+    return Smoothed(second_order(part), window, problem.speeds)
 
 
 def _second_order_start(problem: Problem) -> tuple[Problem, float]:

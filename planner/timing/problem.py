@@ -8,7 +8,7 @@ import numpy as np
 
 from kinematics.array import Array
 from planner.actuation import ActuatorPath, points_of
-from planner.limits.limit import Limit, Rows, Term
+from planner.limits.limit import Limit, Rows, Term, order_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,6 +51,7 @@ class Block:
     room    (N,) 1, or less where the certificate asked for it: what it takes off leaves standing still inside
     middle  (m,) of the range, in ]−1, 1[: 0 where the bounds are the same both ways
     about   (low, high at the start, low, high at the end), each (N, m): as `Rows` has it, None where every row speaks
+    hull    of rows with `about`: what keeps them keeps these, at every speed
     """
 
     name: str
@@ -59,6 +60,7 @@ class Block:
     room: Array
     middle: Array
     about: About | None = None
+    hull: "Block | None" = None
 
     def around(self, start: Array, end: Array) -> "Block":
         """What speaks near a motion with ṡ (N,) at the intervals' starts and ends; other rows become nothing."""
@@ -69,7 +71,16 @@ class Block:
         for side, speed, least, most in ((self.start, start, low, high), (self.end, end, low_end, high_end)):
             speaks = (least <= speed[:, None]) & (speed[:, None] < most)
             sides.append({term: np.where(speaks, values, 0.0) for term, values in side.items()})
-        return replace(self, start=sides[0], end=sides[1], about=None)
+        return replace(self, start=sides[0], end=sides[1], about=None, hull=None)
+
+    def part(self, own: slice) -> "Block":
+        """Of some intervals one after the other."""
+        start, end = ({term: values[own] for term, values in side.items()} for side in (self.start, self.end))
+        about = None
+        if self.about is not None:
+            low, high, low_end, high_end = (values[own] for values in self.about)
+            about = low, high, low_end, high_end
+        return replace(self, start=start, end=end, room=self.room[own], about=about)
 
     def share(self, values: Array) -> Array:
         """(N, m) of the range on their own side of zero, what values (N, m) of the sum are; 1 is at the bound."""
@@ -93,6 +104,11 @@ class Problem:
     def settled(self) -> bool:
         """Whether every row speaks near every motion."""
         return all(block.about is None for block in self.blocks)
+
+    def part(self, own: slice) -> "Problem":
+        """Some intervals one after the other, under the same speeds at the ends."""
+        s, blocks = self.s[own.start : own.stop + 1], tuple(block.part(own) for block in self.blocks)
+        return replace(self, s=s, piece=self.piece[own], blocks=blocks)
 
     def around(self, start: Array, end: Array) -> "Problem":
         """The rows that speak near a motion with ṡ (N,) at the intervals' starts and ends."""
@@ -135,20 +151,35 @@ def pose_problem(
 ) -> Problem:
     """Evaluate the rows of every timing limit on both sides of every grid point, in one batch."""
     count = len(piece)
-    both = np.concatenate([piece, piece])
-    points = points_of(path, np.concatenate([s[:-1], s[1:]]), both)
+    # an interval ends where the next one starts, unless that is on another piece
+    alone = np.append(np.diff(piece) != 0, True)
+    end = np.where(alone, count - 1 + np.cumsum(alone), np.arange(1, count + 1))
+    places, pieces = np.concatenate([s[:-1], s[1:][alone]]), np.concatenate([piece, piece[alone]])
+    points = points_of(path, places, pieces, order_of(limits))
     blocks = []
     for limit in limits:
         if limit.geometric:
             continue
-        rows = limit.rows(points)
-        scaled, middle, about = _normalised(rows, 2 * count)
-        if scaled:
-            start = {term: values[:count] for term, values in scaled.items()}
-            end = {term: values[count:] for term, values in scaled.items()}
-            speaks = None if about is None else (about[0][:count], about[1][:count], about[0][count:], about[1][count:])
-            blocks.append(Block(limit.name, start, end, np.ones(count), middle, speaks))
+        block = _block(limit.name, limit.rows(points), end)
+        if block is not None:
+            blocks.append(block)
     return Problem(s, piece, tuple(blocks), speeds)
+
+
+def _block(name: str, rows: Rows, end: np.ndarray) -> Block | None:
+    """Rows at points of which the first (N,) are the intervals' starts and those of index `end` (N,) their ends.
+
+    None where nothing is bound.
+    """
+    count = len(end)
+    scaled, middle, about = _normalised(rows, max(count, int(end.max()) + 1))
+    if not scaled:
+        return None
+    starts = {term: values[:count] for term, values in scaled.items()}
+    ends = {term: values[end] for term, values in scaled.items()}
+    speaks = None if about is None else (about[0][:count], about[1][:count], about[0][end], about[1][end])
+    hull = None if rows.hull is None else _block(name, rows.hull, end)
+    return Block(name, starts, ends, np.ones(count), middle, speaks, hull)
 
 
 def _normalised(rows: Rows, points: int) -> tuple[dict[Term, Array], Array, tuple[Array, Array] | None]:

@@ -1,8 +1,7 @@
-"""One run, on its way to a motion that holds: posed, solved, tightened, solved again."""
+"""One run, on its way to a motion that holds: posed, solved, tightened, solved again; with rests if need be."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -13,73 +12,54 @@ from planner.limits.limit import Limit
 from planner.place import Infeasible
 from planner.timing.ends import TooFast
 from planner.timing.floor import floor
+from planner.timing.leg import AVERAGED, MARGIN, STRAIGHT, TRIES, Leg, jerk_limited, slowest
 from planner.timing.posing import jerk_problem, order_2_problem, order_3_coarse, refined
-from planner.timing.problem import Problem, Run
+from planner.timing.problem import Run
 from planner.timing.profile import Profile
 from planner.timing.second_order import second_order
 from planner.timing.seen import seen
 from planner.timing.straight import straight
 from planner.timing.third_order import third_order
 
-# Room taken off: this share of the excess, more with every try, and a little for the solver's own tolerance.
-MORE, MARGIN = 1.1, 2e-7
-# How often a run is solved before it is slowed instead.
-TRIES = 5
-# A motion that only so much slowness keeps from holding is slowed: solving again would cost more than it gains.
-CHEAP = 1 + 3e-5
-AVERAGED, STRAIGHT = "averaged", "straight"
-# How near the largest speed at an end is told, and the share of a bound below which none is looked for.
-NEARLY, VANISHING = 1e-3, 1e-2
-# How often an order-3 run is solved where rows depend on the motion, unless a round gains less than this share.
-ROUNDS, GAIN = 4, 1e-4
+# A leg that has to be this much slower as a whole is tried in two, with a rest between: what is slow there stays there.
+WORTH = 1.01
+# Shares of the largest speed at an end without a jerk limit, from which the largest with one is sought.
+SHARES = (0.9, 0.5, 0.2)
+# Shares of the largest speed that a solver finds for an end, tried in turn until one leads to a motion that holds.
+NEARLY = (0.999, 0.99, 0.97, 0.9, 0.7, 0.5)
 
 
 @dataclass(frozen=True, slots=True)
 class Attempt:
-    """A problem, the profile that answers it, and the method that gave it.
+    """A motion along a run: one leg, or several with a rest between each two."""
 
-    floor: an estimate of the least time that the run can take (s)
-    tries: how often it was solved. The peaks between grid points heed the room only in part: each try takes off more
-    """
+    legs: tuple[Leg, ...]
+    limits: tuple[Limit, ...] = field(repr=False)
 
-    problem: Problem
-    profile: Profile
-    method: str
-    order: int
-    floor: float
-    tries: int = 1
+    @property
+    def profile(self) -> Profile:
+        return Profile.joined([leg.profile for leg in self.legs])
+
+    @property
+    def method(self) -> str:
+        """What gave the motion, whether it was slowed, and whether it rests where the path does not ask for it."""
+        told = list(dict.fromkeys(leg.method for leg in self.legs))
+        return ", ".join(told if len(self.legs) == 1 else [*told, "with rests"])
+
+    @property
+    def floor(self) -> float:
+        """An estimate of the least time that the run can take (s): of a motion without the rests between legs."""
+        return sum(leg.floor for leg in self.legs)
 
     def tightened(self, use: Mapping[str, Array], slowness: float) -> "Attempt":
-        """Solved again with less room wherever a limit was found exceeded: use per limit and interval.
-
-        Where that does not help, or would cost more than it gains, the same motion slowed as a whole: what holds
-        wherever anything does. Only a run from rest to rest can be slowed: another is tried on.
-        """
-        moving, solved = max(self.problem.speeds) > 0, self.method not in (AVERAGED, STRAIGHT)
-        if solved and (moving or (slowness > CHEAP and self.tries < TRIES)):
-            blocks = []
-            for block in self.problem.blocks:
-                excess = use[block.name]
-                less = block.room / (1 + MORE * self.tries * (excess - 1)) * (1 - MARGIN)
-                blocks.append(replace(block, room=np.where(excess > 1 + MARGIN, less, block.room)))
-            problem = replace(self.problem, blocks=tuple(blocks))
-            try:
-                profile, method = self._solved(problem)
-                return replace(self, problem=problem, profile=profile, method=method, tries=self.tries + 1)
-            except MotionError:
-                if moving:
-                    raise
-        if moving:
-            raise MotionError(
-                f"no motion from {self.problem.speeds[0]:.6g} to {self.problem.speeds[1]:.6g} along the path was found "
-                "that keeps every limit; ask for slower ends"
-            )
-        return replace(self, profile=self.profile.slowed(slowness * (1 + MARGIN)))
-
-    def _solved(self, problem: Problem) -> tuple[Profile, str]:
-        if self.order == 2:
-            return second_order(problem), "passes"
-        return _third(problem, self.profile.columns())
+        """Every leg that exceeds a limit made to exceed it less: use per limit and time piece."""
+        legs, first = [], 0
+        for leg in self.legs:
+            last = first + len(leg.profile.h)
+            own = {name: values[first:last] for name, values in use.items()}
+            slower, first = slowest(self.limits, own), last
+            legs.append(leg.tightened(own, slower) if slower > 1 + MARGIN or len(self.legs) == 1 else leg)
+        return replace(self, legs=tuple(legs))
 
 
 def attempt(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int, *, probing: bool = False) -> Attempt:
@@ -88,8 +68,8 @@ def attempt(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int, *
     probing: just that one solve, for whoever has other runs to try if it gives no answer or none that holds.
     """
     try:
-        first = _attempt(path, limits, run, order, probing)
-        return first if probing else _settled(path, limits, first)
+        legs = [_solved(path, limits, run, order)] if probing else [*_legs(path, limits, run, order)]
+        return Attempt(tuple(legs), tuple(limits))
     except TooFast as no:
         end = (run.first, run.last)[no.end]
         place = path.place(float(run.breaks(path)[-no.end]), end)
@@ -98,51 +78,90 @@ def attempt(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int, *
         raise Infeasible(no.name, "path", place, no.speed * scale, no.largest * scale, unit, remedy) from None
 
 
-def _settled(path: ActuatorPath, limits: Sequence[Limit], tried: Attempt) -> Attempt:
-    """Solved again, or slowed where that costs next to nothing, until no limit is seen to be exceeded.
+def _legs(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int) -> Iterator[Leg]:
+    """The run in one leg; in two, and so on, where a solver has no answer for it or none that holds unslowed."""
+    try:
+        leg = _settled(path, limits, _solved(path, limits, run, order))
+    except TooFast as no:
+        if order == 3:
+            straight(order_3_coarse(path, limits, run))  # what that refuses, it refuses exactly
+            _refuse_ends(path, limits, run, no)
+        raise
+    except MotionError:
+        if order == 2:
+            raise
+        _refuse_ends(path, limits, run)
+        yield from _parted(path, limits, run) or [_averaged(path, limits, run)]
+        return
+    if order == 3 and leg.slowness > WORTH:
+        parts = _parted(path, limits, run)
+        if parts and sum(part.profile.duration for part in parts) < leg.profile.duration:
+            yield from parts
+            return
+    yield leg
 
-    A proof takes far longer than a look: most runs need one only.
-    """
-    while tried.tries < TRIES:
-        use = seen(path, limits, tried.profile)
-        slowness = max(limit.slowness(float(use[limit.name].max())) for limit in limits if limit.name in use)
-        if slowness <= 1 + MARGIN:
-            break
-        before, tried = tried, tried.tightened(use, slowness)
-        if tried.problem is before.problem:  # slowed as a whole: that holds
-            break
-    return tried
 
-
-def _attempt(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int, probing: bool) -> Attempt:
+def _solved(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int) -> Leg:
+    """The run in one leg, solved once."""
     if order == 2:
         problem = order_2_problem(path, limits, run)
         profile = straight(problem)
         if profile is not None:
-            return Attempt(problem, profile, STRAIGHT, order, profile.duration)
+            return Leg(run, problem, profile, STRAIGHT, order, profile.duration)
         profile = second_order(problem)
         finer = refined(path, limits, problem, profile)
         if finer is not None:
             problem, profile = finer, second_order(finer)
-        return Attempt(problem, profile, "passes", order, floor(problem, profile))
+        return Leg(run, problem, profile, "passes", order, floor(problem, profile))
     coarse = order_3_coarse(path, limits, run)
     profile = straight(coarse)
     if profile is not None:
-        return Attempt(coarse, profile, STRAIGHT, order, profile.duration)
+        return Leg(run, coarse, profile, STRAIGHT, order, profile.duration)
+    problem, start = jerk_problem(path, limits, run, coarse)
+    profile, by = jerk_limited(problem, start.on(problem.s))
+    return Leg(run, problem, profile, by, order, floor(coarse))
+
+
+def _settled(path: ActuatorPath, limits: Sequence[Limit], leg: Leg) -> Leg:
+    """Solved again, or slowed where that costs next to nothing, until no limit is seen to be exceeded.
+
+    A proof takes far longer than a look: most runs need one only.
+    """
+    while leg.tries < TRIES:
+        use = seen(path, limits, leg.profile)
+        slowness = slowest(limits, use)
+        if slowness <= 1 + MARGIN:
+            break
+        before, leg = leg, leg.tightened(use, slowness)
+        if leg.problem is before.problem:  # slowed as a whole: that holds
+            break
+    return leg
+
+
+def _averaged(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> Leg:
+    """What an order-3 solve starts from: a motion whatever solvers do, though it has to be slowed."""
+    coarse = order_3_coarse(path, limits, run)
+    problem, start = jerk_problem(path, limits, run, coarse)
+    return _settled(path, limits, Leg(run, problem, start.profile(problem), AVERAGED, 3, floor(coarse)))
+
+
+def _parted(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> list[Leg]:
+    """The run with a rest about its middle, at the break where it is slowest anyway. Empty where that is no way."""
+    if run.first == run.last:
+        return []
     try:
-        problem, start = jerk_problem(path, limits, run, coarse)
-    except TooFast as no:
-        if not probing:
-            _refuse_ends(path, limits, run, no)
-        raise
-    try:
-        profile, method = _third(problem, start.on(problem.s))
-    except MotionError:
-        if probing:
-            raise
-        _refuse_ends(path, limits, run)
-        profile, method = start.profile(problem), AVERAGED
-    return Attempt(problem, profile, method, order, floor(coarse))
+        problem, start = jerk_problem(path, limits, run)
+        pieces = run.last - run.first + 1
+        inner = run.breaks(path)[1:-1][(pieces - 1) // 4 : pieces - 1 - (pieces - 1) // 4]
+        speed = start.on(problem.s)[0, np.searchsorted(problem.s, inner)]
+        rest = run.first + 1 + (pieces - 1) // 4 + int(np.argmin(speed))
+        parts = (
+            replace(run, last=rest - 1, end_speed=0.0, until=None),
+            replace(run, first=rest, start_speed=0.0, since=None),
+        )
+        return [leg for part in parts for leg in _legs(path, limits, part, 3)]
+    except MotionError:  # no room for a rest beside a speed at an end
+        return []
 
 
 def _refuse_ends(path: ActuatorPath, limits: Sequence[Limit], run: Run, known: TooFast | None = None) -> None:
@@ -156,37 +175,37 @@ def _refuse_ends(path: ActuatorPath, limits: Sequence[Limit], run: Run, known: T
 
 
 def _largest_end(path: ActuatorPath, limits: Sequence[Limit], run: Run, end: int, bound: float) -> float:
-    """The largest speed below the bound that is found for one end of a run, by halving; 0 where there is none."""
-    low, high = 0.0, bound
-    while high - low > NEARLY * high:
-        middle = (low + high) / 2
-        slower = replace(run, start_speed=middle) if end == 0 else replace(run, end_speed=middle)
+    """The largest speed up to the bound that is found for an end of a run and leads to a motion; 0 if none does."""
+    most = 0.0
+    for share in SHARES:
+        if share * bound > most:
+            most = max(most, _fastest_end(path, limits, _with_end(run, end, share * bound), end, bound))
+    for share in NEARLY if most > 0 else ():
         try:
-            problem, start = jerk_problem(path, limits, slower)
-            third_order(problem, start.on(problem.s))
-            low = middle
+            leg = _settled(path, limits, _solved(path, limits, _with_end(run, end, share * most), 3))
         except MotionError:
-            high = middle
-        if high < VANISHING * bound:
-            return 0.0
-    return low
+            continue
+        if slowest(limits, seen(path, limits, leg.profile)) <= 1 + MARGIN:
+            return share * most
+    return 0.0
 
 
-def _third(problem: Problem, guess: Array, **options: Any) -> tuple[Profile, str]:
-    """By FATROP, or by IPOPT where that gives no answer; which of them is told.
+def _with_end(run: Run, end: int, speed: float) -> Run:
+    return replace(run, start_speed=speed) if end == 0 else replace(run, end_speed=speed)
 
-    Rows that speak only near some motions are taken near the guess, and then near each answer in turn.
-    """
-    if not problem.settled:
-        for _ in range(ROUNDS):
-            v, a, j, h = guess
-            speed = v + h / 2 * (a + h * j / 4)  # in the middle, for both sides
-            profile, method = _third(problem.around(speed, speed), guess, **options)
-            gained, guess = 1 - profile.duration / h.sum(), profile.columns()
-            if abs(gained) < GAIN:
-                break
-        return profile, method
+
+def _fastest_end(path: ActuatorPath, limits: Sequence[Limit], run: Run, end: int, bound: float) -> float:
+    """The largest speed at an end, up to the bound, that a solver finds from a motion with the run's; 0 if none."""
     try:
-        return third_order(problem, guess, **options), "fatrop"
+        problem, start = jerk_problem(path, limits, run)
+        guess = start.on(problem.s)
+        if not problem.settled:
+            v, a, j, h = guess
+            speed = v + h / 2 * (a + h * j / 4)
+            problem = problem.around(speed, speed)
+        speeds = (bound, run.end_speed) if end == 0 else (run.start_speed, bound)
+        profile = third_order(replace(problem, speeds=speeds), guess, fast_end=end)
     except MotionError:
-        return third_order(problem, guess, solver="ipopt", **options), "ipopt"
+        return 0.0
+    v, a, j, h = (values[-end] for values in (profile.v, profile.a, profile.j, profile.h))
+    return float(v if end == 0 else v + h * (a + h * j / 2))

@@ -22,6 +22,7 @@ from planner.timing.patience import Patience
 from planner.timing.problem import Problem
 from planner.timing.profile import Profile
 from planner.timing.quiet import quiet
+from planner.timing.stages import chained, derivatives
 from planner.timing.third_order import _ONE_AT_A_TIME, Signature, _rows, _stage
 
 ITERATIONS, EVALUATIONS, TOLERANCE = 300, 600, 1e-8
@@ -111,11 +112,9 @@ def _assemble(intervals: int, signature: Signature, axes: int) -> tuple[ca.Funct
     for side, (speed, push) in enumerate(((v, a), (v + h * (a + h * j / 2), a + h * j))):
         first, second, third = (data[size + (3 * side + k) * axes : size + (3 * side + k + 1) * axes] for k in range(3))
         cost += h / 2 * ca.sumsqr(first * j + 3 * second * speed * push + third * speed**3)
-    interval = ca.Function("interval", [x, data], [ca.vertcat(ends, x[2] + h), travelled, values, cost], {"cse": True})
-    columns, last = ca.MX.sym("columns", 5, intervals), ca.MX.sym("last", 3)
-    parameters = ca.MX.sym("data", size + 6 * axes, intervals)
-    reached, missed, kept, costs = interval.map(intervals)(columns, parameters)
-    constraints = ca.vec(ca.vertcat(ca.horzcat(columns[:3, 1:], last) - reached, missed, kept))
+    interval = ca.Function(
+        "interval", [x, data], [ca.vertcat(ends, x[2] + h), ca.vertcat(travelled, values), cost], {"cse": True}
+    )
     patience = Patience(EVALUATIONS)
     options: dict[str, Any] = {
         "print_time": False,
@@ -123,6 +122,7 @@ def _assemble(intervals: int, signature: Signature, axes: int) -> tuple[ca.Funct
         "show_eval_warnings": False,
         "structure_detection": "auto",
         "equality": np.tile(np.arange(4 + rows) < 4, intervals).tolist(),
+        "cache": derivatives(interval, intervals),
         "fatrop": {
             "print_level": 0,
             "max_iter": ITERATIONS,
@@ -131,10 +131,5 @@ def _assemble(intervals: int, signature: Signature, axes: int) -> tuple[ca.Funct
             "alpha_min_frac": 0.0,  # see Patience
         },
     }
-    problem = {
-        "x": ca.vertcat(ca.vec(columns), last),
-        "p": ca.vec(parameters),
-        "f": ca.sum2(costs),
-        "g": ca.vertcat(constraints[0] + patience(columns[0]), constraints[1:]),
-    }
+    problem = chained(interval, intervals, patience)
     return ca.nlpsol("smoothest", "fatrop", problem, options), patience

@@ -1,9 +1,10 @@
 """Runs that are straight in the actuators: their fastest motion in closed form, seven pieces of constant jerk.
 
-Where q′ is constant for every axis, the limits on speed, acceleration and jerk are constants V, A, J of ṡ, s̈, s⃛ (∞
-where there is none). A ramp between speeds v and w, s̈ = 0 at its ends, takes |w − v|/A + A/J where A is reached, else
-2 √(|w − v|/J), and covers (v + w)/2 times that; the fastest motion ramps to the largest speed that the length allows,
-at most V, and back. Biagiotti and Melchiorri, Trajectory Planning for Automatic Machines and Robots (2008), 3.4.
+Where q′ is constant for every axis, the limits on speed, acceleration and jerk are constants of ṡ, s̈, s⃛ (∞ where there
+is none): ṡ ≤ V, −B ≤ s̈ ≤ A, −K ≤ s⃛ ≤ J. A ramp up by D, s̈ = 0 at its ends, has jerk J until s̈ = A, then none, then −K;
+that takes D/A + (A/J + A/K)/2, or √(2 D (1/J + 1/K)) where A is not reached. A ramp down is one up with B for A, run
+backwards. The fastest motion ramps to the largest speed that the length allows, at most V, and back.
+Biagiotti and Melchiorri, Trajectory Planning for Automatic Machines and Robots (2008), 3.4, for A = B and J = K.
 """
 
 from collections.abc import Callable
@@ -27,24 +28,32 @@ SLIVER = 1e-14
 
 @dataclass(frozen=True, slots=True)
 class _Limits:
-    """Of the motion along a straight run: ṡ, s̈, s⃛."""
+    """Of the motion along a straight run: ṡ, s̈ on ramps up and down, s⃛ upwards and downwards."""
 
     speed: float
-    acceleration: float
+    up: float
+    down: float
     jerk: float
+    back: float
 
-    def ramp(self, change: float) -> tuple[float, float]:
-        """How long the jerk acts at either end of a ramp, and how long s̈ stays between."""
+    def ramp(self, change: float, most: float) -> tuple[float, float, float]:
+        """How long s̈ rises, stays and falls on a ramp up by a change of speed, with s̈ at most `most`."""
         if change <= 0:
-            return 0.0, 0.0
-        if change * self.jerk >= self.acceleration**2:
-            rise = self.acceleration / self.jerk
-            return rise, change / self.acceleration - rise
-        return float(np.sqrt(change / self.jerk)), 0.0
+            return 0.0, 0.0, 0.0
+        slowness = (1 / self.jerk + 1 / self.back) / 2
+        if change >= most**2 * slowness:
+            return most / self.jerk, change / most - most * slowness, most / self.back
+        push = float(np.sqrt(change / slowness))
+        return push / self.jerk, 0.0, push / self.back
 
-    def way(self, low: float, high: float) -> float:
-        rise, held = self.ramp(high - low)
-        return (low + high) / 2 * (2 * rise + held)
+    def way(self, low: float, high: float, most: float) -> float:
+        """How far a ramp up goes."""
+        rise, held, fall = self.ramp(high - low, most)
+        if rise + held == 0:
+            return 0.0
+        push = (high - low) / (rise / 2 + held + fall / 2)
+        more = rise**2 / 6 + held * (rise + held) / 2 + fall * (rise / 2 + held + fall / 3)
+        return low * (rise + held + fall) + push * more
 
 
 def straight(problem: Problem) -> Profile | None:
@@ -56,46 +65,52 @@ def straight(problem: Problem) -> Profile | None:
     if limits is None:
         return None
     length, (first, last) = float(problem.s[-1] - problem.s[0]), problem.speeds
-    low, high = min(first, last), max(first, last)
-    if high > limits.speed * (1 + STRAIGHT) or limits.way(low, high) > length * (1 + STRAIGHT):
-        most = min(limits.speed, _root(lambda v: limits.way(low, v) - length, low))
-        raise TooFast(int(last > first), high, most)
-    top = _root(lambda v: limits.way(first, v) + limits.way(last, v) - length, high)
-    top = max(high, min(top, limits.speed))
-    cruise = max(0.0, length - limits.way(first, top) - limits.way(last, top)) / top
-    return _profile(problem, limits, top, cruise)
+    low, high, most = min(first, last), max(first, last), limits.up if last > first else limits.down
+    if high > limits.speed * (1 + STRAIGHT) or limits.way(low, high, most) > length * (1 + STRAIGHT):
+        largest = min(limits.speed, _root(lambda v: limits.way(low, v, most) - length, low))
+        raise TooFast(int(last > first), high, largest)
+
+    def ramps(top: float) -> float:
+        return limits.way(first, top, limits.up) + limits.way(last, top, limits.down)
+
+    top = max(high, min(_root(lambda v: ramps(v) - length, high), limits.speed))
+    return _profile(problem, limits, top, max(0.0, length - ramps(top)) / top)
 
 
 def _limits(problem: Problem) -> _Limits | None:
     """The limits along the run, where every row is constant and holds ṡ, s̈ or s⃛ alone; None elsewhere."""
     if not problem.settled:
         return None
-    largest = dict.fromkeys((Term.SD, Term.SDD, Term.SDDD), 0.0)
+    forwards, backwards = (dict.fromkeys((Term.SD, Term.SDD, Term.SDDD), 0.0) for _ in range(2))
     others: list[tuple[Term, float]] = []
     for block in problem.blocks:
-        mixed = sum(bool(np.any(block.start[term])) for term in block.start if term in largest) > 1
-        if (block.room != 1).any() or block.middle.any() or mixed:
+        mixed = sum(bool(np.any(block.start[term])) for term in block.start if term in forwards) > 1
+        if (block.room != 1).any() or mixed:
             return None
         for term in block.start:
-            values = np.abs(np.concatenate([block.start[term], block.end[term]]))
-            if term not in largest:
-                others.append((term, float(values.max(initial=0.0))))
+            values = np.concatenate([block.start[term], block.end[term]])
+            if term not in forwards:
+                others.append((term, float(np.abs(values).max(initial=0.0))))
                 continue
-            most = values.max(0, initial=0.0)
-            if (most - values.min(0, initial=np.inf) > STRAIGHT * most.max(initial=0.0)).any():
+            one = values[0]
+            if (np.abs(values - one) > STRAIGHT * np.abs(values).max(initial=0.0)).any():
                 return None
-            largest[term] = max(largest[term], float(most.max(initial=0.0)))
-    if not largest[Term.SDDD] and not largest[Term.SDD]:
+            for most, way in ((forwards, one), (backwards, -one)):
+                most[term] = max(most[term], float(block.share(way).max(initial=0.0)))
+    if not forwards[Term.SDDD] and not forwards[Term.SDD]:
         return None
-    speed, acceleration, jerk = (1 / size if size else np.inf for size in largest.values())
+    (speed, up, jerk), (_, down, back) = (
+        (1 / size if size else float("inf") for size in side.values()) for side in (forwards, backwards)
+    )
     length = problem.s[-1] - problem.s[0]
     # what speed and acceleration can come to within the length, where no limit says so
-    fast = min(speed, np.sqrt(2 * acceleration * length), np.cbrt(jerk * length**2) * 2)
-    hard = min(acceleration, np.cbrt(jerk**2 * length) * 2)
+    sharp = max(jerk, back)
+    fast = min(speed, np.sqrt(2 * max(up, down) * length), np.cbrt(sharp * length**2) * 2)
+    hard = min(max(up, down), np.cbrt(sharp**2 * length) * 2)
     used = {Term.SD2: fast**2, Term.SD3: fast**3, Term.SDSDD: fast * hard, Term.ONE: np.inf}
     if any(size and size * used[term] > STRAIGHT for term, size in others):
         return None
-    return _Limits(speed, acceleration, jerk)
+    return _Limits(speed, up, down, jerk, back)
 
 
 def _root(rising: Callable[[float], float], low: float) -> float:
@@ -119,7 +134,7 @@ def _root(rising: Callable[[float], float], low: float) -> float:
 def _profile(problem: Problem, limits: _Limits, top: float, cruise: float) -> Profile:
     """Up, along, down; cut where the path's own pieces end."""
     first, last = problem.speeds
-    parts = [*_ramp(limits, top - first, 1.0), (0.0, 0.0, cruise), *_ramp(limits, top - last, -1.0)]
+    parts = [*_ramp(limits, top - first, limits.up), (0.0, 0.0, cruise), *_ramp(limits, top - last, -limits.down)]
     j, a, h = np.array(parts).T
     j, a, h = (values[h > SLIVER * h.sum()] for values in (j, a, h))
     v = first + np.append(0.0, np.cumsum(h * (a + h * j / 2)))[:-1]
@@ -148,11 +163,13 @@ def _profile(problem: Problem, limits: _Limits, top: float, cruise: float) -> Pr
     return Profile(*at(cuts[:-1]), np.diff(cuts), piece)
 
 
-def _ramp(limits: _Limits, change: float, sign: float) -> list[tuple[float, float, float]]:
-    """s⃛, s̈ at the start and duration of the three pieces of a ramp."""
-    rise, held = limits.ramp(change)
+def _ramp(limits: _Limits, change: float, most: float) -> list[tuple[float, float, float]]:
+    """s⃛, s̈ at the start and duration of the three pieces of a ramp up; down, and so backwards, where most < 0."""
+    rise, held, fall = limits.ramp(change, abs(most))
     if rise + held == 0:
         return []
-    push = change / (rise + held)
-    jerk = push / rise if rise > 0 else 0.0
-    return [(sign * jerk, 0.0, rise), (0.0, sign * push, held), (-sign * jerk, sign * push, rise)]
+    push = change / (rise / 2 + held + fall / 2)
+    sharp, soft = (push / time if time > 0 else 0.0 for time in (rise, fall))
+    if most < 0:
+        return [(-soft, 0.0, fall), (0.0, -push, held), (sharp, -push, rise)]
+    return [(sharp, 0.0, rise), (0.0, push, held), (-soft, push, fall)]

@@ -12,6 +12,7 @@ closed form. FATROP: Vanroye et al., IROS 2023.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import lru_cache
 from threading import Lock
 from typing import Any, Literal
@@ -27,12 +28,15 @@ from planner.timing.patience import Patience
 from planner.timing.problem import Block, Problem
 from planner.timing.profile import Profile
 from planner.timing.quiet import quiet
+from planner.timing.stages import chained, derivatives
 
 Solver = Literal["fatrop", "ipopt"]
 # The cost is the duration in thousandths of the guess', which suits the solver's tolerances, and a trace for jerk: as a
 # share of its limit, squared and averaged over the guess' time. Where many motions take the same time it chooses a calm
 # one, which also strays less between grid points.
 WEIGHT, SMOOTH = 1000.0, 2e-3
+# What a speed at an end is worth that is to be as large as can be, beside the duration.
+PULL = 100.0
 # Iterations of a solver, and evaluations of the constraints, after which it is given up; 40 of either are usual.
 ITERATIONS, EVALUATIONS = 200, 400
 # Least duration of an interval, as a share of its guess: without it, solvers get stuck where some intervals vanish. It
@@ -57,8 +61,10 @@ _POWERS = {
 }
 
 
-def third_order(problem: Problem, guess: Array, *, solver: Solver = "fatrop") -> Profile:
+def third_order(problem: Problem, guess: Array, *, solver: Solver = "fatrop", fast_end: int | None = None) -> Profile:
     """The fastest motion, s̈ zero at both ends. guess (4, N): ṡ, s̈, s⃛, h to start from.
+
+    fast_end: 0 for the start, 1 for the end: the motion with the largest speed there instead, up to the problem's.
 
     Lengths are counted in the run's, times in the guess' duration, and each variable in its largest guess: with all of
     them about one, 35 iterations suffice where the plain problem takes 400. Raises MotionError when the solver does not
@@ -78,8 +84,17 @@ def third_order(problem: Problem, guess: Array, *, solver: Solver = "fatrop") ->
     if not (np.isfinite(data).all() and (step > 0).all()):
         raise MotionError("the jerk-limited problem holds what is no number, or an interval of no length")
     speeds = np.array(problem.speeds) / unit[0] / scale[0, 0]
-    columns = _solve(*_assemble(problem.intervals, signature, solver), data, (low, high), start / scale, speeds)
-    return closed(problem, columns * scale * unit[:, None])
+    pull = np.zeros(2)
+    if fast_end is not None:
+        pull[fast_end] = PULL * WEIGHT
+    assembled = _assemble(problem.intervals, signature, solver)
+    columns = _solve(*assembled, data, (low, high), start / scale, speeds, pull) * scale * unit[:, None]
+    if fast_end is not None:
+        v, a, j, h = columns[:, -1]
+        speeds = np.array([columns[0, 0], v + h * (a + h * j / 2)])
+        first, last = np.where(pull > 0, np.clip(speeds, 0.0, problem.speeds), problem.speeds).tolist()
+        problem = replace(problem, speeds=(first, last))
+    return closed(problem, columns)
 
 
 def _jerk_share(problem: Problem, unit: Array) -> Array:
@@ -154,13 +169,11 @@ def _term(term: Term, v: ca.SX, a: ca.SX, j: ca.SX) -> ca.SX:
 def _assemble(intervals: int, signature: Signature, solver: Solver) -> tuple[ca.Function, Patience]:
     """The problem for N intervals, built once: variables in stages, coefficients as parameters."""
     stage = _stage(signature)
-    size, rows = stage.size1_in(1), stage.size1_out(2)
-    columns, last = ca.MX.sym("columns", 4, intervals), ca.MX.sym("last", 2)
-    data = ca.MX.sym("data", size, intervals)
-    ends, travelled, values = stage.map(intervals)(columns, data)
-    following = ca.horzcat(columns[:2, 1:], last)
-    constraints = ca.vec(ca.vertcat(following - ends, travelled, values))
-    equality = np.tile(np.arange(3 + rows) < 3, intervals)
+    x, data, pull = ca.SX.sym("x", 4), ca.SX.sym("data", stage.size1_in(1)), ca.SX.sym("pull", 2)
+    ends, *others = stage(x, data)
+    cost = WEIGHT * (x[3] * data[4] + SMOOTH * (x[2] * data[5]) ** 2) - pull[0] * x[0] - pull[1] * ends[0]
+    interval = ca.Function("interval", [x, ca.vertcat(data, pull)], [ends, ca.vertcat(*others), cost], {"cse": True})
+    equality = np.tile(np.arange(3 + stage.size1_out(2)) < 3, intervals)
     options: dict[str, Any] = {
         "print_time": False,
         "expand": False,
@@ -171,48 +184,63 @@ def _assemble(intervals: int, signature: Signature, solver: Solver) -> tuple[ca.
         options |= {
             "structure_detection": "auto",
             "equality": equality.tolist(),
+            "cache": derivatives(interval, intervals),
             # no step too short: else its restoration begins, which knows no end (see Patience)
             "fatrop": {"print_level": 0, "max_iter": ITERATIONS, "tol": 1e-7, "mu_init": 1e-2, "alpha_min_frac": 0.0},
         }
     else:
         options |= {"ipopt": {"print_level": 0, "sb": "yes", "max_iter": ITERATIONS, "tol": 1e-9}}
-    variables = ca.vertcat(ca.vec(columns), last)
-    duration, roughness = ca.sum2(columns[3, :] * data[4, :]), ca.sumsqr(columns[2, :] * data[5, :])
-    cost = WEIGHT * (duration + SMOOTH * roughness)
     patience = Patience(EVALUATIONS)
-    constraints = ca.vertcat(constraints[0] + patience(variables[0]), constraints[1:])
-    problem = {"x": variables, "p": ca.vec(data), "f": cost, "g": constraints}
+    problem = chained(interval, intervals, patience)
     return ca.nlpsol("third_order", solver, problem, options), patience
 
 
 def _solve(
-    solver: ca.Function, patience: Patience, data: Array, rows: tuple[Array, Array], guess: Array, speeds: Array
+    solver: ca.Function,
+    patience: Patience,
+    data: Array,
+    rows: tuple[Array, Array],
+    guess: Array,
+    speeds: Array,
+    pull: Array,
 ) -> Array:
-    """Columns (4, N), scaled; rows: what they lie between, (rows, N) each; speeds (2,): ṡ at both ends."""
+    """Columns (4, N), scaled; rows: what they lie between, (rows, N) each.
+
+    speeds (2,): ṡ at both ends; pull (2,): what each is worth where it may be less, 0 where it is given
+    """
     try:
-        return _answer(solver, patience, data, rows, guess, speeds)
+        return _answer(solver, patience, data, rows, guess, speeds, pull)
     except BaseException:
         _assemble.cache_clear()  # a failed solve can leave infinities in the solver, and all that follow would fail
         raise
 
 
 def _answer(
-    solver: ca.Function, patience: Patience, data: Array, rows: tuple[Array, Array], guess: Array, speeds: Array
+    solver: ca.Function,
+    patience: Patience,
+    data: Array,
+    rows: tuple[Array, Array],
+    guess: Array,
+    speeds: Array,
+    pull: Array,
 ) -> Array:
     count = guess.shape[1]
     least = np.tile([0.0, -np.inf, -np.inf, _SHORTEST], (count, 1))
     most = np.full((count, 4), np.inf)
-    least[0, :2] = most[0, :2] = speeds[0], 0.0
-    last = [speeds[1], 0.0]
+    most[0, :2], most_last = (speeds[0], 0.0), [speeds[1], 0.0]
+    lowest = np.where(pull > 0, 0.0, speeds)
+    least[0, :2], least_last = (lowest[0], 0.0), [lowest[1], 0.0]
+    pulls = np.zeros((2, count))
+    pulls[0, 0], pulls[1, -1] = pull
     equal = np.zeros((3, count))
     low, high = rows
     try:
         with _ONE_AT_A_TIME, quiet(), patience.asked():
             answer = solver(
-                x0=np.concatenate([guess.T.ravel(), last]),
-                p=data.T.ravel(),
-                lbx=np.concatenate([least.ravel(), last]),
-                ubx=np.concatenate([most.ravel(), last]),
+                x0=np.concatenate([guess.T.ravel(), least_last]),
+                p=np.concatenate([data, pulls]).T.ravel(),
+                lbx=np.concatenate([least.ravel(), least_last]),
+                ubx=np.concatenate([most.ravel(), most_last]),
                 lbg=np.concatenate([equal, low]).T.ravel(),
                 ubg=np.concatenate([equal, high]).T.ravel(),
             )

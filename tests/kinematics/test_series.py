@@ -311,7 +311,8 @@ def test_numbers_and_arrays_stand_on_either_side(a, b, number):
         ):
             assert isinstance(left, Series)
             assert np.array_equal(*np.broadcast_arrays(left.mid, right.mid))
-            assert np.array_equal(*np.broadcast_arrays(left.rad, right.rad))
+            # the radius of a product is rounded differently with its factors exchanged
+            np.testing.assert_allclose(*np.broadcast_arrays(left.rad, right.rad), rtol=4 * EPS)
 
 
 @pytest.mark.parametrize("name", EXACT)

@@ -12,8 +12,8 @@ from scipy.interpolate import PPoly
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from planner import Arc, Line, Program, Turn
+from planner.actuation import actuate
 from planner.enclosure import Cells, bounds, enclose
-from planner.plan import actuate
 from planner.polynomial import PolynomialPath
 from planner.trajectory import Trajectory
 

@@ -7,14 +7,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.interpolate import CubicSpline, PPoly
+from scipy.optimize import linprog
 
 from kinematics import Axis, MotionError
 from planner import Line, Program, plan, time_optimal
 from planner.baselines import classical
 from planner.limits import limits_of
 from planner.polynomial import PolynomialPath
+from planner.timing.posing import jerk_problem
 from planner.timing.problem import Run, grid, pose_problem
 from planner.timing.second_order import second_order
+from planner.timing.third_order import third_order
 
 
 def straight(length):
@@ -45,9 +48,62 @@ def test_two_jerks():
     """Jerks +8, −1, +8 over t, 16 t, t: the way is 2 · 204 t³ and T = 18 t."""
     moved = time_optimal(straight(1.0), max_speed=1e3, max_acceleration=1e3, max_jerk=[[1.0, 8.0]])
     assert moved.certificate.holds
-    assert moved.methods == ("fatrop",)
+    assert moved.methods == ("straight",)
+    assert moved.trajectory.duration == pytest.approx(18 * np.cbrt(1 / 408), rel=1e-9)
+    path = PolynomialPath(np.array([0.0, 1.0]), np.array([[[1.0]], [[0.0]]]), ["x"])
+    limits = limits_of(path, [Axis("x", max_speed=1e3, max_acceleration=1e3, max_jerk=(1.0, 8.0))], 3)
+    problem, start = jerk_problem(path, limits, Run(0, 0))
     # what the trace of jerk in the cost and the grid leave, as for equal jerks
-    assert moved.trajectory.duration == pytest.approx(18 * np.cbrt(1 / 408), rel=2e-4)
+    assert third_order(problem, start.on(problem.s)).duration == pytest.approx(18 * np.cbrt(1 / 408), rel=2e-4)
+
+
+sides = st.tuples(st.floats(-0.5, 0.5), st.floats(-0.5, 0.5)).map(lambda x: tuple(10 ** np.array(x)))
+
+
+@settings(max_examples=30, deadline=None)
+@given(sides, sides, st.floats(1, 3), st.floats(1, 3))
+def test_all_phases(push, jerk, faster, further):
+    """Of a ramp to V with s̈ = P, rise r = P/J and fall f = P/K, the time is t = V/P + (r + f)/2 and the way
+    V t/2 + V (f − r)/4 − P (f² − r²)/24; what is left of the length goes by at V.
+    """
+    (brake, gain), (back, forth) = push, jerk
+    speed = faster * max(push) ** 2 * (1 / back + 1 / forth) / 2
+    times, ways = [], []
+    for most in (gain, brake):  # a ramp down is one up, backwards
+        rise, fall = most / forth, most / back
+        times.append(speed / most + (rise + fall) / 2)
+        ways.append(speed * times[-1] / 2 + speed * (fall - rise) / 4 - most * (fall**2 - rise**2) / 24)
+    length = further * sum(ways)
+    moved = time_optimal(straight(length), max_speed=speed, max_acceleration=[push], max_jerk=[jerk])
+    assert moved.methods == ("straight",)
+    assert moved.trajectory.duration == pytest.approx(sum(times) + (length - sum(ways)) / speed, rel=1e-9)
+
+
+@settings(max_examples=12, deadline=None)
+@given(st.floats(-1, 0.5).map(lambda x: 10**x), sides, sides, sides, st.sampled_from([1, -1]))
+def test_no_motion_on_a_grid_goes_further_in_the_time(length, speed, push, jerk, way):
+    """A linear programme: the furthest from rest to rest with constant jerk over each of 120 equal times.
+
+    It goes no further than the fastest motion does, but for the speed between the times, of which a share of some
+    1/120² is not looked at; and less far by what switches between the times cost.
+    """
+    moved = time_optimal(straight(way * length), max_speed=[speed], max_acceleration=[push], max_jerk=[jerk])
+    assert moved.certificate.holds
+    assert moved.methods == ("straight",)
+    h = moved.trajectory.duration / 120
+    after = np.arange(120)[:, None] - np.arange(120)  # of each time after a jerk has begun
+    acts = after >= 0
+    a, v, s = h * acts, h**2 * (after + 1 / 2) * acts, h**3 * (after**2 + after + 1 / 3) / 2 * acts
+    (_, top), (brake, gain), (back, forth) = (each[::way] for each in (speed, push, jerk))
+    found = linprog(
+        -s[-1],
+        A_ub=np.concatenate([v, a, -a]),
+        b_ub=np.repeat([top, gain, brake], 120),
+        A_eq=np.stack([v[-1], a[-1]]),
+        b_eq=[0, 0],
+        bounds=(-back, forth),
+    )
+    assert length * (1 - 2e-3) <= -found.fun <= length * (1 + 1e-4)
 
 
 @settings(max_examples=4, deadline=None)

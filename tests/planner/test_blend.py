@@ -10,7 +10,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics import Hexapod
 from planner import Arc, Blend, Dwell, Line, Program, Spline, Stop, Through, Turn, check, plan
-from planner.plan import actuate
+from planner.actuation import actuate
 from planner.program import stopping
 
 START = RigidTransform.from_components([0.0, 0, 0.25], Rotation.identity())

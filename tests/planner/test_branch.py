@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from kinematics import OutOfReach, load_machine
 from planner import plan
-from planner.plan import actuate
+from planner.actuation import actuate
 from planner.program import Arc, Line, Program, Turn
 from planner.pulses import check
 

@@ -12,9 +12,9 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics import Hexapod
 from planner import Arc, Infeasible, Line, Program, Turn, check, plan
+from planner.actuation import actuate
 from planner.enclosure import Cells, bounds, enclose
 from planner.limits.clearance import Clearance
-from planner.plan import actuate
 from planner.trajectory import Trajectory
 
 LIFTED = RigidTransform.from_components([0, 0, 0.03], Rotation.identity())

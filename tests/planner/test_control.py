@@ -8,8 +8,8 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics import OutOfReach, Tripod, load_machine
 from planner import Arc, Line, Program, Turn, check, plan
+from planner.actuation import actuate
 from planner.control import singular
-from planner.plan import actuate
 from planner.walk import walk
 
 

@@ -1,9 +1,13 @@
 """A stated duration: met, certified, and as smooth as it can be."""
 
+import re
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from scipy.spatial.transform import RigidTransform
 
-from kinematics import MotionError, load_machine
+from kinematics import Hexapod, MotionError, load_machine
 from kinematics.axis import Axis
 from planner import Dwell, Infeasible, Line, Program, load_program, plan
 from planner.duration import within
@@ -103,3 +107,55 @@ def test_a_program_file_states_it(tmp_path):
     file.write_text(file.read_text().replace("1.5 min", "-1 s"))
     with pytest.raises(MotionError, match="duration"):
         load_program(str(file))
+
+
+LENGTH, BAND, IN_TIME = 0.05, (0.003, 0.004), 0.05
+LINE = PolynomialPath([0.0, LENGTH], np.array([[[1.0]], [[0.0]]]), ["x"])
+
+
+def stepper(duration, order=3):
+    stated = {"max_speed": 0.02, "max_acceleration": 0.225, "resonance": (BAND,), "resonance_time": IN_TIME}
+    axes = [Axis("x", max_jerk=4.0 if order == 3 else None, **stated)]
+    return within(LINE, limits_of(LINE, axes, order), axes, order, duration)
+
+
+@pytest.mark.parametrize("order", [2, 3])
+@pytest.mark.parametrize("duration", [3.0, 9.0, 12.4, 17.5, 25.0, 40.0])
+def test_a_resonance_band_is_crossed_in_time_or_not_at_all(order, duration):
+    """Above the band until L/high = 12.5 s, below it from L/low = 16.7 s on: the average is between its two edges."""
+    found = stepper(duration, order)
+    assert found.certificate.holds
+    assert found.trajectory.duration == pytest.approx(duration, rel=1e-9)
+    t = np.linspace(0, duration, 400_001)
+    v = found.trajectory.at(t).qd[:, 0]
+    assert (v.max() > BAND[1]) == (duration < LENGTH / BAND[1])
+    edges = np.diff(np.concatenate([[0], (v >= BAND[0]) & (v <= BAND[1]), [0]]))
+    longest = (np.flatnonzero(edges < 0) - np.flatnonzero(edges > 0)).max(initial=0) * t[1]
+    assert longest <= IN_TIME + 2 * t[1]
+    if duration >= 25:
+        assert set(found.methods) == {"smoothest"}
+
+
+@pytest.mark.parametrize("order", [2, 3])
+def test_a_duration_whose_average_speed_is_in_the_band_is_refused_with_one_that_is_not(order):
+    """16 s: 3.1 mm/s on average. The stated remedy succeeds."""
+    with pytest.raises(Infeasible, match=r"crosses the band from 3 to 4 mm/s in time: state one 1\.\d+ times") as told:
+        stepper(16.0, order)
+    assert told.value.limit == IN_TIME
+    assert told.value.value > IN_TIME
+    factor = float(re.search(r"state one (\S+) times", str(told.value))[1])
+    assert 1.0 < factor < 1.06
+    assert stepper(16.0 * factor, order).certificate.holds
+
+
+def test_of_many_axes_each_crosses_its_bands_in_time(hexapod):
+    """The legs on a circle come to a rest and go back, each at another place: they stay below, or go through fast."""
+    bands = {"resonance": ((2e-3, 2.5e-3),), "resonance_time": 0.2}
+    axes = [replace(axis, **bands) for axis in hexapod.axes]
+    machine = Hexapod(hexapod.base, hexapod.platform, axes=axes, home=hexapod.home, max_tilt=np.deg2rad(35))
+    program = Program([Line([0.01, 0, 0.02])], start=RigidTransform.from_translation([0, 0, 0.02]))
+    shortest = plan(program, machine, order=2).trajectory.duration
+    for duration in (1.3 * shortest, 8.0):
+        made = plan(program, machine, order=2, duration=duration)
+        assert made.certificate.holds
+        assert made.trajectory.duration == pytest.approx(duration, rel=1e-9)

@@ -9,13 +9,13 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from kinematics import Body, Leg, MotionError, Traverser, forces, load_machine
 from kinematics.load import GRAVITY, Load
 from planner import Arc, Line, Program, classical, plan
+from planner.actuation import actuate
 from planner.certify import certify
 from planner.enclosure import Cells, bounds, enclose
 from planner.limits import limits_of, unkept
 from planner.limits.force import Force, slowness
 from planner.limits.holding import Holding
 from planner.place import Infeasible
-from planner.plan import actuate
 from planner.trajectory import Trajectory
 
 G = -GRAVITY[2]

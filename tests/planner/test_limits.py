@@ -12,7 +12,7 @@ from kinematics.axis import Axis
 from kinematics.body import Body
 from kinematics.load import Load
 from planner import Arc, Line, Program, Turn
-from planner.actuation import points_of
+from planner.actuation import actuate, points_of
 from planner.limits import Term, limits_of
 from planner.limits.acceleration import Acceleration
 from planner.limits.angular_speed import AngularSpeed
@@ -30,7 +30,6 @@ from planner.limits.tool_acceleration import FACETS, ToolAcceleration
 from planner.limits.tool_speed import ToolSpeed
 from planner.limits.torque_speed import TorqueSpeed
 from planner.limits.travel import Travel
-from planner.plan import actuate
 from planner.polynomial import PolynomialPath
 from planner.timing.problem import pose_problem
 from planner.trajectory import Trajectory

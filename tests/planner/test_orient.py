@@ -7,9 +7,10 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics import Hexapod, MotionError, load_machine
-from planner import Free, Infeasible, Line, Program, Spline, check, load_program, orient, plan
+from planner import Arc, Free, Infeasible, Line, Program, Spline, check, load_program, orient, plan
+from planner.actuation import actuate
 from planner.path.free import DEGREE
-from planner.plan import actuate
+from planner.program import Blend, Through
 
 
 @pytest.fixture(scope="module")
@@ -135,3 +136,57 @@ def test_limits_that_differ_by_direction_are_no_hindrance(hexapod):
     machine = Hexapod(hexapod.base, hexapod.platform, axes=axes, home=hexapod.home, max_tilt=np.deg2rad(35))
     made = plan(Program([Line([0, 0, 0.03]), Line([0.01, 0, 0.03], free=Free())]), machine, order=2)
     assert made.certificate.holds
+
+
+def test_what_turns_out_slower_than_as_the_program_says_is_not_taken(hexapod, monkeypatch):
+    """Stretch by stretch: an estimate that wriggles is dropped, one that is faster beside it, after a rest, is kept."""
+    better = plan_turn(hexapod)
+
+    def wriggling(machine, parts, joints, objective, start):
+        wild = np.zeros_like(start)
+        wild[:, 2, 2:6] = [0.2, -0.2, 0.2, -0.2]
+        return wild if len(parts) == 2 else better
+
+    monkeypatch.setattr("planner.orientation.turned", wriggling)
+    blend = Blend(5e-4)
+    free = [Line([0.006, 0.002, 0.03], free=Free(), join=blend), Line([0.008, 0.004, 0.03], free=Free(), join=blend)]
+    back = [Line([0, 0, 0.03]), Line([0.035, 0.02, 0.03], free=Free())]
+    program = Program([*free, *back], start=RigidTransform.from_translation([0, 0, 0.03]))
+    made = orient(program, hexapod, order=2)
+    assert not made.segments[0].free.controls.any()
+    assert not made.segments[1].free.controls.any()
+    assert (made.segments[3].free.controls == better[0]).all()
+    one, other = (plan(each, hexapod, order=2) for each in (made, held(program)))
+    assert one.certificate.holds
+    assert one.trajectory.duration < other.trajectory.duration
+
+
+def plan_turn(machine):
+    """What really is faster for one line."""
+    line = Program([Line([0.035, 0.02, 0.03], free=Free())], start=RigidTransform.from_translation([0, 0, 0.03]))
+    return np.array([orient(line, machine, order=2).segments[0].free.controls])
+
+
+def test_through_a_passage_it_turns_smoothly(hexapod):
+    """Line, arc: without a stop between them as without the turn, and faster."""
+    start = RigidTransform.from_translation([0, 0, 0.025])
+    segments = [
+        Line([0.01, 0, 0.025], free=Free(), join=Through()),
+        Arc([0.01, 0.005, 0.025], [0, 0, 1], np.pi / 2, free=Free()),
+    ]
+    program = Program(segments, start=start)
+    made = orient(program, hexapod, order=2)
+    free, straight = (plan(each, hexapod, order=2) for each in (made, held(program)))
+    assert free.path.stops(2).sum() == 2
+    assert free.trajectory.duration < 0.99 * straight.trajectory.duration
+    before, after = (segment.free.controls for segment in made.segments)
+    slopes = (before[2, -1] - before[2, -2]) / 0.01, (after[2, 1] - after[2, 0]) / (0.005 * np.pi / 2)
+    assert slopes[0] == pytest.approx(slopes[1], abs=1e-12)
+
+
+def test_a_small_cone_is_a_cone_too(hexapod):
+    """0.5 mrad: the choice uses it all, and no more."""
+    lean, start = 5e-4, RigidTransform.from_translation([0, 0, 0.03])
+    program = Program([Line([0.02, 0, 0.03], free=Free(yaw=False, tilt=lean))], start=start)
+    alpha, beta, _ = orient(program, hexapod, "tilt").segments[0].free.controls
+    assert 0.9 * lean < np.hypot(alpha, beta).max() <= lean

@@ -15,8 +15,8 @@ import pytest
 from benchmarks.raster import raster
 from kinematics import Fault, FileError, MotionError, OutOfReach, load_machine, machine_names
 from planner import Infeasible, Place, parallel, plan
+from planner.actuation import actuate
 from planner.limits import limits_of
-from planner.plan import actuate
 from planner.solve import fastest
 
 

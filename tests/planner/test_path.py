@@ -10,8 +10,8 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics import Hexapod, MotionError, load_machine
 from planner import Arc, Dwell, Line, Program, Spline, Turn
+from planner.actuation import actuate
 from planner.path.chain import chain
-from planner.plan import actuate
 
 ROUNDING = 1e-15  # m: a few roundings of coordinates of decimetres
 UP = (0.0, 0.0, 0.025)

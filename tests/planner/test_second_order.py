@@ -102,10 +102,11 @@ class Circle:
         self.radius, self.breaks, self.dwells = radius, np.array([0.0, 2 * np.pi * radius]), np.zeros(2)
         self.turns = np.array([2 * np.pi])
 
-    def derivatives(self, s, piece):
+    def derivatives(self, s, piece, highest=3):
         r, phi = self.radius, s / self.radius
         turns = [
-            r ** (1 - k) * np.stack([np.cos(phi + k * np.pi / 2), np.sin(phi + k * np.pi / 2)], 1) for k in range(4)
+            r ** (1 - k) * np.stack([np.cos(phi + k * np.pi / 2), np.sin(phi + k * np.pi / 2)], 1)
+            for k in range(highest + 1)
         ]
         return tuple(turns)
 

@@ -13,6 +13,7 @@ from planner.certify import certify
 from planner.limits import limits_of
 from planner.polynomial import PolynomialPath
 from planner.solve import fastest
+from planner.timing import leg as legs
 from planner.timing import run as runs
 from planner.timing import third_order as solver_module
 from planner.timing.patience import Patience
@@ -246,9 +247,9 @@ def test_ipopt_steps_in_for_fatrop(monkeypatch):
     path = curve()
     limits = limits_on(path, **CURVE)
     best = fastest(path, limits, 3)
-    monkeypatch.setattr(runs, "third_order", failing("fatrop"))
+    monkeypatch.setattr(legs, "third_order", failing("fatrop"))
     found = fastest(path, limits, 3)
-    assert (best.methods, found.methods) == (("fatrop",), ("ipopt",))
+    assert [one.methods[0].split(",")[0] for one in (best, found)] == ["fatrop", "ipopt"]
     assert found.certificate.holds
     assert found.trajectory.duration == pytest.approx(best.trajectory.duration, rel=1e-4)
 
@@ -257,10 +258,10 @@ def test_ipopt_steps_in_for_fatrop(monkeypatch):
 def test_without_solvers_the_averaged_motion_holds_its_certificate(monkeypatch, path):
     limits = limits_on(path, **CURVE)
     best = fastest(path, limits, 3)
-    monkeypatch.setattr(runs, "third_order", failing("fatrop", "ipopt"))
+    monkeypatch.setattr(legs, "third_order", failing("fatrop", "ipopt"))
     monkeypatch.setattr(runs, "straight", lambda problem: None)
     found = fastest(path, limits, 3)
-    assert found.methods == ("averaged",)
+    assert found.methods == ("averaged, slowed",)
     assert found.certificate.holds
     # slowed as a whole until it holds: slower than the optimum, and at the limit somewhere
     assert best.trajectory.duration < found.trajectory.duration < 1.3 * best.trajectory.duration

@@ -8,8 +8,8 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics import MotionError, load_machine
 from planner import Arc, Line, Program, plan
+from planner.actuation import actuate
 from planner.enclosure import Cells, bounds, enclose
-from planner.plan import actuate
 from planner.trajectory import Trajectory
 
 # Some roundings of coordinates of decimetres, put together from four transforms.

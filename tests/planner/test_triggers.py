@@ -10,9 +10,8 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics import MotionError
 from planner import Arc, Dwell, Line, Program, Spline, Trigger, Turn, plan
-from planner.actuation import points_of
+from planner.actuation import actuate, points_of
 from planner.export import trigger_csv
-from planner.plan import actuate
 
 TWIST = Rotation.from_euler("XYZ", [0.05, 0.0, 0.0])
 SEGMENTS = (

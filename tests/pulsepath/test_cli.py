@@ -94,6 +94,7 @@ def test_triggers_repetitions_and_constant_speeds_are_told(call, tmp_path, progr
     assert done.exit_code == 0
     assert "1 (rep. 2)" in done.stdout
     record = json.loads((tmp_path / "o" / "plan.json").read_text())
+    assert record["lower_bound"]["leaves_out"] == []
     names = [(event["name"], event["where"]["segment"], event["where"]["repetition"]) for event in record["triggers"]]
     assert names == [("top", 1, 1), ("half", 2, 1), ("top", 1, 2), ("half", 2, 2)]
     rows = [line.split(",") for line in (tmp_path / "o" / "triggers.csv").read_text().splitlines()]
@@ -138,7 +139,12 @@ def test_a_stated_duration(call, tmp_path):
     assert not out.exists()
     done = call(*command, "--duration", "1.5 s", "--json")
     assert done.exit_code == 0
-    assert json.loads(done.stdout)["duration_s"] == pytest.approx(1.5, abs=1e-9)
+    told = json.loads(done.stdout)
+    assert told["duration_s"] == pytest.approx(1.5, abs=1e-9)
+    assert told["stated_duration_s"] == 1.5
+    # how far it is from the fastest says nothing where it was not asked for
+    assert told["lower_bound"]["gap"] is None
+    assert told["lower_bound"]["duration_s"] == pytest.approx(1.204, abs=2e-3)
 
 
 def test_the_machine_of_a_program_counts_from_its_folder(call, tmp_path, program, tilting):

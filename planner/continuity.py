@@ -1,0 +1,83 @@
+"""Whether a motion is one: nothing jumps, and it runs the whole path once, forwards, between the speeds stated."""
+
+import numpy as np
+
+from kinematics.array import Array
+from planner.place import Place
+from planner.trajectory import Trajectory
+
+# A jump of q, q̇ (and q̈ under jerk limits) between two pieces up to this share of the largest value met is rounding.
+JUMP = 1e-9
+# Rounding of what all axes are computed from, as a share of the largest of them.
+ROUNDING = 1e-13
+# States that are computed together: a state holds far more than what is kept of it.
+STATES = 1 << 14
+
+
+def jumps(trajectory: Trajectory, order: int) -> dict[str, Place]:
+    """Each quantity that is not continuous between the pieces, or at an end not as stated, and where it jumps most.
+
+    At an end ṡ is what the path states, rest if nothing, and s̈ is 0: q̇ = q′ ṡ and q̈ = q″ ṡ² there.
+    """
+    lengths = np.diff(trajectory.knots)
+    start, end = _states(trajectory, order, np.zeros(len(lengths))), _states(trajectory, order, lengths)
+    path = trajectory.path
+    _, q1, q2 = path.derivatives(path.breaks[[0, -1]], np.array([0, len(path.breaks) - 2]), 2)
+    stated = np.array(path.end_speeds)[:, None]
+    asked = [np.stack([start[0][0], end[0][-1]]), q1 * stated, q2 * stated**2]
+    found: dict[str, Place] = {}
+    for n, name in enumerate(("position jump", "speed jump", "acceleration jump")[:order]):
+        begun, ended = start[n], end[n]
+        before, after = asked[n][:1], asked[n][1:]
+        gap = np.abs(np.concatenate([begun, after]) - np.concatenate([before, ended]))
+        # rounding is that of each axis' own values, and of what they were made from together
+        scale = np.ptp(begun, axis=0) + 1e-6 * np.abs(begun).max(0)
+        beyond = gap - JUMP * scale - ROUNDING * scale.max()
+        if not beyond.max() <= 0:
+            knot, axis = np.unravel_index(int(np.argmax(np.where(np.isnan(beyond), np.inf, beyond))), beyond.shape)
+            found[name] = place_at(trajectory, float(trajectory.knots[knot]), trajectory.path.names[axis])
+    return found
+
+
+def _states(trajectory: Trajectory, order: int, tau: Array) -> list[Array]:
+    """q, q̇ (and q̈ at order 3), each (M, n), tau (M,) after the start of every time piece."""
+    parts = []
+    for first in range(0, len(tau), STATES):
+        state = trajectory.within(np.arange(first, min(first + STATES, len(tau))), tau[first : first + STATES])
+        parts.append((state.q, state.qd, state.qdd)[:order])
+    return [np.concatenate(each) for each in zip(*parts, strict=True)]
+
+
+def gaps(trajectory: Trajectory) -> dict[str, Place]:
+    """Where the motion leaves out, repeats or leaves the path: its first such place."""
+    path, length = trajectory.path, float(trajectory.path.breaks[-1] - trajectory.path.breaks[0])
+    h, v, a, j = np.diff(trajectory.knots), trajectory.v, trajectory.a, trajectory.j
+    end = ends(trajectory)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        turn = np.where((j > 0) & (-a / j > 0) & (-a / j < h), v - a**2 / (2 * j), np.inf)  # least ṡ inside a piece
+    slowest = np.minimum(np.minimum(v, v + h * (a + h * j / 2)), turn)
+    low, high = path.breaks[trajectory.piece], path.breaks[trajectory.piece + 1]
+    slack = JUMP * length
+    wrong = {
+        "start off the path's": (np.arange(len(h)) == 0) & ~(np.abs(trajectory.s - path.breaks[0]) <= slack),
+        "end off the path's": (np.arange(len(h)) == len(h) - 1) & ~(np.abs(end - path.breaks[-1]) <= slack),
+        "motion backwards": ~(slowest >= -JUMP * np.abs(v).max()),
+        "place off its piece": ~((trajectory.s >= low - slack) & (end <= high + slack)),
+        "piece out of turn": np.concatenate([[False], ~np.isin(np.diff(trajectory.piece), (0, 1))]),
+    }
+    return {
+        name: place_at(trajectory, float(trajectory.knots[int(np.argmax(where))]), "")
+        for name, where in wrong.items()
+        if where.any()
+    }
+
+
+def ends(trajectory: Trajectory) -> Array:
+    """Path lengths (M,) at which the time pieces end."""
+    h, v, a, j = np.diff(trajectory.knots), trajectory.v, trajectory.a, trajectory.j
+    return np.asarray(trajectory.s + h * (v + h * (a / 2 + h * j / 6)))
+
+
+def place_at(trajectory: Trajectory, t: float, axis: str) -> Place:
+    state = trajectory.at(t)
+    return trajectory.path.place(float(state.s[0]), int(state.piece[0]), t, axis)

@@ -1,0 +1,121 @@
+"""Motions of a duration that cross resonance bands in time and are slow elsewhere, where the smoothest would not."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from kinematics.array import Array
+from kinematics.axis import Axis
+from kinematics.errors import MotionError
+from planner.actuation import ActuatorPath
+from planner.certify import TOLERANCE
+from planner.limits.acceleration import Acceleration
+from planner.limits.jerk import Jerk
+from planner.limits.limit import AxisLimit, Limit
+from planner.limits.resonance import Held, Resonance
+from planner.limits.speed import Speed
+from planner.proved import holding
+from planner.stays import Stay, stays
+from planner.timing.problem import Run
+from planner.timing.profile import Profile
+from planner.timing.run import attempt
+
+# Shares of the axes' accelerations and jerks that are tried in turn: the gentlest that crosses every band in time.
+EASED = (0.1, 0.3, 0.9)
+# By how much a motion may be shorter than it shall be, before it is slowed to that: room for the proof, and no more
+# than what a crossing has to spare.
+SHORTER, SHORTEST = 1e-4, 2e-3
+HALVINGS = 40
+
+
+@dataclass(frozen=True, slots=True)
+class Pacer:
+    """What it takes to time one run anew."""
+
+    path: ActuatorPath
+    limits: tuple[Limit, ...]
+    axes: tuple[Axis, ...]
+    run: Run
+    order: int
+
+    def paced(self, duration: float) -> Profile | None:
+        """The fastest motion under lower speeds, and gentler, so that it takes so long (s); None if none is found.
+
+        An axis that would stay in a band too long is held below it.
+        """
+        held: list[Held] = []
+        for _ in range(1 + len(self._bands)):
+            late: list[Stay] = []
+            for eased in EASED:
+                profile = self._lasting(holding(self.limits, held), eased, duration)
+                if profile is not None:
+                    late = self.late(profile)
+                    if not late:
+                        return profile
+            if not late:
+                return None
+            held += self._below({stay.band.axis for stay in late})
+        return None
+
+    def late(self, profile: Profile) -> list[Stay]:
+        """Where it stays in a band too long."""
+        motion = profile.along(self.path)
+        return [stay for limit in self._bands for stay in stays(motion, limit) if stay.use > 1 + TOLERANCE]
+
+    def below(self) -> tuple[Limit, ...]:
+        """The limits with every axis held below its bands."""
+        return holding(self.limits, self._below(set(range(len(self.axes)))))
+
+    def shortest(self, limits: Sequence[Limit]) -> float:
+        """s that the run takes at least, as far as is found; ∞ if nothing is."""
+        try:
+            return attempt(self.path, limits, self.run, self.order).profile.duration
+        except MotionError:
+            return float("inf")
+
+    @property
+    def _bands(self) -> list[Resonance]:
+        return [limit for limit in self.limits if isinstance(limit, Resonance) and limit.bands]
+
+    def _below(self, axes: set[int]) -> list[Held]:
+        ends = self.run.breaks(self.path)[[0, -1]].tolist()
+        return [Held(band, *ends) for limit in self._bands for band in limit.bands if band.axis in axes]
+
+    def _lasting(self, limits: Sequence[Limit], eased: float, duration: float) -> Profile | None:
+        """Under speeds that are a share of those reached without: found by halving, which slowing bounds above."""
+        try:
+            free = attempt(self.path, [*self._gentler(limits, eased, None)], self.run, self.order).profile
+            if free.duration > duration * (1 - SHORTER):
+                return None
+            most = np.abs(free.along(self.path).within(np.arange(len(free.h)), free.h).qd).max(0)
+            low, high, found = 0.0, free.duration / duration, free
+            for _ in range(HALVINGS):
+                if found.duration >= duration * (1 - SHORTEST):
+                    break
+                middle = (low + high) / 2
+                slower = [*self._gentler(limits, eased, middle * most)]
+                tried = attempt(self.path, slower, self.run, self.order).profile
+                if tried.duration <= duration * (1 - SHORTER):
+                    found, high = tried, middle
+                else:
+                    low = middle
+        except MotionError:
+            return None
+        return found.slowed(duration / found.duration)
+
+    def _gentler(self, limits: Sequence[Limit], eased: float, speeds: Array | None) -> Iterator[Limit]:
+        """The limits with shares of the accelerations and jerks, and lower speeds."""
+        if speeds is not None and not any(isinstance(limit, Speed) for limit in limits):
+            yield Speed(self.axes, [*speeds])
+        for limit in limits:
+            if isinstance(limit, (Acceleration, Jerk)):
+                yield _bounded(limit, self.axes, eased * limit.below, eased * limit.bounds)
+            elif isinstance(limit, Speed) and speeds is not None:
+                yield _bounded(limit, self.axes, np.minimum(limit.below, speeds), np.minimum(limit.bounds, speeds))
+            else:
+                yield limit
+
+
+def _bounded(limit: AxisLimit, axes: Sequence[Axis], below: Array, bounds: Array) -> Limit:
+    return type(limit)(axes, [*zip(below.tolist(), bounds.tolist(), strict=True)])
