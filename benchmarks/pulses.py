@@ -28,9 +28,9 @@ import numpy as np
 
 from kinematics import load_machine
 from planner import load_program, plan
+from planner.actuation import actuate
 from planner.export import motion_json, npz, pulse_csv
 from planner.export.format import Source
-from planner.plan import actuate
 from planner.pulses import check, generate
 from planner.trajectory import Trajectory
 
