@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kinematics.array import Array, frozen
 from kinematics.axis import Axis, sides
@@ -26,6 +27,7 @@ STEEP, CURVED = 1.875, 10 / np.sqrt(3)
 class Compensated:
     """A motion in the motors' coordinates: q → home + c(q - home) + take-up of the play.
 
+    parts    (intervals between knots, n) the part of its table that each axis is on
     c        inverts r = c + error(c), the lead errors (m or rad) between whose points it is linear
     take-up  the play is on the side that the last move left: at the start, as after one towards greater q (an
              ASSUMPTION, how the axes were homed). Towards smaller q the motor is the play behind, and it crosses over
@@ -36,6 +38,7 @@ class Compensated:
     home: Array
     knots: Array
     tables: tuple[Array | None, ...]
+    parts: NDArray[np.intp]
     steps: tuple[Array, ...]
     costs: tuple[Compensation, ...]
 
@@ -47,9 +50,10 @@ class Compensated:
         t = np.atleast_1d(np.asarray(t, float))
         state = self.motion.at(t)
         values = np.stack([state.q, state.qd, state.qdd, state.qddd])
+        here = np.clip(np.searchsorted(self.knots, t, side="right") - 1, 0, len(self.knots) - 2)
         for k, (table, steps) in enumerate(zip(self.tables, self.steps, strict=True)):
             if table is not None:
-                values[:, :, k] = _screwed(values[:, :, k], float(self.home[k]), table)
+                values[:, :, k] = _screwed(values[:, :, k], float(self.home[k]), table, self.parts[here, k])
             if len(steps):
                 values[:, :, k] += _taken_up(steps, t)
         return _State(state.s, *values)
@@ -87,9 +91,14 @@ def compensated(motion: Motion, axes: Sequence[Axis], home: Array) -> Compensate
         costs.append(_cost(motion, k, axis, taken))
         tables.append(table)
         steps.append(frozen(taken))
-    return Compensated(
-        motion, frozen(home), frozen(np.sort(np.concatenate(knots))), tuple(tables), tuple(steps), tuple(costs)
-    )
+    times = np.sort(np.concatenate(knots))
+    # between two knots an axis stays on one part of its table; at a knot only the time tells on which
+    middle = motion.at((times[:-1] + times[1:]) / 2).q - home
+    parts = np.zeros(middle.shape, np.intp)
+    for k, table in enumerate(tables):
+        if table is not None:
+            parts[:, k] = np.searchsorted(table[0], middle[:, k], side="right")
+    return Compensated(motion, frozen(home), frozen(times), tuple(tables), parts, tuple(steps), tuple(costs))
 
 
 def _table(axis: Axis) -> Array | None:
@@ -106,17 +115,16 @@ def _table(axis: Axis) -> Array | None:
     return frozen(np.stack([true, counted]))
 
 
-def _screwed(values: Array, home: float, table: Array) -> Array:
-    """q and its derivatives (4, N) -> the same of what is counted; past either end the error stays as it is there."""
+def _screwed(values: Array, home: float, table: Array, part: NDArray[np.intp]) -> Array:
+    """q and its derivatives (4, N) -> the same of what is counted; past either end the error stays as it is there.
+
+    part (N,): 0 before the first point of the table, n behind its n-th.
+    """
     true, counted = table
     slope = np.concatenate([[1.0], np.diff(counted) / np.diff(true), [1.0]])
-    r = values[0] - home
-    between = np.searchsorted(true, r, side="right")
-    # a state at a point of the table that runs back belongs to the part below it
-    between = np.where((between > 0) & (r == true[between - 1]) & (values[1] < 0), between - 1, between)
-    start = np.maximum(between - 1, 0)
-    out: Array = values * slope[between]
-    out[0] = home + counted[start] + (r - true[start]) * slope[between]
+    start = np.maximum(part - 1, 0)
+    out: Array = values * slope[part]
+    out[0] = home + counted[start] + (values[0] - home - true[start]) * slope[part]
     return out
 
 

@@ -8,10 +8,10 @@ from typing import Protocol
 from kinematics.axis import Axis
 from kinematics.machine import Machine
 from planner.pulses.check import check
-from planner.pulses.lines import LineTimes, read
+from planner.pulses.lines import read
 from planner.pulses.motion import Motion
 from planner.pulses.schedule import PulseSchedule
-from planner.pulses.verdict import PulseCheck, PulseFault
+from planner.pulses.verdict import LineTimes, PulseCheck, PulseFault
 
 ROUNDING = 1e-12  # s by which decimal fractions may seem shorter than they are
 

@@ -18,29 +18,12 @@ from kinematics.array import Array
 from kinematics.axis import Axis
 from kinematics.errors import Fault, FileError
 from planner.pulses.schedule import AxisPulses, PulseSchedule, Ticks
+from planner.pulses.verdict import LineTimes
 
 PART = 1 << 22  # bytes read together
 OFF_TICK = 0.1  # a time further from every tick was written for another clock
 FAULTS = 20  # of one kind told of at once
 TIMES = ("high", "low", "setup", "hold", "interval")
-
-
-@dataclass(frozen=True, slots=True)
-class LineTimes:
-    """The least times (s) on the lines of an axis; ∞ where there is nothing to time.
-
-    high, low    that STEP stays at each level, low between two pulses
-    setup, hold  from a change of DIR (the file's first level: from time 0) to the next rise of STEP, and from a rise to
-                 the next change
-    interval     from rise to rise
-    """
-
-    axis: str
-    high: float
-    low: float
-    setup: float
-    hold: float
-    interval: float
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,8 +4,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from planner.pulses.lines import LineTimes
-
 
 @dataclass(frozen=True, slots=True)
 class PulseFault:
@@ -14,6 +12,24 @@ class PulseFault:
     axis: str
     tick: int
     what: str
+
+
+@dataclass(frozen=True, slots=True)
+class LineTimes:
+    """The least times (s) on the lines of an axis; ∞ where there is nothing to time.
+
+    high, low    that STEP stays at each level, low between two pulses
+    setup, hold  from a change of DIR (the file's first level: from time 0) to the next rise of STEP, and from a rise to
+                 the next change
+    interval     from rise to rise
+    """
+
+    axis: str
+    high: float
+    low: float
+    setup: float
+    hold: float
+    interval: float
 
 
 @dataclass(frozen=True, slots=True)

@@ -110,6 +110,9 @@ class Lorentz:
     def stops(self, order):
         return np.ones(2, bool)
 
+    def constant(self, piece):
+        return None
+
     def segment(self, piece):
         return None
 

@@ -143,3 +143,11 @@ def test_counts_beyond_the_cards_register_are_refused():
     with pytest.raises(MotionError, match=r"axis x: the motion counts to 134217928, beyond .* card PCI-8132"):
         generate(motion, [axis], far)
     generate(motion, [replace(axis, card=None, channel=None)], far)
+
+
+def test_a_steady_motion_over_a_corner_of_the_table_is_met_on_both_sides():
+    """A knot lies on a point of the table only to rounding: the time says on which side of it a state is."""
+    for speed in np.linspace(1e-3, 2e-3, 25):
+        motion = through(np.array([[0.0], [speed * 0.3]]), np.full((2, 1), speed), np.array([0.0, 0.3]))
+        (axis,) = axes(motion, ("lead",))
+        assert generate(motion, [axis], [0.0]).total > 0

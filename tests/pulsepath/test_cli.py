@@ -13,6 +13,7 @@ from planner.pulses import RULES, find_rule
 from pulsepath.job import Defect
 
 FILES = {
+    "certificate.json",
     "figures",
     "machine.toml",
     "motion.json",
