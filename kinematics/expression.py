@@ -35,6 +35,11 @@ class Expression:
         self._alive: list[object] = []  # `run` holds raw pointers into these
         self._blocks: dict[int, tuple[Array, Array, Callable[[], None]]] = {}
 
+    def only(self, rows: Sequence[int]) -> "Expression":
+        """The same of some of its values, without the work for the others."""
+        x = ca.SX.sym("x", self.size[0])
+        return Expression(self.function.name(), x, self.function(x)[list(rows)])
+
     def __getstate__(self) -> ca.Function:
         return self.function  # the rest is made from it, or cannot leave the process
 

@@ -97,6 +97,9 @@ class ActuatorPath(Protocol):
         """What to call path length s of a piece."""
 
     def derivatives(self, s: Array, piece: np.ndarray, highest: int = 3) -> Derivatives: ...
+    def axis_derivatives(self, axis: int, s: Array, piece: np.ndarray, highest: int = 3) -> Derivatives:
+        """The same of one axis, each (N, 1), in a fraction of the time."""
+
     def pose_numbers(self, s: Array, piece: np.ndarray) -> Array | None:
         """(N, 12) numbers of the pose, None where there is no machine."""
 
@@ -113,6 +116,13 @@ def _along(machine: Machine, shape: Shape, highest: int) -> Expression:
     s, parameters, near = ca.SX.sym("s"), ca.SX.sym("parameters", shape.size), ca.SX.sym("near", len(machine.axes))
     q = machine.symbolic(column(*shape.motion(s, parameters)), near)
     return differentiated(f"{shape.name}_actuated", q, s, ca.vertcat(s, parameters, near), highest)
+
+
+@lru_cache(maxsize=256)
+def _axis_along(machine: Machine, shape: Shape, highest: int, axis: int) -> Expression:
+    """The same of one axis."""
+    width = len(machine.axes)
+    return _along(machine, shape, highest).only(range(axis, (highest + 1) * width, width))
 
 
 @lru_cache(maxsize=128)
@@ -190,6 +200,10 @@ class MachinePath:
 
     def derivatives(self, s: Array, piece: np.ndarray, highest: int = 3) -> Derivatives:
         every = self._evaluate(lambda shape: _along(self.machine, shape, highest), s, piece, self._near)
+        return tuple(np.split(every, highest + 1, axis=1))
+
+    def axis_derivatives(self, axis: int, s: Array, piece: np.ndarray, highest: int = 3) -> Derivatives:
+        every = self._evaluate(lambda shape: _axis_along(self.machine, shape, highest, axis), s, piece, self._near)
         return tuple(np.split(every, highest + 1, axis=1))
 
     def pose_numbers(self, s: Array, piece: np.ndarray) -> Array:

@@ -47,11 +47,17 @@ class PolynomialPath:
         return Place(s, None, t, axis)
 
     def derivatives(self, s: Array, piece: np.ndarray, highest: int = 3) -> Derivatives:
-        """Horner's scheme for the value and its first three derivatives at once."""
+        return self._horner(self.coefficients, s, piece, highest)
+
+    def axis_derivatives(self, axis: int, s: Array, piece: np.ndarray, highest: int = 3) -> Derivatives:
+        return self._horner(self.coefficients[:, :, axis : axis + 1], s, piece, highest)
+
+    def _horner(self, coefficients: Array, s: Array, piece: np.ndarray, highest: int) -> Derivatives:
+        """The value and its first three derivatives at once."""
         x = (s - self.breaks[piece])[:, None]
-        q = np.zeros((len(s), self.coefficients.shape[2]))
+        q = np.zeros((len(s), coefficients.shape[2]))
         q1, half_q2, sixth_q3 = q.copy(), q.copy(), q.copy()
-        for c in self.coefficients[:, piece]:
+        for c in coefficients[:, piece]:
             sixth_q3, half_q2, q1, q = sixth_q3 * x + half_q2, half_q2 * x + q1, q1 * x + q, q * x + c
         return (q, q1, 2 * half_q2, 6 * sixth_q3)[: highest + 1]
 

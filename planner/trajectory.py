@@ -1,6 +1,7 @@
 """A motion in time: s(t) in closed-form pieces along an actuator path."""
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -108,10 +109,16 @@ class Trajectory:
 
         q̇ = q′ ṡ;  q̈ = q′ s̈ + q″ ṡ²;  q⃛ = q′ s⃛ + 3 q″ ṡ s̈ + q‴ ṡ³.
         """
-        asked = np.atleast_1d(np.asarray(t, float))
+        return self._at(np.atleast_1d(np.asarray(t, float)))
+
+    def axis_at(self, t: Array, axis: int) -> State:
+        """The same with the values of one axis only, (N, 1), in a fraction of the time."""
+        return self._at(t, jerk=True, axis=axis)
+
+    def _at(self, asked: Array, *, jerk: bool = False, axis: int | None = None) -> State:
         held = np.clip(asked, 0.0, self.duration)
         k = self.locate(held)
-        return self.within(k, held - self.knots[k], asked, moving=asked == held)
+        return self.within(k, held - self.knots[k], asked, moving=asked == held, jerk=jerk, axis=axis)
 
     def within(
         self,
@@ -121,16 +128,18 @@ class Trajectory:
         moving: np.ndarray | None = None,
         *,
         jerk: bool = False,
+        axis: int | None = None,
     ) -> State:
         """The state tau after the start of time piece k, each (N,): on a knot, the side is the caller's choice.
 
-        jerk: q⃛ will be asked for too.
+        jerk: q⃛ will be asked for too. axis: of this one alone, then always with `jerk`.
         """
         share = np.ones(len(k)) if moving is None else moving.astype(float)
         v0, a0, j0 = self.v[k], self.a[k], self.j[k]
         s = self.s[k] + tau * (v0 + tau * (a0 / 2 + tau * j0 / 6))
         sd, sdd, sddd = share * (v0 + tau * (a0 + tau * j0 / 2)), share * (a0 + tau * j0), share * j0
-        q, q1, q2, *q3 = self.path.derivatives(s, self.piece[k], 3 if jerk else 2)
+        derivatives = self.path.derivatives if axis is None else partial(self.path.axis_derivatives, axis)
+        q, q1, q2, *q3 = derivatives(s, self.piece[k], 3 if jerk else 2)
         v, a = sd[:, None], sdd[:, None]
         third = _third(q1, q2, q3[0], sd, sdd, sddd) if jerk else None
         when = self.knots[k] + tau if t is None else t

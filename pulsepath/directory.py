@@ -2,13 +2,12 @@
 
 import json
 import os
-import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from tempfile import mkdtemp
 
 from kinematics.errors import MotionError
+from pulsepath.staging import OLD, clear, staging
 
 RECORD, KIND = "plan.json", "pulsepath plan"
 """The file by which a directory that `plan` wrote is known, and what it says it is."""
@@ -44,42 +43,28 @@ def is_ours(directory: Path, kind: str = KIND) -> bool:
 def replacing(target: Path, force: bool, kind: str = KIND) -> Iterator[Path]:
     """A new directory to fill, which becomes `target` when the block ends well.
 
-    Whatever else happens, an interruption included, nothing of it remains and what stood there before still does.
+    Whatever else happens, an interruption included, nothing of it remains and what stood there before still does. Where
+    the process is killed, the target is whole or absent, and the next run for it clears what is left beside it
+    (`pulsepath.staging`).
     """
-    refuse_overwrite(target, force, kind)
     place = target.resolve()
+    clear(place)
+    refuse_overwrite(target, force, kind)
     created = [parent for parent in place.parents if not parent.exists()]
     place.parent.mkdir(parents=True, exist_ok=True)
     try:
-        staged = Path(mkdtemp(prefix=f".{place.name}-", dir=place.parent))
-        try:
-            yield staged
-            staged.chmod(0o777 & ~_umask())  # mkdtemp lets only the owner in
-            _swap(staged, place)
-        finally:
-            shutil.rmtree(staged, ignore_errors=True)
+        with staging(place) as made:
+            new = made / "new"
+            new.mkdir()
+            yield new
+            if place.exists():
+                place.rename(made / OLD)  # until the new one is there: else it returns
+            new.rename(place)
     except BaseException:
         for parent in created:
             with suppress(OSError):
                 parent.rmdir()
         raise
-
-
-def _swap(staged: Path, place: Path) -> None:
-    """Put the staged directory in place, and only then delete what stood there."""
-    if not place.exists():
-        staged.rename(place)
-        return
-    old = Path(mkdtemp(prefix=f".{place.name}-", dir=place.parent)) / "old"
-    try:
-        place.rename(old)
-        try:
-            staged.rename(place)
-        except BaseException:
-            old.rename(place)
-            raise
-    finally:
-        shutil.rmtree(old.parent, ignore_errors=True)
 
 
 def write_whole(path: Path, text: str) -> None:
@@ -90,16 +75,9 @@ def write_whole(path: Path, text: str) -> None:
 
 @contextmanager
 def staged(path: Path) -> Iterator[Path]:
-    """A file beside another to write, which takes its place when the block ends well, and is gone when it does not."""
-    beside = path.with_name(f".{path.name}-{os.getpid()}")
-    try:
-        yield beside
-        beside.replace(path)
-    finally:
-        beside.unlink(missing_ok=True)
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask
+    """A file to write beside another, which takes its place when the block ends well, and is gone when it does not."""
+    place = path.absolute()
+    clear(place)
+    with staging(place) as made:
+        yield made / place.name
+        (made / place.name).replace(place)

@@ -45,9 +45,10 @@ def export(directory: Path, name: str, out: Path | None, force: bool, as_json: b
         raise MotionError(f"{target} exists; give --force to replace it")
     format_ = make(name, given)
     planned = plan_directory.read(directory)
-    source = Source(planned.program.name, planned.machine, planned.trajectory, planned.pulses())
-    with step(f"writing {target}"), staged(target) as file:
-        done = format_.write(source, file)
+    with step("firing the pulses"):
+        pulses = planned.pulses()
+    with step(f"writing {target}") as tell, staged(target) as file:
+        done = format_.write(Source(planned.program.name, planned.machine, planned.trajectory, pulses, tell), file)
     if as_json:
         click.echo(record.as_json(record.of_export(name, str(target), done)), nl=False)
     else:

@@ -6,6 +6,7 @@ from typing import ClassVar, Protocol
 
 from kinematics.machine import Machine
 from planner.option import option as option
+from planner.parallel import Progress
 from planner.pulses.schedule import PulseSchedule
 from planner.trajectory import Trajectory
 
@@ -14,13 +15,15 @@ from planner.trajectory import Trajectory
 class Source:
     """What is exported: a certified motion of a machine, and its checked pulses.
 
-    name: of the program, for formats that hold one
+    name  of the program, for formats that hold one
+    tell  told how much is written, of how much, by formats that write in parts
     """
 
     name: str
     machine: Machine
     trajectory: Trajectory
     pulses: PulseSchedule
+    tell: Progress = lambda done, of: None
 
 
 @dataclass(frozen=True, slots=True)

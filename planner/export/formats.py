@@ -10,6 +10,7 @@ FORMATS = {
     "pulses": "planner.export.pulse_csv:PulseCsv",
     "vcd": "planner.export.vcd:Vcd",
     "steps": "planner.export.steps:Steps",
+    "npz": "planner.export.npz:Npz",
     "zaber": "planner.export.zaber:ZaberCsv",
     "xps": "planner.export.xps:Xps",
     "pmac": "planner.export.pmac:Pmac",

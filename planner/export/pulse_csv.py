@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 from kinematics.errors import MotionError
 from kinematics.step_timing import StepTiming, whole
 from planner.export.format import Exported, Source, option
+from planner.parallel import Progress
 from planner.pulses import lines
 from planner.pulses.schedule import PulseSchedule, Ticks
 
@@ -42,7 +43,8 @@ class PulseCsv:
 
     def write(self, source: Source, path: Path) -> Exported:
         axes, pulses = source.machine.axes, source.pulses
-        write(pulses, path, [axis.direction for axis in axes], width=self.width, timing=[axis.timing for axis in axes])
+        wiring, timing = [axis.direction for axis in axes], [axis.timing for axis in axes]
+        write(pulses, path, wiring, width=self.width, timing=timing, tell=source.tell)
         held = lines.read(path, pulses.clock_hz, axes, source.machine.home_q).schedule
         same = all(
             np.array_equal(got.ticks, axis.ticks) and np.array_equal(got.direction, axis.direction)
@@ -58,6 +60,7 @@ def write(
     *,
     width: float | None = None,
     timing: Sequence[StepTiming | None] = (),
+    tell: Progress = lambda done, of: None,
 ) -> None:
     """Write the edges of every axis, in pieces of bounded memory.
 
@@ -65,16 +68,19 @@ def write(
     width   s that STEP stays high, rounded to ticks; None: 2 µs, or half the smallest pulse interval if that is less,
             or else what the drives allow
     timing  (n,) what each drive asks of its inputs
+    tell    told up to which tick the file is written, of how many
     Raises MotionError where the width leaves STEP no time to be low or a drive another, or the wiring does not match.
     """
     if len(wiring) != len(schedule.axes) or any(sign not in (1, -1) for sign in wiring):
         raise MotionError(f"wiring {tuple(wiring)}: give +1 or -1 for each of the {len(schedule.axes)} axes")
     high = high_ticks(schedule, width, [drive for drive in timing if drive is not None])
     names = [f"{axis.name} {line}" for axis in schedule.axes for line in ("STEP", "DIR")]
+    end = high + max((int(axis.ticks[-1]) for axis in schedule.axes if len(axis)), default=0)
     with Path(path).open("wb") as file:
         file.write((", ".join(["Time[s]", *map(_quoted, names)]) + "\n").encode())
         for ticks, levels in rows(schedule, wiring, high):
             file.write(_text(ticks, levels, schedule.clock_hz))
+            tell(int(ticks[-1]), end)
 
 
 def high_ticks(schedule: PulseSchedule, width: float | None, drives: Sequence[StepTiming]) -> int:

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from kinematics.array import Array
 from kinematics.axis import Axis
 from kinematics.errors import MotionError
-from planner.pulses.motion import Motion
+from planner.pulses.motion import AxisMotion, Motion
 from planner.pulses.schedule import AxisPulses, PulseSchedule
 from planner.pulses.verdict import AxisCheck, PulseCheck, PulseFault
 
@@ -96,9 +96,10 @@ class _Search:
         return self.schedule.rule == "nearest" and self.axis.bound == 0.5
 
     def sample(self, t: Array, count: NDArray[np.int64]) -> _Samples:
-        state, pulse = self.motion.at(t), self.axis.pulse
-        v, a, j = (values[:, self.k] / pulse for values in (state.qd, state.qdd, state.qddd))
-        return _Samples(t, (state.q[:, self.k] - self.axis.home) / pulse, v, a, j, count)
+        motion = self.motion
+        state, k = (motion.axis_at(t, self.k), 0) if isinstance(motion, AxisMotion) else (motion.at(t), self.k)
+        v, a, j = (values[:, k] / self.axis.pulse for values in (state.qd, state.qdd, state.qddd))
+        return _Samples(t, (state.q[:, k] - self.axis.home) / self.axis.pulse, v, a, j, count)
 
     def noise(self, s: _Samples) -> Array:
         """(N,) pulses: what rounding may have done to x."""

@@ -135,7 +135,7 @@ def _crossings(stretches: Stretches, points: Array) -> Array:
     index, which = np.nonzero((low[:, None] <= points) & (points <= high[:, None]) & (low < high)[:, None])
     sign = np.where(ends[1:] > ends[:-1], 1.0, -1.0)
     height = (points[which] - ends[index]) * sign[index]
-    share = solve(stretches.coefficients[1:] * sign, index, height, np.full(len(sign), NEAR))
+    share, _ = solve(stretches.coefficients[1:] * sign, index, height, np.full(len(sign), NEAR))
     found: Array = stretches.start[index] + share * stretches.length[index]
     return found
 

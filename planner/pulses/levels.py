@@ -3,12 +3,11 @@
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from kinematics.array import Array
+from kinematics.array import Array, frozen
 from kinematics.axis import Axis
 from kinematics.errors import MotionError
 from planner.place import Infeasible, Place
@@ -19,11 +18,13 @@ from planner.pulses.schedule import AxisPulses, Signs, Ticks
 from planner.pulses.stretches import Stretches, derivative, monotone
 
 BLOCK = 1 << 14  # pulses solved together: their arrays stay in the processor's cache
+RAMP = frozen(np.arange(BLOCK, dtype=float))
 TICK_ERROR = 1e-4  # of a crossing time before it is rounded to a whole tick
 FINE = 1e-6  # of a pulse: how well the motion is met where its own noise hides more
 COARSE = 1e-3  # of a pulse: rounding may not blur a count by more
-
+UNSEEN = 4  # times the error of the pieces where it was looked at: that of a sextic is 1.7 times larger elsewhere
 POLISHING = 5  # looks at the motion itself, each a Newton step from the one before
+POLISHED = 1e-6  # ticks: a step that no longer matters
 
 Refuse = Callable[[], Infeasible]
 Exact = Callable[[Array, Array], Array]
@@ -70,7 +71,7 @@ def cross(motion: Motion, axes: Sequence[Axis], home: Array, clock_hz: int, leve
         counts = _follow(stretches.ends, slack[k], levels)
         refuse = partial(_refusal, motion, axis, stretches, clock_hz)
         exact = partial(_exact, motion, k, axis.pulse, float(home[k]), clock_hz)
-        blur = FINE + slack[k]
+        blur = UNSEEN * pieces.error[k] / pulse[k] + slack[k]
         ticks, direction = _cancel(*_fire(stretches, counts, levels, refuse, exact, blur), refuse)
         ticks.flags.writeable = direction.flags.writeable = False
         fired.append(AxisPulses(axis.name, ticks, direction, int(counts[0]), axis.pulse, float(home[k]), levels.bound))
@@ -117,15 +118,19 @@ def _linger(x: Array, low: Ticks, high: Ticks, slack: float, levels: Levels) -> 
 
 def _exact(trajectory: Motion, k: int, pulse: float, home: float, clock_hz: int, time: Array, level: Array) -> Array:
     """Crossing times (N,) in ticks by the motion itself, from times that are good but not to the tick."""
-    nearest, least = time, np.full(len(time), np.inf)
+    nearest, least = time.copy(), np.full(len(time), np.inf)
+    rest = np.arange(len(time))
     for _ in range(POLISHING):
         state = trajectory.at(np.clip(time / clock_hz, 0.0, trajectory.duration))
-        off = (state.q[:, k] - home) / pulse - level
-        nearer = abs(off) < least
-        nearest, least = np.where(nearer, time, nearest), np.where(nearer, abs(off), least)
+        off = (state.q[:, k] - home) / pulse - level[rest]
+        nearer = abs(off) < least[rest]
+        nearest[rest[nearer]], least[rest] = time[nearer], np.minimum(abs(off), least[rest])
         with np.errstate(divide="ignore", invalid="ignore"):
             step = off / (state.qd[:, k] / pulse / clock_hz)
-        time = nearest - np.where(nearer & np.isfinite(step), step, 0.0)  # at a turning point the nearest stays
+        moves = nearer & np.isfinite(step) & (abs(step) > POLISHED)  # at a turning point the nearest stays
+        if not moves.any():
+            break
+        rest, time = rest[moves], (time - step)[moves]
     return nearest
 
 
@@ -144,24 +149,35 @@ def _fire(
         raise refuse()
     climb = stretches.coefficients[1:] * sign
     lead = np.where(sign > 0, levels.above, 1 - levels.above)  # from the count to its first level
-    late = levels.hysteresis * _turned(sign)
     first = sign * (counts[:-1] - stretches.coefficients[0]) + lead
+    late = levels.hysteresis * _turned(sign)
+    blurred = 2 * blur * stretches.length
     with np.errstate(divide="ignore"):
         tolerance = TICK_ERROR / stretches.length
     ticks = np.empty(pulses.sum(), np.int64)
-    for block, part, index, nth in _blocks(pulses):
-        beyond: NDArray[Any] = np.where(nth == 0, late[part].take(index), nth) if levels.hysteresis else nth
-        v = solve(climb[:, part], index, first[part].take(index) + beyond, tolerance[part])
-        length = stretches.length[part].take(index)
-        time = stretches.start[part].take(index) + length * v
-        c1, c2, c3, c4, c5 = (row[part].take(index) for row in climb)
-        rate = abs(c1 + v * (2 * c2 + v * (3 * c3 + v * (4 * c4 + v * 5 * c5)))) / length
-        unsure = np.flatnonzero((0.5 - abs(time - np.rint(time))) * rate < blur + TICK_ERROR * rate)
+    doubts: list[tuple[NDArray[np.intp], Array, Array]] = []
+    for lo, hi, part, index, nth in _blocks(pulses):
+        height = (first[part] + nth).take(index)
+        height += RAMP[: hi - lo]
+        if levels.hysteresis:
+            opening = np.flatnonzero((nth <= 0) & (pulses[part] > 0))
+            height[-nth[opening]] += late[part][opening]
+        v, slope = solve(climb[:, part], index, height, tolerance[part])
+        v *= stretches.length[part].take(index)
+        v += stretches.start[part].take(index)
+        tick = np.rint(v)
+        ticks[lo:hi] = tick
+        tick -= v
+        np.abs(tick, out=tick)
+        np.subtract(0.5 - TICK_ERROR, tick, out=tick)
+        tick *= slope
+        unsure = np.flatnonzero(tick < blurred[part].take(index))
         if len(unsure):
-            way = sign[part].take(index[unsure])
-            height = lead[part].take(index[unsure]) + beyond[unsure]
-            time[unsure] = exact(time[unsure], counts[:-1][part].take(index[unsure]) + way * height)
-        ticks[block] = np.rint(time)
+            stretch = part.start + index[unsure]
+            doubts.append((lo + unsure, v[unsure], stretches.coefficients[0, stretch] + sign[stretch] * height[unsure]))
+    if doubts:  # together: the motion tells of a few instants hardly faster than of many
+        place, time, level = (np.concatenate(parts) for parts in zip(*doubts, strict=True))
+        ticks[place] = np.rint(exact(time, level))
     return ticks, np.repeat(sign.astype(np.int8), pulses)
 
 
@@ -173,16 +189,18 @@ def _turned(sign: Ticks) -> NDArray[np.bool_]:
     return turned
 
 
-def _blocks(pulses: Ticks) -> Iterator[tuple[slice, slice, NDArray[np.intp], Ticks]]:
-    """Blocks of the pulses: where they stand, their stretches, which of these each is on, and its number there."""
+def _blocks(pulses: Ticks) -> Iterator[tuple[int, int, slice, NDArray[np.intp], Ticks]]:
+    """Blocks lo to hi of the pulses: their stretches (S,), which of these each is on, and the number there of lo (S,).
+
+    That number is negative for the stretches that begin later.
+    """
     end = np.cumsum(pulses)
     begin, total = end - pulses, int(end[-1])
     for lo in range(0, total, BLOCK):
         hi = min(lo + BLOCK, total)
-        part = slice(np.searchsorted(end, lo, side="right"), np.searchsorted(end, hi, side="left") + 1)
+        part = slice(int(np.searchsorted(end, lo, side="right")), int(np.searchsorted(end, hi, side="left")) + 1)
         inside = np.minimum(end[part], hi) - np.maximum(begin[part], lo)
-        index = np.repeat(np.arange(len(inside)), inside)
-        yield slice(lo, hi), part, index, np.arange(lo, hi) - begin[part].take(index)
+        yield lo, hi, part, np.repeat(np.arange(len(inside)), inside), lo - begin[part]
 
 
 def _cancel(ticks: Ticks, direction: Signs, refuse: Refuse) -> tuple[Ticks, Signs]:

@@ -1,6 +1,6 @@
 """What a pulse schedule is made from and checked against: a motion that can be sampled."""
 
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from kinematics.array import Array
 
@@ -33,3 +33,10 @@ class Motion(Protocol):
     @property
     def duration(self) -> float: ...
     def at(self, t: Array, /) -> MotionState: ...
+
+
+@runtime_checkable
+class AxisMotion(Motion, Protocol):
+    """A motion that tells of one axis in a fraction of the time: a state whose q, q̇, q̈, q⃛ are (N, 1)."""
+
+    def axis_at(self, t: Array, axis: int, /) -> MotionState: ...

@@ -21,15 +21,17 @@ class Pieces:
     start, length  (P,) s
     coefficients   (n, 6, P) m or rad
     noise          (n,) m or rad: what rounding alone does to q, from the size of q and of q̇·t
+    error          (n,) m or rad by which the pieces err at most where they were held against the motion
     """
 
     start: Array
     length: Array
     coefficients: Array
     noise: Array
+    error: Array
 
     def __post_init__(self) -> None:
-        for name in ("start", "length", "coefficients", "noise"):
+        for name in ("start", "length", "coefficients", "noise", "error"):
             object.__setattr__(self, name, frozen(getattr(self, name)))
 
 
@@ -46,12 +48,13 @@ def fit(motion: Motion, tolerance: Array) -> Pieces:
         raise MotionError(f"the motion ends at {motion.duration} s, where it starts; give it time to move")
     before = np.full((len(lo), len(tolerance)), np.inf)
     fitted: list[tuple[Array, Array, Array]] = []
-    reach, speed = np.zeros(len(tolerance)), np.zeros(len(tolerance))
+    reach, speed, worst = np.zeros((3, len(tolerance)))
     for depth in range(HALVINGS):
         coefficients, error, size, rate = _quintics(motion, lo, hi)
         reach, speed = np.maximum(reach, size), np.maximum(speed, rate)
         noise = ROUNDING * (reach + speed * motion.duration)
         good = ((error <= noise) | ((error <= tolerance) & (error > before / 4))).all(axis=1)
+        worst = np.maximum(worst, error[good].max(axis=0, initial=0.0))
         if good.all():
             fitted.append((lo, hi, coefficients))
             break
@@ -69,7 +72,7 @@ def fit(motion: Motion, tolerance: Array) -> Pieces:
         start, end = start[order], end[order]
         coefficients = np.concatenate([piece[2] for piece in fitted], axis=2)[:, :, order]
     coefficients.flags.writeable = False
-    return Pieces(start, end - start, coefficients, noise)
+    return Pieces(start, end - start, coefficients, noise, worst)
 
 
 def _rough(lo: Array, error: Array, tolerance: Array) -> MotionError:

@@ -83,4 +83,5 @@ def _root(slope: Array) -> Array:
     rising = slope * np.where(slope[0] > 0, -1.0, 1.0)
     climb = np.vstack((rising[1:], np.zeros(rising.shape[1])))
     every = np.arange(rising.shape[1])
-    return solve(climb, every, -rising[0], np.full(len(every), 4 * np.finfo(float).eps))
+    root, _ = solve(climb, every, -rising[0], np.full(len(every), 4 * np.finfo(float).eps))
+    return root

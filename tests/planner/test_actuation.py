@@ -11,7 +11,7 @@ from numpy.polynomial import chebyshev
 from scipy.interpolate import PPoly
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from planner import Arc, Line, Program, Turn
+from planner import Arc, Line, Program, Turn, load_program
 from planner.actuation import actuate
 from planner.enclosure import Cells, bounds, enclose
 from planner.polynomial import PolynomialPath
@@ -111,6 +111,34 @@ def test_polynomial_path_has_scipy_s_derivatives(data, shape):
     largest = np.abs(values).max() * (degree + 1) * 3.0**degree
     for k, ours in enumerate(path.derivatives(s, piece)):
         assert np.abs(ours - curve(s, k)).max() <= 1e-15 * largest * max(degree, 1) ** k
+
+
+@pytest.mark.parametrize("highest", [2, 3])
+def test_one_axis_alone_is_as_among_all(hexapod, highest):
+    """To rounding: the same operations, but perhaps in another order."""
+    machine_path = actuate(load_program("circle"), hexapod)
+    rng = np.random.default_rng(2)
+    polynomials = PolynomialPath(np.array([0.0, 1, 3]), rng.normal(size=(5, 2, 3)), ("a", "b", "c"))
+    for path in (machine_path, polynomials):
+        piece = rng.integers(0, len(path.breaks) - 1, 100)
+        s = path.breaks[piece] + np.diff(path.breaks)[piece] * rng.random(100)
+        every = path.derivatives(s, piece, highest)
+        for axis in range(len(path.names)):
+            alone = path.axis_derivatives(axis, s, piece, highest)
+            for one, all_ in zip(alone, every, strict=True):
+                assert one.shape == (100, 1)
+                assert np.allclose(one[:, 0], all_[:, axis], rtol=1e-12, atol=1e-12 * abs(all_).max())
+
+
+def test_the_motion_of_one_axis_is_as_among_all(planned):
+    trajectory = planned("bare-circle", 3).trajectory
+    t = np.concatenate(([-0.1, trajectory.duration, trajectory.duration + 1], trajectory.knots[1:-1:7]))
+    every, axis = trajectory.at(t), 4
+    alone = trajectory.axis_at(t, axis)
+    for name in ("q", "qd", "qdd", "qddd"):
+        values = getattr(every, name)
+        scale = 1e-11 * abs(values).max()
+        assert np.allclose(getattr(alone, name)[:, 0], values[:, axis], rtol=0, atol=scale)
 
 
 def test_on_a_break_the_piece_tells_the_side():

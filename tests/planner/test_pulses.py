@@ -400,9 +400,9 @@ def test_where_the_fitted_pieces_cannot_tell_the_motion_itself_does(planned, hex
     trajectory = planned("bare-circle", 2).trajectory
     source = levels
     true = source.fit(trajectory, np.full(6, 1e-12))
-    strayed = replace(true, coefficients=true.coefficients + 3e-4 * hexapod.axes[0].pulse * np.eye(6)[0][:, None])
-    monkeypatch.setattr(source, "fit", lambda *_: strayed)
-    monkeypatch.setattr(source, "FINE", 1e-3)
+    stray = 3e-4 * hexapod.axes[0].pulse
+    strayed = true.coefficients + stray * np.eye(6)[0][:, None]
+    monkeypatch.setattr(source, "fit", lambda *_: replace(true, coefficients=strayed, error=true.error + stray))
     monkeypatch.setattr(source, "POLISHING", polishing)
     schedule = generate(trajectory, hexapod.axes, hexapod.home_q)
     assert check(schedule, trajectory, hexapod.axes, hexapod.home_q).holds == (polishing > 0)

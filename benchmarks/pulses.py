@@ -1,0 +1,112 @@
+"""Speed and memory of pulse schedules, from 1e5 to 1e8 pulses: `python -m benchmarks.pulses`, some two minutes.
+
+On the program `circle` with the hexapod, all six legs, at 10 MHz: coarser pulses for the fewest, then the program run
+again and again, as a long one would be. Every row is a process of its own: processor time (of several runs the best)
+and peak memory are its alone, which begins at some 120 MB for Python and the planner's libraries.
+
+    generate   motion to ticks, exact to one
+    check      the independent check of the schedule against the motion
+    npz        the schedule on disk in parts, read back part by part and compared
+    csv        the edges as text, to the null device: what a disk takes is not counted
+
+check and csv go up to 1e7 pulses, with --full to 1e8 (some ten minutes more).
+"""
+
+import json
+import os
+import resource
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from time import process_time
+from typing import TypeVar
+
+import numpy as np
+
+from kinematics import load_machine
+from planner import load_program, plan
+from planner.actuation import actuate
+from planner.export import motion_json, npz, pulse_csv
+from planner.export.format import Source
+from planner.pulses import check, generate
+from planner.trajectory import Trajectory
+
+CLOCK = 10_000_000
+CASES = {100_000: (1, 8.83), 1_000_000: (1, 1.0), 10_000_000: (12, 1.0), 100_000_000: (114, 1.0)}
+"""Repetitions, and how much coarser the pulses are, for about so many pulses."""
+STAGES = ("generate", "npz", "check", "csv")
+TARGET, STRETCH, MEMORY = 5e6, 15e6, 2e9
+LONG = 3_000_000  # pulses from which once has to do
+REPEATS = 7
+
+Result = TypeVar("Result")
+
+
+def main() -> None:
+    """Print a row for each stage and number of pulses."""
+    if sys.argv[1:2] == ["--row"]:
+        print(json.dumps(row(sys.argv[2], int(sys.argv[3]), Path(sys.argv[4]))))
+        return
+    full = "--full" in sys.argv[1:]
+    print(f"targets: generate {TARGET / 1e6:.0f} M pulses per CPU-second, {STRETCH / 1e6:.0f} at best; 1e8 in 2 GB")
+    print("stage         pulses   CPU s   M pulses/s   peak MB   bytes/pulse above the fewest")
+    with TemporaryDirectory() as folder:
+        motion = Path(folder) / "motion.json"
+        motion_json.write(plan(load_program("circle"), load_machine("hexapod")).trajectory, motion)
+        for stage in STAGES:
+            least: tuple[int, float] | None = None
+            for count in CASES:
+                if count == max(CASES) and stage in ("check", "csv") and not full:
+                    continue
+                command = [sys.executable, "-m", "benchmarks.pulses", "--row", stage, str(count), str(motion)]
+                pulses, seconds, peak = json.loads(subprocess.run(command, check=True, capture_output=True).stdout)
+                least = least or (pulses, peak)
+                more = (peak - least[1]) / (pulses - least[0]) if pulses > least[0] else np.nan
+                figures = f"{seconds:>8.2f}{pulses / seconds / 1e6:>13.2f}{peak / 1e6:>10.0f}{more:>10.1f}"
+                print(f"{stage:<9}{pulses:>11}{figures}", flush=True)
+
+
+def row(stage: str, count: int, motion: Path) -> tuple[int, float, int]:
+    """Pulses, CPU seconds of the stage, and peak bytes of this process."""
+    machine = load_machine("hexapod")
+    repetitions, coarser = CASES[count]
+    trajectory = repeated(motion_json.read(motion, actuate(load_program("circle"), machine)), repetitions)
+    axes = [replace(axis, pulse=axis.pulse * coarser) for axis in machine.axes]
+    schedule, seconds = timed(lambda: generate(trajectory, axes, machine.home_q, CLOCK), count)
+    if stage == "check":
+        verdict, seconds = timed(lambda: check(schedule, trajectory, axes, machine.home_q), count)
+        if not verdict.holds:
+            raise SystemExit(f"the schedule is wrong: {verdict.faults[0]}")
+    elif stage == "npz":
+        source = Source("circle", machine, trajectory, schedule)
+        exported, seconds = timed(lambda: npz.Npz().write(source, motion.with_name("pulses.npz")), count)
+        if exported.error:
+            raise SystemExit("the file does not hold the schedule")
+    elif stage == "csv":
+        wiring = [axis.direction for axis in axes]
+        _, seconds = timed(lambda: pulse_csv.write(schedule, os.devnull, wiring), count)
+    return schedule.total, seconds, 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+
+
+def timed(work: Callable[[], Result], count: int) -> tuple[Result, float]:
+    """The result, and the CPU seconds of the best run; of long ones the only."""
+    times = []
+    for _ in range(1 if count > LONG else REPEATS):
+        begin = process_time()
+        result = work()
+        times.append(process_time() - begin)
+    return result, min(times)
+
+
+def repeated(motion: Trajectory, times: int) -> Trajectory:
+    """A motion that ends where it begins, again and again."""
+    knots = motion.knots[:-1] + motion.duration * np.arange(times)[:, None]
+    parts = (np.tile(each, times) for each in (motion.s, motion.v, motion.a, motion.j, motion.piece))
+    return Trajectory(motion.path, np.append(knots.ravel(), motion.duration * times), *parts)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,76 @@
+"""Where a result is made before it takes its place, and what killed runs have left there.
+
+A run makes a result beside its place, under a hidden name, and holds a lock on it that ends with the process. So a
+later run for the same place knows what no one works on any more, and removes it.
+"""
+
+import os
+import re
+import shutil
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from tempfile import mkdtemp
+
+SUFFIX = ".staged"
+OLD = "old"
+"""In a staged directory, what stood in the place and is about to be replaced."""
+
+
+@contextmanager
+def staging(place: Path) -> Iterator[Path]:
+    """A hidden directory beside a place, of this process alone; nothing of it remains when the block ends."""
+    while True:
+        made = Path(mkdtemp(prefix=f".{place.name}-", suffix=SUFFIX, dir=place.parent))
+        try:
+            lock = _lock(made)
+        except (BlockingIOError, FileNotFoundError):
+            continue  # another run took it for a dead one's before it was locked
+        except OSError:
+            lock = None  # this system has none, so no run will clear it either
+        break
+    try:
+        yield made
+    finally:
+        _end(made, place)
+        if lock is not None:
+            os.close(lock)
+
+
+def clear(place: Path) -> None:
+    """End what killed runs left for a place: only where a lock tells that they are dead."""
+    ours = re.compile(rf"\.{re.escape(place.name)}-\w{{8}}{re.escape(SUFFIX)}")
+    for left in [entry for entry in place.parent.glob(".*") if ours.fullmatch(entry.name)]:
+        try:
+            lock = _lock(left)
+        except OSError:
+            continue
+        _end(left, place)
+        os.close(lock)
+
+
+def _end(made: Path, place: Path) -> None:
+    """Remove a staged directory; what stood in the place returns to it if nothing else has come there."""
+    if (made / OLD).exists() and not os.path.lexists(place):
+        (made / OLD).rename(place)
+    shutil.rmtree(made, ignore_errors=True)
+
+
+def _lock(directory: Path) -> int:
+    """A descriptor that locks a directory until it is closed, or the process ends.
+
+    Raises BlockingIOError where another process holds it, another OSError where there are no locks.
+    """
+    if sys.platform == "win32":
+        raise OSError("directories cannot be locked")
+    import fcntl
+
+    descriptor = os.open(directory, os.O_RDONLY)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        directory.stat()  # it may have been removed before it was locked
+    except OSError:
+        os.close(descriptor)
+        raise
+    return descriptor
