@@ -88,9 +88,9 @@ def _settled(move: Array, slope: Array, enough: Array, curvature: Array) -> NDAr
 
 
 def _first_guess(climb: Array, index: NDArray[np.intp], height: Array) -> Array:
-    """The root, at most 1, of the parabola a v + b v² that ends where y does and has y's slope at the slower end.
+    """The root in [0, 1] of the parabola a v + b v² that ends where y does and has y's slope at the slower end.
 
-    Exact for constant acceleration, turning points included; nan where it has none.
+    Exact for constant acceleration, turning points included; the nearer end where it is outside, nan for no parabola.
     """
     top, start, end = climb.sum(axis=0), climb[0], np.arange(1, 6) @ climb
     half = np.maximum(np.where(end < start, 2 * top - end, start), 0.0) / 2
@@ -102,5 +102,5 @@ def _first_guess(climb: Array, index: NDArray[np.intp], height: Array) -> Array:
     np.sqrt(root, out=root)
     root += a
     np.divide(height, root, out=root)
-    np.minimum(root, 1.0, out=root)
+    np.clip(root, 0.0, 1.0, out=root)
     return root
