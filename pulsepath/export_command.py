@@ -28,7 +28,7 @@ class Export(click.Command):
 @click.option("--force", is_flag=True, help="Replace FILE.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON instead of text.")
 def export(directory: Path, name: str, out: Path | None, force: bool, as_json: bool, **given: Any) -> None:
-    """Write the plan in DIR in another format, and say how far what it holds is from the pulses.
+    """Write the plan in DIR in another format, and say how far what it holds is from the plan.
 
     Options in brackets belong to the formats that are named there.
     """
@@ -53,5 +53,7 @@ def export(directory: Path, name: str, out: Path | None, force: bool, as_json: b
         click.echo(record.as_json(record.of_export(name, str(target), done)), nl=False)
     else:
         click.echo(f"{target}: {done.error:.3g} pulses from {done.against}")
+        if made_up := sorted({kind for axis in planned.machine.axes for kind in axis.compensate}):
+            click.echo(f"  positions are the motors': {' and '.join(made_up)} made up for")
         for note in done.notes:
             click.echo(f"  {note}")

@@ -1,7 +1,10 @@
 """What a command line works on: the program and the machine that it names, and the text that they were read from."""
 
-from dataclasses import dataclass
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from hashlib import sha256
+from importlib.resources import files
 from pathlib import Path
 
 from kinematics import Machine, MotionError, load_machine
@@ -11,12 +14,16 @@ from planner import Program, load_program
 
 @dataclass(frozen=True, slots=True)
 class Inputs:
-    """A program and a machine, with the content of their files."""
+    """A program and a machine, with the content of their files.
+
+    companions: what the machine's file names beside it, such as an arm's URDF
+    """
 
     program: Program
     machine: Machine
     program_toml: bytes
     machine_toml: bytes
+    companions: Mapping[str, bytes] = field(default_factory=dict)
 
     @property
     def digests(self) -> dict[str, str]:
@@ -33,12 +40,12 @@ def read_inputs(program: str, machine: str | None) -> Inputs:
     """
     loaded = load_program(program)
     name = _named(loaded, program) if machine is None else machine
-    return Inputs(
-        loaded,
-        load_machine(name),
-        find("planner", "program", program).read_bytes(),
-        find("kinematics", "machine", name).read_bytes(),
-    )
+    driven, file = load_machine(name), find("kinematics", "machine", name)
+    content = file.read_bytes()
+    urdf = tomllib.loads(content.decode()).get("geometry", {}).get("urdf")
+    folder = file.parent if isinstance(file, Path) else files("kinematics") / "presets"
+    companions = {} if urdf is None else {urdf: (folder / urdf).read_bytes()}
+    return Inputs(loaded, driven, find("planner", "program", program).read_bytes(), content, companions)
 
 
 def _named(program: Program, source: str) -> str:

@@ -50,6 +50,8 @@ def write(folder: Path, job: Job, inputs: Inputs) -> PulseCheck:
     plan = job.plan
     (folder / SOURCES["program"]).write_bytes(inputs.program_toml)
     (folder / SOURCES["machine"]).write_bytes(inputs.machine_toml)
+    for name, content in inputs.companions.items():
+        (folder / name).write_bytes(content)
     motion_json.write(plan.trajectory, folder / MOTION)
     trajectory_csv.write(plan, folder / TRAJECTORY)
     axes = plan.machine.axes

@@ -32,7 +32,7 @@ def _run(case: Case) -> Run:
 def certified(case: Case, order: int) -> Answer:
     """Solve and certificate, as `plan` does it."""
     limits = limits_on(case, order)
-    solver._assemble.cache_clear()
+    solver._forget()
 
     def solve() -> Solved:
         # what geometry uses is proved once for a path: each call gets a path of its own

@@ -130,7 +130,7 @@ def error(source: Source, calls: Sequence[Call]) -> float:
 
 def counted(source: Source, k: int, t: Array) -> tuple[Array, Array]:
     """Position (pulses) and speed (pulses/s) of an axis at instants t (N,), in the counts of its wiring."""
-    axis, state = source.machine.axes[k], source.trajectory.at(t)
+    axis, state = source.machine.axes[k], source.counted.at(t)
     scale = axis.direction / axis.pulse
     return (state.q[:, k] - source.machine.home_q[k]) * scale, state.qd[:, k] * scale
 

@@ -58,7 +58,7 @@ class Columns:
         lasting = np.diff(knots.steps, prepend=0)
         for first in range(0, len(knots.steps), BLOCK):
             steps = knots.steps[first : first + BLOCK]
-            told = rows_at(source.trajectory, seconds(steps, knots.step), rows)
+            told = rows_at(source.counted, seconds(steps, knots.step), rows)
             told[0] -= self.zero
             units = np.rint(told * scale)
             if rest and first == 0:

@@ -4,9 +4,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar, Protocol
 
+from kinematics.errors import MotionError
 from kinematics.machine import Machine
 from planner.option import option as option
 from planner.parallel import Progress
+from planner.pulses.compensate import compensated
+from planner.pulses.motion import Motion
 from planner.pulses.schedule import PulseSchedule
 from planner.trajectory import Trajectory
 
@@ -25,6 +28,12 @@ class Source:
     pulses: PulseSchedule
     tell: Progress = lambda done, of: None
 
+    @property
+    def counted(self) -> Motion:
+        """What a controller of the axes has to be told: the motion, or of axes that compensate what their motors do."""
+        behind = compensated(self.trajectory, self.machine.axes, self.machine.home_q)
+        return self.trajectory if behind is None else behind
+
 
 @dataclass(frozen=True, slots=True)
 class Exported:
@@ -38,6 +47,16 @@ class Exported:
     error: float
     against: str
     notes: tuple[str, ...] = ()
+
+
+def refuse_compensated(source: Source, format_: str) -> None:
+    """Raise MotionError for axes that compensate, in a format whose controller makes its own way from stop to stop."""
+    for axis in source.machine.axes:
+        if axis.compensate:
+            raise MotionError(
+                f"{format_}: axis {axis.name} compensates {' and '.join(axis.compensate)} along the motion, which its "
+                "controller does not follow; take compensate out of the machine's file"
+            )
 
 
 class Format(Protocol):

@@ -50,7 +50,7 @@ class InverseTime:
     letters: str | None = letters_option()
 
     def write(self, source: Source, path: Path) -> Exported:
-        axes, motion = source.machine.axes, source.trajectory
+        axes, motion = source.machine.axes, source.counted
         letters = assign(axes, self.letters, USUAL, "G-code")
         knots = choose(motion, axes, 1, step=STEP, tolerance=self.tolerance, spacing=self.spacing)
         form = columns(source, knots.tolerance, origin=self.origin)
@@ -77,7 +77,7 @@ class InverseTime:
 
 def _points(source: Source, form: Columns, path: Path) -> Iterator[tuple[Array, Array]]:
     """Where the lines lead from where the axes stand."""
-    at = rows_at(source.trajectory, np.zeros(1), 1)
+    at = rows_at(source.counted, np.zeros(1), 1)
     yield np.zeros(1), at
     t, place = 0.0, ((at[0, 0] - form.zero) * form.factor).tolist()
     with path.open(encoding="ascii", newline="") as file:

@@ -46,7 +46,7 @@ class Galil:
     interval: int = option(1, "n of DT, for intervals of 2^n ms: 1 to 8; default 1")
 
     def write(self, source: Source, path: Path) -> Exported:
-        axes, motion = source.machine.axes, source.trajectory
+        axes, motion = source.machine.axes, source.counted
         if len(axes) > len(AXES):
             raise MotionError(
                 f"axis {axes[len(AXES)].name}: {len(axes)} axes, but contour mode has at most {len(AXES)}, {AXES}; "

@@ -45,7 +45,7 @@ class Halstreamer:
         if self.unit == "counts" and self.origin == "natural":
             raise MotionError("counts are from home; give origin home, or unit mm")
         finite(self.period, "period", (), unit="s", least=POSITIVE)
-        knots = choose(source.trajectory, axes, 1, step=self.period, tolerance=None, spacing=self.period)
+        knots = choose(source.counted, axes, 1, step=self.period, tolerance=None, spacing=self.period)
         form = columns(source, None, origin=self.origin, unit=self.unit)
         form = replace(form, decimals=0) if self.unit == "counts" else form
         with path.open("w", encoding="ascii", newline="") as file:
@@ -53,7 +53,7 @@ class Halstreamer:
                 file.writelines(" ".join(row) + "\n" for row in form.text_rows(units))
         names = ", ".join(axis.name for axis in axes)
         notes = (f"fields in the order {names}; in {form.unit} from {self.origin}", f"a sample lasts {self.period:g} s")
-        return compare(source.trajectory, axes, knots, _points(form, knots, path), notes)
+        return compare(source.counted, axes, knots, _points(form, knots, path), notes)
 
 
 def _points(form: Columns, knots: Knots, path: Path) -> Iterator[tuple[Array, Array]]:

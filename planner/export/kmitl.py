@@ -12,7 +12,7 @@ from kinematics.array import Array
 from kinematics.errors import MotionError
 from kinematics.tripod import Tripod
 from planner.actuation import ActuatorPath
-from planner.export.format import Source
+from planner.export.format import Source, refuse_compensated
 
 UNIT = 1e-3
 """m. ASSUMPTION: the source does not say what its unit is; this machine's 25 000 pulses per mm fit 500 · 50."""
@@ -26,6 +26,7 @@ def tripod_of(source: Source, format_: str) -> Tripod:
     if not isinstance(source.machine, Tripod):
         kind = type(source.machine).__name__.lower()
         raise MotionError(f"{format_}: machine {source.machine.name} is a {kind}; the format is a tripod's, three arms")
+    refuse_compensated(source, format_)
     return source.machine
 
 

@@ -33,12 +33,12 @@ class KmitlArms:
     """Arm-length list of the three-armed machine, step by step along the path."""
 
     suffix: ClassVar[str] = ".txt"
-    step: float = option(1e-3, "between listed points along the path; default 1 mm", "m")
-    unit: float = option(kmitl.UNIT, "the length of one unit; default 1 mm", "m")
+    point_step: float = option(1e-3, "between listed points along the path; default 1 mm", "m")
+    unit_length: float = option(kmitl.UNIT, "the length of one unit; default 1 mm", "m")
 
     def write(self, source: Source, path: Path) -> Exported:
         kmitl.tripod_of(source, "kmitl-arms")
-        step, unit = kmitl.length(self.step, "step"), kmitl.length(self.unit, "unit")
+        step, unit = kmitl.length(self.point_step, "point step"), kmitl.length(self.unit_length, "unit length")
         curve = source.trajectory.path
         pieces = range(len(curve.breaks) - 1)
         each = [kmitl.along(curve, k, kmitl.steps(curve, k, step)) for k in pieces]

@@ -40,11 +40,11 @@ class KmitlPositions:
 
     suffix: ClassVar[str] = ".txt"
     chord: float = option(1e-5, "by how much straight lines between poses may leave the path; default 0.01 mm", "m")
-    unit: float = option(kmitl.UNIT, "the length of one unit; default 1 mm", "m")
+    unit_length: float = option(kmitl.UNIT, "the length of one unit; default 1 mm", "m")
 
     def write(self, source: Source, path: Path) -> Exported:
         machine = kmitl.tripod_of(source, "kmitl-positions")
-        chord, unit = kmitl.length(self.chord, "chord"), kmitl.length(self.unit, "unit")
+        chord, unit = kmitl.length(self.chord, "chord"), kmitl.length(self.unit_length, "unit length")
         curve = source.trajectory.path
         each = [_chords(curve, k, chord) for k in range(len(curve.breaks) - 1)]
         s, piece = (np.concatenate([part[n][min(k, 1) :] for k, part in enumerate(each)]) for n in (0, 1))

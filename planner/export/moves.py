@@ -32,7 +32,7 @@ def points(columns: Columns, source: Source, decoded: Iterable[tuple[Array, Arra
     decoded  in blocks: durations (K,) s, and moves and end speeds (2, K, axes) in the units of the file
     """
     t = 0.0
-    stated = rows_at(source.trajectory, np.zeros(1), 2)
+    stated = rows_at(source.counted, np.zeros(1), 2)
     stated[1] = 0.0
     yield np.zeros(1), stated
     for lasting, numbers in decoded:

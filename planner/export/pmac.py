@@ -44,7 +44,7 @@ class Pmac:
     unit: Literal["mm", "counts"] = option("mm", "mm (rotary axes: deg), or counts: pulses of the wiring. Default mm")
 
     def write(self, source: Source, path: Path) -> Exported:
-        axes, motion = source.machine.axes, source.trajectory
+        axes, motion = source.machine.axes, source.counted
         letters = assign(axes, self.letters, USUAL, "a PMAC coordinate system")
         refuse_moving_ends(motion, axes, "a PMAC program in PVT mode")
         knots = choose(motion, axes, 2, step=STEP, tolerance=self.tolerance, spacing=self.spacing, longest=LONGEST)

@@ -73,7 +73,7 @@ def write(
     """
     if len(wiring) != len(schedule.axes) or any(sign not in (1, -1) for sign in wiring):
         raise MotionError(f"wiring {tuple(wiring)}: give +1 or -1 for each of the {len(schedule.axes)} axes")
-    high = high_ticks(schedule, width, [drive for drive in timing if drive is not None])
+    high = high_ticks(schedule, width, timing)
     names = [f"{axis.name} {line}" for axis in schedule.axes for line in ("STEP", "DIR")]
     end = high + max((int(axis.ticks[-1]) for axis in schedule.axes if len(axis)), default=0)
     with Path(path).open("wb") as file:
@@ -83,17 +83,25 @@ def write(
             tell(int(ticks[-1]), end)
 
 
-def high_ticks(schedule: PulseSchedule, width: float | None, drives: Sequence[StepTiming]) -> int:
-    """Ticks that STEP stays high: as the drives ask, and leaving the closest pulses what these need of a low one."""
+def high_ticks(schedule: PulseSchedule, width: float | None, timing: Sequence[StepTiming | None]) -> int:
+    """Ticks that STEP stays high: as the drives ask, and leaving the closest pulses what these need of a low one.
+
+    DIR changes when STEP falls, so that a reversal has to leave the set-up of its drive as well.
+    """
     clock, closest = schedule.clock_hz, schedule.smallest_interval
+    drives = [drive for drive in timing if drive is not None]
     least = max([1, *(whole(max(drive.high, drive.hold), clock) for drive in drives)])
     room = np.inf if closest is None else closest - max([1, *(whole(drive.low, clock) for drive in drives)])
+    for axis, drive in zip(schedule.axes, timing, strict=False):
+        back = np.diff(axis.ticks)[np.diff(axis.direction) != 0]
+        if drive is not None and len(back):
+            room = min(room, int(back.min()) - whole(drive.setup, clock))
     usual = min(WIDTH * clock, np.inf if closest is None else closest // 2)
     high = int(min(max(round(usual), least), room)) if width is None else round(width * clock)
     if not least <= high <= room:
         raise MotionError(
             f"pulse width {high} ticks of {1e6 / clock:.4g} µs: must be at least {least} and at most {room:.0f} "
-            "to leave the closest pulses apart; choose another width, a faster clock, or a slower motion"
+            "to leave the closest pulses and reversals apart; choose another width, a faster clock, or a slower motion"
         )
     return high
 

@@ -46,7 +46,7 @@ class JointTrajectory:
     ros: Literal["1", "2"] = option("2", "names of the times: 1 has secs and nsecs, 2 sec and nanosec. Default 2")
 
     def write(self, source: Source, path: Path) -> Exported:
-        axes, motion = source.machine.axes, source.trajectory
+        axes, motion = source.machine.axes, source.counted
         knots = choose(motion, axes, 3, step=1 / PER_SECOND, tolerance=self.tolerance, spacing=self.spacing)
         form = columns(source, knots.tolerance, origin=self.origin, unit="SI")
         whole, rest = TIMES[self.ros]

@@ -19,7 +19,7 @@ import numpy as np
 from kinematics.errors import MotionError
 from planner.actuation import MachinePath
 from planner.baselines.between import deviation, independent, moves
-from planner.export.format import Exported, Source
+from planner.export.format import Exported, Source, refuse_compensated
 from planner.pulses.schedule import Ticks
 
 STILL = 1e-9
@@ -35,6 +35,7 @@ class Sasidhar:
 
     def write(self, source: Source, path: Path) -> Exported:
         machine, pulses = source.machine, source.pulses
+        refuse_compensated(source, "sasidhar")
         names = [axis.name for axis in machine.axes]
         odd = [name for name in names if len(name) != 1 or name not in ascii_uppercase]
         if odd:

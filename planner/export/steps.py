@@ -26,6 +26,7 @@ from typing import ClassVar
 import numpy as np
 
 from kinematics.array import finite
+from kinematics.errors import MotionError
 from planner.export.format import Exported, Source, option
 from planner.pulses.compress import compress
 from planner.pulses.schedule import Signs, Ticks
@@ -47,14 +48,20 @@ class Steps:
 
     suffix: ClassVar[str] = ".steps"
     within: float = option(TOLERANCE, "time that a pulse may be off, for longer commands; default 1 us", "s")
-    least: float | None = option(None, "smallest time between pulses of an axis; default one tick", "s")
+    least: float | None = option(None, "smallest time between pulses of an axis; default: as its drive takes", "s")
     named: bool = option(False, "write each number with its name, as Klipper's console takes it")
 
     def write(self, source: Source, path: Path) -> Exported:
         pulses, clock = source.pulses, source.pulses.clock_hz
         tolerance = floor(float(finite(self.within, "within", (), unit="s", least=0.0)) * clock + ROUNDING)
-        least = ceil(float(finite(self.least or 0.0, "least", (), unit="s", least=0.0)) * clock - ROUNDING)
-        queues = compress(pulses.axes, tolerance, max(least, 1))
+        asked = ceil(float(finite(self.least or 0.0, "least", (), unit="s", least=0.0)) * clock - ROUNDING)
+        drives = [axis.timing for axis in source.machine.axes]
+        least = [max(asked, 1, 0 if self.least is not None or d is None else d.ticks(clock)[0]) for d in drives]
+        queues = (
+            compress(pulses.axes, tolerance, least[0])
+            if len(set(least)) == 1
+            else tuple(compress([axis], tolerance, n)[0] for axis, n in zip(pulses.axes, least, strict=True))
+        )
         forms = {
             name: " ".join([name, *(f"{key}=%d" if self.named else "%d" for key in keys)]) + "\n"
             for name, keys in COMMANDS.items()
@@ -112,9 +119,16 @@ def _compare(source: Source, path: Path, commands: int) -> Exported:
     pulses = source.pulses
     worst, late = 0.0, 0
     held = read(path, [axis.direction for axis in source.machine.axes])
-    for axis, (ticks, direction) in zip(pulses.axes, held, strict=True):
+    for axis, (ticks, direction), driven in zip(pulses.axes, held, source.machine.axes, strict=True):
         if not np.array_equal(direction, axis.direction):
             return Exported(np.inf, f"the pulses: axis {axis.name} has others")
+        back = np.diff(ticks)[np.diff(direction) != 0]
+        if driven.timing is not None and len(back) and back.min() < driven.timing.ticks(pulses.clock_hz)[1]:
+            closest = 1e6 * back.min() / pulses.clock_hz
+            raise MotionError(
+                f"steps: axis {axis.name}: a reversal within {closest:.4g} us, and its drive "
+                f"takes {1e6 * driven.timing.reversal:.4g} us; give a shorter --within"
+            )
         nth = np.arange(len(ticks))
         late = max(late, int(abs(ticks - axis.ticks).max(initial=0)))
         for one, other in ((ticks, axis.ticks), (axis.ticks, ticks)):

@@ -53,7 +53,7 @@ class Vcd:
         pulses, axes = source.pulses, source.machine.axes
         if 2 * len(axes) > len(IDS):
             raise MotionError(f"{len(axes)} axes, but a dump has at most {len(IDS) // 2}; choose another format")
-        high = high_ticks(pulses, self.width, [axis.timing for axis in axes if axis.timing is not None])
+        high = high_ticks(pulses, self.width, [axis.timing for axis in axes])
         wiring, digits = [axis.direction for axis in axes], _digits(pulses)
         with path.open("wb") as file:
             file.write(_head(source, digits))

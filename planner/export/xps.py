@@ -40,7 +40,7 @@ class Xps:
     spacing: float | None = spacing_option()
 
     def write(self, source: Source, path: Path) -> Exported:
-        axes, motion = source.machine.axes, source.trajectory
+        axes, motion = source.machine.axes, source.counted
         if len(axes) > MOST_AXES:
             raise MotionError(
                 f"axis {axes[MOST_AXES].name}: {len(axes)} axes, but an XPS has at most {MOST_AXES}; "

@@ -44,7 +44,7 @@ class ZaberCsv:
     step: float = option(STEP, "durations are whole steps of this; default 0.1 ms", "s")
 
     def write(self, source: Source, path: Path) -> Exported:
-        axes, motion = source.machine.axes, source.trajectory
+        axes, motion = source.machine.axes, source.counted
         letters = assign(axes, self.letters, ALPHABET, "Zaber PVT")
         refuse_moving_ends(motion, axes, "Zaber PVT")
         if not 1e-9 <= self.step <= 1:

@@ -27,4 +27,5 @@ class Travel(AxisLimit):
     def told(self, value: float, channel: int) -> tuple[float, float]:
         """The stroke from home, and the end of travel on its side."""
         lo, hi = self.travel[channel]
-        return value + (lo + hi) / 2, float(hi if value > 0 else lo)
+        middle = (lo + hi) / 2 if np.isfinite([lo, hi]).all() else 0.0
+        return value + middle, float(hi if value > 0 else lo)

@@ -101,7 +101,7 @@ def even(intervals: int) -> Array:
     return np.asarray(tau**3 * (10 - 15 * tau + 6 * tau**2))
 
 
-@lru_cache(maxsize=16)
+@lru_cache(maxsize=4)
 def _assemble(intervals: int, signature: Signature, axes: int) -> tuple[ca.Function, Patience]:
     stage = _stage(signature)
     size, rows = stage.size1_in(1), stage.size1_out(2)

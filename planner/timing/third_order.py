@@ -31,6 +31,8 @@ from planner.timing.quiet import quiet
 from planner.timing.stages import chained, derivatives
 
 Solver = Literal["fatrop", "ipopt"]
+LARGE = 500
+"""Intervals up to which assembled problems are kept a dozen at a time."""
 # The cost is the duration in thousandths of the guess', which suits the solver's tolerances, and a trace for jerk: as a
 # share of its limit, squared and averaged over the guess' time. Where many motions take the same time it chooses a calm
 # one, which also strays less between grid points.
@@ -165,9 +167,19 @@ def _term(term: Term, v: ca.SX, a: ca.SX, j: ca.SX) -> ca.SX:
     return values.get(term, j)
 
 
-@lru_cache(maxsize=16)
 def _assemble(intervals: int, signature: Signature, solver: Solver) -> tuple[ca.Function, Patience]:
-    """The problem for N intervals, built once: variables in stages, coefficients as parameters."""
+    """The problem for N intervals, built once and kept: of large ones, which hold some 0.15 MB an interval, few."""
+    return (_built if intervals <= LARGE else _built_large)(intervals, signature, solver)
+
+
+def _forget() -> None:
+    """A failed solve can leave infinities in the solver, and all that follow would fail."""
+    _built.cache_clear()
+    _built_large.cache_clear()
+
+
+def _build(intervals: int, signature: Signature, solver: Solver) -> tuple[ca.Function, Patience]:
+    """The problem for N intervals: variables in stages, coefficients as parameters."""
     stage = _stage(signature)
     x, data, pull = ca.SX.sym("x", 4), ca.SX.sym("data", stage.size1_in(1)), ca.SX.sym("pull", 2)
     ends, *others = stage(x, data)
@@ -195,6 +207,9 @@ def _assemble(intervals: int, signature: Signature, solver: Solver) -> tuple[ca.
     return ca.nlpsol("third_order", solver, problem, options), patience
 
 
+_built, _built_large = lru_cache(maxsize=12)(_build), lru_cache(maxsize=1)(_build)
+
+
 def _solve(
     solver: ca.Function,
     patience: Patience,
@@ -211,7 +226,7 @@ def _solve(
     try:
         return _answer(solver, patience, data, rows, guess, speeds, pull)
     except BaseException:
-        _assemble.cache_clear()  # a failed solve can leave infinities in the solver, and all that follow would fail
+        _forget()
         raise
 
 

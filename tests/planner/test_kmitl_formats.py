@@ -103,7 +103,7 @@ def test_its_error_is_what_the_dda_makes_of_it(source, tmp_path):
 
 
 def test_closer_points_leave_the_counts_alone(source, tmp_path):
-    done = KmitlArms(step=1e-4).write(source, tmp_path / "arms.txt")
+    done = KmitlArms(point_step=1e-4).write(source, tmp_path / "arms.txt")
     # its DDA fires up to a count early, and leaves up to a count of each way to the next; the text of two lengths
     # rounds by half a count, and the sagitta of 0.1 mm on a circle of 2 mm is 0.6 µm
     assert 50 < done.error < 2.5 * 50 + 0.63e-3 * 25_000
@@ -190,12 +190,12 @@ def test_other_machines_are_refused_by_name(tmp_path, hexapod, format_):
 @pytest.mark.parametrize(
     ("format_", "told"),
     [
-        (KmitlArms(step=0.0), "step 0.0 m"),
-        (KmitlArms(unit=float("nan")), "unit nan m"),
-        (KmitlArms(unit=1e-9), "more than 7 characters"),
-        (KmitlArms(step=5e-7), "the source counts to 32767"),
+        (KmitlArms(point_step=0.0), "point step 0.0 m"),
+        (KmitlArms(unit_length=float("nan")), "unit length nan m"),
+        (KmitlArms(unit_length=1e-9), "more than 7 characters"),
+        (KmitlArms(point_step=5e-7), "the source counts to 32767"),
         (KmitlPositions(chord=-1.0), "chord -1.0 m"),
-        (KmitlPositions(unit=1e-9), "more than 7 characters"),
+        (KmitlPositions(unit_length=1e-9), "more than 7 characters"),
         (KmitlPositions(chord=1e-13), "asks for more than 32767 poses"),
     ],
 )

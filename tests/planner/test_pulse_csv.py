@@ -147,7 +147,7 @@ def test_the_width_is_two_microseconds_or_half_the_smallest_interval_or_as_asked
     for far in (0.0, 1e-5):
         with pytest.raises(MotionError, match="pulse width"):
             width(schedule_of([100, 200]), width=far)
-    with pytest.raises(MotionError, match="at least 1 and at most 0 to leave the closest pulses apart"):
+    with pytest.raises(MotionError, match="at least 1 and at most 0 to leave the closest pulses and reversals apart"):
         width(schedule_of([100, 101]))
 
 

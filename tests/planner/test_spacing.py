@@ -1,6 +1,7 @@
 """Room for the drives: pulses keep the times that their inputs need, moved by the least that does."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,8 +12,9 @@ from scipy.optimize import linprog
 from kinematics.axis import Axis
 from kinematics.errors import MotionError
 from kinematics.step_timing import DRIVES, StepTiming, find_drive
+from planner.export import pulse_csv
 from planner.place import Infeasible
-from planner.pulses import AxisPulses, PulseSchedule, generate
+from planner.pulses import AxisPulses, PulseSchedule, check_file, generate
 from planner.pulses.spacing import spaced
 from tests.planner.test_pulse_check import in_pulses
 
@@ -26,8 +28,6 @@ class Slow:
     duration = 1.0
 
     def at(self, t):
-        from types import SimpleNamespace
-
         q = np.asarray(t)[:, None] * 1e-3
         nothing = np.zeros_like(q)
         return SimpleNamespace(s=np.asarray(t), q=q, qd=nothing + 1e-3, qdd=nothing, qddd=nothing)
@@ -135,3 +135,19 @@ def test_wrong_timing_is_refused_by_name(wrong):
 def test_an_unknown_drive_is_told_the_nearest():
     with pytest.raises(MotionError, match='nearest is "A4988"'):
         find_drive("a4988")
+
+
+def test_the_file_of_moved_reversals_keeps_their_set_up(tmp_path):
+    """STEP may stay high only so long that DIR, which changes when it falls, is early enough."""
+    motion, home = in_pulses([0.0, 0.0, 0.0], [-6.0, 12.0, 0.0], [-6.0, 0.0, 6.0])  # after a rest, for the first set-up
+    timing = StepTiming(0.25e-6, 0.25e-6, 0.6, 0.0)  # and the motion stays beyond its last level for 0.577 s
+    axis = Axis("x", pulse=0.75e-6, timing=timing)
+    schedule = generate(motion, [axis], home)
+    assert len(schedule.moves) == 1
+    machine = SimpleNamespace(axes=[axis], home_q=np.array(home))
+    plan = SimpleNamespace(machine=machine, counted=motion, pulses=schedule)
+    pulse_csv.write(schedule, tmp_path / "p.csv", [1], timing=[timing])
+    found = check_file(tmp_path / "p.csv", plan)
+    assert found.holds, found.faults
+    with pytest.raises(MotionError, match="pulse width"):
+        pulse_csv.write(schedule, tmp_path / "q.csv", [1], timing=[timing], width=2e-6)

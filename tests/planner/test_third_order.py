@@ -225,7 +225,7 @@ def test_a_solve_ends_when_its_patience_does_and_the_next_one_answers(monkeypatc
     guess = start.on(problem.s)
     expected = third_order(problem, guess).duration
     monkeypatch.setattr(solver_module, "EVALUATIONS", 10)
-    solver_module._assemble.cache_clear()
+    solver_module._forget()
     with pytest.raises(MotionError, match="stopped without an answer"):
         third_order(problem, guess)
     monkeypatch.undo()

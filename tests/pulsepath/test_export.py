@@ -2,6 +2,7 @@
 
 import json
 import re
+from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,8 @@ import pytest
 
 from planner.export.formats import FORMATS, find_format
 from planner.pulses import lines
+
+LINE = 'schema = 1\nlength = "mm"\nangle = "deg"\n[[segment]]\nline = {{ to = [{}] }}\n'
 
 
 @pytest.fixture
@@ -142,3 +145,33 @@ def test_bad_input_is_told_and_leaves_no_file(call, plan, options, told):
     assert done.exit_code == 2
     assert told in done.stderr
     assert sorted(plan.iterdir()) == before
+
+
+def test_an_arm_is_exported_with_its_links_from_beside_the_plan(call, tmp_path):
+    (tmp_path / "p.toml").write_text(
+        'schema = 1\nlength = "mm"\nangle = "deg"\n[[segment]]\nline = { to = [1, 0, 1] }\n'
+    )
+    assert call("plan", tmp_path / "p.toml", "--machine", "arm", "--out", tmp_path / "o").exit_code == 0
+    done = call("export", tmp_path / "o", "--format", "ros")
+    assert done.exit_code == 0, done.stderr
+
+
+def test_what_compensates_is_exported_as_its_motors_run(call, tmp_path):
+    """The points of a PVT file end where the pulses do: where the screws have been made up for."""
+    machine = (files("kinematics") / "presets" / "traverser.toml").read_text()
+    (tmp_path / "m.toml").write_text(machine.replace("[axes]", '[axes]\ncompensate = ["lead", "backlash"]'))
+    (tmp_path / "p.toml").write_text(
+        'schema = 1\nlength = "mm"\nangle = "deg"\n[[segment]]\nline = { to = [100, 50, 80] }\n'
+    )
+    out = tmp_path / "o"
+    assert call("plan", tmp_path / "p.toml", "--machine", tmp_path / "m.toml", "--out", out).exit_code == 0
+    done = call("export", out, "--format", "galil")
+    assert done.exit_code == 0, done.stderr
+    assert "made up for" in done.stdout
+    rows = [line[3:].split(",") for line in (out / "galil.dmc").read_text().splitlines() if line.startswith("CD ")]
+    total = np.array([[int(n.partition("=")[0]) for n in row] for row in rows if "=" not in row[-1]]).sum(axis=0)
+    axes = json.loads((out / "plan.json").read_text())["pulses"]["axes"].values()
+    assert total.tolist() == [axis["net_count"] for axis in axes]
+    refused = call("export", out, "--format", "sasidhar")
+    assert refused.exit_code == 2
+    assert "axis X compensates lead and backlash" in refused.stderr
