@@ -116,16 +116,18 @@ class Smooth:
         if not pacer.late(first.profile):
             return first
         # below all bands, or through them fast: the smoother of the two
-        tried = [self._posed(path, pacer.below(), run, slowed).solved()]
-        paced = pacer.paced(slowed.duration)
+        tried, duration = [], slowed.duration
+        paced = pacer.paced(duration)
         if paced is not None:
             tried.append(replace(first, slowed=paced, profile=paced, method=PACED, tries=TRIES))
+        below = pacer.fastest(pacer.below())
+        if below is not None and below.duration <= duration:
+            below = below.slowed(duration / below.duration)
+            tried.append(self._posed(path, pacer.below(), run, below).solved())
         kept = [one for one in tried if not pacer.late(one.profile)]
         if not kept:
-            raise _stays(pacer, first.profile, slowed.duration)
-        # at order 2 the accelerations of all but the smoothest step, which its jerks do not tell
-        rank = [SMOOTHEST, PACED, SLOWED]
-        return min(kept, key=lambda one: (self.order == 2 and rank.index(one.method), one.roughness()))
+            raise _stays(pacer, first.profile, duration)
+        return min(kept, key=Smoothed.roughness)
 
     def _posed(self, path: ActuatorPath, limits: Sequence[Limit], run: Run, slowed: Profile) -> "Smoothed":
         return Smoothed(path, graded(path, limits, run, even), self.weights, slowed, slowed, SLOWED, 0)
@@ -139,7 +141,8 @@ def _stays(pacer: Pacer, profile: Profile, duration: float) -> Infeasible:
     band = f"{worst.band.low * scale:.6g} to {worst.band.high * scale:.6g} {unit}"
     where = profile.along(pacer.path).at(np.array([worst.start]))
     place = pacer.path.place(float(where.s[0]), int(where.piece[0]), None, axis.name)
-    longer = pacer.shortest(pacer.below()) / duration
+    below = pacer.fastest(pacer.below())
+    longer = inf if below is None else below.duration / duration
     more = f"state one {ceil(longer * 1000) / 1000:.3f} times as long, below all bands, or" if longer < inf else "state"
     remedy = (
         f"no motion of the stated duration was found that crosses the band from {band} in time: {more} a shorter one"
@@ -165,19 +168,29 @@ class Smoothed:
         return 0.0
 
     def roughness(self) -> float:
-        """∫ Σ_i (q⃛_i/w_i)² dt, by Simpson's rule on every time piece."""
+        """∫ Σ_i (q⃛_i/w_i)² dt, by Simpson's rule on every time piece; ∞ where s̈ only steps, as without jerk limits."""
+        if not self.profile.j.any():
+            return inf
         motion, h, k = self.profile.along(self.path), self.profile.h, np.arange(len(self.profile.h))
         at = [((motion.within(k, share * h).qddd / self.weights) ** 2).sum(1) for share in (0.0, 0.5, 1.0)]
         return float((h / 6 * (at[0] + 4 * at[1] + at[2])).sum())
 
     def solved(self) -> "Smoothed":
-        """Solved within the rooms that are left; the fastest motion slowed where there is no answer."""
-        duration = self.slowed.duration
-        try:
-            found = smoothest(self.path, self.problem, self.weights, quintic(self.problem.s, duration))
-        except MotionError:
-            return replace(self, profile=self.slowed, method=SLOWED, tries=TRIES)
-        return replace(self, profile=found, method=SMOOTHEST, tries=self.tries + 1)
+        """Solved within the rooms that are left; the fastest motion slowed where there is no answer, or a rougher one.
+
+        First from that one, which holds: from a motion outside the limits the solver often does not get inside.
+        """
+        slowed = replace(self, profile=self.slowed, method=SLOWED, tries=TRIES)
+        s = self.problem.s
+        for guess in (self.slowed.on(s), quintic(s, self.slowed.duration)):
+            try:
+                profile = smoothest(self.path, self.problem, self.weights, guess)
+            except MotionError:
+                continue
+            found = replace(self, profile=profile, method=SMOOTHEST, tries=self.tries + 1)
+            if found.roughness() <= slowed.roughness():
+                return found
+        return slowed
 
     def tightened(self, use: Mapping[str, Array], slowness: float) -> "Smoothed":
         if self.tries >= TRIES:

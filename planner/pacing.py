@@ -67,12 +67,12 @@ class Pacer:
         """The limits with every axis held below its bands."""
         return holding(self.limits, self._below(set(range(len(self.axes)))))
 
-    def shortest(self, limits: Sequence[Limit]) -> float:
-        """s that the run takes at least, as far as is found; ∞ if nothing is."""
+    def fastest(self, limits: Sequence[Limit]) -> Profile | None:
+        """The fastest motion that is found under other limits; None if none is."""
         try:
-            return attempt(self.path, limits, self.run, self.order).profile.duration
+            return attempt(self.path, limits, self.run, self.order).profile
         except MotionError:
-            return float("inf")
+            return None
 
     @property
     def _bands(self) -> list[Resonance]:

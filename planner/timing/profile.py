@@ -11,6 +11,8 @@ from planner.trajectory import Trajectory
 
 # How often the instant at which a profile comes by a break is enclosed more narrowly.
 HALVINGS = 60
+# Least duration of an interval, as a share of an even one's: of one that rounding leaves nothing of.
+LEAST = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,12 +51,7 @@ class Profile:
     def over(self, breaks: Array, first: int, duration: float) -> "Profile":
         """A profile of unit length and duration, stretched over path pieces `first` … between breaks, and cut there."""
         inner = (breaks[1:-1] - breaks[0]) / (breaks[-1] - breaks[0])
-        k = np.searchsorted(self.s, inner, side="right") - 1
-        low, high = np.zeros(len(inner)), self.h[k]
-        for _ in range(HALVINGS):
-            tau = (low + high) / 2
-            early = self.at(k, tau)[0] < inner
-            low, high = np.where(early, tau, low), np.where(early, high, tau)
+        k, low = self._passing(inner)
         begin = np.concatenate([[0.0], np.cumsum(self.h)])[:-1]
         starts = np.concatenate([begin, begin[k] + low])
         order = np.argsort(starts, kind="stable")
@@ -66,6 +63,24 @@ class Profile:
         piece = first + np.searchsorted(inner, s, side="right")
         v, a, j = v * length / duration, a * length / duration**2, j * length / duration**3
         return Profile(breaks[0] + length * s, v, a, j, h * duration, piece)
+
+    def on(self, s: Array) -> Array:
+        """(4, N) of ṡ, s̈, s⃛, h on a grid s (N+1,) over the same way, s⃛ averaged over each interval."""
+        k, tau = self._passing(s[1:-1])
+        t = np.concatenate([[0.0], np.concatenate([[0.0], np.cumsum(self.h)])[k] + tau, [self.duration]])
+        _, v, a, _ = self.at(np.append(0, k), np.append(0.0, tau))
+        h = np.maximum(np.diff(t), LEAST * self.duration / len(s))
+        return np.stack([v, a, np.diff(a, append=0.0) / h, h])
+
+    def _passing(self, s: Array) -> tuple[np.ndarray, Array]:
+        """The pieces (K,) in which it comes by s (K,), and how long after their starts."""
+        k = np.clip(np.searchsorted(self.s, s, side="right") - 1, 0, None)
+        low, high = np.zeros(len(s)), self.h[k]
+        for _ in range(HALVINGS):
+            tau = (low + high) / 2
+            early = self.at(k, tau)[0] < s
+            low, high = np.where(early, tau, low), np.where(early, high, tau)
+        return k, low
 
     def columns(self) -> Array:
         """(4, M) of ṡ, s̈, s⃛, h: a start for another solve on the same grid."""

@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ from scipy.spatial.transform import RigidTransform
 
 from kinematics import Hexapod, MotionError, load_machine
 from kinematics.axis import Axis
-from planner import Dwell, Infeasible, Line, Program, load_program, plan
+from planner import Arc, Blend, Dwell, Infeasible, Line, Program, load_program, plan
 from planner.duration import within
 from planner.limits import limits_of
 from planner.polynomial import PolynomialPath
@@ -68,6 +69,33 @@ def test_the_circle_takes_as_long_as_stated_and_is_smoother_than_the_fastest_slo
         np.trapezoid((one.trajectory.at(t * one.trajectory.duration).qddd ** 2).sum(1), t) for one in (made, best)
     )
     assert cost < 0.99 * slowed / share**6  # the same motion slower has jerks share³ times as small
+
+
+@pytest.mark.parametrize("order", [2, 3])
+def test_the_longer_the_smoother(order):
+    """A half turn, a short blend, a line: on the blend, the motion without limits is far outside them until × 2.
+
+    Compressed in time by k, a motion has k⁵ times its ∫ q⃛² dt and uses kᵐ times as much of a limit with 1/tᵐ. Where
+    that is within the limits, the smoothest of the shorter duration is no rougher.
+    """
+    machine = load_machine("hexapod")
+    arc = Arc(np.array([0, 0, 0.025]), np.array([0, 0, 1.0]), np.pi, rise=3e-3, join=Blend(1e-4))
+    program = Program((arc, Line(np.array([0, 0, 0.028]))), start=RigidTransform.from_translation([0.015, 0, 0.025]))
+    shortest = plan(program, machine, order=order).trajectory.duration
+    shares = (1.05, 1.2, 1.5, 2.0, 3.0)
+    made = [plan(program, machine, order=order, duration=share * shortest) for share in shares]
+    assert all(one.certificate.holds for one in made)
+    assert {method for one in made for method in one.methods} == {"smoothest"}
+    rough = [roughness(one.trajectory) for one in made]
+    compared = 0
+    for k, (shorter, longer) in zip(np.divide(shares[1:], shares[:-1]), pairwise(range(len(shares))), strict=True):
+        assert rough[longer] < rough[shorter]
+        worst = made[longer].certificate.worst
+        if max(worst["speed"] * k, worst["acceleration"] * k**2, worst.get("jerk", 0.0) * k**3) < 1:
+            # 1e-4: what the solver's tolerance leaves
+            assert rough[shorter] <= rough[longer] * k**5 * (1 + 1e-4)
+            compared += 1
+    assert compared > 0
 
 
 def test_runs_and_rests():
