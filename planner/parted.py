@@ -19,7 +19,7 @@ from planner.limits.limit import Limit
 from planner.limits.tool_speed import ToolSpeed
 from planner.place import Infeasible
 from planner.proved import Timed
-from planner.steady import refuse, steady
+from planner.steady import refuse, refuse_joined, steady
 from planner.timing.problem import Run
 from planner.timing.profile import Profile
 from planner.timing.run import Attempt, attempt
@@ -78,6 +78,10 @@ def parted(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int) ->
     blocks = _blocks(path, limits, run)
     if len(blocks) == 1 and path.constant(run.first) is None:
         return attempt(path, limits, run, order)
+    for block in blocks:
+        speed = path.constant(block.first)
+        if speed is not None:
+            refuse_joined(path, limits, block, order, speed)
     for before, after in pairwise(blocks):
         both = np.array([before.last, after.first])
         refuse(path, limits, path.breaks[[after.first, after.first]], both, after.start_speed)
@@ -111,18 +115,21 @@ def _blocks(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> list[Run]:
 
 def _told(path: ActuatorPath, block: Run, run: Run, no: MotionError) -> MotionError:
     """What to say where a part cannot be run from or to the constant speeds about it: which of them, and the remedy."""
-    kind = no.kind if isinstance(no, Infeasible) else ""
+    kind, joint = no.kind if isinstance(no, Infeasible) else "", block.speeds
     for kinds, joined, end, piece, words in (
         (("start speed", ""), block.first > run.first, 0, block.first, ("from", "before")),
         (("end speed", ""), block.last < run.last, -1, block.last, ("to", "after")),
     ):
         if kind in kinds and joined:
             place = path.place(float(block.breaks(path)[end]), piece)
-            remedy = (
-                f"the ramp {words[0]} the constant speed of the segment {words[1]} lies in segment {place.segment}, "
-                f"joined to it without a stop: lower that speed, lengthen segment {place.segment}, or write "
-                'join = "stop" between the two'
+            lies = (
+                f"segment {place.segment} is at its constant speed where it joins the segment {words[1]} "
+                f"it without a stop, and no motion {words[0]} that speed was found in it"
+                if path.constant(piece) == joint[end]
+                else f"the ramp {words[0]} the constant speed of the segment {words[1]} lies in segment "
+                f"{place.segment}, joined to it without a stop"
             )
+            remedy = f'{lies}: lower that speed, or write join = "stop" between the two'
             if isinstance(no, Infeasible):
                 return Infeasible("constant speed", no.axis, place, no.value, no.limit, no.unit, remedy)
             return MotionError(f"{place}: {no}; {remedy}")

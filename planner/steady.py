@@ -89,6 +89,30 @@ def steady(
     return (*up, Cruise(path, tuple(limits), profile), *down)
 
 
+def refuse_joined(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int, speed: float) -> None:
+    """Raise Infeasible where a limit does not allow the speed beside an end of the run at which it is already kept.
+
+    That is the half up to the run's middle, if a ramp to the other end fits behind it; all of it, if none is needed.
+    """
+    breaks = run.breaks(path)
+    first, last = float(breaks[0]), float(breaks[-1])
+    if min(run.speeds) == speed:
+        refuse(path, limits, *_along(path, run, first, last, speed), speed)
+    elif max(run.speeds) == speed:
+        down, middle = run.start_speed == speed, (first + last) / 2
+        places = _along(path, run, *((first, middle) if down else (middle, last)), speed)
+        if _use(path, limits, *places, np.full(len(places[0]), speed)).max() <= 1 + TOLERANCE:
+            return
+        if _solved(path, limits, run, order, speed, [middle], down) is not None:
+            refuse(path, limits, *places, speed)
+
+
+def _along(path: ActuatorPath, run: Run, since: float, until: float, speed: float) -> tuple[Array, np.ndarray]:
+    """Places between two path lengths, close together, and their path pieces."""
+    profile = _cruise(path, run, since, until, speed)
+    return _places(profile, np.arange(len(profile.h)), POINTS)
+
+
 def _capped(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int, speed: float) -> Attempt:
     """The fastest motion under the speed. Raises Infeasible where no ramp, however long, would help."""
     try:

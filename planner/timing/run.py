@@ -25,8 +25,8 @@ from planner.timing.third_order import third_order
 WORTH = 1.01
 # Shares of the largest speed at an end without a jerk limit, from which the largest with one is sought.
 SHARES = (0.9, 0.5, 0.2)
-# From its answer a solver finds a larger one still, as the grid is made for the motion to start from: until it changes by
-# no more than this share, and so often at most.
+# From its answer a solver finds a larger one still, as the grid is made for the motion to start from: until it changes
+# by no more than this share, and so often at most.
 SETTLED, AGAIN = 1e-4, 3
 # Shares of the largest speed that a solver finds for an end, tried in turn until one leads to a motion that holds; then
 # halvings between that and the one before it.
@@ -96,7 +96,7 @@ def _legs(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int) -> 
         if order == 2:
             raise
         _refuse_ends(path, limits, run)
-        yield from _parted(path, limits, run) or [_averaged(path, limits, run)]
+        yield from _patient(path, limits, run) or _parted(path, limits, run) or [_averaged(path, limits, run)]
         return
     if order == 3 and leg.slowness > WORTH:
         parts = _parted(path, limits, run)
@@ -106,8 +106,18 @@ def _legs(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int) -> 
     yield leg
 
 
-def _solved(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int) -> Leg:
-    """The run in one leg, solved once."""
+def _patient(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> list[Leg]:
+    """Between speeds that are not refused: by whatever solver finds a motion. Empty where none does."""
+    if max(run.speeds) == 0:
+        return []
+    try:
+        return [_settled(path, limits, _solved(path, limits, run, 3, patient=True))]
+    except MotionError:
+        return []
+
+
+def _solved(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int, *, patient: bool | None = None) -> Leg:
+    """The run in one leg, solved once; patient: as `jerk_limited` has it."""
     if order == 2:
         problem = order_2_problem(path, limits, run)
         profile = straight(problem)
@@ -123,7 +133,7 @@ def _solved(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int) -
     if profile is not None:
         return Leg(run, coarse, profile, STRAIGHT, order, profile.duration)
     problem, start = jerk_problem(path, limits, run, coarse)
-    profile, by = jerk_limited(problem, start.on(problem.s))
+    profile, by = jerk_limited(problem, start.on(problem.s), patient=patient)
     return Leg(run, problem, profile, by, order, floor(coarse))
 
 
@@ -170,7 +180,7 @@ def _parted(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> list[Leg]:
 
 
 def _refuse_ends(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> None:
-    """Raise TooFast where the jerk leaves no room for a speed at an end, beside the other's or, failing that, a rest."""
+    """Raise TooFast where the jerk leaves no room for a speed at an end: beside the other's, else beside a rest."""
     for beside in (run, None):
         for end in (0, 1):
             asked = run.speeds[end]
