@@ -21,7 +21,7 @@ from planner.certify import TOLERANCE
 from planner.limits.limit import Limit
 from planner.limits.resonance import Resonance
 from planner.limits.tool_speed import ToolSpeed
-from planner.place import Infeasible
+from planner.place import ConstantRefused, Infeasible
 from planner.timing.leg import STRAIGHT
 from planner.timing.problem import Run, grid
 from planner.timing.profile import Profile
@@ -239,7 +239,8 @@ def refuse(path: ActuatorPath, limits: Sequence[Limit], s: Array, piece: np.ndar
         f"{float(low[worst[0]]) * 1e3:.6g} mm/s; "
         "lower the speed, or let the segment run without speed_constant"
     )
-    raise Infeasible(limit.name, limit.channels[channel], place, reached * scale, allowed * scale, unit, remedy)
+    told = limit.name, limit.channels[channel], place, reached * scale, allowed * scale, unit, remedy
+    raise ConstantRefused(*told, asked=speed, possible=float(low[worst[0]]))
 
 
 def _too_short(path: ActuatorPath, limits: Sequence[Limit], capped: Profile, speed: float) -> Infeasible:
@@ -256,7 +257,8 @@ def _too_short(path: ActuatorPath, limits: Sequence[Limit], capped: Profile, spe
         f"the segment is too short for its ramps, held by the {timed[holding].name} of {channel}: "
         f"lower the speed below {fastest * 1e3:.6g} mm/s, or let it run without speed_constant"
     )
-    return Infeasible("constant speed", channel, place, speed * 1e3, fastest * 1e3, "mm/s", remedy)
+    told = "constant speed", channel, place, speed * 1e3, fastest * 1e3, "mm/s", remedy
+    return ConstantRefused(*told, asked=speed, possible=fastest)
 
 
 def _use(path: ActuatorPath, limits: Sequence[Limit], s: Array, piece: np.ndarray, speed: Array) -> Array:
