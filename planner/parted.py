@@ -7,6 +7,7 @@ segment's cap as well. Where the motion comes from rest, or out of a slower segm
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import chain, pairwise
 
 import numpy as np
@@ -17,12 +18,17 @@ from planner.actuation import ActuatorPath
 from planner.certify import TOLERANCE
 from planner.limits.limit import Limit
 from planner.limits.tool_speed import ToolSpeed
-from planner.place import Infeasible
-from planner.proved import Timed
-from planner.steady import refuse, steady
+from planner.place import ConstantRefused, Infeasible
+from planner.proved import ROUNDS, Prover, Timed
+from planner.steady import refuse, refuse_joined, steady
 from planner.timing.problem import Run
 from planner.timing.profile import Profile
 from planner.timing.run import Attempt, attempt
+
+# Slower speeds that are tried where one is refused, each this share of what the last refusal left possible.
+TRIALS, BELOW = 4, 0.9995
+Asked = Mapping[int, float | None]
+"""Of each piece of a run, the constant speed that is asked for, if any."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,32 +79,88 @@ class Parted:
 def parted(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int) -> Attempt | Parted:
     """The first solve of a run, in parts where its segments ask for constant speeds.
 
-    Raises Infeasible where a constant speed cannot be, or where the passage before or after it cannot reach it.
+    Raises Infeasible where a constant speed cannot be, or where the passage before or after it cannot reach it: with
+    one that was proved to do, where one was found.
     """
-    blocks = _blocks(path, limits, run)
-    if len(blocks) == 1 and path.constant(run.first) is None:
+    asked = {piece: path.constant(piece) for piece in range(run.first, run.last + 1)}
+    try:
+        return _parts(path, limits, run, order, asked)
+    except ConstantRefused as no:
+        found = _slower(path, limits, run, order, asked, no)
+        if found is None:
+            raise
+        raise no.found(found) from None
+
+
+def _slower(
+    path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int, asked: Asked, no: ConstantRefused
+) -> float | None:
+    """A constant speed instead of the one refused, just below what is possible there, at which the run is proved."""
+    speed = no.possible
+    for _ in range(TRIALS):
+        speed *= BELOW
+        instead = {piece: speed if one == no.asked else one for piece, one in asked.items()}
+        changed = [piece for piece, one in asked.items() if one == no.asked]
+        if not changed or speed <= 0:
+            return None
+        prover = Prover(path, _capped(limits, changed, speed), order, partial(_parts, order=order, asked=instead))
+        try:
+            (found,) = prover([run])
+        except ConstantRefused as again:
+            if again.asked != speed:
+                return None
+            speed = min(speed, again.possible)
+            continue
+        except MotionError:
+            continue
+        if found.rounds < ROUNDS and all(np.max(use) < np.inf for use in found.known.use.values()):
+            return speed
+    return None
+
+
+def _capped(limits: Sequence[Limit], pieces: Sequence[int], speed: float) -> tuple[Limit, ...]:
+    """The limits, with the tool no faster on some pieces."""
+    slower: list[Limit] = []
+    for limit in limits:
+        if isinstance(limit, ToolSpeed):
+            caps = np.array(limit.caps)
+            caps[pieces] = np.minimum(caps[pieces], speed)
+            slower.append(ToolSpeed(caps))
+        else:
+            slower.append(limit)
+    return tuple(slower)
+
+
+def _parts(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int, asked: Asked) -> Attempt | Parted:
+    """The run in parts, at the constant speeds asked for."""
+    blocks = _blocks(limits, run, asked)
+    if len(blocks) == 1 and asked[run.first] is None:
         return attempt(path, limits, run, order)
+    for block in blocks:
+        speed = asked[block.first]
+        if speed is not None:
+            refuse_joined(path, limits, block, order, speed)
     for before, after in pairwise(blocks):
         both = np.array([before.last, after.first])
         refuse(path, limits, path.breaks[[after.first, after.first]], both, after.start_speed)
     parts: dict[int, Sequence[Timed]] = {}
     # constant speeds first: why they cannot be is soon known
-    for block in sorted(blocks, key=lambda block: path.constant(block.first) is None):
-        speed = path.constant(block.first)
+    for block in sorted(blocks, key=lambda block: asked[block.first] is None):
+        speed = asked[block.first]
         try:
             if speed is None:
                 parts[block.first] = [attempt(path, limits, block, order)]
             else:
                 parts[block.first] = steady(path, limits, block, order, speed)
         except MotionError as no:
-            raise _told(path, block, run, no) from None
+            raise _told(path, block, run, speed, no) from None
     return Parted(path, tuple(chain(*(parts[block.first] for block in blocks))))
 
 
-def _blocks(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> list[Run]:
+def _blocks(limits: Sequence[Limit], run: Run, asked: Asked) -> list[Run]:
     """The parts of a run that ask for different speeds, each from and to the largest that both sides are allowed."""
-    asked = [path.constant(piece) for piece in range(run.first, run.last + 1)]
-    starts = [run.first, *(run.first + k for k in range(1, len(asked)) if asked[k] != asked[k - 1]), run.last + 1]
+    inner = range(run.first + 1, run.last + 1)
+    starts = [run.first, *(piece for piece in inner if asked[piece] != asked[piece - 1]), run.last + 1]
     if len(starts) == 2:
         return [run]
     (caps,) = (limit.caps for limit in limits if isinstance(limit, ToolSpeed))  # a constant speed is one of them
@@ -109,21 +171,25 @@ def _blocks(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> list[Run]:
     ]
 
 
-def _told(path: ActuatorPath, block: Run, run: Run, no: MotionError) -> MotionError:
+def _told(path: ActuatorPath, block: Run, run: Run, own: float | None, no: MotionError) -> MotionError:
     """What to say where a part cannot be run from or to the constant speeds about it: which of them, and the remedy."""
-    kind = no.kind if isinstance(no, Infeasible) else ""
+    kind, joint = no.kind if isinstance(no, Infeasible) else "", block.speeds
     for kinds, joined, end, piece, words in (
         (("start speed", ""), block.first > run.first, 0, block.first, ("from", "before")),
         (("end speed", ""), block.last < run.last, -1, block.last, ("to", "after")),
     ):
         if kind in kinds and joined:
             place = path.place(float(block.breaks(path)[end]), piece)
-            remedy = (
-                f"the ramp {words[0]} the constant speed of the segment {words[1]} lies in segment {place.segment}, "
-                f"joined to it without a stop: lower that speed, lengthen segment {place.segment}, or write "
-                'join = "stop" between the two'
+            lies = (
+                f"segment {place.segment} is at its constant speed where it joins the segment {words[1]} "
+                f"it without a stop, and no motion {words[0]} that speed was found in it"
+                if own == joint[end]
+                else f"the ramp {words[0]} the constant speed of the segment {words[1]} lies in segment "
+                f"{place.segment}, joined to it without a stop"
             )
+            remedy = f'{lies}: lower that speed, or write join = "stop" between the two'
             if isinstance(no, Infeasible):
-                return Infeasible("constant speed", no.axis, place, no.value, no.limit, no.unit, remedy)
+                told = "constant speed", no.axis, place, no.value, no.limit, no.unit, remedy
+                return ConstantRefused(*told, asked=joint[end], possible=no.limit / 1e3)
             return MotionError(f"{place}: {no}; {remedy}")
     return no

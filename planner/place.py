@@ -1,6 +1,7 @@
 """Where along a plan something happens, and the refusal that names it."""
 
 from dataclasses import dataclass
+from typing import Any
 
 from kinematics.errors import MotionError
 
@@ -48,3 +49,17 @@ class Infeasible(MotionError):
         ∞ where the limit is 0: an end of travel at home, which no factor moves.
         """
         return self.value / self.limit if self.limit else float("inf")
+
+
+class ConstantRefused(Infeasible):
+    """A constant speed that cannot be kept or reached: asked, and possible, as far as that place goes (m/s)."""
+
+    def __init__(self, *told: Any, asked: float, possible: float) -> None:
+        self.asked, self.possible = asked, possible
+        super().__init__(*told)
+
+    def found(self, speed: float) -> "ConstantRefused":
+        """With a speed of which it was proved that the whole run can be made at it."""
+        remedy = f"{self.remedy}; {speed * 1e3:.6g} mm/s was found to hold"
+        told = self.kind, self.axis, self.place, self.value, self.limit, self.unit, remedy
+        return ConstantRefused(*told, asked=self.asked, possible=self.possible)

@@ -21,7 +21,7 @@ from planner.certify import TOLERANCE
 from planner.limits.limit import Limit
 from planner.limits.resonance import Resonance
 from planner.limits.tool_speed import ToolSpeed
-from planner.place import Infeasible
+from planner.place import ConstantRefused, Infeasible
 from planner.timing.leg import STRAIGHT
 from planner.timing.problem import Run, grid
 from planner.timing.profile import Profile
@@ -87,6 +87,30 @@ def steady(
     profile = _cruise(path, run, since, until, speed)
     refuse(path, limits, *_places(profile, np.arange(len(profile.h)), FEW), speed)
     return (*up, Cruise(path, tuple(limits), profile), *down)
+
+
+def refuse_joined(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int, speed: float) -> None:
+    """Raise Infeasible where a limit does not allow the speed beside an end of the run at which it is already kept.
+
+    That is the half up to the run's middle, if a ramp to the other end fits behind it; all of it, if none is needed.
+    """
+    breaks = run.breaks(path)
+    first, last = float(breaks[0]), float(breaks[-1])
+    if min(run.speeds) == speed:
+        refuse(path, limits, *_along(path, run, first, last, speed), speed)
+    elif max(run.speeds) == speed:
+        down, middle = run.start_speed == speed, (first + last) / 2
+        places = _along(path, run, *((first, middle) if down else (middle, last)), speed)
+        if _use(path, limits, *places, np.full(len(places[0]), speed)).max() <= 1 + TOLERANCE:
+            return
+        if _solved(path, limits, run, order, speed, [middle], down) is not None:
+            refuse(path, limits, *places, speed)
+
+
+def _along(path: ActuatorPath, run: Run, since: float, until: float, speed: float) -> tuple[Array, np.ndarray]:
+    """Places between two path lengths, close together, and their path pieces."""
+    profile = _cruise(path, run, since, until, speed)
+    return _places(profile, np.arange(len(profile.h)), POINTS)
 
 
 def _capped(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int, speed: float) -> Attempt:
@@ -215,7 +239,8 @@ def refuse(path: ActuatorPath, limits: Sequence[Limit], s: Array, piece: np.ndar
         f"{float(low[worst[0]]) * 1e3:.6g} mm/s; "
         "lower the speed, or let the segment run without speed_constant"
     )
-    raise Infeasible(limit.name, limit.channels[channel], place, reached * scale, allowed * scale, unit, remedy)
+    told = limit.name, limit.channels[channel], place, reached * scale, allowed * scale, unit, remedy
+    raise ConstantRefused(*told, asked=speed, possible=float(low[worst[0]]))
 
 
 def _too_short(path: ActuatorPath, limits: Sequence[Limit], capped: Profile, speed: float) -> Infeasible:
@@ -232,7 +257,8 @@ def _too_short(path: ActuatorPath, limits: Sequence[Limit], capped: Profile, spe
         f"the segment is too short for its ramps, held by the {timed[holding].name} of {channel}: "
         f"lower the speed below {fastest * 1e3:.6g} mm/s, or let it run without speed_constant"
     )
-    return Infeasible("constant speed", channel, place, speed * 1e3, fastest * 1e3, "mm/s", remedy)
+    told = "constant speed", channel, place, speed * 1e3, fastest * 1e3, "mm/s", remedy
+    return ConstantRefused(*told, asked=speed, possible=fastest)
 
 
 def _use(path: ActuatorPath, limits: Sequence[Limit], s: Array, piece: np.ndarray, speed: Array) -> Array:

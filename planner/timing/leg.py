@@ -101,16 +101,18 @@ def _tightened(block: Block, excess: Array, tries: int) -> Block:
     return replace(block, room=np.where(excess > 1 + MARGIN, less, block.room))
 
 
-def jerk_limited(problem: Problem, guess: Array, **options: Any) -> tuple[Profile, str]:
+def jerk_limited(problem: Problem, guess: Array, *, patient: bool | None = None, **options: Any) -> tuple[Profile, str]:
     """By FATROP, or by IPOPT where that gives no answer to a problem of few intervals; which of them is told.
 
+    patient: whether IPOPT is asked. If not told, from rest to rest only: between given speeds there may be no answer,
+    which takes it up to a minute to find out.
     Rows that speak only near some motions are taken near the guess, and then near each answer in turn.
     """
     if not problem.settled:
         for _ in range(ROUNDS):
             v, a, j, h = guess
             speed = v + h / 2 * (a + h * j / 4)  # in the middle, for both sides
-            profile, method = jerk_limited(problem.around(speed, speed), guess, **options)
+            profile, method = jerk_limited(problem.around(speed, speed), guess, patient=patient, **options)
             gained, guess = 1 - profile.duration / h.sum(), profile.columns()
             if abs(gained) < GAIN:
                 break
@@ -118,6 +120,7 @@ def jerk_limited(problem: Problem, guess: Array, **options: Any) -> tuple[Profil
     try:
         return third_order(problem, guess, **options), "fatrop"
     except MotionError:
-        if problem.intervals > FEW:
+        asked = max(problem.speeds) == 0 if patient is None else patient
+        if not asked or problem.intervals > FEW:
             raise
         return third_order(problem, guess, solver="ipopt", **options), "ipopt"

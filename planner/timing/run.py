@@ -10,7 +10,7 @@ from kinematics.errors import MotionError
 from planner.actuation import ActuatorPath
 from planner.limits.limit import Limit
 from planner.place import Infeasible
-from planner.timing.ends import TooFast
+from planner.timing.ends import TooFast, largest_there
 from planner.timing.floor import floor
 from planner.timing.leg import AVERAGED, MARGIN, STRAIGHT, TRIES, Leg, jerk_limited, slowest
 from planner.timing.posing import jerk_problem, order_2_problem, order_3_coarse, refined
@@ -25,8 +25,12 @@ from planner.timing.third_order import third_order
 WORTH = 1.01
 # Shares of the largest speed at an end without a jerk limit, from which the largest with one is sought.
 SHARES = (0.9, 0.5, 0.2)
-# Shares of the largest speed that a solver finds for an end, tried in turn until one leads to a motion that holds.
-NEARLY = (0.999, 0.99, 0.97, 0.9, 0.7, 0.5)
+# From its answer a solver finds a larger one still, as the grid is made for the motion to start from: until it changes
+# by no more than this share, and so often at most.
+SETTLED, AGAIN = 1e-4, 3
+# Shares of the largest speed that a solver finds for an end, tried in turn until one leads to a motion that holds; then
+# halvings between that and the one before it.
+NEARLY, HALVINGS = (0.9995, 0.998, 0.99, 0.95, 0.8, 0.5), 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,6 +79,7 @@ def attempt(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int, *
         place = path.place(float(run.breaks(path)[-no.end]), end)
         unit, scale = ("mm/s", 1e3) if place.segment is not None else ("/s", 1.0)
         remedy = f"{no.largest * scale:.6g} {unit} is the largest that the limits leave room for"
+        remedy += ", from rest or to rest at the other end: both are too high" if no.both else ""
         raise Infeasible(no.name, "path", place, no.speed * scale, no.largest * scale, unit, remedy) from None
 
 
@@ -82,16 +87,16 @@ def _legs(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int) -> 
     """The run in one leg; in two, and so on, where a solver has no answer for it or none that holds unslowed."""
     try:
         leg = _settled(path, limits, _solved(path, limits, run, order))
-    except TooFast as no:
+    except TooFast:
         if order == 3:
             straight(order_3_coarse(path, limits, run))  # what that refuses, it refuses exactly
-            _refuse_ends(path, limits, run, no)
+            _refuse_ends(path, limits, run)
         raise
     except MotionError:
         if order == 2:
             raise
         _refuse_ends(path, limits, run)
-        yield from _parted(path, limits, run) or [_averaged(path, limits, run)]
+        yield from _patient(path, limits, run) or _parted(path, limits, run) or [_averaged(path, limits, run)]
         return
     if order == 3 and leg.slowness > WORTH:
         parts = _parted(path, limits, run)
@@ -101,8 +106,18 @@ def _legs(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int) -> 
     yield leg
 
 
-def _solved(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int) -> Leg:
-    """The run in one leg, solved once."""
+def _patient(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> list[Leg]:
+    """Between speeds that are not refused: by whatever solver finds a motion. Empty where none does."""
+    if max(run.speeds) == 0:
+        return []
+    try:
+        return [_settled(path, limits, _solved(path, limits, run, 3, patient=True))]
+    except MotionError:
+        return []
+
+
+def _solved(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int, *, patient: bool | None = None) -> Leg:
+    """The run in one leg, solved once; patient: as `jerk_limited` has it."""
     if order == 2:
         problem = order_2_problem(path, limits, run)
         profile = straight(problem)
@@ -118,7 +133,7 @@ def _solved(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int) -
     if profile is not None:
         return Leg(run, coarse, profile, STRAIGHT, order, profile.duration)
     problem, start = jerk_problem(path, limits, run, coarse)
-    profile, by = jerk_limited(problem, start.on(problem.s))
+    profile, by = jerk_limited(problem, start.on(problem.s), patient=patient)
     return Leg(run, problem, profile, by, order, floor(coarse))
 
 
@@ -164,30 +179,49 @@ def _parted(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> list[Leg]:
         return []
 
 
-def _refuse_ends(path: ActuatorPath, limits: Sequence[Limit], run: Run, known: TooFast | None = None) -> None:
-    """Raise TooFast where the jerk leaves no room for a speed at an end; known: what leaves none even without jerk."""
-    for end in (0, 1):
-        asked = run.speeds[end]
-        bound = known.largest if known is not None and known.end == end else asked
-        largest = _largest_end(path, limits, run, end, bound) if asked > 0 else 0.0
-        if 0 < largest < asked:
-            raise TooFast(end, asked, largest)
+def _refuse_ends(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> None:
+    """Raise TooFast where the jerk leaves no room for a speed at an end: beside the other's, else beside a rest."""
+    for beside in (run, None):
+        for end in (0, 1):
+            asked = run.speeds[end]
+            largest = _largest_end(path, limits, beside or _with_end(run, 1 - end, 0.0), end) if asked > 0 else 0.0
+            if 0 < largest < asked:
+                raise TooFast(end, asked, largest, beside is None)
+        if min(run.speeds) == 0:  # beside a rest already
+            return
 
 
-def _largest_end(path: ActuatorPath, limits: Sequence[Limit], run: Run, end: int, bound: float) -> float:
-    """The largest speed up to the bound that is found for an end of a run and leads to a motion; 0 if none does."""
-    most = 0.0
+def _largest_end(path: ActuatorPath, limits: Sequence[Limit], run: Run, end: int) -> float:
+    """The largest speed up to the run's that is found for an end of it and leads to a motion; 0 if none does."""
+    bound, most = largest_there(order_3_coarse(path, limits, run), end), 0.0
     for share in SHARES:
         if share * bound > most:
             most = max(most, _fastest_end(path, limits, _with_end(run, end, share * bound), end, bound))
-    for share in NEARLY if most > 0 else ():
-        try:
-            leg = _settled(path, limits, _solved(path, limits, _with_end(run, end, share * most), 3))
-        except MotionError:
-            continue
-        if slowest(limits, seen(path, limits, leg.profile)) <= 1 + MARGIN:
-            return share * most
-    return 0.0
+    for _ in range(AGAIN if most > 0 else 0):
+        before, again = most, _fastest_end(path, limits, _with_end(run, end, NEARLY[1] * most), end, bound)
+        most = again or before
+        if abs(most / before - 1) < SETTLED:
+            break
+    high = 1.0
+    for low in NEARLY if most > 0 else ():
+        if _holds(path, limits, _with_end(run, end, low * most)):
+            break
+        high = low
+    else:
+        return 0.0
+    for _ in range(HALVINGS if high < 1 else 0):
+        middle = (low + high) / 2
+        low, high = (middle, high) if _holds(path, limits, _with_end(run, end, middle * most)) else (low, middle)
+    return low * most
+
+
+def _holds(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> bool:
+    """Whether a motion is found along a run, between its speeds, that is seen to keep every limit."""
+    try:
+        leg = _settled(path, limits, _solved(path, limits, run, 3))
+    except MotionError:
+        return False
+    return slowest(limits, seen(path, limits, leg.profile)) <= 1 + MARGIN
 
 
 def _with_end(run: Run, end: int, speed: float) -> Run:

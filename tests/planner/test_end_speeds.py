@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.interpolate import PPoly
+from scipy.interpolate import CubicSpline, PPoly
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics import MotionError
@@ -118,3 +118,26 @@ def test_end_speeds_are_the_tool_s_on_splines_too(hexapod, order):
     state = made.trajectory.at(np.array([0.0, made.trajectory.duration]))
     assert np.linalg.norm(state.tool_velocity, axis=1) == pytest.approx([0.004, 0.006], rel=1e-9)
     assert made.certificate.holds
+
+
+@pytest.mark.parametrize(("seed", "asked"), [(99, (0.0, 0.1)), (99, (0.1, 0.1)), (1, (0.0, 0.2))])
+def test_the_largest_end_speed_that_is_told_is_the_largest(seed, asked):
+    """It does, 1.01 of it does not; and what is told does not depend on what was asked for."""
+    path = CubicSpline(np.linspace(0, 1, 12), np.random.default_rng(seed).uniform(-1, 1, (12, 3)))
+    limits = {"max_speed": 1.0, "max_acceleration": 5.0, "max_jerk": 50.0}
+
+    def refused(start, end):
+        with pytest.raises(Infeasible) as refusal:
+            time_optimal(path, start_speed=start, end_speed=end, **limits)
+        assert ("both are too high" in str(refusal.value)) == (min(start, end) > 0)
+        return refusal.value
+
+    no = refused(*asked)
+    at = ("start speed", "end speed").index(no.kind)
+    speeds = np.zeros(2)  # beside a rest at the other end
+    speeds[at] = 0.999 * no.limit
+    assert time_optimal(path, start_speed=speeds[0], end_speed=speeds[1], **limits).certificate.holds
+    speeds[at] = 1.01 * no.limit
+    assert refused(*speeds.tolist()).limit == pytest.approx(no.limit, rel=1e-3)
+    slope = path(path.x[-1 if at else 0], 1)
+    assert no.limit <= limits["max_speed"] / np.abs(slope).max()

@@ -1,5 +1,6 @@
 """Constant speeds joined without stops: where the ramps lie, how long it takes, and what is said if it cannot be."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -197,3 +198,40 @@ def test_a_constant_speed_too_long_in_a_band_names_what_would_do(order):
     assert plan(Program((replace(arc, speed=0.017),), start=start), machine, order=order).constant_speeds
     straight = to(0.05, 0.03)
     assert plan(Program((straight,)), machine, order=order).constant_speeds  # crossed by the ramps
+
+
+BENT = Spline(
+    [[0.0, 0.008, 0.027], [-0.005, 0, 0.025]],
+    Rotation.from_euler("xyz", [[1, 0, 1], [0, 0, 0]], degrees=True),
+    join=Blend(5e-5),
+)
+
+
+def test_a_refused_constant_speed_is_told_with_one_that_holds(hexapod):
+    """After a small blend, whose jerk the speed must bear from the segment's first place on: one refusal does."""
+    start = RigidTransform.from_components([0.01, 0.005, 0.028], Rotation.identity())
+
+    def asked(speed):
+        return Program((BENT, Line([0, 0, 0.025], speed=speed, speed_constant=True)), start=start)
+
+    with pytest.raises(Infeasible, match="was found to hold") as refusal:
+        plan(asked(0.006), hexapod, order=3)
+    found = float(re.search(r"([\d.]+) mm/s was found to hold", str(refusal.value))[1]) / 1e3
+    assert plan(asked(0.999 * found), hexapod, order=3).certificate.holds
+    with pytest.raises(Infeasible, match="was found to hold"):
+        plan(asked(1.01 * found), hexapod, order=3)
+
+
+@pytest.mark.parametrize("order", [2, 3])
+def test_a_passage_too_short_tells_a_speed_that_it_reaches(table, order):
+    """Over L from rest: √(2 A L), and (J L²)^⅓ at order 3, where a ramp by v takes 2 √(v/J) at v/2 on average."""
+    length = 3e-4
+    reached = np.sqrt(2 * A * length) if order == 2 else np.cbrt(J * length**2)
+    with pytest.raises(Infeasible, match=r"segment 1, joined to it without a stop.*was found to hold") as refusal:
+        plan(Program((to(length), to(0.06, 0.05))), table, order=order)
+    assert refusal.value.limit / 1e3 == pytest.approx(reached, rel=1e-6)
+    found = float(re.search(r"([\d.]+) mm/s was found to hold", str(refusal.value))[1]) / 1e3
+    assert 0.999 * reached <= found <= reached
+    assert plan(Program((to(length), to(0.06, 0.999 * found))), table, order=order).certificate.holds
+    with pytest.raises(Infeasible):
+        plan(Program((to(length), to(0.06, 1.01 * found))), table, order=order)
