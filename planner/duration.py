@@ -122,18 +122,18 @@ class Smooth:
             tried.append(replace(first, slowed=paced, profile=paced, method=PACED, tries=TRIES))
         below = pacer.fastest(pacer.below())
         if below is not None and below.duration <= duration:
-            below = below.slowed(duration / below.duration)
-            tried.append(self._posed(path, pacer.below(), run, below).solved())
+            gentle = below.slowed(duration / below.duration)
+            tried.append(self._posed(path, pacer.below(), run, gentle).solved())
         kept = [one for one in tried if not pacer.late(one.profile)]
         if not kept:
-            raise _stays(pacer, first.profile, duration)
+            raise _stays(pacer, first.profile, duration, below)
         return min(kept, key=Smoothed.roughness)
 
     def _posed(self, path: ActuatorPath, limits: Sequence[Limit], run: Run, slowed: Profile) -> "Smoothed":
         return Smoothed(path, graded(path, limits, run, even), self.weights, slowed, slowed, SLOWED, 0)
 
 
-def _stays(pacer: Pacer, profile: Profile, duration: float) -> Infeasible:
+def _stays(pacer: Pacer, profile: Profile, duration: float, below: Profile | None) -> Infeasible:
     """What to say where axes stay in resonance bands too long, however the run is timed."""
     worst = max(pacer.late(profile), key=lambda stay: stay.use)
     axis = pacer.axes[worst.band.axis]
@@ -141,7 +141,6 @@ def _stays(pacer: Pacer, profile: Profile, duration: float) -> Infeasible:
     band = f"{worst.band.low * scale:.6g} to {worst.band.high * scale:.6g} {unit}"
     where = profile.along(pacer.path).at(np.array([worst.start]))
     place = pacer.path.place(float(where.s[0]), int(where.piece[0]), None, axis.name)
-    below = pacer.fastest(pacer.below())
     longer = inf if below is None else below.duration / duration
     more = f"state one {ceil(longer * 1000) / 1000:.3f} times as long, below all bands, or" if longer < inf else "state"
     remedy = (

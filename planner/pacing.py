@@ -83,23 +83,31 @@ class Pacer:
         return [Held(band, *ends) for limit in self._bands for band in limit.bands if band.axis in axes]
 
     def _lasting(self, limits: Sequence[Limit], eased: float, duration: float) -> Profile | None:
-        """Under speeds that are a share of those reached without: found by halving, which slowing bounds above."""
+        """Under speeds that are a share of those reached without: found by secants, as the duration all but goes with
+        the share's inverse, and by halving where they lead out. The first share is that of the free motion slowed.
+        """
         try:
             free = attempt(self.path, [*self._gentler(limits, eased, None)], self.run, self.order).profile
             if free.duration > duration * (1 - SHORTER):
                 return None
             most = np.abs(free.along(self.path).within(np.arange(len(free.h)), free.h).qd).max(0)
-            low, high, found = 0.0, free.duration / duration, free
+            low, high, found = 0.0, 1.0, free
+            share, before = free.duration / duration, (1.0, free.duration)
             for _ in range(HALVINGS):
-                if found.duration >= duration * (1 - SHORTEST):
-                    break
-                middle = (low + high) / 2
-                slower = [*self._gentler(limits, eased, middle * most)]
+                slower = [*self._gentler(limits, eased, share * most)]
                 tried = attempt(self.path, slower, self.run, self.order).profile
                 if tried.duration <= duration * (1 - SHORTER):
-                    found, high = tried, middle
+                    found, high = tried, share
                 else:
-                    low = middle
+                    low = share
+                if found.duration >= duration * (1 - SHORTEST):
+                    break
+                now = 1 / share, tried.duration
+                rise = (now[0] - before[0]) / (now[1] - before[1]) if now[1] != before[1] else 0.0
+                inverse = now[0] + rise * (duration * (1 - (SHORTER + SHORTEST) / 2) - now[1])
+                share, before = 1 / inverse if inverse > 0 else low, now
+                if not low < share < high:
+                    share = (low + high) / 2
         except MotionError:
             return None
         return found.slowed(duration / found.duration)
