@@ -1,7 +1,7 @@
 """What `plan` leaves behind: the record, the motion, the pulses, the report, and the files they were made from."""
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from hashlib import sha256
 from pathlib import Path
 
@@ -84,4 +84,5 @@ def read(folder: Path) -> Planned:
         if sha256(content).hexdigest() != digests.get(what):
             raise MotionError(f"{folder / name} is not the {what} that the plan was made from: plan it again")
     program, machine = load_program(folder / SOURCES["program"]), load_machine(str(folder / SOURCES["machine"]))
+    program = replace(program, name=str(record.get("program") or program.name))
     return Planned(program, machine, motion_json.read(folder / MOTION, actuate(program, machine)), clock, rule)

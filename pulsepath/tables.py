@@ -1,7 +1,7 @@
 """The tables that the commands print."""
 
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from math import ceil, degrees, inf, isfinite
 
 import click
@@ -17,7 +17,7 @@ from kinematics.calibration.result import GROUPS
 from planner import Place, Standing, Triggered
 from planner.option import options
 from planner.path.join import Blended
-from planner.pulses import RULES
+from planner.pulses import RULES, PulseSchedule
 from pulsepath.job import Job
 
 WIDTH = 110
@@ -56,7 +56,34 @@ def of_plan(job: Job) -> list[Table]:
     for axis in plan.pulses.axes:
         pulses.add_row(axis.name, f"{len(axis)}", f"{axis.final - axis.start}", _up(axis.bound, 3))
     pulses.add_row("all", f"{plan.pulses.total}")
-    return [times, limits, *of_blends(plan.path.blends), pulses, *_triggers(plan.triggers)]
+    made = [pulses, *_moves(plan.pulses, plan.machine.axes)]
+    return [times, limits, *of_blends(plan.path.blends), *made, *_triggers(plan.triggers)]
+
+
+def _moves(schedule: PulseSchedule, axes: Sequence[Axis]) -> Iterator[Table]:
+    """What the drives' timing and compensation cost; no tables where they cost nothing."""
+    units = {axis.name: axis.unit for axis in axes}
+    if schedule.moves:
+        moved = _table("moved for the drives", "axis", "pulses#", "by at most (µs)#", "error (pulses)#", "(µm, µrad)#")
+        for one in schedule.moves:
+            moved.add_row(
+                one.axis, f"{one.pulses}", f"{1e6 * one.time:.3f}", _up(one.error, 4), _up(1e6 * one.length, 4)
+            )
+        yield moved
+    if schedule.compensations:
+        title = "made up for, beside what is certified"
+        made = _table(title, "axis", "", "reversals#", "off while the play is crossed#", "speed#", "acceleration#")
+        for cost in schedule.compensations:
+            unit, scale = HUMAN[units[cost.axis]]
+            made.add_row(
+                cost.axis,
+                " and ".join(cost.kinds),
+                f"{cost.crossings}",
+                f"{1e6 * cost.off:.3f} {MICRO[units[cost.axis]]}",
+                f"{scale * cost.speed:.3f} {unit}/s",
+                f"{scale * cost.acceleration:.2f} {unit}/s²",
+            )
+        yield made
 
 
 def of_rules() -> list[Table]:

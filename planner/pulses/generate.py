@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 
 from kinematics.axis import Axis
 from kinematics.errors import MotionError
+from planner.place import Infeasible, Place
 from planner.pulses.compensate import compensated
 from planner.pulses.motion import Motion
 from planner.pulses.rules import Rule, find_rule
@@ -43,7 +44,23 @@ def generate(
     schedule = spaced(rule.fire(motion, machine_axes, home, clock_hz), motion, machine_axes)
     for pulses, axis in zip(schedule.axes, machine_axes, strict=True):
         _refuse_counter(pulses, axis)
+        if axis.compensate:
+            _refuse_rate(pulses, axis, trajectory, clock_hz)
     return schedule if behind is None else replace(schedule, compensations=behind.costs)
+
+
+def _refuse_rate(pulses: AxisPulses, axis: Axis, motion: Motion, clock_hz: int) -> None:
+    """Raise Infeasible where making up for screw and play takes more pulses than the axis: no plan looked at those."""
+    steps = np.where(np.diff(pulses.direction) == 0, np.diff(pulses.ticks), np.iinfo(np.int64).max)
+    if not len(steps) or steps.min() >= np.floor(clock_hz / axis.pulse_rate):
+        return
+    t = float(pulses.ticks[int(np.argmin(steps))]) / clock_hz
+    place = Place(float(motion.at(np.array([t])).s[0]), t=t, axis=axis.name)
+    remedy = (
+        f"that is with {' and '.join(axis.compensate)} made up for, which the motion leaves no room for: "
+        f"state a max_pulse_rate that is lower by as much while planning, or slow {axis.name} by its max_speed"
+    )
+    raise Infeasible("pulse rate", axis.name, place, clock_hz / float(steps.min()), axis.pulse_rate, "1/s", remedy)
 
 
 def _refuse_counter(pulses: AxisPulses, axis: Axis) -> None:

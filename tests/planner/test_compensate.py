@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from kinematics.axis import Axis
 from kinematics.errors import MotionError
+from planner.place import Infeasible
 from planner.pulses import check, generate
 from planner.pulses.compensate import compensated
 from tests.planner.test_pulse_check import PULSE, example, in_pulses, through
@@ -151,3 +152,14 @@ def test_a_steady_motion_over_a_corner_of_the_table_is_met_on_both_sides():
         motion = through(np.array([[0.0], [speed * 0.3]]), np.full((2, 1), speed), np.array([0.0, 0.3]))
         (axis,) = axes(motion, ("lead",))
         assert generate(motion, [axis], [0.0]).total > 0
+
+
+def test_more_pulses_than_the_axis_takes_are_refused():
+    """A screw that runs short by 1 % asks for 1 % more pulses than the motion itself."""
+    motion = through(np.array([[0.0], [3e-4]]), np.full((2, 1), 1e-3), np.array([0.0, 0.3]))
+    axis = Axis("x", pulse=PULSE, lead_error=((0.0, 0.0), (1e-3, -1e-5)), compensate=("lead",))
+    rate = 1e-3 / PULSE
+    generate(motion, [replace(axis, max_pulse_rate=1.011 * rate)], [0.0])
+    with pytest.raises(Infeasible, match="with lead made up for") as no:
+        generate(motion, [replace(axis, max_pulse_rate=rate)], [0.0])
+    assert no.value.value == pytest.approx(rate / 0.99, rel=1e-3)
