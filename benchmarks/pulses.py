@@ -17,6 +17,7 @@ import os
 import resource
 import subprocess
 import sys
+from argparse import ArgumentParser, RawDescriptionHelpFormatter
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -47,10 +48,16 @@ Result = TypeVar("Result")
 
 def main() -> None:
     """Print a row for each stage and number of pulses."""
-    if sys.argv[1:2] == ["--row"]:
-        print(json.dumps(row(sys.argv[2], int(sys.argv[3]), Path(sys.argv[4]))))
+    parser = ArgumentParser(description=__doc__, formatter_class=RawDescriptionHelpFormatter)
+    parser.add_argument("--full", action="store_true", help="check and csv up to 1e8 pulses as well")
+    parser.add_argument(
+        "--row", nargs=3, metavar=("STAGE", "COUNT", "MOTION"), help="one row, as the rest calls itself"
+    )
+    options = parser.parse_args()
+    if options.row:
+        stage, count, path = options.row
+        print(json.dumps(row(stage, int(count), Path(path))))
         return
-    full = "--full" in sys.argv[1:]
     print(f"targets: generate {TARGET / 1e6:.0f} M pulses per CPU-second, {STRETCH / 1e6:.0f} at best; 1e8 in 2 GB")
     print("stage         pulses   CPU s   M pulses/s   peak MB   bytes/pulse above the fewest")
     with TemporaryDirectory() as folder:
@@ -59,7 +66,7 @@ def main() -> None:
         for stage in STAGES:
             least: tuple[int, float] | None = None
             for count in CASES:
-                if count == max(CASES) and stage in ("check", "csv") and not full:
+                if count == max(CASES) and stage in ("check", "csv") and not options.full:
                     continue
                 command = [sys.executable, "-m", "benchmarks.pulses", "--row", stage, str(count), str(motion)]
                 pulses, seconds, peak = json.loads(subprocess.run(command, check=True, capture_output=True).stdout)

@@ -16,7 +16,7 @@ from planner.pacing import Pacer
 from planner.parallel import Progress
 from planner.place import Infeasible
 from planner.solve import Solution, fastest, proved
-from planner.timing.leg import MARGIN, MORE, TRIES
+from planner.timing.leg import TRIES, tightened
 from planner.timing.posing import graded
 from planner.timing.problem import Problem, Run
 from planner.timing.profile import Profile
@@ -194,9 +194,5 @@ class Smoothed:
     def tightened(self, use: Mapping[str, Array], slowness: float) -> "Smoothed":
         if self.tries >= TRIES:
             return replace(self, profile=self.slowed, method=SLOWED, tries=TRIES)
-        blocks = []
-        for block in self.problem.blocks:
-            excess = use[block.name]
-            less = block.room / (1 + MORE * self.tries * (excess - 1)) * (1 - MARGIN)
-            blocks.append(replace(block, room=np.where(excess > 1, less, block.room)))
-        return replace(self, problem=replace(self.problem, blocks=tuple(blocks))).solved()
+        blocks = tuple(tightened(block, use[block.name], self.tries) for block in self.problem.blocks)
+        return replace(self, problem=replace(self.problem, blocks=blocks)).solved()

@@ -20,8 +20,7 @@ def options() -> list[click.Parameter]:
     for name in FORMATS:
         for field, kind in _fields(find_format(name)):
             known.setdefault(field.name, []).append(name)
-            option = described.setdefault(field.name, _option(field, kind))
-            assert option.type.name == _option(field, kind).type.name  # one name, one kind of value
+            described.setdefault(field.name, _option(field, kind))
     for name, option in described.items():
         option.help = f"[{', '.join(known[name])}] {option.help}"
     return list(described.values())

@@ -14,7 +14,8 @@ from pulsepath.directory import RECORD, is_ours
 from pulsepath.inputs import Inputs
 from pulsepath.job import Defect, Job
 from pulsepath.progress import step
-from pulsepath.record import as_json, of_plan, of_pulse_file
+from pulsepath.pulse_record import of_pulse_file
+from pulsepath.record import as_json, of_plan
 
 CERTIFICATE = "certificate.json"
 """What the check of the pulse file found: beside it."""

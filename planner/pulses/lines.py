@@ -54,11 +54,14 @@ def read(
     found = [_Found() for _ in axes]
     with Path(path).open("rb") as file:
         expected = ["Time[s]", *(f"{axis.name} {line}" for axis in axes for line in ("STEP", "DIR"))]
-        header = next(csv.reader([file.readline().decode(errors="replace")], skipinitialspace=True), [])
+        first = file.readline()
+        while first.count(b'"') % 2 and (more := file.readline()):  # a name may hold a line feed
+            first += more
+        header = next(csv.reader([first.decode(errors="replace")], skipinitialspace=True), [])
         if header != expected:
             raise FileError(name, [Fault("header", f"{header} should be {expected}", 1)])
         last, before = -0.5 / clock_hz, None  # the first row may be at time 0
-        for line, table in _tables(file, name, len(expected)):
+        for line, table in _tables(file, name, len(expected), first.count(b"\n") + 1):
             ticks = _ticks(table[:, 0], last, clock_hz, name, line)
             levels = table[:, 1:].astype(np.uint8)
             for k, axis in enumerate(axes):
@@ -123,9 +126,9 @@ class _Found:
         return LineTimes(name, **{what: value / clock_hz for what, value in self.least.items()})
 
 
-def _tables(file: BinaryIO, name: str, columns: int) -> Iterator[tuple[int, Array]]:
-    """The rows as numbers, part by part, with the line that each part starts on."""
-    line, kept = 2, b""
+def _tables(file: BinaryIO, name: str, columns: int, line: int) -> Iterator[tuple[int, Array]]:
+    """The rows as numbers, part by part, with the line that each part starts on; line: that of the first."""
+    kept = b""
     while part := file.read(PART):
         text, newline, kept = (kept + part).rpartition(b"\n")
         if newline:

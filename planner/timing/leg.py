@@ -63,7 +63,7 @@ class Leg:
         """
         moving, solved = max(self.problem.speeds) > 0, self.by not in (AVERAGED, STRAIGHT) and self.slowness == 1
         if solved and (moving or (slowness > CHEAP and self.tries < TRIES)):
-            blocks = tuple(_tightened(block, use[block.name], self.tries) for block in self.problem.blocks)
+            blocks = tuple(tightened(block, use[block.name], self.tries) for block in self.problem.blocks)
             problem = replace(self.problem, blocks=blocks)
             try:
                 profile, by = self._solved(problem)
@@ -89,7 +89,7 @@ def slowest(limits: Sequence[Limit], use: Mapping[str, Array]) -> float:
     return max(limit.slowness(float(use[limit.name].max())) for limit in limits if limit.name in use)
 
 
-def _tightened(block: Block, excess: Array, tries: int) -> Block:
+def tightened(block: Block, excess: Array, tries: int) -> Block:
     """With less room where there was an excess (N,): of the part of it that holding still does not use."""
     still = np.zeros(len(excess))
     for side in (block.start, block.end):

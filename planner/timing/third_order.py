@@ -90,7 +90,11 @@ def third_order(problem: Problem, guess: Array, *, solver: Solver = "fatrop", fa
     if fast_end is not None:
         pull[fast_end] = PULL * WEIGHT
     assembled = _assemble(problem.intervals, signature, solver)
-    columns = _solve(*assembled, data, (low, high), start / scale, speeds, pull) * scale * unit[:, None]
+    try:
+        columns = _answer(*assembled, data, (low, high), start / scale, speeds, pull) * scale * unit[:, None]
+    except BaseException:
+        _forget()
+        raise
     if fast_end is not None:
         v, a, j, h = columns[:, -1]
         speeds = np.array([columns[0, 0], v + h * (a + h * j / 2)])
@@ -210,7 +214,7 @@ def _build(intervals: int, signature: Signature, solver: Solver) -> tuple[ca.Fun
 _built, _built_large = lru_cache(maxsize=12)(_build), lru_cache(maxsize=1)(_build)
 
 
-def _solve(
+def _answer(
     solver: ca.Function,
     patience: Patience,
     data: Array,
@@ -223,22 +227,6 @@ def _solve(
 
     speeds (2,): ṡ at both ends; pull (2,): what each is worth where it may be less, 0 where it is given
     """
-    try:
-        return _answer(solver, patience, data, rows, guess, speeds, pull)
-    except BaseException:
-        _forget()
-        raise
-
-
-def _answer(
-    solver: ca.Function,
-    patience: Patience,
-    data: Array,
-    rows: tuple[Array, Array],
-    guess: Array,
-    speeds: Array,
-    pull: Array,
-) -> Array:
     count = guess.shape[1]
     least = np.tile([0.0, -np.inf, -np.inf, _SHORTEST], (count, 1))
     most = np.full((count, 4), np.inf)

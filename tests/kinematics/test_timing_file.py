@@ -11,10 +11,10 @@ HEXAPOD = (files("kinematics") / "presets" / "hexapod.toml").read_text()
 
 
 @pytest.fixture
-def machine(tmp_path):
-    def read(timing):
+def with_line(tmp_path):
+    def read(line):
         path = tmp_path / "mine.toml"
-        path.write_text(HEXAPOD.replace("direction = -1", f"direction = -1\ntiming = {timing}"))
+        path.write_text(HEXAPOD.replace("direction = -1", f"direction = -1\n{line}"))
         return load_machine(str(path))
 
     return read
@@ -31,8 +31,8 @@ def machine(tmp_path):
         ),
     ],
 )
-def test_it_is_read_and_written_back(machine, tmp_path, written, timing):
-    read = machine(written)
+def test_it_is_read_and_written_back(with_line, tmp_path, written, timing):
+    read = with_line(f"timing = {written}")
     assert {axis.timing for axis in read.axes} == {timing}
     (tmp_path / "again.toml").write_text(machine_toml(read))
     assert load_machine(str(tmp_path / "again.toml")).axes == read.axes
@@ -47,19 +47,9 @@ def test_it_is_read_and_written_back(machine, tmp_path, written, timing):
         ("3", "axes.timing: 3 is not a table"),
     ],
 )
-def test_what_is_wrong_is_told(machine, written, told):
+def test_what_is_wrong_is_told(with_line, written, told):
     with pytest.raises(FileError, match=told):
-        machine(written)
-
-
-@pytest.fixture
-def with_line(tmp_path):
-    def read(line):
-        path = tmp_path / "mine.toml"
-        path.write_text(HEXAPOD.replace("direction = -1", f"direction = -1\n{line}"))
-        return load_machine(str(path))
-
-    return read
+        with_line(f"timing = {written}")
 
 
 def test_a_gear_and_a_factor_make_the_pulse_longer(with_line, tmp_path):

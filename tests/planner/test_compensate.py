@@ -12,7 +12,7 @@ from kinematics.errors import MotionError
 from planner.place import Infeasible
 from planner.pulses import check, generate
 from planner.pulses.compensate import compensated
-from tests.planner.test_pulse_check import PULSE, example, in_pulses, through
+from tests.planner.motions import PULSE, example, in_pulses, through
 
 TABLE = ((0.0, 0.0), (1e-4, 3e-6), (2e-4, -2e-6), (4e-4, 1e-6))
 

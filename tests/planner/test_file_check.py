@@ -11,7 +11,7 @@ from kinematics.errors import FileError
 from kinematics.step_timing import StepTiming, find_drive
 from planner.export import pulse_csv
 from planner.pulses import check_file, generate
-from tests.planner.test_pulse_check import PULSE, example
+from tests.planner.motions import PULSE, example
 
 CORRUPTED = 250
 

@@ -1,13 +1,11 @@
 """The firing rules: each within the bound it states on any motion, and each as its source has it."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.interpolate import PPoly
 
 from kinematics.axis import Axis
 from kinematics.errors import MotionError
@@ -18,9 +16,9 @@ from planner.pulses.levels import COARSE
 from planner.pulses.rules.dda import dda
 from planner.pulses.rules.rule import told
 from planner.pulses.rules.timer import counter_loads, equal_steps
+from tests.planner.motions import PULSE, Polynomials, smooth_motions, through
 
 CLOCK = 10_000_000
-PULSE = 0.75e-6
 ROUNDING = 1e-8  # pulses: double precision of positions of some 0.1 mm, with room for a few operations
 DDA = "dda:spacing=1ms,pulses_per_count=4,rate=1MHz"
 EVERY = [
@@ -33,28 +31,6 @@ EVERY = [
     "timer",
     "timer:clock=1MHz",
 ]
-
-
-class Polynomials:
-    """A motion of piecewise polynomials: coefficients (degree+1, pieces, axes), highest power first."""
-
-    def __init__(self, coefficients, knots):
-        self.knots = np.asarray(knots, float)
-        curve = PPoly(np.asarray(coefficients, float), self.knots)
-        self.curves = [curve, *(curve.derivative(order) for order in (1, 2, 3))]
-        self.duration = float(self.knots[-1])
-
-    def at(self, t):
-        t = np.atleast_1d(t)
-        q, qd, qdd, qddd = (curve(t) for curve in self.curves)
-        return SimpleNamespace(s=t, t=t, q=q, qd=qd, qdd=qdd, qddd=qddd)
-
-
-def through(q, v, knots):
-    """The cubic Hermite motion through positions and speeds (M+1, axes) at the knots."""
-    q, v, h = np.asarray(q, float), np.asarray(v, float), np.diff(knots)[:, None]
-    r, s = q[1:] - q[:-1] - v[:-1] * h, v[1:] - v[:-1]
-    return Polynomials(np.stack(((s * h - 2 * r) / h**3, (3 * r - s * h) / h**2, v[:-1], q[:-1])), knots)
 
 
 def line(speed, duration, start=0.0):
@@ -95,28 +71,12 @@ def assert_sound(schedule, motion):
         assert excess(schedule, motion, k, t).max() <= ROUNDING
 
 
-@st.composite
-def motions(draw):
-    """Random C1 motions of two axes through random places, many of them levels of some rule, with dwells."""
-    pieces = draw(st.integers(1, 4))
-    spans = draw(st.lists(st.sampled_from([0.01, 0.013, 0.05]), min_size=pieces, max_size=pieces))
-    halves = st.integers(-60, 60).map(lambda n: n / 2 * PULSE)
-    place = st.one_of(halves, st.floats(-60 * PULSE, 60 * PULSE))
-    speed = st.sampled_from([0.0, 0.0, 1e-3, -1e-3, 0.02, -0.013])
-    states = np.array(draw(st.lists(st.tuples(place, place, speed, speed), min_size=pieces + 1, max_size=pieces + 1)))
-    q, v = states[:, :2], states[:, 2:]
-    for k in range(pieces):
-        if draw(st.booleans()) and draw(st.booleans()):
-            q[k + 1], v[k], v[k + 1] = q[k], 0.0, 0.0
-    return through(q, v, np.concatenate(([0.0], np.cumsum(spans))))
-
-
 # What every rule owes
 
 
 @pytest.mark.parametrize("rule", EVERY)
 @settings(deadline=None, max_examples=40)
-@given(motion=motions())
+@given(motion=smooth_motions((0.01, 0.013, 0.05), 4))
 def test_any_motion_is_followed_within_the_bound_that_the_schedule_states(rule, motion):
     schedule = fire(motion, rule)
     assert schedule.rule == told(find_rule(rule))

@@ -7,43 +7,14 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from scipy.interpolate import PPoly
 
 from kinematics.axis import Axis
 from kinematics.errors import MotionError
 from planner.pulses import AxisPulses, PulseSchedule, check, generate
 from planner.pulses import verdict as verdict_module
+from tests.planner.motions import PULSE, example, in_pulses, one_axis, through
 
 CLOCK = 10_000_000
-PULSE = 0.75e-6
-
-
-class Polynomials:
-    """A motion of piecewise polynomials, coefficients (degree+1, pieces, axes); counts how often it is asked."""
-
-    def __init__(self, coefficients, knots):
-        self.knots = np.asarray(knots, float)
-        self.duration = float(self.knots[-1])
-        curve = PPoly(np.asarray(coefficients, float), self.knots)
-        self.curves = [curve, *(curve.derivative(order) for order in (1, 2, 3))]
-        self.asked = 0
-
-    def at(self, t):
-        t = np.atleast_1d(t)
-        self.asked += len(t)
-        q, qd, qdd, qddd = (curve(t) for curve in self.curves)
-        return SimpleNamespace(s=t, q=q, qd=qd, qdd=qdd, qddd=qddd)
-
-
-def one_axis(pieces, knots):
-    return Polynomials(np.array(pieces, float).T[:, :, None], knots)
-
-
-def through(q, v, knots):
-    """The cubic Hermite motion through positions and speeds (M+1, axes) at the knots."""
-    q, v, h = np.asarray(q, float), np.asarray(v, float), np.diff(knots)[:, None]
-    r, s = q[1:] - q[:-1] - v[:-1] * h, v[1:] - v[:-1]
-    return Polynomials(np.stack(((s * h - 2 * r) / h**3, (3 * r - s * h) / h**2, v[:-1], q[:-1])), knots)
 
 
 def fire(motion, home=None, clock=CLOCK):
@@ -51,23 +22,6 @@ def fire(motion, home=None, clock=CLOCK):
     return generate(
         motion, [Axis(f"leg{i + 1}", pulse=PULSE) for i in range(len(start))], start if home is None else home, clock
     )
-
-
-def example(seed=0):
-    """Three axes, three moves with a dwell of 20 ms between them, some 1500 pulses; every axis turns inside a move."""
-    rng = np.random.default_rng(seed)
-    knots = np.cumsum([0, 0.05, 0.06, 0.02, 0.07])
-    zigzag = np.array([0, 1, -1, -1, 1])[:, None] * rng.choice([-1, 1], 3)
-    q = 0.2 + zigzag * rng.uniform(0.1e-3, 0.25e-3, (5, 3))
-    q[3] = q[2]
-    v = np.zeros((5, 3))
-    v[1] = rng.uniform(-8e-3, 8e-3, 3)
-    return through(q, v, knots)
-
-
-def in_pulses(*pieces):
-    """Pieces of one axis in pulses, each [highest power, …, constant], one second each; home is 0."""
-    return one_axis(np.array(pieces) * PULSE, np.arange(len(pieces) + 1)), [0.0]
 
 
 HALF = 0.5 * PULSE

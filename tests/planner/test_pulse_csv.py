@@ -251,3 +251,14 @@ def test_wiring_must_match(tmp_path, wiring):
     with pytest.raises(MotionError, match=r"give \+1 or -1 for each of the 2 axes"):
         pulse_csv.write(schedule_of([1], [2]), tmp_path / "p.csv", wiring)
     assert not (tmp_path / "p.csv").exists()
+
+
+def test_a_name_with_a_line_feed_and_quotes_is_read_back(tmp_path):
+    (axis,) = schedule_of([100, 200]).axes
+    schedule = PulseSchedule(CLOCK, (replace(axis, name='leg "1"\nand, more'),), 1e-4)
+    pulse_csv.write(schedule, tmp_path / "p.csv", [1])
+    assert_same(read_back(tmp_path / "p.csv", schedule), schedule)
+    (tmp_path / "q.csv").write_text((tmp_path / "p.csv").read_text() + "what\n")
+    rows = (tmp_path / "q.csv").read_text().count("\n")
+    with pytest.raises(FileError, match=rf"q\.csv:{rows}: "):
+        read_back(tmp_path / "q.csv", schedule)

@@ -7,32 +7,15 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from scipy.interpolate import PPoly
 
 from kinematics.axis import Axis
 from kinematics.errors import MotionError
 from planner.place import Infeasible
 from planner.pulses import AxisPulses, PulseSchedule, check, generate, levels
+from tests.planner.motions import PULSE, Polynomials, smooth_motions
 
 CLOCK = 10_000_000
-PULSE = 0.75e-6
 ROUNDING = 1e-14  # m: double precision of positions below 1 m, with room for a few operations
-
-
-class Polynomials:
-    """A motion of piecewise polynomials: coefficients (degree+1, pieces, axes), highest power first."""
-
-    def __init__(self, coefficients, knots):
-        self.knots = np.asarray(knots, float)
-        kept = np.diff(self.knots) > 0  # PPoly takes no empty pieces; a motion may have them
-        breaks = np.append(self.knots[:-1][kept], self.knots[-1])
-        curve = PPoly(np.asarray(coefficients, float)[:, kept], breaks)
-        self.curves = [curve, *(curve.derivative(order) for order in (1, 2, 3))]
-        self.duration = float(self.knots[-1])
-
-    def at(self, t):
-        q, qd, qdd, qddd = (curve(np.atleast_1d(t)) for curve in self.curves)
-        return SimpleNamespace(s=np.atleast_1d(t), q=q, qd=qd, qdd=qdd, qddd=qddd)
 
 
 @dataclass
@@ -169,25 +152,6 @@ def test_the_bound_holds_at_1e5_random_instants_on_six_legs():
     assert schedule.total > 50_000
     assert excess(schedule, motion, rng.uniform(0, motion.duration, 100_000)).max() <= ROUNDING
     assert_sound(schedule, motion)
-
-
-@st.composite
-def smooth_motions(draw):
-    """Random C1 motions of two axes through random places, many of them levels, at random speeds, with dwells."""
-    pieces = draw(st.integers(1, 5))
-    spans = draw(st.lists(st.sampled_from([1e-4, 1e-3, 0.01, 0.013, 0.1]), min_size=pieces, max_size=pieces))
-    halves = st.integers(-60, 60).map(lambda n: n / 2 * PULSE)
-    place = st.one_of(halves, st.floats(-60 * PULSE, 60 * PULSE))
-    speed = st.sampled_from([0.0, 0.0, 1e-3, -1e-3, 0.02, -0.013])
-    states = np.array(draw(st.lists(st.tuples(place, place, speed, speed), min_size=pieces + 1, max_size=pieces + 1)))
-    q, v = states[:, :2], states[:, 2:]
-    for k in range(pieces):
-        if draw(st.booleans()) and draw(st.booleans()):
-            q[k + 1], v[k], v[k + 1] = q[k], 0.0, 0.0
-    h = np.array(spans)[:, None]
-    r, s = q[1:] - q[:-1] - v[:-1] * h, v[1:] - v[:-1]
-    hermite = np.stack(((s * h - 2 * r) / h**3, (3 * r - s * h) / h**2, v[:-1], q[:-1]))
-    return Polynomials(hermite, np.concatenate(([0.0], np.cumsum(spans))))
 
 
 @settings(deadline=None, max_examples=150)

@@ -16,7 +16,7 @@ from planner.export import pulse_csv
 from planner.place import Infeasible
 from planner.pulses import AxisPulses, PulseSchedule, check_file, generate
 from planner.pulses.spacing import spaced
-from tests.planner.test_pulse_check import in_pulses
+from tests.planner.motions import in_pulses
 
 CLOCK = 1_000_000
 

@@ -3,6 +3,7 @@
 import json
 import re
 import tracemalloc
+from importlib.util import find_spec
 from types import SimpleNamespace
 from urllib.parse import unquote
 
@@ -293,7 +294,7 @@ def test_any_names_survive(tmp_path_factory, names, program):
     folder = tmp_path_factory.mktemp("names")
     source = pulsed(pulses=20, axes=len(names), names=names, program=program)
     find_format("vcd")().write(source, folder / "p.vcd")
-    for decode in [dump_by_rules, *([dump_by_pyvcd] if has_pyvcd() else [])]:
+    for decode in [dump_by_rules, *([dump_by_pyvcd] if find_spec("vcd") else [])]:
         changes, unit, _ = decode(folder / "p.vcd")
         assert len(changes) == 2 * len(names)
         assert_dump(source, changes, unit)
@@ -306,14 +307,6 @@ def test_any_names_survive(tmp_path_factory, names, program):
         assert json.loads(re.match(rf'# oid {k} = ("(?:[^"\\]|\\.)*")', lines[k + 1])[1]) == name
     for (ticks, _), axis in zip(steps_of(folder / "p.steps", source), source.pulses.axes, strict=True):
         assert (ticks == axis.ticks).all()
-
-
-def has_pyvcd():
-    try:
-        import vcd.reader  # noqa: F401
-    except ImportError:
-        return False
-    return True
 
 
 @pytest.mark.parametrize("name", ["halstreamer", "galil"])

@@ -173,9 +173,9 @@ def test_what_a_solver_leaves_is_closed(monkeypatch):
     path = curve()
     problem, start = jerk_problem(path, limits_on(path, **CURVE), Run(0, 0))
     exact = third_order(problem, start.on(problem.s))
-    solve = solver_module._solve
+    solve = solver_module._answer
     noise = 1 + 1e-6 * np.random.default_rng(5).normal(size=(4, problem.intervals))
-    monkeypatch.setattr(solver_module, "_solve", lambda *problem: solve(*problem) * noise)
+    monkeypatch.setattr(solver_module, "_answer", lambda *problem: solve(*problem) * noise)
     closed = third_order(problem, start.on(problem.s))
     s, v, a, j, h = (x[-1] for x in (closed.s, closed.v, closed.a, closed.j, closed.h))
     assert s + h * (v + h * (a / 2 + h * j / 6)) == pytest.approx(1.0, abs=1e-11)

@@ -39,3 +39,13 @@ def directory(tmp_path_factory, inputs, job):
     folder.mkdir()
     plan_directory.write(folder, job, inputs)
     return folder
+
+
+@pytest.fixture
+def plan(tmp_path, directory):
+    """A copy of the shared plan, to change: of its files only what later commands read."""
+    folder = tmp_path / "plan"
+    folder.mkdir()
+    for name in ("plan.json", "motion.json", "program.toml", "machine.toml"):
+        (folder / name).write_bytes((directory / name).read_bytes())
+    return folder

@@ -4,24 +4,16 @@ import json
 import re
 from importlib.resources import files
 from pathlib import Path
+from typing import get_type_hints
 
 import numpy as np
 import pytest
 
 from planner.export.formats import FORMATS, find_format
+from planner.option import options
 from planner.pulses import lines
 
 LINE = 'schema = 1\nlength = "mm"\nangle = "deg"\n[[segment]]\nline = {{ to = [{}] }}\n'
-
-
-@pytest.fixture
-def plan(tmp_path, directory):
-    """A copy of the shared plan, of which only what `export` needs."""
-    folder = tmp_path / "plan"
-    folder.mkdir()
-    for name in ("plan.json", "motion.json", "program.toml", "machine.toml"):
-        (folder / name).write_bytes((directory / name).read_bytes())
-    return folder
 
 
 def test_pulses_are_those_of_the_plan(call, plan, job):
@@ -175,3 +167,13 @@ def test_what_compensates_is_exported_as_its_motors_run(call, tmp_path):
     refused = call("export", out, "--format", "sasidhar")
     assert refused.exit_code == 2
     assert "axis X compensates lead and backlash" in refused.stderr
+
+
+def test_an_option_of_several_formats_is_the_same_kind_of_value_in_each():
+    kinds = {}
+    for name in FORMATS:
+        format_ = find_format(name)
+        hints = get_type_hints(format_)
+        for key, field in options(format_).items():
+            kinds.setdefault(key, set()).add((str(hints[key]).replace(" | None", ""), field.metadata["unit"]))
+    assert {key: found for key, found in kinds.items() if len(found) > 1} == {}

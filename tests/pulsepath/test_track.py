@@ -7,16 +7,6 @@ import pytest
 from controllers import evaluate, find_law, track
 
 
-@pytest.fixture
-def plan(tmp_path, directory):
-    """A copy of the shared plan, of which only what `track` needs."""
-    folder = tmp_path / "plan"
-    folder.mkdir()
-    for name in ("plan.json", "motion.json", "program.toml", "machine.toml"):
-        (folder / name).write_bytes((directory / name).read_bytes())
-    return folder
-
-
 def test_it_is_the_motion_that_was_planned(call, plan, job):
     done = call("track", plan, "--law", "3", "--json")
     assert done.exit_code == 0
