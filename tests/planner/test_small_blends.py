@@ -12,7 +12,7 @@ from planner import Blend, Line, Program, plan
 from planner.limits.limit import Term
 from planner.plan import actuate
 from planner.timing import leg as legs
-from planner.timing.leg import _tightened
+from planner.timing.leg import tightened
 from planner.timing.problem import Block
 from planner.timing.third_order import third_order
 
@@ -79,7 +79,7 @@ def test_less_room_leaves_room_to_hold_still(held):
     one, pushed = np.full((3, 1), held), np.full((3, 1), 1.0)
     block = Block("force", *[{Term.ONE: one, Term.SDD: pushed}] * 2, np.ones(3), np.zeros(1))
     excess = np.array([1.0, 1.0 + 0.5 * (1 - held), 3.0])
-    room = _tightened(block, excess, 1).room
+    room = tightened(block, excess, 1).room
     assert room[0] == 1.0
     assert (room > held).all()
     # of s̈ = room − held, the excess' share less: 1/(1 + 1.1 · 0.5)
