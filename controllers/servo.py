@@ -76,7 +76,7 @@ def leg_servo(axis: Axis) -> Servo:
 
 @dataclass(frozen=True, slots=True)
 class Drives:
-    """n servo axes that share one sample time, discretised exactly for a torque held over the sample; arrays (n,).
+    """Servo axes that share one sample time, discretised exactly for a torque held over the sample; arrays (B, n).
 
     x ← x + gx v + hx τ,  v ← gv v + hv τ.
     """
@@ -95,7 +95,7 @@ class Drives:
 
 @dataclass(frozen=True, slots=True)
 class ServoState:
-    """Position x, speed v and integral torque of n axes (n,)."""
+    """Position x, speed v and integral torque of the axes (B, n)."""
 
     x: Array
     v: Array
@@ -108,24 +108,27 @@ class ServoState:
 
 @dataclass(frozen=True, slots=True)
 class Response:
-    """What the axes did: position and torque (N, n) at the drive's samples, and the state after the last of them."""
+    """What the axes did: position and torque (N, B, n) at the drive's samples, and the state after the last of them."""
 
     position: Array
     torque: Array
     state: ServoState
 
 
-def drives(servos: Sequence[Servo]) -> Drives:
-    """The discrete model of one servo per axis. Raises MotionError if their sample times differ.
+def drives(rigs: Sequence[Sequence[Servo]]) -> Drives:
+    """The discrete model of B rigs of one servo per axis. Raises MotionError if their sample times differ.
 
     Of J v̇ = τ − b v over the sample h, with z = b h/J, φ₁ = (1 − e⁻ᶻ)/z and φ₂ = (1 − φ₁)/z (1 and ½ at z = 0):
     gv = e⁻ᶻ, hv = φ₁ h/J, gx = φ₁ h, hx = φ₂ h²/J.
     """
-    periods = {servo.sample for servo in servos}
+    periods = {servo.sample for servos in rigs for servo in servos}
     if len(periods) != 1:
         raise MotionError(f"servo axes: sample times {sorted(periods)} s differ; the drives of one machine share one")
     h = periods.pop()
-    table = {field.name: np.array([getattr(servo, field.name) for servo in servos]) for field in fields(Servo)}
+    table = {
+        field.name: np.array([[getattr(servo, field.name) for servo in servos] for servos in rigs])
+        for field in fields(Servo)
+    }
     inertia = table["inertia"]
     z = table["friction"] * h / inertia
     # below 1e-5 the series is exact to rounding, the quotients are not
@@ -148,17 +151,17 @@ def drives(servos: Sequence[Servo]) -> Drives:
 
 
 def standing(x: Array) -> ServoState:
-    """Axes at rest at positions x (n,)."""
+    """Axes at rest at positions x (B, n)."""
     return ServoState(x, np.zeros_like(x), np.zeros_like(x))
 
 
 def measured(model: Drives, x: Array) -> Array:
-    """The encoders' readings of positions x (…, n), in the coordinate: whole counts, within half a count of x."""
+    """The encoders' readings of positions x (…), in the coordinate: whole counts, within half a count of x."""
     return np.asarray(np.rint(x * model.encoder) / model.encoder)
 
 
 def drive(model: Drives, state: ServoState, command: Array) -> Response:
-    """What the axes do from `state` on, over N samples of the position command (N, n), m or rad."""
+    """What the axes do from `state` on, over N samples of the position command (N, B, n), m or rad."""
     x, v, integral = state.x, state.v, state.integral
     position, torque = np.empty_like(command), np.empty_like(command)
     for i, wanted in enumerate(command):

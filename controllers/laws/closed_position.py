@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from controllers.card import TAMove
 from controllers.laws.law import Feedback, Reference
 from kinematics.errors import MotionError
@@ -32,6 +34,6 @@ class ClosedPosition:
     def name(self) -> str:
         return f"closed-position k={self.gain:g}"
 
-    def command(self, k: int, reference: Reference, feedback: Feedback) -> TAMove:
+    def command(self, k: int | np.ndarray, reference: Reference, feedback: Feedback) -> TAMove:
         error = self.gain * (reference.ang(k) - feedback.position)
         return TAMove(reference.ang(k + 1) + error, reference.npuls(k), reference.npuls(k + 1), reference.dt, 0.0)

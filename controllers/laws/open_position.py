@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from controllers.card import TAMove
 from controllers.laws.law import Feedback, Reference
 
@@ -14,5 +16,5 @@ class OpenPosition:
     def name(self) -> str:
         return "open-position"
 
-    def command(self, k: int, reference: Reference, feedback: Feedback) -> TAMove:
+    def command(self, k: int | np.ndarray, reference: Reference, feedback: Feedback) -> TAMove:
         return TAMove(reference.ang(k + 1), reference.npuls(k), reference.npuls(k + 1), reference.dt, 0.0)

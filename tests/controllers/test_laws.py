@@ -15,13 +15,17 @@ PULSE = 0.75e-6
 GAINS = (0.1, 0.5, 0.7, 0.9, 1.0)
 
 
+def read(*position):
+    return Feedback(np.array(position), np.zeros(len(position)), np.zeros(len(position)))
+
+
 @pytest.fixture
 def reference():
     return Reference(0.01, [[0, 0], [10, -5], [30, -20], [40, -30]], [[0, 0], [1500, -900], [1500, -1200], [0, 0]])
 
 
 def test_open_position_is_its_row_of_the_table(reference):
-    move = OpenPosition().command(1, reference, Feedback(np.array([99.0, 99.0])))
+    move = OpenPosition().command(1, reference, read(99.0, 99.0))
     np.testing.assert_array_equal(
         [move.position, move.start_speed, move.max_speed], [[30, -20], [1500, -900], [1500, -1200]]
     )
@@ -30,7 +34,7 @@ def test_open_position_is_its_row_of_the_table(reference):
 
 def test_closed_position_adds_the_error_to_the_target_alone(reference):
     """At step 1, ang(1) = (10, −5) and pos(0) = (4, 3): e = 0.5 · (6, −8)."""
-    move = ClosedPosition(0.5).command(1, reference, Feedback(np.array([4.0, 3.0])))
+    move = ClosedPosition(0.5).command(1, reference, read(4.0, 3.0))
     np.testing.assert_array_equal(
         [move.position, move.start_speed, move.max_speed], [[33, -24], [1500, -900], [1500, -1200]]
     )
@@ -39,7 +43,7 @@ def test_closed_position_adds_the_error_to_the_target_alone(reference):
 
 @pytest.mark.parametrize("k", [3, 4, 50])
 def test_after_the_end_the_last_place_is_held(reference, k):
-    move = OpenPosition().command(k, reference, Feedback(np.zeros(2)))
+    move = OpenPosition().command(k, reference, read(0.0, 0.0))
     np.testing.assert_array_equal([move.position, move.start_speed, move.max_speed], [[40, -30], [0, 0], [0, 0]])
 
 

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.linalg import expm
 
-from controllers.servo import Servo, drive, drives, leg_servo, measured, standing
+from controllers.servo import Response, Servo, ServoState, drive, drives, leg_servo, measured, standing
 from kinematics.axis import Axis
 from kinematics.errors import MotionError
 
@@ -19,8 +19,10 @@ FINE = replace(PLAIN, encoder=1e15)
 
 
 def run(servos, command):
-    model = drives(servos)
-    return model, drive(model, standing(np.zeros(len(servos))), np.asarray(command, float))
+    model = drives([servos])
+    done = drive(model, standing(np.zeros((1, len(servos)))), np.asarray(command, float)[:, None])
+    state = ServoState(*(getattr(done.state, name)[0] for name in ("x", "v", "integral")))
+    return model, Response(done.position[:, 0], done.torque[:, 0], state)
 
 
 def ramp(speed, seconds, servo):
@@ -71,17 +73,17 @@ def test_saturated_axis_accelerates_at_torque_over_inertia():
 @given(st.floats(-0.05, 0.05))
 def test_no_command_no_motion(place):
     """At rest on whole counts, nothing moves, exactly."""
-    model = drives([PLAIN])
-    start = measured(model, np.array([place]))
-    response = drive(model, standing(start), np.full((50, 1), start[0]))
-    assert np.all(response.position == start[0])
+    model = drives([[PLAIN]])
+    start = measured(model, np.array([[place]]))
+    response = drive(model, standing(start), np.full((50, 1, 1), start[0, 0]))
+    assert np.all(response.position == start[0, 0])
     assert not response.torque.any()
 
 
 @given(st.floats(-0.3, 0.3))
 def test_encoder_reads_whole_counts_within_half_a_count(x):
-    model = drives([PLAIN])
-    reading = measured(model, np.array([x]))[0]
+    model = drives([[PLAIN]])
+    reading = measured(model, np.array([[x]]))[0, 0]
     assert abs(reading - x) <= 0.5 / PLAIN.encoder * (1 + 1e-6)
     counts = reading * PLAIN.encoder
     assert abs(counts - round(counts)) < 1e-6
@@ -90,10 +92,10 @@ def test_encoder_reads_whole_counts_within_half_a_count(x):
 @given(friction=st.floats(0.0, 1e4), inertia=st.floats(0.01, 100.0), sample=st.floats(1e-5, 1e-2))
 def test_motor_is_discretised_exactly(friction, inertia, sample):
     """Against the matrix exponential of [x, v, τ], from no friction to time constants far below the sample."""
-    model = drives([replace(PLAIN, friction=friction, inertia=inertia, sample=sample)])
+    model = drives([[replace(PLAIN, friction=friction, inertia=inertia, sample=sample)]])
     a = np.array([[0, 1, 0], [0, -friction / inertia, 1 / inertia], [0, 0, 0]])
     exact = expm(a * sample)
-    ours = [model.gx[0], model.hx[0], model.gv[0], model.hv[0]]
+    ours = [float(of[0, 0]) for of in (model.gx, model.hx, model.gv, model.hv)]
     # expm itself scales and squares: 1e-9 of a large exponent
     np.testing.assert_allclose(ours, [exact[0, 1], exact[0, 2], exact[1, 1], exact[1, 2]], rtol=1e-8, atol=1e-18)
 
@@ -101,7 +103,7 @@ def test_motor_is_discretised_exactly(friction, inertia, sample):
 def test_linear_response_is_that_of_the_matrix_model():
     """Unsaturated and unquantized, the loop is linear: against its state matrices written out."""
     model, response = run([FINE], 1e-4 * np.sin(np.arange(400) * 0.05)[:, None])
-    gx, hx, gv, hv = (float(value[0]) for value in (model.gx, model.hx, model.gv, model.hv))
+    gx, hx, gv, hv = (float(value[0, 0]) for value in (model.gx, model.hx, model.gv, model.hv))
     kp, ks, ki = 30.0, 2 * np.pi * 30.0, 2 * np.pi * 30.0 / 0.03 * FINE.sample
     # the torque is linear in [x, v, I] and r
     torque = np.array([-ks * kp, -ks, 1.0])
@@ -128,9 +130,9 @@ def test_axes_do_not_disturb_each_other():
 def test_the_drive_can_be_run_in_portions():
     command = ramp(0.02, 0.1, PLAIN)
     model, whole = run([PLAIN], command)
-    first = drive(model, standing(np.zeros(1)), command[:150])
-    second = drive(model, first.state, command[150:])
-    np.testing.assert_array_equal(np.concatenate([first.position, second.position]), whole.position)
+    first = drive(model, standing(np.zeros((1, 1))), command[:150, None])
+    second = drive(model, first.state, command[150:, None])
+    np.testing.assert_array_equal(np.concatenate([first.position, second.position])[:, 0], whole.position)
 
 
 def test_default_servo_is_the_table():
@@ -155,4 +157,4 @@ def test_friction_may_be_zero_but_not_negative():
 
 def test_drives_of_different_sample_times_are_refused():
     with pytest.raises(MotionError, match="sample times"):
-        drives([PLAIN, replace(PLAIN, sample=1e-3)])
+        drives([[PLAIN, replace(PLAIN, sample=1e-3)]])

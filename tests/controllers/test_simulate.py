@@ -89,7 +89,7 @@ def test_reference_speed_is_the_derivative_of_its_position(rig, axis_motion):
         ({"dt": np.nan}, "nan ms"),
         ({"dt": 0.0}, "0 ms"),
         ({"settle": -0.1}, "settling time -0.1"),
-        ({"servo": []}, "0 servos for the 3 axes"),
+        ({"servo": []}, "0 drives for the 3 axes"),
     ],
 )
 def test_misfits_are_refused(rig, axis_motion, change, reason):

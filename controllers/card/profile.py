@@ -11,18 +11,20 @@ from kinematics.array import Array, frozen
 
 @dataclass(frozen=True, slots=True)
 class Profile:
-    """One move of n channels: p(t) = start + σ Σᵢ (vᵢ τᵢ + aᵢ τᵢ²/2), τᵢ = clip(t − begin − Tᵢ, 0, lengthᵢ).
+    """One move of channels in lanes: p(t) = start + σ Σᵢ (vᵢ τᵢ + aᵢ τᵢ²/2), τᵢ = clip(t − begin − Tᵢ, 0, lengthᵢ).
 
     Tᵢ is the sum of the lengths before piece i, σ = ±1 the direction. p is held before the first and after the last
     piece, where it is `target` exactly.
 
-    begin    (n,) s, when each channel starts (channels of a queued move may start apart)
-    start    (n,) pulses, the command position then, with its share of a pulse
-    count    (n,) int64 pulses, the position counter then
-    target   (n,) int64 pulses
-    lengths  (pieces, n) s
-    speeds   (pieces, n) pulses/s ≥ 0 at the start of each piece
-    rates    (pieces, n) pulses/s², constant in each piece
+    Lanes (…) are channels (n,), or runs by channels (B, n): all arithmetic is lane by lane.
+
+    begin    (…) s, when each channel starts (channels of a queued move may start apart)
+    start    (…) pulses, the command position then, with its share of a pulse
+    count    (…) int64 pulses, the position counter then
+    target   (…) int64 pulses
+    lengths  (pieces, …) s
+    speeds   (pieces, …) pulses/s ≥ 0 at the start of each piece
+    rates    (pieces, …) pulses/s², constant in each piece
     """
 
     begin: Array
@@ -41,17 +43,17 @@ class Profile:
 
     @property
     def direction(self) -> Array:
-        """(n,) sign of target − start; +1 where there is nothing to move."""
+        """(…) sign of target − start; +1 where there is nothing to move."""
         return np.where(self.target < self.start, -1.0, 1.0)
 
     @property
     def end(self) -> Array:
-        """(n,) s, when each channel stands on its target."""
+        """(…) s, when each channel stands on its target."""
         return np.asarray(self.begin + self.lengths.sum(0))
 
     def position(self, t: Array) -> Array:
-        """Command position (N, n), pulses, at instants t (N,)."""
-        t = t[:, None]
+        """Command position (N, …), pulses, at instants t (N,)."""
+        t = t.reshape(t.shape + (1,) * self.begin.ndim)
         rest = t - self.begin
         travelled = np.zeros(rest.shape)
         for length, speed, rate in zip(self.lengths, self.speeds, self.rates, strict=True):
@@ -61,7 +63,7 @@ class Profile:
         return np.where(t >= self.end, self.target, self.start + self.direction * travelled)
 
     def counter(self, t: Array) -> np.ndarray:
-        """Position counter (N, n), int64: a pulse fires when the command position is half a pulse ahead of it.
+        """Position counter (N, …), int64: a pulse fires when the command position is half a pulse ahead of it.
 
         So the counter is the nearest whole number to the command position, and equals the target when the move ends.
         """
@@ -69,13 +71,13 @@ class Profile:
         ahead = np.floor(sign * (self.position(t) - self.count) + 0.5)
         return np.asarray(self.count + (sign * np.maximum(ahead, 0.0)).astype(np.int64))
 
-    def pulse_times(self, channel: int) -> Array:
-        """Instants (pulses,), s, at which a channel's pulses fire: p passes count ± ½, ± 3/2, … in closed form.
+    def pulse_times(self, lane: int | tuple[int, ...]) -> Array:
+        """Instants (pulses,), s, at which a lane's pulses fire: p passes count ± ½, ± 3/2, … in closed form.
 
         A level δ into piece i is reached after τ = 2δ / (vᵢ + √(vᵢ² + 2 aᵢ δ)), the root that stays exact as aᵢ → 0.
         """
-        i = channel
-        length, speed, rate = self.lengths[:, i], self.speeds[:, i], self.rates[:, i]
+        i = lane if isinstance(lane, tuple) else (lane,)
+        length, speed, rate = (np.moveaxis(of, 0, -1)[i] for of in (self.lengths, self.speeds, self.rates))
         passed = np.concatenate([[0.0], np.cumsum(length * (speed + length * rate / 2))])
         elapsed = np.concatenate([[0.0], np.cumsum(length)])
         pulses = abs(int(self.target[i]) - int(self.count[i]))
@@ -89,9 +91,9 @@ class Profile:
 
 
 def standstill(count: np.ndarray) -> Profile:
-    """The move that is none: n channels that stand on whole counts."""
-    none = np.zeros((1, len(count)))
-    return Profile(np.zeros(len(count)), count, count, count, none, none, none)
+    """The move that is none: channels that stand on whole counts."""
+    none = np.zeros((1, *count.shape))
+    return Profile(np.zeros(count.shape), count, count, count, none, none, none)
 
 
 def trapezoid(
@@ -104,7 +106,7 @@ def trapezoid(
     factor λ = (vp − v0)/(v1 − v0) = 2 D/((tacc + tdec)(v0 + vp)). All of it holds for v1 < v0 too, where the ramp leads
     downwards.
 
-    v0, v1  (n,) pulses/s > 0;  tacc, tdec  s ≥ 0;  the others as in `Profile`
+    v0, v1  (…) pulses/s > 0;  tacc, tdec  s ≥ 0;  the others as in `Profile`
     """
     distance, ramps = np.abs(target - start), tacc + tdec
     needed = (v0 + v1) / 2 * ramps
