@@ -7,7 +7,6 @@ they are held as matrices and unit vectors, and so do joints about a tool.
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import fields
-from json import dumps
 from math import isfinite
 from typing import Any
 
@@ -17,7 +16,7 @@ from kinematics.geometry_writer import geometry
 from kinematics.load_writer import gravity, load
 from kinematics.machine import Machine
 from kinematics.step_timing import DRIVES, StepTiming
-from kinematics.toml_text import quantity, vector
+from kinematics.toml_text import quantity, quoted, vector
 
 # The unit in which a field is written, and its power of ten from SI: of linear axes, and of rotary ones.
 _UNITS = {
@@ -76,7 +75,7 @@ def _axes(machine: Machine, kind: str) -> Iterator[str]:
             yield from ("", f"[{table}]", *_tables(machine.name, chosen))
     wired = [axis for axis in machine.axes if axis.card is not None and axis.channel is not None]
     if wired:
-        yield from ("", "[wiring]", *(f"{axis.name} = [{dumps(axis.card)}, {axis.channel}]" for axis in wired))
+        yield from ("", "[wiring]", *(f"{axis.name} = [{quoted(axis.card or '')}, {axis.channel}]" for axis in wired))
 
 
 def _tables(machine: str, axes: Sequence[Axis]) -> Iterator[str]:
@@ -111,7 +110,7 @@ def _timing(timing: StepTiming) -> str:
     """By the drive's name where it has one."""
     for name, known in DRIVES.items():
         if known == timing:
-            return dumps(name)
+            return quoted(name)
     times = [f"{name} = {quantity(getattr(timing, name), 'us', 6)}" for name in ("high", "low", "setup", "hold")]
     rate = [] if timing.max_rate is None else [f"max_rate = {quantity(timing.max_rate, '1/s', 0)}"]
     return f"{{ {', '.join(times + rate)} }}"
@@ -122,7 +121,7 @@ def _text(field: str, value: Any, sort: int) -> str:
     if isinstance(value, StepTiming):
         return _timing(value)
     if field == "compensate":
-        return dumps(list(value))
+        return f"[{', '.join(map(quoted, value))}]"
     if field in _POINTS:
         x, y = (_UNITS[unit][sort] for unit in _POINTS[field])
         return f"[{', '.join(f'[{quantity(a, *x)}, {quantity(b, *y)}]' for a, b in value)}]"

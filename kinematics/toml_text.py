@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 from decimal import Decimal
+from json import dumps
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -9,8 +10,18 @@ from numpy.typing import ArrayLike
 
 def quantity(value: float, unit: str, power: int = 0) -> str:
     """The shortest text of an SI value in a unit 10^power times smaller; exact, as the point only moves."""
+    return f'"{decimal(value, power)} {unit}"'
+
+
+def quoted(value: str) -> str:
+    """A string; TOML knows the escapes of JSON, but for surrogate pairs, and wants one for DEL too."""
+    return dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
+def decimal(value: float, power: int = 0) -> str:
+    """The shortest text of value · 10^power; exact, as the point only moves."""
     number = Decimal(repr(float(value))).scaleb(power).normalize()
-    return f'"{number:{"" if 0 < abs(number) < 1e-6 else "f"}} {unit}"'
+    return f"{number:{'' if 0 < abs(number) < 1e-6 else 'f'}}"
 
 
 def millimetres(values: ArrayLike) -> str:
