@@ -12,6 +12,7 @@ import pytest
 from planner.export.formats import FORMATS, find_format
 from planner.option import options
 from planner.pulses import lines
+from pulsepath import plan_directory
 
 LINE = 'schema = 1\nlength = "mm"\nangle = "deg"\n[[segment]]\nline = {{ to = [{}] }}\n'
 
@@ -146,6 +147,17 @@ def test_an_arm_is_exported_with_its_links_from_beside_the_plan(call, tmp_path):
     assert call("plan", tmp_path / "p.toml", "--machine", "arm", "--out", tmp_path / "o").exit_code == 0
     done = call("export", tmp_path / "o", "--format", "ros")
     assert done.exit_code == 0, done.stderr
+
+
+def test_files_and_refusals_name_the_machine_as_it_was_planned(call, plan):
+    """Not by the copy of its file in the directory, machine.toml."""
+    assert plan_directory.read(plan).machine.name == "hexapod"
+    done = call("export", plan, "--format", "adlink")
+    assert done.exit_code == 0, done.stderr
+    assert (plan / "adlink.c").read_text().startswith('/* "bare-circle" on "hexapod"\n')
+    refused = call("export", plan, "--format", "kmitl-positions")
+    assert refused.exit_code == 2
+    assert "machine hexapod is a hexapod" in refused.stderr
 
 
 def test_what_compensates_is_exported_as_its_motors_run(call, tmp_path):
