@@ -166,9 +166,19 @@ def test_what_compensates_is_exported_as_its_motors_run(call, tmp_path):
     (tmp_path / "m.toml").write_text(machine.replace("[axes]", '[axes]\ncompensate = ["lead", "backlash"]'))
     (tmp_path / "p.toml").write_text(
         'schema = 1\nlength = "mm"\nangle = "deg"\n[[segment]]\nline = { to = [100, 50, 80] }\n'
+        '[[segment]]\ndwell = "0.2 s"\n[[segment]]\nline = { to = [90, 50, 80] }\n'
     )
     out = tmp_path / "o"
-    assert call("plan", tmp_path / "p.toml", "--machine", tmp_path / "m.toml", "--out", out).exit_code == 0
+    made = call("plan", tmp_path / "p.toml", "--machine", tmp_path / "m.toml", "--out", out)
+    assert made.exit_code == 0, made.stderr
+    # 0.002 in of play while the axis rests, at the 0.3 in/s² of the axis
+    assert "7.620 of 7.620 mm/s²" in made.stdout
+    record = json.loads((out / "plan.json").read_text())
+    x, y, _, r = record["pulses"]["compensations"]
+    assert (x["crossings"], y["crossings"], r["crossings"]) == (1, 0, 0)
+    assert x["acceleration"] == pytest.approx(0.3 * 25.4e-3, rel=1e-9)
+    assert x["max_acceleration"] == pytest.approx(0.3 * 25.4e-3, rel=1e-12)
+    assert record["realised"]["mechanics"][0].startswith("X: play 50.8 (made up for")
     done = call("export", out, "--format", "galil")
     assert done.exit_code == 0, done.stderr
     assert "made up for" in done.stdout
