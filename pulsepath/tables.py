@@ -72,7 +72,7 @@ def _moves(schedule: PulseSchedule, axes: Sequence[Axis]) -> Iterator[Table]:
         yield moved
     if schedule.compensations:
         title = "made up for: the motors while they cross the play, beside what is certified"
-        made = _table(title, "axis", "", "reversals#", "axis off by#", "speed#", "acceleration#")
+        made = _table(title, "axis", "", "reversals#", "axis off by#", "speed#", "acceleration#", "jerk#")
         for cost in schedule.compensations:
             unit, scale = HUMAN[units[cost.axis]]
             made.add_row(
@@ -82,6 +82,7 @@ def _moves(schedule: PulseSchedule, axes: Sequence[Axis]) -> Iterator[Table]:
                 f"{1e6 * cost.off:.3f} {MICRO[units[cost.axis]]}",
                 _of_limit(scale * cost.speed, cost.max_speed, scale, f"{unit}/s"),
                 _of_limit(scale * cost.acceleration, cost.max_acceleration, scale, f"{unit}/s²"),
+                f"{scale * cost.jerk:.3g} {unit}/s³",
             )
         yield made
 

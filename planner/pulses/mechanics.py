@@ -45,7 +45,7 @@ def told(axis: Axis, off: float) -> str:
     """
     parts = []
     if axis.backlash > 0:
-        made = f"made up for, off by {1e6 * off:.3g} while it is crossed" if "backlash" in axis.compensate else "not"
+        made = f"made up for, off by up to {1e6 * off:.3g} while crossed" if "backlash" in axis.compensate else "not"
         parts.append(f"play {1e6 * axis.backlash:.4g} ({made})")
     if axis.lead_error is not None:
         most = 1e6 * max(abs(error) for _, error in axis.lead_error)

@@ -219,10 +219,16 @@ def _bounds(plan: Planned, schedule: PulseSchedule, behind: Compensated | None, 
 
 
 def _mechanics(axes: Sequence[Axis], behind: Compensated | None) -> tuple[str, ...]:
-    """What was simulated behind the motors: a line for each axis that states any of it."""
-    off = [0.0] * len(axes) if behind is None else [cost.off for cost in behind.costs]
-    texts = ((axis.name, told(axis, most)) for axis, most in zip(axes, off, strict=True))
-    return tuple(f"{name}: {text}" for name, text in texts if text)
+    """What was simulated behind the motors: a line for all axes that state the same."""
+    offs = [0.0] * len(axes) if behind is None else [cost.off for cost in behind.costs]
+    alike: dict[str, list[tuple[Axis, float]]] = {}
+    for axis, off in zip(axes, offs, strict=True):
+        alike.setdefault(told(axis, 0.0), []).append((axis, off))
+    return tuple(
+        f"{', '.join(axis.name for axis, _ in same)}: {told(same[0][0], max(off for _, off in same))}"
+        for text, same in alike.items()
+        if text
+    )
 
 
 def _place(trajectory: Trajectory, t: float) -> Place:

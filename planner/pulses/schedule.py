@@ -84,6 +84,7 @@ class Compensation:
     speed, acceleration  of the motor at most while it does, m/s and m/s² or rad/s and rad/s², the motion's own included
                   and looked at before its screw's table; neither is in the certificate
     max_speed, max_acceleration  what they keep to; None: nothing
+    jerk          m/s³ or rad/s³ of crossing the play, at most: told, and kept to max_jerk only while the axis rests
     """
 
     axis: str
@@ -95,6 +96,7 @@ class Compensation:
     max_speed: float | None = None
     acceleration: float = 0.0
     max_acceleration: float | None = None
+    jerk: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

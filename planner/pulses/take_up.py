@@ -31,10 +31,10 @@ def take_up(motion: Motion, k: int, axis: Axis, stretches: Stretches) -> tuple[A
     """(R, 3) start (s), time (s) and way (m or rad) of every crossing of the play of axis k, and what that costs.
 
     Motion and take-up together keep max_speed and take_up_acceleration (None: max_acceleration), as `LOOKED` at and at
-    the knots of the motion. A step takes the least time in which it alone would keep them, and jerk; where the axis
-    turns without a rest, it is made longer until it fits, as long as the axis is off by less than the play meanwhile
-    (not to make up for it costs no more), and at most half-way to the next turn. Jerk on top of the motion's own, and
-    what a screw's table adds, are not looked at.
+    the knots of the motion. In a rest a step takes the least time in which it keeps them, and jerk where there is time.
+    Where the axis turns without a rest it is made longer until it fits, as long as the axis is off by less than the
+    play meanwhile (not to make up for it costs no more), and at most half-way to the next turn: jerk is told there, not
+    kept, for the time that it needs would leave the axis off by more. What a screw's table adds is not looked at.
     Raises Infeasible where a step fits at no length: a motion that is at its limit while it turns has no room for any.
     """
     turns, unturned = turning_points(stretches, axis.pulse)
@@ -44,7 +44,9 @@ def take_up(motion: Motion, k: int, axis: Axis, stretches: Stretches) -> tuple[A
     arrives, leaves, way = np.array(turns).T
     before = np.append(0.0, (arrives[1:] + leaves[:-1]) / 2)
     after = np.append(before[1:], motion.duration)
+    gentle = float(np.cbrt(JERKED * axis.backlash / min(sides(axis.max_jerk))))
     time = np.minimum(_alone(axis) or TAKE_UP, after - before)
+    time = np.maximum(time, np.where(leaves - arrives >= gentle, gentle, 0.0))
     steps, best = np.empty((len(turns), 3)), np.full(len(turns), np.inf)
     todo = np.arange(len(turns))
     while len(todo):
@@ -64,7 +66,8 @@ def take_up(motion: Motion, k: int, axis: Axis, stretches: Stretches) -> tuple[A
         _refuse(motion, axis, seen, float(_alone(axis)))
     (speed, most_speed, _), (acceleration, most, _) = seen.largest(axis)
     most_off = float(seen.off(len(steps)).max())
-    figures = most_off, unturned, speed, most_speed, acceleration, most
+    jerk = float(JERKED * axis.backlash / steps[:, 1].min() ** 3)
+    figures = most_off, unturned, speed, most_speed, acceleration, most, jerk
     return frozen(steps), Compensation(axis.name, axis.compensate, len(steps), *figures)
 
 
@@ -100,12 +103,11 @@ def _bounds(axis: Axis) -> tuple[Magnitude | None, Magnitude | None]:
 
 
 def _alone(axis: Axis) -> float:
-    """s in which a step from rest to rest keeps every limit; 0 where there is none."""
+    """s in which a step from rest to rest keeps the limits of speed and acceleration; 0 where there are none."""
     speed, acceleration = _bounds(axis)
     return max(
         STEEP * axis.backlash / min(sides(speed)),
         float(np.sqrt(CURVED * axis.backlash / min(sides(acceleration)))),
-        float(np.cbrt(JERKED * axis.backlash / min(sides(axis.max_jerk)))),
     )
 
 

@@ -160,6 +160,17 @@ def test_at_rest_motor_and_screw_take_the_play_up_as_fast_as_the_limits_let_them
         assert made.steps[0][0].tolist() == pytest.approx([0.1, time, -5e-6], rel=1e-9)
         assert made.costs[0].off < 1e-12
         assert made.costs[0].max_speed == limits.get("max_speed")
+        assert made.costs[0].jerk == pytest.approx(60 * 5e-6 / time**3)
+
+
+def test_where_there_is_no_rest_jerk_is_told_and_costs_no_time():
+    """∛(60 b/j) = 42 ms would leave the axis off by 0.4 m/s² · (42 ms)²/8 = 89 µm, for 5 µm of play."""
+    motion = zigzag(1e-3, -1e-3)
+    axis = Axis("x", pulse=PULSE, max_acceleration=0.8, max_jerk=4.0, backlash=5e-6, compensate=("backlash",))
+    (cost,) = compensated(motion, [axis], np.zeros(1)).costs
+    (same,) = compensated(motion, [replace(axis, max_jerk=None)], np.zeros(1)).costs
+    assert cost == same
+    assert cost.jerk > 4.0
 
 
 def test_a_motion_at_its_limit_while_it_turns_leaves_no_room_and_is_refused():

@@ -68,6 +68,6 @@ def test_the_screw_is_beyond_where_it_counts_by_its_error_and_back():
 def test_what_an_axis_states_is_told():
     table = ((0.0, 0.0), (0.1, -2e-5))
     whole = Axis("x", backlash=5e-6, lead_error=table, compensate=("backlash",))
-    assert told(whole, 1e-6) == "play 5 (made up for, off by 1 while it is crossed), lead error up to 20 (not) µm"
+    assert told(whole, 1e-6) == "play 5 (made up for, off by up to 1 while crossed), lead error up to 20 (not) µm"
     assert told(Axis("x", kind="rotary", backlash=5e-6), 0.0) == "play 5 (not) µrad"
     assert told(Axis("x"), 0.0) == ""
