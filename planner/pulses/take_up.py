@@ -21,6 +21,8 @@ STEEP, CURVED, JERKED = 1.875, 10 / np.sqrt(3), 60.0
 PEAKS = (0.5 - np.sqrt(3) / 6, 0.5, 0.5 + np.sqrt(3) / 6)
 # Where a step is looked at, beside the knots of the motion.
 LOOKED = np.union1d(np.linspace(0, 1, 65), PEAKS)
+# Instants looked at together: a state holds far more than what is kept of it.
+BLOCK = 1 << 14
 # Factor by which a step that asks too much is made longer, while there is room.
 LONGER = 1.1
 # A limit holds up to here, as in the certificate.
@@ -161,10 +163,15 @@ def _seen(motion: Motion, k: int, steps: Array, turn: Array) -> _Seen:
     step = np.concatenate([np.repeat(every, len(LOOKED)), every, inside, inside])
     t = np.concatenate([(start[:, None] + time[:, None] * LOOKED).ravel(), turns, at, np.nextafter(at, -np.inf)])
     t = np.clip(t, 0.0, motion.duration)
-    state = motion.at(t)
+    q, qd, qdd = np.concatenate([_of_axis(motion, k, t[i : i + BLOCK]) for i in range(0, len(t), BLOCK)], axis=1)
     u = np.clip((t - start[step]) / time[step], 0.0, 1.0)
     made = _step(u, time[step]) * way[step]
-    return _Seen(step, t, state.q[:, k], (state.qd[:, k] + made[1], state.qdd[:, k] + made[2]))
+    return _Seen(step, t, q, (qd + made[1], qdd + made[2]))
+
+
+def _of_axis(motion: Motion, k: int, t: Array) -> Array:
+    state = motion.at(t)
+    return np.stack([state.q[:, k], state.qd[:, k], state.qdd[:, k]])
 
 
 def _refuse(motion: Motion, axis: Axis, seen: _Seen, alone: float) -> None:
