@@ -45,6 +45,8 @@ class Axis:
     backlash        m or rad lost at every reversal
     lead_error      ((position, error), ...) of the screw, positions rising: where the axis is beyond where it counts;
                     past either end as at that end
+    take_up_acceleration  m/s² or rad/s² that its motor may do while it crosses the play and moves no load; None:
+                    max_acceleration
     compensate      what its pulses make up for, of "lead" and "backlash": then they count the motor, not the axis
     timing          what its drive asks of the pulses; None: nothing
     card, channel   which motion card drives it, and which of the card's axes it is: both or neither
@@ -66,6 +68,7 @@ class Axis:
     resonance: tuple[tuple[float, float], ...] | None = None
     resonance_time: float | None = None
     backlash: float = 0.0
+    take_up_acceleration: float | None = None
     lead_error: tuple[tuple[float, float], ...] | None = None
     compensate: tuple[str, ...] = ()
     timing: StepTiming | None = None
@@ -90,6 +93,7 @@ class Axis:
             self._numbers(field, (), (2,), least=POSITIVE, none=ways)
         for field in ("max_force", "max_pulse_rate", "resonance_time"):
             self._numbers(field, (), least=POSITIVE, none="unlimited")
+        self._numbers("take_up_acceleration", (), least=POSITIVE, none="max_acceleration")
         self._numbers("resonance", (None, 2), least=POSITIVE, none="no band")
         edges = [edge for band in self.resonance or () for edge in band]
         if any(not slower < faster for slower, faster in pairwise(edges)):

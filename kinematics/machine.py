@@ -129,6 +129,12 @@ class Machine(ABC):
             other.__dict__.pop(of_load, None)
         return other
 
+    def called(self, name: str) -> Self:
+        """The same machine by another name, as of a copy of its file."""
+        other = copy(self)
+        other.name = name
+        return other
+
     def _bearing(self, load: Load) -> Load:
         """A load that fits the machine. Raises MotionError for legs that it has not."""
         if load.legs and self.legs == 0:

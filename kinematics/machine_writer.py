@@ -30,6 +30,7 @@ _UNITS = {
     "friction": (("N*s/m", 0), ("N*m*s/rad", 0)),
     "reflected": (("kg", 0), ("kg*m^2", 0)),
     "backlash": (("mm", 3), ("rad", 0)),
+    "take_up_acceleration": (("mm/s^2", 3), ("rad/s^2", 0)),
     "resonance_time": (("ms", 3), ("ms", 3)),
 }
 # Fields of points: the fields whose units their first and second numbers have.

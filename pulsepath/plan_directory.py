@@ -85,5 +85,7 @@ def read(folder: Path) -> Planned:
         if sha256(content).hexdigest() != digests.get(what):
             raise MotionError(f"{folder / name} is not the {what} that the plan was made from: plan it again")
     program, machine = load_program(folder / SOURCES["program"]), load_machine(str(folder / SOURCES["machine"]))
+    # the files here are copies, by whose names nobody knows what was planned
     program = replace(program, name=str(record.get("program") or program.name))
+    machine = machine.called(str(record.get("machine") or machine.name))
     return Planned(program, machine, motion_json.read(folder / MOTION, actuate(program, machine)), clock, rule)

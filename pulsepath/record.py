@@ -126,6 +126,7 @@ def of_realised(path: RealisedPath) -> Record:
         "of": path.mover,
         "instants": path.instants,
         "one_in": path.stride,
+        "mechanics": list(path.mechanics),
         "errors": {
             error.name: {
                 "rms": error.rms,

@@ -71,8 +71,8 @@ def _moves(schedule: PulseSchedule, axes: Sequence[Axis]) -> Iterator[Table]:
             )
         yield moved
     if schedule.compensations:
-        title = "made up for, beside what is certified"
-        made = _table(title, "axis", "", "reversals#", "off while the play is crossed#", "speed#", "acceleration#")
+        title = "made up for: the motors while they cross the play, beside what is certified"
+        made = _table(title, "axis", "", "reversals#", "axis off by#", "speed#", "acceleration#", "jerk#")
         for cost in schedule.compensations:
             unit, scale = HUMAN[units[cost.axis]]
             made.add_row(
@@ -80,10 +80,15 @@ def _moves(schedule: PulseSchedule, axes: Sequence[Axis]) -> Iterator[Table]:
                 " and ".join(cost.kinds),
                 f"{cost.crossings}",
                 f"{1e6 * cost.off:.3f} {MICRO[units[cost.axis]]}",
-                f"{scale * cost.speed:.3f} {unit}/s",
-                f"{scale * cost.acceleration:.2f} {unit}/s²",
+                _of_limit(scale * cost.speed, cost.max_speed, scale, f"{unit}/s"),
+                _of_limit(scale * cost.acceleration, cost.max_acceleration, scale, f"{unit}/s²"),
+                f"{scale * cost.jerk:.3g} {unit}/s³",
             )
         yield made
+
+
+def _of_limit(value: float, limit: float | None, scale: float, unit: str) -> str:
+    return f"{value:.3f} {unit}" if limit is None else f"{value:.3f} of {scale * limit:.3f} {unit}"
 
 
 def of_rules() -> list[Table]:

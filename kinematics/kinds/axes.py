@@ -146,6 +146,7 @@ class LinearAxis(Input):
     friction: Annotated[float, Unit("N*s/m", least=0)] | None = None
     reflected: Annotated[float, Unit("kg", least=0)] | None = None
     backlash: Annotated[float, Unit("m", least=0)] | None = None
+    take_up_acceleration: Annotated[float, Unit("m/s^2", above=0)] | None = None
     lead_error: Annotated[tuple[tuple[Length, Length], ...], AfterValidator(_rising_first)] | None = None
 
 
@@ -187,6 +188,7 @@ class RotaryAxis(Input):
     friction: Annotated[float, Unit("N*m*s/rad", least=0)] | None = None
     reflected: Annotated[float, Unit("kg*m^2", least=0)] | None = None
     backlash: Annotated[float, Unit("rad", least=0)] | None = None
+    take_up_acceleration: Annotated[float, Unit("rad/s^2", above=0)] | None = None
     lead_error: Annotated[tuple[tuple[Angle, Angle], ...], AfterValidator(_rising_first)] | None = None
 
 

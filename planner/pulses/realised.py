@@ -1,6 +1,6 @@
-"""The realised path: the pose that the counts stand for, at every pulse, against the planned one."""
+"""The realised path: the pose to which the counts lead the mechanics, at every pulse, against the planned one."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import product
 from typing import Protocol
@@ -8,14 +8,16 @@ from typing import Protocol
 import numpy as np
 
 from kinematics.array import Array, frozen
+from kinematics.axis import Axis
 from kinematics.errors import MotionError
 from kinematics.freedom import COMPONENTS
 from kinematics.machine import Machine
 from kinematics.pose import from_numbers, numbers
 from kinematics.sensitivity import sensitivity
 from planner.place import Place
-from planner.pulses.compensate import compensated
-from planner.pulses.motion import Motion
+from planner.pulses.axes_away import axes_away
+from planner.pulses.compensate import Compensated, compensated
+from planner.pulses.mechanics import play, screw, told
 from planner.pulses.realised_path import RealisedError, RealisedPath
 from planner.pulses.schedule import PulseSchedule, Ticks
 from planner.trajectory import State, Trajectory
@@ -44,12 +46,13 @@ class Planned(Protocol):
 def realised(plan: Planned, pulses: PulseSchedule | None = None, *, stride: int = 1) -> RealisedPath:
     """The realised path of a plan's pulses, or of other ones that stand for its motion.
 
-    Between two pulses of any axis the counts stand for one pose, found by forward kinematics (Newton from the planned
-    pose, to rounding); it is compared with the planned pose at both ends, which lie just after the one pulse and just
-    before the next. Ends of windows of time are looked at as well: rests and turning points between pulses are seen.
-    Of a machine whose platform carries a tool, the pose is the tool's. stride k takes every k-th interval.
-    Axes that compensate count their motors: of them, it is how far these are from where they should be (what crossing
-    the play costs stands in the schedule). Raises MotionError where counts stand for no pose, or the motion has none.
+    Between two pulses of any axis the counts stand for one pose: the motors are where they are counted, the axes where
+    the play and the lead error that they state leave them (`planner.pulses.mechanics`), whatever of both the counts
+    make up for, and the pose is found by forward kinematics (Newton from the planned one, to rounding). It is compared
+    with the planned pose at both ends, which lie just after the one pulse and just before the next. Ends of windows of
+    time are looked at as well: rests and turning points between pulses are seen. Of a machine whose platform carries a
+    tool, the pose is the tool's. stride k takes every k-th interval. Each axis starts pushed towards greater q, as in
+    `planner.pulses.compensate`. Raises MotionError where counts stand for no pose, or the motion has none.
     """
     machine, trajectory = plan.machine, plan.trajectory
     behind = compensated(trajectory, machine.axes, machine.home_q)
@@ -62,9 +65,9 @@ def realised(plan: Planned, pulses: PulseSchedule | None = None, *, stride: int 
     grid = np.linspace(0.0, _end(schedule), WINDOWS + 1)
     found = _Found(np.zeros((WINDOWS, 8)), np.zeros(WINDOWS), np.zeros((WINDOWS, 8)), np.zeros(8), np.zeros(8))
     instants = 0
-    for begin, end, counts in _intervals(schedule, grid, stride):
-        instants += _compare(found, plan, behind, schedule, grid, begin, end, counts)
-    bounds = _bounds(plan, schedule, grid / schedule.clock_hz)
+    for begin, end, counts, q in _intervals(schedule, machine.axes, grid, stride):
+        instants += _compare(found, plan, schedule, grid, begin, end, counts, q)
+    bounds = _bounds(plan, schedule, behind, grid / schedule.clock_hz)
     rms = np.sqrt((found.square / found.time[:, None]).mean(0))
     moving = [*(machine.freedom + machine.follows), *SPACE]
     names = [*COMPONENTS, *SPACE]
@@ -84,7 +87,9 @@ def realised(plan: Planned, pulses: PulseSchedule | None = None, *, stride: int 
     )
     mover = "platform" if trajectory.path.tool is None else "tool"
     edges = frozen(grid / schedule.clock_hz)
-    return RealisedPath(machine.name, schedule.rule, mover, instants, stride, edges, errors)
+    return RealisedPath(
+        machine.name, schedule.rule, mover, instants, stride, edges, errors, _mechanics(machine.axes, behind)
+    )
 
 
 @dataclass(slots=True)
@@ -104,10 +109,13 @@ def _end(schedule: PulseSchedule) -> float:
     return max(schedule.duration * schedule.clock_hz, last) + 1.0
 
 
-def _intervals(schedule: PulseSchedule, grid: Array, stride: int) -> Iterator[tuple[Array, Array, Ticks]]:
-    """Begin and end (M,) in ticks of what lies between edges, pulses or the grid's, and the counts there (M, n)."""
+def _intervals(
+    schedule: PulseSchedule, driven: Sequence[Axis], grid: Array, stride: int
+) -> Iterator[tuple[Array, Array, Ticks, Array]]:
+    """Begin and end (M,) in ticks of what lies between edges, pulses or the grid's; counts and coordinates (M, n)."""
     marks = np.unique(np.concatenate([[0], *(axis.ticks[BLOCK::BLOCK] for axis in schedule.axes)])).astype(float)
     counts = np.array([axis.start for axis in schedule.axes])
+    pushed = [axis.start * axis.pulse for axis in schedule.axes]
     seen = 0
     for lo, hi in zip(marks, [*marks[1:], grid[-1]], strict=True):
         inside = grid[np.searchsorted(grid, lo) : np.searchsorted(grid, hi)]
@@ -117,35 +125,32 @@ def _intervals(schedule: PulseSchedule, grid: Array, stride: int) -> Iterator[tu
         every = np.arange((-seen) % stride, len(edges) - 1, stride)
         here = np.union1d(every, np.searchsorted(edges, inside))  # each window has its first interval at least
         seen += len(edges) - 1
-        after = np.empty((len(here), len(counts)), np.int64)
+        after, q = np.empty((len(here), len(counts)), np.int64), np.empty((len(here), len(counts)))
         for k, (axis, span) in enumerate(zip(schedule.axes, spans, strict=True)):
             running = np.concatenate(([counts[k]], counts[k] + np.cumsum(axis.direction[span], dtype=np.int64)))
-            after[:, k] = running[np.searchsorted(fired[k], edges[here], side="right")]
-            counts[k] = running[-1]
+            pushes = play(running * axis.pulse, driven[k].backlash, pushed[k])
+            at = np.searchsorted(fired[k], edges[here], side="right")
+            after[:, k], q[:, k] = running[at], axis.home + screw(pushes[at], driven[k])
+            counts[k], pushed[k] = running[-1], pushes[-1]
         if len(here):
-            yield edges[here], edges[here + 1], after
+            yield edges[here], edges[here + 1], after, q
 
 
 def _compare(
     found: _Found,
     plan: Planned,
-    behind: Motion | None,
     schedule: PulseSchedule,
     grid: Array,
     begin: Array,
     end: Array,
     counts: Ticks,
+    q: Array,
 ) -> int:
     """Add the errors of some intervals to what has been found; how many instants that were."""
     machine, path = plan.machine, plan.trajectory.path
     ticks, where = np.unique(np.concatenate([begin, end]), return_inverse=True)
     planned = _numbers(plan.trajectory.at(ticks / schedule.clock_hz))
     first, last = np.split(where, 2)
-    pulse, home = (np.array([getattr(axis, name) for axis in schedule.axes]) for name in ("pulse", "home"))
-    q = home + counts * pulse
-    if behind is not None:
-        t = begin / schedule.clock_hz
-        q -= behind.at(t).q - plan.trajectory.at(t).q
     forward = machine.forward(q, from_numbers(planned[first]), certify=False)
     lost = ~(forward.residual <= REACHED * max(1.0, float(abs(q).max())))
     if lost.any():
@@ -195,8 +200,8 @@ def _errors(reached: Array, planned: Array) -> Array:
     return np.concatenate([away, vector, *sizes], 1)
 
 
-def _bounds(plan: Planned, schedule: PulseSchedule, t: Array) -> Array:
-    """(N, 8) at instants t (N,): by how much counts that keep the schedule's bound can move each error.
+def _bounds(plan: Planned, schedule: PulseSchedule, behind: Compensated | None, t: Array) -> Array:
+    """(N, 8) at instants t (N,): how large counts that keep the schedule's bound can make each error.
 
     Σⱼ |J⁻¹ᵢⱼ| bⱼ of a component; in space the largest ‖J⁻¹ b‖ at the corners of the box of b, where a norm is largest.
     """
@@ -206,12 +211,24 @@ def _bounds(plan: Planned, schedule: PulseSchedule, t: Array) -> Array:
     if path.tool is not None:  # v of the tool = v + ω × r
         lever = path.tool(x)[:, :3] - x[:, :3]
         step[:, :3] += np.cross(step[:, 3:], lever[:, :, None], axis=1)
-    pulse, bound = (np.array([getattr(axis, name) for axis in schedule.axes]) for name in ("pulse", "bound"))
-    step *= (bound * pulse + abs(state.qd) / schedule.clock_hz)[:, None, :]
-    signs = np.array([(1, *rest) for rest in product((1, -1), repeat=len(pulse) - 1)], float).T
+    step *= axes_away(plan.trajectory, plan.machine.axes, schedule, behind, t)[:, None, :]
+    signs = np.array([(1, *rest) for rest in product((1, -1), repeat=len(schedule.axes) - 1)], float).T
     corners = step @ signs
     sizes = [np.linalg.norm(corners[:, part], axis=1).max(1)[:, None] for part in SPACE.values()]
     return np.concatenate([abs(step).sum(2), *sizes], 1)
+
+
+def _mechanics(axes: Sequence[Axis], behind: Compensated | None) -> tuple[str, ...]:
+    """What was simulated behind the motors: a line for all axes that state the same."""
+    offs = [0.0] * len(axes) if behind is None else [cost.off for cost in behind.costs]
+    alike: dict[str, list[tuple[Axis, float]]] = {}
+    for axis, off in zip(axes, offs, strict=True):
+        alike.setdefault(told(axis, 0.0), []).append((axis, off))
+    return tuple(
+        f"{', '.join(axis.name for axis, _ in same)}: {told(same[0][0], max(off for _, off in same))}"
+        for text, same in alike.items()
+        if text
+    )
 
 
 def _place(trajectory: Trajectory, t: float) -> Place:

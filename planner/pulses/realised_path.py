@@ -21,7 +21,8 @@ class RealisedError:
     rms         √(1/T ∫ e² dt), the error taken as linear between the instants looked at, window by window
     max, where  the largest magnitude and its place
     bound       of the magnitude, the largest along the path: Σⱼ |J⁻¹ᵢⱼ| bⱼ of a component, max ‖J⁻¹ b‖ over the signs
-                of the bⱼ in space; bⱼ is the schedule's bound and one tick's travel of axis j, in m or rad
+                of the bⱼ in space; bⱼ, in m or rad, is the schedule's bound and one tick's travel of axis j through
+                its screw, and its play and lead error, or what is left of them where they are made up for
     series, bounds  (W,) the same in windows of time: largest magnitude, and largest bound at the windows' two ends
     """
 
@@ -43,7 +44,7 @@ class RealisedError:
 
 @dataclass(frozen=True, slots=True)
 class RealisedPath:
-    """How far the pose that the integer counts stand for is from the planned pose.
+    """How far the pose to which the integer counts lead the machine is from the planned pose.
 
     rule      of firing that made the pulses
     instants  how many were looked at, each just after a pulse and just before the next
@@ -51,6 +52,7 @@ class RealisedPath:
     edges     (W+1,) s, the ends of the windows of the errors' series
     errors    of each component that moves, then in space ("position") and of the whole turn ("orientation")
     mover     "platform" or "tool": whose pose it is
+    mechanics of each axis that states play or lead error, in words: both are simulated, and in the bound
     """
 
     machine: str
@@ -60,6 +62,7 @@ class RealisedPath:
     stride: int
     edges: Array
     errors: tuple[RealisedError, ...]
+    mechanics: tuple[str, ...] = ()
 
     def __getitem__(self, name: str) -> RealisedError:
         """The error of a name. Raises MotionError for another one."""
@@ -85,4 +88,5 @@ class RealisedPath:
         return (
             f"realised path of the {self.mover} of {self.machine}, rule {self.rule}: {self.instants} instants, "
             f"{every} just after and just before a pulse\n{aligned(header, rows)}"
+            + "".join(f"\nin error and bound, {text}" for text in self.mechanics)
         )

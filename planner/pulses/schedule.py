@@ -80,16 +80,23 @@ class Compensation:
     kinds         "lead", "backlash"
     crossings     times that the motor crosses the play
     off           m or rad by which the axis is behind at most while it does
-    speed         m/s or rad/s of the motor, beside the motion's own
-    acceleration  m/s² or rad/s², likewise: neither is in the certificate
+    unturned      m or rad of the farthest run back, below half a pulse, for which it does not
+    speed, acceleration  of the motor at most while it does, m/s and m/s² or rad/s and rad/s², the motion's own included
+                  and looked at before its screw's table; neither is in the certificate
+    max_speed, max_acceleration  what they keep to; None: nothing
+    jerk          m/s³ or rad/s³ of crossing the play, at most: told, and kept to max_jerk only while the axis rests
     """
 
     axis: str
     kinds: tuple[str, ...]
-    crossings: int
-    off: float
-    speed: float
-    acceleration: float
+    crossings: int = 0
+    off: float = 0.0
+    unturned: float = 0.0
+    speed: float = 0.0
+    max_speed: float | None = None
+    acceleration: float = 0.0
+    max_acceleration: float | None = None
+    jerk: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

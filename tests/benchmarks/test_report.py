@@ -72,7 +72,7 @@ def metrics(planned):
 
 @pytest.fixture(scope="module")
 def realised(planned):
-    return planned.realised(stride=20)
+    return replace(planned.realised(stride=20), mechanics=("leg1, leg2: play 2 (not) µm", "leg3: play <3> (not) µm"))
 
 
 @pytest.fixture(scope="module")
@@ -183,6 +183,10 @@ def test_names_are_escaped(tmp_path, planned, baseline, verdict):
     # and without laws, or without the pulses' path, there is no part about them
     assert {"tracking", "realised"}.isdisjoint(Page(text).tables)
     assert {path.stem for path in (tmp_path / "figures").iterdir()} == FIGURES - {"tracking", "realised"}
+
+
+def test_what_was_simulated_behind_the_counts_is_told(text):
+    assert "in the bound: leg1, leg2: play 2 (not) µm; leg3: play &lt;3&gt; (not) µm.</p>" in text
 
 
 def test_the_path_of_the_pulses_is_told_with_its_bound(page, realised):

@@ -33,6 +33,7 @@ CURVE = "two or more points"
         ({"backlash": -1.0}, "a: backlash .*not below 0, not -1"),
         ({"backlash": np.nan}, "a: backlash .*not nan"),
         ({"backlash": None}, "a: backlash .*not None"),
+        ({"take_up_acceleration": 0.0}, r"a: take_up_acceleration \(None: max_acceleration\) .* above 0, not 0"),
         ({"lead_error": 5}, r"a: lead_error .* must be finite numbers \(N, 2\), not .*5"),
         ({"lead_error": ((0, 0),)}, f"a: lead_error .* must be {CURVE}"),
         ({"lead_error": ((1, 0), (0, 0))}, f"a: lead_error .* must be {CURVE}, first values rising"),

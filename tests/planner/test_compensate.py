@@ -12,7 +12,7 @@ from kinematics.errors import MotionError
 from planner.place import Infeasible
 from planner.pulses import check, generate
 from planner.pulses.compensate import compensated
-from tests.planner.motions import PULSE, example, in_pulses, through
+from tests.planner.motions import PULSE, example, in_pulses, one_axis, through
 
 TABLE = ((0.0, 0.0), (1e-4, 3e-6), (2e-4, -2e-6), (4e-4, 1e-6))
 
@@ -114,6 +114,149 @@ def test_trembling_by_less_than_half_a_pulse_is_no_reversal():
     assert (v < 0).any()
     (axis,) = axes(motion, ("backlash",))
     assert compensated(motion, [axis], np.zeros(1)).costs[0].crossings == 0
+
+
+def zigzag(*ways, time=0.1, rest=0.0):
+    """One axis from rest to rest at constant accelerations ±a (a quarter of the way each is a·time²/16), rests between.
+
+    At every turn without a rest its acceleration is the largest that it has.
+    """
+    pieces, knots, at = [], [0.0], 0.0
+    for way in ways:
+        if rest and pieces:
+            pieces.append([0.0, 0.0, at])
+            knots.append(knots[-1] + rest)
+        half, a = time / 2, 4 * way / time**2
+        pieces += [[a / 2, 0.0, at], [-a / 2, a * half, at + way / 2]]
+        knots += [knots[-1] + half, knots[-1] + time]
+        at += way
+    return one_axis(pieces, knots)
+
+
+def most(made, t, name):
+    return abs(getattr(made.at(t), name)).max()
+
+
+def crossing(made, n=2001):
+    """Instants during which the play is crossed, and those just beside the knots there."""
+    start, time, _ = made.steps[0].T
+    inside = made.knots[(made.knots >= start[0]) & (made.knots <= start[-1] + time[-1])]
+    t = (start[:, None] + time[:, None] * np.linspace(0, 1, n)).ravel()
+    return np.concatenate([t, np.nextafter(inside, 0), inside])
+
+
+def test_at_rest_motor_and_screw_take_the_play_up_as_fast_as_the_limits_let_them():
+    """10 b/√3 T² = a, 15 b/8 T = v, 60 b/T³ = j: the smooth step alone, at whichever takes longest."""
+    motion = zigzag(1e-3, -1e-3, rest=0.1)
+    for limits, time in (
+        ({"max_acceleration": 1.0}, np.sqrt(10 / np.sqrt(3) * 5e-6)),
+        ({"max_acceleration": (2.0, 1.0)}, np.sqrt(10 / np.sqrt(3) * 5e-6)),
+        ({"max_acceleration": 1.0, "take_up_acceleration": 4.0}, np.sqrt(10 / np.sqrt(3) * 5e-6) / 2),
+        ({"max_speed": 5e-4}, 15 / 8 * 5e-6 / 5e-4),
+        ({"max_acceleration": 1.0, "max_jerk": 2.0}, np.cbrt(60 * 5e-6 / 2.0)),
+    ):
+        axis = Axis("x", pulse=PULSE, backlash=5e-6, compensate=("backlash",), **limits)
+        made = compensated(motion, [axis], np.zeros(1))
+        assert made.steps[0][0].tolist() == pytest.approx([0.1, time, -5e-6], rel=1e-9)
+        assert made.costs[0].off < 1e-12
+        assert made.costs[0].max_speed == limits.get("max_speed")
+        assert made.costs[0].jerk == pytest.approx(60 * 5e-6 / time**3)
+
+
+def test_where_there_is_no_rest_jerk_is_told_and_costs_no_time():
+    """∛(60 b/j) = 42 ms would leave the axis off by 0.4 m/s² · (42 ms)²/8 = 89 µm, for 5 µm of play."""
+    motion = zigzag(1e-3, -1e-3)
+    axis = Axis("x", pulse=PULSE, max_acceleration=0.8, max_jerk=4.0, backlash=5e-6, compensate=("backlash",))
+    (cost,) = compensated(motion, [axis], np.zeros(1)).costs
+    (same,) = compensated(motion, [replace(axis, max_jerk=None)], np.zeros(1)).costs
+    assert cost == same
+    assert cost.jerk > 4.0
+
+
+def test_a_motion_at_its_limit_while_it_turns_leaves_no_room_and_is_refused():
+    motion = zigzag(1e-3, -1e-3)  # at 0.4 m/s² throughout
+    axis = Axis("x", pulse=PULSE, max_acceleration=0.4, backlash=5e-6, compensate=("backlash",))
+    with pytest.raises(Infeasible, match=r"x, s = .*, t = 0\.\d+ s; .* 5 µm of play where x turns: let it rest") as no:
+        generate(motion, [axis], [0.0])
+    told = no.value
+    assert (told.kind, told.axis, told.limit, told.unit) == ("acceleration with play taken up", "x", 0.4, "m/s^2")
+    assert abs(told.place.t - 0.1) < 0.02
+    assert 0.4 < told.value < 0.8
+    # what the remedy says: a rest of that time, or a motor that does more with no load on it
+    rest = float(told.remedy.partition("rest there for ")[2].split()[0])
+    assert generate(zigzag(1e-3, -1e-3, rest=rest * 1.001), [axis], [0.0]).compensations[0].off < 1e-9
+    assert "state a take_up_acceleration" in told.remedy
+    lighter = replace(axis, take_up_acceleration=1.2)
+    (cost,) = generate(motion, [lighter], [0.0]).compensations
+    assert cost.acceleration == pytest.approx(1.2, rel=0.2)
+    assert cost.acceleration <= cost.max_acceleration == 1.2
+    made = compensated(motion, [lighter], np.zeros(1))
+    assert most(made, crossing(made), "qdd") == pytest.approx(cost.acceleration, rel=1e-3)
+
+
+def test_where_a_motion_turns_gently_the_take_up_is_made_longer():
+    """Alone it would take √(10 b/√3 a); with the motion's own 0.4 m/s² it has what is left."""
+    motion = zigzag(1e-3, -1e-3)
+    axis = Axis("x", pulse=PULSE, max_acceleration=0.8, backlash=5e-6, compensate=("backlash",))
+    made = compensated(motion, [axis], np.zeros(1))
+    time, cost = made.steps[0][0, 1], made.costs[0]
+    exactly = np.sqrt(10 / np.sqrt(3) * 5e-6 / (0.8 - 0.4))
+    assert exactly <= time <= 1.1 * exactly
+    assert cost.off == pytest.approx(0.4 * (time / 2) ** 2 / 2, rel=1e-6)
+    assert cost.off < axis.backlash
+
+
+def test_a_speed_beyond_the_limit_is_refused_too():
+    """An axis that runs at its limit and turns within the time that the play takes."""
+    motion = zigzag(4e-5, -4e-5, 4e-5, time=4e-3)  # up to 20 mm/s
+    axis = Axis("x", pulse=PULSE, max_speed=8e-3, backlash=3e-5, compensate=("backlash",))
+    with pytest.raises(Infeasible, match="speed with play taken up") as no:
+        compensated(motion, [axis], np.zeros(1))
+    assert no.value.limit == 8e-3
+    assert "take_up_acceleration" not in no.value.remedy
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 10_000), st.floats(0.02, 0.3), st.floats(0.3, 30.0), st.sampled_from([2e-6, 2e-5]))
+def test_motion_and_take_up_together_keep_the_limits_or_are_refused(seed, speed, acceleration, backlash):
+    motion = example(seed)
+    home = motion.at(np.zeros(1)).q[0]
+    limits = {"max_speed": speed, "max_acceleration": (acceleration, 2 * acceleration)}
+    driven = [Axis(f"leg{k}", pulse=PULSE, backlash=backlash, compensate=("backlash",), **limits) for k in range(3)]
+    try:
+        made = compensated(motion, driven, home)
+    except Infeasible:
+        # twice the motion's own acceleration a on top of it is enough: b 10/√3 T² = 2 a is off by a T²/8 = 0.36 b
+        assert acceleration < 3 * abs(motion.at(np.linspace(0, motion.duration, 2001)).qdd).max()
+        return
+    for k, (steps, cost) in enumerate(zip(made.steps, made.costs, strict=True)):
+        t = (steps[:, :1] + steps[:, 1:2] * np.linspace(0, 1, 501)).ravel()
+        state = made.at(t)
+        # between the places that were looked at, 1/64 of a step apart, a parabola's top is higher by (π/128)²/2 at most
+        assert abs(state.qd[:, k]).max() <= speed * (1 + 1e-3)
+        assert (-acceleration * (1 + 1e-3) <= state.qdd[:, k]).all()
+        assert (state.qdd[:, k] <= 2 * acceleration * (1 + 1e-3)).all()
+        q = motion.at(t).q[:, k].reshape(len(steps), -1)
+        assert np.ptp(q, axis=1).max() <= cost.off * (1 + 1e-12)
+
+
+def test_a_rest_that_rounding_moves_is_a_rest():
+    """A dwell whose two ends differ in the last digits."""
+    motion = zigzag(1e-3, -1e-3, rest=0.1)
+    rough = one_axis([[0, 5e-3, 0.2], [0, 1e-15, 0.2005], [0, -5e-3, 0.2005 + 1e-16]], [0, 0.1, 0.2, 0.3])
+    axis = Axis("x", pulse=PULSE, max_acceleration=0.4, backlash=5e-6, compensate=("backlash",))
+    for each in (motion, rough):
+        assert compensated(each, [axis], np.zeros(1)).steps[0][0, 0] == pytest.approx(0.1, abs=1e-9)
+
+
+def test_a_run_back_that_turns_nothing_is_told():
+    motion = zigzag(1e-4, -0.4 * PULSE, 1e-4, -0.2 * PULSE)
+    (axis,) = axes(motion, ("backlash",))
+    (cost,) = compensated(motion, [axis], np.zeros(1)).costs
+    assert cost.crossings == 0
+    assert cost.unturned == pytest.approx(0.4 * PULSE, rel=1e-6)
+    (turned,) = compensated(zigzag(1e-4, -0.6 * PULSE, 1e-4), [axis], np.zeros(1)).costs
+    assert (turned.crossings, turned.unturned) == (2, 0.0)
 
 
 def test_nothing_to_compensate_is_the_motion_itself():

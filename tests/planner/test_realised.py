@@ -35,7 +35,7 @@ def test_no_error_is_beyond_its_bound_on_any_machine(made):
         assert error.share <= 1 + 1e-4
         assert 0 <= error.rms <= error.max <= error.bound * (1 + 1e-4)
     assert path["position"].max > 0
-    assert str(path).count("\n") == len(path.errors) + 1
+    assert str(path).count("\n") == len(path.errors) + 1 + len(path.mechanics)
 
 
 def test_only_what_moves_has_an_error(made):
@@ -213,12 +213,99 @@ def test_the_figure_shows_the_error_under_its_bound(made):
     assert error == pytest.approx(1e6 * path["position"].series)
 
 
+PLAY, TABLE = 4e-5, ((0.0, 0.0), (0.01, 3e-5), (0.04, -6e-5))
+BACK = Program((Line([0.02, 0, 0]), Dwell(0.1), Line([0, 0, 0])))
+"""Out to where the screw is at zero error again, a rest, and back."""
+
+
+def behind_screws(slides, program=BACK, **mechanics):
+    """A plan of the slides, of which X has mechanics, and the path that its pulses make."""
+    first, *rest = slides.axes
+    planned = plan(program, Traverser(axes=[replace(first, **mechanics), *rest], home=slides.home))
+    return planned, planned.realised()
+
+
+def at_rest(path, t):
+    """The largest error in x in the window about t, where nothing moves."""
+    return path["x"].series[np.searchsorted(path.edges, t) - 1]
+
+
+def test_play_and_lead_error_that_are_not_made_up_for_are_in_the_path(slides):
+    """Half a pulse, 5 µm, is what the counts themselves may add."""
+    planned, path = behind_screws(slides, backlash=PLAY)
+    assert at_rest(path, planned.trajectory.duration / 2) <= 0.5e-5 * 1.001
+    assert at_rest(path, planned.trajectory.duration) == pytest.approx(PLAY, abs=0.501e-5)
+    assert path["x"].max == pytest.approx(PLAY, abs=0.501e-5)
+    # most of the way back the play is on the wrong side, with the uniform error of the counts about it
+    assert (path["x"].series[550:970] > PLAY - 0.501e-5).all()
+
+    planned, path = behind_screws(slides, lead_error=TABLE)
+    assert path["x"].max == pytest.approx(3e-5, abs=0.501e-5)
+    assert path["x"].where.s == pytest.approx(0.01, abs=3e-3) or path["x"].where.s == pytest.approx(0.03, abs=3e-3)
+    assert at_rest(path, planned.trajectory.duration / 2) <= 0.501e-5
+
+    _, path = behind_screws(slides, backlash=PLAY, lead_error=TABLE)
+    # on the way back they add up
+    assert path["x"].max == pytest.approx(PLAY + 3e-5, abs=0.51e-5)
+    assert path["x"].where.segment == 3
+    assert 0.8 < path["x"].share <= 1 + 1e-4
+    assert str(path).endswith("in error and bound, X: play 40 (not), lead error up to 60 (not) µm")
+
+
+def test_made_up_for_they_are_within_the_bound_of_the_counts(slides):
+    _, plain = behind_screws(slides)
+    planned, path = behind_screws(slides, backlash=PLAY, lead_error=TABLE, compensate=("lead", "backlash"))
+    assert planned.pulses.compensations[0].crossings == 1
+    assert planned.pulses.compensations[0].off < 1e-12  # the rest is long enough
+    assert path["x"].share <= 1 + 1e-4
+    # the screw's slope, 0.3 %, is on the rounding of the counts
+    assert path["x"].max == pytest.approx(plain["x"].max, rel=5e-3)
+    assert path["x"].bound == pytest.approx(1.003 * plain["x"].bound, rel=1e-4)
+    assert "made up for" in str(path)
+    # one of the two alone leaves the other
+    _, lead = behind_screws(slides, backlash=PLAY, lead_error=TABLE, compensate=("lead",))
+    assert lead["x"].max == pytest.approx(1.003 * PLAY, abs=0.502e-5)
+    _, play = behind_screws(slides, backlash=PLAY, lead_error=TABLE, compensate=("backlash",))
+    assert play["x"].max == pytest.approx(3e-5, abs=0.502e-5)
+    assert max(lead["x"].share, play["x"].share) <= 1 + 1e-4
+
+
+def test_where_the_axis_turns_without_a_rest_it_is_off_as_compensation_says(slides):
+    """Half a circle: x turns at its end. Nothing else crosses play there."""
+    bend = Program((Arc([0, 0.005, 0], [0, 0, 1], np.pi),))
+    kinds = {"backlash": PLAY, "compensate": ("backlash",), "take_up_acceleration": 10.0}
+    planned, path = behind_screws(slides, bend, **kinds)
+    (cost,) = [cost for cost in planned.pulses.compensations if cost.crossings]
+    assert 0 < cost.off < PLAY
+    assert cost.acceleration <= 10.0 * (1 + 1e-6)
+    assert path["x"].share <= 1 + 1e-4
+    assert path["x"].max <= cost.off + 0.501e-5
+    # off is in the bound only while the play is crossed
+    assert np.median(path["x"].bounds) < 0.501e-5
+    assert path["x"].bounds.max() == pytest.approx(cost.off + 0.5e-5, rel=1e-2)
+
+
+def test_a_stride_and_blocks_lose_no_turn_of_the_play(slides, monkeypatch):
+    """What lies between the intervals that are looked at moves the play all the same."""
+    planned, whole = behind_screws(slides, backlash=PLAY)
+    thin = planned.realised(stride=200)
+    assert (thin["x"].series <= whole["x"].series).all()
+    assert thin["x"].series[-1] == pytest.approx(PLAY, abs=0.501e-5)
+    monkeypatch.setattr(sys.modules[realised.__module__], "BLOCK", 61)
+    assert np.array_equal(planned.realised()["x"].series, whole["x"].series)
+
+
 def test_pulses_that_compensate_are_as_near_to_the_plan_as_others(tmp_path):
     """A screw that is up to 48 µm beyond what it counts, and a play of 2 thousandths of an inch, would be seen."""
     text = (files("kinematics") / "presets" / "traverser.toml").read_text()
-    path = tmp_path / "mine.toml"
-    path.write_text(text.replace("[axes]", '[axes]\ncompensate = ["lead", "backlash"]'))
-    program = Program((Line((0.02, 0.01, 0.03)), Line((0.0, 0.0, 0.0))))
-    plain, made = (plan(program, load_machine(str(name))).realised() for name in ("traverser", path))
+    found = {}
+    for kinds, states in (("[]", ""), ("[]", "lead"), ('["lead", "backlash"]', "lead")):
+        lines = [line for line in text.splitlines() if states or not line.startswith(("lead", "backlash"))]
+        path = tmp_path / f"mine{len(found)}.toml"
+        path.write_text("\n".join(lines).replace("[axes]", f"[axes]\ncompensate = {kinds}"))
+        program = Program((Line((0.02, 0.01, 0.03)), Dwell(0.25), Line((0.0, 0.0, 0.0))))
+        found[len(found)] = plan(program, load_machine(str(path))).realised()
+    plain, left, made = found.values()
     assert made["position"].max == pytest.approx(plain["position"].max, rel=0.02)
     assert made["position"].share <= 1 + 1e-3
+    assert left["position"].max > 5 * plain["position"].max

@@ -12,6 +12,7 @@ import pytest
 from planner.export.formats import FORMATS, find_format
 from planner.option import options
 from planner.pulses import lines
+from pulsepath import plan_directory
 
 LINE = 'schema = 1\nlength = "mm"\nangle = "deg"\n[[segment]]\nline = {{ to = [{}] }}\n'
 
@@ -104,7 +105,7 @@ def test_a_format_of_another_machine_is_refused_by_name(call, plan):
     for name in ("kmitl-arms", "kmitl-positions", "byte", "sasidhar"):
         done = call("export", plan, "--format", name)
         assert done.exit_code == 2
-        assert "machine machine" in done.stderr  # the name of machine.toml
+        assert "machine hexapod" in done.stderr  # as it was planned, not machine.toml, the copy of its file
     assert sorted(plan.iterdir()) == before
 
 
@@ -148,15 +149,33 @@ def test_an_arm_is_exported_with_its_links_from_beside_the_plan(call, tmp_path):
     assert done.exit_code == 0, done.stderr
 
 
+def test_files_name_the_machine_as_it_was_planned(call, plan):
+    """Not by the copy of its file in the directory, machine.toml."""
+    assert plan_directory.read(plan).machine.name == "hexapod"
+    done = call("export", plan, "--format", "adlink")
+    assert done.exit_code == 0, done.stderr
+    assert (plan / "adlink.c").read_text().startswith('/* "bare-circle" on "hexapod"\n')
+
+
 def test_what_compensates_is_exported_as_its_motors_run(call, tmp_path):
     """The points of a PVT file end where the pulses do: where the screws have been made up for."""
     machine = (files("kinematics") / "presets" / "traverser.toml").read_text()
     (tmp_path / "m.toml").write_text(machine.replace("[axes]", '[axes]\ncompensate = ["lead", "backlash"]'))
     (tmp_path / "p.toml").write_text(
         'schema = 1\nlength = "mm"\nangle = "deg"\n[[segment]]\nline = { to = [100, 50, 80] }\n'
+        '[[segment]]\ndwell = "0.2 s"\n[[segment]]\nline = { to = [90, 50, 80] }\n'
     )
     out = tmp_path / "o"
-    assert call("plan", tmp_path / "p.toml", "--machine", tmp_path / "m.toml", "--out", out).exit_code == 0
+    made = call("plan", tmp_path / "p.toml", "--machine", tmp_path / "m.toml", "--out", out)
+    assert made.exit_code == 0, made.stderr
+    # 0.002 in of play while the axis rests, at the 0.3 in/s² of the axis
+    assert "7.620 of 7.620 mm/s²" in made.stdout
+    record = json.loads((out / "plan.json").read_text())
+    x, y, _, r = record["pulses"]["compensations"]
+    assert (x["crossings"], y["crossings"], r["crossings"]) == (1, 0, 0)
+    assert x["acceleration"] == pytest.approx(0.3 * 25.4e-3, rel=1e-9)
+    assert x["max_acceleration"] == pytest.approx(0.3 * 25.4e-3, rel=1e-12)
+    assert record["realised"]["mechanics"][0].startswith("X, Y: play 50.8 (made up for")
     done = call("export", out, "--format", "galil")
     assert done.exit_code == 0, done.stderr
     assert "made up for" in done.stdout
