@@ -27,6 +27,7 @@ from kinematics.step_timing import StepTiming, whole
 from planner.export.format import Exported, Source, option
 from planner.parallel import Progress
 from planner.pulses import lines
+from planner.pulses.parts import same
 from planner.pulses.schedule import PulseSchedule, Ticks
 
 WIDTH = 2e-6  # s, enough for every common drive
@@ -45,12 +46,9 @@ class PulseCsv:
         axes, pulses = source.machine.axes, source.pulses
         wiring, timing = [axis.direction for axis in axes], [axis.timing for axis in axes]
         write(pulses, path, wiring, width=self.width, timing=timing, tell=source.tell)
-        held = lines.read(path, pulses.clock_hz, axes, source.machine.home_q).schedule
-        same = all(
-            np.array_equal(got.ticks, axis.ticks) and np.array_equal(got.direction, axis.direction)
-            for got, axis in zip(held.axes, pulses.axes, strict=True)
-        )
-        return Exported(0.0 if same else np.inf, "the pulses, edge by edge")
+        held = lines.parts(path, pulses.clock_hz, axes, source.machine.home_q, tell=source.tell)
+        exact = same(pulses, (part.schedule for part in held))
+        return Exported(0.0 if exact else np.inf, "the pulses, edge by edge")
 
 
 def write(

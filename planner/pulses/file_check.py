@@ -7,8 +7,9 @@ from typing import Protocol
 
 from kinematics.axis import Axis
 from kinematics.machine import Machine
-from planner.pulses.check import check
-from planner.pulses.lines import read
+from planner.parallel import Progress
+from planner.pulses.check import check_parts
+from planner.pulses.lines import parts
 from planner.pulses.motion import Motion
 from planner.pulses.schedule import PulseSchedule
 from planner.pulses.verdict import LineTimes, PulseCheck, PulseFault
@@ -27,20 +28,24 @@ class Planned(Protocol):
     def pulses(self) -> PulseSchedule: ...
 
 
-def check_file(path: str | PathLike[str], plan: Planned) -> PulseCheck:
+def check_file(path: str | PathLike[str], plan: Planned, progress: Progress = lambda done, of: None) -> PulseCheck:
     """Prove a pulse CSV: its pulses as `check` does, and the times on its lines against what each drive asks.
 
-    Only the edges come from the file; start counts, duration, rule and bounds, which it cannot hold, from the plan.
-    Raises FileError where it cannot be read.
+    Only the edges come from the file, part by part; start counts, duration, rule and bounds, which it cannot hold, from
+    the plan. progress is told how much of the file is done. Raises FileError where it cannot be read.
     """
     stated, machine = plan.pulses, plan.machine
-    starts = [axis.start for axis in stated.axes]
-    lines = read(path, stated.clock_hz, machine.axes, machine.home_q, start=starts, duration=stated.duration)
-    held = tuple(replace(axis, bound=of.bound) for axis, of in zip(lines.schedule.axes, stated.axes, strict=True))
-    schedule = replace(lines.schedule, axes=held, rule=stated.rule)
-    found = check(schedule, plan.counted, machine.axes, machine.home_q)
+    lined: tuple[LineTimes, ...] = ()
+
+    def pulses() -> Iterator[PulseSchedule]:
+        nonlocal lined
+        for part in parts(path, stated.clock_hz, machine.axes, machine.home_q, tell=progress):
+            lined = part.times
+            yield part.schedule
+
+    found = check_parts(stated, pulses(), plan.counted, machine.axes, machine.home_q)
     axes = []
-    for one, times, axis in zip(found.axes, lines.times, machine.axes, strict=True):
+    for one, times, axis in zip(found.axes, lined, machine.axes, strict=True):
         short = tuple(_short(times, axis, 1 / stated.clock_hz))
         axes.append(replace(one, lines=times, faults=one.faults + short, fault_count=one.fault_count + len(short)))
     return PulseCheck(tuple(axes))
