@@ -20,6 +20,7 @@ import numpy as np
 
 from kinematics.array import Array
 from kinematics.errors import MotionError
+from planner.export.card_replay import Call, counted, error
 from planner.export.format import Source
 from planner.trajectory import Trajectory
 
@@ -31,8 +32,6 @@ LONGEST, SHORTEST = 64_000, 1_000
 """µs between calls that are tried, halved until the error is small enough."""
 ENOUGH = 1.0
 """pulses: ½ is rounding of the targets alone."""
-LOOKED = 16
-"""Instants of each interval at which the replay is held against the motion."""
 SPREAD = 1.001
 """Headroom of a speed range over the largest speed in it."""
 
@@ -48,21 +47,6 @@ class Kind:
 
 KINDS = {"8132": Kind("_8132_ta_move", 2.4e6, 24), "8164": Kind("_8164_start_ta_move", 6.55e6, 48)}
 """By the number in a card's name. Limits: [Sahbaz 2007, Appendix A]; twelve cards of two or of four axes."""
-
-
-@dataclass(frozen=True, slots=True)
-class Call:
-    """One call: at `time` (s) `function`(axis, position, start, top, tacc, tdec), in pulses, pulses/s and s."""
-
-    time: float
-    name: str
-    function: str
-    axis: int
-    position: int
-    start: float
-    top: float
-    tacc: float
-    tdec: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,43 +80,6 @@ def call_list(source: Source, spacing: float | None, speed_range: float | None) 
             pass  # coarse ramps overshoot the motion's speeds: finer ones may fit the cards
         tried //= 2
     return _calls(source, kinds, tried, speed_range)
-
-
-def error(source: Source, calls: Sequence[Call]) -> float:
-    """Pulses, the largest by which command positions of the calls, replayed in closed form, are from the motion.
-
-    p(τ) = p₀ ± min(D, start τ + (max - start) τ²/(2 tacc)), then waiting; looked at at LOOKED instants of each move and
-    of each wait between two.
-    """
-    trajectory, worst = source.trajectory, 0.0
-    shares = np.linspace(0.0, 1.0, LOOKED + 1)
-    for k, axis in enumerate(source.machine.axes):
-        own = [call for call in calls if call.name == axis.name]
-        at_first = float(source.pulses.axes[k].start * axis.direction)
-        idle = np.linspace(0.0, own[0].time if own else trajectory.duration, LOOKED + 1)
-        worst = max(worst, float(abs(counted(source, k, idle)[0] - at_first).max()))
-        if not own:
-            continue
-        begin, target = np.array([c.time for c in own]), np.array([c.position for c in own], float)
-        before = np.concatenate([[at_first], target])[:-1]
-        ends = np.append(begin[1:], max(trajectory.duration, begin[-1] + own[-1].tacc))
-        u, w, h = (np.array([getattr(c, name) for c in own]) for name in ("start", "top", "tacc"))
-        for lo, hi in ((begin, np.minimum(begin + h, ends)), (np.minimum(begin + h, ends), ends)):
-            tau = (lo - begin)[:, None] + (hi - lo)[:, None] * shares
-            ramp = np.minimum(tau, h[:, None])
-            way = ramp * (u[:, None] + ramp * ((w - u) / (2 * h))[:, None]) + w[:, None] * (tau - ramp)
-            run = np.minimum(way, abs(target - before)[:, None])
-            p = before[:, None] + np.sign(target - before)[:, None] * run
-            x = counted(source, k, (begin[:, None] + tau).ravel())[0].reshape(p.shape)
-            worst = max(worst, float(abs(p - x).max(initial=0.0)))
-    return worst
-
-
-def counted(source: Source, k: int, t: Array) -> tuple[Array, Array]:
-    """Position (pulses) and speed (pulses/s) of an axis at instants t (N,), in the counts of its wiring."""
-    axis, state = source.machine.axes[k], source.counted.at(t)
-    scale = axis.direction / axis.pulse
-    return (state.q[:, k] - source.machine.home_q[k]) * scale, state.qd[:, k] * scale
 
 
 def _wired(source: Source) -> list[Kind]:

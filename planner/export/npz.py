@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from kinematics.errors import Fault, FileError, MotionError
 from planner.export.format import Exported, Source, option
-from planner.parallel import Progress
+from planner.parallel import Progress, silent
 from planner.pulses.parts import joined, same
 from planner.pulses.schedule import AxisPulses, PulseSchedule
 
@@ -46,9 +46,7 @@ class Npz:
         return Exported(0.0 if same(source.pulses, parts(path)) else np.inf, "the pulses, tick for tick")
 
 
-def write(
-    schedule: PulseSchedule, path: str | PathLike[str], part: int = PART, tell: Progress = lambda done, of: None
-) -> None:
+def write(schedule: PulseSchedule, path: str | PathLike[str], part: int = PART, tell: Progress = silent) -> None:
     """Write a schedule in parts, in memory that does not grow with it. Raises MotionError for parts without pulses."""
     if part < 1:
         raise MotionError(f"parts of {part} pulses: give 1 or more")

@@ -7,7 +7,7 @@ from typing import Protocol
 
 from kinematics.axis import Axis
 from kinematics.machine import Machine
-from planner.parallel import Progress
+from planner.parallel import Progress, silent
 from planner.pulses.check import check_parts
 from planner.pulses.lines import parts
 from planner.pulses.motion import Motion
@@ -28,7 +28,7 @@ class Planned(Protocol):
     def pulses(self) -> PulseSchedule: ...
 
 
-def check_file(path: str | PathLike[str], plan: Planned, progress: Progress = lambda done, of: None) -> PulseCheck:
+def check_file(path: str | PathLike[str], plan: Planned, progress: Progress = silent) -> PulseCheck:
     """Prove a pulse CSV: its pulses as `check` does, and the times on its lines against what each drive asks.
 
     Only the edges come from the file, part by part; start counts, duration, rule and bounds, which it cannot hold, from

@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 
 from kinematics.axis import Axis
 from kinematics.errors import MotionError
+from planner.parallel import Progress, silent
 from planner.place import Infeasible, Place
 from planner.pulses.compensate import compensated
 from planner.pulses.motion import Motion
@@ -25,13 +26,14 @@ def generate(
     home_q: ArrayLike,
     clock_hz: int = 10_000_000,
     rule: str | Rule = "nearest",
+    progress: Progress = silent,
 ) -> PulseSchedule:
     """The pulses of a motion by a firing rule, on a clock of whole ticks, as far apart as the drives' timing asks.
 
     Axes that ask for compensation count what their motors have to do (`planner.pulses.compensate`).
     home_q (n,) is the axis position from which pulses count; rule: one, or its name and options as
-    `planner.pulses.find_rule` reads them. Raises Infeasible where the rule cannot keep what it
-    states, as where an axis would need more than one pulse per tick, MotionError where axes do not match.
+    `planner.pulses.find_rule` reads them; progress is told how far it is. Raises Infeasible where the rule cannot keep
+    what it states, as where an axis would need more than one pulse per tick, MotionError where axes do not match.
     """
     home = np.asarray(home_q, float)
     width = trajectory.at(np.zeros(1)).q.shape[1]
@@ -41,7 +43,7 @@ def generate(
     rule = find_rule(rule) if isinstance(rule, str) else rule
     behind = compensated(trajectory, machine_axes, home)
     motion = trajectory if behind is None else behind
-    schedule = spaced(rule.fire(motion, machine_axes, home, clock_hz), motion, machine_axes)
+    schedule = spaced(rule.fire(motion, machine_axes, home, clock_hz, progress), motion, machine_axes)
     for pulses, axis in zip(schedule.axes, machine_axes, strict=True):
         _refuse_counter(pulses, axis)
         if axis.compensate:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from kinematics.array import Array, frozen
 from kinematics.axis import Axis
 from kinematics.errors import MotionError
+from planner.parallel import Progress, share
 from planner.place import Infeasible, Place
 from planner.pulses.crossing import solve
 from planner.pulses.motion import Motion
@@ -46,12 +47,15 @@ class Levels:
         return max(self.above, 1 - self.above) + self.hysteresis
 
 
-def cross(motion: Motion, axes: Sequence[Axis], home: Array, clock_hz: int, levels: Levels) -> tuple[AxisPulses, ...]:
+def cross(
+    motion: Motion, axes: Sequence[Axis], home: Array, clock_hz: int, levels: Levels, tell: Progress
+) -> tuple[AxisPulses, ...]:
     """A pulse of every axis wherever x = (q(t) - home)/pulse crosses a level, on the nearest tick.
 
     - A level counts as crossed once the motion is beyond it by more than rounding noise (some 1e-9 pulse); a motion
       that only touches a level, or rests or ends on it, does not fire. One that starts on a level has the lower count.
     - Two opposite pulses whose crossings round to the same tick cancel: both are left out.
+    tell is told the pulses that are made of an axis, each a share of the whole.
     Raises Infeasible where an axis needs more than one pulse per tick, MotionError where rounding drowns one.
     """
     pulse = np.array([axis.pulse for axis in axes])
@@ -72,7 +76,8 @@ def cross(motion: Motion, axes: Sequence[Axis], home: Array, clock_hz: int, leve
         refuse = partial(_refusal, motion, axis, stretches, clock_hz)
         exact = partial(_exact, motion, k, axis.pulse, float(home[k]), clock_hz)
         blur = UNSEEN * pieces.error[k] / pulse[k] + slack[k]
-        ticks, direction = _cancel(*_fire(stretches, counts, levels, refuse, exact, blur), refuse)
+        made = _fire(stretches, counts, levels, refuse, exact, blur, share(tell, k, len(axes)))
+        ticks, direction = _cancel(*made, refuse)
         ticks.flags.writeable = direction.flags.writeable = False
         fired.append(AxisPulses(axis.name, ticks, direction, int(counts[0]), axis.pulse, float(home[k]), levels.bound))
     return tuple(fired)
@@ -135,7 +140,7 @@ def _exact(trajectory: Motion, k: int, pulse: float, home: float, clock_hz: int,
 
 
 def _fire(
-    stretches: Stretches, counts: Ticks, levels: Levels, refuse: Refuse, exact: Exact, blur: float
+    stretches: Stretches, counts: Ticks, levels: Levels, refuse: Refuse, exact: Exact, blur: float, tell: Progress
 ) -> tuple[Ticks, Signs]:
     """Tick and direction of every level between the counts at both ends of each stretch.
 
@@ -175,6 +180,7 @@ def _fire(
         if len(unsure):
             stretch = part.start + index[unsure]
             doubts.append((lo + unsure, v[unsure], stretches.coefficients[0, stretch] + sign[stretch] * height[unsure]))
+        tell(hi, len(ticks))
     if doubts:  # together: the motion tells of a few instants hardly faster than of many
         place, time, level = (np.concatenate(parts) for parts in zip(*doubts, strict=True))
         ticks[place] = np.rint(exact(time, level))

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from kinematics.array import Array
 from kinematics.axis import Axis
 from kinematics.errors import Fault, FileError
-from planner.parallel import Progress
+from planner.parallel import Progress, silent
 from planner.pulses.parts import joined
 from planner.pulses.schedule import AxisPulses, PulseSchedule, Signs, Ticks
 from planner.pulses.verdict import LineTimes
@@ -66,7 +66,7 @@ def parts(
     home_q: ArrayLike,
     *,
     start: Sequence[int] | None = None,
-    tell: Progress = lambda done, of: None,
+    tell: Progress = silent,
 ) -> Iterator[Lines]:
     """The same in one or more parts that follow each other, each with the counts that the one before ends with.
 

@@ -428,3 +428,12 @@ def test_the_time_error_is_told_only_where_pulses_stand_for_crossings():
     wide = fire(motion, "nearest")
     late = AxisPulses("leg1", wide.axes[0].ticks + 2000, wide.axes[0].direction, 0, PULSE, 0.0, bound=1.5)
     assert check(PulseSchedule(CLOCK, (late,), motion.duration), motion).holds
+
+
+@pytest.mark.parametrize("rule", EVERY)
+def test_progress_rises_to_the_whole(rule):
+    told = []
+    motion = there_and_back()
+    generate(motion, [Axis("x", pulse=PULSE)], [0.0], CLOCK, rule, lambda done, of: told.append(done / of))
+    assert told == sorted(set(told))
+    assert told[-1] == 1

@@ -11,6 +11,7 @@ from kinematics.array import Array
 from kinematics.axis import Axis
 from kinematics.errors import MotionError
 from planner.option import option
+from planner.parallel import Progress
 from planner.place import Infeasible
 from planner.pulses.levels import FINE
 from planner.pulses.motion import Motion
@@ -48,7 +49,7 @@ class Dda:
                 "must be positive, the last a whole number, e.g. 10 ms, 100 kHz and 50"
             )
 
-    def fire(self, motion: Motion, axes: Sequence[Axis], home: Array, clock_hz: int) -> PulseSchedule:
+    def fire(self, motion: Motion, axes: Sequence[Axis], home: Array, clock_hz: int, tell: Progress) -> PulseSchedule:
         """Raises Infeasible for bursts that no step has time for or no axis takes, MotionError where no clock does."""
         if self.rate > clock_hz:
             raise MotionError(f"rate {self.rate:.6g} 1/s must be at most the clock's {clock_hz} Hz")
@@ -69,6 +70,7 @@ class Dda:
             bound = 1.5 * self.pulses_per_count + 0.5 + _sagitta(pieces, k, apart) / axis.pulse
             ticks, sign = self._bursts(began, steps[:, k], clock_hz)
             fired.append(AxisPulses(axis.name, ticks, sign, int(start[k]), axis.pulse, float(home[k]), bound))
+            tell(k + 1, len(axes))
         return PulseSchedule(clock_hz, tuple(fired), motion.duration, told(self))
 
     def _refuse(self, motion: Motion, axes: Sequence[Axis], vectors: Ticks, apart: float) -> None:
