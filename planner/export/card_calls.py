@@ -20,13 +20,14 @@ import numpy as np
 
 from kinematics.array import Array
 from kinematics.errors import MotionError
+from kinematics.units import apart
 from planner.export.card_replay import Call, counted, error
 from planner.export.format import Source
+from planner.pulses.counter import refuse_counter
 from planner.trajectory import Trajectory
 
 REGISTER = 65535
 """Largest value of a speed register; its step is the range it is set to, divided by this [Sahbaz 2007, Appendix A]."""
-COUNTER = (-(2**27), 2**27 - 1)
 MICRO = 1_000_000
 LONGEST, SHORTEST = 64_000, 1_000
 """µs between calls that are tried, halved until the error is small enough."""
@@ -65,7 +66,8 @@ def call_list(source: Source, spacing: float | None, speed_range: float | None) 
     Raises MotionError for an axis without a card, a count beyond the counters, a speed beyond the card or the range.
     """
     kinds = _wired(source)
-    _counters(source)
+    for pulses, axis in zip(source.pulses.axes, source.machine.axes, strict=True):
+        refuse_counter(pulses, axis)
     if spacing is not None:
         if not 1e-6 <= spacing <= 1e3:
             raise MotionError(f"adlink: spacing {spacing} s must be from 1 µs to 1000 s")
@@ -105,18 +107,6 @@ def _wired(source: Source) -> list[Kind]:
     return kinds
 
 
-def _counters(source: Source) -> None:
-    low, high = COUNTER
-    for axis, driven in zip(source.pulses.axes, source.machine.axes, strict=True):
-        counts = np.concatenate([[axis.start], axis.start + np.cumsum(axis.direction, dtype=np.int64)])
-        far = int(counts[abs(counts).argmax()]) * driven.direction
-        if not low <= far <= high:
-            raise MotionError(
-                f"adlink: axis {axis.name} comes to count {far}; the 28-bit counters hold {low} … {high}: use a longer "
-                "pulse, or count from nearer"
-            )
-
-
 def _calls(source: Source, kinds: Sequence[Kind], spacing: int, speed_range: float | None) -> CallList:
     trajectory = source.trajectory
     end = int(np.ceil(trajectory.duration * MICRO))
@@ -137,9 +127,10 @@ def _calls(source: Source, kinds: Sequence[Kind], spacing: int, speed_range: flo
         top = max(fastest * SPREAD, 1.0) if speed_range is None else speed_range
         if top > kind.max_speed or fastest > top:
             when = float(t[int(np.maximum(start, 2 * mean - start).argmax())]) / MICRO
+            needed, range_, most = apart(fastest, top, kind.max_speed)
             raise MotionError(
-                f"adlink: axis {axis.name} needs {fastest:.6g} pulses/s at t = {when:.6g} s, its speed range is "
-                f"{top:.6g} and the card's {kind.max_speed:.6g}; widen the range, use a longer pulse, or slow down"
+                f"adlink: axis {axis.name} needs {needed} pulses/s at t = {when:.6g} s, its speed range is "
+                f"{range_} and the card's {most}; widen the range, use a longer pulse, or slow down"
             )
         step = top / REGISTER
         low = np.maximum(np.minimum(np.rint(start / step), np.floor(2 * mean / step) - 1), 1)

@@ -7,6 +7,7 @@ from typing import Protocol
 
 from kinematics.axis import Axis
 from kinematics.machine import Machine
+from kinematics.units import apart
 from planner.parallel import Progress, silent
 from planner.pulses.check import check_parts
 from planner.pulses.lines import parts
@@ -59,7 +60,8 @@ def _short(times: LineTimes, axis: Axis, tick: float) -> Iterator[PulseFault]:
     for name in ("high", "low", "setup", "hold"):
         least, needed = getattr(times, name), getattr(asked, name)
         if least < needed - ROUNDING:
-            yield PulseFault(axis.name, 0, f"{name}: {1e6 * least:.4g} us, and its drive needs {1e6 * needed:.4g}")
+            seen, wanted = apart(1e6 * least, 1e6 * needed, digits=4)
+            yield PulseFault(axis.name, 0, f"{name}: {seen} us, and its drive needs {wanted}")
     if asked.max_rate is not None and times.interval < 1 / asked.max_rate - tick - ROUNDING:
-        rate = 1 / times.interval
-        yield PulseFault(axis.name, 0, f"rate: {rate:.6g} pulses/s, and its drive takes {asked.max_rate:.6g}")
+        rate, most = apart(1 / times.interval, asked.max_rate)
+        yield PulseFault(axis.name, 0, f"rate: {rate} pulses/s, and its drive takes {most}")

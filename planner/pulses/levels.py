@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
+from math import ceil
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 from kinematics.array import Array, frozen
 from kinematics.axis import Axis
 from kinematics.errors import MotionError
+from kinematics.units import apart
 from planner.parallel import Progress, share
 from planner.place import Infeasible, Place
 from planner.pulses.crossing import solve
@@ -64,9 +66,10 @@ def cross(
     fired = []
     for k, axis in enumerate(axes):
         if slack[k] > COARSE:
+            blur, most = apart(slack[k], COARSE, digits=2)
             raise MotionError(
-                f"axis {axis.name}: pulse {axis.pulse:.3g} {axis.unit} is blurred by {slack[k]:.2g} pulse of "
-                f"rounding, limit {COARSE:.2g}; use a longer pulse or count from nearer than "
+                f"axis {axis.name}: pulse {axis.pulse:.3g} {axis.unit} is blurred by {blur} pulse of "
+                f"rounding, limit {most}; use a longer pulse or count from nearer than "
                 f"{abs(home[k]):.3g} {axis.unit}"
             )
         counted = pieces.coefficients[k].copy()
@@ -91,7 +94,7 @@ def _refusal(trajectory: Motion, axis: Axis, stretches: Stretches, clock_hz: int
     t = float(stretches.start[worst] + stretches.length[worst] * v[nth]) / clock_hz
     highest = max(float(rate.max()), 1.0) * clock_hz
     place = Place(float(trajectory.at(np.array([t])).s[0]), t=t, axis=axis.name)
-    remedy = f"slow the motion, use a longer pulse, or a clock above {highest:.4g} Hz"
+    remedy = f"slow the motion, use a longer pulse, or a clock above {ceil(highest)} Hz"
     return Infeasible("pulse rate", axis.name, place, highest, clock_hz, "1/s", remedy)
 
 

@@ -44,8 +44,7 @@ class Sampled:
             speed, t = largest(pieces, k, 1)
             rate = speed / axis.pulse
             if rate * self.period > 1:
-                remedy = f"slow the motion, use a longer pulse, or a period below {1e6 / rate:.4g} us"
-                raise too_fast(motion, axis, t, rate, 1 / self.period, remedy)
+                raise too_fast(motion, axis, t, rate, 1 / self.period, _remedy(rate, clock_hz))
             widest.append(0.5 + rate * self.period)
         ticks, counts = self._counts(motion, home, pulse, clock_hz, tell)
         fired = []
@@ -62,7 +61,7 @@ class Sampled:
         period = round(self.period * clock_hz)
         if not (period >= 1 and abs(period / clock_hz - self.period) <= 1e-9 * self.period):
             raise MotionError(
-                f"period {self.period!r} s is {self.period * clock_hz:.6g} ticks of {clock_hz} Hz: must be a whole "
+                f"period {self.period!r} s is {self.period * clock_hz!r} ticks of {clock_hz} Hz: must be a whole "
                 f"number, e.g. {1e6 * max(period, 1) / clock_hz!r} us"
             )
         end = round(motion.duration * clock_hz)
@@ -78,3 +77,12 @@ class Sampled:
             if i > 0 and low[i - 1, k] > low[i, k]:
                 low[i, k] = high[i, k]
         return ticks, low
+
+
+def _remedy(rate: float, clock_hz: int) -> str:
+    """rate: pulses/s that no period may be longer for."""
+    ticks = int(clock_hz / rate)
+    shorter = (
+        f"a period of {1e6 * ticks / clock_hz:.10g} us or less" if ticks else "a faster clock and a shorter period"
+    )
+    return f"slow the motion, use a longer pulse, or {shorter}"
