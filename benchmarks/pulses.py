@@ -1,4 +1,4 @@
-"""Speed and memory of pulse schedules, from 1e5 to 1e8 pulses: `python -m benchmarks.pulses`, some two minutes.
+"""Speed and memory of pulse schedules, from 1e5 to 1e8 pulses: `python -m benchmarks.pulses`, some three minutes.
 
 On the program `circle` with the hexapod, all six legs, at 10 MHz: coarser pulses for the fewest, then the program run
 again and again, as a long one would be. Every row is a process of its own: processor time (of several runs the best)
