@@ -1,4 +1,4 @@
-"""Speed and memory of pulse schedules, from 1e5 to 1e8 pulses: `python -m benchmarks.pulses`, some two minutes.
+"""Speed and memory of pulse schedules, from 1e5 to 1e8 pulses: `python -m benchmarks.pulses`, some three minutes.
 
 On the program `circle` with the hexapod, all six legs, at 10 MHz: coarser pulses for the fewest, then the program run
 again and again, as a long one would be. Every row is a process of its own: processor time (of several runs the best)
@@ -8,8 +8,9 @@ and peak memory are its alone, which begins at some 120 MB for Python and the pl
     check      the independent check of the schedule against the motion
     npz        the schedule on disk in parts, read back part by part and compared
     csv        the edges as text, to the null device: what a disk takes is not counted
+    file       such a file read back and checked, as `plan` does: 100 bytes a pulse on the disk for temporary files
 
-check and csv go up to 1e7 pulses, with --full to 1e8 (some ten minutes more).
+check, csv and file go up to 1e7 pulses, with --full to 1e8 (some twenty minutes more, and 10 GB on the disk).
 """
 
 import json
@@ -19,7 +20,7 @@ import subprocess
 import sys
 from argparse import ArgumentParser, RawDescriptionHelpFormatter
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from time import process_time
@@ -27,18 +28,20 @@ from typing import TypeVar
 
 import numpy as np
 
-from kinematics import load_machine
+from kinematics import Hexapod, Machine, load_machine
 from planner import load_program, plan
 from planner.actuation import actuate
 from planner.export import motion_json, npz, pulse_csv
 from planner.export.format import Source
-from planner.pulses import check, generate
+from planner.pulses import PulseSchedule, check, check_file, generate
+from planner.pulses.motion import Motion
 from planner.trajectory import Trajectory
 
 CLOCK = 10_000_000
 CASES = {100_000: (1, 8.83), 1_000_000: (1, 1.0), 10_000_000: (12, 1.0), 100_000_000: (114, 1.0)}
 """Repetitions, and how much coarser the pulses are, for about so many pulses."""
-STAGES = ("generate", "npz", "check", "csv")
+STAGES = ("generate", "npz", "check", "csv", "file")
+LARGE = ("check", "csv", "file")
 TARGET, STRETCH, MEMORY = 5e6, 15e6, 2e9
 LONG = 3_000_000  # pulses from which once has to do
 REPEATS = 7
@@ -49,7 +52,7 @@ Result = TypeVar("Result")
 def main() -> None:
     """Print a row for each stage and number of pulses."""
     parser = ArgumentParser(description=__doc__, formatter_class=RawDescriptionHelpFormatter)
-    parser.add_argument("--full", action="store_true", help="check and csv up to 1e8 pulses as well")
+    parser.add_argument("--full", action="store_true", help="check, csv and file up to 1e8 pulses as well")
     parser.add_argument(
         "--row", nargs=3, metavar=("STAGE", "COUNT", "MOTION"), help="one row, as the rest calls itself"
     )
@@ -66,7 +69,7 @@ def main() -> None:
         for stage in STAGES:
             least: tuple[int, float] | None = None
             for count in CASES:
-                if count == max(CASES) and stage in ("check", "csv") and not options.full:
+                if count == max(CASES) and stage in LARGE and not options.full:
                     continue
                 command = [sys.executable, "-m", "benchmarks.pulses", "--row", stage, str(count), str(motion)]
                 pulses, seconds, peak = json.loads(subprocess.run(command, check=True, capture_output=True).stdout)
@@ -78,10 +81,10 @@ def main() -> None:
 
 def row(stage: str, count: int, motion: Path) -> tuple[int, float, int]:
     """Pulses, CPU seconds of the stage, and peak bytes of this process."""
-    machine = load_machine("hexapod")
     repetitions, coarser = CASES[count]
+    machine = hexapod(coarser)
     trajectory = repeated(motion_json.read(motion, actuate(load_program("circle"), machine)), repetitions)
-    axes = [replace(axis, pulse=axis.pulse * coarser) for axis in machine.axes]
+    axes = machine.axes
     schedule, seconds = timed(lambda: generate(trajectory, axes, machine.home_q, CLOCK), count)
     if stage == "check":
         verdict, seconds = timed(lambda: check(schedule, trajectory, axes, machine.home_q), count)
@@ -95,7 +98,33 @@ def row(stage: str, count: int, motion: Path) -> tuple[int, float, int]:
     elif stage == "csv":
         wiring = [axis.direction for axis in axes]
         _, seconds = timed(lambda: pulse_csv.write(schedule, os.devnull, wiring), count)
+    elif stage == "file":
+        written = Written(machine, trajectory, schedule)
+        with TemporaryDirectory() as folder:
+            path = Path(folder) / "pulses.csv"
+            pulse_csv.write(schedule, path, [axis.direction for axis in axes])
+            verdict, seconds = timed(lambda: check_file(path, written), count)
+        if not verdict.holds:
+            raise SystemExit(f"the file is wrong: {verdict.faults[0]}")
     return schedule.total, seconds, 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+
+
+@dataclass(frozen=True, slots=True)
+class Written:
+    """What the file stands for."""
+
+    machine: Machine
+    counted: Motion
+    pulses: PulseSchedule
+
+
+def hexapod(coarser: float) -> Hexapod:
+    """The preset, its pulses so many times longer."""
+    usual = load_machine("hexapod")
+    if not isinstance(usual, Hexapod):
+        raise SystemExit("the preset hexapod is another machine")
+    axes = [replace(axis, pulse=axis.pulse * coarser) for axis in usual.axes]
+    return Hexapod(usual.base, usual.platform, axes=axes, home=usual.home)
 
 
 def timed(work: Callable[[], Result], count: int) -> tuple[Result, float]:

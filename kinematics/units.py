@@ -21,6 +21,9 @@ if TYPE_CHECKING:
 MAX_LENGTH = 80
 """Characters of the longest quantity that is read; the longest sensible ones have about 20."""
 
+EVERY_DIGIT = 17
+"""Significant digits by which any two floats differ."""
+
 _DECIMAL = r"(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d{1,3})?(?![\d.])"
 _NUMBER = re.compile(rf"[+-]?(?:{_DECIMAL}|(?:nan|inf(?:inity)?)(?![a-z]))", re.ASCII | re.IGNORECASE)
 _FACTOR = r"[A-Za-zµ°]+(?:(?:\^|\*\*)-?[1-9])?"
@@ -104,6 +107,19 @@ def unit_value(name: object, unit: str) -> float:
 def describe(value: float, unit: str) -> str:
     """An SI value in the unit asked for, for messages: describe(0.0508, "mm") is "50.8 mm"."""
     return f"{value / float(_factor(unit)[0]):.6g} {unit}"
+
+
+def apart(*values: float, digits: int = 6) -> tuple[str, ...]:
+    """Numbers that a message holds against each other, with so many digits, or as many more as tell them apart.
+
+    A value that is beyond its limit by rounding reads so: apart(5000.0000001, 5000) is "5000.0000001", "5000".
+    """
+    texts: tuple[str, ...] = ()
+    for some in range(digits, EVERY_DIGIT + 1):
+        texts = tuple(f"{value:.{some}g}" for value in values)
+        if len(set(texts)) == len(set(values)):
+            break
+    return texts
 
 
 @dataclass(frozen=True, slots=True)

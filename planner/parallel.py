@@ -18,6 +18,16 @@ Result = TypeVar("Result")
 Progress = Callable[[int, int], None]
 """Called with how much is done, and of how much; what it counts is its giver's to say."""
 
+
+def silent(done: int, of: int) -> None:
+    """Progress that nobody asked about."""
+
+
+def share(progress: Progress, nth: int, shares: int) -> Progress:
+    """Of work in several shares, done one after the other and taken to be as long, the progress of one (from 0)."""
+    return lambda done, of: progress(nth * of + done, shares * of)
+
+
 # s of work left from which on processes pay: to start one, with all that it imports, takes a second or two.
 ENOUGH = 4.0
 # Tasks done here first, to see what one takes: the first of all also builds what all share.

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from kinematics.errors import MotionError
+from kinematics.units import apart
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +41,8 @@ class Infeasible(MotionError):
         self.value, self.limit, self.unit, self.remedy = value, limit, unit, remedy
         where = "" if place is None else f" at {place}"
         who = f"{axis} " if axis and (place is None or not place.axis) else ""
-        super().__init__(f"{who}{kind} {value:.6g} {unit} is beyond {limit:.6g} {unit}{where}; {remedy}")
+        reached, allowed = apart(value, limit)
+        super().__init__(f"{who}{kind} {reached} {unit} is beyond {allowed} {unit}{where}; {remedy}")
 
     @property
     def relaxation(self) -> float:

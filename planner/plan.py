@@ -12,7 +12,7 @@ from planner.certify import Certificate
 from planner.duration import within
 from planner.limits import Limit, limits_of, usual_order
 from planner.orientation import oriented
-from planner.parallel import Progress
+from planner.parallel import Progress, silent
 from planner.place import Infeasible
 from planner.program import Program
 from planner.pulses import Motion, PulseSchedule, RealisedPath, Rule, find_rule, generate, realised
@@ -102,8 +102,8 @@ def plan(
     order 2 keeps speed and acceleration, 3 jerk as well; None: 3 where the machine states jerk limits.
     duration (s): the smoothest motion that takes so long instead, as `planner.duration.within` has it; None: what the
     program states, if it does. rule: of firing, or its name and options ("sampled:period=50us"). progress is told how
-    many of the runs between stops are solved, and of how many. Raises Infeasible (what, where, by how much, remedy),
-    OutOfReach, or MotionError.
+    many of the runs between stops are solved, and of how many, and then how far the pulses are. Raises Infeasible
+    (what, where, by how much, remedy), OutOfReach, or MotionError.
     """
     if order is None:
         order = usual_order(machine.axes)
@@ -122,7 +122,7 @@ def plan(
         solution = fastest(path, limits, order, progress)
     else:
         solution = within(path, limits, machine.axes, order, duration, progress)
-    pulses = _pulses(solution.trajectory, machine, int(clock_hz), rule)
+    pulses = _pulses(solution.trajectory, machine, int(clock_hz), rule, progress or silent)
     return Plan(
         program,
         machine,
@@ -139,10 +139,10 @@ def plan(
     )
 
 
-def _pulses(trajectory: Trajectory, machine: Machine, clock_hz: int, rule: Rule) -> PulseSchedule:
+def _pulses(trajectory: Trajectory, machine: Machine, clock_hz: int, rule: Rule, progress: Progress) -> PulseSchedule:
     """The pulses; a refusal names the segment, which pulses alone do not know."""
     try:
-        return generate(trajectory, machine.axes, machine.home_q, clock_hz, rule)
+        return generate(trajectory, machine.axes, machine.home_q, clock_hz, rule, progress)
     except Infeasible as no:
         if no.place is None or no.place.t is None:
             raise

@@ -69,15 +69,13 @@ def plan(
     from pulsepath.directory import refuse_overwrite, replacing
     from pulsepath.inputs import read_inputs
     from pulsepath.job import run
-    from pulsepath.progress import step
 
     refuse_overwrite(out, force)
     seconds = None if duration is None else quantity(duration, "s")
     inputs = read_inputs(program, machine)
     with replacing(out, force) as folder:  # where nothing can be written, that is said before the work
         job = run(inputs.program, inputs.machine, None if order is None else int(order), clock_hz, seconds, rule)
-        with step("writing the files"):
-            verdict = plan_directory.write(folder, job, inputs)
+        verdict = plan_directory.write(folder, job, inputs)
     report = str(out / plan_directory.REPORT)
     if as_json:
         click.echo(record.as_json({**record.of_plan(job, inputs, verdict), "report": report}), nl=False)

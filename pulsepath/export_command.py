@@ -45,8 +45,8 @@ def export(directory: Path, name: str, out: Path | None, force: bool, as_json: b
         raise MotionError(f"{target} exists; give --force to replace it")
     format_ = make(name, given)
     planned = plan_directory.read(directory)
-    with step("firing the pulses"):
-        pulses = planned.pulses()
+    with step("firing the pulses") as tell:
+        pulses = planned.pulses(tell)
     with step(f"writing {target}") as tell, staged(target) as file:
         done = format_.write(Source(planned.program.name, planned.machine, planned.trajectory, pulses, tell), file)
     if as_json:

@@ -9,6 +9,7 @@ from kinematics import Machine, MotionError, load_machine
 from planner import Program, Trajectory, load_program
 from planner.actuation import actuate
 from planner.export import motion_json
+from planner.parallel import Progress, silent
 from planner.pulses import PulseCheck, PulseSchedule, check_file, generate
 from pulsepath.directory import RECORD, is_ours
 from pulsepath.inputs import Inputs
@@ -35,9 +36,9 @@ class Planned:
     clock_hz: int
     rule: str
 
-    def pulses(self) -> PulseSchedule:
+    def pulses(self, progress: Progress = silent) -> PulseSchedule:
         """The pulses, made again from the motion."""
-        return generate(self.trajectory, self.machine.axes, self.machine.home_q, self.clock_hz, self.rule)
+        return generate(self.trajectory, self.machine.axes, self.machine.home_q, self.clock_hz, self.rule, progress)
 
 
 def write(folder: Path, job: Job, inputs: Inputs) -> PulseCheck:
@@ -57,16 +58,18 @@ def write(folder: Path, job: Job, inputs: Inputs) -> PulseCheck:
     trajectory_csv.write(plan, folder / TRAJECTORY)
     axes = plan.machine.axes
     wiring, timing = [axis.direction for axis in axes], [axis.timing for axis in axes]
-    pulse_csv.write(plan.pulses, folder / PULSES, wiring, timing=timing)
-    with step(f"checking {plan.pulses.total} pulses"):
-        verdict = check_file(folder / PULSES, plan)
+    with step(f"writing {plan.pulses.total} pulses") as tell:
+        pulse_csv.write(plan.pulses, folder / PULSES, wiring, timing=timing, tell=tell)
+    with step(f"checking {plan.pulses.total} pulses") as tell:
+        verdict = check_file(folder / PULSES, plan, tell)
     if not verdict.holds:
         raise Defect(f"{verdict.fault_count} faults in the pulses, the first: {verdict.faults[0]}")
     (folder / CERTIFICATE).write_text(as_json(of_pulse_file(folder / PULSES, plan, verdict)), encoding="utf-8")
     if plan.triggers:
         trigger_csv.write(plan, folder / TRIGGERS)
     page = folder / REPORT
-    write_report(plan, job.classical, job.metrics, page, verdict=verdict, others=job.others, realised=job.realised)
+    with step("writing the report"):
+        write_report(plan, job.classical, job.metrics, page, verdict=verdict, others=job.others, realised=job.realised)
     (folder / RECORD).write_text(as_json(of_plan(job, inputs, verdict)), encoding="utf-8")
     return verdict
 

@@ -7,6 +7,8 @@ from time import perf_counter
 
 EVERY = 10.0
 """s between two lines of a long step, where they are not drawn over each other."""
+COUNTED = 1000
+"""Up to so many, things are told by number; of more, as of ticks or bytes, their share says enough."""
 
 
 @contextmanager
@@ -17,7 +19,7 @@ def step(what: str) -> Iterator[Callable[[int, int], None]]:
         from rich.console import Console
 
         with Console(stderr=True, markup=False).status(what) as status:
-            yield lambda done, of: status.update(f"{what}: {done} of {of}")
+            yield lambda done, of: status.update(f"{what}: {_far(done, of)}")
     else:
         print(f"{what} …", file=sys.stderr, flush=True)
         told = begin
@@ -26,7 +28,11 @@ def step(what: str) -> Iterator[Callable[[int, int], None]]:
             nonlocal told
             if perf_counter() - told > EVERY:
                 told = perf_counter()
-                print(f"{what}: {done} of {of}", file=sys.stderr, flush=True)
+                print(f"{what}: {_far(done, of)}", file=sys.stderr, flush=True)
 
         yield tell
     print(f"{what}: {perf_counter() - begin:.1f} s", file=sys.stderr, flush=True)
+
+
+def _far(done: int, of: int) -> str:
+    return f"{done} of {of}" if of <= COUNTED else f"{100 * done // of} %"

@@ -22,7 +22,8 @@ from json import dumps
 from pathlib import Path
 from typing import ClassVar
 
-from planner.export.card_calls import KINDS, Call, CallList, call_list, error
+from planner.export.card_calls import KINDS, CallList, call_list
+from planner.export.card_replay import Call, error
 from planner.export.format import Exported, Source, option
 
 WAIT = re.compile(r"    wait_until\(([0-9.]+)\);")

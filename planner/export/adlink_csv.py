@@ -13,7 +13,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 
-from planner.export.card_calls import Call, call_list, error
+from planner.export.card_calls import call_list
+from planner.export.card_replay import Call, error
 from planner.export.format import Exported, Source, option
 
 HEADER = [

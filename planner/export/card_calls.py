@@ -20,19 +20,19 @@ import numpy as np
 
 from kinematics.array import Array
 from kinematics.errors import MotionError
+from kinematics.units import apart
+from planner.export.card_replay import Call, counted, error
 from planner.export.format import Source
+from planner.pulses.counter import refuse_counter
 from planner.trajectory import Trajectory
 
 REGISTER = 65535
 """Largest value of a speed register; its step is the range it is set to, divided by this [Sahbaz 2007, Appendix A]."""
-COUNTER = (-(2**27), 2**27 - 1)
 MICRO = 1_000_000
 LONGEST, SHORTEST = 64_000, 1_000
 """µs between calls that are tried, halved until the error is small enough."""
 ENOUGH = 1.0
 """pulses: ½ is rounding of the targets alone."""
-LOOKED = 16
-"""Instants of each interval at which the replay is held against the motion."""
 SPREAD = 1.001
 """Headroom of a speed range over the largest speed in it."""
 
@@ -51,21 +51,6 @@ KINDS = {"8132": Kind("_8132_ta_move", 2.4e6, 24), "8164": Kind("_8164_start_ta_
 
 
 @dataclass(frozen=True, slots=True)
-class Call:
-    """One call: at `time` (s) `function`(axis, position, start, top, tacc, tdec), in pulses, pulses/s and s."""
-
-    time: float
-    name: str
-    function: str
-    axis: int
-    position: int
-    start: float
-    top: float
-    tacc: float
-    tdec: float = 0.0
-
-
-@dataclass(frozen=True, slots=True)
 class CallList:
     """The calls in the order of time, the spacing (s) of their grid, and the speed range (pulses/s) of every axis."""
 
@@ -81,7 +66,8 @@ def call_list(source: Source, spacing: float | None, speed_range: float | None) 
     Raises MotionError for an axis without a card, a count beyond the counters, a speed beyond the card or the range.
     """
     kinds = _wired(source)
-    _counters(source)
+    for pulses, axis in zip(source.pulses.axes, source.machine.axes, strict=True):
+        refuse_counter(pulses, axis)
     if spacing is not None:
         if not 1e-6 <= spacing <= 1e3:
             raise MotionError(f"adlink: spacing {spacing} s must be from 1 µs to 1000 s")
@@ -96,43 +82,6 @@ def call_list(source: Source, spacing: float | None, speed_range: float | None) 
             pass  # coarse ramps overshoot the motion's speeds: finer ones may fit the cards
         tried //= 2
     return _calls(source, kinds, tried, speed_range)
-
-
-def error(source: Source, calls: Sequence[Call]) -> float:
-    """Pulses, the largest by which command positions of the calls, replayed in closed form, are from the motion.
-
-    p(τ) = p₀ ± min(D, start τ + (max - start) τ²/(2 tacc)), then waiting; looked at at LOOKED instants of each move and
-    of each wait between two.
-    """
-    trajectory, worst = source.trajectory, 0.0
-    shares = np.linspace(0.0, 1.0, LOOKED + 1)
-    for k, axis in enumerate(source.machine.axes):
-        own = [call for call in calls if call.name == axis.name]
-        at_first = float(source.pulses.axes[k].start * axis.direction)
-        idle = np.linspace(0.0, own[0].time if own else trajectory.duration, LOOKED + 1)
-        worst = max(worst, float(abs(counted(source, k, idle)[0] - at_first).max()))
-        if not own:
-            continue
-        begin, target = np.array([c.time for c in own]), np.array([c.position for c in own], float)
-        before = np.concatenate([[at_first], target])[:-1]
-        ends = np.append(begin[1:], max(trajectory.duration, begin[-1] + own[-1].tacc))
-        u, w, h = (np.array([getattr(c, name) for c in own]) for name in ("start", "top", "tacc"))
-        for lo, hi in ((begin, np.minimum(begin + h, ends)), (np.minimum(begin + h, ends), ends)):
-            tau = (lo - begin)[:, None] + (hi - lo)[:, None] * shares
-            ramp = np.minimum(tau, h[:, None])
-            way = ramp * (u[:, None] + ramp * ((w - u) / (2 * h))[:, None]) + w[:, None] * (tau - ramp)
-            run = np.minimum(way, abs(target - before)[:, None])
-            p = before[:, None] + np.sign(target - before)[:, None] * run
-            x = counted(source, k, (begin[:, None] + tau).ravel())[0].reshape(p.shape)
-            worst = max(worst, float(abs(p - x).max(initial=0.0)))
-    return worst
-
-
-def counted(source: Source, k: int, t: Array) -> tuple[Array, Array]:
-    """Position (pulses) and speed (pulses/s) of an axis at instants t (N,), in the counts of its wiring."""
-    axis, state = source.machine.axes[k], source.counted.at(t)
-    scale = axis.direction / axis.pulse
-    return (state.q[:, k] - source.machine.home_q[k]) * scale, state.qd[:, k] * scale
 
 
 def _wired(source: Source) -> list[Kind]:
@@ -158,18 +107,6 @@ def _wired(source: Source) -> list[Kind]:
     return kinds
 
 
-def _counters(source: Source) -> None:
-    low, high = COUNTER
-    for axis, driven in zip(source.pulses.axes, source.machine.axes, strict=True):
-        counts = np.concatenate([[axis.start], axis.start + np.cumsum(axis.direction, dtype=np.int64)])
-        far = int(counts[abs(counts).argmax()]) * driven.direction
-        if not low <= far <= high:
-            raise MotionError(
-                f"adlink: axis {axis.name} comes to count {far}; the 28-bit counters hold {low} … {high}: use a longer "
-                "pulse, or count from nearer"
-            )
-
-
 def _calls(source: Source, kinds: Sequence[Kind], spacing: int, speed_range: float | None) -> CallList:
     trajectory = source.trajectory
     end = int(np.ceil(trajectory.duration * MICRO))
@@ -190,9 +127,10 @@ def _calls(source: Source, kinds: Sequence[Kind], spacing: int, speed_range: flo
         top = max(fastest * SPREAD, 1.0) if speed_range is None else speed_range
         if top > kind.max_speed or fastest > top:
             when = float(t[int(np.maximum(start, 2 * mean - start).argmax())]) / MICRO
+            needed, range_, most = apart(fastest, top, kind.max_speed)
             raise MotionError(
-                f"adlink: axis {axis.name} needs {fastest:.6g} pulses/s at t = {when:.6g} s, its speed range is "
-                f"{top:.6g} and the card's {kind.max_speed:.6g}; widen the range, use a longer pulse, or slow down"
+                f"adlink: axis {axis.name} needs {needed} pulses/s at t = {when:.6g} s, its speed range is "
+                f"{range_} and the card's {most}; widen the range, use a longer pulse, or slow down"
             )
         step = top / REGISTER
         low = np.maximum(np.minimum(np.rint(start / step), np.floor(2 * mean / step) - 1), 1)

@@ -7,7 +7,7 @@ from typing import ClassVar, Protocol
 from kinematics.errors import MotionError
 from kinematics.machine import Machine
 from planner.option import option as option
-from planner.parallel import Progress
+from planner.parallel import Progress, silent
 from planner.pulses.compensate import compensated
 from planner.pulses.motion import Motion
 from planner.pulses.schedule import PulseSchedule
@@ -26,7 +26,7 @@ class Source:
     machine: Machine
     trajectory: Trajectory
     pulses: PulseSchedule
-    tell: Progress = lambda done, of: None
+    tell: Progress = silent
 
     @property
     def counted(self) -> Motion:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from kinematics.array import Array
 from kinematics.axis import Axis
 from kinematics.errors import MotionError
+from kinematics.units import apart
 from planner.export.format import option
 from planner.export.hermite import Segments
 from planner.pulses.motion import Motion
@@ -117,9 +118,9 @@ def choose(
 def _even(end: int, spacing: float, step: float, longest: int | None) -> Steps:
     each = round(spacing / step) if isfinite(spacing) else 0
     if each < 1 or end / each > MOST or (longest is not None and each > longest):
-        most = "" if longest is None else f" and at most {longest * step:.10g} s"
-        least = max(step, end * step / MOST)
-        raise MotionError(f"spacing {spacing:.4g} s: must be at least {least:.4g} s{most}; choose another")
+        given, least, most = apart(spacing, max(step, end * step / MOST), (longest or 0) * step, digits=10)
+        upper = "" if longest is None else f" and at most {most} s"
+        raise MotionError(f"spacing {given} s: must be at least {least} s{upper}; choose another")
     return np.arange(0, end + each, each)
 
 

@@ -14,7 +14,7 @@ the same bytes.
 
 import json
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
 from typing import Any, ClassVar
@@ -25,7 +25,8 @@ from numpy.typing import NDArray
 
 from kinematics.errors import Fault, FileError, MotionError
 from planner.export.format import Exported, Source, option
-from planner.parallel import Progress
+from planner.parallel import Progress, silent
+from planner.pulses.parts import joined, same
 from planner.pulses.schedule import AxisPulses, PulseSchedule
 
 INDEX, SCHEMA, KIND = "schedule.json", 1, "pulse schedule"
@@ -42,12 +43,10 @@ class Npz:
 
     def write(self, source: Source, path: Path) -> Exported:
         write(source.pulses, path, self.part, source.tell)
-        return Exported(_difference(source.pulses, path), "the pulses, tick for tick")
+        return Exported(0.0 if same(source.pulses, parts(path)) else np.inf, "the pulses, tick for tick")
 
 
-def write(
-    schedule: PulseSchedule, path: str | PathLike[str], part: int = PART, tell: Progress = lambda done, of: None
-) -> None:
+def write(schedule: PulseSchedule, path: str | PathLike[str], part: int = PART, tell: Progress = silent) -> None:
     """Write a schedule in parts, in memory that does not grow with it. Raises MotionError for parts without pulses."""
     if part < 1:
         raise MotionError(f"parts of {part} pulses: give 1 or more")
@@ -110,13 +109,7 @@ def parts(path: str | PathLike[str]) -> Iterator[PulseSchedule]:
 
 def read(path: str | PathLike[str]) -> PulseSchedule:
     """The whole schedule. Raises FileError as `parts` does."""
-    held = list(parts(path))
-    axes = zip(*(part.axes for part in held), strict=True)
-    joined = (
-        replace(each[0], **{what: np.concatenate([getattr(axis, what) for axis in each]) for what in ARRAYS})
-        for each in axes
-    )
-    return replace(held[0], axes=tuple(joined))
+    return joined(parts(path))
 
 
 def _windows(schedule: PulseSchedule, part: int) -> Iterator[tuple[slice, ...]]:
@@ -138,15 +131,3 @@ def _array(archive: ZipFile, member: str, kind: str) -> NDArray[Any]:
         raise ValueError(f"{member} holds {array.ndim}-dimensional {array.dtype}, not a row of {np.dtype(kind)}")
     array.flags.writeable = False
     return array
-
-
-def _difference(schedule: PulseSchedule, path: Path) -> float:
-    """0 where the file holds exactly these pulses, else ∞: read part by part."""
-    done = [0] * len(schedule.axes)
-    for part in parts(path):
-        for k, (got, axis) in enumerate(zip(part.axes, schedule.axes, strict=True)):
-            here = slice(done[k], done[k] + len(got))
-            if not all(np.array_equal(getattr(got, what), getattr(axis, what)[here]) for what in ARRAYS):
-                return np.inf
-            done[k] += len(got)
-    return 0.0 if done == [len(axis) for axis in schedule.axes] else np.inf

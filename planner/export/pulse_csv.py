@@ -25,8 +25,9 @@ from numpy.typing import NDArray
 from kinematics.errors import MotionError
 from kinematics.step_timing import StepTiming, whole
 from planner.export.format import Exported, Source, option
-from planner.parallel import Progress
+from planner.parallel import Progress, share, silent
 from planner.pulses import lines
+from planner.pulses.parts import same
 from planner.pulses.schedule import PulseSchedule, Ticks
 
 WIDTH = 2e-6  # s, enough for every common drive
@@ -44,13 +45,10 @@ class PulseCsv:
     def write(self, source: Source, path: Path) -> Exported:
         axes, pulses = source.machine.axes, source.pulses
         wiring, timing = [axis.direction for axis in axes], [axis.timing for axis in axes]
-        write(pulses, path, wiring, width=self.width, timing=timing, tell=source.tell)
-        held = lines.read(path, pulses.clock_hz, axes, source.machine.home_q).schedule
-        same = all(
-            np.array_equal(got.ticks, axis.ticks) and np.array_equal(got.direction, axis.direction)
-            for got, axis in zip(held.axes, pulses.axes, strict=True)
-        )
-        return Exported(0.0 if same else np.inf, "the pulses, edge by edge")
+        write(pulses, path, wiring, width=self.width, timing=timing, tell=share(source.tell, 0, 2))
+        held = lines.parts(path, pulses.clock_hz, axes, source.machine.home_q, tell=share(source.tell, 1, 2))
+        exact = same(pulses, (part.schedule for part in held))
+        return Exported(0.0 if exact else np.inf, "the pulses, edge by edge")
 
 
 def write(
@@ -60,7 +58,7 @@ def write(
     *,
     width: float | None = None,
     timing: Sequence[StepTiming | None] = (),
-    tell: Progress = lambda done, of: None,
+    tell: Progress = silent,
 ) -> None:
     """Write the edges of every axis, in pieces of bounded memory.
 

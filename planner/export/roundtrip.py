@@ -7,6 +7,7 @@ import numpy as np
 from kinematics.array import Array
 from kinematics.axis import Axis
 from kinematics.errors import MotionError
+from kinematics.units import apart
 from planner.export.format import Exported
 from planner.export.hermite import Segments
 from planner.export.knots import BACKWARD, Knots
@@ -45,8 +46,9 @@ def compare(
             runs = (segments.backward(motion, probes) / pulse).max(1)
             back, backs = max(back, float(runs.max())), backs + int((runs > 2 * BACKWARD).sum())
     if knots.tolerance is not None and not worst <= knots.tolerance:
+        off, most = apart(worst, knots.tolerance, digits=4)
         raise MotionError(
-            f"decoded file: {worst:.4g} pulses from the motion, more than the tolerance {knots.tolerance:g}; "
+            f"decoded file: {off} pulses from the motion, more than the tolerance {most}; "
             "give a greater tolerance, or a spacing"
         )
     if backs:

@@ -27,6 +27,7 @@ import numpy as np
 
 from kinematics.array import finite
 from kinematics.errors import MotionError
+from kinematics.units import apart
 from planner.export.format import Exported, Source, option
 from planner.pulses.compress import compress
 from planner.pulses.schedule import Signs, Ticks
@@ -124,10 +125,10 @@ def _compare(source: Source, path: Path, commands: int) -> Exported:
             return Exported(np.inf, f"the pulses: axis {axis.name} has others")
         back = np.diff(ticks)[np.diff(direction) != 0]
         if driven.timing is not None and len(back) and back.min() < driven.timing.ticks(pulses.clock_hz)[1]:
-            closest = 1e6 * back.min() / pulses.clock_hz
+            closest, taken = apart(1e6 * back.min() / pulses.clock_hz, 1e6 * driven.timing.reversal, digits=4)
             raise MotionError(
-                f"steps: axis {axis.name}: a reversal within {closest:.4g} us, and its drive "
-                f"takes {1e6 * driven.timing.reversal:.4g} us; give a shorter --within"
+                f"steps: axis {axis.name}: a reversal within {closest} us, and its drive "
+                f"takes {taken} us; give a shorter --within"
             )
         nth = np.arange(len(ticks))
         late = max(late, int(abs(ticks - axis.ticks).max(initial=0)))

@@ -48,7 +48,7 @@ class ZaberCsv:
         letters = assign(axes, self.letters, ALPHABET, "Zaber PVT")
         refuse_moving_ends(motion, axes, "Zaber PVT")
         if not 1e-9 <= self.step <= 1:
-            raise MotionError(f"step {self.step:.4g} s: must be from 1 ns to 1 s")
+            raise MotionError(f"step {self.step!r} s: must be from 1 ns to 1 s")
         knots = choose(motion, axes, 2, step=self.step, tolerance=self.tolerance, spacing=self.spacing)
         form = columns(source, knots.tolerance, origin=self.origin)
         with path.open("w", encoding="utf-8", newline="") as file:

@@ -1,7 +1,7 @@
 """The independent check of a pulse schedule against the motion it stands for. It shares no code with the generator."""
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
@@ -12,7 +12,7 @@ from kinematics.array import Array
 from kinematics.axis import Axis
 from kinematics.errors import MotionError
 from planner.pulses.motion import AxisMotion, Motion
-from planner.pulses.schedule import AxisPulses, PulseSchedule
+from planner.pulses.schedule import AxisPulses, PulseSchedule, Signs, Ticks
 from planner.pulses.verdict import AxisCheck, PulseCheck, PulseFault
 
 HALF_TICK = 0.501  # what rounding to a whole tick may take, and a thousandth for the arithmetic of both sides
@@ -42,14 +42,28 @@ def check(
     Positions are trusted to 64 roundings of q, of home and of q̇·t. The motion is asked about once per pulse, in blocks.
     Raises MotionError where the motion has another number of axes.
     """
+    return check_parts(schedule, [schedule], trajectory, machine_axes, home_q)
+
+
+def check_parts(
+    stated: PulseSchedule,
+    parts: Iterable[PulseSchedule],
+    trajectory: Motion,
+    machine_axes: Sequence[Axis] | None = None,
+    home_q: ArrayLike | None = None,
+) -> PulseCheck:
+    """The same of parts that follow each other in time, in memory for one: `stated` says all but their pulses."""
     width = trajectory.at(np.zeros(1)).q.shape[1]
-    if width != len(schedule.axes):
-        raise MotionError(f"the schedule has {len(schedule.axes)} axes, the motion {width}; check it against its own")
+    if width != len(stated.axes):
+        raise MotionError(f"the schedule has {len(stated.axes)} axes, the motion {width}; check it against its own")
     grid = _grid(trajectory)
-    searches = [_Search(schedule, k, trajectory) for k in range(width)]
+    searches = [_Search(stated, k, trajectory, grid, stated.axes[k].start) for k in range(width)]
     for search in searches:
         _check_identity(search, machine_axes, home_q)
-    return PulseCheck(tuple(_check_axis(search, grid) for search in searches))
+    for part in parts:
+        for search, axis in zip(searches, part.axes, strict=True):
+            _add(search, axis)
+    return PulseCheck(tuple(_concluded(search) for search in searches))
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,11 +86,20 @@ class _Samples:
 
 @dataclass(slots=True)
 class _Search:
-    """One axis of a schedule, its motion, and what has been found so far."""
+    """One axis of a schedule, its motion, and what has been found so far: pulses, the latest, the closest two (ticks).
+
+    grid (s): what is still to be looked at; count, last: after the pulses so far, and the last sample (1,).
+    """
 
     schedule: PulseSchedule
     k: int
     motion: Motion
+    grid: Array
+    count: int
+    pulses: int = 0
+    latest: int | None = None
+    closest: float = np.inf
+    last: "_Samples | None" = None
     time_error: float = 0.0
     position_error: float = 0.0
     kinds: Counter[str] = field(default_factory=Counter)
@@ -89,6 +112,11 @@ class _Search:
     @property
     def tick(self) -> float:
         return 1 / self.schedule.clock_hz
+
+    @property
+    def ordered(self) -> bool:
+        """Without an order there is nothing to measure against the motion."""
+        return not any(self.kinds[kind] for kind in ("order", "outside", "direction"))
 
     @property
     def exact(self) -> bool:
@@ -130,20 +158,26 @@ def _grid(motion: Motion) -> Array:
     return np.unique(np.concatenate((inside.ravel(), np.nextafter(hi, lo), throughout)))
 
 
-def _check_axis(search: _Search, grid: Array) -> AxisCheck:
-    axis = search.axis
-    steps = np.diff(axis.ticks)
-    _check_order(search, steps)
-    if not any(search.kinds[kind] for kind in ("order", "outside", "direction")):
-        _check_motion(search, grid)
-    else:  # without an order there is nothing to measure against the motion
+def _add(search: _Search, part: AxisPulses) -> None:
+    """Go through the pulses of a part, block by block."""
+    _check_order(search, part)
+    for lo in range(0, len(part) if search.ordered else 0, BLOCK):
+        _check_motion(search, part.ticks[lo : lo + BLOCK], part.direction[lo : lo + BLOCK])
+    if not search.ordered:
+        search.count += int(part.direction.sum(dtype=np.int64))
+
+
+def _concluded(search: _Search) -> AxisCheck:
+    """The findings, once there are no more pulses."""
+    if search.ordered:
+        _check_motion(search, np.empty(0, np.int64), np.empty(0, np.int8))
+    else:
         search.time_error = search.position_error = np.inf
     time_error = search.time_error if search.exact else None
-    _check_end(search, "start count", 0.0, axis.start)
-    final_error = _check_end(search, "final count", search.motion.duration, axis.final)
-    smallest = float(steps.min()) * search.tick if len(steps) else np.inf
-    figures = time_error, search.position_error, smallest, final_error
-    return AxisCheck(axis.name, len(axis), *figures, tuple(search.faults), search.kinds.total())
+    _check_end(search, "start count", 0.0, search.axis.start)
+    final_error = _check_end(search, "final count", search.motion.duration, search.count)
+    figures = time_error, search.position_error, search.closest * search.tick, final_error
+    return AxisCheck(search.axis.name, search.pulses, *figures, tuple(search.faults), search.kinds.total())
 
 
 def _check_identity(search: _Search, machine_axes: Sequence[Axis] | None, home_q: ArrayLike | None) -> None:
@@ -164,56 +198,48 @@ def _check_identity(search: _Search, machine_axes: Sequence[Axis] | None, home_q
             search.report("home", nowhere, "{:+.9g} from the machine's", np.array([off]))
 
 
-def _check_order(search: _Search, steps: NDArray[np.int64]) -> None:
+def _check_order(search: _Search, part: AxisPulses) -> None:
     """The ticks rise, from 0 to the end, and every direction is one."""
-    ticks, direction = search.axis.ticks, search.axis.direction
-    back = np.flatnonzero(steps <= 0)
-    search.report("order", ticks[back + 1], "{} ticks after the pulse before it", steps[back])
     last = search.motion.duration / search.tick
-    outside = ticks[(ticks < 0) | (ticks > last + HALF_TICK)]
-    search.report("outside", outside, "the motion ends at tick {:.1f}", np.full(len(outside), last))
-    neither = abs(direction) != 1
-    search.report("direction", ticks[neither], "{} is neither +1 nor -1", direction[neither])
+    for lo in range(0, len(part), BLOCK):
+        ticks, direction = part.ticks[lo : lo + BLOCK], part.direction[lo : lo + BLOCK]
+        steps = np.diff(ticks) if search.latest is None else np.diff(ticks, prepend=search.latest)
+        back = np.flatnonzero(steps <= 0)
+        search.report("order", ticks[back + len(ticks) - len(steps)], "{} ticks after the pulse before it", steps[back])
+        outside = ticks[(ticks < 0) | (ticks > last + HALF_TICK)]
+        search.report("outside", outside, "the motion ends at tick {:.1f}", np.full(len(outside), last))
+        neither = abs(direction) != 1
+        search.report("direction", ticks[neither], "{} is neither +1 nor -1", direction[neither])
+        search.closest = min(search.closest, float(steps.min()) if len(steps) else np.inf)
+        search.latest, search.pulses = int(ticks[-1]), search.pulses + len(ticks)
 
 
-def _check_motion(search: _Search, grid: Array) -> None:
-    """Go through the motion once, block by block."""
-    last: _Samples | None = None
-    for pulse, samples in _blocks(search, grid):
-        fired = pulse >= 0
-        if search.exact:
-            _check_levels(search, pulse[fired], samples[fired])
-            _check_band(search, samples[~fired])
-        else:
-            before = samples.count[fired] - search.axis.direction[pulse[fired]]
-            _check_band(search, samples)
-            _check_band(search, replace(samples[fired], count=before))
-        _check_between(search, samples if last is None else last.followed_by(samples))
-        last = samples[-1:]
-
-
-def _blocks(search: _Search, grid: Array) -> Iterator[tuple[NDArray[np.intp], _Samples]]:
-    """Samples in the order of time at every pulse and grid instant, with the number of the pulse (-1 on the grid)."""
-    axis, count = search.axis, search.axis.start
+def _check_motion(search: _Search, ticks: Ticks, direction: Signs) -> None:
+    """The next pulses (N,), and all that lies ahead of the last; without pulses, the rest of the motion."""
     # A pulse that rounding put up to half a tick behind the end of the motion is seen at the end.
-    fires = np.minimum(axis.ticks / search.schedule.clock_hz, search.motion.duration)
-    for lo in range(0, max(len(axis), 1), BLOCK):
-        hi = min(lo + BLOCK, len(axis))
-        since = fires[lo] if lo > 0 else -np.inf
-        until = fires[hi] if hi < len(axis) else np.inf
-        between = grid[(grid >= since) & (grid < until)]
-        t = np.concatenate((between, fires[lo:hi]))
-        order = np.argsort(t, kind="stable")  # a grid instant at a pulse comes first: it sees the count before
-        pulse = np.concatenate((np.full(len(between), -1), np.arange(lo, hi)))[order]
-        change = np.concatenate((np.zeros(len(between), np.int64), axis.direction[lo:hi]))[order]
-        yield pulse, search.sample(t[order], count + np.cumsum(change))
-        count += int(change.sum())
+    fires = np.minimum(ticks / search.schedule.clock_hz, search.motion.duration)
+    ahead = int(np.searchsorted(search.grid, fires[-1], side="right")) if len(fires) else len(search.grid)
+    between, search.grid = search.grid[:ahead], search.grid[ahead:]
+    t = np.concatenate((between, fires))
+    order = np.argsort(t, kind="stable")  # a grid instant at a pulse comes first: it sees the count before
+    pulse = np.concatenate((np.full(ahead, -1), np.arange(len(fires))))[order]
+    change = np.concatenate((np.zeros(ahead, np.int64), direction))[order]
+    samples = search.sample(t[order], search.count + np.cumsum(change))
+    search.count += int(change.sum())
+    fired = pulse >= 0
+    if search.exact:
+        _check_levels(search, ticks, direction.astype(float), samples[fired])
+        _check_band(search, samples[~fired])
+    else:
+        _check_band(search, samples)
+        _check_band(search, replace(samples[fired], count=samples.count[fired] - direction))
+    _check_between(search, samples if search.last is None else search.last.followed_by(samples))
+    search.last = samples[-1:] if len(t) else search.last
 
 
-def _check_levels(search: _Search, pulse: NDArray[np.intp], s: _Samples) -> None:
+def _check_levels(search: _Search, ticks: Ticks, sign: Array, s: _Samples) -> None:
     """Each pulse at the crossing of the level between its two counts, going its way, on an axis that moves."""
-    ticks, sign, tick = search.axis.ticks[pulse], search.axis.direction[pulse].astype(float), search.tick
-    noise = search.noise(s)
+    tick, noise = search.tick, search.noise(s)
     miss = (s.count - sign / 2) - s.x
     miss = np.sign(miss) * np.maximum(abs(miss) - noise, 0.0)
     # The nearer root of v τ + a τ²/2 = miss: how long after the sample x is at the level.

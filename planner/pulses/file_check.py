@@ -7,8 +7,10 @@ from typing import Protocol
 
 from kinematics.axis import Axis
 from kinematics.machine import Machine
-from planner.pulses.check import check
-from planner.pulses.lines import read
+from kinematics.units import apart
+from planner.parallel import Progress, silent
+from planner.pulses.check import check_parts
+from planner.pulses.lines import parts
 from planner.pulses.motion import Motion
 from planner.pulses.schedule import PulseSchedule
 from planner.pulses.verdict import LineTimes, PulseCheck, PulseFault
@@ -27,20 +29,24 @@ class Planned(Protocol):
     def pulses(self) -> PulseSchedule: ...
 
 
-def check_file(path: str | PathLike[str], plan: Planned) -> PulseCheck:
+def check_file(path: str | PathLike[str], plan: Planned, progress: Progress = silent) -> PulseCheck:
     """Prove a pulse CSV: its pulses as `check` does, and the times on its lines against what each drive asks.
 
-    Only the edges come from the file; start counts, duration, rule and bounds, which it cannot hold, from the plan.
-    Raises FileError where it cannot be read.
+    Only the edges come from the file, part by part; start counts, duration, rule and bounds, which it cannot hold, from
+    the plan. progress is told how much of the file is done. Raises FileError where it cannot be read.
     """
     stated, machine = plan.pulses, plan.machine
-    starts = [axis.start for axis in stated.axes]
-    lines = read(path, stated.clock_hz, machine.axes, machine.home_q, start=starts, duration=stated.duration)
-    held = tuple(replace(axis, bound=of.bound) for axis, of in zip(lines.schedule.axes, stated.axes, strict=True))
-    schedule = replace(lines.schedule, axes=held, rule=stated.rule)
-    found = check(schedule, plan.counted, machine.axes, machine.home_q)
+    lined: tuple[LineTimes, ...] = ()
+
+    def pulses() -> Iterator[PulseSchedule]:
+        nonlocal lined
+        for part in parts(path, stated.clock_hz, machine.axes, machine.home_q, tell=progress):
+            lined = part.times
+            yield part.schedule
+
+    found = check_parts(stated, pulses(), plan.counted, machine.axes, machine.home_q)
     axes = []
-    for one, times, axis in zip(found.axes, lines.times, machine.axes, strict=True):
+    for one, times, axis in zip(found.axes, lined, machine.axes, strict=True):
         short = tuple(_short(times, axis, 1 / stated.clock_hz))
         axes.append(replace(one, lines=times, faults=one.faults + short, fault_count=one.fault_count + len(short)))
     return PulseCheck(tuple(axes))
@@ -54,7 +60,8 @@ def _short(times: LineTimes, axis: Axis, tick: float) -> Iterator[PulseFault]:
     for name in ("high", "low", "setup", "hold"):
         least, needed = getattr(times, name), getattr(asked, name)
         if least < needed - ROUNDING:
-            yield PulseFault(axis.name, 0, f"{name}: {1e6 * least:.4g} us, and its drive needs {1e6 * needed:.4g}")
+            seen, wanted = apart(1e6 * least, 1e6 * needed, digits=4)
+            yield PulseFault(axis.name, 0, f"{name}: {seen} us, and its drive needs {wanted}")
     if asked.max_rate is not None and times.interval < 1 / asked.max_rate - tick - ROUNDING:
-        rate = 1 / times.interval
-        yield PulseFault(axis.name, 0, f"rate: {rate:.6g} pulses/s, and its drive takes {asked.max_rate:.6g}")
+        rate, most = apart(1 / times.interval, asked.max_rate)
+        yield PulseFault(axis.name, 0, f"rate: {rate} pulses/s, and its drive takes {most}")

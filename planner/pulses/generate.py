@@ -8,15 +8,14 @@ from numpy.typing import ArrayLike
 
 from kinematics.axis import Axis
 from kinematics.errors import MotionError
+from planner.parallel import Progress, silent
 from planner.place import Infeasible, Place
 from planner.pulses.compensate import compensated
+from planner.pulses.counter import refuse_counter
 from planner.pulses.motion import Motion
 from planner.pulses.rules import Rule, find_rule
 from planner.pulses.schedule import AxisPulses, PulseSchedule
 from planner.pulses.spacing import spaced
-
-COUNTER = -(1 << 27), (1 << 27) - 1
-"""What the 28-bit position counters of the cards hold [Sahbaz 2007]."""
 
 
 def generate(
@@ -25,13 +24,14 @@ def generate(
     home_q: ArrayLike,
     clock_hz: int = 10_000_000,
     rule: str | Rule = "nearest",
+    progress: Progress = silent,
 ) -> PulseSchedule:
     """The pulses of a motion by a firing rule, on a clock of whole ticks, as far apart as the drives' timing asks.
 
     Axes that ask for compensation count what their motors have to do (`planner.pulses.compensate`).
     home_q (n,) is the axis position from which pulses count; rule: one, or its name and options as
-    `planner.pulses.find_rule` reads them. Raises Infeasible where the rule cannot keep what it
-    states, as where an axis would need more than one pulse per tick, MotionError where axes do not match.
+    `planner.pulses.find_rule` reads them; progress is told how far it is. Raises Infeasible where the rule cannot keep
+    what it states, as where an axis would need more than one pulse per tick, MotionError where axes do not match.
     """
     home = np.asarray(home_q, float)
     width = trajectory.at(np.zeros(1)).q.shape[1]
@@ -41,9 +41,10 @@ def generate(
     rule = find_rule(rule) if isinstance(rule, str) else rule
     behind = compensated(trajectory, machine_axes, home)
     motion = trajectory if behind is None else behind
-    schedule = spaced(rule.fire(motion, machine_axes, home, clock_hz), motion, machine_axes)
+    schedule = spaced(rule.fire(motion, machine_axes, home, clock_hz, progress), motion, machine_axes)
     for pulses, axis in zip(schedule.axes, machine_axes, strict=True):
-        _refuse_counter(pulses, axis)
+        if axis.card is not None:
+            refuse_counter(pulses, axis)
         if axis.compensate:
             _refuse_rate(pulses, axis, trajectory, clock_hz)
     return schedule if behind is None else replace(schedule, compensations=behind.costs)
@@ -61,17 +62,3 @@ def _refuse_rate(pulses: AxisPulses, axis: Axis, motion: Motion, clock_hz: int) 
         f"state a max_pulse_rate that is lower by as much while planning, or slow {axis.name} by its max_speed"
     )
     raise Infeasible("pulse rate", axis.name, place, clock_hz / float(steps.min()), axis.pulse_rate, "1/s", remedy)
-
-
-def _refuse_counter(pulses: AxisPulses, axis: Axis) -> None:
-    """Raise MotionError where the count would leave a card's register."""
-    if axis.card is None or not len(pulses):
-        return
-    counts = pulses.start + np.cumsum(pulses.direction, dtype=np.int64)
-    for extreme in (int(counts.min()), int(counts.max())):
-        wired = extreme * axis.direction
-        if not COUNTER[0] <= wired <= COUNTER[1]:
-            raise MotionError(
-                f"axis {axis.name}: the motion counts to {wired}, beyond the {COUNTER[0]} .. {COUNTER[1]} of the "
-                f"position counter of card {axis.card}; use a longer pulse, or work nearer to home"
-            )

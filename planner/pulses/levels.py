@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
+from math import ceil
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +11,8 @@ from numpy.typing import NDArray
 from kinematics.array import Array, frozen
 from kinematics.axis import Axis
 from kinematics.errors import MotionError
+from kinematics.units import apart
+from planner.parallel import Progress, share
 from planner.place import Infeasible, Place
 from planner.pulses.crossing import solve
 from planner.pulses.motion import Motion
@@ -46,12 +49,15 @@ class Levels:
         return max(self.above, 1 - self.above) + self.hysteresis
 
 
-def cross(motion: Motion, axes: Sequence[Axis], home: Array, clock_hz: int, levels: Levels) -> tuple[AxisPulses, ...]:
+def cross(
+    motion: Motion, axes: Sequence[Axis], home: Array, clock_hz: int, levels: Levels, tell: Progress
+) -> tuple[AxisPulses, ...]:
     """A pulse of every axis wherever x = (q(t) - home)/pulse crosses a level, on the nearest tick.
 
     - A level counts as crossed once the motion is beyond it by more than rounding noise (some 1e-9 pulse); a motion
       that only touches a level, or rests or ends on it, does not fire. One that starts on a level has the lower count.
     - Two opposite pulses whose crossings round to the same tick cancel: both are left out.
+    tell is told the pulses that are made of an axis, each a share of the whole.
     Raises Infeasible where an axis needs more than one pulse per tick, MotionError where rounding drowns one.
     """
     pulse = np.array([axis.pulse for axis in axes])
@@ -60,9 +66,10 @@ def cross(motion: Motion, axes: Sequence[Axis], home: Array, clock_hz: int, leve
     fired = []
     for k, axis in enumerate(axes):
         if slack[k] > COARSE:
+            blur, most = apart(slack[k], COARSE, digits=2)
             raise MotionError(
-                f"axis {axis.name}: pulse {axis.pulse:.3g} {axis.unit} is blurred by {slack[k]:.2g} pulse of "
-                f"rounding, limit {COARSE:.2g}; use a longer pulse or count from nearer than "
+                f"axis {axis.name}: pulse {axis.pulse:.3g} {axis.unit} is blurred by {blur} pulse of "
+                f"rounding, limit {most}; use a longer pulse or count from nearer than "
                 f"{abs(home[k]):.3g} {axis.unit}"
             )
         counted = pieces.coefficients[k].copy()
@@ -72,7 +79,8 @@ def cross(motion: Motion, axes: Sequence[Axis], home: Array, clock_hz: int, leve
         refuse = partial(_refusal, motion, axis, stretches, clock_hz)
         exact = partial(_exact, motion, k, axis.pulse, float(home[k]), clock_hz)
         blur = UNSEEN * pieces.error[k] / pulse[k] + slack[k]
-        ticks, direction = _cancel(*_fire(stretches, counts, levels, refuse, exact, blur), refuse)
+        made = _fire(stretches, counts, levels, refuse, exact, blur, share(tell, k, len(axes)))
+        ticks, direction = _cancel(*made, refuse)
         ticks.flags.writeable = direction.flags.writeable = False
         fired.append(AxisPulses(axis.name, ticks, direction, int(counts[0]), axis.pulse, float(home[k]), levels.bound))
     return tuple(fired)
@@ -86,7 +94,7 @@ def _refusal(trajectory: Motion, axis: Axis, stretches: Stretches, clock_hz: int
     t = float(stretches.start[worst] + stretches.length[worst] * v[nth]) / clock_hz
     highest = max(float(rate.max()), 1.0) * clock_hz
     place = Place(float(trajectory.at(np.array([t])).s[0]), t=t, axis=axis.name)
-    remedy = f"slow the motion, use a longer pulse, or a clock above {highest:.4g} Hz"
+    remedy = f"slow the motion, use a longer pulse, or a clock above {ceil(highest)} Hz"
     return Infeasible("pulse rate", axis.name, place, highest, clock_hz, "1/s", remedy)
 
 
@@ -135,7 +143,7 @@ def _exact(trajectory: Motion, k: int, pulse: float, home: float, clock_hz: int,
 
 
 def _fire(
-    stretches: Stretches, counts: Ticks, levels: Levels, refuse: Refuse, exact: Exact, blur: float
+    stretches: Stretches, counts: Ticks, levels: Levels, refuse: Refuse, exact: Exact, blur: float, tell: Progress
 ) -> tuple[Ticks, Signs]:
     """Tick and direction of every level between the counts at both ends of each stretch.
 
@@ -175,6 +183,7 @@ def _fire(
         if len(unsure):
             stretch = part.start + index[unsure]
             doubts.append((lo + unsure, v[unsure], stretches.coefficients[0, stretch] + sign[stretch] * height[unsure]))
+        tell(hi, len(ticks))
     if doubts:  # together: the motion tells of a few instants hardly faster than of many
         place, time, level = (np.concatenate(parts) for parts in zip(*doubts, strict=True))
         ticks[place] = np.rint(exact(time, level))

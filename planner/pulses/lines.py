@@ -1,11 +1,13 @@
 """The step and direction lines of a file of edges, read back: the pulses on them, and the times that a drive sees.
 
-Independent of whatever wrote the file. A rising STEP is a pulse; DIR 1 is a positive count of the wiring.
+Independent of whatever wrote the file. A rising STEP is a pulse; DIR 1 is a positive count of the wiring. `parts` reads
+in memory that does not grow with the file.
 """
 
 import csv
+import os
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from io import BytesIO
 from os import PathLike
 from pathlib import Path
@@ -17,10 +19,12 @@ from numpy.typing import ArrayLike, NDArray
 from kinematics.array import Array
 from kinematics.axis import Axis
 from kinematics.errors import Fault, FileError
-from planner.pulses.schedule import AxisPulses, PulseSchedule, Ticks
+from planner.parallel import Progress, silent
+from planner.pulses.parts import joined
+from planner.pulses.schedule import AxisPulses, PulseSchedule, Signs, Ticks
 from planner.pulses.verdict import LineTimes
 
-PART = 1 << 22  # bytes read together
+PART = 1 << 23  # bytes read together
 OFF_TICK = 0.1  # a time further from every tick was written for another clock
 FAULTS = 20  # of one kind told of at once
 TIMES = ("high", "low", "setup", "hold", "interval")
@@ -28,7 +32,7 @@ TIMES = ("high", "low", "setup", "hold", "interval")
 
 @dataclass(frozen=True, slots=True)
 class Lines:
-    """What a file of edges holds."""
+    """What a file of edges holds, or a part of it: its pulses, and the least times from the file's beginning on."""
 
     schedule: PulseSchedule
     times: tuple[LineTimes, ...]
@@ -50,9 +54,28 @@ def read(
     Raises FileError with the lines at fault: a header of other axes, a row that is not a time and levels, a time that
     runs back or is no tick of the clock.
     """
+    held = list(parts(path, clock_hz, axes, home_q, start=start))
+    schedule = joined(part.schedule for part in held)
+    return Lines(schedule if duration is None else replace(schedule, duration=duration), held[-1].times)
+
+
+def parts(
+    path: str | PathLike[str],
+    clock_hz: int,
+    axes: Sequence[Axis],
+    home_q: ArrayLike,
+    *,
+    start: Sequence[int] | None = None,
+    tell: Progress = silent,
+) -> Iterator[Lines]:
+    """The same in one or more parts that follow each other, each with the counts that the one before ends with.
+
+    tell  told how many bytes are read, of how many
+    """
     name, home = str(path), np.asarray(home_q, float)
-    found = [_Found() for _ in axes]
+    found, count = [_Found() for _ in axes], [0] * len(axes) if start is None else list(start)
     with Path(path).open("rb") as file:
+        size = os.fstat(file.fileno()).st_size
         expected = ["Time[s]", *(f"{axis.name} {line}" for axis in axes for line in ("STEP", "DIR"))]
         first = file.readline()
         while first.count(b'"') % 2 and (more := file.readline()):  # a name may hold a line feed
@@ -64,44 +87,42 @@ def read(
         for line, table in _tables(file, name, len(expected), first.count(b"\n") + 1):
             ticks = _ticks(table[:, 0], last, clock_hz, name, line)
             levels = table[:, 1:].astype(np.uint8)
-            for k, axis in enumerate(axes):
-                found[k].add(
+            if len(table):
+                last = float(table[-1, 0])
+            pulses = []
+            for k, (axis, one) in enumerate(zip(axes, found, strict=True)):
+                rises, signs = one.add(
                     ticks, levels[:, 2 * k : 2 * k + 2], before[2 * k :][:2] if before is not None else None, axis
                 )
-            last, before = float(table[-1, 0]), levels[-1]
-    pulses = [
-        AxisPulses(
-            axis.name,
-            np.concatenate([np.empty(0, np.int64), *one.rises]),
-            np.concatenate([np.empty(0, np.int8), *one.signs]),
-            0 if start is None else start[k],
-            axis.pulse,
-            float(home[k]),
-        )
-        for k, (axis, one) in enumerate(zip(axes, found, strict=True))
-    ]
-    schedule = PulseSchedule(clock_hz, tuple(pulses), max(last, 0.0) if duration is None else duration)
-    return Lines(schedule, tuple(one.times(axis.name, clock_hz) for axis, one in zip(axes, found, strict=True)))
+                pulses.append(AxisPulses(axis.name, rises, signs, count[k], axis.pulse, float(home[k])))
+                count[k] = pulses[k].final
+            before = levels[-1] if len(table) else before
+            times = (one.times(axis.name, clock_hz) for axis, one in zip(axes, found, strict=True))
+            yield Lines(PulseSchedule(clock_hz, tuple(pulses), max(last, 0.0)), tuple(times))
+            tell(file.tell(), size)
 
 
 @dataclass(slots=True)
 class _Found:
-    """Of one axis, part after part: its pulses, the last edge of each kind (ticks), and the least times between."""
+    """Of one axis, part after part: the last edge of each kind (ticks), and the least times between."""
 
-    rises: list[Ticks] = field(default_factory=list)
-    signs: list[NDArray[np.int8]] = field(default_factory=list)
     rise: float = -np.inf
     fall: float = -np.inf
     turn: float = 0.0
     least: dict[str, float] = field(default_factory=lambda: dict.fromkeys(TIMES, np.inf))
 
-    def add(self, ticks: Ticks, levels: NDArray[np.uint8], before: NDArray[np.uint8] | None, axis: Axis) -> None:
-        """levels (N, 2): STEP and DIR from each tick on; before (2,): ahead of the first, low and as it begins."""
+    def add(
+        self, ticks: Ticks, levels: NDArray[np.uint8], before: NDArray[np.uint8] | None, axis: Axis
+    ) -> tuple[Ticks, Signs]:
+        """The pulses of the next part.
+
+        levels (N, 2): STEP and DIR from each tick on; before (2,): ahead of the first, None: low and as it begins.
+        """
+        if not len(ticks):
+            return ticks, np.empty(0, np.int8)
         first = np.array([0, levels[0, 1]], np.uint8) if before is None else before
         step, turn = np.diff(np.vstack((first, levels)).astype(np.int8), axis=0).T
         rising, falling, turning = (ticks[edge] for edge in (step > 0, step < 0, turn != 0))
-        self.rises.append(rising)
-        self.signs.append(np.where(levels[step > 0, 1] == 1, axis.direction, -axis.direction).astype(np.int8))
         self._between("high", rising, self.rise, falling)
         self._between("low", falling, self.fall, rising)
         self._between("setup", turning, self.turn, rising)
@@ -111,6 +132,7 @@ class _Found:
             float(edges[-1]) if len(edges) else at
             for edges, at in ((rising, self.rise), (falling, self.fall), (turning, self.turn))
         )
+        return rising, np.where(levels[step > 0, 1] == 1, axis.direction, -axis.direction).astype(np.int8)
 
     def _between(self, what: str, since: Ticks, earlier: float, until: Ticks) -> None:
         """The least time from the last edge of one kind to each of another."""
@@ -127,8 +149,11 @@ class _Found:
 
 
 def _tables(file: BinaryIO, name: str, columns: int, line: int) -> Iterator[tuple[int, Array]]:
-    """The rows as numbers, part by part, with the line that each part starts on; line: that of the first."""
-    kept = b""
+    """The rows as numbers, part by part, with the line that each part starts on; line: that of the first.
+
+    One part without rows where there are none.
+    """
+    kept, begin = b"", line
     while part := file.read(PART):
         text, newline, kept = (kept + part).rpartition(b"\n")
         if newline:
@@ -136,6 +161,8 @@ def _tables(file: BinaryIO, name: str, columns: int, line: int) -> Iterator[tupl
             line += text.count(b"\n") + 1
     if kept.strip():
         yield line, _table(kept, name, columns, line)
+    elif line == begin:
+        yield line, np.empty((0, columns))
 
 
 def _table(text: bytes, name: str, columns: int, line: int) -> Array:

@@ -6,6 +6,7 @@ import numpy as np
 
 from kinematics.array import Array, frozen
 from kinematics.errors import MotionError
+from kinematics.units import apart
 from planner.pulses.motion import Motion
 
 PROBES = np.array([0.3, 0.7])  # off the middle: there an error that is odd about the middle would hide
@@ -77,9 +78,10 @@ def fit(motion: Motion, tolerance: Array) -> Pieces:
 
 def _rough(lo: Array, error: Array, tolerance: Array) -> MotionError:
     piece, axis = np.unravel_index((error / tolerance).argmax(), error.shape)
+    strays, most = apart(error[piece, axis], tolerance[axis], digits=3)
     return MotionError(
-        f"axis {axis + 1}: the motion near t = {lo[piece]:.9g} s strays {error[piece, axis]:.3g} from any polynomial, "
-        f"more than {tolerance[axis]:.3g}; put a knot where it is not smooth, and give its true q̇ and q̈"
+        f"axis {axis + 1}: the motion near t = {lo[piece]:.9g} s strays {strays} from any polynomial, "
+        f"more than {most}; put a knot where it is not smooth, and give its true q̇ and q̈"
     )
 
 

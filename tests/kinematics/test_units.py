@@ -10,7 +10,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from kinematics.errors import MotionError
-from kinematics.units import MAX_LENGTH, Unit, describe, everyday, quantity, shown, unit_value
+from kinematics.units import MAX_LENGTH, Unit, apart, describe, everyday, quantity, shown, unit_value
 
 
 @pytest.mark.parametrize(
@@ -189,3 +189,28 @@ def test_plain_numbers_need_their_declaration():
 def test_pint_is_not_loaded_before_a_quantity_is_read():
     code = "import sys, kinematics.units; sys.exit('pint' in sys.modules or 'pydantic' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+@given(st.floats(-1e300, 1e300), st.integers(2, 9))
+@example(5000.0, 6)
+@example(0.0, 6)
+@settings(derandomize=True)
+def test_neighbours_read_apart_and_equals_do_not(value, digits):
+    above = math.nextafter(value, math.inf)
+    one, two = apart(value, above, digits=digits)
+    assert float(one) < float(two)
+    assert apart(value, value, digits=digits) == (f"{value:.{digits}g}",) * 2
+
+
+@pytest.mark.parametrize(
+    ("values", "texts"),
+    [
+        ((1.1, 1.0), ("1.1", "1")),
+        ((5000.0000001, 5000.0), ("5000.0000001", "5000")),
+        ((2.4e6, 2.4e6, 6.55e6), ("2.4e+06", "2.4e+06", "6.55e+06")),
+        ((math.inf, 1.0), ("inf", "1")),
+        ((math.nan, 1.0), ("nan", "1")),
+    ],
+)
+def test_numbers_have_the_digits_that_tell_them_apart(values, texts):
+    assert apart(*values) == texts

@@ -80,8 +80,25 @@ def test_the_calls_replayed_stay_as_near_to_the_motion_as_is_said(source, tmp_pa
         worst = max(worst, abs(position - motion(source, k, t)).max())
         # what was sent last is where the pulses end; extension is sent as negative counts
         assert own[-1][4] == position[-1] == -source.pulses.axes[k].final
-    assert 0.4 < worst <= done.error + 1e-6 <= 1.0
+    assert 0.4 < worst <= done.error <= 1.0
     assert "8 ms" in done.notes[0] or "16 ms" in done.notes[0] or "4 ms" in done.notes[0]
+
+
+@pytest.mark.parametrize("options", [{}, {"spacing": 0.013}, {"spacing": 0.05}, {"speed_range": 2e5}])
+def test_the_stated_error_is_never_passed_and_reached(source, tmp_path, options):
+    """Looked at every 4 µs around where a coarse look finds it largest: there a parabola of the fastest leg's bend,
+    some 1e5 pulses/s², is 2e-7 pulse deep; the quintics that stand for the motion add some 1e-6 to what is stated."""
+    done = AdlinkCsv(**options).write(source, tmp_path / "calls.csv")
+    rows = rows_of(tmp_path / "calls.csv")
+    coarse = np.linspace(0, source.trajectory.duration + 0.01, 20_000)
+    worst = 0.0
+    for k, axis in enumerate(source.machine.axes):
+        own = [row for row in rows if row[1] == axis.name]
+        away = abs(replay(own, coarse) - motion(source, k, coarse))
+        for peak in coarse[np.argsort(away)[-30:]]:
+            t = np.append(coarse[coarse < peak - 5e-4][::40], np.linspace(max(peak - 5e-4, 0), peak + 5e-4, 251))
+            worst = max(worst, abs(replay(own, t) - motion(source, k, t)).max())
+    assert done.error - 1e-5 <= worst <= done.error
 
 
 def test_every_axis_is_sent_to_its_own_card(source, tmp_path):
@@ -102,8 +119,8 @@ def test_the_virtual_card_runs_it_whatever_it_does_with_a_command_during_a_move(
     for t, _, _, _, position, start, limit, tacc, tdec in [*rows, (source.trajectory.duration + 0.1,) + (None,) * 8]:
         instants = np.linspace(t0, t, 7)[:-1]
         x = motion(source, 3, instants)
-        assert abs(state.position(instants)[:, 0] - x).max(initial=0) <= done.error + 1e-6
-        assert abs(state.counter(instants)[:, 0] - x).max(initial=0) <= done.error + 0.5 + 1e-6
+        assert abs(state.position(instants)[:, 0] - x).max(initial=0) <= done.error
+        assert abs(state.counter(instants)[:, 0] - x).max(initial=0) <= done.error + 0.5
         if position is not None:
             state, t0 = send(card, state, TAMove([position], [start], [limit], tacc, tdec), t), t
     assert state.counter(t)[0, 0] == -source.pulses.axes[3].final
@@ -189,7 +206,6 @@ def test_axes_that_rest_get_no_calls_and_names_survive(tmp_path):
         ({"Y": {"card": "PCI-7856"}}, {}, "axis Y .* is wired to 'PCI-7856'"),
         ({"Y": {"card": "PCI-8164 (2)"}}, {}, "two cards of one kind"),
         ({"Y": {"channel": 48}}, {}, "axis Y: channel 48; limit 47"),
-        ({}, {}, "axis X comes to count 134218228; the 28-bit"),
         ({"X": {"pulse": 1.25e-8}}, {}, r"axis X needs 8e\+06 pulses/s .* the card's 6\.55e\+06"),
         ({"X": {"card": "PCI-8132", "channel": 1, "pulse": 4e-8}}, {}, r"and the card's 2\.4e\+06"),
         ({}, {"speed_range": 5000.0}, "its speed range is 5000"),
@@ -199,9 +215,6 @@ def test_axes_that_rest_get_no_calls_and_names_survive(tmp_path):
 )
 def test_what_the_cards_cannot_do_is_refused_before_anything_is_written(tmp_path, wiring, options, told):
     made = slides(**wiring)
-    if "28-bit" in told:  # so many pulses would take minutes to make: it starts far from home
-        first, *rest = made.pulses.axes
-        made = replace(made, pulses=replace(made.pulses, axes=(replace(first, start=2**27 - 500), *rest)))
     for format_ in (AdlinkCsv, AdlinkC):
         with pytest.raises(MotionError, match=told):
             format_(**options).write(made, tmp_path / "calls")

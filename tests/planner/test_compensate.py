@@ -279,16 +279,6 @@ def test_a_kind_of_compensation_that_there_is_not_is_refused():
         Axis("x", compensate=("screw",))
 
 
-def test_counts_beyond_the_cards_register_are_refused():
-    motion, home = in_pulses([300.0, 0.0])
-    axis = Axis("x", pulse=PULSE, card="PCI-8132", channel=0)
-    generate(motion, [axis], home)
-    far = [home[0] - ((1 << 27) - 100) * PULSE]
-    with pytest.raises(MotionError, match=r"axis x: the motion counts to 134217928, beyond .* card PCI-8132"):
-        generate(motion, [axis], far)
-    generate(motion, [replace(axis, card=None, channel=None)], far)
-
-
 def test_a_steady_motion_over_a_corner_of_the_table_is_met_on_both_sides():
     """A knot lies on a point of the table only to rounding: the time says on which side of it a state is."""
     for speed in np.linspace(1e-3, 2e-3, 25):

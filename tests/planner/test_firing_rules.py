@@ -227,10 +227,18 @@ def test_an_axis_faster_than_a_pulse_a_period_is_refused():
     motion = line(0.0173, 0.01)
     rate = 0.0173 / PULSE
     assert len(fire(motion, "sampled:period=43us").axes[0])
-    with pytest.raises(Infeasible, match=r"leg1.*a period below 43\.35 us") as refused:
+    with pytest.raises(Infeasible, match=r"leg1.*a period of 43\.3 us or less") as refused:
         fire(motion, "sampled:period=44us")
     assert refused.value.value == pytest.approx(rate)
     assert refused.value.limit == pytest.approx(1 / 44e-6)
+
+
+def test_a_rate_that_is_beyond_by_rounding_reads_so():
+    """5000 pulses/s at a period of 200 us: the bound of the rate is above by less than six digits tell."""
+    motion = line(5000 * (1 + 1e-9) * PULSE, 0.01)
+    with pytest.raises(Infeasible, match=r"5000\.00001 1/s is beyond 5000 1/s .* a period of 199\.9 us or less"):
+        fire(motion, "sampled:period=200us")
+    fire(motion, "sampled:period=199.9us")
 
 
 def test_a_period_of_no_whole_ticks_is_refused():
@@ -284,7 +292,7 @@ def test_each_count_is_a_burst_at_the_stated_rate():
 
 
 def test_bursts_that_do_not_fit_are_refused():
-    with pytest.raises(Infeasible, match=r"leg1.*send a count's pulses at 2\.5e\+04 1/s or more") as refused:
+    with pytest.raises(Infeasible, match=r"leg1.*send a count's pulses at 25000 1/s or more") as refused:
         fire(line(0.0173, 0.5), "dda:rate=20kHz")
     assert refused.value.limit == 20_000
     assert fire(line(0.0173, 0.5), "dda:rate=25kHz").total
@@ -428,3 +436,12 @@ def test_the_time_error_is_told_only_where_pulses_stand_for_crossings():
     wide = fire(motion, "nearest")
     late = AxisPulses("leg1", wide.axes[0].ticks + 2000, wide.axes[0].direction, 0, PULSE, 0.0, bound=1.5)
     assert check(PulseSchedule(CLOCK, (late,), motion.duration), motion).holds
+
+
+@pytest.mark.parametrize("rule", EVERY)
+def test_progress_rises_to_the_whole(rule):
+    told = []
+    motion = there_and_back()
+    generate(motion, [Axis("x", pulse=PULSE)], [0.0], CLOCK, rule, lambda done, of: told.append(done / of))
+    assert told == sorted(set(told))
+    assert told[-1] == 1

@@ -348,7 +348,7 @@ def test_letters_are_the_names_where_these_are_letters(tmp_path):
         ("g93", {"letters": "XYZABCUVX"}, nine(), "needs 9 different"),
         ("pmac", {"letters": "R"}, nine(1), "letters R"),
         ("pmac", {"spacing": 4.096}, nine(1), "spacing 4.096 s.* at most 4.09599975 s"),
-        ("zaber", {"step": 0.0}, nine(1), "step 0 s"),
+        ("zaber", {"step": 0.0}, nine(1), "step 0.0 s"),
         ("zaber", {"tolerance": 1e-12}, nine(1), "no spacing of whole 0.0001 s"),
     ],
 )

@@ -19,3 +19,11 @@ def test_a_long_step_tells_how_far_it_is(capsys, monkeypatch):
         monkeypatch.setattr(progress, "EVERY", 0.0)
         tell(2, 3)
     assert capsys.readouterr().err.splitlines()[:2] == ["counting …", "counting: 2 of 3"]
+
+
+def test_of_many_the_share_is_told(capsys, monkeypatch):
+    monkeypatch.setattr(progress, "EVERY", 0.0)
+    with step("reading") as tell:
+        tell(1_999_999, 10_000_000)
+        tell(10_000_000, 10_000_000)
+    assert capsys.readouterr().err.splitlines()[1:3] == ["reading: 19 %", "reading: 100 %"]

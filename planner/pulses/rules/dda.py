@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import ceil
 from typing import ClassVar
 
 import numpy as np
@@ -10,7 +11,9 @@ from numpy.typing import ArrayLike
 from kinematics.array import Array
 from kinematics.axis import Axis
 from kinematics.errors import MotionError
+from kinematics.units import apart
 from planner.option import option
+from planner.parallel import Progress
 from planner.place import Infeasible
 from planner.pulses.levels import FINE
 from planner.pulses.motion import Motion
@@ -48,27 +51,29 @@ class Dda:
                 "must be positive, the last a whole number, e.g. 10 ms, 100 kHz and 50"
             )
 
-    def fire(self, motion: Motion, axes: Sequence[Axis], home: Array, clock_hz: int) -> PulseSchedule:
+    def fire(self, motion: Motion, axes: Sequence[Axis], home: Array, clock_hz: int, tell: Progress) -> PulseSchedule:
         """Raises Infeasible for bursts that no step has time for or no axis takes, MotionError where no clock does."""
         if self.rate > clock_hz:
-            raise MotionError(f"rate {self.rate:.6g} 1/s must be at most the clock's {clock_hz} Hz")
+            rate, most = apart(self.rate, clock_hz)
+            raise MotionError(f"rate {rate} 1/s must be at most the clock's {most} Hz")
         pulse = np.array([axis.pulse for axis in axes])
         moves = max(1, int(np.ceil(motion.duration / self.spacing)))
-        apart = motion.duration / moves
-        x = (motion.at(np.minimum(np.arange(moves + 1) * apart, motion.duration)).q - home) / pulse
+        gap = motion.duration / moves
+        x = (motion.at(np.minimum(np.arange(moves + 1) * gap, motion.duration)).q - home) / pulse
         start = np.ceil(x[0] - 0.5).astype(np.int64)
         vectors = np.diff(np.rint((x - x[0]) / self.pulses_per_count).astype(np.int64), axis=0)
         most = abs(vectors).max(axis=1)
-        self._refuse(motion, axes, vectors, apart)
+        self._refuse(motion, axes, vectors, gap)
         nth = np.arange(most.sum()) - np.repeat(np.cumsum(most) - most, most)
-        began = (np.repeat(np.arange(moves), most) + nth / np.repeat(most, most)) * apart
+        began = (np.repeat(np.arange(moves), most) + nth / np.repeat(most, most)) * gap
         steps = dda(vectors)
         pieces = fit(motion, FINE * pulse)
         fired = []
         for k, axis in enumerate(axes):
-            bound = 1.5 * self.pulses_per_count + 0.5 + _sagitta(pieces, k, apart) / axis.pulse
+            bound = 1.5 * self.pulses_per_count + 0.5 + _sagitta(pieces, k, gap) / axis.pulse
             ticks, sign = self._bursts(began, steps[:, k], clock_hz)
             fired.append(AxisPulses(axis.name, ticks, sign, int(start[k]), axis.pulse, float(home[k]), bound))
+            tell(k + 1, len(axes))
         return PulseSchedule(clock_hz, tuple(fired), motion.duration, told(self))
 
     def _refuse(self, motion: Motion, axes: Sequence[Axis], vectors: Ticks, apart: float) -> None:
@@ -80,7 +85,7 @@ class Dda:
         worst, k = map(int, np.unravel_index(rates.argmax(), rates.shape))
         highest = float(rates[worst, k])
         if highest > self.rate:
-            remedy = f"slow the motion, send a count's pulses at {highest:.4g} 1/s or more, or fewer of them"
+            remedy = f"slow the motion, send a count's pulses at {ceil(highest)} 1/s or more, or fewer of them"
             raise too_fast(motion, axes[k], worst * apart, highest, self.rate, remedy)
 
     def _bursts(self, began: Array, steps: Signs, clock_hz: int) -> tuple[Ticks, Signs]:

@@ -6,6 +6,7 @@ from typing import ClassVar
 
 from kinematics.array import Array
 from kinematics.axis import Axis
+from planner.parallel import Progress
 from planner.pulses.levels import COARSE, Levels, cross
 from planner.pulses.motion import Motion
 from planner.pulses.rules.rule import told
@@ -26,8 +27,7 @@ class Floor:
 
     name: ClassVar[str] = "floor"
 
-    def fire(self, motion: Motion, axes: Sequence[Axis], home: Array, clock_hz: int) -> PulseSchedule:
+    def fire(self, motion: Motion, axes: Sequence[Axis], home: Array, clock_hz: int, tell: Progress) -> PulseSchedule:
         """Raises as `planner.pulses.levels.cross` does."""
-        return PulseSchedule(
-            clock_hz, cross(motion, axes, home, clock_hz, Levels(1 - REACHED)), motion.duration, told(self)
-        )
+        fired = cross(motion, axes, home, clock_hz, Levels(1 - REACHED), tell)
+        return PulseSchedule(clock_hz, fired, motion.duration, told(self))

@@ -8,6 +8,7 @@ from kinematics.array import Array
 from kinematics.axis import Axis
 from kinematics.errors import MotionError
 from planner.option import option
+from planner.parallel import Progress
 from planner.pulses.levels import Levels, cross
 from planner.pulses.motion import Motion
 from planner.pulses.rules.rule import told
@@ -32,7 +33,7 @@ class Nearest:
         if not 0 <= self.hysteresis < 0.5:
             raise MotionError(f"hysteresis {self.hysteresis!r} pulses: must be from 0 to below 0.5, e.g. 0.2")
 
-    def fire(self, motion: Motion, axes: Sequence[Axis], home: Array, clock_hz: int) -> PulseSchedule:
+    def fire(self, motion: Motion, axes: Sequence[Axis], home: Array, clock_hz: int, tell: Progress) -> PulseSchedule:
         """Raises as `planner.pulses.levels.cross` does."""
-        fired = cross(motion, axes, home, clock_hz, Levels(0.5, self.hysteresis))
+        fired = cross(motion, axes, home, clock_hz, Levels(0.5, self.hysteresis), tell)
         return PulseSchedule(clock_hz, fired, motion.duration, told(self))

@@ -6,6 +6,7 @@ from typing import Any, Protocol
 from kinematics.array import Array
 from kinematics.axis import Axis
 from planner.option import options
+from planner.parallel import Progress
 from planner.pulses.motion import Motion
 from planner.pulses.schedule import PulseSchedule
 
@@ -18,8 +19,10 @@ class Rule(Protocol):
 
     @property
     def name(self) -> str: ...
-    def fire(self, motion: Motion, axes: Sequence[Axis], home: Array, clock_hz: int, /) -> PulseSchedule:
-        """The pulses of every axis; home (n,): the axis positions from which they count."""
+    def fire(
+        self, motion: Motion, axes: Sequence[Axis], home: Array, clock_hz: int, tell: Progress, /
+    ) -> PulseSchedule:
+        """The pulses of every axis; home (n,): the axis positions from which they count; tell: how far they are."""
 
 
 def told(rule: Rule) -> str:

@@ -10,6 +10,7 @@ from kinematics.array import Array
 from kinematics.axis import Axis
 from kinematics.errors import MotionError
 from planner.option import option
+from planner.parallel import Progress
 from planner.pulses.levels import BLOCK, FINE
 from planner.pulses.motion import Motion
 from planner.pulses.pieces import fit
@@ -34,7 +35,7 @@ class Sampled:
         if not 0 < self.period < np.inf:
             raise MotionError(f"period {self.period!r} s: must be positive, e.g. 20 us")
 
-    def fire(self, motion: Motion, axes: Sequence[Axis], home: Array, clock_hz: int) -> PulseSchedule:
+    def fire(self, motion: Motion, axes: Sequence[Axis], home: Array, clock_hz: int, tell: Progress) -> PulseSchedule:
         """Raises Infeasible for an axis faster than a pulse a period, MotionError for a period of no whole ticks."""
         pulse = np.array([axis.pulse for axis in axes])
         pieces = fit(motion, FINE * pulse)
@@ -43,10 +44,9 @@ class Sampled:
             speed, t = largest(pieces, k, 1)
             rate = speed / axis.pulse
             if rate * self.period > 1:
-                remedy = f"slow the motion, use a longer pulse, or a period below {1e6 / rate:.4g} us"
-                raise too_fast(motion, axis, t, rate, 1 / self.period, remedy)
+                raise too_fast(motion, axis, t, rate, 1 / self.period, _remedy(rate, clock_hz))
             widest.append(0.5 + rate * self.period)
-        ticks, counts = self._counts(motion, home, pulse, clock_hz)
+        ticks, counts = self._counts(motion, home, pulse, clock_hz, tell)
         fired = []
         for k, axis in enumerate(axes):
             change = np.diff(counts[:, k])
@@ -56,12 +56,12 @@ class Sampled:
             fired.append(AxisPulses(axis.name, ticks[at], sign, start, axis.pulse, float(home[k]), widest[k]))
         return PulseSchedule(clock_hz, tuple(fired), motion.duration, told(self))
 
-    def _counts(self, motion: Motion, home: Array, pulse: Array, clock_hz: int) -> tuple[Ticks, Ticks]:
+    def _counts(self, motion: Motion, home: Array, pulse: Array, clock_hz: int, tell: Progress) -> tuple[Ticks, Ticks]:
         """The instants (N,) in ticks, and the counts (N+1, axes) before the first and after each."""
         period = round(self.period * clock_hz)
         if not (period >= 1 and abs(period / clock_hz - self.period) <= 1e-9 * self.period):
             raise MotionError(
-                f"period {self.period!r} s is {self.period * clock_hz:.6g} ticks of {clock_hz} Hz: must be a whole "
+                f"period {self.period!r} s is {self.period * clock_hz!r} ticks of {clock_hz} Hz: must be a whole "
                 f"number, e.g. {1e6 * max(period, 1) / clock_hz!r} us"
             )
         end = round(motion.duration * clock_hz)
@@ -71,8 +71,18 @@ class Sampled:
         for lo in range(0, len(ticks), BLOCK):
             t = np.minimum(ticks[lo : lo + BLOCK] / clock_hz, motion.duration)
             x[lo + 1 : lo + 1 + len(t)] = (motion.at(t).q - home) / pulse
+            tell(lo + len(t), len(ticks))
         low, high = np.ceil(x - 0.5).astype(np.int64), np.floor(x + 0.5).astype(np.int64)
         for i, k in zip(*np.nonzero(high > low), strict=True):  # half-way: the count stays
             if i > 0 and low[i - 1, k] > low[i, k]:
                 low[i, k] = high[i, k]
         return ticks, low
+
+
+def _remedy(rate: float, clock_hz: int) -> str:
+    """rate: pulses/s that no period may be longer for."""
+    ticks = int(clock_hz / rate)
+    shorter = (
+        f"a period of {1e6 * ticks / clock_hz:.10g} us or less" if ticks else "a faster clock and a shorter period"
+    )
+    return f"slow the motion, use a longer pulse, or {shorter}"

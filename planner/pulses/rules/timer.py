@@ -11,6 +11,7 @@ from kinematics.array import Array
 from kinematics.axis import Axis
 from kinematics.errors import MotionError
 from planner.option import option
+from planner.parallel import Progress
 from planner.pulses.levels import FINE, Levels, cross
 from planner.pulses.motion import Motion
 from planner.pulses.pieces import fit
@@ -43,7 +44,7 @@ class Timer:
         if not (0 < self.clock < np.inf and self.clock == int(self.clock)):
             raise MotionError(f"timer clock {self.clock!r} Hz: must be a positive whole number, e.g. 2 MHz")
 
-    def fire(self, motion: Motion, axes: Sequence[Axis], home: Array, clock_hz: int) -> PulseSchedule:
+    def fire(self, motion: Motion, axes: Sequence[Axis], home: Array, clock_hz: int, tell: Progress) -> PulseSchedule:
         """Raises as `planner.pulses.levels.cross`, MotionError for a timer clock that does not divide the pulses'."""
         timer = int(self.clock)
         if clock_hz % timer:
@@ -52,8 +53,9 @@ class Timer:
             )
         pieces = fit(motion, np.array([FINE * axis.pulse for axis in axes]))
         last = int(np.floor(motion.duration * timer))
+        crossings = cross(motion, axes, home, timer, Levels(0.5), tell)
         fired = []
-        for k, (axis, crossed) in enumerate(zip(axes, cross(motion, axes, home, timer, Levels(0.5)), strict=True)):
+        for k, (axis, crossed) in enumerate(zip(axes, crossings, strict=True)):
             speed, t = largest(pieces, k, 1)
             counts = np.minimum(crossed.ticks, last)  # no pulse after the end of the motion
             if (counts[-1:] <= counts[-2:-1]).any():
