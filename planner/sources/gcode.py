@@ -77,6 +77,7 @@ class Gcode:
         faults = Faults(str(path))
         work = None if self.origin is None else placed(self.origin)
         run, text = Run(self, work, faults), text_of(path)
+        number = 0
         for number, line, found in words(text, faults):
             run.block(number, line, found)
             if run.ended:
@@ -84,7 +85,7 @@ class Gcode:
         if not faults and not run.segments:
             faults.add("nothing moves: it has no G0, G1, G2 or G3 that leads anywhere")
         faults.refuse()
-        after = sum(map(bool, map(str.strip, text.split("\n")[number:])))
+        after = sum(line.strip() not in ("", "%") for line in text.split("\n")[number:])
         program = Program(tuple(run.segments), "home", name=path.stem, work=work)
         return Imported(program, dict(sorted(run.entities.items())), run.warnings(after))
 

@@ -10,11 +10,11 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics.errors import MotionError
 from kinematics.pose import Pose
-from planner.program import Arc, Blend, Dwell, Join, Line, Segment, Stop, Through, Turn
+from planner.program import SAME, Arc, Blend, Dwell, Join, Line, Segment, Stop, Through, Turn
 from planner.sources.faults import Faults
 from planner.sources.gcode_arc import by_centre, by_radius
 from planner.sources.gcode_ignored import ignored
-from planner.sources.gcode_words import Words, column_of, number_of
+from planner.sources.gcode_words import LARGEST, Words, column_of
 
 if TYPE_CHECKING:
     from planner.sources.gcode import Gcode
@@ -75,7 +75,8 @@ class Run:
         """One line's words; what is wrong with them becomes a fault."""
         try:
             codes, values = self._sorted(found)
-            self._modal(codes, values)
+            if codes or "F" in values or "P" in values:
+                self._modal(codes, values)
             if "dwell" in codes:
                 self._dwell(number, values)
             elif not values.keys() <= {"F", "P", "N"}:
@@ -89,11 +90,11 @@ class Run:
         """The block's G by group, and the numbers of its other words by letter."""
         codes: dict[str, float] = {}
         values: dict[str, float] = {}
-        for letter, text in found:
-            value = number_of(text)
-            if value is None:
-                raise Wrong(letter + text, f"{letter}{text[:20]}…: no such number makes sense")
-            letter = letter.upper()
+        for given, text in found:
+            value = float(text)
+            if not -LARGEST <= value <= LARGEST:
+                raise Wrong(given + text, f"{given}{text[:20]}…: no such number makes sense")
+            letter = given.upper()
             if letter in VALUED:
                 if letter in values:
                     raise Wrong(letter, f"{letter} stands twice in its block")
@@ -101,14 +102,14 @@ class Run:
             elif letter == "G" and value in GROUPS:
                 group = GROUPS[value]
                 if group in codes:
-                    raise Wrong(letter + text, f"G{value:g} and G{codes[group]:g} exclude each other in a block")
+                    raise Wrong(given + text, f"G{value:g} and G{codes[group]:g} exclude each other in a block")
                 codes[group] = value
             elif letter == "M" and value in (2, 30):
                 self.ended = True
             elif (word := ignored(letter, value, self.options.ignored)) is not None:
                 self.left_out[word] += 1
             else:
-                raise Wrong(letter + text, f"{letter}{text} is not supported; take it out, or edit the program")
+                raise Wrong(given + text, f"{given}{text} is not supported; take it out, or edit the program")
         return codes, values
 
     def _modal(self, codes: dict[str, float], values: dict[str, float]) -> None:
@@ -160,12 +161,12 @@ class Run:
                 self._arc(number, values, place, end, fed)
             elif more := values.keys() & {"I", "J", "K", "R"}:
                 raise Wrong(min(more), f"{min(more)} belongs to G2 or G3")
-            elif end == place:
-                self.nowhere += 1
-            elif end[:3] == place[:3]:
+            elif dist(self.stands, end[:3]) > SAME and end[:3] != place[:3]:
+                self._line(number, place, end, fed)
+            elif dist(place[3:], end[3:]) > SAME:
                 self._turn(number, place, end, fed)
             else:
-                self._line(number, place, end, fed)
+                self.nowhere += 1
         except MotionError:
             self.stands = end[:3]  # so that what follows is held against what was meant
             raise
@@ -245,7 +246,7 @@ class Run:
             ]
             arc = by_centre(stands, start, there, (offset[0], offset[1]), self.motion == 2)
         else:
-            arc = by_radius(stands, there, values["R"] * self.unit, self.motion == 2)
+            arc = by_radius(stands, start, there, values["R"] * self.unit, self.motion == 2)
         centre, axis = [0.0] * 3, [0.0] * 3
         centre[first], centre[second], centre[normal] = *arc.centre, self.stands[normal]
         axis[normal] = 1.0

@@ -2,7 +2,6 @@
 
 import re
 from collections.abc import Iterator
-from math import isfinite
 
 from kinematics.units import shown
 from planner.sources.faults import Faults
@@ -50,12 +49,6 @@ def words(text: str, faults: Faults) -> Iterator[tuple[int, str, Words]]:
             yield number, line, found
 
 
-def number_of(text: str) -> float | None:
-    """The number of a word; None for one beyond LARGEST."""
-    value = float(text)
-    return value if isfinite(value) and abs(value) <= LARGEST else None
-
-
 def column_of(line: str, nth: int) -> int:
     """The column, from 1, of the n-th word of a line, from 0."""
     return [word.start() for word in WORD.finditer(line)][nth] + 1
@@ -67,8 +60,7 @@ def _odd(line: str) -> tuple[int, str]:
     at = plain.end() if plain else 0
     rest = line[at:]
     if rest[0] == "(":
-        nested = "(" in rest[1:]
-        return at + 1, f"this comment {'holds another (' if nested else 'has no end'}; write ( … ) once, or ; before it"
+        return at + 1, "this comment has no end, or holds another; write ( … ) once, or ; before it"
     if rest[0] == ")":
         return at + 1, "a comment ends here that began nowhere; comments do not hold others"
     if rest[0] == "/":
