@@ -28,7 +28,7 @@ from pathlib import Path
 from typing import ClassVar, Literal
 
 from kinematics.errors import MotionError
-from planner.program import Program
+from planner.program import Dwell, Program
 from planner.sources.faults import Faults
 from planner.sources.gcode_ignored import ignorable
 from planner.sources.gcode_run import Run
@@ -82,7 +82,7 @@ class Gcode:
             run.block(number, line, found)
             if run.ended:
                 break
-        if not faults and not run.segments:
+        if not faults and all(isinstance(part, Dwell) for part in run.segments):
             faults.add("nothing moves: it has no G0, G1, G2 or G3 that leads anywhere")
         faults.refuse()
         after = sum(line.strip() not in ("", "%") for line in text.split("\n")[number:])
