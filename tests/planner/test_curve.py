@@ -13,7 +13,7 @@ from kinematics import FileError, MotionError
 from planner import load_program, plan
 from planner.path.chain import chain
 from planner.path.curve import curve, ends
-from planner.program import Arc, Blend, Curve, Line, Program, Through
+from planner.program import Arc, Blend, Curve, Free, Line, Program, Through, Trigger
 from planner.program_writer import program_toml
 from planner.sources.outline import outline
 
@@ -151,6 +151,18 @@ def test_joins_with_neighbours(hexapod):
     assert 0.97 * 2e-4 <= told.deviation <= 2e-4
     halves = Program((Line([0, 0, 0.025]), replace(quarter, end=0.7, join=Through()), replace(quarter, begin=0.7)))
     assert chain(halves, hexapod).stops[2] == 0  # of one curve in two parts: smooth, whatever the order
+
+
+def test_triggers_and_freedom_are_those_of_other_segments(hexapod):
+    """An event half its way along; a turn about the tool's own axis that is left free, and costs no time."""
+    made = Curve(LISSAJOUS, 0, 1, length=MM, trigger=Trigger("half", 0.5))
+    planned = plan(Program((Line([0, 0, 0.025]), made)), hexapod, order=2)
+    (event,) = planned.triggers
+    first, last = planned.path.breaks[[1, -1]]
+    assert (event.where.s - first) / (last - first) == pytest.approx(0.5, abs=1e-9)
+    pieces = chain(Program((Line([0, 0, 0.025]), replace(made, free=Free()))), hexapod).pieces
+    for piece, same in zip(pieces, planned.path.pieces, strict=True):
+        assert piece.length == same.length
 
 
 def test_constant_speed_needs_no_other_parameter(hexapod):
