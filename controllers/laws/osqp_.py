@@ -7,14 +7,18 @@ import numpy as np
 from kinematics.array import Array
 from kinematics.errors import MotionError
 
+_STEP = 1.0
+"""OSQP's rho at the start of every solve."""
 _SETTINGS = {
     "verbose": False,
     "eps_abs": 1e-6,
     "eps_rel": 1e-9,
     "max_iter": 20_000,
-    "polishing": True,
-    # the result must be a function of the vectors alone, not of what was solved before
-    "adaptive_rho": False,
+    # by iterations, not by time: the same vectors give the same result on any day
+    "adaptive_rho": 1,
+    "adaptive_rho_interval": 25,
+    # it would print a line of its own for every solve without active limits
+    "polishing": False,
 }
 
 
@@ -40,6 +44,8 @@ class QuadraticProgram:
 
     def solve(self, q: Array, low: Array, high: Array, guess: Array) -> Array:
         """The minimum w (N,), started from `guess`. Raises MotionError where OSQP finds none within the limits."""
+        # the result is a function of the vectors alone, not of what was solved before
+        self._solver.update_settings(rho=_STEP)
         self._solver.update(q=q, l=low, u=high)
         self._solver.warm_start(x=guess, y=self._still)
         result = self._solver.solve(raise_error=False)
