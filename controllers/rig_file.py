@@ -64,7 +64,9 @@ def read_rig(source: Path | Traversable) -> Rig:
     document = read(source)
     folder = source.parent if isinstance(source, Path) else None
     machine, told = _machine(document.data.get("machine"), folder)
-    model = build(document, RigFile, named_once, _tasks_named_once, partial(_drives_complete, machine, told))
+    model = build(
+        document, RigFile, named_once, partial(named_once, array="task"), partial(_drives_complete, machine, told)
+    )
     machine = cast(Machine, machine)  # what has none has a fault
     faults, tasks = [], []
     for n, table in enumerate(model.task):
@@ -125,10 +127,10 @@ def _drives_complete(machine: Machine | None, unread: str, data: Mapping[str, An
         if isinstance(table, dict) and isinstance(table.get("name"), str)
     }
     names = [axis.name for axis in machine.axes]
-    for name, (key, _) in entries.items():
+    for name, (at, _) in entries.items():
         if name not in names:
             told = f"{shown(name)} is no axis of {machine.name}{nearest(name, names)}; axes: {', '.join(names)}"
-            yield (*key, "name"), told
+            yield (*at, "name"), told
     missing = set()
     for axis in machine.axes:
         at, own = entries.get(axis.name, ((), {}))
@@ -159,8 +161,3 @@ _EXAMPLES = {
     "steps": "write e.g. 200",
     "torque_speed": 'write e.g. [["0 rpm", "0.3 N*m"], ["3000 rpm", "0.1 N*m"]]',
 }
-
-
-def _tasks_named_once(data: Mapping[str, Any]) -> Iterator[tuple[Key, str]]:
-    """Every [[task]] after the first of its name."""
-    return named_once({"axis": data.get("task", ())})

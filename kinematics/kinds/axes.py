@@ -246,12 +246,12 @@ def one_pulse(data: Mapping[str, Any]) -> Iterator[tuple[Key, str]]:
             yield (*key, "pulse"), 'missing: write e.g. "0.75 um", or a drive with its steps'
 
 
-def named_once(data: Mapping[str, Any]) -> Iterator[tuple[Key, str]]:
-    """Every [[axis]] table after the first of its name."""
+def named_once(data: Mapping[str, Any], array: str = "axis") -> Iterator[tuple[Key, str]]:
+    """Every [[axis]] table (or of another array) after the first of its name."""
     seen = set()
-    tables = data.get("axis", ())
+    tables = data.get(array, ())
     for n, table in enumerate(tables if isinstance(tables, tuple) else ()):
         name = table.get("name") if isinstance(table, dict) else None
         if isinstance(name, str) and name in seen:
-            yield ("axis", n, "name"), f"{shown(name)} has an [[axis]] table already"
+            yield (array, n, "name"), f"{shown(name)} has an [[{array}]] table already"
         seen.add(name if isinstance(name, str) else None)
