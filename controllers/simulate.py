@@ -99,7 +99,7 @@ def simulate(reference: Reference, law: Law, rigs: Sequence[Rig], *, settle: flo
     Raises MotionError for a dt that does not fit the drives, and Refused by the card for a command outside its range.
     """
     machine, card, dt = rigs[0].machine, rigs[0].card, reference.dt
-    model = drives([rig.drives for rig in rigs])
+    model = drives([[drive for drive in rig.drives if isinstance(drive, Servo)] for rig in rigs])
     inner = round(dt / model.sample) if 0 < dt < float("inf") else 0
     if inner < 1 or abs(inner * model.sample - dt) > 1e-9 * dt:
         raise MotionError(
