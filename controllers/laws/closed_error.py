@@ -9,7 +9,7 @@ import numpy as np
 
 from controllers.card import TAMove
 from controllers.laws.gain import Gain, Grid, checked, shown
-from controllers.laws.law import Feedback, Host, Reference
+from controllers.laws.law import Feedback, Reference, Timer
 
 _ADVICE = "the thesis used 0.7 for the position, 1 for the speed"
 
@@ -23,7 +23,7 @@ class ClosedError:
     """
 
     gain: Gain = 0.7
-    host: ClassVar[Host] = "counter"
+    host: ClassVar[Timer] = "counter"
     grid: ClassVar[Grid] = {"gain": (0.1, 0.3, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0)}
 
     def __post_init__(self) -> None:
@@ -52,7 +52,7 @@ class ClosedErrorSpeed:
 
     gain: Gain = 0.7
     speed_gain: Gain = 1.0
-    host: ClassVar[Host] = "counter"
+    host: ClassVar[Timer] = "counter"
     grid: ClassVar[Grid] = {"gain": (0.1, 0.3, 0.5, 0.7, 0.9), "speed_gain": (0.5, 1.0)}
 
     def __post_init__(self) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 
 from controllers.card import TAMove, TRMove
 from controllers.laws.gain import Gain, Grid, checked, shown
-from controllers.laws.law import Feedback, Host, Reference
+from controllers.laws.law import Feedback, Reference, Timer
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +32,7 @@ class ClosedPosition:
     gain: Gain = 0.7
     relative: bool = False
     repaired: bool = False
-    host: ClassVar[Host] = "counter"
+    host: ClassVar[Timer] = "counter"
     grid: ClassVar[Grid] = {"gain": (0.1, 0.3, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0)}
 
     def __post_init__(self) -> None:

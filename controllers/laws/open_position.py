@@ -9,7 +9,7 @@ import numpy as np
 
 from controllers.card import TAMove
 from controllers.laws.gain import Gain, Grid, checked, shown
-from controllers.laws.law import Feedback, Host, Reference
+from controllers.laws.law import Feedback, Reference, Timer
 from kinematics.errors import MotionError
 
 
@@ -17,7 +17,7 @@ from kinematics.errors import MotionError
 class OpenPosition:
     """TAMove(ang(k+1), npuls(k), npuls(k+1), dt, 0) at step k [Sahbaz 2007, Table 7.5, algorithm 3]."""
 
-    host: ClassVar[Host] = "counter"
+    host: ClassVar[Timer] = "counter"
     grid: ClassVar[Grid] = {}
 
     @property
@@ -40,7 +40,7 @@ class OpenPositionTrapezoid:
     """
 
     ramp: Gain = 0.25
-    host: ClassVar[Host] = "counter"
+    host: ClassVar[Timer] = "counter"
     grid: ClassVar[Grid] = {"ramp": (0.1, 0.25, 0.5)}
 
     def __post_init__(self) -> None:
