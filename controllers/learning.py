@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from typing import ClassVar
 
 import numpy as np
 
-from controllers.laws.horizon import INSTANTS, Horizon
-from controllers.laws.law import Reference
+from controllers.card import Command
+from controllers.laws.gain import Grid
+from controllers.laws.horizon import Horizon
+from controllers.laws.law import Feedback, Reference, Timer
 from controllers.laws.learned import Learned
 from controllers.laws.nominal import NominalAxes, nominal
 from controllers.rig import Rig
-from controllers.servo import drives, measured
 from controllers.simulate import sample, simulate
 from controllers.task import Task
 from kinematics.array import Array, frozen
@@ -26,7 +28,7 @@ class Learning:
     """What trials brought: the law of each, the first being the uncorrected one, and what error each left.
 
     laws   (trials + 1,)
-    error  (trials + 1, n) pulses, RMS of reference − encoder of each axis at `INSTANTS` instants in each step
+    error  (trials + 1, n) pulses, RMS of reference − encoder of each axis at the end of each step
     """
 
     laws: tuple[Learned, ...]
@@ -43,14 +45,14 @@ def learn(rig: Rig, task: Task, trials: int, *, plant: Rig | None = None, change
 
     min ‖e − P (u⁺ − u)‖² + s ‖u⁺ − u‖²  within the speeds and accelerations of the machine,
 
-    so u⁺ = u + (PᵀP + s I)⁻¹ Pᵀ e where no limit is active: norm-optimal learning with W = I, S = s I, R = 0, whose error
-    falls with every trial as long as P is the plant. u are the speeds at the start and end of each step (times dt), P
-    the nominal drives' response to them over the whole motion (`Horizon`); e what the encoders read at `INSTANTS`
-    instants in each step, which the host can poll while it waits, less the nominal play that an encoder does not see. The first u is the reference, as law 3 sends it.
+    so u⁺ = u + (PᵀP + s I)⁻¹ Pᵀ e where no limit is active: norm-optimal learning with W = I, S = s I, R = 0, whose
+    error falls with every trial as long as P is the plant. u are the speeds at the start and end of each step (times
+    dt), P the nominal drives' response to them over the whole motion (`Horizon`); e what the host reads of the encoders
+    at the end of each step, less the nominal play that they do not see. The first u is the reference, as law 3 has it.
 
     rig     as stated: P and the limits
     plant   what the trials run on, `rig` by default
-    change  s: the larger, the smaller the steps; 0.1 halves what P shows by less than a third
+    change  s: the larger, the smaller the steps from trial to trial
     """
     if trials < 1:
         raise MotionError(f"learning: {trials} trials; at least one is needed")
@@ -59,7 +61,7 @@ def learn(rig: Rig, task: Task, trials: int, *, plant: Rig | None = None, change
     plant, dt = plant or rig, task.dt
     reference = sample(task.motion, rig.machine, dt)
     axes, steps = nominal(rig), reference.steps + TAIL
-    program = Horizon(axes, dt, steps, change)
+    program = Horizon(axes, dt, steps, change, instants=1)
     u = np.stack([np.stack([reference.npuls(i), reference.npuls(i + 1)], -1) for i in range(steps)]) * dt
     u = np.moveaxis(u, 0, 1).reshape(len(axes), 2 * steps)
     laws, errors = [], []
@@ -82,7 +84,7 @@ def modelled(reference: Reference, law: Learned, axes: NominalAxes) -> NominalAx
     n = reference.position.shape[-1]
     t = np.arange(reference.steps + 1)[:, None] * reference.dt + np.broadcast_to(axes.delay, n)
     r, rd, _ = reference.between(t)
-    taken = axes.play / 2 * reference.heading(np.arange(reference.steps + 1))
+    taken = axes.play / 2 * reference.heading(t)
     lead = law.position[: reference.steps + 1] - r - taken
     return replace(axes, position_gain=(rd**2).sum(0) / (rd * lead).sum(0))
 
@@ -95,12 +97,27 @@ def _law(reference: Reference, u: Array) -> Learned:
 
 
 def _errors(reference: Reference, law: Learned, plant: Rig, axes: NominalAxes, steps: int) -> Array:
-    """Reference − encoder (n, steps · m), pulses, `delay` after the instants at which the undelayed model is told."""
-    runs = simulate(reference, law, [plant], settle=(TAIL + 1) * reference.dt)
-    pulse = np.array([axis.pulse for axis in plant.machine.axes])
-    read = measured(drives([plant.drives]), runs.actual * pulse)[:, 0] / pulse
-    instants = Horizon.instants(steps)
-    taken = axes.play / 2 * reference.heading(np.ceil(instants - 1e-9).astype(int))
-    t = instants[:, None] * reference.dt + np.broadcast_to(axes.delay, len(pulse))
-    at = np.minimum(np.searchsorted(runs.t, t - 1e-9), len(runs.t) - 1)
-    return np.asarray(reference.between(t)[0] + taken - np.take_along_axis(read, at, 0)).T
+    """Reference and half the nominal play − encoder, (n, steps), pulses, at the end of each step."""
+    listener = _Listener(law)
+    simulate(reference, listener, [plant], settle=(TAIL + 1) * reference.dt, period=reference.dt)
+    read = np.stack(listener.heard)[1 : steps + 1]
+    t = np.arange(1, steps + 1)[:, None] * reference.dt + 0 * axes.delay
+    return np.asarray(reference.between(t)[0] + axes.play / 2 * reference.heading(t) - read).T
+
+
+@dataclass(frozen=True, slots=True)
+class _Listener:
+    """A law that keeps what the host reads of the encoders at the start of each step, (n,) of its first run."""
+
+    law: Learned
+    heard: list[Array] = field(default_factory=list)
+    host: ClassVar[Timer] = "counter"
+    grid: ClassVar[Grid] = {}
+
+    @property
+    def name(self) -> str:
+        return self.law.name
+
+    def command(self, k: int | np.ndarray, reference: Reference, feedback: Feedback) -> Command:
+        self.heard.append(feedback.position[0])
+        return self.law.command(k, reference, feedback)
