@@ -80,7 +80,9 @@ def advance(rotor: Rotor, x: Array, v: Array, torque: Array, work: Array) -> Non
     v[...] = speed
 
 
-def _by_way_of_rest(h: float, v: Array, torque: Array, inertia: Array, friction: Array, coulomb: Array) -> tuple[Array, Array]:
+def _by_way_of_rest(
+    h: float, v: Array, torque: Array, inertia: Array, friction: Array, coulomb: Array
+) -> tuple[Array, Array]:
     """Way and speed (lanes,) after h, of lanes that stand or come to a stand within it.
 
     v = 0 is reached after t = log(1 + a w)/a with a = b/J and w = −v J/u, which is t = w without viscous friction.
