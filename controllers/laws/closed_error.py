@@ -40,12 +40,12 @@ class ClosedError:
 
 @dataclass(frozen=True, slots=True)
 class ClosedErrorSpeed:
-    """TAMove(kp·(ang(k+1) − pos(k−1)), npuls(k), kv·(npuls(k+1) − v(k−1)), dt, 0) [Sahbaz 2007, Table 7.5, algorithm 5].
+    """TAMove(kp·(ang(k+1) − pos(k−1)), npuls(k), kv·(npuls(k+1) − v(k−1)), dt, 0).
 
-    The table is implemented. The program printed in the thesis' appendix differs: its first command is the table's, but
-    later ones start at kverr(k−1), the top speed of the step before, instead of npuls(k); where npuls(k+1) < 0 it adds
-    v(k−1) instead of subtracting it; and since that stands in a one-line If, kverr is multiplied out for negative
-    speeds only and stays zero for the others.
+    [Sahbaz 2007, Table 7.5, algorithm 5]. The table is implemented. The program printed in the thesis'
+    appendix differs: its first command is the table's, but later ones start at kverr(k−1), the top speed of the step
+    before, instead of npuls(k); where npuls(k+1) < 0 it adds v(k−1) instead of subtracting it; and since that stands in
+    a one-line If, kverr is multiplied out for negative speeds only and stays zero for the others.
 
     `gain` is kp, `speed_gain` kv.
     """

@@ -21,7 +21,8 @@ class NominalAxes:
     """The axes of a rig as its maker states them, each (n,), or (1,) where all are alike.
 
     With c the card's command and x, v the axis' position and speed:
-    v̇ = ω (K (c − x) − v) + i − β v,  i̇ = (ω/T) (K (c − x) − v),  ẋ = v, `delay` later; the output stays behind x by half of `play`, whichever way it last went.
+    v̇ = ω (K (c − x) − v) + i − β v,  i̇ = (ω/T) (K (c − x) − v),  ẋ = v, `delay` later; the output stays
+    behind x by half of `play`, whichever way it last went.
 
     position_gain     K, 1/s;  speed_loop  ω, rad/s;  integral_time  T, s
     friction          β, viscous friction by inertia, 1/s
@@ -68,10 +69,7 @@ _MAY_BE_ZERO = ("friction", "delay", "play")
 
 def usual() -> NominalAxes:
     """The drive assumed where none is stated, as `controllers.servo.leg_servo`: [Sahbaz 2007, Table 7.4]."""
-    one = np.ones(1)
-    return NominalAxes(
-        30.0 * one, 2 * np.pi * 30.0 * one, 30e-3 * one, 5.0 * one, 0 * one, 0 * one, INF * one, INF * one
-    )
+    return NominalAxes(*np.array([[30.0], [2 * np.pi * 30.0], [30e-3], [5.0], [0.0], [0.0], [INF], [INF]]))
 
 
 def nominal(rig: Rig) -> NominalAxes:
@@ -79,13 +77,12 @@ def nominal(rig: Rig) -> NominalAxes:
 
     A stepper's rotor stands where its pulses put it: it has no loops, whose gains are infinite then.
     """
-    return NominalAxes(
-        *np.array([_numbers(drive, axis) for drive, axis in zip(rig.drives, rig.machine.axes, strict=True)]).T
-    )
+    numbers = [_numbers(drive, axis) for drive, axis in zip(rig.drives, rig.machine.axes, strict=True)]
+    return NominalAxes(*np.array(numbers).T)
 
 
 def _numbers(drive: Servo | Stepper, axis: Axis) -> tuple[float, ...]:
-    top, rate = (INF if of is None else of / axis.pulse for of in (axis.max_speed, axis.max_acceleration))
+    top, rate = (INF if of is None else float(np.min(of)) / axis.pulse for of in (axis.max_speed, axis.max_acceleration))
     play = drive.play / axis.pulse
     if isinstance(drive, Stepper):
         return (INF, INF, INF, 0.0, 0.0, play, top, rate)

@@ -60,9 +60,7 @@ class Predictive:
         taken = self.play * axes.play / 2 * reference.heading(np.ceil(instants - 1e-9).astype(int))
         wanted = reference.between(instants[..., None] * dt + axes.delay)[0] + taken
         state = self._state(np.asarray(k), reference, feedback, guide[0] / dt)
-        guide, wanted = (
-            np.moveaxis(np.broadcast_to(_lanes(of, lanes), (len(of), *lanes)), 0, -1) for of in (guide, wanted)
-        )
+        guide, wanted = _last(guide, lanes), _last(wanted, lanes)
         weight = np.broadcast_to(self.weight, (*lanes[:-1], 1))
         w = np.empty((*lanes, 2))
         for run in np.ndindex(lanes[:-1]):
@@ -85,9 +83,10 @@ class Predictive:
         return np.stack(np.broadcast_arrays(x + axes.delay * v, v, axes.friction * v + bend, c), -1)
 
 
-def _lanes(of: Array, lanes: tuple[int, ...]) -> Array:
-    """(·, …, n) with as many dimensions as (·, *lanes)."""
-    return of.reshape(len(of), *(1,) * (len(lanes) + 1 - of.ndim), *of.shape[1:])
+def _last(of: Array, lanes: tuple[int, ...]) -> Array:
+    """(·, …, n), the same for all runs or not, as (*lanes, ·)."""
+    whole = of.reshape(len(of), *(1,) * (len(lanes) + 1 - of.ndim), *of.shape[1:])
+    return np.moveaxis(np.broadcast_to(whole, (len(of), *lanes)), 0, -1)
 
 
 @lru_cache(maxsize=64)
