@@ -14,6 +14,7 @@ from controllers.card import PCI_8132, Card, at_rest, send
 from controllers.drives.bank import bank
 from controllers.host import instants
 from controllers.laws.law import Feedback, Law, Reference
+from controllers.recorder import Recorder
 from controllers.rig import Rig
 from controllers.servo import Servo, leg_servo
 from kinematics.array import Array, frozen
@@ -147,33 +148,31 @@ def simulate(
     begin = instants([rig.host for rig in rigs], law.host, dt, steps)
     # as whole samples; 1e-6 of one is rounding
     at = np.ceil(begin / h - 1e-6).astype(np.int64)
-    samples, every = int(at[-1].max()), 1 if period is None else max(round(period / h), 1)
-    command, actual, measured, speed, torque = (np.empty((-(-samples // every), *lanes)) for _ in range(5))
+    every = 1 if period is None else max(round(period / h), 1)
+    recorder = Recorder(int(at[-1].max()), every, pulse, lanes)
     runs, k = np.arange(len(rigs)), np.zeros(len(rigs), np.int64)
     before, last = axes.reading(drives) / pulse, at[0]
-    for start, stop in pairwise([*np.unique(at[:-1]).tolist(), samples]):
-        due, now = (at[k, runs] == start) & (k < steps), start * h
-        position = axes.reading(drives) / pulse
-        took = np.maximum(start - last, 1)[:, None] * h
-        here = Feedback(position, (position - before) / took, state.counter(now)[0])
-        told = law.command(int(k[0]) if (k == k[0]).all() else k, reference, here)
-        state = send(card, state, told, now, None if due.all() else due[:, None])
-        before, last, k = np.where(due[:, None], position, before), np.where(due, start, last), k + due
+    pulses, lost = np.empty((2, *lanes), np.int64)
+    moments = np.unique(at).tolist()
+    for start, stop in pairwise([*moments, moments[-1]]):
+        due, over, now = (at[k, runs] == start) & (k < steps), at[-1] == start, start * h
+        if over.any():  # whatever the rest of the batch goes on to do
+            pulses[over], lost[over] = state.pulses(now)[over], axes.lost(drives)[over]
+        if due.any():
+            position = axes.reading(drives) / pulse
+            took = np.maximum(start - last, 1)[:, None] * h
+            here = Feedback(position, (position - before) / took, state.counter(now)[0])
+            told = law.command(int(k[0]) if (k == k[0]).all() else k, reference, here)
+            state = send(card, state, told, now, None if due.all() else due[:, None])
+            before, last, k = np.where(due[:, None], position, before), np.where(due, start, last), k + due
         block = max(BLOCK // counts.size, 1)
         for first in range(start, stop, block):
             counter = state.counter(np.arange(first, min(first + block, stop)) * h)
-            kept = np.arange(-first % every, len(counter), every)
-            response, drives = axes.run(drives, counter * pulse, kept)
-            rows = slice(-(-first // every), -(-first // every) + len(kept))
-            command[rows] = counter[kept]
-            np.divide(response.position, pulse, out=actual[rows])
-            np.divide(response.reading, pulse, out=measured[rows])
-            np.divide(response.speed, pulse, out=speed[rows])
-            torque[rows] = response.torque
-    for record in (command, actual, measured, speed, torque):
-        record.setflags(write=False)
-    t = np.asarray(np.arange(len(command)) * (every * h), float)
-    return Runs(t, command, actual, measured, speed, torque, state.pulses(samples * h), axes.lost(drives), begin)
+            response, drives = axes.run(drives, counter * pulse, recorder.kept(first, len(counter)))
+            recorder.put(first, counter, response)
+    records = recorder.done()
+    t = np.asarray(np.arange(len(records["command"])) * (every * h), float)
+    return Runs(t=t, **records, pulses=pulses, lost=lost, steps=begin)
 
 
 BLOCK = 1 << 15
