@@ -19,7 +19,6 @@ from itertools import product
 import numpy as np
 
 from benchmarks.compared import markdown
-from controllers.host import Host
 from controllers.laws.feedforward import Feedforward
 from controllers.laws.law import Law
 from controllers.laws.learned import Learned
@@ -34,8 +33,6 @@ from controllers.task import Task
 
 TUNED, SECOND, OTHERS = "line", "circle", ("circle-back", "square")
 """The path that gains are chosen on, the one that decides what a law keeps, and more."""
-SLEEP = Host("sleep", granularity=10e-3, jitter=2e-3, seed=1)
-"""ASSUMED: the operating system's sleep of the thesis' time: ticks of 10 ms, up to 2 ms late."""
 SHARES = (0.7, 1.3)
 """Of inertia and of friction."""
 
@@ -67,10 +64,9 @@ class Row:
 
 
 def runs_of(law: Law, task: Task, rigs: Sequence[Rig]) -> tuple[Metrics, ...]:
-    """A law on one task, on several rigs, each with the host that the law wants."""
-    hosted = [replace(rig, host=SLEEP) if law.host == "sleep" else rig for rig in rigs]
-    runs = simulate(sample(task.motion, rigs[0].machine, task.dt), law, hosted, period=1e-3)
-    return evaluate_runs(runs, task, hosted)
+    """A law on one task, on several rigs."""
+    runs = simulate(sample(task.motion, rigs[0].machine, task.dt), law, rigs, period=1e-3)
+    return evaluate_runs(runs, task, rigs)
 
 
 def best_of(number: str, rig: Rig) -> Law:

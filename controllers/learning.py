@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
-from typing import ClassVar
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from controllers.card import Command
-from controllers.laws.gain import Grid
 from controllers.laws.horizon import Horizon
-from controllers.laws.law import Feedback, Reference, Timer
+from controllers.laws.law import Reference
 from controllers.laws.learned import Learned
 from controllers.laws.nominal import NominalAxes, nominal
 from controllers.rig import Rig
@@ -28,7 +25,7 @@ class Learning:
     """What trials brought: the law of each, the first being the uncorrected one, and what error each left.
 
     laws   (trials + 1,)
-    error  (trials + 1, n) pulses, RMS of reference − encoder of each axis at the end of each step
+    error  (trials + 1, n) pulses, RMS of reference − encoder of each axis `INSTANTS` times a step
     """
 
     laws: tuple[Learned, ...]
@@ -48,7 +45,7 @@ def learn(rig: Rig, task: Task, trials: int, *, plant: Rig | None = None, change
     so u⁺ = u + (PᵀP + s I)⁻¹ Pᵀ e where no limit is active: norm-optimal learning with W = I, S = s I, R = 0, whose
     error falls with every trial as long as P is the plant. u are the speeds at the start and end of each step (times
     dt), P the nominal drives' response to them over the whole motion (`Horizon`); e what the host reads of the encoders
-    at the end of each step, less the nominal play that they do not see. The first u is the reference, as law 3 has it.
+    while it waits, `INSTANTS` times a step, less the nominal play that they do not see. The first u is the reference, as law 3 has it.
 
     rig     as stated: P and the limits
     plant   what the trials run on, `rig` by default
@@ -61,13 +58,13 @@ def learn(rig: Rig, task: Task, trials: int, *, plant: Rig | None = None, change
     plant, dt = plant or rig, task.dt
     reference = sample(task.motion, rig.machine, dt)
     axes, steps = nominal(rig), reference.steps + TAIL
-    program = Horizon(axes, dt, steps, change, instants=1)
+    program = Horizon(axes, dt, steps, change)
     u = np.stack([np.stack([reference.npuls(i), reference.npuls(i + 1)], -1) for i in range(steps)]) * dt
     u = np.moveaxis(u, 0, 1).reshape(len(axes), 2 * steps)
     laws, errors = [], []
     for trial in range(trials + 1):
         laws.append(_law(reference, u))
-        e = _errors(reference, laws[-1], plant, axes, steps)
+        e = _errors(reference, laws[-1], plant, axes, program)
         errors.append(np.sqrt(np.mean(e**2, 1)))
         if trial < trials:
             aim = e + (program.driven @ u[..., None])[..., 0]
@@ -96,28 +93,11 @@ def _law(reference: Reference, u: Array) -> Learned:
     return Learned(reference.position[0] + way, (end - start) / reference.dt)
 
 
-def _errors(reference: Reference, law: Learned, plant: Rig, axes: NominalAxes, steps: int) -> Array:
-    """Reference and half the nominal play − encoder, (n, steps), pulses, at the end of each step."""
-    listener = _Listener(law)
-    simulate(reference, listener, [plant], settle=(TAIL + 1) * reference.dt, period=reference.dt)
-    read = np.stack(listener.heard)[1 : steps + 1]
-    t = np.arange(1, steps + 1)[:, None] * reference.dt + 0 * axes.delay
+def _errors(reference: Reference, law: Learned, plant: Rig, axes: NominalAxes, program: Horizon) -> Array:
+    """Reference and half the nominal play − encoder (n, steps · m), pulses, at the program's instants."""
+    runs = simulate(reference, law, [plant], settle=(TAIL + 1) * reference.dt)
+    # the undelayed model is where the axes will be
+    t = program.instants[:, None] * reference.dt + axes.delay
+    at = np.minimum(np.searchsorted(runs.t, t - 1e-9), len(runs.t) - 1)
+    read = np.take_along_axis(runs.measured[:, 0], at, 0)
     return np.asarray(reference.between(t)[0] + axes.play / 2 * reference.heading(t) - read).T
-
-
-@dataclass(frozen=True, slots=True)
-class _Listener:
-    """A law that keeps what the host reads of the encoders at the start of each step, (n,) of its first run."""
-
-    law: Learned
-    heard: list[Array] = field(default_factory=list)
-    host: ClassVar[Timer] = "counter"
-    grid: ClassVar[Grid] = {}
-
-    @property
-    def name(self) -> str:
-        return self.law.name
-
-    def command(self, k: int | np.ndarray, reference: Reference, feedback: Feedback) -> Command:
-        self.heard.append(feedback.position[0])
-        return self.law.command(k, reference, feedback)

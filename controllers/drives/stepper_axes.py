@@ -22,7 +22,7 @@ one, and swinging beyond it for a moment is none."""
 
 @dataclass(frozen=True, slots=True)
 class StepperState:
-    """Rotor x, output y, speed v, field r (B, n) and the field's turn that the rotor is in; slips: turns lost (B, n)."""
+    """Rotor x, output y, speed v, field r, the field's turn that the rotor is in, and how many it lost, all (B, n)."""
 
     x: Array
     y: Array
@@ -56,13 +56,12 @@ class StepperAxes:
         return StepperState(x, x.copy(), none, x.copy(), none.copy(), none.copy())
 
     def reading(self, state: StepperState) -> Array:
-        there = self.encoder > 0
-        return np.where(there, measured(np.where(there, self.encoder, 1.0), state.x), state.r)
+        return self._read(state.x, state.r)
 
     def run(self, state: StepperState, command: Array, kept: np.ndarray) -> tuple[Response, StepperState]:
         x, y, v, r, turn, slips = (getattr(state, name).copy() for name in StepperState.__slots__)
-        told = [np.empty((len(kept), *x.shape)) for _ in range(3)]
-        part, *work = np.empty((5, *x.shape))
+        told = [np.empty((len(kept), *x.shape)) for _ in range(4)]
+        part, work = np.empty_like(x), np.empty((4, *x.shape))
         h = self.rotor.h
         wave = np.pi / 2 / self.full_step
         keep = iter([*kept.tolist(), -1])
@@ -74,7 +73,8 @@ class StepperAxes:
                 lag = r + rate * ((n + 0.5) * h) - x - v * (h / 2)
                 torque = peak * np.sin(wave * lag) + slip_torque
                 if n == 0 and i == place:
-                    told[0][row], told[1][row], told[2][row] = y, v, torque - self.damping * v
+                    told[0][row], told[2][row], told[3][row] = y, v, torque - self.damping * v
+                    told[1][row] = self._read(x, r)
                     place, row = next(keep), row + 1
                 advance(self.rotor, x, v, torque, work)
             r = wanted
@@ -87,6 +87,10 @@ class StepperAxes:
 
     def lost(self, state: StepperState) -> np.ndarray:
         return np.asarray(4 * state.slips, np.int64)
+
+    def _read(self, x: Array, r: Array) -> Array:
+        there = self.encoder > 0
+        return np.where(there, measured(np.where(there, self.encoder, 1.0), x), r)
 
     def _peak(self, rate: Array) -> Array:
         peak = self.peak.copy()
@@ -109,7 +113,10 @@ def stepper_axes(drives: Sequence[Sequence[Stepper]], sample: float) -> StepperA
     return StepperAxes(
         sample=sample,
         rotor=rotor(
-            values("inertia", drives), values("friction", drives) + damping, values("coulomb", drives), sample / SUBSTEPS
+            values("inertia", drives),
+            values("friction", drives) + damping,
+            values("coulomb", drives),
+            sample / SUBSTEPS,
         ),
         full_step=values("full_step", drives),
         damping=damping,
