@@ -114,15 +114,12 @@ class ArcMove(Command):
         out, far = here - centre, end - centre
         radius, off = (np.sqrt((of * of).sum(-1)) for of in (out, far))
         run = now.due[..., axes[0]]
-        if (
-            self.turn not in (1, -1)
-            or not np.all((radius > 1) | ~run)
-            or not np.all((np.abs(off - radius) <= 1) | ~run)
-        ):
+        fits = (radius > 1) & (np.abs(off - radius) <= 1)
+        if self.turn not in (1, -1) or not fits[run].all():
             raise Refused(
                 f"{now.card.name}, channels {axes[0] + 1} and {axes[1] + 1}: an arc of turn {self.turn} from radius "
-                f"{np.max(radius):.10g} pulses to {np.max(off):.10g}; turn is ±1, the radius above 1, and the end within "
-                "1 pulse of the circle: give an end that lies on it"
+                f"{np.max(radius):.10g} pulses to {np.max(off):.10g}; turn is ±1, the radius above 1, and the end "
+                "within 1 pulse of the circle: give an end that lies on it"
             )
         first, last = (np.arctan2(of[..., 1], of[..., 0]) for of in (out, far))
         angle = np.mod(self.turn * (last - first), 2 * pi)
@@ -144,17 +141,14 @@ class ArcMove(Command):
 
 def interpolated(card: Card, axes: tuple[int, ...], n: int, least: int, most: int) -> np.ndarray:
     """(n,) bool, the channels of an interpolation. Raises Refused where the card cannot join them."""
-    most = min(most, card.channels)
+    most, different = min(most, card.channels), set(axes)
     cards = {axis // card.channels for axis in axes}
-    if (
-        not least <= len(axes) <= most
-        or len(set(axes)) < len(axes)
-        or len(cards) > 1
-        or not all(0 <= a < n for a in axes)
-    ):
+    fits = least <= len(axes) <= most and len(different) == len(axes) and len(cards) == 1
+    if not fits or not different <= set(range(n)):
+        named = ", ".join(str(axis + 1) for axis in axes)
         raise Refused(
-            f"{card.name}: channels {', '.join(str(a + 1) for a in axes)} of {n} cannot be interpolated: it takes {least} "
-            f"to {most} different ones, all of one card of {card.channels}"
+            f"{card.name}: channels {named} of {n} cannot be interpolated: it takes {least} to {most} different ones, "
+            f"all of one card of {card.channels}"
         )
     return np.isin(np.arange(n), axes)
 

@@ -70,7 +70,7 @@ class Record:
         if channel % self.card.channels not in self.card.latches:
             inputs = ", ".join(str(own + 1) for own in self.card.latches) or "none"
             raise Refused(f"{self.card.name}, channel {channel + 1}: it has no latch input; those of a card: {inputs}")
-        return np.rint(np.moveaxis(self.position(t), 0, -1)[i]).astype(np.int64)
+        return np.asarray(np.rint(np.moveaxis(self.position(t), 0, -1)[i]), np.int64)
 
     def compared(self, lane: int | tuple[int, ...], counts: Array) -> np.ndarray:
         """Ticks at which the comparator's output fires, int64: one count after another, each when it is first reached.

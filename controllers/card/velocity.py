@@ -42,9 +42,9 @@ class VChange(Command):
     """Change of speed on the fly: from the speed of the instant to `speed` linearly within `tacc`.
 
     Of a velocity move it makes another one, see `TVMove`. A trapezoidal move keeps its target, its start speed and the
-    rate of its ramp down: `speed` is its new top speed, a magnitude, and it stops dead on the target where it cannot
-    ramp down in time (assumed). Assumed too: a channel that stands begins a velocity move from rest. Drops what is queued. Refused while a
-    channel runs an S-curve, an interpolation, a dwell or a home return.
+    rate of its ramp down; `speed` is its new top speed, a magnitude. Drops what is queued. Assumed: it stops dead on
+    the target where it cannot ramp down in time; a channel that stands begins a velocity move from rest. Refused while
+    a channel runs an S-curve, an interpolation, a dwell or a home return.
 
     speed  (…) pulses/s;  tacc  s
     """
