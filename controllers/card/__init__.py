@@ -6,7 +6,7 @@ from controllers.card.home import Home
 from controllers.card.interpolation import ArcMove, LinearMove
 from controllers.card.model import COUNTER, PCI_8132, PCI_8164, SPEED_STEPS, Card, Refused
 from controllers.card.profile import Profile
-from controllers.card.record import Record, Train, record
+from controllers.card.record import Record, Train, play
 from controllers.card.scurve import SAMove, SRMove
 from controllers.card.state import CardState, at_rest, pulse_ticks, reading, send
 from controllers.card.stop import DStop, Dwell, EStop
@@ -42,8 +42,8 @@ __all__ = [
     "Train",
     "VChange",
     "at_rest",
+    "play",
     "pulse_ticks",
     "reading",
-    "record",
     "send",
 ]

@@ -100,7 +100,7 @@ class Record:
         return np.array(found, np.int64)
 
 
-def record(card: Card, state: CardState, sent: Iterable[tuple[float, Command]], until: float) -> Record:
+def play(card: Card, state: CardState, sent: Iterable[tuple[float, Command]], until: float) -> Record:
     """The card from `state` on, sent commands at instants (s, from 0 on, in order), until an instant."""
     since, states = [0.0], [state]
     for t, command in sent:
