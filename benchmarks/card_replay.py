@@ -1,9 +1,9 @@
 """The exported call list on the virtual cards, there and back: `python -m benchmarks.card_replay`, half a minute.
 
 The program `circle` on the hexapod: path -> calls of a PCI-8132 and a PCI-8164 -> the virtual cards -> pulses -> poses
-by forward kinematics -> path, with the calls as they are exported by default, and 16, 4 and 2 ms apart. A row is printed
-of each: the worst axis in pulses, ½ of which is the rounding of positions to counts, and the platform's origin in
-micrometres, beside where it was planned to be at that instant, and beside the path.
+by forward kinematics -> path, with the calls as they are exported by default, and 16, 4 and 2 ms apart. Of each it
+prints a row: the worst axis in pulses, ½ of which is the rounding of positions to counts, and the platform's origin in
+micrometres, from where it was planned to be at that instant, and from the path.
 """
 
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""The exported call list on the virtual cards: calls -> cards -> pulses -> poses, and how far they are from the plan."""
+"""The exported call list on the virtual cards: calls -> cards -> pulses -> poses, how far they are from the plan."""
 
 from __future__ import annotations
 
@@ -104,9 +104,10 @@ def round_trip(source: Source, calls: Sequence[Call], replayed: Replayed, instan
     """
     refuse_compensated(source, "replay")
     machine, trajectory = source.machine, source.trajectory
-    if not isinstance(trajectory.path, MachinePath):
-        raise MotionError(f"replay: the motion {source.name!r} has no poses; plan a program on machine {machine.name}")
     t = np.linspace(0.0, trajectory.duration, instants)
+    state, path = trajectory.at(t), trajectory.path
+    if state.pose is None or not isinstance(path, MachinePath):
+        raise MotionError(f"replay: the motion {source.name!r} has no poses; plan a program on machine {machine.name}")
     counts, worst = replayed.counts(t), 0.0
     for k, (card, start, train) in enumerate(zip(replayed.cards, replayed.starts, replayed.trains, strict=True)):
         at = np.minimum(train.ticks / card.clock_hz, trajectory.duration)
@@ -115,11 +116,10 @@ def round_trip(source: Source, calls: Sequence[Call], replayed: Replayed, instan
         between = counts[:, k] - counted(source, k, t)[0]
         worst = max(worst, np.abs(edges).max(initial=0.0), np.abs(between).max())
     scale = np.array([axis.direction * axis.pulse for axis in machine.axes])
-    state = trajectory.at(t)
     # the proof is left out: a pulse beside the planned pose there is no other
     y = machine.forward(machine.home_q + scale * counts, near=state.pose, certify=False).pose.translation
     off = np.linalg.norm(y - state.pose.translation, axis=1)
-    near = contour_error(y, state.s, PathCurve(trajectory.path)).error
+    near = contour_error(y, state.s, PathCurve(path)).error
     final = replayed.counts(np.array([np.inf]))[0]
     planned = np.array([p.final * a.direction for p, a in zip(source.pulses.axes, machine.axes, strict=True)])
     return RoundTrip(float(worst), float(off.max()), float(near.max()), final - planned, len(calls))
