@@ -105,12 +105,12 @@ def moved(law: Learned, of: Task, to: Task, rig: Rig) -> Learned:
     return Learned(position, turn)
 
 
-def learned_rows(rig: Rig, trials: int, others: Sequence[str] = OTHERS) -> list[Row]:
+def learned_rows(rig: Rig, trials: int, others: Sequence[str] = OTHERS, shares: Sequence[float] = SHARES) -> list[Row]:
     """Learning on the tuned path; its table played there and taken along, and the model that the table tells."""
     task = rig.task(TUNED)
     learning = learn(rig, task, trials)
     name = f"learned in {trials} trials"
-    own = row("ilc", learning.best, rig, (), name)
+    own = row("ilc", learning.best, rig, (), name, shares)
     tables = {
         path: runs_of(moved(learning.best, task, rig.task(path), rig), rig.task(path), [rig])[0].contour.rms
         for path in (SECOND, *others)
@@ -120,7 +120,7 @@ def learned_rows(rig: Rig, trials: int, others: Sequence[str] = OTHERS) -> list[
     nowhere = {TUNED: own.disturbed[TUNED], SECOND: float("nan")}
     return [
         replace(own, paths={TUNED: own.paths[TUNED]} | tables, disturbed=nowhere),
-        row("ilc+ff", model, rig, others, f"feedforward by what was {name}"),
+        row("ilc+ff", model, rig, others, f"feedforward by what was {name}", shares),
     ]
 
 

@@ -35,7 +35,7 @@ def axes(**changes):
 
 
 def steady(run):
-    """Mean and span of the following errors (n,) where the quarter-sine's speed has been constant for long, in pulses."""
+    """Mean and span (n,) of the following errors in pulses, where the quarter-sine's speed has long been constant."""
     middle = (run.t > 2.0) & (run.t < 3.9)
     return ((run.reference - run.actual)[middle] / PULSE).mean(0), np.ptp(
         (run.reference - run.actual)[middle], 0
@@ -78,8 +78,7 @@ def test_a_ramp_arrives_in_its_step(way, start, end):
 
 
 def test_open_loop_lags_by_speed_over_gain_and_feedforward_by_nothing(rig, axis_motion):
-    """Behind the command by v/K, K = 30: in closed form. Left of it is quantization: a pulse of command, a fourth of one
-    of reading."""
+    """Behind the command by v/K, K = 30: in closed form. Left of it is quantization: a pulse of the command."""
     motion = axis_motion("quarter-sine", WAYS, duration=5.0)
     speed = motion.at(2.5).qd / PULSE
     plain = track(motion, rig, OpenPosition(), dt=DT)
@@ -138,7 +137,7 @@ def test_nominal_axes_are_the_rig_as_stated_and_find_their_way_into_laws():
 
 
 def test_response_is_the_drive_integrated():
-    """Against an integration of `NominalAxes`' equations to 1e-9, for a command of a ramp of speed, and for friction."""
+    """Against integration of `NominalAxes`' equations to 1e-9: for a command of a ramp of speed, and for friction."""
     some = axes(position_gain=[30, 20, 12], integral_time=[0.03, 0.045, 0.1], friction=[5, 0, 1])
     model, state, w = response(some, DT, 5), np.array([3.0, 40.0, -200.0, 10.0]), np.array([900.0, -300.0])
     at = np.arange(1, 6) / 5 * DT
