@@ -164,8 +164,7 @@ def test_files_beside_a_rig_are_found(load, tmp_path):
 def test_any_damage_to_a_file_is_a_rig_or_a_motion_error(load, at, cut, patch):
     damaged = TEXT[:at] + patch + TEXT[at + cut :]
     try:
-        rig = load(damaged.encode("utf-8", "replace").decode())
+        outcome = len(load(damaged.encode("utf-8", "replace").decode()).drives)
     except MotionError as refusal:
-        assert str(refusal)
-    else:
-        assert len(rig.drives) == 3
+        outcome = str(refusal)
+    assert outcome == 3 or isinstance(outcome, str), "a rig of the arm's three axes, or a refusal"
