@@ -14,6 +14,9 @@ from kinematics.text_table import aligned
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+ANGLES = 720
+"""Of a full turn, even: two a degree."""
+
 
 @dataclass(frozen=True, slots=True)
 class Circle:
@@ -101,8 +104,26 @@ class CircularTest:
         return aligned((f"{about}, least-squares centres", "µm"), rows)
 
 
+def full_turn(points: Array, circle: Circle, sense: int) -> Array:
+    """Of a record of points (N, 3), its first full turn from where it starts, at even angles: (M, 3), M = 720 or less.
+
+    So neither ramps nor rests count for more than the rest of the way. Linear in polar coordinates between samples;
+    sense 1 counter-clockwise, −1 clockwise. Where the record ends short of the full turn, so do the points.
+    """
+    plane = _plane(circle.normal)
+    flat = (points - circle.centre) @ plane.T
+    angle = np.unwrap(np.arctan2(flat[:, 1], flat[:, 0]))
+    forward = np.maximum.accumulate(sense * (angle - angle[0]))
+    first = np.concatenate([[True], np.diff(forward) > 0])
+    wanted = 2 * np.pi / ANGLES * np.arange(ANGLES + 1)
+    wanted = wanted[wanted <= forward[-1]]
+    radius = np.interp(wanted, forward[first], np.linalg.norm(flat, axis=1)[first])
+    at = angle[0] + sense * wanted
+    return np.asarray(circle.centre + radius[:, None] * np.stack([np.cos(at), np.sin(at)], 1) @ plane)
+
+
 def circular_test(ccw: Array, cw: Array, circle: Circle) -> CircularTest:
-    """From points (N, 3) of a full turn each way, m; they are seen along the normal.
+    """From points (N, 3) of a full turn each way, m, as `full_turn` takes them from records; seen along the normal.
 
     Least-squares circle: min over c, ρ of Σ (‖p − c‖ − ρ)².
 
