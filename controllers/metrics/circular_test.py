@@ -130,13 +130,13 @@ def circular_test(ccw: Array, cw: Array, circle: Circle) -> CircularTest:
     Raises MotionError for points that do not go all the way round.
     """
     plane = _plane(circle.normal)
-    flat = {name: (points - circle.centre) @ plane.T for name, points in (("ccw", ccw), ("cw", cw))}
-    for name, points in flat.items():
-        _refuse_part(name, points, circle.radius)
-    centre, _ = _least_squares(np.concatenate(list(flat.values())), circle.radius)
-    away = [np.linalg.norm(points - centre, axis=1) for points in flat.values()]
-    both = float(max(r.max() for r in away) - min(r.min() for r in away))
-    return CircularTest(circle, *(_roundness(points, circle.radius) for points in flat.values()), both)
+    there, back = ((points - circle.centre) @ plane.T for points in (ccw, cw))
+    _refuse_part("ccw", there, circle.radius)
+    _refuse_part("cw", back, circle.radius)
+    every = np.concatenate([there, back])
+    centre, _ = _least_squares(every, circle.radius)
+    both = float(np.ptp(np.linalg.norm(every - centre, axis=1)))
+    return CircularTest(circle, _roundness(there, circle.radius), _roundness(back, circle.radius), both)
 
 
 def _roundness(points: Array, radius: float) -> Roundness:
