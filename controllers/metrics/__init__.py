@@ -1,7 +1,7 @@
 """How well a motion was tracked: errors per axis, in space and beside the path, and what they cost the drives."""
 
 from controllers.metrics.attained import Planned, planned_at
-from controllers.metrics.circular_test import Circle, CircularTest, circular_test, full_turn
+from controllers.metrics.circular_test import Circle, CircularTest, circular_test
 from controllers.metrics.evaluate import BATCH_PERIOD, PERIOD, evaluate, evaluate_runs
 from controllers.metrics.figures import FIGURES, Figure
 from controllers.metrics.iso_style import IsoStyle, iso_style
@@ -22,7 +22,6 @@ __all__ = [
     "circular_test",
     "evaluate",
     "evaluate_runs",
-    "full_turn",
     "iso_style",
     "planned_at",
 ]

@@ -49,10 +49,12 @@ def test_a_shrunken_circle_is_round():
 
 
 def test_an_offset_circle_is_round_but_radially_off():
-    """F = ±e about the programmed centre, to e²/2R; G = 0 about its own, which is found."""
+    """F = ±e about the programmed centre, to e²/2R; G = 0 about its own, which is found, to the interpolation of r
+    between points half a degree apart: e (0.5°)²/8."""
     found = both(50e-3, offset=(30e-6, -40e-6))
-    assert found.ccw.circular < 2 * ROUNDING
-    assert np.linalg.norm(found.cw.centre) == pytest.approx(50e-6, rel=1e-9)
+    between = 50e-6 * np.deg2rad(0.5) ** 2 / 8
+    assert found.ccw.circular < between
+    assert np.linalg.norm(found.cw.centre) == pytest.approx(50e-6, abs=between)
     assert found.ccw.radial_max == pytest.approx(50e-6, abs=(50e-6) ** 2 / 100e-3 + 50e-6 * (np.pi / 720) ** 2)
     assert found.ccw.radial_min == pytest.approx(-50e-6, abs=(50e-6) ** 2 / 100e-3 + 50e-6 * (np.pi / 720) ** 2)
 
@@ -108,9 +110,9 @@ def test_the_least_squares_centre_is_stationary():
 
 
 def test_what_is_no_full_turn_is_refused():
-    with pytest.raises(MotionError, match=r"cw points turn by -270.*full turn of -360"):
+    with pytest.raises(MotionError, match=r"clockwise record turns by 270°.*full turn"):
         circular_test(turn(50e-3), turn(50e-3, -1)[:541], CIRCLE)
-    with pytest.raises(MotionError, match=r"ccw points turn by -360"):
+    with pytest.raises(MotionError, match=r"counter-clockwise record turns by 0°"):
         circular_test(turn(50e-3, -1), turn(50e-3, 1), CIRCLE)
     with pytest.raises(MotionError, match="radius 0"):
         Circle(CENTRE, [0, 0, 1], 0.0, 1.0)
@@ -129,12 +131,14 @@ def test_a_record_is_resampled_by_angle():
         angle = 0.4 + sense * shaking
         r = 50e-3 + 8e-6 * np.cos(2 * angle)
         flat = np.stack([r * np.cos(angle), r * np.sin(angle), 0 * r], 1)
-        points = full_turn(CENTRE + TILT.apply(flat), CIRCLE, sense)
-        assert len(points) == 721
-        back = TILT.inv().apply(points - CENTRE)
-        where = np.arctan2(back[:, 1], back[:, 0])
+        record = CENTRE + TILT.apply(flat)
+        found = full_turn(record, CIRCLE, sense)
+        assert len(found) == 720
+        # the plane's own axes are turned against those of the tilt by what the first point tells
+        turned = 0.4 - np.arctan2(found[0, 1], found[0, 0])
+        where = np.arctan2(found[:, 1], found[:, 0]) + turned
         # linear between samples 5 mrad apart: 4 a (5e-3)²/8
-        np.testing.assert_allclose(np.linalg.norm(back, axis=1) - 50e-3, 8e-6 * np.cos(2 * where), atol=1.5e-10)
+        np.testing.assert_allclose(np.linalg.norm(found, axis=1) - 50e-3, 8e-6 * np.cos(2 * where), atol=1.5e-10)
         np.testing.assert_allclose(np.diff(np.unwrap(where)), sense * 2 * np.pi / 720, rtol=1e-9)
 
 
@@ -166,9 +170,7 @@ def test_the_rig_shrinks_a_circle_by_the_gain_of_its_loops(rig):
         runs = simulate(sample(motion, rig, 5e-3), OpenPosition(), [assumed_rig(rig)], settle=0.0)
         found = evaluate_runs(runs, Task("circle", motion, 5e-3), [assumed_rig(rig)], period=1e-3)[0]
         # a turn to forget the start, and the next one
-        turns.append(
-            full_turn(found.attained[found.t > 1.5], Circle(rig.home_q, [0, 0, 1], 15e-3, 15e-3 * omega), sense)
-        )
+        turns.append(found.attained[found.t > 1.5])
     s, ws, integral = 1j * omega, 2 * np.pi * servo.speed_loop, 1 / servo.integral_time
     loop = servo.position_gain * ws * (s + integral)
     gain = abs(loop / (s**3 + (ws + servo.friction) * s**2 + ws * integral * s + loop))
