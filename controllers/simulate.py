@@ -135,11 +135,12 @@ def simulate(
 
     Raises MotionError for a dt that does not fit the drives, and Refused by the card for a command outside its range.
     """
+    _refuse(reference, rigs)
     machine, card, dt = rigs[0].machine, rigs[0].card, reference.dt
     axes = bank([rig.drives for rig in rigs])
     h = axes.sample
     exact = law.host == "counter" and any(rig.host.timer == "counter" for rig in rigs)
-    _refuse(dt, h, exact, settle, period)
+    _refuse_times(dt, h, exact, settle, period)
     pulse = np.array([axis.pulse for axis in machine.axes])
     lanes = (len(rigs), len(pulse))
     counts = np.broadcast_to(reference.ang(0), lanes).astype(np.int64)
@@ -179,7 +180,22 @@ BLOCK = 1 << 15
 """Values of a quantity that are worked on at once: 256 kB, so that they stay near the processor."""
 
 
-def _refuse(dt: float, sample: float, exact: bool, settle: float, period: float | None) -> None:
+def _refuse(reference: Reference, rigs: Sequence[Rig]) -> None:
+    """Raise MotionError for what cannot be one batch."""
+    if not rigs:
+        raise MotionError("track: a batch needs a rig for each of its runs, and has none")
+    axes, card = rigs[0].machine.axes, rigs[0].card
+    if any(rig.machine.axes != axes or rig.card != card for rig in rigs):
+        raise MotionError("track: the rigs of one batch differ in their machine or card; run them apart")
+    lanes = reference.position.shape[1:]
+    if lanes not in ((len(axes),), (len(rigs), len(axes))):
+        raise MotionError(
+            f"track: a reference of {' x '.join(map(str, lanes))} for {len(rigs)} rigs of {len(axes)} axes; "
+            "give one for each axis, or for each run and axis"
+        )
+
+
+def _refuse_times(dt: float, sample: float, exact: bool, settle: float, period: float | None) -> None:
     inner = round(dt / sample) if 0 < dt < float("inf") else 0
     if inner < 1 or (exact and abs(inner * sample - dt) > 1e-9 * dt):
         raise MotionError(

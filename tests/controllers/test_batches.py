@@ -133,3 +133,15 @@ def test_servos_and_steppers_share_a_machine(rig):
         np.testing.assert_array_equal(mixed.reading(state)[:, n], own.reading(after)[:, 0])
     with pytest.raises(MotionError, match="kinds of their drives"):
         bank([(rig.drives[0],), (stepper,)])
+
+
+def test_what_is_no_batch_is_refused(rig, short):
+    law = find_law("3")
+    with pytest.raises(MotionError, match="has none"):
+        simulate(short, law, [])
+    with pytest.raises(MotionError, match="machine or card"):
+        simulate(short, law, [rig, replace(rig, card=replace(rig.card, while_moving="queue"))])
+    with pytest.raises(MotionError, match="2 x 3 for 3 rigs of 3 axes"):
+        simulate(together([short, short]), law, [rig, rig, rig])
+    with pytest.raises(MotionError, match="reference of 2 for 1 rigs of 3 axes"):
+        simulate(replace(short, position=short.position[:, :2], speed=short.speed[:, :2]), law, [rig])
