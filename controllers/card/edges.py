@@ -1,4 +1,9 @@
-"""The instants at which one channel's command position passes half counts, in closed form piece by piece."""
+"""The instants at which one channel's command position passes half counts, in closed form piece by piece.
+
+A card adds integers to one another at every tick of its clock, and fires when the sum passes the next half count. These
+closed forms, rounded to ticks, are the same pulses within one tick: the tests hold every pulse of every kind of piece
+against such a generator in whole numbers, which knows of no closed form. Counts and ticks are int64 throughout.
+"""
 
 from __future__ import annotations
 
@@ -83,6 +88,8 @@ def passed(
     until: float,
 ) -> Edges:
     """The half counts that a channel passes from `since` to `until`; arguments as in `Profile`, of one lane."""
+    if begin == inf:
+        return NONE
     last = 0.0
     for piece in pieces:  # in the order of Profile.end
         last += piece.length
