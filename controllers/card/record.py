@@ -11,7 +11,7 @@ from controllers.card.channels import Command
 from controllers.card.edges import Edges
 from controllers.card.model import Card, Refused
 from controllers.card.state import CardState, send, ticked
-from kinematics.array import Array
+from kinematics.array import Array, frozen
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,6 +28,10 @@ class Train:
     direction: np.ndarray
     counted: np.ndarray
     count: np.ndarray
+
+    def __post_init__(self) -> None:
+        for name in ("ticks", "direction", "counted", "count"):
+            object.__setattr__(self, name, frozen(getattr(self, name)))
 
 
 @dataclass(frozen=True, slots=True)
