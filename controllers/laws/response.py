@@ -61,7 +61,7 @@ def response(axes: NominalAxes, dt: float, instants: int) -> Response:
 
 
 def friction_response(axes: NominalAxes, tick: float, count: int) -> Array:
-    """x (n, count + 1) of axes at rest, every `tick` seconds from when a unit acceleration by an outer torque sets in."""
+    """x (n, count + 1) of axes at rest, every `tick` seconds after an outer torque of unit acceleration has set in."""
     n = len(axes)
     rates = np.zeros((n, STATE + 1, STATE + 1))
     rates[:, :STATE, :STATE] = _rates(axes)

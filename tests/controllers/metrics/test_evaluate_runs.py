@@ -43,7 +43,8 @@ def swing(rig):
 def alone(runs, b):
     """What a simulation of this run alone gives: its record ends where it does."""
     until = int(np.searchsorted(runs.t, runs.end[b] - 1e-9))
-    own = {name: getattr(runs, name)[:until, b : b + 1] for name in ("command", "actual", "measured", "speed", "torque")}
+    records = ("command", "actual", "measured", "speed", "torque")
+    own = {name: getattr(runs, name)[:until, b : b + 1] for name in records}
     rest = {name: getattr(runs, name)[b : b + 1] for name in ("pulses", "lost")}
     return Runs(t=runs.t[:until], steps=runs.steps[:, b : b + 1], **own, **rest)
 
