@@ -1,6 +1,7 @@
 """Rig files: the schema of a rig's TOML, and the rig that one describes."""
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from functools import partial
 from importlib.resources.abc import Traversable
 from pathlib import Path
@@ -8,7 +9,7 @@ from typing import Annotated, Any, Literal, cast, get_args
 
 from pydantic import AfterValidator, Field
 
-from controllers.card import PCI_8132, PCI_8164
+from controllers.card import PCI_8132, PCI_8164, Card
 from controllers.drive_tables import KINDS, TRANSMISSION, ServoTable, StepperTable, drive_of
 from controllers.host import Host
 from controllers.rig import Drive, Rig
@@ -18,7 +19,7 @@ from kinematics.errors import FileError, MotionError
 from kinematics.kinds.axes import named_once
 from kinematics.machine import Machine
 from kinematics.registry import load_machine, nearest
-from kinematics.schema import File, Table, build, wrong
+from kinematics.schema import File, Table, build, chosen, wrong
 from kinematics.units import Unit, shown
 
 CARDS = {card.name: card for card in (PCI_8132, PCI_8164)}
@@ -28,6 +29,24 @@ def _card(name: str) -> str:
     if name not in CARDS:
         raise wrong(f"{shown(name)} is no card that is known{nearest(name, CARDS)}; cards: {', '.join(CARDS)}")
     return name
+
+
+CardName = Annotated[str, AfterValidator(_card)]
+
+
+class CardTable(Table):
+    """A model of card, and how it is set: see `Card`."""
+
+    model: CardName
+    while_moving: Literal["replace", "queue"] = "replace"
+    speed_range: Annotated[float, Unit("1/s", above=0, like="100000 1/s")] | None = None
+
+    @property
+    def card(self) -> Card:
+        return replace(CARDS[self.model], while_moving=self.while_moving, speed_range=self.speed_range)
+
+
+CardEntry = Annotated[CardName | CardTable, chosen(lambda value: CardTable if isinstance(value, dict) else CardName)]
 
 
 class HostTable(Table):
@@ -51,7 +70,7 @@ class RigFile(File):
     """A rig, key by key. [servo] and [stepper] are what all drives of the kind have."""
 
     machine: str = Field(description='write the name of a machine, e.g. "arm", or the path of its file')
-    card: Annotated[str, AfterValidator(_card)] = PCI_8132.name
+    card: CardEntry = PCI_8132.name
     host: HostTable = HostTable()
     servo: ServoTable | None = None
     stepper: StepperTable | None = None
@@ -76,12 +95,13 @@ def read_rig(source: Path | Traversable) -> Rig:
             faults.append(document.fault(("task", n), str(error)))
     try:
         host = Host(**model.host.model_dump())
+        card = model.card.card if isinstance(model.card, CardTable) else CARDS[model.card]
         drives = tuple(_drive(model, machine, n) for n in range(len(machine.axes)))
     except MotionError as error:  # what no single value shows
         faults.append(document.fault((), str(error)))
     if faults:
         raise FileError(document.file, faults)
-    return Rig(machine, drives, CARDS[model.card], host, Path(source.name).stem, tuple(tasks))
+    return Rig(machine, drives, card, host, Path(source.name).stem, tuple(tasks))
 
 
 def _machine(stated: object, folder: Path | None) -> tuple[Machine | None, str]:

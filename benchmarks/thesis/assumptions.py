@@ -38,7 +38,7 @@ def _varied(rig: Rig) -> Iterator[Assumption]:
 
     yield other("as stated", rig)
     yield other("commands queue behind a running move", replace(rig, card=replace(rig.card, while_moving="queue")))
-    yield other("speed registers set to 100 000 pulses/s", replace(rig, card=replace(rig.card, speed_range=1e5)))
+    yield other("speeds that are not rounded to registers", replace(rig, card=replace(rig.card, speed_range=None)))
     yield other("encoder behind the gear", _drives(rig, feedback=lambda drive: "output"))
     yield other("no play", _drives(rig, play=lambda drive: 0.0))
     yield other("play of 20 arcmin", _drives(rig, play=lambda drive: 10 * drive.play))

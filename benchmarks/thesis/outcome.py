@@ -61,7 +61,7 @@ def _settings(assumption: Assumption, number: str) -> tuple[Setting, ...]:
     columns = {gain: np.array([cell[n] for cell in cells])[:, None] for n, gain in enumerate(grid)}
     rigs = [rig] * len(cells)
     runs = simulate(
-        sample(task.motion, rig.machine, task.dt), find_law(number, **columns), rigs, period=PERIOD, settle=SETTLE
+        sample(task.motion, rig.machine, task.dt), find_law(number, None, **columns), rigs, period=PERIOD, settle=SETTLE
     )
     found = evaluate_runs(runs, task, rigs)
     still = _still(runs, task.motion.duration)

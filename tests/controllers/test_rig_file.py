@@ -100,7 +100,7 @@ def test_all_faults_are_told_at_once_with_their_lines(load):
         TEXT.replace('speed_loop = "30 Hz"', 'speed_lop = "30 Hz"')
         .replace('position_gain = "20 1/s"', 'position_gain = "20 mm"')
         .replace('name = "elbow"', 'name = "elbo"')
-        .replace('card = "PCI-8164"', 'card = "PCI-8146"')
+        .replace('model = "PCI-8164"', 'model = "PCI-8146"')
         .replace('name = "circle-back"', 'name = "circle"')
         .replace("samples = 41", 'samples = 41\nstep = "1 s"')
     )
@@ -111,7 +111,7 @@ def test_all_faults_are_told_at_once_with_their_lines(load):
     assert told["servo.speed_loop"].message.startswith("missing: write e.g.")
     assert "not convertible" in told["axis[1].servo.position_gain"].message
     assert 'nearest is "elbow"' in told["axis[1].name"].message
-    assert 'nearest is "PCI-8164"' in told["card"].message
+    assert 'nearest is "PCI-8164"' in told["card.model"].message
     assert "already" in told["task[4].name"].message
     assert "either step" in told["task[1]"].message
     lines = broken.splitlines()
@@ -168,3 +168,11 @@ def test_any_damage_to_a_file_is_a_rig_or_a_motion_error(load, at, cut, patch):
     except MotionError as refusal:
         outcome = str(refusal)
     assert outcome == 3 or isinstance(outcome, str), "a rig of the arm's three axes, or a refusal"
+
+
+def test_a_card_is_set_as_the_file_says(load):
+    card = load(TEXT.replace('speed_range = "100000 1/s"', 'speed_range = "50 kHz", while_moving = "queue"')).card
+    assert (card.name, card.while_moving) == ("PCI-8164", "queue")
+    assert card.speed_range == pytest.approx(5e4)
+    plain = load(TEXT.replace('{ model = "PCI-8164", speed_range = "100000 1/s" }', '"PCI-8164"')).card
+    assert plain.speed_range is None
