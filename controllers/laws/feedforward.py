@@ -19,10 +19,10 @@ from kinematics.array import Array
 class Feedforward:
     """The command that a nominal drive turns into the reference: c(t) = r + α ṙ/K + γ r̈/(K ω), all at t + delay.
 
-    A position loop of gain K lags ṙ/K behind, so it is commanded ahead by that much (Vandenbroucke and others call it
-    inverse or zero-lag control). Of a speed loop without integral r̈/(K ω) is left; the integral (time T, some 30 ms)
-    takes that over for anything slower than 1/T, so γ = 0 by default. Each step sends `ramp` from the card's counter to
-    c(t + dt) with the speeds ċ at both ends: open loop, no encoder is read.
+    A position loop of gain K lags ṙ/K behind, so it is commanded ahead by that much. Of a speed loop without integral
+    r̈/(K ω) is left; the integral (time T, some 30 ms) takes that over where it is slower than 1/T, so γ = 0 by default.
+    Each step sends `ramp` from the card's counter to c(t + dt) with the speeds ċ at both ends: open loop, no encoder is
+    read.
 
     Between motor and output there may be play, which an encoder at the motor does not see: half of it is added the way
     that the axis runs, within the step in which it starts or turns.
