@@ -36,8 +36,8 @@ def sleeping(rig):
 
 
 def swing(rig):
-    """Two joints out and back by half a turn within two seconds."""
-    return Task("swing", Sine(rig.machine.home_q, np.array([np.pi, np.pi, 0]), np.pi / 2, 2.0), 50e-3)
+    """Two joints out and back by 2.5 rad within two seconds."""
+    return Task("swing", Sine(rig.machine.home_q, np.array([2.5, 2.5, 0]), np.pi / 2, 2.0), 50e-3)
 
 
 def alone(runs, b):
