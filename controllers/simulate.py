@@ -62,14 +62,11 @@ def motion_of(plan: Motion | Planned) -> Motion:
 
 
 def sample(motion: Motion, machine: Machine, dt: float) -> Reference:
-    """The motion at k·dt, up to the first sample at or after its end: whole pulses from home, and speeds unrounded.
-
-    Whole, since a feedback law that chased a share of a pulse would never come to rest at the end.
-    """
+    """The motion at k·dt, up to the first sample at or after its end, in pulses from home."""
     steps = max(ceil(motion.duration / dt - 1e-9), 1)
     state = motion.at(np.minimum(np.arange(steps + 1) * dt, motion.duration))
     pulse = np.array([axis.pulse for axis in machine.axes])
-    return Reference(dt, np.rint((state.q - machine.home_q) / pulse), state.qd / pulse)
+    return Reference(dt, (state.q - machine.home_q) / pulse, state.qd / pulse)
 
 
 @dataclass(frozen=True, slots=True)

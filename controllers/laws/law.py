@@ -3,20 +3,25 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Literal, Protocol
 
 import numpy as np
 
 from controllers.card import Command
+from controllers.laws.gain import Grid
 from kinematics.array import Array, frozen
+
+
+Host = Literal["counter", "sleep"]
+"""How the host waits for the next step: it watches the card's clock counter, or lets the operating system sleep."""
 
 
 @dataclass(frozen=True, slots=True)
 class Reference:
-    """The planned motion as the host holds it: samples at k·dt of every axis, resting after the last.
+    """The planned motion as the host holds it, whole and beforehand: samples at k·dt of every axis, then rest.
 
     dt        s
-    position  (N + 1, n) pulses, whole; (N + 1, B, n) where B runs have references of their own
+    position  (N + 1, n) pulses from home, unrounded; (N + 1, B, n) where B runs have references of their own
     speed     as position, pulses/s, signed
     """
 
@@ -34,13 +39,37 @@ class Reference:
         return len(self.position) - 1
 
     def ang(self, k: int | np.ndarray) -> Array:
-        """Reference position (n,), pulses, at k·dt; the last one afterwards. k (B,) for a step of each run: (B, n)."""
-        return self._at(self.position, np.minimum(k, self.steps))
+        """Reference position (n,), whole pulses, at k·dt; the last one afterwards. k (B,), a step of each run: (B, n).
+
+        Whole, since a feedback law that chased a share of a pulse would never come to rest at the end.
+        """
+        return np.rint(self._at(self.position, np.minimum(k, self.steps)))
 
     def npuls(self, k: int | np.ndarray) -> Array:
         """Reference speed, pulses/s, at k·dt, shaped as `ang`; zero after the end."""
         speed = self._at(self.speed, np.minimum(k, self.steps))
         return np.where(np.reshape(k, np.shape(k) + (1,) * (speed.ndim - np.ndim(k))) <= self.steps, speed, 0.0)
+
+    def between(self, t: float | np.ndarray, *, before: bool = False) -> tuple[Array, Array, Array]:
+        """Position, speed and acceleration at any t (s), each shaped as `ang`, t (B,) for an instant of each run.
+
+        The cubic through the positions and speeds of the samples on both sides: within dt⁴/384 · |r⁗| of the motion
+        where that is smooth between them. Rest before the first and after the last sample.
+
+        before  at a sample itself the acceleration jumps: the one before it instead of the one after
+        """
+        at = np.asarray(t, float) / self.dt
+        step = np.ceil(at - 1e-9) - 1 if before else np.floor(at + 1e-9)
+        k = np.clip(step, 0, self.steps - 1).astype(int)
+        inside = (step >= 0) & (step < self.steps)
+        p0, p1, v0, v1 = (self._at(of, i) for of in (self.position, self.speed) for i in (k, k + 1))
+        v0, v1 = v0 * self.dt, v1 * self.dt
+        spread = np.shape(at) + (1,) * (p0.ndim - at.ndim)
+        u, moving = np.reshape(np.clip(at - k, 0.0, 1.0), spread), np.reshape(inside, spread)
+        bend, twist = 3 * (p1 - p0) - 2 * v0 - v1, v0 + v1 - 2 * (p1 - p0)
+        position = p0 + u * (v0 + u * (bend + u * twist))
+        speed = np.where(moving, v0 + u * (2 * bend + u * 3 * twist), 0.0) / self.dt
+        return position, speed, np.where(moving, 2 * bend + u * 6 * twist, 0.0) / self.dt**2
 
     def _at(self, of: Array, k: np.ndarray) -> Array:
         own = of.ndim == 3 and np.ndim(k) == 1
@@ -64,8 +93,17 @@ class Feedback:
 class Law(Protocol):
     """A tracking law. All axes, and all runs of a batch, are commanded at once; a law keeps no state of its own.
 
-    Gains are numbers, or arrays (B, 1) with one value for each run of a batch.
+    Gains are numbers, or arrays (B, 1) with one value for each run of a batch. `grid` says which of the law's fields
+    are gains, and the values of each that reports sweep.
     """
+
+    @property
+    def host(self) -> Host:
+        """The timing that the law is meant for."""
+
+    @property
+    def grid(self) -> Grid:
+        """Gain -> values to sweep."""
 
     @property
     def name(self) -> str:

@@ -1,0 +1,65 @@
+"""Ours: velocity and acceleration feedforward with dead-time shift."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import ClassVar
+
+import numpy as np
+
+from controllers.card import TAMove
+from controllers.laws.gain import Gain, Grid, checked, shown
+from controllers.laws.law import Feedback, Host, Reference
+from controllers.laws.nominal import NominalAxes, usual
+from controllers.laws.ramp import ramp
+from kinematics.array import Array
+
+
+@dataclass(frozen=True, slots=True)
+class Feedforward:
+    """The command that a nominal drive turns into the reference: c(t) = r + α ṙ/K + γ r̈/(K ω), all at t + delay.
+
+    A position loop of gain K lags ṙ/K behind, so it is commanded ahead by that much (Vandenbroucke and others call it
+    inverse or zero-lag control). Of a speed loop without integral r̈/(K ω) is left; the integral (time T, some 30 ms)
+    takes that over for anything slower than 1/T, so γ = 0 by default. Each step sends `ramp` from the card's counter to
+    c(t + dt) with the speeds ċ at both ends: open loop, no encoder is read.
+
+    speed, acceleration  α and γ, shares of what the nominal drive asks for
+    axes                 K, ω, delay; (n,) or (1,)
+    """
+
+    speed: Gain = 1.0
+    acceleration: Gain = 0.0
+    axes: NominalAxes = field(default_factory=usual)
+    host: ClassVar[Host] = "counter"
+    grid: ClassVar[Grid] = {"speed": (0.9, 0.95, 1.0, 1.05), "acceleration": (0.0, 1.0)}
+
+    def __post_init__(self) -> None:
+        for name in ("speed", "acceleration"):
+            advice = "1 is what the nominal drive asks for"
+            object.__setattr__(self, name, checked("feedforward", name, getattr(self, name), advice))
+
+    @property
+    def name(self) -> str:
+        return f"feedforward speed={shown(self.speed)} acceleration={shown(self.acceleration)}"
+
+    def command(self, k: int | np.ndarray, reference: Reference, feedback: Feedback) -> TAMove:
+        _, start = self.wanted(np.asarray(k), reference)
+        target, end = self.wanted(np.asarray(k) + 1, reference, before=True)
+        return ramp(target, start, end, feedback.counter, reference.dt)
+
+    def wanted(self, k: np.ndarray, reference: Reference, *, before: bool = False) -> tuple[Array, Array]:
+        """c and ċ at k·dt, just after or just `before` it; shaped as `Reference.ang`."""
+        delays = np.unique(self.axes.delay)
+        c, cd = self._wanted(k * reference.dt + delays[0], reference, before)
+        for delay in delays[1:]:
+            mine = self.axes.delay == delay
+            there = self._wanted(k * reference.dt + delay, reference, before)
+            c, cd = np.where(mine, there[0], c), np.where(mine, there[1], cd)
+        return c, cd
+
+    def _wanted(self, t: np.ndarray, reference: Reference, before: bool) -> tuple[Array, Array]:
+        r, rd, rdd = reference.between(t, before=before)
+        lag = self.speed / self.axes.position_gain
+        bend = self.acceleration / (self.axes.position_gain * self.axes.speed_loop)
+        return np.asarray(r + lag * rd + bend * rdd), np.asarray(rd + lag * rdd)
