@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from inspect import signature
 from itertools import product
-from typing import Any
+
+import numpy as np
 
 from controllers.laws.law import Law
 from controllers.laws.registry import LAWS, find_law
@@ -46,20 +46,13 @@ def read_setting(text: str) -> Setting:
         except ValueError:
             raise MotionError(f'law {name}: gain {gain}: "{value}" is not a number') from None
     law = find_law(name, **values)
-    own = {gain: getattr(law, gain) for gain in signature(type(law)).parameters}
-    numbers = {gain: float(value) for gain, value in own.items() if isinstance(value, int | float)}
-    return Setting(_long(name), tuple(numbers.items()))
+    return Setting(_long(name), tuple((gain, float(getattr(law, gain))) for gain in law.grid))
 
 
 def settings_of(name: str) -> list[Setting]:
-    """A law over the grid of gains that it states for reports; the law as it is, where it states none."""
-    kind: Any = LAWS[next(known for known in LAWS if name in known)]
-    grid = dict(getattr(kind, "grid", {}))
-    own = read_setting(name)
-    return [
-        Setting(own.law, tuple((dict(own.gains) | dict(zip(grid, values, strict=True))).items()))
-        for values in product(*grid.values())
-    ]
+    """A law over the grid of gains that it states for reports."""
+    grid = find_law(name).grid
+    return [Setting(_long(name), tuple(zip(grid, values, strict=True))) for values in product(*grid.values())]
 
 
 def _long(name: str) -> str:
@@ -68,12 +61,10 @@ def _long(name: str) -> str:
 
 def batched(settings: Sequence[Setting]) -> Law:
     """One law whose gains are arrays (B, 1), of B settings of the same law."""
-    import numpy as np
-
     values = {
         gain: np.array([[dict(setting.gains)[gain]] for setting in settings]) for gain, _ in settings[0].gains
     }
-    return find_law(settings[0].law, **values)  # type: ignore[arg-type]
+    return find_law(settings[0].law, **values)
 
 
 @dataclass(frozen=True, slots=True)
