@@ -4,15 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from math import ceil
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
 from controllers.card import PCI_8132, Card, at_rest, send
+from controllers.drives.bank import bank
+from controllers.host import instants
 from controllers.laws.law import Feedback, Law, Reference
 from controllers.rig import Rig
-from controllers.servo import Servo, drive, drives, leg_servo, measured, standing
+from controllers.servo import Servo, leg_servo
 from kinematics.array import Array, frozen
 from kinematics.errors import MotionError
 
@@ -71,62 +74,105 @@ def sample(motion: Motion, machine: Machine, dt: float) -> Reference:
 
 @dataclass(frozen=True, slots=True)
 class Runs:
-    """What a batch of B runs did, at the drives' samples t (N,), s, settling included.
+    """What a batch of B runs did, at instants t (K,), s, settling included.
 
-    command, actual  (N, B, n) pulses from home: the card's counters, and where the axes truly are
-    torque           (N, B, n) N or N·m
+    command, actual  (K, B, n) pulses from home: the card's counters, and where the axes' outputs truly are
+    speed            (K, B, n) pulses/s, of the motors
+    torque           (K, B, n) N or N·m
     pulses           (B, n) int64, fired in either direction
+    lost             (B, n) int64, full steps that steppers lost; servos lose none
+    steps            (S + 1, B) s at which each run's host began its steps, and the end of the last one
     """
 
     t: Array
     command: Array
     actual: Array
+    speed: Array
     torque: Array
     pulses: np.ndarray
+    lost: np.ndarray
+    steps: Array
 
     def __post_init__(self) -> None:
-        for name in ("t", "command", "actual", "torque", "pulses"):
+        for name in Runs.__slots__:
             object.__setattr__(self, name, frozen(getattr(self, name)))
 
+    @property
+    def end(self) -> Array:
+        """(B,) s: where the settling of each run ends. What is later is there for other runs of the batch."""
+        return np.asarray(self.steps[-1])
 
-def simulate(reference: Reference, law: Law, rigs: Sequence[Rig], *, settle: float = SETTLE) -> Runs:
+
+def simulate(
+    reference: Reference, law: Law, rigs: Sequence[Rig], *, settle: float = SETTLE, period: float | None = None
+) -> Runs:
     """B = len(rigs) runs of a reference under a law, whose gains are numbers or arrays (B, 1); a run is on its own rig.
 
-    Every dt the host reads the encoders (in pulses), asks the law, and sends its command, which the card takes at once.
-    The drives follow the card's counters at their own sample time, of which dt must be a whole multiple. The rigs share
-    one machine and one model of card.
+    Every dt by its own clock (`Rig.host`) a host reads the encoders (in pulses), asks the law, and sends its command,
+    which the card takes at once; a step that falls between two samples of the drives begins at the later of them. The
+    drives follow the card's counters at their own sample time, of which dt must be a whole multiple where a host polls
+    the card's counter. The rigs share one machine, one model of card and the kinds of their drives.
+
+    period  s between the instants that are kept, brought to whole samples of the drives; None: every sample
 
     Raises MotionError for a dt that does not fit the drives, and Refused by the card for a command outside its range.
     """
     machine, card, dt = rigs[0].machine, rigs[0].card, reference.dt
-    model = drives([rig.drives for rig in rigs])
-    inner = round(dt / model.sample) if 0 < dt < float("inf") else 0
-    if inner < 1 or abs(inner * model.sample - dt) > 1e-9 * dt:
-        raise MotionError(
-            f"track: the host's step {dt * 1e3:g} ms is no whole multiple of the drives' sample time "
-            f"{model.sample * 1e3:g} ms; use {max(inner, 1) * model.sample * 1e3:g} ms"
-        )
-    if not 0 <= settle < float("inf"):
-        raise MotionError(f"track: settling time {settle} s must be zero or more")
+    axes = bank([rig.drives for rig in rigs])
+    h = axes.sample
+    _refuse(dt, h, rigs, settle, period)
     pulse = np.array([axis.pulse for axis in machine.axes])
     lanes = (len(rigs), len(pulse))
     counts = np.broadcast_to(reference.ang(0), lanes).astype(np.int64)
-    state, servos = at_rest(counts), standing(counts * pulse)
+    state, drives = at_rest(counts), axes.standing(counts * pulse)
     steps = reference.steps + ceil(settle / dt)
-    inside = np.arange(inner) * model.sample
-    command, actual, torque = (np.empty((steps * inner, *lanes)) for _ in range(3))
-    before = measured(model, servos.x) / pulse
-    for k in range(steps):
-        position = measured(model, servos.x) / pulse
-        counter = state.counter(k * dt)[0]
-        told = law.command(k, reference, Feedback(position, (position - before) / dt, counter))
-        before, state = position, send(card, state, told, k * dt)
-        here = slice(k * inner, (k + 1) * inner)
-        command[here] = state.counter(k * dt + inside)
-        response = drive(model, servos, command[here] * pulse)
-        actual[here], torque[here], servos = response.position / pulse, response.torque, response.state
-    t = (np.arange(steps)[:, None] * dt + inside).ravel()
-    return Runs(t, command, actual, torque, state.pulses(steps * dt))
+    begin = instants([rig.host for rig in rigs], dt, steps)
+    # as whole samples; 1e-6 of one is rounding
+    at = np.ceil(begin / h - 1e-6).astype(np.int64)
+    samples, every = int(at[-1].max()), 1 if period is None else max(round(period / h), 1)
+    command, actual, speed, torque = (np.empty((-(-samples // every), *lanes)) for _ in range(4))
+    runs, k = np.arange(len(rigs)), np.zeros(len(rigs), np.int64)
+    before, last = axes.reading(drives) / pulse, at[0]
+    for start, stop in pairwise([*np.unique(at[:-1]).tolist(), samples]):
+        due, now = (at[k, runs] == start) & (k < steps), start * h
+        position = axes.reading(drives) / pulse
+        took = np.maximum(start - last, 1)[:, None] * h
+        here = Feedback(position, (position - before) / took, state.counter(now)[0])
+        told = law.command(int(k[0]) if (k == k[0]).all() else k, reference, here)
+        state = send(card, state, told, now, None if due.all() else due[:, None])
+        before, last, k = np.where(due[:, None], position, before), np.where(due, start, last), k + due
+        block = max(BLOCK // counts.size, 1)
+        for first in range(start, stop, block):
+            counter = state.counter(np.arange(first, min(first + block, stop)) * h)
+            kept = np.arange(-first % every, len(counter), every)
+            response, drives = axes.run(drives, counter * pulse, kept)
+            rows = slice(-(-first // every), -(-first // every) + len(kept))
+            command[rows] = counter[kept]
+            np.divide(response.position, pulse, out=actual[rows])
+            np.divide(response.speed, pulse, out=speed[rows])
+            torque[rows] = response.torque
+    for record in (command, actual, speed, torque):
+        record.setflags(write=False)
+    t = np.arange(len(command)) * (every * h)
+    return Runs(t, command, actual, speed, torque, state.pulses(samples * h), axes.lost(drives), begin)
+
+
+BLOCK = 1 << 15
+"""Values of a quantity that are worked on at once: 256 kB, so that they stay near the processor."""
+
+
+def _refuse(dt: float, sample: float, rigs: Sequence[Rig], settle: float, period: float | None) -> None:
+    inner = round(dt / sample) if 0 < dt < float("inf") else 0
+    exact = any(rig.host.timer == "counter" for rig in rigs)
+    if inner < 1 or (exact and abs(inner * sample - dt) > 1e-9 * dt):
+        raise MotionError(
+            f"track: the host's step {dt * 1e3:g} ms is no whole multiple of the drives' sample time "
+            f"{sample * 1e3:g} ms; use {max(inner, 1) * sample * 1e3:g} ms"
+        )
+    if not 0 <= settle < float("inf"):
+        raise MotionError(f"track: settling time {settle} s must be zero or more")
+    if period is not None and not 0 < period < float("inf"):
+        raise MotionError(f"track: period {period} s must be above zero")
 
 
 def track(

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from controllers.card.commands import Command, TAMove
-from controllers.card.model import COUNTER, Card, Refused
-from controllers.card.profile import Profile, standstill, trapezoid
+from controllers.card.channels import Channels, Command
+from controllers.card.model import Card
+from controllers.card.profile import Profile, standstill
 from kinematics.array import Array, frozen
 
 
@@ -28,20 +28,17 @@ class CardState:
         instants = np.atleast_1d(np.asarray(t, float))
         position = self.moves[0].position(instants)
         for move in self.moves[1:]:
-            position = np.where(_spread(instants, move) >= move.begin, move.position(instants), position)
+            begun = instants.reshape(instants.shape + (1,) * move.begin.ndim) >= move.begin
+            position = np.where(begun, move.position(instants), position)
         return position
 
     def counter(self, t: ArrayLike) -> np.ndarray:
-        """Position counters (N, …), int64, at instants t (N,), none before the last command."""
-        instants = np.atleast_1d(np.asarray(t, float))
-        counter = self.moves[0].counter(instants)
-        for move in self.moves[1:]:
-            counter = np.where(_spread(instants, move) >= move.begin, move.counter(instants), counter)
-        return counter
+        """Position counters (N, …), int64, at instants t (N,), none before the last command: the nearest counts."""
+        return np.rint(self.position(t)).astype(np.int64)
 
     def pulses(self, t: float) -> np.ndarray:
         """Pulses (…) fired until t in either direction, int64."""
-        return np.asarray(self.fired + _pulses(self.moves, t))
+        return np.asarray(self.fired + sum(move.pulses(t) for move in self.moves), np.int64)
 
 
 def at_rest(counts: ArrayLike) -> CardState:
@@ -57,26 +54,15 @@ def send(card: Card, state: CardState, command: Command, t: float, due: np.ndarr
     """
     lanes = state.fired.shape
     every = np.ones(lanes, bool) if due is None else np.broadcast_to(due, lanes)
-    _check(card, command, lanes, every)
-    v0, v1 = (
-        np.broadcast_to(np.maximum(np.abs(speed), card.least_speed), lanes)
-        for speed in (command.start_speed, command.max_speed)
-    )
-    if card.while_moving == "queue":
+    if card.while_moving == "queue" and command.waits:
         last = state.moves[-1]
-        begin, start, count = np.maximum(last.end, t), last.target.astype(float), last.target
         waiting = tuple(old for old in state.moves if (old.end > t).any())
+        now = Channels(card, every, np.maximum(last.end, t), last.target, np.zeros(lanes))
     else:
-        begin, start, count = np.full(lanes, t), state.position(t)[0], state.counter(t)[0]
         waiting = ()
-    fired = state.pulses(t) - _pulses(waiting, t)
-    wanted = command.position if isinstance(command, TAMove) else count + command.distance
-    target = np.broadcast_to(wanted, lanes)
-    low, high = COUNTER
-    _refuse(card, "position", target, every, (target >= low) & (target <= high), f"{low} … {high} pulses", _COUNTER)
-    # a ramp within one tick of the clock is none
-    tacc, tdec = (0.0 if seconds * card.clock_hz < 1 else seconds for seconds in (command.tacc, command.tdec))
-    new = trapezoid(begin, start, count, target.astype(np.int64), v0, v1, tacc, tdec)
+        now = Channels(card, every, np.full(lanes, t), state.position(t)[0], _speed(state, t))
+    new = command.move(now)
+    fired = state.pulses(t) - sum(move.pulses(t) for move in waiting)
     if not every.all():
         new, fired = _kept(state, new, every), np.where(every, fired, state.fired)
     return CardState((*waiting, new), frozen(fired))
@@ -87,53 +73,23 @@ def pulse_ticks(card: Card, move: Profile, lane: int | tuple[int, ...]) -> np.nd
     return np.rint(move.pulse_times(lane) * card.clock_hz).astype(np.int64)
 
 
-_COUNTER = "28-bit position counter"
+def _speed(state: CardState, t: float) -> Array:
+    speed = state.moves[0].speed(t)
+    for move in state.moves[1:]:
+        speed = np.where(t >= move.begin, move.speed(t), speed)
+    return speed
 
 
 def _kept(state: CardState, new: Profile, due: np.ndarray) -> Profile:
     """`new` in the lanes that are due, the running move in the others."""
     (old,) = state.moves
-    gap = len(new.lengths) - len(old.lengths)
-
-    def longer(rows: Array, count: int) -> Array:
-        return np.concatenate([rows, np.zeros((max(count, 0), *rows.shape[1:]))])
-
-    parts = {name: np.where(due, getattr(new, name), getattr(old, name)) for name in _LANES}
-    for name in ("lengths", "speeds", "rates"):
-        parts[name] = np.where(due, longer(getattr(new, name), -gap), longer(getattr(old, name), gap))
-    return replace(new, **parts)
-
-
-_LANES = ("begin", "start", "count", "target")
-
-
-def _spread(instants: Array, move: Profile) -> Array:
-    return instants.reshape(instants.shape + (1,) * move.begin.ndim)
-
-
-def _pulses(moves: tuple[Profile, ...], t: float) -> np.ndarray:
-    now = np.array([t])
-    return np.asarray(sum(np.abs(move.counter(now)[0] - move.count) for move in moves), np.int64)
-
-
-def _check(card: Card, command: Command, lanes: tuple[int, ...], due: np.ndarray) -> None:
-    if command.start_speed.shape[-1] != lanes[-1]:
-        raise Refused(
-            f"{card.name}: a command for {command.start_speed.shape[-1]} channels cannot start {lanes[-1]} channels"
-        )
-    for what, seconds in (("acceleration", command.tacc), ("deceleration", command.tdec)):
-        if not 0 <= seconds < float("inf"):
-            raise Refused(f"{card.name}: {what} time {seconds} s must be zero or more")
-    for what, speed in (("start speed", command.start_speed), ("max speed", command.max_speed)):
-        inside = np.abs(speed) <= card.max_speed
-        _refuse(card, what, speed, due, inside, f"±{card.max_speed:.10g} pulses/s", "pulse generator")
-
-
-def _refuse(card: Card, what: str, values: Array, due: np.ndarray, fine: np.ndarray, limit: str, owner: str) -> None:
-    wrong = due & ~fine
-    if wrong.any():
-        lane = np.unravel_index(int(np.argmax(wrong)), wrong.shape)
-        raise Refused(
-            f"{card.name}, channel {int(lane[-1]) + 1}: {what} {np.broadcast_to(values, wrong.shape)[lane]:.10g} is "
-            f"outside {limit} of the {owner}; slow the motion down, or choose a card or a pulse that covers it"
-        )
+    parts = []
+    for field in fields(Profile):
+        mine, theirs = getattr(new, field.name), getattr(old, field.name)
+        if mine.ndim > due.ndim:
+            pieces = max(len(mine), len(theirs))
+            mine, theirs = (
+                np.concatenate([rows, np.zeros((pieces - len(rows), *due.shape))]) for rows in (mine, theirs)
+            )
+        parts.append(np.where(due, mine, theirs))
+    return Profile(*parts)

@@ -19,10 +19,15 @@ FINE = replace(PLAIN, encoder=1e15)
 
 
 def run(servos, command):
-    model = drives([servos])
-    done = drive(model, standing(np.zeros((1, len(servos)))), np.asarray(command, float)[:, None])
-    state = ServoState(*(getattr(done.state, name)[0] for name in ("x", "v", "integral")))
-    return model, Response(done.position[:, 0], done.torque[:, 0], state)
+    """Positions and torques (N, n) of one run, and the state after it (n,)."""
+    axes = servo_axes([servos], servos[0].sample)
+    done, state = axes.run(axes.standing(np.zeros((1, len(servos)))), at_once(command), np.arange(len(command)))
+    last = SimpleNamespace(**{name: getattr(state, name)[0] for name in ("x", "v", "integral")})
+    return axes, SimpleNamespace(position=done.position[:, 0], torque=done.torque[:, 0], state=last)
+
+
+def at_once(command):
+    return np.asarray(command, float)[:, None]
 
 
 def ramp(speed, seconds, servo):
