@@ -49,17 +49,8 @@ class Feedforward:
         return ramp(target, start, end, feedback.counter, reference.dt)
 
     def wanted(self, k: np.ndarray, reference: Reference, *, before: bool = False) -> tuple[Array, Array]:
-        """c and ċ at k·dt, just after or just `before` it; shaped as `Reference.ang`."""
-        delays = np.unique(self.axes.delay)
-        c, cd = self._wanted(k * reference.dt + delays[0], reference, before)
-        for delay in delays[1:]:
-            mine = self.axes.delay == delay
-            there = self._wanted(k * reference.dt + delay, reference, before)
-            c, cd = np.where(mine, there[0], c), np.where(mine, there[1], cd)
-        return c, cd
-
-    def _wanted(self, t: np.ndarray, reference: Reference, before: bool) -> tuple[Array, Array]:
-        r, rd, rdd = reference.between(t, before=before)
+        """c and ċ (…, n) at k·dt, k (…,), just after or just `before` it."""
+        r, rd, rdd = reference.between(k[..., None] * reference.dt + self.axes.delay, before=before)
         lag = self.speed / self.axes.position_gain
         bend = self.acceleration / (self.axes.position_gain * self.axes.speed_loop)
         return np.asarray(r + lag * rd + bend * rdd), np.asarray(rd + lag * rdd)

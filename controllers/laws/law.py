@@ -50,22 +50,24 @@ class Reference:
         speed = self._at(self.speed, np.minimum(k, self.steps))
         return np.where(np.reshape(k, np.shape(k) + (1,) * (speed.ndim - np.ndim(k))) <= self.steps, speed, 0.0)
 
-    def between(self, t: float | np.ndarray, *, before: bool = False) -> tuple[Array, Array, Array]:
-        """Position, speed and acceleration at any t (s), each shaped as `ang`, t (B,) for an instant of each run.
+    def between(self, t: Array, *, before: bool = False) -> tuple[Array, Array, Array]:
+        """Position, speed and acceleration at any instants t (…, n), s, which may differ by axis, and run: (…, B, n).
 
         The cubic through the positions and speeds of the samples on both sides: within dt⁴/384 · |r⁗| of the motion
         where that is smooth between them. Rest before the first and after the last sample.
 
         before  at a sample itself the acceleration jumps: the one before it instead of the one after
         """
-        at = np.asarray(t, float) / self.dt
+        at = t / self.dt
+        # an instant that rounding has put beside a sample is at it
         step = np.ceil(at - 1e-9) - 1 if before else np.floor(at + 1e-9)
         k = np.clip(step, 0, self.steps - 1).astype(int)
-        inside = (step >= 0) & (step < self.steps)
-        p0, p1, v0, v1 = (self._at(of, i) for of in (self.position, self.speed) for i in (k, k + 1))
-        v0, v1 = v0 * self.dt, v1 * self.dt
-        spread = np.shape(at) + (1,) * (p0.ndim - at.ndim)
-        u, moving = np.reshape(np.clip(at - k, 0.0, 1.0), spread), np.reshape(inside, spread)
+        moving = (step >= 0) & (step < self.steps)
+        axis = np.arange(self.position.shape[-1])
+        lanes = (axis,) if self.position.ndim == 2 else (np.arange(self.position.shape[1])[:, None], axis)
+        p0, p1 = self.position[k, *lanes], self.position[k + 1, *lanes]
+        v0, v1 = self.speed[k, *lanes] * self.dt, self.speed[k + 1, *lanes] * self.dt
+        u = np.clip(at - k, 0.0, 1.0)
         bend, twist = 3 * (p1 - p0) - 2 * v0 - v1, v0 + v1 - 2 * (p1 - p0)
         position = p0 + u * (v0 + u * (bend + u * twist))
         speed = np.where(moving, v0 + u * (2 * bend + u * 3 * twist), 0.0) / self.dt

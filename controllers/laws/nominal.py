@@ -46,6 +46,15 @@ class NominalAxes:
     def __len__(self) -> int:
         return max(len(getattr(self, field.name)) for field in fields(self))
 
+    def key(self) -> tuple[tuple[float, ...], ...]:
+        """The numbers, to remember by what was computed from them."""
+        return tuple(tuple(getattr(self, field.name).tolist()) for field in fields(self))
+
+    @staticmethod
+    def of(key: tuple[tuple[float, ...], ...], n: int) -> NominalAxes:
+        """The n axes of a `key`."""
+        return NominalAxes(*(np.broadcast_to(numbers, n) for numbers in key))
+
 
 def usual() -> NominalAxes:
     """The drive assumed where none is stated, as `controllers.servo.leg_servo`: [Sahbaz 2007, Table 7.4]."""

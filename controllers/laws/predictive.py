@@ -1,0 +1,89 @@
+"""Ours: preview model-predictive control with speed and acceleration limits."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import ClassVar
+
+import numpy as np
+
+from controllers.card import TAMove
+from controllers.laws.feedforward import Feedforward
+from controllers.laws.gain import Gain, Grid, checked, shown
+from controllers.laws.horizon import Horizon
+from controllers.laws.law import Feedback, Host, Reference
+from controllers.laws.nominal import NominalAxes, usual
+from controllers.laws.ramp import ramp
+from kinematics.array import Array
+from kinematics.errors import MotionError
+
+
+@dataclass(frozen=True, slots=True)
+class Predictive:
+    """At each step, of the commands over the next H steps, that which brings a nominal drive nearest to the reference.
+
+    The program is `Horizon`'s, from the state s = (x, v, i, c) of the moment and around the feedforward law's command;
+    its first step is sent, as `ramp`. The state is read anew at each step, so that the law keeps none: x from the
+    encoder, c from the card's counter, and v = K (c − x), i = β v + r̈, which a speed loop much faster than the step
+    holds to. A dead time is met as in `Feedforward`: the undelayed drive is to be where the reference will be.
+
+    weight   ρ of `Horizon`: small follows the model and the encoder, large the feedforward
+    horizon  H steps
+    """
+
+    weight: Gain = 0.01
+    horizon: int = 4
+    axes: NominalAxes = field(default_factory=usual)
+    host: ClassVar[Host] = "counter"
+    grid: ClassVar[Grid] = {"weight": (1e-3, 1e-2, 1e-1, 1.0)}
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "weight", checked("predictive", "weight", self.weight, "above zero"))
+        if not np.all(np.asarray(self.weight) > 0):
+            raise MotionError(f"law predictive: weight {shown(self.weight)} must be above zero")
+        if self.horizon != int(self.horizon) or self.horizon < 1:
+            raise MotionError(f"law predictive: horizon {self.horizon} must be a whole number of steps, at least 1")
+
+    @property
+    def name(self) -> str:
+        return f"predictive rho={shown(self.weight)} H={self.horizon}"
+
+    def command(self, k: int | np.ndarray, reference: Reference, feedback: Feedback) -> TAMove:
+        lanes, dt, axes = feedback.position.shape, reference.dt, self.axes
+        # instants or steps come first, then runs, then axes; a program of one run takes (n, ·)
+        guide = self._guide(np.asarray(k), reference)
+        instants = np.asarray(k) + Horizon.instants(self.horizon).reshape((-1,) + (1,) * np.ndim(k))
+        wanted = reference.between(instants[..., None] * dt + axes.delay)[0]
+        state = self._state(np.asarray(k), reference, feedback, guide[0] / dt)
+        guide, wanted = (np.moveaxis(np.broadcast_to(_lanes(of, lanes), (len(of), *lanes)), 0, -1) for of in (guide, wanted))
+        weight = np.broadcast_to(self.weight, (*lanes[:-1], 1))
+        w = np.empty((*lanes, 2))
+        for run in np.ndindex(lanes[:-1]):
+            program = _horizon(axes.key(), lanes[-1], dt, self.horizon, float(weight[run][0]))
+            w[run] = program.best(state[run], wanted[run], guide[run])[:, :2]
+        start, end = w[..., 0], w[..., 1]
+        return ramp(feedback.counter + (start + end) / 2, start / dt, end / dt, feedback.counter, dt)
+
+    def _guide(self, k: np.ndarray, reference: Reference) -> Array:
+        """The feedforward law's speeds at the start and end of each step, times dt: (2 H, …, n)."""
+        law, ahead = Feedforward(axes=self.axes), np.arange(self.horizon).reshape((-1,) + (1,) * k.ndim)
+        starts, ends = law.wanted(k + ahead, reference)[1], law.wanted(k + ahead + 1, reference, before=True)[1]
+        return np.stack([starts, ends], 1).reshape(2 * self.horizon, *starts.shape[1:]) * reference.dt
+
+    def _state(self, k: np.ndarray, reference: Reference, feedback: Feedback, speed: Array) -> Array:
+        """s (…, n, 4) of the undelayed drive, which is `delay` ahead of the encoder; `speed` is the command's."""
+        axes, c, x = self.axes, feedback.counter, feedback.position
+        v = axes.position_gain * (c - axes.delay * speed - x)
+        _, _, bend = reference.between(k[..., None] * reference.dt + axes.delay)
+        return np.stack(np.broadcast_arrays(x + axes.delay * v, v, axes.friction * v + bend, c), -1)
+
+
+def _lanes(of: Array, lanes: tuple[int, ...]) -> Array:
+    """(·, …, n) with as many dimensions as (·, *lanes)."""
+    return of.reshape(len(of), *(1,) * (len(lanes) + 1 - of.ndim), *of.shape[1:])
+
+
+@lru_cache(maxsize=64)
+def _horizon(axes: tuple[tuple[float, ...], ...], n: int, dt: float, steps: int, weight: float) -> Horizon:
+    return Horizon(NominalAxes.of(axes, n), dt, steps, weight)
