@@ -10,6 +10,7 @@ import numpy as np
 
 from controllers.laws.law import Law
 from controllers.laws.registry import LAWS, find_law
+from controllers.rig import Rig
 from kinematics.array import finite
 from kinematics.errors import MotionError
 from planner.option import split_options
@@ -59,12 +60,12 @@ def _long(name: str) -> str:
     return next(known[-1] for known in LAWS if name in known)
 
 
-def batched(settings: Sequence[Setting]) -> Law:
-    """One law whose gains are arrays (B, 1), of B settings of the same law."""
+def batched(settings: Sequence[Setting], rig: Rig) -> Law:
+    """One law whose gains are arrays (B, 1), of B settings of the same law; the rig as stated is what it knows of."""
     values = {
         gain: np.array([[dict(setting.gains)[gain]] for setting in settings]) for gain, _ in settings[0].gains
     }
-    return find_law(settings[0].law, **values)
+    return find_law(settings[0].law, rig, **values)
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import fields, is_dataclass
+from dataclasses import fields, is_dataclass, replace
 from functools import cache
 from hashlib import sha256
 from importlib.resources import files
@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.sweep.cell import Cell
-from benchmarks.sweep.grid import Bench
+from controllers.rig import Rig
 from controllers.task import Task
 from kinematics.errors import MotionError
 from kinematics.machine import Machine
@@ -22,17 +22,17 @@ PERIOD = 1e-3
 """s between the instants at which a motion is hashed."""
 
 
-def digest(cell: Cell, bench: Digests) -> str:
+def digest(cell: Cell, of: Digests) -> str:
     """SHA-256 of the cell, its rig, its task and the code, as 32 hexadecimal digits."""
-    return _hash([cell, bench.rig, bench.tasks[cell.task], bench.code])[:32]
+    return _hash([cell, of.rig, of.tasks[cell.task], of.code])[:32]
 
 
 class Digests:
-    """The hashes that the cells of a bench share."""
+    """The hashes that the cells on a rig share."""
 
-    def __init__(self, bench: Bench) -> None:
-        self.rig = _hash(bench.rig)
-        self.tasks = {task.name: _hash(task) for task in bench.tasks}
+    def __init__(self, rig: Rig) -> None:
+        self.rig = _hash(replace(rig, tasks=()))
+        self.tasks = {task.name: _hash(task) for task in rig.tasks}
         self.code = code()
 
     def as_record(self) -> dict[str, Any]:

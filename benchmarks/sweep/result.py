@@ -20,8 +20,7 @@ class Series:
     s                   (N,) place along the path that was planned for then
     planned, actual     (N, 3) m, or (N, n) axis positions where the motion has no path in space
     contour, tracking   (N,) the distances to the path and to the plan
-    torque              (N,) torque over its limit, the largest of any axis since the instant before
-    frequency, spectrum (F,) Hz, and the amplitude of the tracking error about each, before it was thinned out
+    torque              (N, n) torque over its limit, of the largest magnitude until the next instant
     """
 
     t: Array
@@ -31,12 +30,17 @@ class Series:
     contour: Array
     tracking: Array
     torque: Array
-    frequency: Array
-    spectrum: Array
 
     def __post_init__(self) -> None:
         for one in fields(self):
             object.__setattr__(self, one.name, frozen(getattr(self, one.name)))
+
+    @staticmethod
+    def unpacked(content: bytes) -> Series | None:
+        """Of a file that `Result.packed` made; None where the run has none."""
+        with np.load(BytesIO(content), allow_pickle=False) as file:
+            names = [one.name for one in fields(Series)]
+            return Series(*(file[name].astype(float) for name in names)) if names[0] in file else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,12 +70,10 @@ class Result:
 
     @staticmethod
     def unpacked(content: bytes) -> Result:
-        """What `packed` made. Raises ValueError, KeyError or OSError for anything else."""
+        """What `packed` made, without the series. Raises ValueError, KeyError or OSError for anything else."""
         with np.load(BytesIO(content), allow_pickle=False) as file:
             record = json.loads(str(file["record"]))
-            names = [one.name for one in fields(Series)]
-            series = Series(*(file[name].astype(float) for name in names)) if names[0] in file else None
         cell, setting = record["cell"], record["cell"]["setting"]
         gains = tuple((name, value) for name, value in setting["gains"])
         made = Cell(Setting(setting["law"], gains), cell["task"], Variation(**cell["variation"]), cell["seed"])
-        return Result(made, record["figures"], record["failure"], series)
+        return Result(made, record["figures"], record["failure"])

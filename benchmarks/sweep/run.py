@@ -7,15 +7,19 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from benchmarks.sweep.cell import Cell
 from benchmarks.sweep.digest import Digests, digest
-from benchmarks.sweep.grid import Bench, Grid
+from benchmarks.sweep.grid import Grid
 from benchmarks.sweep.result import Result
 from benchmarks.sweep.score import score
-from benchmarks.sweep.store import Runs, Store
+from benchmarks.sweep.store import Runs, Store, load_runs
+from controllers.rig import Rig
 from kinematics.errors import MotionError
 from planner.cluster import Lost, installed, on_cluster
 from planner.parallel import Progress, spread
+from planner.trajectory import Trajectory
 
 LANES = 64
 """Runs simulated at once: more gain little, and hold their whole course in memory."""
@@ -23,7 +27,7 @@ LANES = 64
 
 def sweep(
     grid: Grid,
-    bench: Bench,
+    rig: Rig,
     folder: Path,
     *,
     address: str | None = None,
@@ -35,12 +39,12 @@ def sweep(
     address: of a Dask scheduler whose workers have this package; None: this computer's cores, through Dask where it is
     installed, else through processes of our own, and `tell` is told so. progress is told how many runs are done, and of
     how many. A worker that dies costs its batch's time: others take it over. Raises MotionError for a task that the
-    bench has not, where nothing answers at the address, and, after all others are kept, for runs that no worker
+    rig has not, where nothing answers at the address, and, after all others are kept, for runs that no worker
     survived.
     """
-    cells, digests, store = list(grid), Digests(bench), Store(folder)
+    cells, digests, store = list(grid), Digests(rig), Store(folder)
     for task in grid.tasks:
-        bench.task(task)
+        rig.task(task)
     keys = [digest(cell, digests) for cell in cells]
     found = {key: store.find(key) for key in keys}
     key_of = dict(zip(cells, keys, strict=True))
@@ -58,17 +62,17 @@ def sweep(
         if progress is not None:
             progress(done, len(found))
 
-    lost = _run(batches, bench, address, keep, tell)
+    lost = _run(batches, rig, address, keep, tell)
     if lost:
         raise MotionError(f"sweep: {len(lost)} of {len(batches)} batches were lost, all others are kept: {lost[0]}")
-    record = {"rig": bench.name, "sha256": digests.as_record(), **_described(grid, bench), "versions": versions()}
+    record = {"rig": rig.name, "sha256": digests.as_record(), **_described(grid, rig), "versions": versions()}
     store.record(record, keys)
-    return Runs(folder.name, record, tuple(result for key in keys if (result := found[key]) is not None))
+    return load_runs(folder)
 
 
 def _run(
     batches: Sequence[tuple[Cell, ...]],
-    bench: Bench,
+    rig: Rig,
     address: str | None,
     keep: Callable[[object, list[Result]], None],
     tell: Callable[[str], None],
@@ -77,9 +81,9 @@ def _run(
     if address is None and (not installed() or len(batches) < 2):
         if len(batches) > 1:
             tell('Dask is not installed (extra "cluster"): the runs are spread over processes of this computer')
-        spread(partial(score, bench=bench), batches, keep)
+        spread(partial(score, rig=rig), batches, keep)
         return lost
-    for n, results in on_cluster(score, batches, bench, address) if batches else ():
+    for n, results in on_cluster(score, batches, rig, address) if batches else ():
         if isinstance(results, Lost):
             lost.append(results)
         else:
@@ -97,7 +101,7 @@ def _batches(cells: Sequence[Cell]) -> Iterator[tuple[Cell, ...]]:
             yield tuple(group[first : first + LANES])
 
 
-def _described(grid: Grid, bench: Bench) -> dict[str, Any]:
+def _described(grid: Grid, rig: Rig) -> dict[str, Any]:
     """What a reader of the runs needs to know of the tasks, and of the grid."""
     return {
         "seeds": list(grid.seeds),
@@ -105,20 +109,17 @@ def _described(grid: Grid, bench: Bench) -> dict[str, Any]:
         "tasks": {
             name: {"duration_s": float(task.motion.duration), "dt_s": task.dt, "corners": corners(task.motion)}
             for name in grid.tasks
-            for task in [bench.task(name)]
+            for task in [rig.task(name)]
         },
     }
 
 
 def corners(motion: Any) -> list[dict[str, float]]:
-    """Where the path's direction jumps or the motion rests between its ends: s, m, and t, s."""
-    path = getattr(motion, "path", None)
-    if path is None:
+    """Where one piece of the path meets the next: when the plan is there, and how far along; none without a path."""
+    if not isinstance(motion, Trajectory):
         return []
-    import numpy as np
-
-    first = np.flatnonzero(np.diff(motion.piece))
-    return [{"t_s": float(motion.knots[k + 1]), "s_m": float(motion.s[k + 1])} for k in first if motion.piece[k] != motion.piece[k+1]]
+    after = np.flatnonzero(np.diff(motion.piece)) + 1
+    return [{"t_s": float(motion.knots[k]), "s_m": float(motion.s[k])} for k in after]
 
 
 def versions() -> dict[str, str]:

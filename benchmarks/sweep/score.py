@@ -4,109 +4,83 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from math import isnan
 
 import numpy as np
 
-from benchmarks.sweep.cell import NOMINAL, Cell, Variation, batched
-from benchmarks.sweep.grid import Bench
+from benchmarks.sweep.cell import Cell, batched
 from benchmarks.sweep.result import Result, Series
-from controllers import evaluate
-from controllers.metrics import Metrics
-from controllers.rig import Rig
-from controllers.simulate import Runs, Tracking, sample, simulate
-from controllers.task import Task
+from controllers.host import Host
+from controllers.laws.law import Law
+from controllers.metrics import Metrics, evaluate_runs
+from controllers.metrics.evaluate import BATCH_PERIOD
+from controllers.metrics.space import Planned, planned_at
+from controllers.rig import Rig, disturbed
+from controllers.simulate import Runs, sample, simulate
 from kinematics.array import Array
 from kinematics.errors import MotionError
+from kinematics.pose import from_numbers
 
-SAMPLES = 2000
-"""Instants, about, at which the course of a run is kept."""
-LINES = 400
-"""Frequencies, about, at which the spectrum of a run is kept."""
+SLEEPER = Host("sleep", granularity=1 / 64, jitter=1e-3)
+"""ASSUMED of a host that sleeps, where the rig's file states none: the timer of an office computer of the thesis' time
+ticks 64 times a second, and what else runs there takes up to a millisecond."""
 
 
-def score(cells: Sequence[Cell], bench: Bench) -> list[Result]:
+def score(cells: Sequence[Cell], rig: Rig) -> list[Result]:
     """The results of runs of one law on one task, in order. What a run raises of MotionError is its failure."""
-    task = bench.task(cells[0].task)
-    rigs = [varied(bench.rig, cell.variation) for cell in cells]
+    task, machine = rig.task(cells[0].task), rig.machine
     try:
-        law = batched([cell.setting for cell in cells])
-        runs = simulate(sample(task.motion, bench.rig.machine, task.dt), law, rigs)
+        law = batched([cell.setting for cell in cells], rig)
+        rigs = [_own(rig, law, cell) for cell in cells]
+        runs = simulate(sample(task.motion, machine, task.dt), law, rigs)
+        metrics = evaluate_runs(runs, task, rigs)
     except MotionError as error:
         if len(cells) == 1:
             return [Result(cells[0], failure=str(error))]
         # one run has stopped all: the halves tell which
         half = len(cells) // 2
-        return [*score(cells[:half], bench), *score(cells[half:], bench)]
-    return [_reduced(cell, runs, lane, task, rigs[lane]) for lane, cell in enumerate(cells)]
-
-
-def varied(rig: Rig, variation: Variation) -> Rig:
-    """The rig with its drives' inertia and friction multiplied."""
-    return replace(
-        rig,
-        drives=tuple(
-            replace(drive, inertia=drive.inertia * variation.inertia, friction=drive.friction * variation.friction)
-            for drive in rig.drives
-        ),
-    )
-
-
-def _reduced(cell: Cell, runs: Runs, lane: int, task: Task, rig: Rig) -> Result:
-    machine = rig.machine
-    pulse = np.array([axis.pulse for axis in machine.axes])
-    planned = task.motion.at(np.minimum(runs.t, task.motion.duration)).q
-    command, actual = (machine.home_q + of[:, lane] * pulse for of in (runs.command, runs.actual))
-    tracking = Tracking(cell.setting.label, task.dt, runs.t, planned, command, actual, runs.pulses[lane])
-    try:
-        metrics = evaluate(tracking, task.motion, machine)
-    except MotionError as error:
-        return Result(cell, failure=str(error))
-    figures = _figures(metrics)
-    return Result(cell, figures, series=_series(metrics, runs, lane, task, rig) if cell.variation == NOMINAL else None)
-
-
-def _figures(metrics: Metrics) -> dict[str, float]:
-    named = {one.name: one for one in metrics.series}
-    return {
-        f"{name}_{what}": getattr(named[name], what)
-        for name in ("contour", "tracking", "orientation")
-        for what in ("rms", "p95", "max")
-    }
-
-
-def _series(metrics: Metrics, runs: Runs, lane: int, task: Task, rig: Rig) -> Series:
-    """The course of a run, thinned out; what is thinned keeps its largest values where it is a magnitude."""
-    machine, path = rig.machine, task.motion.path
-    pulse = np.array([axis.pulse for axis in machine.axes])
-    every = round((metrics.t[1] - metrics.t[0]) / (runs.t[1] - runs.t[0]))
-    planned = task.motion.at(np.minimum(metrics.t, task.motion.duration))
-    pose = path.pose_numbers(planned.s, planned.piece)
-    actual = machine.forward(machine.home_q + runs.actual[::every, lane] * pulse).pose.translation
+        return [*score(cells[:half], rig), *score(cells[half:], rig)]
+    planned = planned_at(task.motion, machine, metrics[0].t)
     limit = np.array([drive.torque_limit for drive in rig.drives])
-    used = np.abs(runs.torque[:, lane] / limit).max(1)
-    thin = max(1, len(metrics.t) // SAMPLES)
-    blocks = np.arange(0, len(metrics.t), thin)
-    frequency, spectrum = _spectrum(actual - pose[:, :3], metrics.t[1] - metrics.t[0])
+    return [
+        _result(cell, of, _series(of, planned, runs, lane, rig, limit))
+        for lane, (cell, of) in enumerate(zip(cells, metrics, strict=True))
+    ]
+
+
+def _own(rig: Rig, law: Law, cell: Cell) -> Rig:
+    """The rig of one run: its inertia and friction, and the host's timing that the law is meant for, with its seed."""
+    host = SLEEPER if law.host == "sleep" and rig.host.timer == "counter" else rig.host
+    varied = disturbed(rig, inertia=cell.variation.inertia, friction=cell.variation.friction)
+    return replace(varied, host=replace(host, seed=cell.seed))
+
+
+def _result(cell: Cell, metrics: Metrics, series: Series) -> Result:
+    figures = metrics.figures()
+    if isnan(figures["contour_rms"]):
+        return Result(cell, failure="the axes left what the machine can reach, or its way of standing")
+    return Result(cell, {name: value for name, value in figures.items() if not isnan(value)}, series=series)
+
+
+def _series(metrics: Metrics, planned: Planned, runs: Runs, lane: int, rig: Rig, limit: Array) -> Series:
+    machine, path = rig.machine, planned.path
+    every = max(1, round(BATCH_PERIOD / (runs.t[1] - runs.t[0])))
+    q = machine.home_q + runs.actual[::every, lane] * [axis.pulse for axis in machine.axes]
+    if path is None:
+        wanted, actual = planned.q, q
+    else:
+        numbers = path.pose_numbers(planned.s, np.searchsorted(path.breaks[1:-1], planned.s, side="right"))
+        wanted = numbers[:, :3]
+        actual = machine.forward(q, near=from_numbers(numbers), certify=False).pose.translation
+    share = runs.torque[:, lane] / limit
+    first = np.arange(0, len(share), every)
+    high, low = np.maximum.reduceat(share, first), np.minimum.reduceat(share, first)
     return Series(
-        t=metrics.t[::thin],
-        s=planned.s[::thin],
-        planned=pose[::thin, :3],
-        actual=actual[::thin],
-        contour=metrics.contour.value[::thin],
-        tracking=metrics.tracking.value[::thin],
-        torque=np.maximum.reduceat(used, blocks * every),
-        frequency=frequency,
-        spectrum=spectrum,
+        t=metrics.t,
+        s=planned.s,
+        planned=wanted,
+        actual=actual,
+        contour=metrics.contour.value,
+        tracking=metrics.tracking.value,
+        torque=np.where(high > -low, high, low),
     )
-
-
-def _spectrum(error: Array, dt: float) -> tuple[Array, Array]:
-    """Frequencies (F,), Hz, and amplitudes of an error (N, n) under a Hann window: the largest of each band.
-
-    A sine of amplitude a shows as a: |X| is divided by half the sum of the window. Of several components √Σ|X|².
-    """
-    window = np.hanning(len(error))
-    amplitude = np.linalg.norm(np.fft.rfft(error * window[:, None], axis=0), axis=1) * 2 / window.sum()
-    frequency = np.fft.rfftfreq(len(error), dt)[1:]
-    edges = np.unique(np.round(np.geomspace(1, len(frequency), LINES)).astype(int)) - 1
-    return frequency[edges], np.maximum.reduceat(amplitude[1:], edges)

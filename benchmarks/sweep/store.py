@@ -13,7 +13,7 @@ from time import time
 from typing import Any
 from zipfile import BadZipFile
 
-from benchmarks.sweep.result import Result
+from benchmarks.sweep.result import Result, Series
 from kinematics.errors import MotionError
 
 CELLS, RECORD, KIND = "cells", "runs.json", "pulsepath runs"
@@ -59,7 +59,7 @@ def write_whole(path: Path, content: bytes) -> None:
         except BaseException:
             part.unlink()
             raise
-    os.chmod(part, 0o666 & ~_umask())
+    part.chmod(0o666 & ~_umask())
     part.replace(path)
 
 
@@ -71,25 +71,35 @@ def _umask() -> int:
 
 @dataclass(frozen=True, slots=True)
 class Runs:
-    """Saved runs that belong together, and the record of how they were made."""
+    """Saved runs that belong together, by the names of their files, and the record of how they were made."""
 
-    source: str
+    folder: Path
     record: Mapping[str, Any]
-    results: tuple[Result, ...]
+    results: Mapping[str, Result]
+
+    @property
+    def name(self) -> str:
+        return self.folder.resolve().name
+
+    def series(self, key: str) -> Series | None:
+        """How a run went over time, read from its file; None of one that failed."""
+        return Series.unpacked((self.folder / CELLS / f"{key}.npz").read_bytes())
 
 
 def load_runs(folder: Path) -> Runs:
     """The runs of a folder that a sweep wrote. Raises MotionError where there are none, or a file is lost."""
+    hint = "give a folder that a sweep wrote"
     try:
         record = json.loads((folder / RECORD).read_bytes())
     except (OSError, ValueError) as error:
-        raise MotionError(f"{folder} holds no saved runs ({RECORD}: {error}); give a folder that a sweep wrote") from None
+        raise MotionError(f"{folder} holds no saved runs ({RECORD}: {error}); {hint}") from None
     if not isinstance(record, dict) or record.get("kind") != KIND:
-        raise MotionError(f"{folder / RECORD} is no record of saved runs; give a folder that a sweep wrote")
-    store, results = Store(folder), []
+        raise MotionError(f"{folder / RECORD} is no record of saved runs; {hint}")
+    store, results = Store(folder), {}
     for key in record["cells"]:
         found = store.find(key)
         if found is None:
-            raise MotionError(f"{folder / CELLS / key}.npz is lost or damaged; run the sweep again, the others are kept")
-        results.append(found)
-    return Runs(folder.name or str(folder), record, tuple(results))
+            lost = folder / CELLS / f"{key}.npz"
+            raise MotionError(f"{lost} is lost or damaged; run the sweep again, the others are kept")
+        results[key] = found
+    return Runs(folder, record, results)
