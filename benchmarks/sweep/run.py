@@ -15,6 +15,7 @@ from benchmarks.sweep.grid import Grid
 from benchmarks.sweep.result import Result
 from benchmarks.sweep.score import score
 from benchmarks.sweep.store import Runs, Store, load_runs
+from controllers.metrics.space import planned_at
 from controllers.rig import Rig
 from kinematics.errors import MotionError
 from planner.cluster import Lost, installed, on_cluster
@@ -107,10 +108,16 @@ def _described(grid: Grid, rig: Rig) -> dict[str, Any]:
         "seeds": list(grid.seeds),
         "variations": [variation.name for variation in grid.variations],
         "tasks": {
-            name: {"duration_s": float(task.motion.duration), "dt_s": task.dt, "corners": corners(task.motion)}
+            name: {
+                "duration_s": float(task.motion.duration),
+                "dt_s": task.dt,
+                "unit": planned_at(task.motion, rig.machine, np.zeros(1)).unit,
+                "corners": corners(task.motion),
+            }
             for name in grid.tasks
             for task in [rig.task(name)]
         },
+        "axes": {axis.name: axis.unit for axis in rig.machine.axes},
     }
 
 
