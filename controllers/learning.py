@@ -46,7 +46,7 @@ def learn(rig: Rig, task: Task, trials: int, *, plant: Rig | None = None, change
     so u⁺ = u + (PᵀP + s I)⁻¹ Pᵀ e where no limit is active: norm-optimal learning with W = I, S = s I, R = 0, whose error
     falls with every trial as long as P is the plant. u are the speeds at the start and end of each step (times dt), P
     the nominal drives' response to them over the whole motion (`Horizon`); e what the encoders read at `INSTANTS`
-    instants in each step, which the host can poll while it waits. The first u is the reference, as law 3 sends it.
+    instants in each step, which the host can poll while it waits, less the nominal play that an encoder does not see. The first u is the reference, as law 3 sends it.
 
     rig     as stated: P and the limits
     plant   what the trials run on, `rig` by default
@@ -82,7 +82,8 @@ def modelled(reference: Reference, law: Learned, axes: NominalAxes) -> NominalAx
     n = reference.position.shape[-1]
     t = np.arange(reference.steps + 1)[:, None] * reference.dt + np.broadcast_to(axes.delay, n)
     r, rd, _ = reference.between(t)
-    lead = law.position[: reference.steps + 1] - r
+    taken = axes.play / 2 * reference.heading(np.arange(reference.steps + 1))
+    lead = law.position[: reference.steps + 1] - r - taken
     return replace(axes, position_gain=(rd**2).sum(0) / (rd * lead).sum(0))
 
 
@@ -98,6 +99,8 @@ def _errors(reference: Reference, law: Learned, plant: Rig, axes: NominalAxes, s
     runs = simulate(reference, law, [plant], settle=(TAIL + 1) * reference.dt)
     pulse = np.array([axis.pulse for axis in plant.machine.axes])
     read = measured(drives([plant.drives]), runs.actual * pulse)[:, 0] / pulse
-    t = Horizon.instants(steps)[:, None] * reference.dt + np.broadcast_to(axes.delay, len(pulse))
+    instants = Horizon.instants(steps)
+    taken = axes.play / 2 * reference.heading(np.ceil(instants - 1e-9).astype(int))
+    t = instants[:, None] * reference.dt + np.broadcast_to(axes.delay, len(pulse))
     at = np.minimum(np.searchsorted(runs.t, t - 1e-9), len(runs.t) - 1)
-    return np.asarray(reference.between(t)[0] - np.take_along_axis(read, at, 0)).T
+    return np.asarray(reference.between(t)[0] + taken - np.take_along_axis(read, at, 0)).T

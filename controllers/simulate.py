@@ -153,7 +153,7 @@ def simulate(
             torque[rows] = response.torque
     for record in (command, actual, speed, torque):
         record.setflags(write=False)
-    t = np.arange(len(command)) * (every * h)
+    t: Array = np.arange(len(command)) * (every * h)
     return Runs(t, command, actual, speed, torque, state.pulses(samples * h), axes.lost(drives), begin)
 
 

@@ -38,8 +38,7 @@ class Bank:
             response, own = self.groups[0][1].run(state[0], command, kept)
             return response, (own,)
         runs = [
-            axes.run(own, command[:, :, columns], kept)
-            for (columns, axes), own in zip(self.groups, state, strict=True)
+            axes.run(own, command[:, :, columns], kept) for (columns, axes), own in zip(self.groups, state, strict=True)
         ]
         parts = (self._joined([getattr(response, name) for response, _ in runs]) for name in Response.__slots__)
         return Response(*parts), tuple(own for _, own in runs)

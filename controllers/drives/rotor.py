@@ -24,8 +24,8 @@ class Rotor:
     hx: Array
     gv: Array
     hv: Array
-    rough: np.ndarray
-    """(B, n) bool: the lanes with Coulomb friction."""
+    halt: Array
+    """(B, n) 0 in lanes with Coulomb friction, whose speed may change its sign by way of rest only; −inf in others."""
     smooth: bool
     """No lane has any."""
 
@@ -34,7 +34,6 @@ def rotor(inertia: Array, friction: Array, coulomb: Array, h: float) -> Rotor:
     """With z = b h/J and φ₁, φ₂ of `_phi`: gv = e⁻ᶻ, hv = φ₁ h/J, gx = φ₁ h, hx = φ₂ h²/J."""
     z = friction * h / inertia
     phi1, phi2 = _phi(z)
-    rough = coulomb > 0
     return Rotor(
         h=h,
         inertia=frozen(inertia),
@@ -44,8 +43,8 @@ def rotor(inertia: Array, friction: Array, coulomb: Array, h: float) -> Rotor:
         hx=frozen(phi2 * h * h / inertia),
         gv=frozen(np.exp(-z)),
         hv=frozen(phi1 * h / inertia),
-        rough=frozen(rough),
-        smooth=not rough.any(),
+        halt=frozen(np.where(coulomb > 0, 0.0, -np.inf)),
+        smooth=not coulomb.any(),
     )
 
 
@@ -61,8 +60,7 @@ def advance(rotor: Rotor, x: Array, v: Array, torque: Array, work: Array) -> Non
     if rotor.smooth:
         push = torque
     else:
-        np.sign(v, out=push)
-        np.multiply(push, rotor.coulomb, out=push)
+        np.copysign(rotor.coulomb, v, out=push)
         np.subtract(torque, push, out=push)
     np.multiply(rotor.gv, v, out=speed)
     np.multiply(rotor.hv, push, out=part)
@@ -72,15 +70,18 @@ def advance(rotor: Rotor, x: Array, v: Array, torque: Array, work: Array) -> Non
     np.add(way, part, out=way)
     if not rotor.smooth:
         np.multiply(speed, v, out=part)
-        stops = np.flatnonzero((part <= 0) & rotor.rough)
-        if len(stops):
+        halts = part <= rotor.halt
+        if np.count_nonzero(halts):
+            stops = np.flatnonzero(halts)
             lanes = [of.ravel()[stops] for of in (v, torque, rotor.inertia, rotor.friction, rotor.coulomb)]
             way.ravel()[stops], speed.ravel()[stops] = _by_way_of_rest(rotor.h, *lanes)
     np.add(x, way, out=x)
     v[...] = speed
 
 
-def _by_way_of_rest(h: float, v: Array, torque: Array, inertia: Array, friction: Array, coulomb: Array) -> tuple[Array, Array]:
+def _by_way_of_rest(
+    h: float, v: Array, torque: Array, inertia: Array, friction: Array, coulomb: Array
+) -> tuple[Array, Array]:
     """Way and speed (lanes,) after h, of lanes that stand or come to a stand within it.
 
     v = 0 is reached after t = log(1 + a w)/a with a = b/J and w = −v J/u, which is t = w without viscous friction.

@@ -58,7 +58,8 @@ class ServoAxes:
         x, y, v, integral = (getattr(state, name).copy() for name in ("x", "y", "v", "integral"))
         late, commands = _delayed(command, state.commands, self.command_delay)
         told = [np.empty((len(kept), *x.shape)) for _ in range(3)]
-        error, part, given, *work = np.empty((7, *x.shape))
+        error, part, given = np.empty((3, *x.shape))
+        work = np.empty((4, *x.shape))
         free = np.empty(x.shape, bool)
         some_output, some_play = self.at_output.any(), self.half_play.any()
         longest = len(state.torques)

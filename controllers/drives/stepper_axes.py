@@ -22,7 +22,7 @@ one, and swinging beyond it for a moment is none."""
 
 @dataclass(frozen=True, slots=True)
 class StepperState:
-    """Rotor x, output y, speed v, field r (B, n) and the field's turn that the rotor is in; slips: turns lost (B, n)."""
+    """Rotor x, output y, speed v, field r, the field's turn that the rotor is in, and how many it lost, all (B, n)."""
 
     x: Array
     y: Array
@@ -62,7 +62,7 @@ class StepperAxes:
     def run(self, state: StepperState, command: Array, kept: np.ndarray) -> tuple[Response, StepperState]:
         x, y, v, r, turn, slips = (getattr(state, name).copy() for name in StepperState.__slots__)
         told = [np.empty((len(kept), *x.shape)) for _ in range(3)]
-        part, *work = np.empty((5, *x.shape))
+        part, work = np.empty_like(x), np.empty((4, *x.shape))
         h = self.rotor.h
         wave = np.pi / 2 / self.full_step
         keep = iter([*kept.tolist(), -1])
@@ -109,7 +109,10 @@ def stepper_axes(drives: Sequence[Sequence[Stepper]], sample: float) -> StepperA
     return StepperAxes(
         sample=sample,
         rotor=rotor(
-            values("inertia", drives), values("friction", drives) + damping, values("coulomb", drives), sample / SUBSTEPS
+            values("inertia", drives),
+            values("friction", drives) + damping,
+            values("coulomb", drives),
+            sample / SUBSTEPS,
         ),
         full_step=values("full_step", drives),
         damping=damping,

@@ -9,7 +9,7 @@ import numpy as np
 
 from controllers.card import TAMove
 from controllers.laws.gain import Gain, Grid, checked, shown
-from controllers.laws.law import Feedback, Host, Reference
+from controllers.laws.law import Feedback, Reference, Timer
 
 _ADVICE = "the thesis used 0.7 for the position, 1 for the speed"
 
@@ -23,7 +23,7 @@ class ClosedError:
     """
 
     gain: Gain = 0.7
-    host: ClassVar[Host] = "counter"
+    host: ClassVar[Timer] = "counter"
     grid: ClassVar[Grid] = {"gain": (0.1, 0.3, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0)}
 
     def __post_init__(self) -> None:
@@ -40,19 +40,19 @@ class ClosedError:
 
 @dataclass(frozen=True, slots=True)
 class ClosedErrorSpeed:
-    """TAMove(kp·(ang(k+1) − pos(k−1)), npuls(k), kv·(npuls(k+1) − v(k−1)), dt, 0) [Sahbaz 2007, Table 7.5, algorithm 5].
+    """TAMove(kp·(ang(k+1) − pos(k−1)), npuls(k), kv·(npuls(k+1) − v(k−1)), dt, 0).
 
-    The table is implemented. The program printed in the thesis' appendix differs: its first command is the table's, but
-    later ones start at kverr(k−1), the top speed of the step before, instead of npuls(k); where npuls(k+1) < 0 it adds
-    v(k−1) instead of subtracting it; and since that stands in a one-line If, kverr is multiplied out for negative
-    speeds only and stays zero for the others.
+    [Sahbaz 2007, Table 7.5, algorithm 5]. The table is implemented. The program printed in the thesis'
+    appendix differs: its first command is the table's, but later ones start at kverr(k−1), the top speed of the step
+    before, instead of npuls(k); where npuls(k+1) < 0 it adds v(k−1) instead of subtracting it; and since that stands in
+    a one-line If, kverr is multiplied out for negative speeds only and stays zero for the others.
 
     `gain` is kp, `speed_gain` kv.
     """
 
     gain: Gain = 0.7
     speed_gain: Gain = 1.0
-    host: ClassVar[Host] = "counter"
+    host: ClassVar[Timer] = "counter"
     grid: ClassVar[Grid] = {"gain": (0.1, 0.3, 0.5, 0.7, 0.9), "speed_gain": (0.5, 1.0)}
 
     def __post_init__(self) -> None:

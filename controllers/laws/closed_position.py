@@ -9,7 +9,7 @@ import numpy as np
 
 from controllers.card import TAMove, TRMove
 from controllers.laws.gain import Gain, Grid, checked, shown
-from controllers.laws.law import Feedback, Host, Reference
+from controllers.laws.law import Feedback, Reference, Timer
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,10 +19,11 @@ class ClosedPosition:
     [Sahbaz 2007, Table 7.5, algorithms 6 and 7]; `gain` is k, 0.7 the best value by the thesis. pos(k−1) is read at the
     end of step k−1, when the reference is at ang(k), so e is the following error of that instant times k.
 
-    Algorithm 6 moves the target only; the top speed stays that of the reference. So while an axis runs one way, a target
-    further ahead is not reached any sooner and the command is that of law 3, whatever k, to the pulse that law 3 may
-    wait at its own target. Where an axis turns round, the error still points the old way and, speeds being magnitudes,
-    sends the command on that way for a while; no later command may catch up, so the loss stays until the axis rests.
+    Algorithm 6 moves the target only; the top speed stays that of the reference. So while an axis runs one way, a
+    target further ahead is not reached any sooner and the command is that of law 3, whatever k, to the pulse that law 3
+    may wait at its own target. Where an axis turns round, the error still points the old way and, speeds being
+    magnitudes, sends the command on that way for a while; no later command may catch up, so the loss stays until the
+    axis rests.
 
     relative  algorithm 7: TRMove(ang(k+1) − ang(k) + e, …), counted from the command position of the instant
     repaired  ours: the top speed carries the correction, npuls(k+1) + e/dt. The ramp to it lasts the whole step, in
@@ -32,7 +33,7 @@ class ClosedPosition:
     gain: Gain = 0.7
     relative: bool = False
     repaired: bool = False
-    host: ClassVar[Host] = "counter"
+    host: ClassVar[Timer] = "counter"
     grid: ClassVar[Grid] = {"gain": (0.1, 0.3, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0)}
 
     def __post_init__(self) -> None:

@@ -8,6 +8,7 @@ from controllers.laws.nominal import NominalAxes
 from controllers.laws.osqp_ import QuadraticProgram
 from controllers.laws.response import response
 from kinematics.array import Array
+from kinematics.errors import MotionError
 
 INSTANTS = 5
 """Instants in each step at which an error counts: what happens between samples is error too."""
@@ -26,12 +27,16 @@ class Horizon:
 
     def __init__(self, axes: NominalAxes, dt: float, steps: int, weight: float) -> None:
         n = len(axes)
+        loops = np.isfinite(axes.position_gain)
+        if not loops.all():
+            raise MotionError(
+                f"model of the axes: axis {int(np.argmin(loops)) + 1} has no position loop to predict (a stepper); "
+                "law feedforward sends it where it is to be"
+            )
         self._weight, self._dt = weight, dt
         self.free, self.driven = response(axes, dt, INSTANTS).over(steps)
         """O (n, H·m, 4) and Γ (n, H·m, 2 H)."""
-        speed, change = (
-            np.broadcast_to(of, n)[:, None] for of in (axes.max_speed * dt, axes.max_acceleration * dt**2)
-        )
+        speed, change = (np.broadcast_to(of, n)[:, None] for of in (axes.max_speed * dt, axes.max_acceleration * dt**2))
         self._top = speed
         size = 2 * steps
         self._bound = np.concatenate([np.repeat(speed, size, 1), np.repeat(change, size, 1)], 1)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal, Protocol
 
 import numpy as np
@@ -12,8 +12,8 @@ from controllers.laws.gain import Grid
 from kinematics.array import Array, frozen
 
 
-Host = Literal["counter", "sleep"]
-"""How the host waits for the next step: it watches the card's clock counter, or lets the operating system sleep."""
+Timer = Literal["counter", "sleep"]
+"""How a law wants its host to wait for the next step, see `controllers.host.Host`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,10 +28,15 @@ class Reference:
     dt: float
     position: Array
     speed: Array
+    _heading: Array = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "position", frozen(self.position, np.float64))
         object.__setattr__(self, "speed", frozen(self.speed, np.float64))
+        sign = np.where(np.abs(self.speed) > _STILL, np.sign(self.speed), 0.0)
+        k = np.arange(len(sign)).reshape(-1, *(1,) * (sign.ndim - 1))
+        last = np.maximum.accumulate(np.where(sign != 0, k, 0))
+        object.__setattr__(self, "_heading", frozen(np.take_along_axis(sign, last, 0)))
 
     @property
     def steps(self) -> int:
@@ -49,6 +54,10 @@ class Reference:
         """Reference speed, pulses/s, at k·dt, shaped as `ang`; zero after the end."""
         speed = self._at(self.speed, np.minimum(k, self.steps))
         return np.where(np.reshape(k, np.shape(k) + (1,) * (speed.ndim - np.ndim(k))) <= self.steps, speed, 0.0)
+
+    def heading(self, k: int | np.ndarray) -> Array:
+        """±1 by the way that each axis runs at k·dt, or ran before it came to rest; 0 before it moves, as `ang`."""
+        return self._at(self._heading, np.minimum(k, self.steps))
 
     def between(self, t: Array, *, before: bool = False) -> tuple[Array, Array, Array]:
         """Position, speed and acceleration at any instants t (…, n), s, which may differ by axis, and run: (…, B, n).
@@ -78,6 +87,10 @@ class Reference:
         return np.asarray(of[k, np.arange(len(k))] if own else of[k])
 
 
+_STILL = 1e-3
+"""Pulses/s: below it an axis rests, but for rounding."""
+
+
 @dataclass(frozen=True, slots=True)
 class Feedback:
     """What the host reads as step k begins, which is the end of step k − 1; arrays (…) as the card's lanes.
@@ -100,7 +113,7 @@ class Law(Protocol):
     """
 
     @property
-    def host(self) -> Host:
+    def host(self) -> Timer:
         """The timing that the law is meant for."""
 
     @property

@@ -9,7 +9,7 @@ import numpy as np
 
 from controllers.card import TAMove
 from controllers.laws.gain import Grid
-from controllers.laws.law import Feedback, Host, Reference
+from controllers.laws.law import Feedback, Reference, Timer
 from controllers.laws.ramp import ramp
 from kinematics.array import Array, frozen
 
@@ -27,7 +27,7 @@ class Learned:
 
     position: Array
     turn: Array
-    host: ClassVar[Host] = "counter"
+    host: ClassVar[Timer] = "counter"
     grid: ClassVar[Grid] = {}
 
     def __post_init__(self) -> None:

@@ -7,8 +7,13 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from controllers.rig import Rig
+from controllers.servo import Servo
+from controllers.stepper import Stepper
 from kinematics.array import Array, frozen
+from kinematics.axis import Axis
 from kinematics.errors import MotionError
+
+INF = float("inf")
 
 
 @dataclass(frozen=True, slots=True)
@@ -16,11 +21,13 @@ class NominalAxes:
     """The axes of a rig as its maker states them, each (n,), or (1,) where all are alike.
 
     With c the card's command and x, v the axis' position and speed:
-    v̇ = ω (K (c − x) − v) + i − β v,  i̇ = (ω/T) (K (c − x) − v),  ẋ = v, `delay` later.
+    v̇ = ω (K (c − x) − v) + i − β v,  i̇ = (ω/T) (K (c − x) − v),  ẋ = v, `delay` later; the output stays
+    behind x by half of `play`, whichever way it last went.
 
     position_gain     K, 1/s;  speed_loop  ω, rad/s;  integral_time  T, s
     friction          β, viscous friction by inertia, 1/s
     delay             s from a pulse of the card to the torque that it brings about
+    play              pulses between an encoder at the motor and the output; 0 where the encoder is at the output
     max_speed         pulses/s;  max_acceleration  pulses/s²; infinite where the machine states none
     """
 
@@ -29,6 +36,7 @@ class NominalAxes:
     integral_time: Array
     friction: Array
     delay: Array
+    play: Array
     max_speed: Array
     max_acceleration: Array
 
@@ -36,11 +44,11 @@ class NominalAxes:
         for field in fields(self):
             values = np.atleast_1d(np.asarray(getattr(self, field.name), float))
             object.__setattr__(self, field.name, frozen(values))
-            lowest = 0.0 if field.name in ("friction", "delay") else np.finfo(float).tiny
+            lowest = 0.0 if field.name in _MAY_BE_ZERO else np.finfo(float).tiny
             if not np.all(values >= lowest):
                 raise MotionError(
-                    f"nominal axes: {field.name} {values.min():g} must be a positive number (friction and delay may be "
-                    "zero)"
+                    f"nominal axes: {field.name} {values.min():g} must be a positive number "
+                    f"({', '.join(_MAY_BE_ZERO)} may be zero)"
                 )
 
     def __len__(self) -> int:
@@ -56,25 +64,29 @@ class NominalAxes:
         return NominalAxes(*(np.broadcast_to(numbers, n) for numbers in key))
 
 
+_MAY_BE_ZERO = ("friction", "delay", "play")
+
+
 def usual() -> NominalAxes:
     """The drive assumed where none is stated, as `controllers.servo.leg_servo`: [Sahbaz 2007, Table 7.4]."""
-    return NominalAxes(30.0, 2 * np.pi * 30.0, 30e-3, 5.0, 0.0, np.inf, np.inf)  # type: ignore[arg-type]
+    return NominalAxes(*np.array([[30.0], [2 * np.pi * 30.0], [30e-3], [5.0], [0.0], [0.0], [INF], [INF]]))
 
 
 def nominal(rig: Rig) -> NominalAxes:
-    """The axes of a rig. It must be the rig as stated: what is tried on it, such as more inertia, a law cannot know."""
-    drives, axes = rig.drives, rig.machine.axes
+    """The axes of a rig. It must be the rig as stated: what is tried on it, such as more inertia, a law cannot know.
 
-    def limit(name: str) -> Array:
-        stated = [getattr(axis, name, None) for axis in axes]
-        return np.array([np.inf if of is None else of / axis.pulse for of, axis in zip(stated, axes, strict=True)])
+    A stepper's rotor stands where its pulses put it: it has no loops, whose gains are infinite then.
+    """
+    numbers = [_numbers(drive, axis) for drive, axis in zip(rig.drives, rig.machine.axes, strict=True)]
+    return NominalAxes(*np.array(numbers).T)
 
-    return NominalAxes(
-        position_gain=np.array([drive.position_gain for drive in drives]),
-        speed_loop=2 * np.pi * np.array([drive.speed_loop for drive in drives]),
-        integral_time=np.array([drive.integral_time for drive in drives]),
-        friction=np.array([drive.friction / drive.inertia for drive in drives]),
-        delay=np.array([getattr(drive, "delay", 0.0) for drive in drives]),
-        max_speed=limit("max_speed"),
-        max_acceleration=limit("max_acceleration"),
-    )
+
+def _numbers(drive: Servo | Stepper, axis: Axis) -> tuple[float, ...]:
+    top, rate = (INF if of is None else float(np.min(of)) / axis.pulse for of in (axis.max_speed, axis.max_acceleration))
+    play = drive.play / axis.pulse
+    if isinstance(drive, Stepper):
+        return (INF, INF, INF, 0.0, 0.0, play, top, rate)
+    delay = (drive.command_delay + drive.loop_delay) * drive.sample
+    seen = play if drive.feedback == "motor" else 0.0
+    loop, friction = 2 * np.pi * drive.speed_loop, drive.friction / drive.inertia
+    return (drive.position_gain, loop, drive.integral_time, friction, delay, seen, top, rate)

@@ -9,7 +9,7 @@ import numpy as np
 
 from controllers.card import TAMove
 from controllers.laws.gain import Gain, Grid, checked, shown
-from controllers.laws.law import Feedback, Host, Reference
+from controllers.laws.law import Feedback, Reference, Timer
 from kinematics.errors import MotionError
 
 
@@ -17,7 +17,7 @@ from kinematics.errors import MotionError
 class OpenPosition:
     """TAMove(ang(k+1), npuls(k), npuls(k+1), dt, 0) at step k [Sahbaz 2007, Table 7.5, algorithm 3]."""
 
-    host: ClassVar[Host] = "counter"
+    host: ClassVar[Timer] = "counter"
     grid: ClassVar[Grid] = {}
 
     @property
@@ -33,14 +33,14 @@ class OpenPositionTrapezoid:
     """TAMove(ang(k+1), 0, |ang(k+1) − counter|/(dt − ta), ta, ta), ta = ramp · dt: a whole trapezoid in every step.
 
     It starts and ends each step at rest: it tracks, but shakes the shaft [Sahbaz 2007, section 7.3, figure 7.8]. The
-    thesis prints neither the share of the ramps nor the top speed. ASSUMPTIONS: ramps of a quarter of the step each, and
-    the top speed that covers what the card's own counter is short of the target in exactly one step.
+    thesis prints neither the share of the ramps nor the top speed. ASSUMPTIONS: ramps of a quarter of the step each,
+    and the top speed that covers what the card's own counter is short of the target in exactly one step.
 
     ramp  share of the step, above 0 and at most ½ (a triangle)
     """
 
     ramp: Gain = 0.25
-    host: ClassVar[Host] = "counter"
+    host: ClassVar[Timer] = "counter"
     grid: ClassVar[Grid] = {"ramp": (0.1, 0.25, 0.5)}
 
     def __post_init__(self) -> None:
@@ -61,4 +61,4 @@ class OpenPositionTrapezoid:
     def command(self, k: int | np.ndarray, reference: Reference, feedback: Feedback) -> TAMove:
         target, ramp = reference.ang(k + 1), float(np.min(self.ramp)) * reference.dt
         top = np.abs(target - feedback.counter) / (reference.dt - ramp)
-        return TAMove(np.broadcast_to(target, top.shape), 0.0, top, ramp, ramp)
+        return TAMove(np.broadcast_to(target, top.shape), np.zeros_like(top), top, ramp, ramp)

@@ -9,7 +9,7 @@ import numpy as np
 
 from controllers.card import TVMove, VChange
 from controllers.laws.gain import Grid
-from controllers.laws.law import Feedback, Host, Reference
+from controllers.laws.law import Feedback, Reference, Timer
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,7 +21,7 @@ class OpenVelocity:
     host  "counter" is algorithm 1; "sleep" is algorithm 2
     """
 
-    host: Host = "counter"
+    host: Timer = "counter"
     grid: ClassVar[Grid] = {}
 
     @property

@@ -12,7 +12,7 @@ from controllers.card import TAMove
 from controllers.laws.feedforward import Feedforward
 from controllers.laws.gain import Gain, Grid, checked, shown
 from controllers.laws.horizon import Horizon
-from controllers.laws.law import Feedback, Host, Reference
+from controllers.laws.law import Feedback, Reference, Timer
 from controllers.laws.nominal import NominalAxes, usual
 from controllers.laws.ramp import ramp
 from kinematics.array import Array
@@ -28,18 +28,21 @@ class Predictive:
     encoder, c from the card's counter, and v = K (c − x), i = β v + r̈, which a speed loop much faster than the step
     holds to. A dead time is met as in `Feedforward`: the undelayed drive is to be where the reference will be.
 
+    play     share of half the play that is added to the reference, as in `Feedforward`
     weight   ρ of `Horizon`: small follows the model and the encoder, large the feedforward
     horizon  H steps
     """
 
     weight: Gain = 0.01
+    play: Gain = 1.0
     horizon: int = 4
     axes: NominalAxes = field(default_factory=usual)
-    host: ClassVar[Host] = "counter"
-    grid: ClassVar[Grid] = {"weight": (1e-3, 1e-2, 1e-1, 1.0)}
+    host: ClassVar[Timer] = "counter"
+    grid: ClassVar[Grid] = {"weight": (1e-3, 1e-2, 1e-1, 1.0), "play": (0.0, 1.0)}
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "weight", checked("predictive", "weight", self.weight, "above zero"))
+        for name in ("weight", "play"):
+            object.__setattr__(self, name, checked("predictive", name, getattr(self, name), "0.01 and 1 are usual"))
         if not np.all(np.asarray(self.weight) > 0):
             raise MotionError(f"law predictive: weight {shown(self.weight)} must be above zero")
         if self.horizon != int(self.horizon) or self.horizon < 1:
@@ -47,16 +50,17 @@ class Predictive:
 
     @property
     def name(self) -> str:
-        return f"predictive rho={shown(self.weight)} H={self.horizon}"
+        return f"predictive rho={shown(self.weight)} play={shown(self.play)} H={self.horizon}"
 
     def command(self, k: int | np.ndarray, reference: Reference, feedback: Feedback) -> TAMove:
         lanes, dt, axes = feedback.position.shape, reference.dt, self.axes
         # instants or steps come first, then runs, then axes; a program of one run takes (n, ·)
         guide = self._guide(np.asarray(k), reference)
         instants = np.asarray(k) + Horizon.instants(self.horizon).reshape((-1,) + (1,) * np.ndim(k))
-        wanted = reference.between(instants[..., None] * dt + axes.delay)[0]
+        taken = self.play * axes.play / 2 * reference.heading(np.ceil(instants - 1e-9).astype(int))
+        wanted = reference.between(instants[..., None] * dt + axes.delay)[0] + taken
         state = self._state(np.asarray(k), reference, feedback, guide[0] / dt)
-        guide, wanted = (np.moveaxis(np.broadcast_to(_lanes(of, lanes), (len(of), *lanes)), 0, -1) for of in (guide, wanted))
+        guide, wanted = _last(guide, lanes), _last(wanted, lanes)
         weight = np.broadcast_to(self.weight, (*lanes[:-1], 1))
         w = np.empty((*lanes, 2))
         for run in np.ndindex(lanes[:-1]):
@@ -79,9 +83,10 @@ class Predictive:
         return np.stack(np.broadcast_arrays(x + axes.delay * v, v, axes.friction * v + bend, c), -1)
 
 
-def _lanes(of: Array, lanes: tuple[int, ...]) -> Array:
-    """(·, …, n) with as many dimensions as (·, *lanes)."""
-    return of.reshape(len(of), *(1,) * (len(lanes) + 1 - of.ndim), *of.shape[1:])
+def _last(of: Array, lanes: tuple[int, ...]) -> Array:
+    """(·, …, n), the same for all runs or not, as (*lanes, ·)."""
+    whole = of.reshape(len(of), *(1,) * (len(lanes) + 1 - of.ndim), *of.shape[1:])
+    return np.moveaxis(np.broadcast_to(whole, (len(of), *lanes)), 0, -1)
 
 
 @lru_cache(maxsize=64)

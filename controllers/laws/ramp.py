@@ -9,9 +9,9 @@ from kinematics.array import Array
 def ramp(target: Array, start: Array, end: Array, counter: Array, dt: float) -> TAMove:
     """TAMove to `target` in exactly dt, the speed going from about `start` to about `end` (signed, pulses/s).
 
-    The speeds are both moved by what makes their mean (target − counter)/dt: so what rounding left undone before is made
-    up for here, and nothing adds up. A speed that then points the other way becomes zero and the other twice the mean:
-    one command of the card does not turn round.
+    The speeds are both moved by what makes their mean (target − counter)/dt: so what rounding left undone before is
+    made up for here, and nothing adds up. A speed that then points the other way becomes zero and the other twice the
+    mean: one command of the card does not turn round.
 
     target, counter  (…) pulses, the target rounded to whole ones
     """

@@ -1,7 +1,7 @@
 """The tracking laws by number and by name."""
 
 from collections.abc import Callable
-from dataclasses import fields, replace
+from dataclasses import replace
 from difflib import get_close_matches
 from functools import partial
 
@@ -51,8 +51,9 @@ def find_law(name: str, rig: Rig | None = None, **gains: Gain) -> Law:
                 if gain not in own:
                     raise MotionError(f"law {name} has no gain {gain!r}: choose among {', '.join(own) or 'none'}")
             law = make(**gains)
-            by_model = rig is not None and any(field.name == "axes" for field in fields(law))
-            return replace(law, axes=nominal(rig)) if by_model else law
+            if rig is not None and isinstance(law, Feedforward | Predictive):
+                return replace(law, axes=nominal(rig))
+            return law
     choices = [word for known in LAWS for word in known]
     nearest = get_close_matches(name, choices, 1)
     hint = f"; did you mean {nearest[0]!r}?" if nearest else ""

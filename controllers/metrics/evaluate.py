@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from controllers.metrics.attained import planned_at
 from controllers.metrics.effort import Effort, efforts
 from controllers.metrics.ending import BAND, endings
 from controllers.metrics.metrics import Metrics
 from controllers.metrics.series import ErrorSeries
-from controllers.metrics.space import SpaceErrors, planned_at, space_errors
+from controllers.metrics.space import SpaceErrors, space_errors
 from controllers.metrics.vibration import vibrations
 from controllers.rig import Rig
 from controllers.simulate import Planned as Plan

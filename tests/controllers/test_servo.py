@@ -1,6 +1,7 @@
 """The servo against the analytic answers of its loops."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,7 +9,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.linalg import expm
 
-from controllers.servo import Response, Servo, ServoState, drive, drives, leg_servo, measured, standing
+from controllers.drives.axes import measured
+from controllers.drives.bank import bank
+from controllers.drives.rotor import rotor
+from controllers.drives.servo_axes import servo_axes
+from controllers.servo import Servo, leg_servo
 from kinematics.axis import Axis
 from kinematics.errors import MotionError
 
@@ -78,17 +83,16 @@ def test_saturated_axis_accelerates_at_torque_over_inertia():
 @given(st.floats(-0.05, 0.05))
 def test_no_command_no_motion(place):
     """At rest on whole counts, nothing moves, exactly."""
-    model = drives([[PLAIN]])
-    start = measured(model, np.array([[place]]))
-    response = drive(model, standing(start), np.full((50, 1, 1), start[0, 0]))
+    axes = servo_axes([[PLAIN]], PLAIN.sample)
+    start = measured(axes.encoder, np.array([[place]]))
+    response, _ = axes.run(axes.standing(start), np.full((50, 1, 1), start[0, 0]), np.arange(50))
     assert np.all(response.position == start[0, 0])
     assert not response.torque.any()
 
 
 @given(st.floats(-0.3, 0.3))
 def test_encoder_reads_whole_counts_within_half_a_count(x):
-    model = drives([[PLAIN]])
-    reading = measured(model, np.array([[x]]))[0, 0]
+    reading = measured(np.array([[PLAIN.encoder]]), np.array([[x]]))[0, 0]
     assert abs(reading - x) <= 0.5 / PLAIN.encoder * (1 + 1e-6)
     counts = reading * PLAIN.encoder
     assert abs(counts - round(counts)) < 1e-6
@@ -97,7 +101,7 @@ def test_encoder_reads_whole_counts_within_half_a_count(x):
 @given(friction=st.floats(0.0, 1e4), inertia=st.floats(0.01, 100.0), sample=st.floats(1e-5, 1e-2))
 def test_motor_is_discretised_exactly(friction, inertia, sample):
     """Against the matrix exponential of [x, v, τ], from no friction to time constants far below the sample."""
-    model = drives([[replace(PLAIN, friction=friction, inertia=inertia, sample=sample)]])
+    model = rotor(*(np.array([[of]]) for of in (inertia, friction, 0.0)), sample)
     a = np.array([[0, 1, 0], [0, -friction / inertia, 1 / inertia], [0, 0, 0]])
     exact = expm(a * sample)
     ours = [float(of[0, 0]) for of in (model.gx, model.hx, model.gv, model.hv)]
@@ -107,8 +111,8 @@ def test_motor_is_discretised_exactly(friction, inertia, sample):
 
 def test_linear_response_is_that_of_the_matrix_model():
     """Unsaturated and unquantized, the loop is linear: against its state matrices written out."""
-    model, response = run([FINE], 1e-4 * np.sin(np.arange(400) * 0.05)[:, None])
-    gx, hx, gv, hv = (float(value[0, 0]) for value in (model.gx, model.hx, model.gv, model.hv))
+    axes, response = run([FINE], 1e-4 * np.sin(np.arange(400) * 0.05)[:, None])
+    gx, hx, gv, hv = (float(value[0, 0]) for value in (axes.rotor.gx, axes.rotor.hx, axes.rotor.gv, axes.rotor.hv))
     kp, ks, ki = 30.0, 2 * np.pi * 30.0, 2 * np.pi * 30.0 / 0.03 * FINE.sample
     # the torque is linear in [x, v, I] and r
     torque = np.array([-ks * kp, -ks, 1.0])
@@ -132,12 +136,16 @@ def test_axes_do_not_disturb_each_other():
         np.testing.assert_array_equal(together.position[:, i], alone.position[:, 0])
 
 
-def test_the_drive_can_be_run_in_portions():
+@pytest.mark.parametrize("change", [{}, {"command_delay": 3, "loop_delay": 2}, {"coulomb": 0.5, "play": 1e-5}])
+def test_the_drive_can_be_run_in_portions(change):
+    """Also in portions shorter than its delays."""
     command = ramp(0.02, 0.1, PLAIN)
-    model, whole = run([PLAIN], command)
-    first = drive(model, standing(np.zeros((1, 1))), command[:150, None])
-    second = drive(model, first.state, command[150:, None])
-    np.testing.assert_array_equal(np.concatenate([first.position, second.position])[:, 0], whole.position)
+    axes, whole = run([replace(PLAIN, **change)], command)
+    state, parts = axes.standing(np.zeros((1, 1))), []
+    for portion in np.split(command, [1, 2, 4, 150, 153]):
+        response, state = axes.run(state, at_once(portion), np.arange(len(portion)))
+        parts.append(response.position[:, 0])
+    np.testing.assert_array_equal(np.concatenate(parts), whole.position)
 
 
 def test_default_servo_is_the_table():
@@ -162,4 +170,4 @@ def test_friction_may_be_zero_but_not_negative():
 
 def test_drives_of_different_sample_times_are_refused():
     with pytest.raises(MotionError, match="sample times"):
-        drives([[PLAIN, replace(PLAIN, sample=1e-3)]])
+        bank([[PLAIN, replace(PLAIN, sample=1e-3)]])

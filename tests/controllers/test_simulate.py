@@ -72,7 +72,7 @@ def test_servos_may_differ_by_axis(rig, axis_motion):
 
 
 def test_reference_speed_is_the_derivative_of_its_position(rig, axis_motion):
-    """What a law sees: the trapezoid rule over the speeds gives the positions, to dt² q̈/12; in whole pulses by `ang`."""
+    """What a law sees: the trapezoid rule over the speeds gives the positions, to dt² q̈/12; `ang` in whole pulses."""
     motion, dt = axis_motion("smooth"), 1e-3
     reference = sample(motion, rig, dt)
     assert reference.steps == 1000
