@@ -68,7 +68,9 @@ def main() -> None:
     begun = perf_counter()
     rms = all_runs(gains, options.workers, options.part)
     seconds = perf_counter() - begun
-    print(f"{options.runs} closed-loop runs of the thesis reference (3 axes, 5 s) on {options.workers} workers: ", end="")
+    print(
+        f"{options.runs} closed-loop runs of the thesis reference (3 axes, 5 s) on {options.workers} workers: ", end=""
+    )
     print(f"{seconds:.2f} s, processes started and rigs read; RMS lag {rms.mean(0).round(1)} pulses")
 
 

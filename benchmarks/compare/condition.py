@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import operator
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from math import inf
 
@@ -26,7 +26,7 @@ HELP = 'write FIGURE > VALUE, as "contour_rms > 1.1x" (times the baseline), "con
 
 @dataclass(frozen=True, slots=True)
 class Condition:
-    """figure, comparison, value; unit: "x" for times the baseline, else the unit of a quantity, "" of a plain number."""
+    """unit: "x" for times the baseline, else the unit of a quantity, "" of a plain number."""
 
     text: str
     figure: str
@@ -45,10 +45,10 @@ class Condition:
         found = []
         for row in comparison.of(entry):
             unit = comparison.unit(self.figure, row.task)
-            own = self._value(row.figures, comparison)
+            own = self._value(row.figures)
             base = comparison.row(comparison.baseline, row.task)
             if self.unit == "x":
-                limit = self.value * (inf if base is None else self._value(base.figures, comparison))
+                limit = self.value * (inf if base is None else self._value(base.figures))
             else:
                 limit = self.value if not self.unit else quantity(f"{self.value!r} {self.unit}", unit or "1")
             if COMPARED[self.compared](own, limit):
@@ -59,17 +59,15 @@ class Condition:
                 )
         return found
 
-    def _value(self, figures: object, comparison: Comparison) -> float:
-        from collections.abc import Mapping
-
-        if not isinstance(figures, Mapping) or not figures:
+    def _value(self, figures: Mapping[str, float]) -> float:
+        if not figures:
             return inf
         if self.figure not in figures:
             raise MotionError(
                 f'condition "{self.text}": the runs have no figure {self.figure}{nearest(self.figure, figures)}; '
                 f"figures: {', '.join(sorted(figures))}"
             )
-        return float(figures[self.figure])
+        return figures[self.figure]
 
 
 def read_condition(text: str) -> Condition:

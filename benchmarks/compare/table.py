@@ -17,6 +17,8 @@ USUAL = "closed-position:gain=0.7"
 """The baseline where none is given: the law and the gain that [Sahbaz 2007, chapter 7] recommends."""
 LEVEL = 0.95
 """Of the interval of a ratio."""
+UNSTABLE = 10.0
+"""A run that never comes to rest and errs by more than so many times the baseline on the same rig is unstable."""
 LEAST = 0.01
 """A difference of less is not worth a mark, however sure it is."""
 Pairing = tuple[str, int]
@@ -53,10 +55,11 @@ class Against:
 class Row:
     """A setting on a path.
 
-    figures   mean over the seeds on the rig as stated; empty where that failed
+    figures   mean over the seeds on the rig as stated; none where a run of those failed
     spread    least and largest RMS contour error of all rigs and seeds that did not fail
     failures  (rig, reason) of every run that failed
     restless  how many runs never came to rest
+    unstable  how many failed, or never came to rest and err by more than `UNSTABLE` times the baseline
     against   the baseline on the same path; None where either failed on a rig, and of the baseline itself
     """
 
@@ -67,12 +70,13 @@ class Row:
     spread: tuple[float, float] | None
     failures: tuple[tuple[str, str], ...]
     restless: int
+    unstable: int
     against: Against | None
 
     @property
     def stable(self) -> bool:
-        """It holds on every rig and comes to rest there."""
-        return not self.failures and not self.restless
+        """On every rig and seed."""
+        return not self.unstable
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,9 +117,9 @@ class Comparison:
 
 
 def compare(sources: Sequence[Runs], baseline: str | None = None) -> Comparison:
-    """Every setting of the saved runs on every path; baseline as `read_setting` reads it, of the first runs that have it.
+    """Every setting of the saved runs on every path.
 
-    Without one: `USUAL` where it was run, else the first setting. Raises MotionError where there are no runs, or not
+    baseline: as `read_setting` reads it, of the first runs that have it. Without one: `USUAL` where it was run, else the first setting. Raises MotionError where there are no runs, or not
     those of the baseline.
     """
     groups: dict[tuple[Entry, str], dict[Pairing, Result]] = {}
@@ -145,6 +149,7 @@ def _row(entry: Entry, task: str, groups: Mapping[tuple[Entry, str], dict[Pairin
     runs = groups[entry, task]
     nominal = [result.figures for (rig, _), result in runs.items() if rig == NOMINAL.name]
     errors = [result.figures[RANK] for result in runs.values() if not result.failure]
+    others = groups.get((baseline, task), {})
     return Row(
         entry,
         task,
@@ -152,9 +157,19 @@ def _row(entry: Entry, task: str, groups: Mapping[tuple[Entry, str], dict[Pairin
         _mean(nominal) if nominal and all(nominal) else {},
         (min(errors), max(errors)) if errors else None,
         tuple((rig, result.failure) for (rig, _), result in runs.items() if result.failure),
-        sum(result.figures.get("end_time") == inf for result in runs.values()),
-        None if entry == baseline else _against(runs, groups.get((baseline, task), {})),
+        sum(map(_restless, runs.values())),
+        sum(_unstable(result, others.get(pair)) for pair, result in runs.items()),
+        None if entry == baseline else _against(runs, others),
     )
+
+
+def _restless(result: Result) -> bool:
+    return result.figures.get("end_time") == inf
+
+
+def _unstable(result: Result, baseline: Result | None) -> bool:
+    base = inf if baseline is None else baseline.figures.get(RANK, inf)
+    return bool(result.failure) or (_restless(result) and result.figures[RANK] > UNSTABLE * base)
 
 
 def _mean(figures: Sequence[Mapping[str, float]]) -> dict[str, float]:

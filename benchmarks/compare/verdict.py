@@ -63,7 +63,7 @@ def verdict_of(comparison: Comparison) -> Verdict:
     ranked = sorted(((mean_ratio(comparison.of(entry)), n) for n, entry in enumerate(full)), key=lambda one: one[0])
     name = comparison.label(comparison.baseline)
     if not ranked or not isfinite(ranked[0][0]):
-        why = "no other setting was run" if not others else "no other setting holds, and comes to rest, on every path and rig"
+        why = "no other setting was run" if not others else "no other setting is stable on every path and rig"
         text = f"The baseline {name} stands alone: {why}."
         return Verdict(None, inf, (), text)
     ratio, best = ranked[0][0], full[ranked[0][1]]
@@ -96,7 +96,9 @@ def _text(comparison: Comparison, best: Entry, ratio: float, margins: tuple[Marg
     rows = comparison.of(best)
     marks = [row.against.mark for row in rows if row.against]
     verb = "is the best" if ratio < 1 else "comes nearest to the baseline, which stays the best,"
-    counts = ", ".join(f"{mark} on {marks.count(mark)}" for mark in ("better", "insignificant", "worse") if mark in marks)
+    counts = ", ".join(
+        f"{mark} on {marks.count(mark)}" for mark in ("better", "insignificant", "worse") if mark in marks
+    )
     many = f"{len(comparison.tasks)} path{'s' if len(comparison.tasks) > 1 else ''}"
     pieces = [
         f"{name} {verb} of {others} settings: its RMS contour error is {ratio:.3g} times that of the baseline, "
@@ -119,5 +121,7 @@ def _text(comparison: Comparison, best: Entry, ratio: float, margins: tuple[Marg
         if pair:
             own, base = max(pair)[0], max(other for _, other in pair)
             pieces.append(f"Its {what} is at most {shown(own, '')} of the limit (baseline {shown(base, '')}).")
-    pieces += [f"Margin: {'; '.join(map(str, margins))}."] if margins else ["Margin: the law has no gain that was varied."]
+    pieces += (
+        [f"Margin: {'; '.join(map(str, margins))}."] if margins else ["Margin: the law has no gain that was varied."]
+    )
     return " ".join(pieces)

@@ -62,9 +62,7 @@ def _long(name: str) -> str:
 
 def batched(settings: Sequence[Setting], rig: Rig) -> Law:
     """One law whose gains are arrays (B, 1), of B settings of the same law; the rig as stated is what it knows of."""
-    values = {
-        gain: np.array([[dict(setting.gains)[gain]] for setting in settings]) for gain, _ in settings[0].gains
-    }
+    values = {gain: np.array([[dict(setting.gains)[gain]] for setting in settings]) for gain, _ in settings[0].gains}
     return find_law(settings[0].law, rig, **values)
 
 

@@ -97,5 +97,3 @@ def _motion(motion: Any) -> list[Any]:
     if isinstance(motion, Trajectory) and isinstance(motion.path, MachinePath):
         found += [state.s, motion.path.pose_numbers(state.s, state.piece)]
     return found
-
-

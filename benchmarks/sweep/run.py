@@ -15,7 +15,7 @@ from benchmarks.sweep.grid import Grid
 from benchmarks.sweep.result import Result
 from benchmarks.sweep.score import score
 from benchmarks.sweep.store import Runs, Store, load_runs
-from controllers.metrics.space import planned_at
+from controllers.metrics.attained import planned_at
 from controllers.rig import Rig
 from kinematics.errors import MotionError
 from planner.cluster import Lost, installed, on_cluster
@@ -111,11 +111,13 @@ def _described(grid: Grid, rig: Rig) -> dict[str, Any]:
             name: {
                 "duration_s": float(task.motion.duration),
                 "dt_s": task.dt,
-                "unit": planned_at(task.motion, rig.machine, np.zeros(1)).unit,
+                "unit": planned.unit,
+                "space": planned.path is not None,
                 "corners": corners(task.motion),
             }
             for name in grid.tasks
             for task in [rig.task(name)]
+            for planned in [planned_at(task.motion, rig.machine, np.zeros(1))]
         },
         "axes": {axis.name: axis.unit for axis in rig.machine.axes},
     }

@@ -13,13 +13,12 @@ from benchmarks.sweep.result import Result, Series
 from controllers.host import Host
 from controllers.laws.law import Law
 from controllers.metrics import Metrics, evaluate_runs
+from controllers.metrics.attained import Planned, attained_poses, planned_at
 from controllers.metrics.evaluate import BATCH_PERIOD
-from controllers.metrics.space import Planned, planned_at
 from controllers.rig import Rig, disturbed
 from controllers.simulate import Runs, sample, simulate
 from kinematics.array import Array
 from kinematics.errors import MotionError
-from kinematics.pose import from_numbers
 
 SLEEPER = Host("sleep", granularity=1 / 64, jitter=1e-3)
 """ASSUMED of a host that sleeps, where the rig's file states none: the timer of an office computer of the thesis' time
@@ -69,9 +68,8 @@ def _series(metrics: Metrics, planned: Planned, runs: Runs, lane: int, rig: Rig,
     if path is None:
         wanted, actual = planned.q, q
     else:
-        numbers = path.pose_numbers(planned.s, np.searchsorted(path.breaks[1:-1], planned.s, side="right"))
-        wanted = numbers[:, :3]
-        actual = machine.forward(q, near=from_numbers(numbers), certify=False).pose.translation
+        numbers, attained, _ = attained_poses(q[:, None], planned, path, machine, certify=False)
+        wanted, actual = numbers[:, :3], attained[:, 0, :3]
     share = runs.torque[:, lane] / limit
     first = np.arange(0, len(share), every)
     high, low = np.maximum.reduceat(share, first), np.minimum.reduceat(share, first)
