@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator, AllowInfNan, Field
 
 from controllers.servo import Servo
 from controllers.stepper import Stepper
@@ -14,7 +14,7 @@ from kinematics.schema import Table
 from kinematics.units import Unit
 
 Samples = Annotated[int, Field(ge=0)]
-Ratio = Annotated[float, Field(ge=0)]
+Ratio = Annotated[float, Field(ge=0), AllowInfNan(False)]
 Torque = Annotated[float, Unit("N*m", least=0, like="0.3 N*m")]
 Curve = Annotated[
     tuple[tuple[Annotated[float, Unit("rad/s", least=0, like="600 rpm")], Torque], ...],
@@ -25,7 +25,7 @@ Curve = Annotated[
 class Gear(Table):
     """Turns of the motor for one of the axis; play at the axis."""
 
-    ratio: Annotated[float, Field(gt=0)]
+    ratio: Annotated[float, Field(gt=0), AllowInfNan(False)]
     play: Annotated[float, Unit("rad", least=0, like="3 arcmin")] = 0.0
 
     @property

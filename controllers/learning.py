@@ -11,7 +11,6 @@ from controllers.laws.law import Reference
 from controllers.laws.learned import Learned
 from controllers.laws.nominal import NominalAxes, nominal
 from controllers.rig import Rig
-from controllers.servo import drives, measured
 from controllers.simulate import sample, simulate
 from controllers.task import Task
 from kinematics.array import Array, frozen
@@ -97,10 +96,9 @@ def _law(reference: Reference, u: Array) -> Learned:
 def _errors(reference: Reference, law: Learned, plant: Rig, axes: NominalAxes, steps: int) -> Array:
     """Reference − encoder (n, steps · m), pulses, `delay` after the instants at which the undelayed model is told."""
     runs = simulate(reference, law, [plant], settle=(TAIL + 1) * reference.dt)
-    pulse = np.array([axis.pulse for axis in plant.machine.axes])
-    read = measured(drives([plant.drives]), runs.actual * pulse)[:, 0] / pulse
+    read = runs.measured[:, 0]
     instants = Horizon.instants(steps)
     taken = axes.play / 2 * reference.heading(np.ceil(instants - 1e-9).astype(int))
-    t = instants[:, None] * reference.dt + np.broadcast_to(axes.delay, len(pulse))
+    t = instants[:, None] * reference.dt + np.broadcast_to(axes.delay, read.shape[1])
     at = np.minimum(np.searchsorted(runs.t, t - 1e-9), len(runs.t) - 1)
     return np.asarray(reference.between(t)[0] + taken - np.take_along_axis(read, at, 0)).T

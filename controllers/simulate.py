@@ -72,11 +72,27 @@ def sample(motion: Motion, machine: Machine, dt: float) -> Reference:
     return Reference(dt, (state.q - machine.home_q) / pulse, state.qd / pulse)
 
 
+def together(references: Sequence[Reference]) -> Reference:
+    """One reference for a run of each, position and speed (N + 1, B, n): the shorter ones rest at their end.
+
+    Raises MotionError if their steps differ in time.
+    """
+    times = {reference.dt for reference in references}
+    if len(times) != 1:
+        raise MotionError(f"track: the steps of references in one batch differ: {sorted(times)} s; run them apart")
+    k = np.arange(max(reference.steps for reference in references) + 1)
+    position, speed = (
+        np.stack([getattr(reference, name)(k) for reference in references], 1) for name in ("ang", "npuls")
+    )
+    return Reference(times.pop(), position, speed)
+
+
 @dataclass(frozen=True, slots=True)
 class Runs:
     """What a batch of B runs did, at instants t (K,), s, settling included.
 
     command, actual  (K, B, n) pulses from home: the card's counters, and where the axes' outputs truly are
+    measured         (K, B, n) pulses from home: what the encoders read, at the motors or at the outputs
     speed            (K, B, n) pulses/s, of the motors
     torque           (K, B, n) N or N·m
     pulses           (B, n) int64, fired in either direction
@@ -87,6 +103,7 @@ class Runs:
     t: Array
     command: Array
     actual: Array
+    measured: Array
     speed: Array
     torque: Array
     pulses: np.ndarray
@@ -108,10 +125,10 @@ def simulate(
 ) -> Runs:
     """B = len(rigs) runs of a reference under a law, whose gains are numbers or arrays (B, 1); a run is on its own rig.
 
-    Every dt by its own clock (`Rig.host`) a host reads the encoders (in pulses), asks the law, and sends its command,
-    which the card takes at once; a step that falls between two samples of the drives begins at the later of them. The
-    drives follow the card's counters at their own sample time, of which dt must be a whole multiple where a host polls
-    the card's counter. The rigs share one machine, one model of card and the kinds of their drives.
+    Every dt by its own clock (`Rig.host`, `Law.host`) a host reads the encoders (in pulses), asks the law, and sends
+    its command, which the card takes at once; a step that falls between two samples of the drives begins at the later
+    of them. The drives follow the card's counters at their own sample time, of which dt must be a whole multiple where
+    a host polls the card's counter. The rigs share one machine, one model of card and the kinds of their drives.
 
     period  s between the instants that are kept, brought to whole samples of the drives; None: every sample
 
@@ -120,17 +137,18 @@ def simulate(
     machine, card, dt = rigs[0].machine, rigs[0].card, reference.dt
     axes = bank([rig.drives for rig in rigs])
     h = axes.sample
-    _refuse(dt, h, rigs, settle, period)
+    exact = law.host == "counter" and any(rig.host.timer == "counter" for rig in rigs)
+    _refuse(dt, h, exact, settle, period)
     pulse = np.array([axis.pulse for axis in machine.axes])
     lanes = (len(rigs), len(pulse))
     counts = np.broadcast_to(reference.ang(0), lanes).astype(np.int64)
     state, drives = at_rest(counts), axes.standing(counts * pulse)
     steps = reference.steps + ceil(settle / dt)
-    begin = instants([rig.host for rig in rigs], dt, steps)
+    begin = instants([rig.host for rig in rigs], law.host, dt, steps)
     # as whole samples; 1e-6 of one is rounding
     at = np.ceil(begin / h - 1e-6).astype(np.int64)
     samples, every = int(at[-1].max()), 1 if period is None else max(round(period / h), 1)
-    command, actual, speed, torque = (np.empty((-(-samples // every), *lanes)) for _ in range(4))
+    command, actual, measured, speed, torque = (np.empty((-(-samples // every), *lanes)) for _ in range(5))
     runs, k = np.arange(len(rigs)), np.zeros(len(rigs), np.int64)
     before, last = axes.reading(drives) / pulse, at[0]
     for start, stop in pairwise([*np.unique(at[:-1]).tolist(), samples]):
@@ -149,21 +167,21 @@ def simulate(
             rows = slice(-(-first // every), -(-first // every) + len(kept))
             command[rows] = counter[kept]
             np.divide(response.position, pulse, out=actual[rows])
+            np.divide(response.reading, pulse, out=measured[rows])
             np.divide(response.speed, pulse, out=speed[rows])
             torque[rows] = response.torque
-    for record in (command, actual, speed, torque):
+    for record in (command, actual, measured, speed, torque):
         record.setflags(write=False)
-    t: Array = np.arange(len(command)) * (every * h)
-    return Runs(t, command, actual, speed, torque, state.pulses(samples * h), axes.lost(drives), begin)
+    t = np.asarray(np.arange(len(command)) * (every * h), float)
+    return Runs(t, command, actual, measured, speed, torque, state.pulses(samples * h), axes.lost(drives), begin)
 
 
 BLOCK = 1 << 15
 """Values of a quantity that are worked on at once: 256 kB, so that they stay near the processor."""
 
 
-def _refuse(dt: float, sample: float, rigs: Sequence[Rig], settle: float, period: float | None) -> None:
+def _refuse(dt: float, sample: float, exact: bool, settle: float, period: float | None) -> None:
     inner = round(dt / sample) if 0 < dt < float("inf") else 0
-    exact = any(rig.host.timer == "counter" for rig in rigs)
     if inner < 1 or (exact and abs(inner * sample - dt) > 1e-9 * dt):
         raise MotionError(
             f"track: the host's step {dt * 1e3:g} ms is no whole multiple of the drives' sample time "

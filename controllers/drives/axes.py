@@ -12,9 +12,11 @@ from kinematics.array import Array, frozen
 
 @dataclass(frozen=True, slots=True)
 class Response:
-    """What axes did: true position of the output, speed of the motor and torque (K, B, n) at the samples kept."""
+    """What axes did, (K, B, n) at the samples kept: true position of the output, the encoder's reading of it or of the
+    motor, speed of the motor, and torque."""
 
     position: Array
+    reading: Array
     speed: Array
     torque: Array
 

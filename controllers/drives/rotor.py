@@ -79,6 +79,10 @@ def advance(rotor: Rotor, x: Array, v: Array, torque: Array, work: Array) -> Non
     v[...] = speed
 
 
+LONG = 1e100
+"""s: no braking takes as long."""
+
+
 def _by_way_of_rest(
     h: float, v: Array, torque: Array, inertia: Array, friction: Array, coulomb: Array
 ) -> tuple[Array, Array]:
@@ -87,8 +91,10 @@ def _by_way_of_rest(
     v = 0 is reached after t = log(1 + a w)/a with a = b/J and w = −v J/u, which is t = w without viscous friction.
     """
     push = torque - coulomb * np.sign(v)
-    moving = v != 0
-    w = np.where(moving, -v * inertia / np.where(moving, push, 1.0), 0.0)
+    # what neither stands nor is braked came here by a product of speeds that is too small for a float: it stands
+    braked = np.sign(push) * np.sign(v) < 0
+    v = np.where(braked, v, 0.0)
+    w = np.minimum(-v * inertia / np.where(braked, push, 1.0), LONG)
     a = friction / inertia
     # below 1e-9 the first two terms of the logarithm are exact to rounding
     aw = a * w

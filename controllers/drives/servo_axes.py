@@ -57,7 +57,7 @@ class ServoAxes:
     def run(self, state: ServoState, command: Array, kept: np.ndarray) -> tuple[Response, ServoState]:
         x, y, v, integral = (getattr(state, name).copy() for name in ("x", "y", "v", "integral"))
         late, commands = _delayed(command, state.commands, self.command_delay)
-        told = [np.empty((len(kept), *x.shape)) for _ in range(3)]
+        told = [np.empty((len(kept), *x.shape)) for _ in range(4)]
         error, part, given = np.empty((3, *x.shape))
         work = np.empty((4, *x.shape))
         free = np.empty(x.shape, bool)
@@ -71,6 +71,8 @@ class ServoAxes:
             np.multiply(seen, self.encoder, out=part)
             np.rint(part, out=part)
             np.divide(part, self.encoder, out=part)
+            if i == place:
+                told[1][row] = part
             np.subtract(wanted, part, out=error)
             np.multiply(error, self.position_gain, out=error)
             np.subtract(error, v, out=error)
@@ -87,7 +89,7 @@ class ServoAxes:
                 ring[i % (longest + 1)] = given
                 torque = np.take_along_axis(ring, ((i - self.loop_delay) % (longest + 1))[None], 0)[0]
             if i == place:
-                told[0][row], told[1][row], told[2][row] = y if some_play else x, v, torque
+                told[0][row], told[2][row], told[3][row] = y if some_play else x, v, torque
                 place, row = next(keep), row + 1
             advance(self.rotor, x, v, torque, work)
             if some_play:

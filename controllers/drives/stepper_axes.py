@@ -56,12 +56,11 @@ class StepperAxes:
         return StepperState(x, x.copy(), none, x.copy(), none.copy(), none.copy())
 
     def reading(self, state: StepperState) -> Array:
-        there = self.encoder > 0
-        return np.where(there, measured(np.where(there, self.encoder, 1.0), state.x), state.r)
+        return self._read(state.x, state.r)
 
     def run(self, state: StepperState, command: Array, kept: np.ndarray) -> tuple[Response, StepperState]:
         x, y, v, r, turn, slips = (getattr(state, name).copy() for name in StepperState.__slots__)
-        told = [np.empty((len(kept), *x.shape)) for _ in range(3)]
+        told = [np.empty((len(kept), *x.shape)) for _ in range(4)]
         part, work = np.empty_like(x), np.empty((4, *x.shape))
         h = self.rotor.h
         wave = np.pi / 2 / self.full_step
@@ -74,7 +73,8 @@ class StepperAxes:
                 lag = r + rate * ((n + 0.5) * h) - x - v * (h / 2)
                 torque = peak * np.sin(wave * lag) + slip_torque
                 if n == 0 and i == place:
-                    told[0][row], told[1][row], told[2][row] = y, v, torque - self.damping * v
+                    told[0][row], told[2][row], told[3][row] = y, v, torque - self.damping * v
+                    told[1][row] = self._read(x, r)
                     place, row = next(keep), row + 1
                 advance(self.rotor, x, v, torque, work)
             r = wanted
@@ -87,6 +87,10 @@ class StepperAxes:
 
     def lost(self, state: StepperState) -> np.ndarray:
         return np.asarray(4 * state.slips, np.int64)
+
+    def _read(self, x: Array, r: Array) -> Array:
+        there = self.encoder > 0
+        return np.where(there, measured(np.where(there, self.encoder, 1.0), x), r)
 
     def _peak(self, rate: Array) -> Array:
         peak = self.peak.copy()

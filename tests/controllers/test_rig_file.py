@@ -127,7 +127,7 @@ def test_all_faults_are_told_at_once_with_their_lines(load):
         (('program = "arm-line"', 'program = "arm-lin"'), "task[1]", 'nearest is "arm-line"'),
         (('ramp = "1 s"', 'ramp = "3 s"'), "task[1]", "does not fit twice"),
         (('"yaw", "shoulder"', '"yaw", "sholder"'), "task[2]", 'nearest is "shoulder"'),
-        (('timer = "counter"', 'timer = "counter", jitter = "1 ms"'), "", 'goes with the timer "sleep"'),
+        (('timer = "counter"', 'timer = "clock"'), "host.timer", "is not"),
     ],
 )
 def test_what_is_wrong_is_named(load, change, key, words):
