@@ -55,9 +55,11 @@ class Reference:
         speed = self._at(self.speed, np.minimum(k, self.steps))
         return np.where(np.reshape(k, np.shape(k) + (1,) * (speed.ndim - np.ndim(k))) <= self.steps, speed, 0.0)
 
-    def heading(self, k: int | np.ndarray) -> Array:
-        """±1 by the way that each axis runs at k·dt, or ran before it came to rest; 0 before it moves, as `ang`."""
-        return self._at(self._heading, np.minimum(k, self.steps))
+    def heading(self, t: Array) -> Array:
+        """±1 by the way that each axis runs at t, or ran before it came to rest; 0 before it moves. t as `between`."""
+        speed = self.between(t, before=True)[1]
+        k = np.clip(np.floor(t / self.dt + 1e-9), 0, self.steps).astype(int)
+        return np.where(np.abs(speed) > _STILL, np.sign(speed), self._heading[k, *self._lanes])
 
     def between(self, t: Array, *, before: bool = False) -> tuple[Array, Array, Array]:
         """Position, speed and acceleration at any instants t (…, n), s, which may differ by axis, and run: (…, B, n).
@@ -72,8 +74,7 @@ class Reference:
         step = np.ceil(at - 1e-9) - 1 if before else np.floor(at + 1e-9)
         k = np.clip(step, 0, self.steps - 1).astype(int)
         moving = (step >= 0) & (step < self.steps)
-        axis = np.arange(self.position.shape[-1])
-        lanes = (axis,) if self.position.ndim == 2 else (np.arange(self.position.shape[1])[:, None], axis)
+        lanes = self._lanes
         p0, p1 = self.position[k, *lanes], self.position[k + 1, *lanes]
         v0, v1 = self.speed[k, *lanes] * self.dt, self.speed[k + 1, *lanes] * self.dt
         u = np.clip(at - k, 0.0, 1.0)
@@ -81,6 +82,12 @@ class Reference:
         position = p0 + u * (v0 + u * (bend + u * twist))
         speed = np.where(moving, v0 + u * (2 * bend + u * 3 * twist), 0.0) / self.dt
         return position, speed, np.where(moving, 2 * bend + u * 6 * twist, 0.0) / self.dt**2
+
+    @property
+    def _lanes(self) -> tuple[np.ndarray, ...]:
+        """The indices of all lanes, behind that of a sample."""
+        axis = np.arange(self.position.shape[-1])
+        return (axis,) if self.position.ndim == 2 else (np.arange(self.position.shape[1])[:, None], axis)
 
     def _at(self, of: Array, k: np.ndarray) -> Array:
         own = of.ndim == 3 and np.ndim(k) == 1

@@ -21,11 +21,12 @@ class NominalAxes:
     """The axes of a rig as its maker states them, each (n,), or (1,) where all are alike.
 
     With c the card's command and x, v the axis' position and speed:
-    v̇ = ω (K (c − x) − v) + i − β v,  i̇ = (ω/T) (K (c − x) − v),  ẋ = v, `delay` later; the output stays
+    v̇ = ω (K (c − x) − v) + i − β v − γ sign v,  i̇ = (ω/T) (K (c − x) − v),  ẋ = v, `delay` later; the output stays
     behind x by half of `play`, whichever way it last went.
 
     position_gain     K, 1/s;  speed_loop  ω, rad/s;  integral_time  T, s
     friction          β, viscous friction by inertia, 1/s
+    coulomb           γ, Coulomb friction by inertia, pulses/s²
     delay             s from a pulse of the card to the torque that it brings about
     play              pulses between an encoder at the motor and the output; 0 where the encoder is at the output
     max_speed         pulses/s;  max_acceleration  pulses/s²; infinite where the machine states none
@@ -35,6 +36,7 @@ class NominalAxes:
     speed_loop: Array
     integral_time: Array
     friction: Array
+    coulomb: Array
     delay: Array
     play: Array
     max_speed: Array
@@ -64,12 +66,12 @@ class NominalAxes:
         return NominalAxes(*(np.broadcast_to(numbers, n) for numbers in key))
 
 
-_MAY_BE_ZERO = ("friction", "delay", "play")
+_MAY_BE_ZERO = ("friction", "coulomb", "delay", "play")
 
 
 def usual() -> NominalAxes:
     """The drive assumed where none is stated, as `controllers.servo.leg_servo`: [Sahbaz 2007, Table 7.4]."""
-    return NominalAxes(*np.array([[30.0], [2 * np.pi * 30.0], [30e-3], [5.0], [0.0], [0.0], [INF], [INF]]))
+    return NominalAxes(*np.array([[30.0], [2 * np.pi * 30.0], [30e-3], [5.0], [0.0], [0.0], [0.0], [INF], [INF]]))
 
 
 def nominal(rig: Rig) -> NominalAxes:
@@ -85,8 +87,9 @@ def _numbers(drive: Servo | Stepper, axis: Axis) -> tuple[float, ...]:
     top, rate = (INF if of is None else float(np.min(of)) / axis.pulse for of in (axis.max_speed, axis.max_acceleration))
     play = drive.play / axis.pulse
     if isinstance(drive, Stepper):
-        return (INF, INF, INF, 0.0, 0.0, play, top, rate)
+        return (INF, INF, INF, 0.0, 0.0, 0.0, play, top, rate)
     delay = (drive.command_delay + drive.loop_delay) * drive.sample
     seen = play if drive.feedback == "motor" else 0.0
     loop, friction = 2 * np.pi * drive.speed_loop, drive.friction / drive.inertia
-    return (drive.position_gain, loop, drive.integral_time, friction, delay, seen, top, rate)
+    coulomb = drive.coulomb / drive.inertia / axis.pulse
+    return (drive.position_gain, loop, drive.integral_time, friction, coulomb, delay, seen, top, rate)

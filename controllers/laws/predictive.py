@@ -10,6 +10,7 @@ import numpy as np
 
 from controllers.card import TAMove
 from controllers.laws.feedforward import Feedforward
+from controllers.laws.friction import Friction
 from controllers.laws.gain import Gain, Grid, checked, shown
 from controllers.laws.horizon import Horizon
 from controllers.laws.law import Feedback, Reference, Timer
@@ -30,18 +31,20 @@ class Predictive:
 
     play     share of half the play that is added to the reference, as in `Feedforward`
     weight   ρ of `Horizon`: small follows the model and the encoder, large the feedforward
+    friction  share of the nominal Coulomb friction that is foreseen where axes start and turn
     horizon  H steps
     """
 
     weight: Gain = 0.01
     play: Gain = 1.0
+    friction: Gain = 1.0
     horizon: int = 4
     axes: NominalAxes = field(default_factory=usual)
     host: ClassVar[Timer] = "counter"
-    grid: ClassVar[Grid] = {"weight": (1e-3, 1e-2, 1e-1, 1.0), "play": (0.0, 1.0)}
+    grid: ClassVar[Grid] = {"weight": (1e-3, 1e-2, 1e-1, 1.0), "play": (0.0, 1.0), "friction": (0.0, 1.0)}
 
     def __post_init__(self) -> None:
-        for name in ("weight", "play"):
+        for name in ("weight", "play", "friction"):
             object.__setattr__(self, name, checked("predictive", name, getattr(self, name), "0.01 and 1 are usual"))
         if not np.all(np.asarray(self.weight) > 0):
             raise MotionError(f"law predictive: weight {shown(self.weight)} must be above zero")
@@ -50,24 +53,34 @@ class Predictive:
 
     @property
     def name(self) -> str:
-        return f"predictive rho={shown(self.weight)} play={shown(self.play)} H={self.horizon}"
+        return f"predictive rho={shown(self.weight)} play={shown(self.play)} friction={shown(self.friction)} H={self.horizon}"
 
     def command(self, k: int | np.ndarray, reference: Reference, feedback: Feedback) -> TAMove:
-        lanes, dt, axes = feedback.position.shape, reference.dt, self.axes
-        # instants or steps come first, then runs, then axes; a program of one run takes (n, ·)
-        guide = self._guide(np.asarray(k), reference)
-        instants = np.asarray(k) + Horizon.instants(self.horizon).reshape((-1,) + (1,) * np.ndim(k))
-        taken = self.play * axes.play / 2 * reference.heading(np.ceil(instants - 1e-9).astype(int))
-        wanted = reference.between(instants[..., None] * dt + axes.delay)[0] + taken
-        state = self._state(np.asarray(k), reference, feedback, guide[0] / dt)
-        guide, wanted = _last(guide, lanes), _last(wanted, lanes)
+        lanes, dt = feedback.position.shape, reference.dt
+        step = np.asarray(k)
+        guide = self._guide(step, reference)
+        state = self._state(step, reference, feedback, guide[0] / dt)
+        guide, wanted = _last(guide, lanes), self._wanted(step, reference, lanes)
         weight = np.broadcast_to(self.weight, (*lanes[:-1], 1))
         w = np.empty((*lanes, 2))
         for run in np.ndindex(lanes[:-1]):
-            program = _horizon(axes.key(), lanes[-1], dt, self.horizon, float(weight[run][0]))
+            program = _horizon(self.axes.key(), lanes[-1], dt, self.horizon, float(weight[run][0]))
             w[run] = program.best(state[run], wanted[run], guide[run])[:, :2]
         start, end = w[..., 0], w[..., 1]
         return ramp(feedback.counter + (start + end) / 2, start / dt, end / dt, feedback.counter, dt)
+
+    def _wanted(self, k: np.ndarray, reference: Reference, lanes: tuple[int, ...]) -> Array:
+        """Where the undelayed motors are to be (*lanes, H·m), but for what friction adds by itself."""
+        axes, dt = self.axes, reference.dt
+
+        def at(steps: Array) -> Array:
+            return (k + steps.reshape((-1,) + (1,) * k.ndim))[..., None] * dt + axes.delay
+
+        t = at(Horizon.instants(self.horizon))
+        wanted = reference.between(t)[0] + self.play * axes.play / 2 * reference.heading(t)
+        friction = _friction(axes.key(), lanes[-1], dt, self.horizon)
+        by_itself = friction.of(reference.heading(at(friction.places)))
+        return np.asarray(_last(wanted, lanes) - self.friction * by_itself)
 
     def _guide(self, k: np.ndarray, reference: Reference) -> Array:
         """The feedforward law's speeds at the start and end of each step, times dt: (2 H, …, n)."""
@@ -92,3 +105,8 @@ def _last(of: Array, lanes: tuple[int, ...]) -> Array:
 @lru_cache(maxsize=64)
 def _horizon(axes: tuple[tuple[float, ...], ...], n: int, dt: float, steps: int, weight: float) -> Horizon:
     return Horizon(NominalAxes.of(axes, n), dt, steps, weight)
+
+
+@lru_cache(maxsize=64)
+def _friction(axes: tuple[tuple[float, ...], ...], n: int, dt: float, steps: int) -> Friction:
+    return Friction(NominalAxes.of(axes, n), dt, steps, Horizon.instants(steps))

@@ -46,24 +46,46 @@ class Response:
 def response(axes: NominalAxes, dt: float, instants: int) -> Response:
     """The exact response over a step of dt seconds: the exponential of `NominalAxes`' equations with c a quadratic.
 
-    Without the axes' delay, which shifts all of it in time.
+    Without the axes' delay, which shifts all of it in time, and without Coulomb friction, see `friction_response`.
     """
-    from scipy.linalg import expm
-
     n = len(axes)
-    gain, loop, integral, friction = (
-        np.broadcast_to(of, n) for of in (axes.position_gain, axes.speed_loop, axes.integral_time, axes.friction)
-    )
     # x, v, i, c and the command's speed and acceleration
     rates = np.zeros((n, 6, 6))
-    rates[:, 0, 1] = rates[:, 1, 2] = rates[:, 3, 4] = rates[:, 4, 5] = 1.0
-    for row, strength in ((1, loop), (2, loop / integral)):
-        rates[:, row, 0], rates[:, row, 3] = -strength * gain, strength * gain
-        rates[:, row, 1] = -strength
-    rates[:, 1, 1] -= friction
-    at = np.arange(1, instants + 1) / instants * dt
-    flow = expm(rates[:, None] * at[:, None, None])
+    rates[:, :STATE, :STATE] = _rates(axes)
+    rates[:, 3, 4] = rates[:, 4, 5] = 1.0
+    flow = _flow(rates, np.arange(1, instants + 1) / instants * dt)
     # command's speed w₀/dt, acceleration (w₁ − w₀)/dt²
     enter = np.array([[1 / dt, 0.0], [-1 / dt**2, 1 / dt**2]])
     held, driven = flow[..., :STATE, :STATE], flow[..., :STATE, STATE:] @ enter
     return Response(frozen(held[:, -1]), frozen(driven[:, -1]), frozen(held[:, :, 0]), frozen(driven[:, :, 0]))
+
+
+def friction_response(axes: NominalAxes, times: Array) -> Array:
+    """x (n, N) of axes at rest, N `times` (s) after a unit acceleration by a torque from outside has set in."""
+    n = len(axes)
+    rates = np.zeros((n, STATE + 1, STATE + 1))
+    rates[:, :STATE, :STATE] = _rates(axes)
+    rates[:, 1, STATE] = 1.0
+    return frozen(_flow(rates, np.maximum(times, 0.0))[:, :, 0, STATE])
+
+
+def _rates(axes: NominalAxes) -> Array:
+    """The derivative (n, 4, 4) of the state by itself."""
+    n = len(axes)
+    gain, loop, integral, friction = (
+        np.broadcast_to(of, n) for of in (axes.position_gain, axes.speed_loop, axes.integral_time, axes.friction)
+    )
+    rates = np.zeros((n, STATE, STATE))
+    rates[:, 0, 1] = rates[:, 1, 2] = 1.0
+    for row, strength in ((1, loop), (2, loop / integral)):
+        rates[:, row, 0], rates[:, row, 3] = -strength * gain, strength * gain
+        rates[:, row, 1] = -strength
+    rates[:, 1, 1] -= friction
+    return rates
+
+
+def _flow(rates: Array, times: Array) -> Array:
+    """The exponentials (n, N, ·, ·) of rates (n, ·, ·) over N times."""
+    from scipy.linalg import expm
+
+    return np.asarray(expm(rates[:, None] * times[:, None, None]))
