@@ -40,7 +40,7 @@ def contour_error(y: Array, s_reference: Array, curve: Curve) -> Contour:
     tracking = np.linalg.norm(lanes - reference[:, None], axis=2)
     line = polyline(curve)
     reach = np.pi * tracking
-    first, best = nearest_in_order(lanes, np.interp(s_reference, line.s, line.way), reach, line)
+    first, best = nearest_in_order(lanes, s_reference, reach, line)
     points, reach = lanes.reshape(-1, lanes.shape[-1]), reach.ravel()
     s, distance = _refined(points, curve, line, first, reach)
     apart = np.flatnonzero((line.piece[first[0]] != line.piece[best[0]]) | (best[0] > first[0] + 1))
@@ -67,8 +67,9 @@ def _refined(y: Array, curve: Curve, line: Polyline, at: tuple[np.ndarray, Array
     piece = line.piece[edge]
     s: Array = line.s[edge] + share * (line.s[edge + 1] - line.s[edge])
     way = line.way[edge] + share * (line.way[edge + 1] - line.way[edge])
-    low = np.maximum(curve.breaks[piece], np.minimum(np.interp(way - reach, line.way, line.s), s))
-    high = np.minimum(curve.breaks[piece + 1], np.maximum(np.interp(way + reach, line.way, line.s), s))
+    # the whole edge at least, since s need not be even along it
+    low = np.maximum(curve.breaks[piece], np.minimum(np.interp(way - reach, line.way, line.s), line.s[edge]))
+    high = np.minimum(curve.breaks[piece + 1], np.maximum(np.interp(way + reach, line.way, line.s), line.s[edge + 1]))
     miss, f, slope = _projection(y, curve, s, piece)
     damping, active = np.ones(len(s)), np.arange(len(s))
     for _ in range(40):

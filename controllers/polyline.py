@@ -44,7 +44,7 @@ def polyline(curve: Curve) -> Polyline:
         length = np.diff(curve.breaks)[piece]
         s = np.append(curve.breaks[piece] + length * share / edges[piece], curve.breaks[-1])
         r = curve.at(s, np.append(piece, piece[-1]))[0]
-        off = np.linalg.norm(curve.at((s[1:] + s[:-1]) / 2, piece)[0] - (r[1:] + r[:-1]) / 2, axis=1)
+        off = _beside(curve.at((s[1:] + s[:-1]) / 2, piece)[0], r)
         extent = float(np.linalg.norm(np.ptp(r, axis=0)))
         worst = np.maximum.reduceat(off, np.cumsum(edges) - edges)
         short = (worst > SAGITTA * extent) & (edges < EDGES[1])
@@ -56,22 +56,30 @@ def polyline(curve: Curve) -> Polyline:
     return Polyline(s, r, way, piece, float(off.max()), extent)
 
 
+def _beside(points: Array, r: Array) -> Array:
+    """Distance (V − 1,) of a point to each edge of vertices r (V, d): the parameter need not be even along an edge."""
+    side, offset = np.diff(r, axis=0), points - r[:-1]
+    share = np.clip((offset * side).sum(1) / np.maximum((side**2).sum(1), 1e-300), 0.0, 1.0)
+    return np.asarray(np.linalg.norm(offset - share[:, None] * side, axis=1))
+
+
 Found = tuple[np.ndarray, Array]
 """Edge (N · B,) and share along it (N · B,), time first."""
 
 
-def nearest_in_order(y: Array, way: Array, reach: Array, line: Polyline) -> tuple[Found, Found]:
+def nearest_in_order(y: Array, s_reference: Array, reach: Array, line: Polyline) -> tuple[Found, Found]:
     """Per point of y (N, B, d), forward only: the first point of the polyline that may be the nearest, and the nearest.
 
-    They are looked for from the first of the instant before up to `reach` (N, B) beyond the planned way (N,). May be:
+    They are looked for from the first of the instant before up to `reach` (N, B) beyond the planned s (N,). May be:
     within twice the sagitta of the nearest, since either may be off by one. All runs of an instant are searched
     together, each over its own edges.
     """
     instants, runs = reach.shape
     side = np.diff(line.r, axis=0)
     length2 = np.maximum((side**2).sum(1), 1e-300)
-    stop = np.minimum(np.searchsorted(line.way, way[:, None] + reach, side="right"), len(side))
-    edge = np.clip(np.searchsorted(line.way, way[0] - reach[0], side="right") - 1, 0, len(side) - 1)
+    planned = np.clip(np.searchsorted(line.s, s_reference, side="right") - 1, 0, len(side) - 1)
+    stop = np.minimum(np.searchsorted(line.way, line.way[planned + 1][:, None] + reach, side="right"), len(side))
+    edge = np.clip(np.searchsorted(line.way, line.way[planned[0]] - reach[0], side="right") - 1, 0, planned[0])
     share = np.zeros(runs)
     alike = 2 * line.sagitta
     first = np.empty((instants, runs), np.int64), np.empty((instants, runs))

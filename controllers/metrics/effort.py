@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from controllers.rig import Rig
+from controllers.servo import Servo
 from kinematics.array import Array, frozen
 
 AT_LIMIT = 1 - 1e-9
@@ -21,6 +24,19 @@ class Effort:
     torque_rms: Array
     torque_peak: Array
     saturation: Array
+
+
+def torque_limits(rigs: Sequence[Rig]) -> Array:
+    """(B, n) N or N·m: of a servo its torque limit, of a stepper the largest of its curve, whatever its speed."""
+    return np.array(
+        [
+            [
+                drive.torque_limit if isinstance(drive, Servo) else max(torque for _, torque in drive.torque_speed)
+                for drive in rig.drives
+            ]
+            for rig in rigs
+        ]
+    )
 
 
 def efforts(torque: Array, limit: Array) -> tuple[Effort, ...]:

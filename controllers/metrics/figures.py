@@ -53,5 +53,5 @@ FIGURES = (
     Figure("torque_rms", "1", "torque over its limit, RMS", per_axis=True),
     Figure("torque_peak", "1", "torque over its limit, largest", per_axis=True),
     Figure("saturation", "1", "share of the time at the torque limit", per_axis=True),
-    Figure("lost_steps", "pulses", "pulses that a stepper has lost", per_axis=True),
+    Figure("lost_steps", "full steps", "steps that a stepper has lost", per_axis=True),
 )

@@ -29,10 +29,12 @@ class Metrics:
     orientation  ‖log(R_rᵀ R)‖, rad; None where the motion has no path in space
     contour      ε = min over s of ‖y(t) − r(s)‖, m; never more than `tracking`
     pulse        (n,) m or rad per pulse: axes are compared by pulses
-    effort       None where torques are not recorded, as lost_steps (n,) where no axis can lose any
+    planned, attained  (N, 3) m, where the platform's origin should have been and was
+    effort       None where torques are not recorded
+    lost_steps   (n,) full steps; None where they are not counted
 
-    Of a motion that has no path in space, tracking, lag and contour error are those of its axes' positions together:
-    m, or rad on turning axes.
+    Of a motion that has no path in space, tracking, lag and contour error are those of its axes' positions together,
+    (N, n) of which are planned and attained: m, or rad on turning axes.
     """
 
     law: str
@@ -45,6 +47,8 @@ class Metrics:
     ending: Ending
     vibration: Vibration
     pulse: Array
+    planned: Array
+    attained: Array
     effort: Effort | None = None
     lost_steps: Array | None = None
 

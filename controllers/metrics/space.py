@@ -23,8 +23,13 @@ POSES = 1 << 17
 
 @dataclass(frozen=True, slots=True)
 class SpaceErrors:
-    """‖e‖, t̂ᵀe, ε and ‖log(R_rᵀ R)‖ of runs, (N, runs); no orientation where there is no pose."""
+    """‖e‖, t̂ᵀe, ε and ‖log(R_rᵀ R)‖ of runs, (N, runs); no orientation where there is no pose.
 
+    planned (N, d), attained (N, runs, d): where the platform's origin was to be and was, or the axes
+    """
+
+    planned: Array
+    attained: Array
     tracking: Array
     lag: Array
     contour: Array
@@ -53,13 +58,16 @@ def _in_space(actual: Array, planned: Planned, path: MachinePath, machine: Machi
     sure = known.all(0)
     if sure.all():
         return errors
-    return SpaceErrors(*(np.where(sure, of, np.nan) for of in (errors.tracking, errors.lag, errors.contour, turned)))
+    figures = (np.where(sure, of, np.nan) for of in (errors.tracking, errors.lag, errors.contour, turned))
+    return SpaceErrors(errors.planned, np.where(sure[:, None], errors.attained, np.nan), *figures)
 
 
 def _beside(actual: Array, reference: Array, planned: Planned, orientation: Array | None) -> SpaceErrors:
     error = actual - reference[:, None]
     along = directions(planned.curve, planned.s, planned.piece)
     return SpaceErrors(
+        reference,
+        actual,
         np.linalg.norm(error, axis=2),
         np.einsum("nbd,nd->nb", error, along),
         contour_error(actual, planned.s, planned.curve).error,
