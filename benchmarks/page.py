@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-DPI = 150
+DPI, SMALL_DPI = 150, 115
 
 
 def style() -> AbstractContextManager[None]:
@@ -26,7 +26,7 @@ def style() -> AbstractContextManager[None]:
 def png(*axes: "Axes", colours: int | None = None) -> bytes:
     """The figure that the axes belong to; of those that share their time axis only the last is labelled.
 
-    colours: of a palette to which the image is reduced, where many figures must make a small page.
+    colours: of a palette to which the image is reduced, with fewer dots, where many figures must make a small page.
     """
     for ax in axes[:-1]:
         if ax.get_shared_x_axes().joined(ax, axes[-1]):
@@ -34,7 +34,7 @@ def png(*axes: "Axes", colours: int | None = None) -> bytes:
     figure: Figure | None = axes[0].get_figure(root=True)
     buffer = BytesIO()
     if figure is not None:
-        figure.savefig(buffer, format="png", dpi=DPI)
+        figure.savefig(buffer, format="png", dpi=DPI if colours is None else SMALL_DPI)
     return buffer.getvalue() if colours is None else _reduced(buffer, colours)
 
 
@@ -42,7 +42,7 @@ def _reduced(image: BytesIO, colours: int) -> bytes:
     from PIL import Image  # comes with matplotlib
 
     out = BytesIO()
-    Image.open(image).convert("RGB").quantize(colours, dither=Image.Dither.NONE).save(out, "PNG", optimize=True)
+    Image.open(image).convert("RGB").quantize(colours, dither=Image.Dither.NONE).save(out, "PNG", compress_level=9)
     return out.getvalue()
 
 

@@ -6,6 +6,7 @@ from typing import Literal
 import click
 
 from pulsepath import __version__
+from pulsepath.compare_command import compare
 from pulsepath.exits import BAD_INPUT, INFEASIBLE, INTERNAL, Commands
 from pulsepath.export_command import export
 
@@ -146,6 +147,7 @@ def track(directory: Path, laws: tuple[str, ...], force: bool, as_json: bool) ->
 
 
 main.add_command(export)
+main.add_command(compare)
 
 
 @main.command()

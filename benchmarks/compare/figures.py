@@ -164,23 +164,29 @@ def _magnified(comparison: Comparison, shown: Courses) -> list[Axes]:
         # the baseline and the best decide: a third that errs more may leave the picture
         largest = max(float(np.linalg.norm(off[entry] @ plane.T, axis=1).max()) for entry, _ in on[:2])
         times = magnification(largest, float(np.ptp(planned, axis=0).max()))
-        ax.plot(*_drawn(planned, plane), color="black", linewidth=0.9, label="planned path")
+        middle = planned.mean(0)
+        ax.plot(*_drawn(planned - middle, plane), color="black", linewidth=0.9, label="planned path")
         for entry, series in on:
             n = shown.entries.index(entry)
             ax.plot(
-                *_drawn(series.actual - off[entry] + times * off[entry], plane),
+                *_drawn(series.actual - middle + (times - 1) * off[entry], plane),
                 label=comparison.label(entry),
                 **_line(n),
             )
         ax.set(xlabel="mm", ylabel="mm")
         ax.set_title(f"{task}: deviations × {times:g}", loc="left", fontsize="medium", fontweight="bold")
-        ax.set_aspect("equal", adjustable="datalim")
+        ax.set_aspect("equal")
     return _legend(axes, 2)
 
 
 def _plane(points: Array) -> Array:
-    """Two unit vectors (2, 3) along which the points spread most."""
-    return np.asarray(np.linalg.svd(points - points.mean(0), full_matrices=False)[2][:2])
+    """Two unit vectors (2, 3) along which the points spread most; across a straight line, one that is level."""
+    _, size, axes = np.linalg.svd(points - points.mean(0), full_matrices=False)
+    if size[1] > 1e-4 * size[0]:
+        return np.asarray(axes[:2])
+    across = np.cross([0.0, 0.0, 1.0], axes[0])
+    across = across if np.linalg.norm(across) > 1e-6 else np.array([1.0, 0.0, 0.0])
+    return np.array([axes[0], across / np.linalg.norm(across)])
 
 
 def _drawn(points: Array, plane: Array) -> Array:
@@ -203,7 +209,7 @@ def _circles(comparison: Comparison, iso: IsoBlock) -> list[Axes]:
             ax.plot(*_round(turn.angle, radius + times * turn.deviation), label=name, **_line(n))
         ax.set(xlabel="mm", ylabel="mm")
         ax.set_title(f"{comparison.label(entry)}\n{paths}: deviations × {times:g}", loc="left", fontsize="small")
-        ax.set_aspect("equal", adjustable="datalim")
+        ax.set_aspect("equal")
     return _legend(axes, 3)
 
 
@@ -303,8 +309,8 @@ def spectrum(series: Series) -> tuple[Array, Array]:
     """
     error = series.actual - series.planned
     window = np.hanning(len(error))
-    amplitude = np.linalg.norm(np.fft.rfft(error * window[:, None], axis=0), axis=1) * 2 / window.sum()
-    return np.fft.rfftfreq(len(error), float(series.t[1] - series.t[0]))[1:], amplitude[1:]
+    amplitude: Array = np.linalg.norm(np.fft.rfft(error * window[:, None], axis=0), axis=1) * 2 / window.sum()
+    return np.asarray(np.fft.rfftfreq(len(error), float(series.t[1] - series.t[0])))[1:], amplitude[1:]
 
 
 def _effort(ax: Axes, comparison: Comparison, shown: Courses, task: str) -> None:
@@ -333,10 +339,10 @@ def _pareto(comparison: Comparison) -> list[Axes]:
             here = [(row.figures["late"], row.figures[RANK]) for row in rows if isfinite(row.figures.get("late", inf))]
             if here:
                 points += here
-                late, error = np.array(here).T
+                of_law = np.array(here)
                 ax.plot(
-                    late,
-                    scale * error,
+                    of_law[:, 0],
+                    scale * of_law[:, 1],
                     linestyle="none",
                     marker=MARKS[n % len(MARKS)],
                     markersize=5.5,
@@ -346,8 +352,8 @@ def _pareto(comparison: Comparison) -> list[Axes]:
                 )
         if points:
             drawn = True
-            late, error = np.array(front(points)).T
-            ax.step(late, scale * error, where="post", color="black", linewidth=0.9, zorder=0, label="front")
+            best = np.array(front(points))
+            ax.step(best[:, 0], scale * best[:, 1], where="post", color="black", linewidth=0.9, zorder=0, label="front")
             ax.set_yscale("log")
         ax.set(xlabel="at rest after the planned end (s)", ylabel=f"RMS contour error ({unit})")
         ax.set_title(task, loc="left", fontsize="medium", fontweight="bold")

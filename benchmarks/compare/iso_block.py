@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,15 +20,17 @@ STATIONS = 50
 """Evenly along the path, the first and the last half a distance from its ends."""
 
 
+ISO = ("path accuracy AT", "path repeatability RT", "pose accuracy AP", "pose repeatability RP")
+
+
 @dataclass(frozen=True, slots=True)
 class Line:
-    """A figure of a setting on a path, m; why it is not known, where it is None."""
+    """The figures of `ISO` of a setting on a path, m; note: of how many cycles, or why there are none."""
 
     entry: Entry
     path: str
-    name: str
-    value: float | None
-    note: str = ""
+    values: Mapping[str, float]
+    note: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,10 +45,11 @@ def iso_block(comparison: Comparison, entries: Sequence[Entry]) -> IsoBlock:
     """Path and pose accuracy and repeatability of each setting, and circular tests where a circle is run both ways."""
     lines: list[Line] = []
     circles: list[tuple[Entry, str, CircularTest]] = []
-    for entry in entries:
-        runs = every_run(comparison, entry)
-        for task in comparison.tasks:
-            lines += _of_path(entry, task, [series for (of, _, _), series in runs.items() if of == task])
+    all_runs = {entry: every_run(comparison, entry) for entry in entries}
+    for task in comparison.tasks:
+        for entry, runs in all_runs.items():
+            lines.append(_of_path(entry, task, [series for (of, _, _), series in runs.items() if of == task]))
+    for entry, runs in all_runs.items():
         nominal: dict[str, Series] = {}
         for (task, rig, _), series in runs.items():
             if rig == NOMINAL.name:
@@ -55,9 +58,9 @@ def iso_block(comparison: Comparison, entries: Sequence[Entry]) -> IsoBlock:
     return IsoBlock(tuple(lines), tuple(circles))
 
 
-def _of_path(entry: Entry, task: str, runs: Sequence[Series]) -> list[Line]:
+def _of_path(entry: Entry, task: str, runs: Sequence[Series]) -> Line:
     if not runs or runs[0].planned.shape[1] != 3 or len(np.unique(runs[0].s)) < 3:
-        return [Line(entry, task, "AT, RT, AP, RP", None, "no path in space, or no run that held")]
+        return Line(entry, task, {}, "no path in space, or no run that held")
     shortest = min(len(series.t) for series in runs)
     first = runs[0]
     paths = np.stack([series.actual[:shortest] for series in runs], axis=1)
@@ -71,14 +74,9 @@ def _of_path(entry: Entry, task: str, runs: Sequence[Series]) -> list[Line]:
     try:
         path, pose = path_accuracy(paths, stations), pose_accuracy(paths[-1], first.planned[-1])
     except MotionError as error:
-        return [Line(entry, task, "AT, RT, AP, RP", None, str(error))]
-    named = {
-        "path accuracy AT": path.at_p,
-        "path repeatability RT": path.rt_p,
-        "pose accuracy AP": pose.accuracy,
-        "pose repeatability RP": pose.repeatability,
-    }
-    return [Line(entry, task, name, value, f"{len(runs)} cycles") for name, value in named.items()]
+        return Line(entry, task, {}, str(error))
+    values = (path.at_p, path.rt_p, pose.accuracy, pose.repeatability)
+    return Line(entry, task, dict(zip(ISO, values, strict=True)), f"{len(runs)} cycles")
 
 
 def _circles(entry: Entry, nominal: dict[str, Series]) -> list[tuple[Entry, str, CircularTest]]:

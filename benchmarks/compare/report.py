@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from pathlib import Path
 from typing import Any
 
 from benchmarks.compare.courses import courses
 from benchmarks.compare.figures import draw
-from benchmarks.compare.iso_block import IsoBlock, iso_block
+from benchmarks.compare.iso_block import ISO, IsoBlock, iso_block
 from benchmarks.compare.shown import number, shown
 from benchmarks.compare.table import LEAST, LEVEL, RANK, UNSTABLE, Comparison, Row
 from benchmarks.compare.verdict import Verdict, verdict_of
@@ -35,8 +34,8 @@ COLUMNS = (
 )
 
 
-def write_gain_report(comparison: Comparison, path: Path) -> Verdict:
-    """Write the page to `path`; the verdict that it begins with."""
+def gain_report(comparison: Comparison) -> tuple[Verdict, str]:
+    """The verdict, and the page that begins with it."""
     verdict = verdict_of(comparison)
     shown_ones = courses(comparison, verdict)
     iso = iso_block(comparison, shown_ones.entries[:2])
@@ -53,14 +52,14 @@ def write_gain_report(comparison: Comparison, path: Path) -> Verdict:
         marks=MARKS,
         provenance=list(_provenance(comparison)),
         iso=list(_iso_rows(comparison, iso)),
+        iso_names=ISO,
         circles=list(_circle_rows(comparison, iso)),
         shown=[comparison.label(entry) for entry in shown_ones.entries],
         level=100 * LEVEL,
         least=100 * LEAST,
         unstable=UNSTABLE,
     )
-    path.write_text(page, encoding="utf-8")
-    return verdict
+    return verdict, page
 
 
 def mark(row: Row, comparison: Comparison) -> str:
@@ -82,10 +81,10 @@ def _cells(comparison: Comparison, task: str) -> Iterator[Mapping[str, Any]]:
         yield {
             "label": comparison.label(row.entry),
             "mark": mark(row, comparison),
-            "ratio": "" if row.against is None else f"{row.against.ratio:.3g}",
+            "ratio": "" if row.against is None else f"{row.against.ratio:#.3g}",
             "interval": ""
             if row.against is None or row.runs < 2
-            else f"{row.against.low:.3g} … {row.against.high:.3g}",
+            else f"{row.against.low:#.3g} … {row.against.high:#.3g}",
             "spread": "–" if row.spread is None else " … ".join(number(value, unit) for value in row.spread),
             "figures": [
                 number(row.figures[name], comparison.unit(name, task)) if name in row.figures else "–"
@@ -124,28 +123,32 @@ def _provenance(comparison: Comparison) -> Iterator[tuple[str, list[tuple[str, s
                 ("seeds", ", ".join(map(str, record["seeds"]))),
                 ("versions", versions),
                 ("SHA-256 of the rig", hashes["rig"]),
-                *((f"SHA-256 of path {name}", value) for name, value in hashes["tasks"].items()),
+                *(
+                    (f"SHA-256 of path {name}", value)
+                    for name, value in hashes["tasks"].items()
+                    if name in record["tasks"]
+                ),
                 ("SHA-256 of the code", hashes["code"]),
             ],
         )
 
 
-def _iso_rows(comparison: Comparison, iso: IsoBlock) -> Iterator[tuple[str, str, str, str, str]]:
+def _iso_rows(comparison: Comparison, iso: IsoBlock) -> Iterator[list[str]]:
+    """Path, setting, its figures in the order of `ISO`, and a note."""
     for line in iso.lines:
-        value = "–" if line.value is None else shown(line.value, "m")
-        yield comparison.label(line.entry), line.path, line.name, value, line.note
+        values = [number(line.values[name], "m") if name in line.values else "–" for name in ISO]
+        yield [line.path, comparison.label(line.entry), *values, line.note]
 
 
-def _circle_rows(comparison: Comparison, iso: IsoBlock) -> Iterator[tuple[str, str, str, str]]:
+def _circle_rows(comparison: Comparison, iso: IsoBlock) -> Iterator[list[str]]:
     for entry, paths, test in iso.circles:
-        about = f"{paths}: diameter {2e3 * test.circle.radius:.4g} mm, feed {1e3 * test.circle.feed:.3g} mm/s"
-        named = {
-            "circular deviation G, counter-clockwise": test.ccw.circular,
-            "circular deviation G, clockwise": test.cw.circular,
-            "bidirectional circular deviation G(b)": test.both,
-            "radial deviation F max": max(test.ccw.radial_max, test.cw.radial_max),
-            "radial deviation F min": min(test.ccw.radial_min, test.cw.radial_min),
-            "mean bidirectional radial deviation D": test.mean_radial,
-        }
-        for name, value in named.items():
-            yield comparison.label(entry), about, name, shown(value, "m")
+        named = (
+            test.ccw.circular,
+            test.cw.circular,
+            test.both,
+            max(test.ccw.radial_max, test.cw.radial_max),
+            min(test.ccw.radial_min, test.cw.radial_min),
+            test.mean_radial,
+        )
+        about = f"{paths}: ⌀ {2e3 * test.circle.radius:.4g} mm, {1e3 * test.circle.feed:.3g} mm/s"
+        yield [about, comparison.label(entry), *(number(value, "m") for value in named)]

@@ -119,8 +119,8 @@ class Comparison:
 def compare(sources: Sequence[Runs], baseline: str | None = None) -> Comparison:
     """Every setting of the saved runs on every path.
 
-    baseline: as `read_setting` reads it, of the first runs that have it. Without one: `USUAL` where it was run, else the first setting. Raises MotionError where there are no runs, or not
-    those of the baseline.
+    baseline: as `read_setting` reads it, of the first runs that have it. Without one it is `USUAL` where that was run,
+    else the first setting. Raises MotionError where there are no runs, or not those of the baseline.
     """
     groups: dict[tuple[Entry, str], dict[Pairing, Result]] = {}
     for n, source in enumerate(sources):

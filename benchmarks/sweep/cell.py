@@ -46,7 +46,7 @@ def read_setting(text: str) -> Setting:
             values[gain] = float(finite(float(value), f"law {name}: gain {gain}", ()))
         except ValueError:
             raise MotionError(f'law {name}: gain {gain}: "{value}" is not a number') from None
-    law = find_law(name, **values)
+    law = find_law(name, None, **values)
     return Setting(_long(name), tuple((gain, float(getattr(law, gain))) for gain in law.grid))
 
 
@@ -88,7 +88,7 @@ VARIATIONS = (
 
 @dataclass(frozen=True, slots=True)
 class Cell:
-    """One run. seed: of what is drawn by chance, as the host's timing."""
+    """One run. seed: added to that of the rig's host, whose timing is drawn by chance where it sleeps."""
 
     setting: Setting
     task: str

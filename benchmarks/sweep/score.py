@@ -10,19 +10,13 @@ import numpy as np
 
 from benchmarks.sweep.cell import Cell, batched
 from benchmarks.sweep.result import Result, Series
-from controllers.host import Host
-from controllers.laws.law import Law
-from controllers.metrics import Metrics, evaluate_runs
-from controllers.metrics.attained import Planned, attained_poses, planned_at
-from controllers.metrics.evaluate import BATCH_PERIOD
+from controllers.metrics import BATCH_PERIOD, Metrics, evaluate_runs
+from controllers.metrics.attained import planned_at
+from controllers.metrics.effort import torque_limits
 from controllers.rig import Rig, disturbed
-from controllers.simulate import Runs, sample, simulate
+from controllers.simulate import sample, simulate
 from kinematics.array import Array
 from kinematics.errors import MotionError
-
-SLEEPER = Host("sleep", granularity=1 / 64, jitter=1e-3)
-"""ASSUMED of a host that sleeps, where the rig's file states none: the timer of an office computer of the thesis' time
-ticks 64 times a second, and what else runs there takes up to a millisecond."""
 
 
 def score(cells: Sequence[Cell], rig: Rig) -> list[Result]:
@@ -30,7 +24,7 @@ def score(cells: Sequence[Cell], rig: Rig) -> list[Result]:
     task, machine = rig.task(cells[0].task), rig.machine
     try:
         law = batched([cell.setting for cell in cells], rig)
-        rigs = [_own(rig, law, cell) for cell in cells]
+        rigs = [_own(rig, cell) for cell in cells]
         runs = simulate(sample(task.motion, machine, task.dt), law, rigs)
         metrics = evaluate_runs(runs, task, rigs)
     except MotionError as error:
@@ -39,46 +33,34 @@ def score(cells: Sequence[Cell], rig: Rig) -> list[Result]:
         # one run has stopped all: the halves tell which
         half = len(cells) // 2
         return [*score(cells[:half], rig), *score(cells[half:], rig)]
-    planned = planned_at(task.motion, machine, metrics[0].t)
-    limit = np.array([drive.torque_limit for drive in rig.drives])
+    share = runs.torque / torque_limits(rigs)
+    every = max(1, round(BATCH_PERIOD / (runs.t[1] - runs.t[0])))
     return [
-        _result(cell, of, _series(of, planned, runs, lane, rig, limit))
+        _result(cell, of, planned_at(task.motion, machine, of.t).s, share[:, lane], every)
         for lane, (cell, of) in enumerate(zip(cells, metrics, strict=True))
     ]
 
 
-def _own(rig: Rig, law: Law, cell: Cell) -> Rig:
-    """The rig of one run: its inertia and friction, and the host's timing that the law is meant for, with its seed."""
-    host = SLEEPER if law.host == "sleep" and rig.host.timer == "counter" else rig.host
+def _own(rig: Rig, cell: Cell) -> Rig:
+    """The rig of one run: its inertia and friction, and its host's seed."""
     varied = disturbed(rig, inertia=cell.variation.inertia, friction=cell.variation.friction)
-    return replace(varied, host=replace(host, seed=cell.seed))
+    return replace(varied, host=replace(rig.host, seed=rig.host.seed + cell.seed))
 
 
-def _result(cell: Cell, metrics: Metrics, series: Series) -> Result:
+def _result(cell: Cell, metrics: Metrics, s: Array, share: Array, every: int) -> Result:
+    """share (N, n): torque over its limit at all samples, of which the metrics see one in `every`."""
     figures = metrics.figures()
     if isnan(figures["contour_rms"]):
         return Result(cell, failure="the axes left what the machine can reach, or its way of standing")
-    return Result(cell, {name: value for name, value in figures.items() if not isnan(value)}, series=series)
-
-
-def _series(metrics: Metrics, planned: Planned, runs: Runs, lane: int, rig: Rig, limit: Array) -> Series:
-    machine, path = rig.machine, planned.path
-    every = max(1, round(BATCH_PERIOD / (runs.t[1] - runs.t[0])))
-    q = machine.home_q + runs.actual[::every, lane] * [axis.pulse for axis in machine.axes]
-    if path is None:
-        wanted, actual = planned.q, q
-    else:
-        numbers, attained, _ = attained_poses(q[:, None], planned, path, machine, certify=False)
-        wanted, actual = numbers[:, :3], attained[:, 0, :3]
-    share = runs.torque[:, lane] / limit
-    first = np.arange(0, len(share), every)
+    first = np.arange(len(metrics.t)) * every
     high, low = np.maximum.reduceat(share, first), np.minimum.reduceat(share, first)
-    return Series(
+    series = Series(
         t=metrics.t,
-        s=planned.s,
-        planned=wanted,
-        actual=actual,
+        s=s,
+        planned=metrics.planned,
+        actual=metrics.attained,
         contour=metrics.contour.value,
         tracking=metrics.tracking.value,
         torque=np.where(high > -low, high, low),
     )
+    return Result(cell, {name: value for name, value in figures.items() if not isnan(value)}, series=series)
