@@ -105,6 +105,7 @@ def _mark_corners(ax: Axes, places: Sequence[float]) -> None:
             va="top",
             fontsize="small",
             color="#505050",
+            bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.75, "pad": 0.5},
         )
 
 
@@ -235,25 +236,35 @@ def _gains(comparison: Comparison) -> list[Axes]:
             ax.axhline(
                 scale * baseline.figures[RANK], color="black", linewidth=1, linestyle=(0, (6, 3)), label="baseline"
             )
-        ax.set_yscale("log")
+        _log_error(ax)
         ax.set(xlabel="first gain of the law", ylabel=f"RMS contour error ({unit})")
         ax.set_title(task, loc="left", fontsize="medium", fontweight="bold")
     return _legend(axes, 2)
+
+
+def _log_error(ax: Axes) -> None:
+    """A logarithmic axis of errors that says 200 and 500, not powers, also where it spans less than a decade."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    ax.set_yscale("log")
+    ax.yaxis.set_major_locator(LogLocator(subs=(1, 2, 3, 5, 7)))
+    ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    ax.yaxis.set_minor_formatter(NullFormatter())
 
 
 def _gain_line(ax: Axes, rows: Sequence[tuple[float, Row]], scale: float, name: str, n: int) -> None:
     good = [(x, row) for x, row in rows if row.figures and row.spread]
     color, mark = PALETTE[n % len(PALETTE)], MARKS[n % len(MARKS)]
     if good:
-        x = [x for x, _ in good]
+        gains = [x for x, _ in good]
         error = np.array([row.figures[RANK] for _, row in good])
         spread = np.array([row.spread for _, row in good if row.spread]).T
         line = {**_line(n), "linewidth": 1.2}
-        ax.plot(x, scale * error, marker=mark, markersize=4.5, label=name, **line)
-        ax.vlines(x, scale * spread[0], scale * spread[1], color=color, linewidth=2.5, alpha=0.45)
+        ax.plot(gains, scale * error, marker=mark, markersize=4.5, label=name, **line)
+        ax.vlines(gains, scale * spread[0], scale * spread[1], color=color, linewidth=2.5, alpha=0.45)
     unstable = [x for x, row in rows if not row.stable]
+    height = 0.98 - 0.045 * n
     for k, x in enumerate(unstable):
-        height = 0.98 - 0.045 * n
         ax.plot(
             x,
             height,
@@ -354,7 +365,7 @@ def _pareto(comparison: Comparison) -> list[Axes]:
             drawn = True
             best = np.array(front(points))
             ax.step(best[:, 0], scale * best[:, 1], where="post", color="black", linewidth=0.9, zorder=0, label="front")
-            ax.set_yscale("log")
+            _log_error(ax)
         ax.set(xlabel="at rest after the planned end (s)", ylabel=f"RMS contour error ({unit})")
         ax.set_title(task, loc="left", fontsize="medium", fontweight="bold")
     return _legend(axes, 3) if drawn else []

@@ -7,12 +7,12 @@ from math import inf, isfinite
 HUMAN = {
     "m": ("µm", 1e6),
     "rad": ("mrad", 1e3),
-    "s": ("s", 1.0),
+    "s": ("ms", 1e3),
     "": ("%", 100.0),
     "m/s³": ("m/s³", 1.0),
     "rad/s³": ("rad/s³", 1.0),
     "m²": ("µm²", 1e12),
-    "rad²": ("mrad²", 1e6),
+    "rad²": ("µrad²", 1e12),
     "pulses": ("pulses", 1.0),
 }
 """SI unit -> what it is shown in, and the factor; shares in per cent."""
