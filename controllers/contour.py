@@ -61,7 +61,7 @@ def contour_error(y: Array, s_reference: Array, curve: Curve) -> Contour:
 def _refined(y: Array, curve: Curve, line: Polyline, at: tuple[np.ndarray, Array], reach: Array) -> tuple[Array, Array]:
     """s (M,) and ‖y − r(s)‖ by Newton on f(s) = (y − r)·r′, inside the piece and the reach; a step must come nearer.
 
-    f′ = (y − r)·r″ − r′·r′ is −r′·r′ at first and the secant of the last two points then.
+    f′ = (y − r)·r″ − r′·r′ is the secant of the last two points, or −r′·r′ at first and where the secant would climb.
     """
     edge, share = at
     piece = line.piece[edge]
@@ -80,16 +80,17 @@ def _refined(y: Array, curve: Curve, line: Polyline, at: tuple[np.ndarray, Array
         active = active[damping[active] > 1e-3]
         if not len(active):
             break
-        step = damping[active] * f[active] / np.maximum(slope[active], 1e-300)
-        trial = np.clip(s[active] + step, low[active], high[active])
+        trial = np.clip(s[active] + f[active] / np.maximum(slope[active], 1e-300), low[active], high[active])
+        trial = s[active] + damping[active] * (trial - s[active])
         moved = trial - s[active]
-        miss_there, f_there, _ = _projection(y[active], curve, trial, piece[active])
+        miss_there, f_there, slope_there = _projection(y[active], curve, trial, piece[active])
         nearer = miss_there < miss[active]
         damping[active[~nearer]] /= 4
         won = active[nearer]
+        damping[won] = np.minimum(4 * damping[won], 1.0)
         secant = (f[won] - f_there[nearer]) / moved[nearer]
-        # beyond the centre of curvature Newton would climb: there the last slope stays
-        slope[won] = np.where(secant > 0, secant, slope[won])
+        # beyond the centre of curvature Newton would climb
+        slope[won] = np.where(secant > 0, secant, slope_there[nearer])
         s[won], f[won], miss[won] = trial[nearer], f_there[nearer], miss_there[nearer]
         active = active[moved != 0]
     return s, miss

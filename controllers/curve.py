@@ -10,6 +10,8 @@ from kinematics.array import Array
 from planner.actuation import MachinePath
 from planner.pulses.motion import Motion
 
+LOOKED, HALVINGS = 64, 52
+"""Instants of a piece between which axes may turn back once; halvings until the instant is found to its rounding."""
 INSIDE = 1e-4
 """Share of a piece by which one goes inside it for the direction at an end where the curve stands still."""
 
@@ -39,13 +41,26 @@ class PathCurve:
 
 @dataclass(frozen=True)
 class MotionCurve:
-    """The axes along a motion that has no path in space: r = q (n,), and s is the time."""
+    """The axes along a motion that has no path in space: r = q (n,), and s is the time.
+
+    Where the axes turn back on their way a piece ends, so that what is there and what is back are told apart.
+    """
 
     motion: Motion
 
     @cached_property
     def breaks(self) -> Array:
-        return np.unique(self.motion.knots)
+        knots = np.unique(self.motion.knots)
+        share = np.arange(LOOKED) / LOOKED
+        t = np.append((knots[:-1, None] + np.diff(knots)[:, None] * share).ravel(), knots[-1])
+        speed = self.motion.at(t).qd
+        back = (speed[:-1] * speed[1:]).sum(1) < 0
+        low, high, forth = t[:-1][back], t[1:][back], speed[:-1][back]
+        for _ in range(HALVINGS if back.any() else 0):
+            middle = (low + high) / 2
+            beyond = (self.motion.at(middle).qd * forth).sum(1) < 0
+            low, high = np.where(beyond, low, middle), np.where(beyond, middle, high)
+        return np.union1d(knots, high)
 
     def at(self, s: Array, piece: np.ndarray) -> tuple[Array, Array]:
         # q and q̇ are continuous across knots

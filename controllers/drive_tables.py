@@ -79,6 +79,11 @@ class ServoTable(DriveTable):
     command_delay: Samples | None = None
     loop_delay: Samples | None = None
 
+    @staticmethod
+    def drive(values: Mapping[str, Any], r: float, common: Mapping[str, Any]) -> Servo:
+        loops = ("position_gain", "speed_loop", "integral_time", "feedback", "command_delay", "loop_delay")
+        return Servo(torque_limit=values["torque_limit"] / r, **_given(values, *loops), **common)
+
 
 class StepperTable(DriveTable):
     """See `Stepper`; steps: full steps of a turn."""
@@ -89,8 +94,14 @@ class StepperTable(DriveTable):
     torque_speed: Curve | None = None
     damping: Annotated[float, Unit("N*m*s/rad", least=0, like="5e-4 N*m*s/rad")] | None = None
 
+    @staticmethod
+    def drive(values: Mapping[str, Any], r: float, common: Mapping[str, Any]) -> Stepper:
+        curve = tuple((speed * r, torque / r) for speed, torque in values["torque_speed"])
+        full_step, damping = 2 * np.pi * r / values["steps"], values.get("damping", 0.0) / r**2
+        return Stepper(torque_speed=curve, full_step=full_step, damping=damping, **common)
 
-KINDS: dict[str, type[DriveTable]] = {"servo": ServoTable, "stepper": StepperTable}
+
+KINDS: dict[str, type[ServoTable] | type[StepperTable]] = {"servo": ServoTable, "stepper": StepperTable}
 """Kinds of drive by the name of their table."""
 TRANSMISSION = {"rotary": "gear", "linear": "screw"}
 """What leads from the motor to an axis of a kind."""
@@ -109,10 +120,9 @@ def drive_of(kind: str, axis: Axis, values: Mapping[str, Any]) -> Servo | Steppe
         "coulomb": values.get("coulomb", 0.0) / r,
         "encoder": values.get("counts", 0.0) / (2 * np.pi * r),
         "play": transmission.play,
-    } | {name: values[name] for name in ("sample",) if name in values}
-    if kind == "stepper":
-        curve = tuple((speed * r, torque / r) for speed, torque in values["torque_speed"])
-        return Stepper(curve, 2 * np.pi * r / values["steps"], damping=values.get("damping", 0.0) / r**2, **common)
-    loops = ("position_gain", "speed_loop", "integral_time", "feedback", "command_delay", "loop_delay")
-    own = {name: values[name] for name in loops if name in values}
-    return Servo(torque_limit=values["torque_limit"] / r, **own, **common)
+    }
+    return KINDS[kind].drive(values, r, common | _given(values, "sample"))
+
+
+def _given(values: Mapping[str, Any], *names: str) -> dict[str, Any]:
+    return {name: values[name] for name in names if name in values}

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from controllers.laws.horizon import INSTANTS, Horizon
+from controllers.laws.horizon import Horizon
 from controllers.laws.law import Reference
 from controllers.laws.learned import Learned
 from controllers.laws.nominal import NominalAxes, nominal
@@ -25,7 +25,7 @@ class Learning:
     """What trials brought: the law of each, the first being the uncorrected one, and what error each left.
 
     laws   (trials + 1,)
-    error  (trials + 1, n) pulses, RMS of reference − encoder of each axis at `INSTANTS` instants in each step
+    error  (trials + 1, n) pulses, RMS of reference − encoder of each axis `INSTANTS` times a step
     """
 
     laws: tuple[Learned, ...]
@@ -42,14 +42,14 @@ def learn(rig: Rig, task: Task, trials: int, *, plant: Rig | None = None, change
 
     min ‖e − P (u⁺ − u)‖² + s ‖u⁺ − u‖²  within the speeds and accelerations of the machine,
 
-    so u⁺ = u + (PᵀP + s I)⁻¹ Pᵀ e where no limit is active: norm-optimal learning with W = I, S = s I, R = 0, whose error
-    falls with every trial as long as P is the plant. u are the speeds at the start and end of each step (times dt), P
-    the nominal drives' response to them over the whole motion (`Horizon`); e what the encoders read at `INSTANTS`
-    instants in each step, which the host can poll while it waits, less the nominal play that an encoder does not see. The first u is the reference, as law 3 sends it.
+    so u⁺ = u + (PᵀP + s I)⁻¹ Pᵀ e where no limit is active: norm-optimal learning with W = I, S = s I, R = 0, whose
+    error falls with every trial as long as P is the plant. u are the speeds at the start and end of each step (times
+    dt), P the nominal drives' response to them over the whole motion (`Horizon`); e what the host reads of the encoders
+    while it waits, `INSTANTS` times a step, less the nominal play that they do not see. The first u is the reference, as law 3 has it.
 
     rig     as stated: P and the limits
     plant   what the trials run on, `rig` by default
-    change  s: the larger, the smaller the steps; 0.1 halves what P shows by less than a third
+    change  s: the larger, the smaller the steps from trial to trial
     """
     if trials < 1:
         raise MotionError(f"learning: {trials} trials; at least one is needed")
@@ -64,7 +64,7 @@ def learn(rig: Rig, task: Task, trials: int, *, plant: Rig | None = None, change
     laws, errors = [], []
     for trial in range(trials + 1):
         laws.append(_law(reference, u))
-        e = _errors(reference, laws[-1], plant, axes, steps)
+        e = _errors(reference, laws[-1], plant, axes, program)
         errors.append(np.sqrt(np.mean(e**2, 1)))
         if trial < trials:
             aim = e + (program.driven @ u[..., None])[..., 0]
@@ -81,7 +81,7 @@ def modelled(reference: Reference, law: Learned, axes: NominalAxes) -> NominalAx
     n = reference.position.shape[-1]
     t = np.arange(reference.steps + 1)[:, None] * reference.dt + np.broadcast_to(axes.delay, n)
     r, rd, _ = reference.between(t)
-    taken = axes.play / 2 * reference.heading(np.arange(reference.steps + 1))
+    taken = axes.play / 2 * reference.heading(t)
     lead = law.position[: reference.steps + 1] - r - taken
     return replace(axes, position_gain=(rd**2).sum(0) / (rd * lead).sum(0))
 
@@ -93,12 +93,11 @@ def _law(reference: Reference, u: Array) -> Learned:
     return Learned(reference.position[0] + way, (end - start) / reference.dt)
 
 
-def _errors(reference: Reference, law: Learned, plant: Rig, axes: NominalAxes, steps: int) -> Array:
-    """Reference − encoder (n, steps · m), pulses, `delay` after the instants at which the undelayed model is told."""
+def _errors(reference: Reference, law: Learned, plant: Rig, axes: NominalAxes, program: Horizon) -> Array:
+    """Reference and half the nominal play − encoder (n, steps · m), pulses, at the program's instants."""
     runs = simulate(reference, law, [plant], settle=(TAIL + 1) * reference.dt)
-    read = runs.measured[:, 0]
-    instants = Horizon.instants(steps)
-    taken = axes.play / 2 * reference.heading(np.ceil(instants - 1e-9).astype(int))
-    t = instants[:, None] * reference.dt + np.broadcast_to(axes.delay, read.shape[1])
+    # the undelayed model is where the axes will be
+    t = program.instants[:, None] * reference.dt + axes.delay
     at = np.minimum(np.searchsorted(runs.t, t - 1e-9), len(runs.t) - 1)
-    return np.asarray(reference.between(t)[0] + taken - np.take_along_axis(read, at, 0)).T
+    read = np.take_along_axis(runs.measured[:, 0], at, 0)
+    return np.asarray(reference.between(t)[0] + axes.play / 2 * reference.heading(t) - read).T

@@ -57,13 +57,7 @@ def assumed_rig(machine: Machine, card: Card = PCI_8132) -> Rig:
 def disturbed(rig: Rig, *, inertia: float = 1.0, friction: float = 1.0) -> Rig:
     """The same rig with other true inertias and frictions (factors), which its drives know nothing of."""
 
-    def other(drive: Drive) -> Drive:
-        viscous, coulomb = drive.friction * friction, drive.coulomb * friction
-        if isinstance(drive, Stepper):
-            return replace(drive, inertia=drive.inertia * inertia, friction=viscous, coulomb=coulomb)
-        return replace(drive, inertia_factor=drive.inertia_factor * inertia, friction=viscous, coulomb=coulomb)
-
-    return replace(rig, drives=tuple(map(other, rig.drives)))
+    return replace(rig, drives=tuple(drive.disturbed(inertia, friction) for drive in rig.drives))
 
 
 def load_rig(name_or_path: str | PathLike[str]) -> Rig:

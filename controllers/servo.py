@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Literal
 
 import numpy as np
@@ -69,6 +69,15 @@ class Servo:
             if not lowest <= value < float("inf"):
                 zero = ", ".join(_MAY_BE_ZERO)
                 raise MotionError(f"servo: {field.name} {value} must be a positive finite number ({zero} may be zero)")
+
+    def disturbed(self, inertia: float, friction: float) -> Servo:
+        """The same axis with other true inertia and friction (factors), of which its drive knows nothing."""
+        return replace(
+            self,
+            inertia_factor=self.inertia_factor * inertia,
+            friction=self.friction * friction,
+            coulomb=self.coulomb * friction,
+        )
 
 
 _MAY_BE_ZERO = ("friction", "coulomb", "play", "command_delay", "loop_delay")

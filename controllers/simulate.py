@@ -14,6 +14,7 @@ from controllers.card import PCI_8132, Card, at_rest, send
 from controllers.drives.bank import bank
 from controllers.host import instants
 from controllers.laws.law import Feedback, Law, Reference
+from controllers.recorder import Recorder
 from controllers.rig import Rig
 from controllers.servo import Servo, leg_servo
 from kinematics.array import Array, frozen
@@ -134,11 +135,12 @@ def simulate(
 
     Raises MotionError for a dt that does not fit the drives, and Refused by the card for a command outside its range.
     """
+    _refuse(reference, rigs)
     machine, card, dt = rigs[0].machine, rigs[0].card, reference.dt
     axes = bank([rig.drives for rig in rigs])
     h = axes.sample
     exact = law.host == "counter" and any(rig.host.timer == "counter" for rig in rigs)
-    _refuse(dt, h, exact, settle, period)
+    _refuse_times(dt, h, exact, settle, period)
     pulse = np.array([axis.pulse for axis in machine.axes])
     lanes = (len(rigs), len(pulse))
     counts = np.broadcast_to(reference.ang(0), lanes).astype(np.int64)
@@ -147,40 +149,53 @@ def simulate(
     begin = instants([rig.host for rig in rigs], law.host, dt, steps)
     # as whole samples; 1e-6 of one is rounding
     at = np.ceil(begin / h - 1e-6).astype(np.int64)
-    samples, every = int(at[-1].max()), 1 if period is None else max(round(period / h), 1)
-    command, actual, measured, speed, torque = (np.empty((-(-samples // every), *lanes)) for _ in range(5))
+    every = 1 if period is None else max(round(period / h), 1)
+    recorder = Recorder(int(at[-1].max()), every, pulse, lanes)
     runs, k = np.arange(len(rigs)), np.zeros(len(rigs), np.int64)
     before, last = axes.reading(drives) / pulse, at[0]
-    for start, stop in pairwise([*np.unique(at[:-1]).tolist(), samples]):
-        due, now = (at[k, runs] == start) & (k < steps), start * h
-        position = axes.reading(drives) / pulse
-        took = np.maximum(start - last, 1)[:, None] * h
-        here = Feedback(position, (position - before) / took, state.counter(now)[0])
-        told = law.command(int(k[0]) if (k == k[0]).all() else k, reference, here)
-        state = send(card, state, told, now, None if due.all() else due[:, None])
-        before, last, k = np.where(due[:, None], position, before), np.where(due, start, last), k + due
+    pulses, lost = np.empty((2, *lanes), np.int64)
+    moments = np.unique(at).tolist()
+    for start, stop in pairwise([*moments, moments[-1]]):
+        due, over, now = (at[k, runs] == start) & (k < steps), at[-1] == start, start * h
+        if over.any():  # whatever the rest of the batch goes on to do
+            pulses[over], lost[over] = state.pulses(now)[over], axes.lost(drives)[over]
+        if due.any():
+            position = axes.reading(drives) / pulse
+            took = np.maximum(start - last, 1)[:, None] * h
+            here = Feedback(position, (position - before) / took, state.counter(now)[0])
+            told = law.command(int(k[0]) if (k == k[0]).all() else k, reference, here)
+            state = send(card, state, told, now, None if due.all() else due[:, None])
+            before, last, k = np.where(due[:, None], position, before), np.where(due, start, last), k + due
         block = max(BLOCK // counts.size, 1)
         for first in range(start, stop, block):
             counter = state.counter(np.arange(first, min(first + block, stop)) * h)
-            kept = np.arange(-first % every, len(counter), every)
-            response, drives = axes.run(drives, counter * pulse, kept)
-            rows = slice(-(-first // every), -(-first // every) + len(kept))
-            command[rows] = counter[kept]
-            np.divide(response.position, pulse, out=actual[rows])
-            np.divide(response.reading, pulse, out=measured[rows])
-            np.divide(response.speed, pulse, out=speed[rows])
-            torque[rows] = response.torque
-    for record in (command, actual, measured, speed, torque):
-        record.setflags(write=False)
-    t = np.asarray(np.arange(len(command)) * (every * h), float)
-    return Runs(t, command, actual, measured, speed, torque, state.pulses(samples * h), axes.lost(drives), begin)
+            response, drives = axes.run(drives, counter * pulse, recorder.kept(first, len(counter)))
+            recorder.put(first, counter, response)
+    records = recorder.done()
+    t = np.asarray(np.arange(len(records["command"])) * (every * h), float)
+    return Runs(t=t, **records, pulses=pulses, lost=lost, steps=begin)
 
 
 BLOCK = 1 << 15
 """Values of a quantity that are worked on at once: 256 kB, so that they stay near the processor."""
 
 
-def _refuse(dt: float, sample: float, exact: bool, settle: float, period: float | None) -> None:
+def _refuse(reference: Reference, rigs: Sequence[Rig]) -> None:
+    """Raise MotionError for what cannot be one batch."""
+    if not rigs:
+        raise MotionError("track: a batch needs a rig for each of its runs, and has none")
+    axes, card = rigs[0].machine.axes, rigs[0].card
+    if any(rig.machine.axes != axes or rig.card != card for rig in rigs):
+        raise MotionError("track: the rigs of one batch differ in their machine or card; run them apart")
+    lanes = reference.position.shape[1:]
+    if lanes not in ((len(axes),), (len(rigs), len(axes))):
+        raise MotionError(
+            f"track: a reference of {' x '.join(map(str, lanes))} for {len(rigs)} rigs of {len(axes)} axes; "
+            "give one for each axis, or for each run and axis"
+        )
+
+
+def _refuse_times(dt: float, sample: float, exact: bool, settle: float, period: float | None) -> None:
     inner = round(dt / sample) if 0 < dt < float("inf") else 0
     if inner < 1 or (exact and abs(inner * sample - dt) > 1e-9 * dt):
         raise MotionError(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -62,6 +62,20 @@ class Stepper:
                 f"stepper: sample {self.sample} s is too long for a rotor that swings at {self.swing:.4g} rad/s; "
                 f"take {1 / self.swing:.2g} s or less"
             )
+
+    @property
+    def torque_limit(self) -> float:
+        """N or N·m: the most it gives at any rate of steps."""
+        return max(torque for _, torque in self.torque_speed)
+
+    def disturbed(self, inertia: float, friction: float) -> Stepper:
+        """The same axis with other true inertia and friction (factors)."""
+        return replace(
+            self,
+            inertia=self.inertia * inertia,
+            friction=self.friction * friction,
+            coulomb=self.coulomb * friction,
+        )
 
     @property
     def swing(self) -> float:

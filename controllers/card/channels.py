@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
@@ -20,6 +20,7 @@ class Channels:
     begin     (…) s
     position  (…) pulses, command position, with its share of a pulse
     speed     (…) pulses/s, signed
+    running   the move under way there, or behind which the command waits
     """
 
     card: Card
@@ -27,6 +28,7 @@ class Channels:
     begin: Array
     position: Array
     speed: Array
+    running: Profile
 
     def magnitude(self, what: str, speed: Array) -> Array:
         """Speeds (…) as the speed register holds them, direction left out: one step of it at least."""
@@ -45,6 +47,16 @@ class Channels:
         self.refuse("position", position, fine, f"{low} … {high} pulses", "28-bit position counter")
         return position
 
+    def after(self, distance: Array) -> Array:
+        """Whole positions (…) that many whole pulses on from the counters, which may wrap round where the card says."""
+        goal = np.rint(self.position) + np.rint(distance)
+        if self.card.beyond_counter == "refuse":
+            return self.target(goal)
+        low, high = COUNTER
+        fine = (distance >= low) & (distance <= high)
+        self.refuse("distance", distance, fine, f"{low} … {high} pulses", "28-bit position register")
+        return goal
+
     def ramp(self, what: str, seconds: float) -> float:
         """Time of a ramp, s: none where it is within one tick of the clock."""
         if not 0 <= seconds < float("inf"):
@@ -62,6 +74,13 @@ class Channels:
                 "down, or choose a card or a pulse that covers it"
             )
 
+    def forbid(self, wrong: np.ndarray, reason: str) -> None:
+        """Raise Refused with a reason for the first of the due lanes where `wrong` is true."""
+        wrong = self.due & wrong
+        if wrong.any():
+            lane = np.unravel_index(int(np.argmax(wrong)), wrong.shape)
+            raise Refused(f"{self.card.name}, channel {int(lane[-1]) + 1}: {reason}")
+
     def _within(self, what: str, speed: Array) -> Array:
         if speed.shape[-1] != self.due.shape[-1]:
             raise Refused(
@@ -72,20 +91,37 @@ class Channels:
         return speed
 
 
-class Command(Protocol):
-    """A command of the card, addressed to all channels at once, one value per lane.
+class Command(ABC):
+    """A command of the card, addressed to all channels at once, one value per lane, where it does not name channels.
 
     The host writes the channels one after another and starts them together. Positions are pulses of the step output,
-    positive where the axis' own coordinate grows.
-
-    waits  whether a card that queues puts it behind the move under way; the others act at once on any card
+    positive where the axis' own coordinate grows. All commands take effect at the instant they are sent (assumed).
     """
 
-    @property
-    def waits(self) -> bool: ...
+    __slots__ = ()
 
-    def move(self, now: Channels) -> Profile:
-        """What the channels do from then on. Raises Refused, with the reason."""
+    @property
+    def waits(self) -> bool:
+        """Whether a card that queues puts it behind the move under way; the others act at once on any card."""
+        return True
+
+    @property
+    def joint(self) -> bool:
+        """Whether its channels run as one: none starts, or is stopped by a limit, without the others."""
+        return False
+
+    @property
+    def limited(self) -> bool:
+        """Whether soft limits hold for it."""
+        return True
+
+    def addressed(self, card: Card, lanes: tuple[int, ...]) -> np.ndarray:
+        """The lanes that it is for, bool, of the shape `lanes` or one that numpy stretches to it."""
+        return np.ones(lanes, bool)
+
+    @abstractmethod
+    def moves(self, now: Channels) -> tuple[Profile, ...]:
+        """What the channels do from then on, one after another. Raises Refused, with the reason."""
 
 
 def lanewise(command: object, *names: str) -> None:

@@ -6,25 +6,34 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from controllers.card.edges import Edges, Piece, passed
 from kinematics.array import Array, frozen
 
 
 @dataclass(frozen=True, slots=True)
 class Profile:
-    """One move of channels in lanes: p(t) = start + Σᵢ (vᵢ τᵢ + aᵢ τᵢ²/2), τᵢ = clip(t − begin − Tᵢ, 0, lengthᵢ).
+    """One move of channels in lanes: s(t) = Σᵢ (vᵢ τᵢ + aᵢ τᵢ²/2 + jᵢ τᵢ³/6), τᵢ = clip(t − begin − Tᵢ, 0, lengthᵢ).
 
-    Tᵢ is the sum of the lengths before piece i. p is held before the first piece, and after the last, where it is
-    `target` exactly. Within a piece p runs one way. The position counter is the whole number nearest to p: so a pulse
-    fires where p passes half way between two counts, and a share of a pulse (the generator's phase) is never lost.
+    Tᵢ is the sum of the lengths before piece i. The command position is p = start + s, or on an arc of radius R
+    p = start + R (cos(φ + κ s) − cos φ), s being the way along it. p is held before the first piece, and after the
+    last, where it is `target` exactly. Within a piece p runs one way. The position counter is the whole number nearest
+    to p: so a pulse fires where p passes half way between two counts, and a share of a pulse (the generator's phase) is
+    never lost.
 
     Lanes (…) are channels (n,), or runs by channels (B, n): all arithmetic is lane by lane.
 
-    begin    (…) s, when each channel starts (channels of a queued move may start apart)
-    start    (…) pulses, the command position then, with its share of a pulse
-    target   (…) pulses, where the channel stands in the end
-    lengths  (pieces, …) s; the last may be endless
-    speeds   (pieces, …) pulses/s, signed, at the start of each piece
-    rates    (pieces, …) pulses/s², constant in each piece
+    begin      (…) s, when each channel starts (channels of a queued move may start apart)
+    start      (…) pulses, the command position then, with its share of a pulse
+    target     (…) pulses, where the channel stands in the end
+    lengths    (pieces, …) s; the last may be endless
+    speeds     (pieces, …) pulses/s, signed, at the start of each piece
+    rates      (pieces, …) pulses/s², at the start of each piece
+    jerks      (pieces, …) pulses/s³, constant in each piece; None: zero
+    arc        (3, …) R in pulses, φ in rad, κ = ±1/R in rad per pulse; R = 0 in lanes that run straight; None: all do
+    registers  (4, …) of moves that can be changed on the fly: start and top speed, pulses/s, and the rates of the ramps
+               up and down, pulses/s²; NaN in other lanes; None: no lane can
+    slack      (2, …) compensation of play, fired before `begin` and not counted: pulses, signed, and pulses/s
+    zero       (…) pulses, where the counter's zero lies by the coordinates of power-up; None: at theirs
     """
 
     begin: Array
@@ -33,10 +42,18 @@ class Profile:
     lengths: Array
     speeds: Array
     rates: Array
+    jerks: Array | None = None
+    arc: Array | None = None
+    registers: Array | None = None
+    slack: Array | None = None
+    zero: Array | None = None
 
     def __post_init__(self) -> None:
         for name in ("begin", "start", "target", "lengths", "speeds", "rates"):
             object.__setattr__(self, name, frozen(getattr(self, name), np.float64))
+        for name in ("jerks", "arc", "registers", "slack", "zero"):
+            if getattr(self, name) is not None:
+                object.__setattr__(self, name, frozen(getattr(self, name), np.float64))
 
     @property
     def end(self) -> Array:
@@ -47,69 +64,94 @@ class Profile:
         """Command position (N, …), pulses, at instants t (N,)."""
         t = t.reshape(t.shape + (1,) * self.begin.ndim)
         rest = t - self.begin
-        travelled = np.zeros(rest.shape)
-        for length, speed, rate in zip(self.lengths, self.speeds, self.rates, strict=True):
+        way = np.zeros(rest.shape)
+        for i, length in enumerate(self.lengths):
             if not length.any():
                 continue
-            tau = np.minimum(np.maximum(rest, 0.0), length)
-            travelled += tau * (speed + tau * (rate / 2))
+            way += self.way(i, np.minimum(np.maximum(rest, 0.0), length))
             rest -= length
-        return np.where(t >= self.end, self.target, self.start + travelled)
+        return np.where(t >= self.end, self.target, self.placed(way))
 
     def counter(self, t: Array) -> np.ndarray:
         """Position counter (N, …), int64."""
         return np.rint(self.position(t)).astype(np.int64)
 
+    def along(self, t: float) -> tuple[Array, Array]:
+        """The way s (…), pulses, and its speed (…), pulses/s, just after t."""
+        rest, way, found = t - self.begin, np.zeros(self.begin.shape), np.zeros(self.begin.shape)
+        for i, length in enumerate(self.lengths):
+            way += self.way(i, np.minimum(np.maximum(rest, 0.0), length))
+            bend = 0.0 if self.jerks is None else rest * (self.jerks[i] / 2)
+            inside = (rest >= 0) & (rest < length)
+            found = np.where(inside, self.speeds[i] + rest * (self.rates[i] + bend), found)
+            rest = rest - length
+        return way, found
+
     def speed(self, t: float) -> Array:
         """Speed (…), pulses/s, signed, just after t."""
-        rest, found = t - self.begin, np.zeros(self.begin.shape)
-        for length, speed, rate in zip(self.lengths, self.speeds, self.rates, strict=True):
-            found = np.where((rest >= 0) & (rest < length), speed + rest * rate, found)
-            rest = rest - length
-        return found
+        way, found = self.along(t)
+        if self.arc is None:
+            return found
+        radius, phase, turn = self.arc
+        return np.where(radius > 0, -radius * turn * np.sin(phase + turn * way) * found, found)
 
     def pulses(self, t: float) -> np.ndarray:
-        """Pulses (…) fired until t in either direction, int64."""
-        rest, position = t - self.begin, self.start
-        before, fired = np.rint(position), np.zeros(self.begin.shape)
-        for length, speed, rate in zip(self.lengths, self.speeds, self.rates, strict=True):
-            tau = np.minimum(np.maximum(rest, 0.0), length)
-            position = position + tau * (speed + tau * rate / 2)
-            after = np.rint(position)
-            fired += np.abs(after - before)
+        """Pulses (…) fired until t in either direction, those of compensation among them, int64."""
+        rest, way = t - self.begin, np.zeros(self.begin.shape)
+        before, fired = np.rint(self.start), np.abs(self.taken(t))
+        for i, length in enumerate(self.lengths):
+            way = way + self.way(i, np.minimum(np.maximum(rest, 0.0), length))
+            after = np.rint(self.placed(way))
+            fired = fired + np.abs(after - before)
             rest, before = rest - length, after
         # the last position is the target, that of the sum but for rounding
         return np.asarray(fired + np.where(t >= self.end, np.abs(np.rint(self.target) - before), 0.0), np.int64)
 
-    def pulse_times(self, lane: int | tuple[int, ...], until: float = np.inf) -> Array:
-        """Instants (pulses,), s, at which a lane's pulses fire, `until` not included: p passes k + ½, in closed form.
+    def taken(self, t: float) -> Array:
+        """Pulses (…) of compensation fired until t, signed: the k-th of N is due (N − k + ½)/speed before `begin`."""
+        if self.slack is None:
+            return np.zeros(self.begin.shape)
+        pulses, speed = self.slack
+        size = np.abs(pulses)
+        return np.asarray(np.sign(pulses) * np.clip(np.floor((t - self.begin) * speed + size + 0.5), 0.0, size))
 
-        A way δ into piece i is made after τ = 2δ / (vᵢ ± √(vᵢ² + 2 aᵢ δ)), the root that stays exact as aᵢ → 0.
-        """
+    def edges(self, lane: int | tuple[int, ...], since: float = -np.inf, until: float = np.inf) -> Edges:
+        """The pulses of a lane from `since` to before `until`, in closed form; as many as its counter changes by."""
         i = lane if isinstance(lane, tuple) else (lane,)
-        found, t, p = [], float(self.begin[i]), float(self.start[i])
-        pieces = (np.moveaxis(of, 0, -1)[i] for of in (self.lengths, self.speeds, self.rates))
-        for length, v, a in zip(*(piece.tolist() for piece in pieces), strict=True):
-            tau = min(length, max(until - t, 0.0))
-            if tau <= 0:
-                continue
-            way = v * tau + a * tau * tau / 2
-            sign = np.copysign(1.0, way)
-            delta = _halves(p, p + way) - p
-            root = np.abs(v) + np.sqrt(np.maximum(v * v + 2 * a * delta, 0.0))
-            found.append(t + np.minimum(2 * sign * delta / np.where(root > 0, root, 1.0), tau))
-            t, p = t + tau, p + way
-        return np.concatenate(found) if found else np.empty(0)
+        jerks = np.zeros(self.lengths.shape) if self.jerks is None else self.jerks
+        rows = (np.moveaxis(of, 0, -1)[i].tolist() for of in (self.lengths, self.speeds, self.rates, jerks))
+        pieces = [Piece(*numbers) for numbers in zip(*rows, strict=True)]
+        arc = None if self.arc is None or self.arc[(0, *i)] == 0 else tuple(np.moveaxis(self.arc, 0, -1)[i].tolist())
+        begin, start, target = (float(of[i]) for of in (self.begin, self.start, self.target))
+        found = passed(begin, start, target, pieces, arc, since, until)
+        if self.slack is None or not self.slack[(0, *i)]:
+            return found
+        pulses, speed = np.moveaxis(self.slack, 0, -1)[i]
+        t = begin - (np.abs(pulses) - 0.5 - np.arange(abs(int(pulses)))) / speed
+        t = t[(t >= since) & (t < until)]
+        extra = Edges(t, np.full(len(t), np.sign(pulses), np.int8), np.zeros(len(t), bool))
+        return extra.then(found)
+
+    def pulse_times(self, lane: int | tuple[int, ...], until: float = np.inf) -> Array:
+        """Instants (pulses,), s, at which a lane's pulses fire before `until`."""
+        return self.edges(lane, until=until).t
+
+    def way(self, i: int, tau: Array) -> Array:
+        """The way, pulses, within piece i at τ s after its start."""
+        if self.jerks is None:
+            return np.asarray(tau * (self.speeds[i] + tau * (self.rates[i] / 2)))
+        return np.asarray(tau * (self.speeds[i] + tau * (self.rates[i] / 2 + tau * (self.jerks[i] / 6))))
+
+    def placed(self, way: Array) -> Array:
+        """The command position, pulses, after a way."""
+        if self.arc is None:
+            return np.asarray(self.start + way)
+        radius, phase, turn = self.arc
+        bent = self.start + radius * (np.cos(phase + turn * way) - np.cos(phase))
+        return np.where(radius > 0, bent, self.start + way)
 
 
-def _halves(p: float, q: float) -> Array:
-    """The half counts that are passed on the way from p to q, in order: as many as the nearest whole numbers change."""
-    low, high = np.rint(p), np.rint(q)
-    step = 1.0 if high >= low else -1.0
-    return np.asarray(low + step * (np.arange(abs(int(high - low))) + 0.5))
-
-
-def standstill(count: np.ndarray) -> Profile:
-    """The move that is none: channels that stand on whole counts."""
-    none = np.zeros((1, *count.shape))
-    return Profile(np.zeros(count.shape), count, count, none, none, none)
+def standstill(position: np.ndarray) -> Profile:
+    """The move that is none: channels that stand."""
+    none = np.zeros((1, *position.shape))
+    return Profile(np.zeros(position.shape), position, position, none, none, none)

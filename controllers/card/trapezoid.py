@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Protocol
 
 import numpy as np
 
-from controllers.card.channels import Channels, lanewise
+from controllers.card.channels import Channels, Command, lanewise
 from controllers.card.profile import Profile
 from kinematics.array import Array
 
 
 @dataclass(frozen=True, slots=True)
-class TAMove:
+class TAMove(Command):
     """Trapezoidal move to an absolute position, one value per lane.
 
     Speeds count as magnitudes; the direction is the sign of target − command position. The speed runs from
@@ -42,17 +42,16 @@ class TAMove:
     max_speed: Array
     tacc: float
     tdec: float
-    waits: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         lanewise(self, "position", "start_speed", "max_speed")
 
-    def move(self, now: Channels) -> Profile:
-        return _move(self, now, np.rint(self.position))
+    def moves(self, now: Channels) -> tuple[Profile, ...]:
+        return (planned(self, now, now.target(np.rint(self.position))),)
 
 
 @dataclass(frozen=True, slots=True)
-class TRMove:
+class TRMove(Command):
     """Trapezoidal move by a distance from the command position of the instant: otherwise as `TAMove`.
 
     distance    (…) pulses, rounded to whole ones; the target is that far from the counter
@@ -65,19 +64,32 @@ class TRMove:
     max_speed: Array
     tacc: float
     tdec: float
-    waits: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         lanewise(self, "distance", "start_speed", "max_speed")
 
-    def move(self, now: Channels) -> Profile:
-        return _move(self, now, np.rint(now.position) + np.rint(self.distance))
+    def moves(self, now: Channels) -> tuple[Profile, ...]:
+        return (planned(self, now, now.after(self.distance)),)
 
 
-def _move(command: TAMove | TRMove, now: Channels, target: Array) -> Profile:
+class Ramps(Protocol):
+    """What trapezoidal and S-curve moves say of their speed."""
+
+    @property
+    def start_speed(self) -> Array: ...
+    @property
+    def max_speed(self) -> Array: ...
+    @property
+    def tacc(self) -> float: ...
+    @property
+    def tdec(self) -> float: ...
+
+
+def planned(command: Ramps, now: Channels, target: Array) -> Profile:
+    """The trapezoidal move of a command to a target (…) that the counters hold."""
     v0, v1 = now.magnitude("start speed", command.start_speed), now.magnitude("max speed", command.max_speed)
     tacc, tdec = now.ramp("acceleration", command.tacc), now.ramp("deceleration", command.tdec)
-    return trapezoid(now.begin, now.position, now.target(target), v0, v1, tacc, tdec)
+    return trapezoid(now.begin, now.position, target, v0, v1, tacc, tdec)
 
 
 def trapezoid(begin: Array, start: Array, target: Array, v0: Array, v1: Array, tacc: float, tdec: float) -> Profile:
@@ -103,4 +115,10 @@ def trapezoid(begin: Array, start: Array, target: Array, v0: Array, v1: Array, t
     lengths = np.stack((share * tacc, held, share * tdec))
     speeds = np.stack((sign * v0, sign * top, sign * top))
     rates = np.stack((rise / (tacc or 1.0), np.zeros_like(held), -rise / (tdec or 1.0)))
-    return Profile(begin, start, target, lengths, speeds, rates)
+    # without a ramp, or without a change of speed in it, a later change finds no rate: it is at once (assumed)
+    up, down = (
+        np.where(v0 == v1, np.inf, np.abs(rise) / seconds) if seconds else np.full_like(v1, np.inf)
+        for seconds in (tacc, tdec)
+    )
+    registers = np.stack((v0, v1, up, down))
+    return Profile(begin, start, target, lengths, speeds, rates, registers=registers)

@@ -50,7 +50,12 @@ class Feedforward:
     def command(self, k: int | np.ndarray, reference: Reference, feedback: Feedback) -> TAMove:
         _, start = self.wanted(np.asarray(k), reference)
         target, end = self.wanted(np.asarray(k) + 1, reference, before=True)
-        taken = self.play * self.axes.play / 2 * reference.heading((np.asarray(k)[..., None] + 1) * reference.dt + 0 * self.axes.delay)
+        taken = (
+            self.play
+            * self.axes.play
+            / 2
+            * reference.heading((np.asarray(k)[..., None] + 1) * reference.dt + 0 * self.axes.delay)
+        )
         return ramp(target + taken, start, end, feedback.counter, reference.dt)
 
     def wanted(self, k: np.ndarray, reference: Reference, *, before: bool = False) -> tuple[Array, Array]:

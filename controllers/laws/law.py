@@ -11,7 +11,6 @@ from controllers.card import Command
 from controllers.laws.gain import Grid
 from kinematics.array import Array, frozen
 
-
 Timer = Literal["counter", "sleep"]
 """How a law wants its host to wait for the next step, see `controllers.host.Host`."""
 

@@ -84,7 +84,9 @@ def nominal(rig: Rig) -> NominalAxes:
 
 
 def _numbers(drive: Servo | Stepper, axis: Axis) -> tuple[float, ...]:
-    top, rate = (INF if of is None else float(np.min(of)) / axis.pulse for of in (axis.max_speed, axis.max_acceleration))
+    top, rate = (
+        INF if of is None else float(np.min(of)) / axis.pulse for of in (axis.max_speed, axis.max_acceleration)
+    )
     play = drive.play / axis.pulse
     if isinstance(drive, Stepper):
         return (INF, INF, INF, 0.0, 0.0, 0.0, play, top, rate)

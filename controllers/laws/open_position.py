@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from controllers.card import TAMove
-from controllers.laws.gain import Gain, Grid, checked, shown
+from controllers.laws.gain import Grid
 from controllers.laws.law import Feedback, Reference, Timer
 from kinematics.errors import MotionError
 
@@ -39,26 +39,21 @@ class OpenPositionTrapezoid:
     ramp  share of the step, above 0 and at most ½ (a triangle)
     """
 
-    ramp: Gain = 0.25
+    ramp: float = 0.25
     host: ClassVar[Timer] = "counter"
-    grid: ClassVar[Grid] = {"ramp": (0.1, 0.25, 0.5)}
+    grid: ClassVar[Grid] = {}
 
     def __post_init__(self) -> None:
-        advice = "above 0 and at most 0.5 of the step"
-        object.__setattr__(self, "ramp", checked("open-position-trapezoid", "ramp", self.ramp, advice))
-        if not (np.all(np.asarray(self.ramp) > 0) and np.all(np.asarray(self.ramp) <= 0.5)):
-            raise MotionError(f"law open-position-trapezoid: ramp {shown(self.ramp)} must be {advice}")
-        if np.min(self.ramp) != np.max(self.ramp):
+        if not 0 < self.ramp <= 0.5:
             raise MotionError(
-                "law open-position-trapezoid: all runs of a batch share one ramp, since a command has one time of "
-                f"acceleration; {shown(self.ramp)} needs a batch for each"
+                f"law open-position-trapezoid: ramp {self.ramp} must be above 0 and at most 0.5 of the step"
             )
 
     @property
     def name(self) -> str:
-        return f"open-position-trapezoid ramp={shown(self.ramp)}"
+        return f"open-position-trapezoid ramp={self.ramp:g}"
 
     def command(self, k: int | np.ndarray, reference: Reference, feedback: Feedback) -> TAMove:
-        target, ramp = reference.ang(k + 1), float(np.min(self.ramp)) * reference.dt
+        target, ramp = reference.ang(k + 1), self.ramp * reference.dt
         top = np.abs(target - feedback.counter) / (reference.dt - ramp)
         return TAMove(np.broadcast_to(target, top.shape), np.zeros_like(top), top, ramp, ramp)

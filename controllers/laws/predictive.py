@@ -53,34 +53,40 @@ class Predictive:
 
     @property
     def name(self) -> str:
-        return f"predictive rho={shown(self.weight)} play={shown(self.play)} friction={shown(self.friction)} H={self.horizon}"
+        gains = f"rho={shown(self.weight)} play={shown(self.play)} friction={shown(self.friction)}"
+        return f"predictive {gains} H={self.horizon}"
 
     def command(self, k: int | np.ndarray, reference: Reference, feedback: Feedback) -> TAMove:
         lanes, dt = feedback.position.shape, reference.dt
-        step = np.asarray(k)
+        step = np.broadcast_to(k, lanes[:-1])
         guide = self._guide(step, reference)
         state = self._state(step, reference, feedback, guide[0] / dt)
-        guide, wanted = _last(guide, lanes), self._wanted(step, reference, lanes)
         weight = np.broadcast_to(self.weight, (*lanes[:-1], 1))
+        programs = {
+            rho: _program(self.axes.key(), lanes[-1], dt, self.horizon, rho) for rho in np.unique(weight).tolist()
+        }
+        wanted = np.moveaxis(self._wanted(step, reference, next(iter(programs.values()))), 0, -1)
+        guide = np.moveaxis(guide, 0, -1)
         w = np.empty((*lanes, 2))
         for run in np.ndindex(lanes[:-1]):
-            program = _horizon(self.axes.key(), lanes[-1], dt, self.horizon, float(weight[run][0]))
-            w[run] = program.best(state[run], wanted[run], guide[run])[:, :2]
+            horizon, _ = programs[float(weight[run][0])]
+            w[run] = horizon.best(state[run], wanted[run], guide[run])[:, :2]
         start, end = w[..., 0], w[..., 1]
         return ramp(feedback.counter + (start + end) / 2, start / dt, end / dt, feedback.counter, dt)
 
-    def _wanted(self, k: np.ndarray, reference: Reference, lanes: tuple[int, ...]) -> Array:
+    def _wanted(
+        self, k: np.ndarray, reference: Reference, lanes: tuple[int, ...], of: tuple[Horizon, Friction]
+    ) -> Array:
         """Where the undelayed motors are to be (*lanes, H·m), but for what friction adds by itself."""
-        axes, dt = self.axes, reference.dt
+        axes, dt, (horizon, friction) = self.axes, reference.dt, of
 
         def at(steps: Array) -> Array:
             return (k + steps.reshape((-1,) + (1,) * k.ndim))[..., None] * dt + axes.delay
 
-        t = at(Horizon.instants(self.horizon))
+        t = at(horizon.instants)
         wanted = reference.between(t)[0] + self.play * axes.play / 2 * reference.heading(t)
-        friction = _friction(axes.key(), lanes[-1], dt, self.horizon)
         by_itself = friction.of(reference.heading(at(friction.places)))
-        return np.asarray(_last(wanted, lanes) - self.friction * by_itself)
+        return np.asarray(wanted - self.friction * np.moveaxis(by_itself, -1, 0))
 
     def _guide(self, k: np.ndarray, reference: Reference) -> Array:
         """The feedforward law's speeds at the start and end of each step, times dt: (2 H, …, n)."""
@@ -96,17 +102,11 @@ class Predictive:
         return np.stack(np.broadcast_arrays(x + axes.delay * v, v, axes.friction * v + bend, c), -1)
 
 
-def _last(of: Array, lanes: tuple[int, ...]) -> Array:
-    """(·, …, n), the same for all runs or not, as (*lanes, ·)."""
-    whole = of.reshape(len(of), *(1,) * (len(lanes) + 1 - of.ndim), *of.shape[1:])
-    return np.moveaxis(np.broadcast_to(whole, (len(of), *lanes)), 0, -1)
-
-
 @lru_cache(maxsize=64)
-def _horizon(axes: tuple[tuple[float, ...], ...], n: int, dt: float, steps: int, weight: float) -> Horizon:
-    return Horizon(NominalAxes.of(axes, n), dt, steps, weight)
-
-
-@lru_cache(maxsize=64)
-def _friction(axes: tuple[tuple[float, ...], ...], n: int, dt: float, steps: int) -> Friction:
-    return Friction(NominalAxes.of(axes, n), dt, steps, Horizon.instants(steps))
+def _program(
+    key: tuple[tuple[float, ...], ...], n: int, dt: float, steps: int, weight: float
+) -> tuple[Horizon, Friction]:
+    """What is made once for axes, step, horizon and weight."""
+    axes = NominalAxes.of(key, n)
+    horizon = Horizon(axes, dt, steps, weight)
+    return horizon, Friction(axes, dt, steps, horizon.instants)

@@ -14,6 +14,11 @@ from kinematics.text_table import aligned
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+ANGLES = 720
+"""Of a full turn, even: two a degree."""
+SHORT = np.deg2rad(1.0)
+"""By which an axis with play may end before its full turn."""
+
 
 @dataclass(frozen=True, slots=True)
 class Circle:
@@ -101,21 +106,43 @@ class CircularTest:
         return aligned((f"{about}, least-squares centres", "µm"), rows)
 
 
+def full_turn(points: Array, circle: Circle, sense: int) -> Array:
+    """A record's (N, 3) first full turn from where it starts, at 720 even angles: (720, 2) in the plane of the circle.
+
+    So neither ramps nor rests count for more than the rest of the way. Linear in polar coordinates between samples;
+    sense 1 counter-clockwise, −1 clockwise, seen against the normal.
+
+    Raises MotionError for a record that ends more than `SHORT` before the full turn.
+    """
+    flat = (points - circle.centre) @ _plane(circle.normal).T
+    angle = np.unwrap(np.arctan2(flat[:, 1], flat[:, 0]))
+    forward = np.maximum.accumulate(sense * (angle - angle[0]))
+    if forward[-1] < 2 * np.pi - SHORT:
+        way = "counter-clockwise" if sense > 0 else "clockwise"
+        raise MotionError(
+            f"circular test: the {way} record turns by {np.rad2deg(forward[-1]):.4g}° about the centre; give a full "
+            f"turn of the circle of {circle.radius * 1e3:.6g} mm, 360°"
+        )
+    first = np.concatenate([[True], np.diff(forward) > 0])
+    wanted = 2 * np.pi / ANGLES * np.arange(ANGLES)
+    wanted = wanted[wanted <= forward[-1]]
+    radius = np.interp(wanted, forward[first], np.linalg.norm(flat, axis=1)[first])
+    at = angle[0] + sense * wanted
+    return np.asarray(radius[:, None] * np.stack([np.cos(at), np.sin(at)], 1))
+
+
 def circular_test(ccw: Array, cw: Array, circle: Circle) -> CircularTest:
-    """From points (N, 3) of a full turn each way, m; they are seen along the normal.
+    """From records of points (N, 3) that go round each way, m; of each its first full turn, see `full_turn`.
 
     Least-squares circle: min over c, ρ of Σ (‖p − c‖ − ρ)².
 
-    Raises MotionError for points that do not go all the way round.
+    Raises MotionError for a record that does not go all the way round.
     """
-    plane = _plane(circle.normal)
-    flat = {name: (points - circle.centre) @ plane.T for name, points in (("ccw", ccw), ("cw", cw))}
-    for name, points in flat.items():
-        _refuse_part(name, points, circle.radius)
-    centre, _ = _least_squares(np.concatenate(list(flat.values())), circle.radius)
-    away = [np.linalg.norm(points - centre, axis=1) for points in flat.values()]
-    both = float(max(r.max() for r in away) - min(r.min() for r in away))
-    return CircularTest(circle, *(_roundness(points, circle.radius) for points in flat.values()), both)
+    there, back = full_turn(ccw, circle, 1), full_turn(cw, circle, -1)
+    every = np.concatenate([there, back])
+    centre, _ = _least_squares(every, circle.radius)
+    both = float(np.ptp(np.linalg.norm(every - centre, axis=1)))
+    return CircularTest(circle, _roundness(there, circle.radius), _roundness(back, circle.radius), both)
 
 
 def _roundness(points: Array, radius: float) -> Roundness:
@@ -152,15 +179,3 @@ def _plane(normal: Array) -> Array:
     first = np.cross(normal, np.eye(3)[int(np.abs(normal).argmin())])
     first /= np.linalg.norm(first)
     return np.array([first, np.cross(normal, first)])
-
-
-def _refuse_part(name: str, points: Array, radius: float) -> None:
-    angle = np.unwrap(np.arctan2(points[:, 1], points[:, 0]))
-    turned, sense = angle[-1] - angle[0], 1 if name == "ccw" else -1
-    # one sample's way may be missing between the last point and the first
-    missing = 2 * np.pi - sense * turned
-    if missing > 2 * np.abs(np.diff(angle)).max() + 1e-9:
-        raise MotionError(
-            f"circular test: the {name} points turn by {np.rad2deg(turned):.4g}° about the centre; give a full turn of "
-            f"{360 * sense}° of the circle of {radius * 1e3:.6g} mm"
-        )

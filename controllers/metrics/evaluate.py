@@ -82,7 +82,7 @@ class _Lanes:
 
     def samples(self, every: int = 1) -> np.ndarray:
         """(B,) how many of every so many samples lie before the end."""
-        return np.searchsorted(self.t[::every], self.end - 1e-6 * (self.t[1] - self.t[0]))
+        return np.asarray(np.searchsorted(self.t[::every], self.end - 1e-6 * (self.t[1] - self.t[0])))
 
 
 def _all(

@@ -65,7 +65,7 @@ def spread(points: Array) -> float:
 
 def angle_figures(what: str, turn: Array | None, band: Array | None) -> dict[str, float]:
     """Accuracy and repeatability (…, 3) of the three angles, the largest of all stations, rad."""
-    figures = {}
+    figures: dict[str, float] = {}
     for kind, values in (("accuracy", turn), ("repeatability", band)):
         largest = np.full(3, np.nan) if values is None else np.abs(values).reshape(-1, 3).max(0)
         figures |= {f"{what}_{kind}_r{axis}": float(value) for axis, value in zip("xyz", largest, strict=True)}

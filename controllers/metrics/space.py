@@ -55,7 +55,7 @@ def _in_space(actual: Array, planned: Planned, path: MachinePath, machine: Machi
     reference, attained, known = attained_poses(actual, planned, path, machine, certify=certify)
     turned = _angles(reference[:, None, 3:], attained[..., 3:])
     errors = _beside(attained[..., :3], reference[:, :3], planned, turned)
-    sure = known.all(0)
+    sure = np.asarray(known.all(0))
     if sure.all():
         return errors
     figures = (np.where(sure, of, np.nan) for of in (errors.tracking, errors.lag, errors.contour, turned))
