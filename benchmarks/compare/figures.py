@@ -165,7 +165,7 @@ def _magnified(comparison: Comparison, shown: Courses) -> list[Axes]:
         # the baseline and the best decide: a third that errs more may leave the picture
         largest = max(float(np.linalg.norm(off[entry] @ plane.T, axis=1).max()) for entry, _ in on[:2])
         times = magnification(largest, float(np.ptp(planned, axis=0).max()))
-        middle = planned.mean(0)
+        middle = (planned.min(0) + planned.max(0)) / 2
         ax.plot(*_drawn(planned - middle, plane), color="black", linewidth=0.9, label="planned path")
         for entry, series in on:
             n = shown.entries.index(entry)

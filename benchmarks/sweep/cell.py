@@ -33,6 +33,10 @@ class Setting:
         """For tables and figures: "closed-position gain 0.7"."""
         return " ".join([self.law, *(f"{name.replace('_', ' ')} {value:g}" for name, value in self.gains)])
 
+    def made(self) -> Law:
+        """The law itself, with the axes that it assumes where no rig tells."""
+        return find_law(self.law, None, **dict(self.gains))
+
 
 def read_setting(text: str) -> Setting:
     """The setting of "closed-position", "6" or "6:gain=0.7"; a gain that is not given has the law's own value.

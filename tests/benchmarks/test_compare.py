@@ -1,4 +1,4 @@
-"""Comparisons and the gain report: what they say against numbers that are known beforehand, and the page in a browser."""
+"""Comparisons and the gain report: what they say of runs whose numbers are known, and the page in a browser."""
 
 import csv
 import json
@@ -19,7 +19,7 @@ from benchmarks.compare.iso_block import iso_block
 from benchmarks.compare.record import of_comparison, runs_csv
 from benchmarks.compare.report import gain_report
 from benchmarks.compare.shown import number, shown
-from benchmarks.sweep import VARIATIONS, Cell, Result, Runs, Series, Setting
+from benchmarks.sweep import VARIATIONS, Cell, Result, Series, Setting
 from benchmarks.sweep.store import Store, load_runs
 from kinematics import MotionError
 from tests.benchmarks.test_report import Page
@@ -147,7 +147,7 @@ def test_a_baseline_that_nothing_beats_stays_the_best(runs):
     verdict = verdict_of(compare([runs], "6:gain=0.3"))
     assert verdict.ratio > 1
     assert "stays the best" in verdict.text
-    with pytest.raises(MotionError, match="baseline closed-position:gain=0.4 is not among the runs"):
+    with pytest.raises(MotionError, match=r"baseline closed-position:gain=0\.4 is not among the runs"):
         compare([runs], "6:gain=0.4")
 
 
@@ -180,7 +180,15 @@ def test_conditions_hold_or_not_on_both_paths(comparison, text, met):
 
 
 def test_conditions_that_are_none_are_refused(comparison):
-    for text in ("", "contour_rms", "contour_rms > big", "__import__('os')", "contour_rms > 1; x", "> 1", "torque_peak > 20 mm"):
+    for text in (
+        "",
+        "contour_rms",
+        "contour_rms > big",
+        "__import__('os')",
+        "contour_rms > 1; x",
+        "> 1",
+        "torque_peak > 20 mm",
+    ):
         with pytest.raises(MotionError):
             read_condition(text).met(comparison, Entry(0, GOOD))
     with pytest.raises(MotionError, match="contour_rms"):
