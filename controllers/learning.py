@@ -45,7 +45,8 @@ def learn(rig: Rig, task: Task, trials: int, *, plant: Rig | None = None, change
     so u⁺ = u + (PᵀP + s I)⁻¹ Pᵀ e where no limit is active: norm-optimal learning with W = I, S = s I, R = 0, whose
     error falls with every trial as long as P is the plant. u are the speeds at the start and end of each step (times
     dt), P the nominal drives' response to them over the whole motion (`Horizon`); e what the host reads of the encoders
-    while it waits, `INSTANTS` times a step, less the nominal play that they do not see. The first u is the reference, as law 3 has it.
+    while it waits, `INSTANTS` times a step, less the nominal play that they do not see. The first u is the reference, as
+    law 3 has it.
 
     rig     as stated: P and the limits
     plant   what the trials run on, `rig` by default

@@ -60,7 +60,8 @@ def _parted(move: Profile) -> tuple[Profile, ...]:
     turned = np.logical_or.accumulate(signs == -first, axis=0) & (first != 0)
     if not turned.any():
         return (move,)
-    way = sum(np.where(turned[i], 0.0, move.way(i, np.where(turned[i], 0.0, of))) for i, of in enumerate(move.lengths))
+    spans = np.where(turned | np.isinf(move.lengths), 0.0, move.lengths)
+    way = sum(move.way(i, span) for i, span in enumerate(spans))
     some = turned.any(0)
     place = np.where(some, move.start + way, move.target)
     before, after = (np.where(which, move.lengths, 0.0) for which in (~turned, turned))

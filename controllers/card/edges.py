@@ -83,6 +83,8 @@ def passed(
     until: float,
 ) -> Edges:
     """The half counts that a channel passes from `since` to `until`; arguments as in `Profile`, of one lane."""
+    if begin == inf:
+        return NONE
     last = 0.0
     for piece in pieces:  # in the order of Profile.end
         last += piece.length

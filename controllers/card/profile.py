@@ -9,6 +9,9 @@ import numpy as np
 from controllers.card.edges import Edges, Piece, passed
 from kinematics.array import Array, frozen
 
+FOREVER = 1e15
+"""s."""
+
 
 @dataclass(frozen=True, slots=True)
 class Profile:
@@ -80,10 +83,11 @@ class Profile:
         """The way s (…), pulses, and its speed (…), pulses/s, just after t."""
         rest, way, found = t - self.begin, np.zeros(self.begin.shape), np.zeros(self.begin.shape)
         for i, length in enumerate(self.lengths):
-            way += self.way(i, np.minimum(np.maximum(rest, 0.0), length))
-            bend = 0.0 if self.jerks is None else rest * (self.jerks[i] / 2)
+            tau = np.minimum(np.maximum(rest, 0.0), length)
+            way += self.way(i, tau)
+            bend = 0.0 if self.jerks is None else tau * (self.jerks[i] / 2)
             inside = (rest >= 0) & (rest < length)
-            found = np.where(inside, self.speeds[i] + rest * (self.rates[i] + bend), found)
+            found = np.where(inside, self.speeds[i] + tau * (self.rates[i] + bend), found)
             rest = rest - length
         return way, found
 
@@ -112,8 +116,11 @@ class Profile:
         if self.slack is None:
             return np.zeros(self.begin.shape)
         pulses, speed = self.slack
-        size = np.abs(pulses)
-        return np.asarray(np.sign(pulses) * np.clip(np.floor((t - self.begin) * speed + size + 0.5), 0.0, size))
+        size, begins = np.abs(pulses), np.isfinite(self.begin)
+        # bounded, since t may be the end of all times
+        rest = np.clip(t - np.where(begins, self.begin, 0.0), -FOREVER, FOREVER)
+        due = np.where(begins, np.floor(rest * speed + size + 0.5), 0.0)
+        return np.asarray(np.sign(pulses) * np.clip(due, 0.0, size))
 
     def edges(self, lane: int | tuple[int, ...], since: float = -np.inf, until: float = np.inf) -> Edges:
         """The pulses of a lane from `since` to before `until`, in closed form; as many as its counter changes by."""

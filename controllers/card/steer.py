@@ -33,7 +33,8 @@ def steered(now: Channels, target: Array, registers: Array, *, overshoots: bool)
     Where the way is too short to ramp down to u at the rate of the ramp down, or leads back: the channel ramps down,
     and returns as a move that starts at u (`overshoots`); or it goes on to the target, and stops dead there.
     """
-    low, top, up, down = (np.nan_to_num(row, nan=1.0, posinf=np.inf) for row in registers)
+    # lanes without registers of their own are not looked at: any numbers serve
+    low, top, up, down = np.where(np.isfinite(registers[0]), registers, 1.0)
     way, fast = target - now.position, np.abs(now.speed)
     toward = np.where(way < 0, -1.0, 1.0) * now.speed
     braking = np.maximum(fast * fast - low * low, 0.0) / (2 * down)
@@ -43,7 +44,7 @@ def steered(now: Channels, target: Array, registers: Array, *, overshoots: bool)
     sign = np.where(target - turn < 0, -1.0, 1.0)
     lengths, speeds, rates = _reached(np.abs(target - turn), np.where(over, low, fast), top, low, up, down)
     # infinite rates come with ramps of no length
-    brake = np.where(np.isfinite(down), -np.sign(now.speed) * down, 0.0)
+    brake = -np.sign(now.speed) * np.where(np.isfinite(down), down, 0.0)
     return Profile(
         now.begin,
         now.position,
@@ -78,9 +79,10 @@ def _reached(way: Array, v: Array, w: Array, u: Array, up: Array, down: Array) -
     left = way - first
     last = np.where(fits, last, left)
     fall = np.where(u > top, 1.0, -1.0)
-    rate = np.where(np.isfinite(down), fall * down, 0.0)
+    rate = fall * np.where(np.isfinite(down), down, 0.0)
     final = np.sqrt(np.maximum(top * top + 2 * rate * last, 0.0))
     held = np.where(fits, left - last, 0.0)
-    lengths = np.stack((np.abs(top - v) * slow_up, held / top, 2 * last / (top + final)))
+    some = np.where(top + final > 0, top + final, 1.0)
+    lengths = np.stack((np.abs(top - v) * slow_up, held / np.where(top > 0, top, 1.0), 2 * last / some))
     rise = np.where(np.isfinite(up), np.where(top >= v, up, -up), 0.0)
     return lengths, np.stack((v, top, top)), np.stack((rise, np.zeros_like(rise), rate))

@@ -60,7 +60,7 @@ class ServoAxes:
         told = [np.empty((len(kept), *x.shape)) for _ in range(4)]
         error, part, given = np.empty((3, *x.shape))
         work = np.empty((4, *x.shape))
-        free = np.empty(x.shape, bool)
+        free, lowest = np.empty(x.shape, bool), -self.torque_limit
         some_output, some_play = self.at_output.any(), self.half_play.any()
         longest = len(state.torques)
         ring = np.concatenate([given[None], state.torques]) if longest else state.torques
@@ -78,7 +78,7 @@ class ServoAxes:
             np.subtract(error, v, out=error)
             np.multiply(error, self.speed_gain, out=part)
             np.add(part, integral, out=part)
-            np.maximum(part, -self.torque_limit, out=given)
+            np.maximum(part, lowest, out=given)
             np.minimum(given, self.torque_limit, out=given)
             np.equal(part, given, out=free)
             np.multiply(error, self.integral_gain, out=error)

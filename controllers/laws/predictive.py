@@ -74,10 +74,8 @@ class Predictive:
         start, end = w[..., 0], w[..., 1]
         return ramp(feedback.counter + (start + end) / 2, start / dt, end / dt, feedback.counter, dt)
 
-    def _wanted(
-        self, k: np.ndarray, reference: Reference, lanes: tuple[int, ...], of: tuple[Horizon, Friction]
-    ) -> Array:
-        """Where the undelayed motors are to be (*lanes, H·m), but for what friction adds by itself."""
+    def _wanted(self, k: np.ndarray, reference: Reference, of: tuple[Horizon, Friction]) -> Array:
+        """Where the undelayed motors are to be (H·m, …, n), but for what friction adds by itself."""
         axes, dt, (horizon, friction) = self.axes, reference.dt, of
 
         def at(steps: Array) -> Array:

@@ -151,7 +151,7 @@ def test_emergency_stop_fires_no_further_pulse(i, ticks, cut):
     gap=st.sampled_from([(300, -400), (-900, 0), (600, 0, 800), (20, -40, -40), (200, 400, 400, 800)]),
     i=st.integers(1, 3),
 )
-@small
+@settings(max_examples=10)
 def test_linear_interpolation_is_a_move_of_each_channel(gap, i):
     """Of vector speed V and whole length L, channel k runs at V·gap/L."""
     length = round(sum(of * of for of in gap) ** 0.5)

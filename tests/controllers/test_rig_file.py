@@ -4,6 +4,8 @@ from importlib.resources import files
 
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 from controllers.motions import Sine
 from controllers.rig import disturbed, load_rig, rig_names
@@ -148,3 +150,21 @@ def test_files_beside_a_rig_are_found(load, tmp_path):
     (tmp_path / "path.toml").write_text((files("planner") / "presets" / "arm-line.toml").read_text())
     rig = load(TEXT.replace('program = "arm-line"', 'program = "path.toml"'))
     assert rig.task("line").motion.duration == pytest.approx(5.0)
+
+
+@settings(deadline=None, max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    st.integers(0, len(TEXT)),
+    st.integers(0, 12),
+    st.one_of(
+        st.text(max_size=4),
+        st.sampled_from(["nan", "-1", "1e999", "[", "]]", "{", '"', "[[axis]]\n", "[stepper]\n", "true", '"inf s"']),
+    ),
+)
+def test_any_damage_to_a_file_is_a_rig_or_a_motion_error(load, at, cut, patch):
+    damaged = TEXT[:at] + patch + TEXT[at + cut :]
+    try:
+        outcome = len(load(damaged.encode("utf-8", "replace").decode()).drives)
+    except MotionError as refusal:
+        outcome = str(refusal)
+    assert outcome == 3 or isinstance(outcome, str), "a rig of the arm's three axes, or a refusal"
