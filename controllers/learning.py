@@ -45,8 +45,8 @@ def learn(rig: Rig, task: Task, trials: int, *, plant: Rig | None = None, change
     so u⁺ = u + (PᵀP + s I)⁻¹ Pᵀ e where no limit is active: norm-optimal learning with W = I, S = s I, R = 0, whose
     error falls with every trial as long as P is the plant. u are the speeds at the start and end of each step (times
     dt), P the nominal drives' response to them over the whole motion (`Horizon`); e what the host reads of the encoders
-    while it waits, `INSTANTS` times a step, less the nominal play that they do not see. The first u is the reference, as
-    law 3 has it.
+    while it waits, `INSTANTS` times a step, less the nominal play that they do not see. The first u is the reference,
+    as law 3 has it.
 
     rig     as stated: P and the limits
     plant   what the trials run on, `rig` by default
@@ -98,7 +98,7 @@ def _errors(reference: Reference, law: Learned, plant: Rig, axes: NominalAxes, p
     """Reference and half the nominal play − encoder (n, steps · m), pulses, at the program's instants."""
     runs = simulate(reference, law, [plant], settle=(TAIL + 1) * reference.dt)
     # the undelayed model is where the axes will be
-    t = program.instants[:, None] * reference.dt + axes.delay
+    t = np.asarray(program.instants[:, None] * reference.dt + axes.delay, np.float64)
     at = np.minimum(np.searchsorted(runs.t, t - 1e-9), len(runs.t) - 1)
     read = np.take_along_axis(runs.measured[:, 0], at, 0)
     return np.asarray(reference.between(t)[0] + axes.play / 2 * reference.heading(t) - read).T

@@ -1,4 +1,9 @@
-"""The instants at which one channel's command position passes half counts, in closed form piece by piece."""
+"""The instants at which one channel's command position passes half counts, in closed form piece by piece.
+
+A card adds integers to one another at every tick of its clock, and fires when the sum passes the next half count. These
+closed forms, rounded to ticks, are the same pulses within one tick: the tests hold every pulse of every kind of piece
+against such a generator in whole numbers, which knows of no closed form. Counts and ticks are int64 throughout.
+"""
 
 from __future__ import annotations
 

@@ -65,15 +65,23 @@ class Profile:
 
     def position(self, t: Array) -> Array:
         """Command position (N, …), pulses, at instants t (N,)."""
+        if not t.size:
+            return np.empty((0, *self.begin.shape))
+        first, last, since = t.min(), t.max(), self.begin
         t = t.reshape(t.shape + (1,) * self.begin.ndim)
-        rest = t - self.begin
-        way = np.zeros(rest.shape)
+        rest, way = t - self.begin, None
+        # what no lane comes to is left out: a pass over all instants takes longer than all else here
         for i, length in enumerate(self.lengths):
-            if not length.any():
-                continue
-            way += self.way(i, np.minimum(np.maximum(rest, 0.0), length))
-            rest -= length
-        return np.where(t >= self.end, self.target, self.placed(way))
+            until = since + length
+            if length.any() and (since < last).any():
+                tau = rest if (since <= first).all() else np.maximum(rest, 0.0)
+                tau = tau if (until >= last).all() else np.minimum(tau, length)
+                part = self.way(i, tau)
+                way = part if way is None else way + part
+                rest = rest - length if (until < last).any() else rest
+            since = until
+        position = self.placed(np.zeros(rest.shape) if way is None else way)
+        return position if (self.end > last).all() else np.where(t >= self.end, self.target, position)
 
     def counter(self, t: Array) -> np.ndarray:
         """Position counter (N, …), int64."""

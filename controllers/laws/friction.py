@@ -18,7 +18,7 @@ class Friction:
     h is the way an axis runs, ±1, and Δhⱼ its change at place tⱼ; g the response to a unit acceleration from outside.
     The friction at the start is in the drive's integral already.
 
-    instants  (M,) steps from the start
+    instants  (M,) steps from the start, whole multiples of 1/(2 FINE)
     """
 
     def __init__(self, axes: NominalAxes, dt: float, steps: int, instants: Array) -> None:
@@ -26,8 +26,9 @@ class Friction:
         """(H · FINE + 1,) where h is to be told, in steps from the start."""
         # a change is seen at the end of the stretch in which it happened, so half a stretch late
         late = instants[:, None] - (self.places[1:] - 0.5 / FINE)
-        g = friction_response(axes, np.maximum(late, 0.0).ravel() * dt).reshape(-1, *late.shape)
-        self._effect = -np.broadcast_to(axes.coulomb, len(g))[:, None, None] * np.where(late > 0, g, 0.0)
+        ticks = np.maximum(np.rint(late * 2 * FINE), 0).astype(int)
+        g = friction_response(axes, np.arange(ticks.max() + 1) / (2 * FINE) * dt)[:, ticks]
+        self._effect = -np.broadcast_to(axes.coulomb, len(g))[:, None, None] * g
 
     def of(self, heading: Array) -> Array:
         """x (…, n, M) for h (H · FINE + 1, …, n)."""

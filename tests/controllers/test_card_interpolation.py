@@ -132,6 +132,25 @@ def test_s_curve_along_the_path(curve):
         assert np.abs(off).max() <= EXACT
 
 
+def test_queued_interpolations_run_on_without_a_stop():
+    """A line into an arc into a line, at one speed along all of them: continuous interpolation."""
+    card = replace(PCI_8164, while_moving="queue")
+    moves = (
+        LinearMove((0, 1), [1000, 0], 1000.0, 1000.0, 0.0, 0.0),
+        ArcMove((0, 1), [1000, 500], [1500, 500], 1000.0, 1000.0, 0.0, 0.0),
+        LinearMove((0, 1), [1500, 900], 1000.0, 1000.0, 0.0, 0.0),
+    )
+    record = play(card, at_rest([0, 0, 0]), [(0.0, move) for move in moves], 9.0)
+    quarter = np.pi / 2 * 500 / 1000
+    t = np.array([0.5, 1 + quarter / 2, 1 + quarter + 0.2, 9.0])
+    middle = 500 * np.sqrt(0.5)
+    expected = [[500, 0, 0], [1000 + middle, 500 - middle, 0], [1500, 700, 0], [1500, 900, 0]]
+    np.testing.assert_allclose(record.position(t), expected, atol=EXACT)
+    way = np.linalg.norm(np.diff(record.position(np.linspace(0, 1.4 + quarter, 5001)), axis=0), axis=1)
+    # the chord of an arc is shorter than the arc by (step/radius)²/24
+    np.testing.assert_allclose(way, 1000 * (1.4 + quarter) / 5000, rtol=1e-6)
+
+
 def test_a_batch_of_runs_each_with_its_own_line():
     state = send(
         PCI_8132,
