@@ -114,7 +114,9 @@ def check(program: str, machine: str | None, as_json: bool) -> None:
 
 @main.command()
 @click.argument("directory", metavar="DIR", type=click.Path(path_type=Path))
-@click.option("--law", "laws", multiple=True, required=True, metavar="LAW", help='As "6" or "6:gain=0.7"; may be repeated.')
+@click.option(
+    "--law", "laws", multiple=True, required=True, metavar="LAW", help='As "6" or "6:gain=0.7"; may be repeated.'
+)
 @click.option("--force", is_flag=True, help="Replace an earlier track.json.")
 @json_option
 def track(directory: Path, laws: tuple[str, ...], force: bool, as_json: bool) -> None:
