@@ -14,7 +14,8 @@ import pytest
 
 from benchmarks.compare import Entry, compare, read_condition, verdict_of
 from benchmarks.compare.courses import beside, circle_of
-from benchmarks.compare.figures import front, magnification, spectrum
+from benchmarks.compare.figures import magnification, spectrum
+from benchmarks.compare.gain_figures import front
 from benchmarks.compare.iso_block import iso_block
 from benchmarks.compare.record import of_comparison, runs_csv
 from benchmarks.compare.report import gain_report
