@@ -79,8 +79,7 @@ def modelled(reference: Reference, law: Learned, axes: NominalAxes) -> NominalAx
     Least squares of c(t) − r(t + delay) = ṙ/K at the samples, for K of each axis: a table fits one motion, the gain of
     the drive fits all.
     """
-    n = reference.position.shape[-1]
-    t = np.arange(reference.steps + 1)[:, None] * reference.dt + np.broadcast_to(axes.delay, n)
+    t = np.linspace(axes.delay, reference.steps * reference.dt + axes.delay, reference.steps + 1)
     r, rd, _ = reference.between(t)
     taken = axes.play / 2 * reference.heading(t)
     lead = law.position[: reference.steps + 1] - r - taken
@@ -98,7 +97,7 @@ def _errors(reference: Reference, law: Learned, plant: Rig, axes: NominalAxes, p
     """Reference and half the nominal play − encoder (n, steps · m), pulses, at the program's instants."""
     runs = simulate(reference, law, [plant], settle=(TAIL + 1) * reference.dt)
     # the undelayed model is where the axes will be
-    t = np.asarray(program.instants[:, None] * reference.dt + axes.delay, np.float64)
+    t = program.instants[:, None] * reference.dt + axes.delay
     at = np.minimum(np.searchsorted(runs.t, t - 1e-9), len(runs.t) - 1)
     read = np.take_along_axis(runs.measured[:, 0], at, 0)
     return np.asarray(reference.between(t)[0] + axes.play / 2 * reference.heading(t) - read).T

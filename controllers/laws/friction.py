@@ -27,7 +27,7 @@ class Friction:
         # a change is seen at the end of the stretch in which it happened, so half a stretch late
         late = instants[:, None] - (self.places[1:] - 0.5 / FINE)
         ticks = np.maximum(np.rint(late * 2 * FINE), 0).astype(int)
-        g = friction_response(axes, np.arange(ticks.max() + 1) / (2 * FINE) * dt)[:, ticks]
+        g = friction_response(axes, dt / (2 * FINE), int(ticks.max()))[:, ticks]
         self._effect = -np.broadcast_to(axes.coulomb, len(g))[:, None, None] * g
 
     def of(self, heading: Array) -> Array:

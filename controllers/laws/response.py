@@ -53,20 +53,20 @@ def response(axes: NominalAxes, dt: float, instants: int) -> Response:
     rates = np.zeros((n, 6, 6))
     rates[:, :STATE, :STATE] = _rates(axes)
     rates[:, 3, 4] = rates[:, 4, 5] = 1.0
-    flow = _flow(rates, np.arange(1, instants + 1) / instants * dt)
+    flow = _flow(rates, dt / instants, instants)[:, 1:]
     # command's speed w₀/dt, acceleration (w₁ − w₀)/dt²
     enter = np.array([[1 / dt, 0.0], [-1 / dt**2, 1 / dt**2]])
     held, driven = flow[..., :STATE, :STATE], flow[..., :STATE, STATE:] @ enter
     return Response(frozen(held[:, -1]), frozen(driven[:, -1]), frozen(held[:, :, 0]), frozen(driven[:, :, 0]))
 
 
-def friction_response(axes: NominalAxes, times: Array) -> Array:
-    """x (n, N) of axes at rest, N `times` (s) after a unit acceleration by a torque from outside has set in."""
+def friction_response(axes: NominalAxes, tick: float, count: int) -> Array:
+    """x (n, count + 1) of axes at rest, every `tick` seconds after an outer torque of unit acceleration has set in."""
     n = len(axes)
     rates = np.zeros((n, STATE + 1, STATE + 1))
     rates[:, :STATE, :STATE] = _rates(axes)
     rates[:, 1, STATE] = 1.0
-    return frozen(_flow(rates, np.maximum(times, 0.0))[:, :, 0, STATE])
+    return frozen(_flow(rates, tick, count)[:, :, 0, STATE])
 
 
 def _rates(axes: NominalAxes) -> Array:
@@ -84,8 +84,13 @@ def _rates(axes: NominalAxes) -> Array:
     return rates
 
 
-def _flow(rates: Array, times: Array) -> Array:
-    """The exponentials (n, N, ·, ·) of rates (n, ·, ·) over N times."""
+def _flow(rates: Array, tick: float, count: int) -> Array:
+    """The exponentials (n, count + 1, ·, ·) of rates (n, ·, ·) over 0, 1, … ticks."""
     from scipy.linalg import expm
 
-    return np.asarray(expm(rates[:, None] * times[:, None, None]))
+    one = expm(rates * tick)
+    flow = np.empty((len(rates), count + 1, *one.shape[1:]))
+    flow[:, 0] = np.eye(one.shape[1])
+    for k in range(count):
+        flow[:, k + 1] = one @ flow[:, k]
+    return flow

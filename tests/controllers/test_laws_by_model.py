@@ -141,7 +141,7 @@ def test_response_is_the_drive_integrated():
     some = axes(position_gain=[30, 20, 12], integral_time=[0.03, 0.045, 0.1], friction=[5, 0, 1])
     model, state, w = response(some, DT, 5), np.array([3.0, 40.0, -200.0, 10.0]), np.array([900.0, -300.0])
     at = np.arange(1, 6) / 5 * DT
-    push = friction_response(some, at)
+    push = friction_response(some, DT / 5, 5)[:, 1:]
     for i in range(3):
         gain, loop, integral, friction = (
             of[i] for of in (some.position_gain, some.speed_loop, some.integral_time, some.friction)
@@ -179,7 +179,7 @@ def test_friction_that_turns_in_the_middle_is_its_response_from_there():
     instants = np.arange(1, 11) / 5
     friction = Friction(know, DT, 2, instants)
     heading = np.where(friction.places < 1.0, -1.0, 1.0)[:, None] * np.ones(3)
-    want = -2 * know.coulomb[:, None] * np.where(instants > 1, friction_response(know, (instants - 1) * DT), 0.0)
+    want = -2 * know.coulomb[:, None] * np.concatenate([np.zeros((3, 5)), friction_response(know, DT / 5, 5)[:, 1:]], 1)
     got = friction.of(heading)
     # the place is known to half a stretch of 5 ms
     np.testing.assert_allclose(got, want, atol=0.12 * np.abs(want).max())
