@@ -43,10 +43,16 @@ def swing(rig):
 def alone(runs, b):
     """What a simulation of this run alone gives: its record ends where it does."""
     until = int(np.searchsorted(runs.t, runs.end[b] - 1e-9))
-    records = ("command", "actual", "measured", "speed", "torque")
-    own = {name: getattr(runs, name)[:until, b : b + 1] for name in records}
-    rest = {name: getattr(runs, name)[b : b + 1] for name in ("pulses", "lost")}
-    return Runs(t=runs.t[:until], steps=runs.steps[:, b : b + 1], **own, **rest)
+
+    def own(name):
+        values = getattr(runs, name)
+        if name == "t":
+            return values[:until]
+        if name == "steps":
+            return values[:, b : b + 1]
+        return values[:until, b : b + 1] if len(values) == len(runs.t) else values[b : b + 1]
+
+    return Runs(**{field.name: own(field.name) for field in fields(Runs)})
 
 
 @pytest.mark.parametrize("name", ["line", "swing", "square"])
