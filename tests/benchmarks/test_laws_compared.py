@@ -28,6 +28,6 @@ def test_ours_cut_the_contour_error_of_the_best_published_law(stated):
 
 
 def test_a_learned_table_does_not_transfer_and_the_model_in_it_does(stated):
-    table, model = learned_rows(stated, 1, (), (1.3,))
+    table, model = learned_rows(stated, 3, (), (1.3,))
     assert table.paths[SECOND] > 10 * table.paths[TUNED]
     assert model.paths[SECOND] < table.paths[SECOND] / 10
