@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-DPI = 150
+DPI, SMALL_DPI = 150, 115
 
 
 def style() -> AbstractContextManager[None]:
@@ -23,16 +23,27 @@ def style() -> AbstractContextManager[None]:
     )
 
 
-def png(*axes: "Axes") -> bytes:
-    """The figure that the axes belong to; of those that share their time axis only the last is labelled."""
+def png(*axes: "Axes", colours: int | None = None) -> bytes:
+    """The figure that the axes belong to; of those that share their time axis only the last is labelled.
+
+    colours: of a palette to which the image is reduced, with fewer dots, where many figures must make a small page.
+    """
     for ax in axes[:-1]:
         if ax.get_shared_x_axes().joined(ax, axes[-1]):
             ax.set_xlabel("")
     figure: Figure | None = axes[0].get_figure(root=True)
     buffer = BytesIO()
     if figure is not None:
-        figure.savefig(buffer, format="png", dpi=DPI)
-    return buffer.getvalue()
+        figure.savefig(buffer, format="png", dpi=DPI if colours is None else SMALL_DPI)
+    return buffer.getvalue() if colours is None else _reduced(buffer, colours)
+
+
+def _reduced(image: BytesIO, colours: int) -> bytes:
+    from PIL import Image  # comes with matplotlib
+
+    out = BytesIO()
+    Image.open(image).convert("RGB").quantize(colours, dither=Image.Dither.NONE).save(out, "PNG", compress_level=9)
+    return out.getvalue()
 
 
 def render(template: str, figures: Mapping[str, bytes], **values: object) -> str:
@@ -63,4 +74,5 @@ FILTERS: dict[str, Callable[..., Any]] = {
     "general": lambda value, digits: f"{value:.{digits}g}",
     "grouped": grouped,
     "up": up,
+    "zip": zip,
 }

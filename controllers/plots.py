@@ -2,9 +2,13 @@
 
 from typing import Any
 
+import numpy as np
 from matplotlib.axes import Axes
 
 from controllers.metrics import ErrorSeries, Metrics
+from controllers.metrics.circular_test import CircularTest
+from controllers.metrics.path_accuracy import PathAccuracy
+from kinematics.array import Array
 from planner.plots import PALETTE, new_axes
 
 _UNIT = {"m": ("µm", 1e6), "rad": ("mrad", 1e3)}
@@ -28,6 +32,41 @@ def following_error(metrics: Metrics, ax: Axes | None = None) -> Axes:
         _over_time(metrics, series, ax, label=series.name, color=PALETTE[n % len(PALETTE)])
     ax.set_ylabel(f"following error ({_UNIT[same[0].unit][0]})")
     return ax
+
+
+def path_accuracy(accuracy: PathAccuracy, ax: Axes | None = None) -> Axes:
+    """Offset of the mean path, and repeatability, at every station."""
+    ax = new_axes(ax)
+    station = np.arange(1, len(accuracy.offset) + 1)
+    for values, label in ((accuracy.offset, "accuracy"), (accuracy.band, "repeatability")):
+        ax.plot(station, 1e6 * values, marker=".", linewidth=1.2, label=label)
+    ax.set(xlabel="station", ylabel="ISO-style path accuracy (µm)", ylim=(0, None))
+    ax.legend(frameon=False)
+    return ax
+
+
+def circular_test(test: CircularTest, ax: Axes | None = None) -> Axes:
+    """Both turns about the programmed circle; their deviations are magnified by what the title says."""
+    ax = new_axes(ax)
+    turns = {"counter-clockwise": test.ccw, "clockwise": test.cw}
+    largest = max(float(np.abs(turn.deviation).max()) for turn in turns.values())
+    # a quarter of the radius, in steps of 1, 2, 5
+    wanted = test.circle.radius / 4 / largest if largest > 0 else 1.0
+    tens = 10.0 ** np.floor(np.log10(wanted))
+    magnified = tens * max(step for step in (1.0, 2.0, 5.0) if step * tens <= wanted)
+    round_ = np.linspace(0, 2 * np.pi, 721)
+    ax.plot(*1e3 * _polar(round_, test.circle.radius), color="black", linewidth=0.8, linestyle=":", label="programmed")
+    for colour, (label, turn) in zip(PALETTE, turns.items(), strict=False):
+        radius = test.circle.radius + magnified * turn.deviation
+        ax.plot(*1e3 * _polar(turn.angle, radius), color=colour, linewidth=1.2, label=label)
+    ax.set(xlabel="mm", ylabel="mm", title=f"ISO-style circular test, deviations × {magnified:.0f}")
+    ax.set_aspect("equal")
+    ax.legend(frameon=False, loc="center")
+    return ax
+
+
+def _polar(angle: Array, radius: Array | float) -> Array:
+    return np.asarray(radius * np.array([np.cos(angle), np.sin(angle)]))
 
 
 def _over_time(metrics: Metrics, series: ErrorSeries, ax: Axes | None, **style: Any) -> Axes:

@@ -1,13 +1,20 @@
-"""A rig: a machine, the drives behind its axes, and the card that pulses them."""
+"""A rig: a machine, the drives behind its axes, the card that pulses them, the host that commands, and its tasks."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
+from os import PathLike
 
 from controllers.card import PCI_8132, Card
+from controllers.host import Host
 from controllers.servo import Servo, leg_servo
+from controllers.stepper import Stepper
+from controllers.task import Task
 from kinematics.errors import MotionError
 from kinematics.machine import Machine
+from kinematics.registry import find, nearest, presets
+
+Drive = Servo | Stepper
 
 
 @dataclass(frozen=True, slots=True)
@@ -16,11 +23,16 @@ class Rig:
 
     drives  one per axis of the machine
     card    one model; as many cards of it as the axes need
+    host    when the law is asked
+    tasks   what the rig is asked to do
     """
 
     machine: Machine
-    drives: tuple[Servo, ...]
+    drives: tuple[Drive, ...]
     card: Card = PCI_8132
+    host: Host = field(default_factory=Host)
+    name: str = "rig"
+    tasks: tuple[Task, ...] = ()
 
     def __post_init__(self) -> None:
         if len(self.drives) != len(self.machine.axes):
@@ -28,7 +40,36 @@ class Rig:
                 f"rig: {len(self.drives)} drives for the {len(self.machine.axes)} axes of machine {self.machine.name}"
             )
 
+    def task(self, name: str) -> Task:
+        """The task of a name. Raises MotionError with the nearest and all known ones."""
+        known = {task.name: task for task in self.tasks}
+        if name not in known:
+            told = ", ".join(known) or "none"
+            raise MotionError(f'rig {self.name} has no task "{name}"{nearest(name, known)}; tasks: {told}')
+        return known[name]
+
 
 def assumed_rig(machine: Machine, card: Card = PCI_8132) -> Rig:
     """The rig assumed behind a machine that states none: `leg_servo` on every axis."""
     return Rig(machine, tuple(leg_servo(axis) for axis in machine.axes), card)
+
+
+def disturbed(rig: Rig, *, inertia: float = 1.0, friction: float = 1.0) -> Rig:
+    """The same rig with other true inertias and frictions (factors), which its drives know nothing of."""
+
+    return replace(rig, drives=tuple(drive.disturbed(inertia, friction) for drive in rig.drives))
+
+
+def load_rig(name_or_path: str | PathLike[str]) -> Rig:
+    """The rig of a preset's name or of a TOML file, with its machine and the motions of its tasks.
+
+    Raises FileError with every fault of the file; MotionError for an unknown name, with the nearest and all known ones.
+    """
+    from controllers.rig_file import read_rig
+
+    return read_rig(find("controllers", "rig", name_or_path))
+
+
+def rig_names() -> tuple[str, ...]:
+    """Names of the bundled rigs."""
+    return tuple(presets("controllers"))

@@ -4,15 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from math import ceil
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
 from controllers.card import PCI_8132, Card, at_rest, send
+from controllers.drives.bank import bank
+from controllers.host import instants
 from controllers.laws.law import Feedback, Law, Reference
+from controllers.recorder import Recorder
 from controllers.rig import Rig
-from controllers.servo import Servo, drive, drives, leg_servo, measured, standing
+from controllers.servo import Servo, leg_servo
 from kinematics.array import Array, frozen
 from kinematics.errors import MotionError
 
@@ -62,74 +66,146 @@ def motion_of(plan: Motion | Planned) -> Motion:
 
 
 def sample(motion: Motion, machine: Machine, dt: float) -> Reference:
-    """The motion at k·dt, up to the first sample at or after its end: whole pulses from home, and speeds unrounded.
-
-    Whole, since a feedback law that chased a share of a pulse would never come to rest at the end.
-    """
+    """The motion at k·dt, up to the first sample at or after its end, in pulses from home."""
     steps = max(ceil(motion.duration / dt - 1e-9), 1)
     state = motion.at(np.minimum(np.arange(steps + 1) * dt, motion.duration))
     pulse = np.array([axis.pulse for axis in machine.axes])
-    return Reference(dt, np.rint((state.q - machine.home_q) / pulse), state.qd / pulse)
+    return Reference(dt, (state.q - machine.home_q) / pulse, state.qd / pulse)
+
+
+def together(references: Sequence[Reference]) -> Reference:
+    """One reference for a run of each, position and speed (N + 1, B, n): the shorter ones rest at their end.
+
+    Raises MotionError if their steps differ in time.
+    """
+    times = {reference.dt for reference in references}
+    if len(times) != 1:
+        raise MotionError(f"track: the steps of references in one batch differ: {sorted(times)} s; run them apart")
+    k = np.arange(max(reference.steps for reference in references) + 1)
+    position, speed = (
+        np.stack([getattr(reference, name)(k) for reference in references], 1) for name in ("ang", "npuls")
+    )
+    return Reference(times.pop(), position, speed)
 
 
 @dataclass(frozen=True, slots=True)
 class Runs:
-    """What a batch of B runs did, at the drives' samples t (N,), s, settling included.
+    """What a batch of B runs did, at instants t (K,), s, settling included.
 
-    command, actual  (N, B, n) pulses from home: the card's counters, and where the axes truly are
-    torque           (N, B, n) N or N·m
+    command, actual  (K, B, n) pulses from home: the card's counters, and where the axes' outputs truly are
+    measured         (K, B, n) pulses from home: what the encoders read, at the motors or at the outputs
+    speed            (K, B, n) pulses/s, of the motors
+    torque           (K, B, n) N or N·m
     pulses           (B, n) int64, fired in either direction
+    lost             (B, n) int64, full steps that steppers lost; servos lose none
+    steps            (S + 1, B) s at which each run's host began its steps, and the end of the last one
     """
 
     t: Array
     command: Array
     actual: Array
+    measured: Array
+    speed: Array
     torque: Array
     pulses: np.ndarray
+    lost: np.ndarray
+    steps: Array
 
     def __post_init__(self) -> None:
-        for name in ("t", "command", "actual", "torque", "pulses"):
+        for name in Runs.__slots__:
             object.__setattr__(self, name, frozen(getattr(self, name)))
 
+    @property
+    def end(self) -> Array:
+        """(B,) s: where the settling of each run ends. What is later is there for other runs of the batch."""
+        return np.asarray(self.steps[-1])
 
-def simulate(reference: Reference, law: Law, rigs: Sequence[Rig], *, settle: float = SETTLE) -> Runs:
+
+def simulate(
+    reference: Reference, law: Law, rigs: Sequence[Rig], *, settle: float = SETTLE, period: float | None = None
+) -> Runs:
     """B = len(rigs) runs of a reference under a law, whose gains are numbers or arrays (B, 1); a run is on its own rig.
 
-    Every dt the host reads the encoders (in pulses), asks the law, and sends its command, which the card takes at once.
-    The drives follow the card's counters at their own sample time, of which dt must be a whole multiple. The rigs share
-    one machine and one model of card.
+    Every dt by its own clock (`Rig.host`, `Law.host`) a host reads the encoders (in pulses), asks the law, and sends
+    its command, which the card takes at once; a step that falls between two samples of the drives begins at the later
+    of them. The drives follow the card's counters at their own sample time, of which dt must be a whole multiple where
+    a host polls the card's counter. The rigs share one machine, one model of card and the kinds of their drives.
+
+    period  s between the instants that are kept, brought to whole samples of the drives; None: every sample
 
     Raises MotionError for a dt that does not fit the drives, and Refused by the card for a command outside its range.
     """
+    _refuse(reference, rigs)
     machine, card, dt = rigs[0].machine, rigs[0].card, reference.dt
-    model = drives([rig.drives for rig in rigs])
-    inner = round(dt / model.sample) if 0 < dt < float("inf") else 0
-    if inner < 1 or abs(inner * model.sample - dt) > 1e-9 * dt:
-        raise MotionError(
-            f"track: the host's step {dt * 1e3:g} ms is no whole multiple of the drives' sample time "
-            f"{model.sample * 1e3:g} ms; use {max(inner, 1) * model.sample * 1e3:g} ms"
-        )
-    if not 0 <= settle < float("inf"):
-        raise MotionError(f"track: settling time {settle} s must be zero or more")
+    axes = bank([rig.drives for rig in rigs])
+    h = axes.sample
+    exact = law.host == "counter" and any(rig.host.timer == "counter" for rig in rigs)
+    _refuse_times(dt, h, exact, settle, period)
     pulse = np.array([axis.pulse for axis in machine.axes])
     lanes = (len(rigs), len(pulse))
     counts = np.broadcast_to(reference.ang(0), lanes).astype(np.int64)
-    state, servos = at_rest(counts), standing(counts * pulse)
+    state, drives = at_rest(counts), axes.standing(counts * pulse)
     steps = reference.steps + ceil(settle / dt)
-    inside = np.arange(inner) * model.sample
-    command, actual, torque = (np.empty((steps * inner, *lanes)) for _ in range(3))
-    before = measured(model, servos.x) / pulse
-    for k in range(steps):
-        position = measured(model, servos.x) / pulse
-        counter = state.counter(k * dt)[0]
-        told = law.command(k, reference, Feedback(position, (position - before) / dt, counter))
-        before, state = position, send(card, state, told, k * dt)
-        here = slice(k * inner, (k + 1) * inner)
-        command[here] = state.counter(k * dt + inside)
-        response = drive(model, servos, command[here] * pulse)
-        actual[here], torque[here], servos = response.position / pulse, response.torque, response.state
-    t = (np.arange(steps)[:, None] * dt + inside).ravel()
-    return Runs(t, command, actual, torque, state.pulses(steps * dt))
+    begin = instants([rig.host for rig in rigs], law.host, dt, steps)
+    # as whole samples; 1e-6 of one is rounding
+    at = np.ceil(begin / h - 1e-6).astype(np.int64)
+    every = 1 if period is None else max(round(period / h), 1)
+    recorder = Recorder(int(at[-1].max()), every, pulse, lanes)
+    runs, k = np.arange(len(rigs)), np.zeros(len(rigs), np.int64)
+    before, last = axes.reading(drives) / pulse, at[0]
+    pulses, lost = np.empty((2, *lanes), np.int64)
+    moments = np.unique(at).tolist()
+    for start, stop in pairwise([*moments, moments[-1]]):
+        due, over, now = (at[k, runs] == start) & (k < steps), at[-1] == start, start * h
+        if over.any():  # whatever the rest of the batch goes on to do
+            pulses[over], lost[over] = state.pulses(now)[over], axes.lost(drives)[over]
+        if due.any():
+            position = axes.reading(drives) / pulse
+            took = np.maximum(start - last, 1)[:, None] * h
+            here = Feedback(position, (position - before) / took, state.counter(now)[0])
+            told = law.command(int(k[0]) if (k == k[0]).all() else k, reference, here)
+            state = send(card, state, told, now, None if due.all() else due[:, None])
+            before, last, k = np.where(due[:, None], position, before), np.where(due, start, last), k + due
+        block = max(BLOCK // counts.size, 1)
+        for first in range(start, stop, block):
+            counter = state.counter(np.arange(first, min(first + block, stop)) * h)
+            response, drives = axes.run(drives, counter * pulse, recorder.kept(first, len(counter)))
+            recorder.put(first, counter, response)
+    records = recorder.done()
+    t = np.asarray(np.arange(len(records["command"])) * (every * h), float)
+    return Runs(t=t, **records, pulses=pulses, lost=lost, steps=begin)
+
+
+BLOCK = 1 << 15
+"""Values of a quantity that are worked on at once: 256 kB, so that they stay near the processor."""
+
+
+def _refuse(reference: Reference, rigs: Sequence[Rig]) -> None:
+    """Raise MotionError for what cannot be one batch."""
+    if not rigs:
+        raise MotionError("track: a batch needs a rig for each of its runs, and has none")
+    axes, card = rigs[0].machine.axes, rigs[0].card
+    if any(rig.machine.axes != axes or rig.card != card for rig in rigs):
+        raise MotionError("track: the rigs of one batch differ in their machine or card; run them apart")
+    lanes = reference.position.shape[1:]
+    if lanes not in ((len(axes),), (len(rigs), len(axes))):
+        raise MotionError(
+            f"track: a reference of {' x '.join(map(str, lanes))} for {len(rigs)} rigs of {len(axes)} axes; "
+            "give one for each axis, or for each run and axis"
+        )
+
+
+def _refuse_times(dt: float, sample: float, exact: bool, settle: float, period: float | None) -> None:
+    inner = round(dt / sample) if 0 < dt < float("inf") else 0
+    if inner < 1 or (exact and abs(inner * sample - dt) > 1e-9 * dt):
+        raise MotionError(
+            f"track: the host's step {dt * 1e3:g} ms is no whole multiple of the drives' sample time "
+            f"{sample * 1e3:g} ms; use {max(inner, 1) * sample * 1e3:g} ms"
+        )
+    if not 0 <= settle < float("inf"):
+        raise MotionError(f"track: settling time {settle} s must be zero or more")
+    if period is not None and not 0 < period < float("inf"):
+        raise MotionError(f"track: period {period} s must be above zero")
 
 
 def track(

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cached_property
 
 import casadi as ca
 import numpy as np
@@ -12,9 +13,10 @@ from kinematics.array import Array, finite
 from kinematics.axis import Axis
 from kinematics.body import Body
 from kinematics.errors import MotionError
+from kinematics.expression import Expression
 from kinematics.load import Load
 from kinematics.machine import Machine, side
-from kinematics.pose import Pose, column, numbers
+from kinematics.pose import Pose, column
 from kinematics.traverser import nearest_turn
 
 # How far (m, or sine of an angle) joints may lie off the form that the closed inverse needs.
@@ -148,5 +150,11 @@ class Arm(Machine):
             pose = RigidTransform.from_translation(on) * turn * RigidTransform.from_translation(-on) * pose
         return pose
 
+    @cached_property
+    def _tool_map(self) -> Expression:
+        """q (3) -> the tool's pose numbers (12)."""
+        q = ca.SX.sym("q", 3)
+        return Expression("tool", q, self.moved(ca.SX.zeros(3), ca.SX.eye(3), q)[0][1])
+
     def start(self, q: Array, near: Array) -> Array:
-        return numbers(self.pose_of(q))
+        return self._tool_map(q)

@@ -91,16 +91,30 @@ def _coordinates(machine: Machine, q: ArrayLike) -> Array:
     return given
 
 
-def _solve(machine: Machine, q: Array, near: Pose, certify: bool) -> tuple[Pose, Array, np.ndarray]:
-    """N poses, residual (N,) and certified (N,) of coordinates q (N, n), asked from near (one, or N)."""
-    start = np.broadcast_to(numbers(near), (len(q), 12))
+def settle(machine: Machine, q: Array, start: Array) -> tuple[Array, Array]:
+    """Pose numbers (N, 12) and residual (N,) of coordinates q (N, n), by Newton from pose numbers start (N, 12).
+
+    What `solve` does before its proof, for many rows at once: nothing is checked of what is given, and where a machine
+    has several poses of the same coordinates, which one is found is not proved.
+    """
     x = _newton(machine, q, machine.start(q, start).copy())
     if machine.follows:
         carried = machine.carried_map(machine.inputs(x, q))
         x = np.where(np.isfinite(carried).all(1, keepdims=True), carried, x)
-    pose = from_numbers(x)
-    residual = np.abs(machine.inverse_map(machine.inputs(numbers(pose), q)) - q).max(1)
+    return x, _residual(machine, q, x)
+
+
+def _residual(machine: Machine, q: Array, x: Array) -> Array:
+    residual = np.abs(machine.inverse_map(machine.inputs(x, q)) - q).max(1)
     residual[np.isnan(residual)] = np.inf  # Newton stayed where no coordinates reach
+    return np.asarray(residual)
+
+
+def _solve(machine: Machine, q: Array, near: Pose, certify: bool) -> tuple[Pose, Array, np.ndarray]:
+    """N poses, residual (N,) and certified (N,) of coordinates q (N, n), asked from near (one, or N)."""
+    start = np.broadcast_to(numbers(near), (len(q), 12))
+    pose = from_numbers(settle(machine, q, start)[0])
+    residual = _residual(machine, q, numbers(pose))
     certified = (residual < CONVERGED) & certify & _begun(machine, q, start)
     origin = near if len(numbers(near)) == 1 else near[certified]
     certified[certified] = regular(machine, origin, pose[certified], q[certified])

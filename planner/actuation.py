@@ -137,6 +137,12 @@ def _carried_along(machine: Machine, shape: Shape, highest: int) -> Expression:
     return differentiated(f"{shape.name}_posed", column(position, rotation), s, inputs, highest)
 
 
+@lru_cache(maxsize=128)
+def _placed_along(machine: Machine, shape: Shape) -> Expression:
+    """The same -> position x and x′, without the work for the rotation."""
+    return _carried_along(machine, shape, 1).only([0, 1, 2, 12, 13, 14])
+
+
 class MachinePath:
     """A path in space as the machine's actuators see it."""
 
@@ -215,6 +221,11 @@ class MachinePath:
     def pose_derivatives(self, s: Array, piece: np.ndarray, highest: int = 3) -> Derivatives:
         every = self._evaluate(lambda shape: _carried_along(self.machine, shape, highest), s, piece, self._near)
         return tuple(np.split(every, highest + 1, axis=1))
+
+    def position_derivatives(self, s: Array, piece: np.ndarray) -> tuple[Array, Array]:
+        """The platform's origin and its first derivative by path length, each (N, 3)."""
+        both = self._evaluate(lambda shape: _placed_along(self.machine, shape), s, piece, self._near)
+        return both[:, :3], both[:, 3:]
 
     def _evaluate(
         self, expression: Callable[[Shape], Expression], s: Array, piece: np.ndarray, also: Array | None = None

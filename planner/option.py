@@ -38,3 +38,15 @@ def read_options(kind: type[Any], given: Mapping[str, str], what: str) -> dict[s
         except MotionError as error:
             raise MotionError(f"{what}, option {name}: {error}") from None
     return values
+
+
+def split_options(text: str, what: str) -> tuple[str, dict[str, str]]:
+    """`name:option=value,option=value` as name and options. Raises MotionError for what is not written so."""
+    name, colon, rest = text.partition(":")
+    given: dict[str, str] = {}
+    for part in rest.split(",") if colon else ():
+        key, equals, value = part.partition("=")
+        if not equals or key.strip() in given:
+            raise MotionError(f'{what} "{text}": write {name}:OPTION=VALUE,OPTION=VALUE, each once')
+        given[key.strip()] = value.strip()
+    return name.strip(), given

@@ -38,9 +38,11 @@ _work: Callable[[Any], Any] | None = None
 
 
 def spread(
-    work: Callable[[Task], Result], tasks: Sequence[Task], done: Callable[[Task], None] = lambda task: None
+    work: Callable[[Task], Result],
+    tasks: Sequence[Task],
+    done: Callable[[Task, Result], None] = lambda task, result: None,
 ) -> list[Result]:
-    """[work(task) for task in tasks], in several processes where that is faster; `done` is told of each in turn.
+    """[work(task) for task in tasks], in several processes where that is faster; `done` is told of each result in turn.
 
     Each process is given `work` once and the tasks one by one. What a task raises is raised here, of several the first
     in order; Ctrl-C ends all of them. Inside a process of another pool, everything is done here.
@@ -50,7 +52,7 @@ def spread(
     for task in left:
         begin = perf_counter()
         results.append(work(task))
-        done(task)
+        done(task, results[-1])
         waiting = (len(tasks) - len(results)) * (perf_counter() - begin)
         if len(results) >= TRIED and waiting > ENOUGH and cores() > 1 and multiprocessing.parent_process() is None:
             break
@@ -60,7 +62,7 @@ def spread(
         results += _in_processes(packed, rest, done)
     for task in tasks[len(results) :]:  # where processes cannot do it, one always can
         results.append(work(task))
-        done(task)
+        done(task, results[-1])
     return results
 
 
@@ -73,7 +75,7 @@ def _packed(work: Callable[[Any], Any]) -> bytes | None:
     return None if b"__main__" in packed else packed
 
 
-def _in_processes(packed: bytes, tasks: Sequence[Task], done: Callable[[Task], None]) -> list[Any]:
+def _in_processes(packed: bytes, tasks: Sequence[Task], done: Callable[[Task, Any], None]) -> list[Any]:
     """What the tasks gave, up to the first that was lost with its process."""
     results: list[Any] = []
     before = set(multiprocessing.active_children())
@@ -85,7 +87,7 @@ def _in_processes(packed: bytes, tasks: Sequence[Task], done: Callable[[Task], N
             futures: list[Future[Any]] = [pool.submit(_do, task) for task in tasks]
         for task, future in zip(tasks, futures, strict=True):
             results.append(future.result())
-            done(task)
+            done(task, results[-1])
     except BrokenProcessPool:
         pass
     except BaseException:

@@ -74,7 +74,7 @@ def proved(
     parts = [runs[first : first + PART] for first in range(0, len(runs), PART)]
     solved = 0
 
-    def done(part: Sequence[Run]) -> None:
+    def done(part: Sequence[Run], _: object) -> None:
         nonlocal solved
         solved += len(part)
         if progress is not None:

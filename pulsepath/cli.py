@@ -6,6 +6,7 @@ from typing import Literal
 import click
 
 from pulsepath import __version__
+from pulsepath.compare_command import compare
 from pulsepath.exits import BAD_INPUT, INFEASIBLE, INTERNAL, Commands
 from pulsepath.export_command import export
 from pulsepath.import_command import import_
@@ -112,7 +113,9 @@ def check(program: str, machine: str | None, as_json: bool) -> None:
 
 @main.command()
 @click.argument("directory", metavar="DIR", type=click.Path(path_type=Path))
-@click.option("--law", "laws", multiple=True, required=True, metavar="LAW", help="Number or name; may be repeated.")
+@click.option(
+    "--law", "laws", multiple=True, required=True, metavar="LAW", help='As "6" or "6:gain=0.7"; may be repeated.'
+)
 @click.option("--force", is_flag=True, help="Replace an earlier track.json.")
 @json_option
 def track(directory: Path, laws: tuple[str, ...], force: bool, as_json: bool) -> None:
@@ -120,7 +123,8 @@ def track(directory: Path, laws: tuple[str, ...], force: bool, as_json: bool) ->
 
     Runs it through an emulated motion card and servo drives under each LAW, and writes the errors into DIR/track.json.
     """
-    from controllers import evaluate, find_law
+    from benchmarks.sweep import read_setting
+    from controllers import evaluate
     from controllers import track as run
     from kinematics import MotionError
     from pulsepath import plan_directory, record, tables
@@ -130,7 +134,7 @@ def track(directory: Path, laws: tuple[str, ...], force: bool, as_json: bool) ->
     target = directory / plan_directory.TRACK
     if target.exists() and not force:
         raise MotionError(f"{target} exists; give --force to replace it")
-    chosen = [find_law(law) for law in laws]
+    chosen = [read_setting(law).made() for law in laws]
     planned = plan_directory.read(directory)
     metrics = []
     for law in chosen:
@@ -146,6 +150,7 @@ def track(directory: Path, laws: tuple[str, ...], force: bool, as_json: bool) ->
 
 main.add_command(export)
 main.add_command(import_)
+main.add_command(compare)
 
 
 @main.command()

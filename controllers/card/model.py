@@ -1,10 +1,13 @@
-"""Models of motion card, and how they refuse."""
+"""Models of motion card, their options, and how they refuse."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Literal
 
+import numpy as np
+
+from kinematics.array import Array
 from kinematics.errors import MotionError
 
 COUNTER = (-(2**27), 2**27 - 1)
@@ -19,24 +22,87 @@ class Refused(MotionError):
 
 @dataclass(frozen=True, slots=True)
 class Card:
-    """A model of motion card; its figures are those of [Sahbaz 2007, Appendix A].
+    """A model of motion card and the options it is set to; the models' figures are those of [Sahbaz 2007, Appendix A].
 
-    max_speed     pulses/s that a channel can emit at most
-    clock_hz      reference clock: a pulse falls on one of its ticks
-    while_moving  what a command does that arrives during a move: "replace" it from the command position of that
-                  instant, or "queue" behind it (each channel begins when its own move ends)
+    max_speed         pulses/s that a channel can emit at most
+    clock_hz          reference clock: a pulse falls on one of its ticks
+    while_moving      what a command does that arrives during a move: "replace" it from the command position of that
+                      instant, or "queue" behind it (each channel begins when its own move ends)
+    speed_range       pulses/s, the top of the speed registers as the host sets their multiplier: commanded speeds are
+                      rounded to steps of speed_range/65535, of which one is the least, and none goes beyond it. None:
+                      the least speed is a step of the card's whole range, and speeds are not rounded
+    channels          of one card; interpolation joins channels of one card alone
+    moves_target      whether a move's target can be changed on the fly
+    compares          least and greatest count of the comparator
+    compare_list      counts that the comparator loads by itself one after another
+    latches           channels of a card that have a latch input
+    beyond_counter    what a position beyond the counter's range does: "refuse", or "wrap" round (relative and velocity
+                      moves; the target of an absolute move is a number of 28 bits in any case)
+    soft_limits       (lowest, highest) position of each channel, pulses; None: no limits
+    at_soft_limit     "refuse" a command that would pass one, or "stop" dead there; a velocity move is stopped anyway
+    backlash          pulses that each channel fires beforehand when it turns round; None: none
+    backlash_speed    pulses/s of these
+
+    Assumed: that an 8132 compares one count at a time, in 24 bits, that an 8164's two latch inputs belong to its first
+    two channels, and that soft limits stop dead.
     """
 
     name: str
     max_speed: float
     clock_hz: int
     while_moving: Literal["replace", "queue"] = "replace"
+    speed_range: float | None = None
+    channels: int = 4
+    moves_target: bool = True
+    compares: tuple[int, int] = COUNTER
+    compare_list: int = 4096
+    latches: tuple[int, ...] = (0, 1)
+    beyond_counter: Literal["refuse", "wrap"] = "refuse"
+    soft_limits: tuple[tuple[int, int], ...] | None = None
+    at_soft_limit: Literal["refuse", "stop"] = "refuse"
+    backlash: tuple[int, ...] | None = None
+    backlash_speed: float = 1000.0
+
+    def __post_init__(self) -> None:
+        for what, speed in (("speed range", self.speed_range), ("backlash speed", self.backlash_speed)):
+            if speed is not None and not 0 < speed <= self.max_speed:
+                raise MotionError(
+                    f"{self.name}: {what} {speed} pulses/s must be above zero and at most {self.max_speed:.10g}"
+                )
+        for low, high in self.soft_limits or ():
+            if not COUNTER[0] <= low <= high <= COUNTER[1]:
+                raise MotionError(
+                    f"{self.name}: soft limits {low} … {high} must rise within {COUNTER[0]} … {COUNTER[1]} pulses"
+                )
+        if min(self.backlash or (0,)) < 0:
+            raise MotionError(f"{self.name}: backlash {self.backlash} pulses must be zero or more")
+
+    @property
+    def top_speed(self) -> float:
+        """Pulses/s that can be commanded at most."""
+        return self.max_speed if self.speed_range is None else self.speed_range
 
     @property
     def least_speed(self) -> float:
-        """Pulses/s of one step of the speed register, whose range is the card's whole range."""
-        return self.max_speed / SPEED_STEPS
+        """Pulses/s of one step of the speed register."""
+        return self.top_speed / SPEED_STEPS
+
+    def registered(self, speed: Array) -> Array:
+        """Magnitudes of speeds as the speed register holds them."""
+        speed = np.abs(speed)
+        if self.speed_range is not None:
+            speed = np.rint(speed / self.least_speed) * self.least_speed
+        return np.maximum(speed, self.least_speed)
 
 
-PCI_8132 = Card("PCI-8132", 2.4e6, 9_830_400)
+PCI_8132 = Card(
+    "PCI-8132",
+    2.4e6,
+    9_830_400,
+    channels=2,
+    moves_target=False,
+    compares=(-(2**23), 2**23 - 1),
+    compare_list=1,
+    latches=(),
+)
 PCI_8164 = Card("PCI-8164", 6.55e6, 19_660_800)

@@ -1,4 +1,4 @@
-"""A move of the card as a value: its position as a piecewise quadratic of time, and the pulses that it fires."""
+"""A move of the card as a value: its position as piecewise polynomials of time, and the pulses that it fires."""
 
 from __future__ import annotations
 
@@ -6,117 +6,167 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from controllers.card.edges import Edges, Piece, passed
 from kinematics.array import Array, frozen
+
+FOREVER = 1e15
+"""s."""
 
 
 @dataclass(frozen=True, slots=True)
 class Profile:
-    """One move of channels in lanes: p(t) = start + σ Σᵢ (vᵢ τᵢ + aᵢ τᵢ²/2), τᵢ = clip(t − begin − Tᵢ, 0, lengthᵢ).
+    """One move of channels in lanes: s(t) = Σᵢ (vᵢ τᵢ + aᵢ τᵢ²/2 + jᵢ τᵢ³/6), τᵢ = clip(t − begin − Tᵢ, 0, lengthᵢ).
 
-    Tᵢ is the sum of the lengths before piece i, σ = ±1 the direction. p is held before the first and after the last
-    piece, where it is `target` exactly.
+    Tᵢ is the sum of the lengths before piece i. The command position is p = start + s, or on an arc of radius R
+    p = start + R (cos(φ + κ s) − cos φ), s being the way along it. p is held before the first piece, and after the
+    last, where it is `target` exactly. Within a piece p runs one way. The position counter is the whole number nearest
+    to p: so a pulse fires where p passes half way between two counts, and a share of a pulse (the generator's phase) is
+    never lost.
 
     Lanes (…) are channels (n,), or runs by channels (B, n): all arithmetic is lane by lane.
 
-    begin    (…) s, when each channel starts (channels of a queued move may start apart)
-    start    (…) pulses, the command position then, with its share of a pulse
-    count    (…) int64 pulses, the position counter then
-    target   (…) int64 pulses
-    lengths  (pieces, …) s
-    speeds   (pieces, …) pulses/s ≥ 0 at the start of each piece
-    rates    (pieces, …) pulses/s², constant in each piece
+    begin      (…) s, when each channel starts (channels of a queued move may start apart)
+    start      (…) pulses, the command position then, with its share of a pulse
+    target     (…) pulses, where the channel stands in the end
+    lengths    (pieces, …) s; the last may be endless
+    speeds     (pieces, …) pulses/s, signed, at the start of each piece
+    rates      (pieces, …) pulses/s², at the start of each piece
+    jerks      (pieces, …) pulses/s³, constant in each piece; None: zero
+    arc        (3, …) R in pulses, φ in rad, κ = ±1/R in rad per pulse; R = 0 in lanes that run straight; None: all do
+    registers  (4, …) of moves that can be changed on the fly: start and top speed, pulses/s, and the rates of the ramps
+               up and down, pulses/s²; NaN in other lanes; None: no lane can
+    slack      (2, …) compensation of play, fired before `begin` and not counted: pulses, signed, and pulses/s
+    zero       (…) pulses, where the counter's zero lies by the coordinates of power-up; None: at theirs
     """
 
     begin: Array
     start: Array
-    count: np.ndarray
-    target: np.ndarray
+    target: Array
     lengths: Array
     speeds: Array
     rates: Array
+    jerks: Array | None = None
+    arc: Array | None = None
+    registers: Array | None = None
+    slack: Array | None = None
+    zero: Array | None = None
 
     def __post_init__(self) -> None:
-        for name in ("begin", "start", "lengths", "speeds", "rates"):
+        for name in ("begin", "start", "target", "lengths", "speeds", "rates"):
             object.__setattr__(self, name, frozen(getattr(self, name), np.float64))
-        for name in ("count", "target"):
-            object.__setattr__(self, name, frozen(getattr(self, name), np.int64))
-
-    @property
-    def direction(self) -> Array:
-        """(…) sign of target − start; +1 where there is nothing to move."""
-        return np.where(self.target < self.start, -1.0, 1.0)
+        for name in ("jerks", "arc", "registers", "slack", "zero"):
+            if getattr(self, name) is not None:
+                object.__setattr__(self, name, frozen(getattr(self, name), np.float64))
 
     @property
     def end(self) -> Array:
-        """(…) s, when each channel stands on its target."""
+        """(…) s, when each channel stands on its target; inf where it runs on."""
         return np.asarray(self.begin + self.lengths.sum(0))
 
     def position(self, t: Array) -> Array:
         """Command position (N, …), pulses, at instants t (N,)."""
+        if not t.size:
+            return np.empty((0, *self.begin.shape))
+        first, last, since = t.min(), t.max(), self.begin
         t = t.reshape(t.shape + (1,) * self.begin.ndim)
-        rest = t - self.begin
-        travelled = np.zeros(rest.shape)
-        for length, speed, rate in zip(self.lengths, self.speeds, self.rates, strict=True):
-            tau = np.minimum(np.maximum(rest, 0.0), length)
-            travelled += tau * (speed + tau * rate / 2)
-            rest = rest - length
-        return np.where(t >= self.end, self.target, self.start + self.direction * travelled)
+        rest, way = t - self.begin, None
+        # what no lane comes to is left out: a pass over all instants takes longer than all else here
+        for i, length in enumerate(self.lengths):
+            until = since + length
+            if length.any() and (since < last).any():
+                tau = rest if (since <= first).all() else np.maximum(rest, 0.0)
+                tau = tau if (until >= last).all() else np.minimum(tau, length)
+                part = self.way(i, tau)
+                way = part if way is None else way + part
+                rest = rest - length if (until < last).any() else rest
+            since = until
+        position = self.placed(np.zeros(rest.shape) if way is None else way)
+        return position if (self.end > last).all() else np.where(t >= self.end, self.target, position)
 
     def counter(self, t: Array) -> np.ndarray:
-        """Position counter (N, …), int64: a pulse fires when the command position is half a pulse ahead of it.
+        """Position counter (N, …), int64."""
+        return np.rint(self.position(t)).astype(np.int64)
 
-        So the counter is the nearest whole number to the command position, and equals the target when the move ends.
-        """
-        sign = self.direction
-        ahead = np.floor(sign * (self.position(t) - self.count) + 0.5)
-        return np.asarray(self.count + (sign * np.maximum(ahead, 0.0)).astype(np.int64))
+    def along(self, t: float) -> tuple[Array, Array]:
+        """The way s (…), pulses, and its speed (…), pulses/s, just after t."""
+        rest, way, found = t - self.begin, np.zeros(self.begin.shape), np.zeros(self.begin.shape)
+        for i, length in enumerate(self.lengths):
+            tau = np.minimum(np.maximum(rest, 0.0), length)
+            way += self.way(i, tau)
+            bend = 0.0 if self.jerks is None else tau * (self.jerks[i] / 2)
+            inside = (rest >= 0) & (rest < length)
+            found = np.where(inside, self.speeds[i] + tau * (self.rates[i] + bend), found)
+            rest = rest - length
+        return way, found
 
-    def pulse_times(self, lane: int | tuple[int, ...]) -> Array:
-        """Instants (pulses,), s, at which a lane's pulses fire: p passes count ± ½, ± 3/2, … in closed form.
+    def speed(self, t: float) -> Array:
+        """Speed (…), pulses/s, signed, just after t."""
+        way, found = self.along(t)
+        if self.arc is None:
+            return found
+        radius, phase, turn = self.arc
+        return np.where(radius > 0, -radius * turn * np.sin(phase + turn * way) * found, found)
 
-        A level δ into piece i is reached after τ = 2δ / (vᵢ + √(vᵢ² + 2 aᵢ δ)), the root that stays exact as aᵢ → 0.
-        """
+    def pulses(self, t: float) -> np.ndarray:
+        """Pulses (…) fired until t in either direction, those of compensation among them, int64."""
+        rest, way = t - self.begin, np.zeros(self.begin.shape)
+        before, fired = np.rint(self.start), np.abs(self.taken(t))
+        for i, length in enumerate(self.lengths):
+            way = way + self.way(i, np.minimum(np.maximum(rest, 0.0), length))
+            after = np.rint(self.placed(way))
+            fired = fired + np.abs(after - before)
+            rest, before = rest - length, after
+        # the last position is the target, that of the sum but for rounding
+        return np.asarray(fired + np.where(t >= self.end, np.abs(np.rint(self.target) - before), 0.0), np.int64)
+
+    def taken(self, t: float) -> Array:
+        """Pulses (…) of compensation fired until t, signed: the k-th of N is due (N − k + ½)/speed before `begin`."""
+        if self.slack is None:
+            return np.zeros(self.begin.shape)
+        pulses, speed = self.slack
+        size, begins = np.abs(pulses), np.isfinite(self.begin)
+        # bounded, since t may be the end of all times
+        rest = np.clip(t - np.where(begins, self.begin, 0.0), -FOREVER, FOREVER)
+        due = np.where(begins, np.floor(rest * speed + size + 0.5), 0.0)
+        return np.asarray(np.sign(pulses) * np.clip(due, 0.0, size))
+
+    def edges(self, lane: int | tuple[int, ...], since: float = -np.inf, until: float = np.inf) -> Edges:
+        """The pulses of a lane from `since` to before `until`, in closed form; as many as its counter changes by."""
         i = lane if isinstance(lane, tuple) else (lane,)
-        length, speed, rate = (np.moveaxis(of, 0, -1)[i] for of in (self.lengths, self.speeds, self.rates))
-        passed = np.concatenate([[0.0], np.cumsum(length * (speed + length * rate / 2))])
-        elapsed = np.concatenate([[0.0], np.cumsum(length)])
-        pulses = abs(int(self.target[i]) - int(self.count[i]))
-        levels = self.direction[i] * (self.count[i] - self.start[i]) + np.arange(pulses) + 0.5
-        # the first level may lie a rounding behind the start, the last a rounding beyond the end
-        levels = np.clip(levels, 0.0, passed[-1])
-        piece = np.clip(np.searchsorted(passed, levels, side="right") - 1, 0, len(length) - 1)
-        v, a, delta = speed[piece], rate[piece], levels - passed[piece]
-        root = v + np.sqrt(np.maximum(v * v + 2 * a * delta, 0.0))
-        return np.asarray(self.begin[i] + elapsed[piece] + 2 * delta / np.where(root > 0, root, 1.0))
+        jerks = np.zeros(self.lengths.shape) if self.jerks is None else self.jerks
+        rows = (np.moveaxis(of, 0, -1)[i].tolist() for of in (self.lengths, self.speeds, self.rates, jerks))
+        pieces = [Piece(*numbers) for numbers in zip(*rows, strict=True)]
+        arc = None if self.arc is None or self.arc[(0, *i)] == 0 else tuple(np.moveaxis(self.arc, 0, -1)[i].tolist())
+        begin, start, target = (float(of[i]) for of in (self.begin, self.start, self.target))
+        found = passed(begin, start, target, pieces, arc, since, until)
+        if self.slack is None or not self.slack[(0, *i)]:
+            return found
+        pulses, speed = np.moveaxis(self.slack, 0, -1)[i]
+        t = begin - (np.abs(pulses) - 0.5 - np.arange(abs(int(pulses)))) / speed
+        t = t[(t >= since) & (t < until)]
+        extra = Edges(t, np.full(len(t), np.sign(pulses), np.int8), np.zeros(len(t), bool))
+        return extra.then(found)
+
+    def pulse_times(self, lane: int | tuple[int, ...], until: float = np.inf) -> Array:
+        """Instants (pulses,), s, at which a lane's pulses fire before `until`."""
+        return self.edges(lane, until=until).t
+
+    def way(self, i: int, tau: Array) -> Array:
+        """The way, pulses, within piece i at τ s after its start."""
+        if self.jerks is None:
+            return np.asarray(tau * (self.speeds[i] + tau * (self.rates[i] / 2)))
+        return np.asarray(tau * (self.speeds[i] + tau * (self.rates[i] / 2 + tau * (self.jerks[i] / 6))))
+
+    def placed(self, way: Array) -> Array:
+        """The command position, pulses, after a way."""
+        if self.arc is None:
+            return np.asarray(self.start + way)
+        radius, phase, turn = self.arc
+        bent = self.start + radius * (np.cos(phase + turn * way) - np.cos(phase))
+        return np.where(radius > 0, bent, self.start + way)
 
 
-def standstill(count: np.ndarray) -> Profile:
-    """The move that is none: channels that stand on whole counts."""
-    none = np.zeros((1, *count.shape))
-    return Profile(np.zeros(count.shape), count, count, count, none, none, none)
-
-
-def trapezoid(
-    begin: Array, start: Array, count: np.ndarray, target: np.ndarray, v0: Array, v1: Array, tacc: float, tdec: float
-) -> Profile:
-    """Speed from v0 to v1 linearly within tacc, held, and back to v0 within tdec before the target; there it stops.
-
-    Over the distance D = |target − start| the ramps take d = (v0 + v1)/2 · (tacc + tdec). If D < d, the rates are kept
-    and the top speed is what can be reached, vp² = v0² + 2 D (v1 − v0)/(tacc + tdec), each ramp being shortened by the
-    factor λ = (vp − v0)/(v1 − v0) = 2 D/((tacc + tdec)(v0 + vp)). All of it holds for v1 < v0 too, where the ramp leads
-    downwards.
-
-    v0, v1  (…) pulses/s > 0;  tacc, tdec  s ≥ 0;  the others as in `Profile`
-    """
-    distance, ramps = np.abs(target - start), tacc + tdec
-    needed = (v0 + v1) / 2 * ramps
-    short = distance < needed
-    # without ramps no move is short: any divisor serves
-    time = ramps if ramps > 0 else 1.0
-    top = np.where(short, np.sqrt(np.maximum(v0 * v0 + 2 * distance * (v1 - v0) / time, 0.0)), v1)
-    share = np.where(short, 2 * distance / (time * (v0 + top)), 1.0)
-    held = np.where(short, 0.0, (distance - needed) / v1)
-    up, down = share * tacc, share * tdec
-    rate_up, rate_down = (v1 - v0) / (tacc or 1.0), (v0 - v1) / (tdec or 1.0)
-    lengths, speeds, rates = (up, held, down), (v0, top, top), (rate_up, np.zeros_like(held), rate_down)
-    return Profile(begin, start, count, target, np.stack(lengths), np.stack(speeds), np.stack(rates))
+def standstill(position: np.ndarray) -> Profile:
+    """The move that is none: channels that stand."""
+    none = np.zeros((1, *position.shape))
+    return Profile(np.zeros(position.shape), position, position, none, none, none)

@@ -2,31 +2,40 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Protocol
+from dataclasses import dataclass, field
+from typing import Literal, Protocol
 
 import numpy as np
 
 from controllers.card import Command
+from controllers.laws.gain import Grid
 from kinematics.array import Array, frozen
+
+Timer = Literal["counter", "sleep"]
+"""How a law wants its host to wait for the next step, see `controllers.host.Host`."""
 
 
 @dataclass(frozen=True, slots=True)
 class Reference:
-    """The planned motion as the host holds it: samples at k·dt of every axis, resting after the last.
+    """The planned motion as the host holds it, whole and beforehand: samples at k·dt of every axis, then rest.
 
     dt        s
-    position  (N + 1, n) pulses, whole; (N + 1, B, n) where B runs have references of their own
+    position  (N + 1, n) pulses from home, unrounded; (N + 1, B, n) where B runs have references of their own
     speed     as position, pulses/s, signed
     """
 
     dt: float
     position: Array
     speed: Array
+    _heading: Array = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "position", frozen(self.position, np.float64))
         object.__setattr__(self, "speed", frozen(self.speed, np.float64))
+        sign = np.where(np.abs(self.speed) > _STILL, np.sign(self.speed), 0.0)
+        k = np.arange(len(sign)).reshape(-1, *(1,) * (sign.ndim - 1))
+        last = np.maximum.accumulate(np.where(sign != 0, k, 0))
+        object.__setattr__(self, "_heading", frozen(np.take_along_axis(sign, last, 0)))
 
     @property
     def steps(self) -> int:
@@ -34,17 +43,58 @@ class Reference:
         return len(self.position) - 1
 
     def ang(self, k: int | np.ndarray) -> Array:
-        """Reference position (n,), pulses, at k·dt; the last one afterwards. k (B,) for a step of each run: (B, n)."""
-        return self._at(self.position, np.minimum(k, self.steps))
+        """Reference position (n,), whole pulses, at k·dt; the last one afterwards. k (B,), a step of each run: (B, n).
+
+        Whole, since a feedback law that chased a share of a pulse would never come to rest at the end.
+        """
+        return np.rint(self._at(self.position, np.minimum(k, self.steps)))
 
     def npuls(self, k: int | np.ndarray) -> Array:
         """Reference speed, pulses/s, at k·dt, shaped as `ang`; zero after the end."""
         speed = self._at(self.speed, np.minimum(k, self.steps))
         return np.where(np.reshape(k, np.shape(k) + (1,) * (speed.ndim - np.ndim(k))) <= self.steps, speed, 0.0)
 
+    def heading(self, t: Array) -> Array:
+        """±1 by the way that each axis runs at t, or ran before it came to rest; 0 before it moves. t as `between`."""
+        speed = self.between(t, before=True)[1]
+        k = np.clip(np.floor(t / self.dt + 1e-9), 0, self.steps).astype(int)
+        return np.where(np.abs(speed) > _STILL, np.sign(speed), self._heading[k, *self._lanes])
+
+    def between(self, t: Array, *, before: bool = False) -> tuple[Array, Array, Array]:
+        """Position, speed and acceleration at any instants t (…, n), s, which may differ by axis, and run: (…, B, n).
+
+        The cubic through the positions and speeds of the samples on both sides: within dt⁴/384 · |r⁗| of the motion
+        where that is smooth between them. Rest before the first and after the last sample.
+
+        before  at a sample itself the acceleration jumps: the one before it instead of the one after
+        """
+        at = t / self.dt
+        # an instant that rounding has put beside a sample is at it
+        step = np.ceil(at - 1e-9) - 1 if before else np.floor(at + 1e-9)
+        k = np.clip(step, 0, self.steps - 1).astype(int)
+        moving = (step >= 0) & (step < self.steps)
+        lanes = self._lanes
+        p0, p1 = self.position[k, *lanes], self.position[k + 1, *lanes]
+        v0, v1 = self.speed[k, *lanes] * self.dt, self.speed[k + 1, *lanes] * self.dt
+        u = np.clip(at - k, 0.0, 1.0)
+        bend, twist = 3 * (p1 - p0) - 2 * v0 - v1, v0 + v1 - 2 * (p1 - p0)
+        position = p0 + u * (v0 + u * (bend + u * twist))
+        speed = np.where(moving, v0 + u * (2 * bend + u * 3 * twist), 0.0) / self.dt
+        return position, speed, np.where(moving, 2 * bend + u * 6 * twist, 0.0) / self.dt**2
+
+    @property
+    def _lanes(self) -> tuple[np.ndarray, ...]:
+        """The indices of all lanes, behind that of a sample."""
+        axis = np.arange(self.position.shape[-1])
+        return (axis,) if self.position.ndim == 2 else (np.arange(self.position.shape[1])[:, None], axis)
+
     def _at(self, of: Array, k: np.ndarray) -> Array:
         own = of.ndim == 3 and np.ndim(k) == 1
         return np.asarray(of[k, np.arange(len(k))] if own else of[k])
+
+
+_STILL = 1e-3
+"""Pulses/s: below it an axis rests, but for rounding."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,8 +114,17 @@ class Feedback:
 class Law(Protocol):
     """A tracking law. All axes, and all runs of a batch, are commanded at once; a law keeps no state of its own.
 
-    Gains are numbers, or arrays (B, 1) with one value for each run of a batch.
+    Gains are numbers, or arrays (B, 1) with one value for each run of a batch. `grid` says which of the law's fields
+    are gains, and the values of each that reports sweep.
     """
+
+    @property
+    def host(self) -> Timer:
+        """The timing that the law is meant for."""
+
+    @property
+    def grid(self) -> Grid:
+        """Gain -> values to sweep."""
 
     @property
     def name(self) -> str:

@@ -1,16 +1,24 @@
-"""Law 3: open loop, position."""
+"""Law 3: open loop, position; and its variant that brakes in every step."""
+
+from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
 from controllers.card import TAMove
-from controllers.laws.law import Feedback, Reference
+from controllers.laws.gain import Grid
+from controllers.laws.law import Feedback, Reference, Timer
+from kinematics.errors import MotionError
 
 
 @dataclass(frozen=True, slots=True)
 class OpenPosition:
     """TAMove(ang(k+1), npuls(k), npuls(k+1), dt, 0) at step k [Sahbaz 2007, Table 7.5, algorithm 3]."""
+
+    host: ClassVar[Timer] = "counter"
+    grid: ClassVar[Grid] = {}
 
     @property
     def name(self) -> str:
@@ -18,3 +26,34 @@ class OpenPosition:
 
     def command(self, k: int | np.ndarray, reference: Reference, feedback: Feedback) -> TAMove:
         return TAMove(reference.ang(k + 1), reference.npuls(k), reference.npuls(k + 1), reference.dt, 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class OpenPositionTrapezoid:
+    """TAMove(ang(k+1), 0, |ang(k+1) − counter|/(dt − ta), ta, ta), ta = ramp · dt: a whole trapezoid in every step.
+
+    It starts and ends each step at rest: it tracks, but shakes the shaft [Sahbaz 2007, section 7.3, figure 7.8]. The
+    thesis prints neither the share of the ramps nor the top speed. ASSUMPTIONS: ramps of a quarter of the step each,
+    and the top speed that covers what the card's own counter is short of the target in exactly one step.
+
+    ramp  share of the step, above 0 and at most ½ (a triangle)
+    """
+
+    ramp: float = 0.25
+    host: ClassVar[Timer] = "counter"
+    grid: ClassVar[Grid] = {}
+
+    def __post_init__(self) -> None:
+        if not 0 < self.ramp <= 0.5:
+            raise MotionError(
+                f"law open-position-trapezoid: ramp {self.ramp} must be above 0 and at most 0.5 of the step"
+            )
+
+    @property
+    def name(self) -> str:
+        return f"open-position-trapezoid ramp={self.ramp:g}"
+
+    def command(self, k: int | np.ndarray, reference: Reference, feedback: Feedback) -> TAMove:
+        target, ramp = reference.ang(k + 1), self.ramp * reference.dt
+        top = np.abs(target - feedback.counter) / (reference.dt - ramp)
+        return TAMove(np.broadcast_to(target, top.shape), np.zeros_like(top), top, ramp, ramp)

@@ -1,19 +1,37 @@
 """The tracking laws by number and by name."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from difflib import get_close_matches
-from inspect import signature
+from functools import partial
 
+from controllers.laws.closed_error import ClosedError, ClosedErrorSpeed
 from controllers.laws.closed_position import ClosedPosition
+from controllers.laws.feedforward import Feedforward
+from controllers.laws.gain import Gain
 from controllers.laws.law import Law
-from controllers.laws.open_position import OpenPosition
+from controllers.laws.nominal import nominal
+from controllers.laws.open_position import OpenPosition, OpenPositionTrapezoid
+from controllers.laws.open_velocity import OpenVelocity
+from controllers.laws.predictive import Predictive
+from controllers.rig import Rig
 from kinematics.errors import MotionError
 
 LAWS: dict[tuple[str, str], Callable[..., Law]] = {
+    ("1", "open-velocity"): OpenVelocity,
+    ("2", "open-velocity-sleep"): partial(OpenVelocity, host="sleep"),
     ("3", "open-position"): OpenPosition,
+    ("3t", "open-position-trapezoid"): OpenPositionTrapezoid,
+    ("4", "closed-error"): ClosedError,
+    ("5", "closed-error-speed"): ClosedErrorSpeed,
     ("6", "closed-position"): ClosedPosition,
+    ("7", "closed-position-relative"): partial(ClosedPosition, relative=True),
+    ("6r", "closed-position-repaired"): partial(ClosedPosition, repaired=True),
+    ("7r", "closed-position-relative-repaired"): partial(ClosedPosition, relative=True, repaired=True),
+    ("ff", "feedforward"): Feedforward,
+    ("mpc", "predictive"): Predictive,
 }
-"""(number of the thesis' algorithm, name) -> law; gains are keyword arguments."""
+"""(number of the thesis' algorithm, or ours, and name) -> law; gains, the keys of its grid, are keyword arguments."""
 
 
 def law_names() -> tuple[str, ...]:
@@ -21,15 +39,21 @@ def law_names() -> tuple[str, ...]:
     return tuple(name for _, name in LAWS)
 
 
-def find_law(name: str, **gains: float) -> Law:
-    """The law of a number ("6") or name ("closed-position"), with gains other than its own. Raises MotionError."""
-    for known, law in LAWS.items():
+def find_law(name: str, rig: Rig | None = None, **gains: Gain) -> Law:
+    """The law of a number ("6") or name ("closed-position"), with gains other than its own. Raises MotionError.
+
+    rig  whose nominal axes a law by model is to assume; it must be the rig as stated, also where others are tried
+    """
+    for known, make in LAWS.items():
         if name in known:
-            own = signature(law).parameters
+            own = make().grid
             for gain in gains:
                 if gain not in own:
                     raise MotionError(f"law {name} has no gain {gain!r}: choose among {', '.join(own) or 'none'}")
-            return law(**gains)
+            law = make(**gains)
+            if rig is not None and isinstance(law, Feedforward | Predictive):
+                return replace(law, axes=nominal(rig))
+            return law
     choices = [word for known in LAWS for word in known]
     nearest = get_close_matches(name, choices, 1)
     hint = f"; did you mean {nearest[0]!r}?" if nearest else ""

@@ -30,7 +30,7 @@ def _rising(travel: tuple[float, float]) -> tuple[float, float]:
     return travel
 
 
-def _rising_first(curve: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
+def rising_first(curve: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
     if len(curve) < 2 or any(after[0] <= before[0] for before, after in pairwise(curve)):
         raise wrong("needs two or more points in the order of rising first values")
     return curve
@@ -139,7 +139,7 @@ class LinearAxis(Input):
     torque_speed: (
         Annotated[
             tuple[tuple[Annotated[float, Unit("m/s", least=0)], Annotated[float, Unit("N", least=0)]], ...],
-            AfterValidator(_rising_first),
+            AfterValidator(rising_first),
         ]
         | None
     ) = None
@@ -147,7 +147,7 @@ class LinearAxis(Input):
     reflected: Annotated[float, Unit("kg", least=0)] | None = None
     backlash: Annotated[float, Unit("m", least=0)] | None = None
     take_up_acceleration: Annotated[float, Unit("m/s^2", above=0)] | None = None
-    lead_error: Annotated[tuple[tuple[Length, Length], ...], AfterValidator(_rising_first)] | None = None
+    lead_error: Annotated[tuple[tuple[Length, Length], ...], AfterValidator(rising_first)] | None = None
 
 
 class RotaryDrive(Table):
@@ -181,7 +181,7 @@ class RotaryAxis(Input):
     torque_speed: (
         Annotated[
             tuple[tuple[Annotated[float, Unit("rad/s", least=0)], Annotated[float, Unit("N*m", least=0)]], ...],
-            AfterValidator(_rising_first),
+            AfterValidator(rising_first),
         ]
         | None
     ) = None
@@ -189,7 +189,7 @@ class RotaryAxis(Input):
     reflected: Annotated[float, Unit("kg*m^2", least=0)] | None = None
     backlash: Annotated[float, Unit("rad", least=0)] | None = None
     take_up_acceleration: Annotated[float, Unit("rad/s^2", above=0)] | None = None
-    lead_error: Annotated[tuple[tuple[Angle, Angle], ...], AfterValidator(_rising_first)] | None = None
+    lead_error: Annotated[tuple[tuple[Angle, Angle], ...], AfterValidator(rising_first)] | None = None
 
 
 class LinearDefaults(LinearAxis):
@@ -248,12 +248,12 @@ def one_pulse(data: Mapping[str, Any]) -> Iterator[tuple[Key, str]]:
             yield (*key, "pulse"), 'missing: write e.g. "0.75 um", or a drive with its steps'
 
 
-def named_once(data: Mapping[str, Any]) -> Iterator[tuple[Key, str]]:
-    """Every [[axis]] table after the first of its name."""
+def named_once(data: Mapping[str, Any], array: str = "axis") -> Iterator[tuple[Key, str]]:
+    """Every [[axis]] table (or of another array) after the first of its name."""
     seen = set()
-    tables = data.get("axis", ())
+    tables = data.get(array, ())
     for n, table in enumerate(tables if isinstance(tables, tuple) else ()):
         name = table.get("name") if isinstance(table, dict) else None
         if isinstance(name, str) and name in seen:
-            yield ("axis", n, "name"), f"{shown(name)} has an [[axis]] table already"
+            yield (array, n, "name"), f"{shown(name)} has an [[{array}]] table already"
         seen.add(name if isinstance(name, str) else None)

@@ -39,10 +39,11 @@ class AdlinkCsv:
                 move = call.position, call.start, call.top, call.tacc, call.tdec
                 table.writerow([f"{call.time:.6f}", call.name, call.function, call.axis, *move])
         against = "the motion, the calls replayed in closed form"
-        return Exported(error(source, _read(path)), against, made.notes)
+        return Exported(error(source, read_calls(path)), against, made.notes)
 
 
-def _read(path: Path) -> list[Call]:
+def read_calls(path: Path) -> list[Call]:
+    """The calls of a file written so."""
     with path.open(encoding="utf-8", newline="") as file:
         rows = list(csv.reader(file))[1:]
     return [Call(float(t), n, f, int(a), int(p), *map(float, rest)) for t, n, f, a, p, *rest in rows]

@@ -1,15 +1,16 @@
 """Contour error on curves whose answer is known."""
 
 from dataclasses import dataclass
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from controllers.contour import contour_error
-from controllers.curve import PathCurve
+from controllers.curve import MotionCurve, PathCurve
 
 RADIUS = 15e-3
 ROUNDING = 1e-15
@@ -173,3 +174,50 @@ def test_path_curve_is_the_planned_path_and_its_slope(circle_trip):
     before, after = curve.at(inside - h, piece)[0], curve.at(inside + h, piece)[0]
     np.testing.assert_array_equal(r, path.pose_numbers(inside, piece)[:, :3])
     np.testing.assert_allclose(slope, (after - before) / (2 * h), atol=5e-9)
+
+
+@dataclass(frozen=True)
+class Swing:
+    """Two axes along a line, or round a part of a circle, and back within 3 s: a motion without a path."""
+
+    bend: float
+    knots = np.array([0.0, 3.0])
+    duration = 3.0
+
+    def at(self, t):
+        a, rate = 2 * np.sin(np.pi * t / 3), 2 / 3 * np.pi * np.cos(np.pi * t / 3)
+        if not self.bend:
+            return SimpleNamespace(q=np.stack([a, a], 1), qd=np.stack([rate, rate], 1))
+        c, d = np.cos(self.bend * a), np.sin(self.bend * a)
+        return SimpleNamespace(q=np.stack([d, 1 - c], 1) / self.bend, qd=rate[:, None] * np.stack([c, d], 1))
+
+
+@pytest.mark.parametrize("bend", [0.0, 0.7])
+def test_axes_are_followed_there_and_back(bend):
+    """A lag of 60 ms behind axes that turn back in the middle of a smooth piece.
+
+    On the bent way the polyline tells there from back when they are twice its sagitta of 1e-5 of the extent apart:
+    until then s* may wait at the turn, at a point nearer than that.
+    """
+    curve, t = MotionCurve(Swing(bend)), np.linspace(0, 3, 700)
+    np.testing.assert_allclose(curve.breaks, [0, 1.5, 3], rtol=1e-15)
+    lagging = np.maximum(t - 0.06, 0)
+    result = contour_error(along(curve, lagging)[0], t, curve)
+    assert result.error.max() < (3 * 2e-5 if bend else 1e-14)
+    # at rest the distance is flat in the time
+    inner = (np.abs(lagging - 1.5) > 0.05) & (lagging > 0.03)
+    np.testing.assert_allclose(result.s[inner], lagging[inner], atol=1e-9)
+
+
+@settings(max_examples=25)
+@given(
+    arrays(np.float64, (12, 7, 3), elements=st.floats(-5e-3, 5e-3)), st.sampled_from([Circle(), LINE, CORNER, RETRACE])
+)
+def test_runs_of_a_batch_do_not_know_of_each_other(error, curve):
+    s = np.linspace(0, 0.8 * curve.breaks[-1], len(error))
+    y = along(curve, s)[0][:, None] + error
+    together = contour_error(y, s, curve)
+    for b in range(error.shape[1]):
+        one = contour_error(y[:, b], s, curve)
+        np.testing.assert_array_equal(together.error[:, b], one.error)
+        np.testing.assert_array_equal(together.s[:, b], one.s)

@@ -8,7 +8,8 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics import MotionError, OutOfReach, load_machine
-from kinematics.forward import BLOCK
+from kinematics.forward import BLOCK, settle
+from kinematics.pose import numbers
 
 EXACT = 1e-12
 """m and rad: what forward∘inverse may be off by."""
@@ -211,3 +212,15 @@ def test_a_stretched_arm_is_where_its_joints_say_and_not_certified():
     found = arm.forward(q)
     assert np.abs(found.pose.translation - arm.pose_of(q).translation).max() < 1e-12
     assert not found.certified.any()
+
+
+@pytest.mark.parametrize("name", ["hexapod", "tripod", "linkage", "traverser", "arm"])
+def test_settling_alone_finds_the_poses_of_forward(name):
+    """What batches use, without SciPy's transforms and without a proof: the same poses, to Newton's 1e-14."""
+    machine = load_machine(name)
+    rng = np.random.default_rng(5)
+    span = np.array([1e-3 if axis.kind == "linear" else 1e-2 for axis in machine.axes])
+    q = machine.home_q + span * rng.uniform(-1, 1, (30, len(machine.axes)))
+    x, residual = settle(machine, q, np.repeat(numbers(machine.home), 30, axis=0))
+    assert residual.max() < 1e-12
+    np.testing.assert_allclose(x, numbers(machine.forward(q).pose), atol=1e-12)

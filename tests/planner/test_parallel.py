@@ -37,8 +37,9 @@ def where(task):
 
 def test_results_come_in_order_and_from_other_processes(eager):
     told = []
-    found = parallel.spread(where, range(20), told.append)
-    assert [task for task, _ in found] == told == list(range(20))
+    found = parallel.spread(where, range(20), lambda task, result: told.append((task, result)))
+    assert [task for task, _ in found] == list(range(20))
+    assert told == list(zip(range(20), found, strict=True))
     processes = {process for _, process in found[parallel.TRIED :]}
     assert os.getpid() not in processes
     assert {process for _, process in found[: parallel.TRIED]} == {os.getpid()}

@@ -32,6 +32,12 @@ def test_it_prints_a_table_per_law(call, plan):
         )
 
 
+def test_gains_are_given_as_compare_tells_them(call, plan):
+    done = call("track", plan, "--law", "closed-position:gain=0.5", "--json")
+    assert done.exit_code == 0
+    assert list(json.loads(done.stdout)["laws"]) == [find_law("6", gain=0.5).name]
+
+
 def test_an_earlier_result_is_replaced_only_by_force(call, plan):
     (plan / "track.json").write_text("mine")
     done = call("track", plan, "--law", "3")

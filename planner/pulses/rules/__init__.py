@@ -2,7 +2,7 @@
 
 from kinematics import registry  # by its module: `nearest` here is the rule's
 from kinematics.errors import MotionError
-from planner.option import read_options
+from planner.option import read_options, split_options
 from planner.pulses.rules.dda import Dda
 from planner.pulses.rules.floor import Floor
 from planner.pulses.rules.nearest import Nearest
@@ -25,17 +25,11 @@ def find_rule(text: str) -> Rule:
 
     Raises MotionError for an unknown name or option, with the nearest, and for a value that the rule refuses.
     """
-    name, colon, rest = text.partition(":")
+    name, given = split_options(text, "firing rule")
     if name not in RULES:
         raise MotionError(
             f'no firing rule is called "{name}"{registry.nearest(name, RULES)}; rules: {", ".join(RULES)}'
         )
-    given = {}
-    for part in rest.split(",") if colon else ():
-        key, equals, value = part.partition("=")
-        if not equals or key.strip() in given:
-            raise MotionError(f'firing rule "{text}": write {name}:OPTION=VALUE,OPTION=VALUE, each once')
-        given[key.strip()] = value.strip()
     return RULES[name](**read_options(RULES[name], given, f"firing rule {name}"))
 
 

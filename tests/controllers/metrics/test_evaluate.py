@@ -1,6 +1,7 @@
 """Errors in space through the hexapod's forward kinematics."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from controllers.laws.open_position import OpenPosition
 from controllers.metrics import ErrorSeries, evaluate
 from controllers.servo import leg_servo
 from controllers.simulate import Tracking, track
+from kinematics.axis import Axis
 from kinematics.errors import MotionError
 from planner.place import Place
 from planner.polynomial import PolynomialPath
@@ -118,12 +120,26 @@ def test_table_shows_every_error(circle_trip, hexapod, tracked):
     assert max(map(len, text.splitlines())) <= 120
 
 
-def test_other_than_a_machine_is_refused(hexapod, tracked):
+def test_without_a_path_in_space_errors_are_those_of_the_axes(hexapod, tracked):
+    """All six legs planned at 1 m throughout: their distance is the norm of their errors."""
     path = PolynomialPath(np.array([0.0, 1.0]), np.ones((1, 1, 6)), [axis.name for axis in hexapod.axes])
     none = np.zeros(1)
     bare = Trajectory(path, np.array([0.0, 1.0]), none, none, none, none, np.zeros(1, int))
-    with pytest.raises(MotionError, match="this motion has none"):
-        evaluate(tracked, bare, hexapod)
+    metrics = evaluate(tracked, bare, hexapod)
+    error = np.linalg.norm(tracked.actual[::4] - 1, axis=1)
+    np.testing.assert_allclose(metrics.tracking.value, error, rtol=1e-12)
+    np.testing.assert_allclose(metrics.contour.value, error, rtol=1e-12)
+    assert metrics.orientation is None
+    assert not metrics.lag.value.any()
+
+
+def test_axes_of_two_kinds_have_no_distance(axis_motion, tracked):
+    axes = (Axis("x", pulse=1e-6), Axis("turn", kind="rotary", pulse=1e-6))
+    mixed = SimpleNamespace(name="mixed", axes=axes, home_q=np.zeros(2))
+    flat = replace(tracked, actual=tracked.actual[:, :2], reference=tracked.reference[:, :2])
+    motion = replace(axis_motion("smooth"), home=np.zeros(2), stroke=np.ones(2))
+    with pytest.raises(MotionError, match="no common distance"):
+        evaluate(flat, motion, mixed)
 
 
 def test_positions_that_no_pose_has_are_refused(circle_trip, hexapod, tracked):

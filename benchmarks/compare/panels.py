@@ -1,0 +1,44 @@
+"""What the figures of a gain report share: lines, marks, panels and one legend for all of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+from planner.plots import PALETTE
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+DASHES: tuple[Any, ...] = ("-", (0, (6, 2)), (0, (2, 1.2)), (0, (7, 2, 1.5, 2)), (0, (1, 1)))
+MARKS = "osD^vPX*<>hp"
+
+
+def line(n: int) -> dict[str, Any]:
+    return {
+        "color": PALETTE[n % len(PALETTE)],
+        "linestyle": DASHES[n % len(DASHES)],
+        "linewidth": 1.7 if n < 2 else 1.2,
+    }
+
+
+def grid(count: int, columns: int, width: float, height: float) -> list[Axes]:
+    from matplotlib.figure import Figure
+
+    rows = -(-count // columns)
+    figure = Figure(figsize=(width, rows * height + 0.7), layout="constrained")
+    axes = list(figure.subplots(rows, columns, squeeze=False).ravel())
+    for ax in axes[count:]:
+        ax.remove()
+    return axes[:count]
+
+
+def legend(axes: Sequence[Axes], columns: int = 3) -> list[Axes]:
+    """One legend above all axes, of every line that any has."""
+    known: dict[str, Any] = {}
+    for ax in axes:
+        known.update(dict(zip(*ax.get_legend_handles_labels()[::-1], strict=True)))
+    figure = axes[0].get_figure(root=True)
+    if figure is not None and known:
+        figure.legend(known.values(), known.keys(), loc="outside upper center", ncols=columns, frameon=False)
+    return list(axes)

@@ -1,0 +1,80 @@
+"""A comparison as plain data: for compare.json, and its runs for runs.csv. SI units throughout."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterable
+from io import StringIO
+from math import isfinite
+from typing import Any
+
+from benchmarks.compare.report import mark
+from benchmarks.compare.table import Against, Comparison, Entry
+from benchmarks.compare.verdict import Verdict
+
+
+def of_comparison(comparison: Comparison, verdict: Verdict) -> dict[str, Any]:
+    """The verdict, every row of the table, and how the runs were made; null for what is infinite or not known."""
+    return {
+        "baseline": _entry(comparison, comparison.baseline),
+        "verdict": {
+            "best": None if verdict.best is None else _entry(comparison, verdict.best),
+            "ratio": _finite(verdict.ratio),
+            "margins": [
+                {"gain": one.gain, "value": one.value, "unstable_from": one.edge, "tried_up_to": one.up_to}
+                for one in verdict.margins
+            ],
+            "text": verdict.text,
+            "gains": verdict.gains,
+        },
+        "rows": [
+            {
+                **_entry(comparison, row.entry),
+                "path": row.task,
+                "mark": mark(row, comparison),
+                "runs": row.runs,
+                "figures": {name: _finite(value) for name, value in row.figures.items()},
+                "contour_rms_over_rigs": row.spread,
+                "against_baseline": _against(row.against),
+                "failures": [{"rig": rig, "reason": reason} for rig, reason in row.failures],
+                "never_at_rest": row.restless,
+                "unstable": row.unstable,
+            }
+            for row in comparison.rows
+        ],
+        "sources": [{"name": source.name, **source.record} for source in comparison.sources],
+    }
+
+
+def runs_csv(comparison: Comparison) -> str:
+    """A line for each run: what it was, its figures by `controllers.metrics.FIGURES`, and why there are none."""
+    every = [(source, result) for source in comparison.sources for result in source.results.values()]
+    names = list(dict.fromkeys(name for _, result in every for name in result.figures))
+    text = StringIO()
+    table = csv.writer(text, lineterminator="\n")
+    table.writerow(["runs", "law", "gains", "path", "rig", "seed", "failure", *names])
+    for source, result in every:
+        cell = result.cell
+        gains = " ".join(f"{name}={value!r}" for name, value in cell.setting.gains)
+        what: Iterable[object] = (source.name, cell.setting.law, gains, cell.task, cell.variation.name, cell.seed)
+        table.writerow([*what, result.failure, *(_cell(result.figures.get(name)) for name in names)])
+    return text.getvalue()
+
+
+def _entry(comparison: Comparison, entry: Entry) -> dict[str, Any]:
+    setting = entry.setting
+    return {"runs_of": comparison.sources[entry.source].name, "law": setting.law, "gains": dict(setting.gains)}
+
+
+def _against(against: Against | None) -> dict[str, Any] | None:
+    if against is None:
+        return None
+    return {"ratio": against.ratio, "interval": [_finite(against.low), _finite(against.high)], "mark": against.mark}
+
+
+def _finite(value: float) -> float | None:
+    return value if isfinite(value) else None
+
+
+def _cell(value: float | None) -> str:
+    return "" if value is None else repr(value)

@@ -1,0 +1,154 @@
+"""The gain report: one HTML page that holds everything it shows."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from benchmarks.compare.courses import courses
+from benchmarks.compare.figures import draw
+from benchmarks.compare.iso_block import ISO, IsoBlock, iso_block
+from benchmarks.compare.shown import number, shown
+from benchmarks.compare.table import LEAST, LEVEL, RANK, UNSTABLE, Comparison, Row
+from benchmarks.compare.verdict import Verdict, verdict_of
+from benchmarks.page import render
+
+MARKS = {
+    "better": ("▼ better", "good"),
+    "worse": ("▲ worse", "bad"),
+    "insignificant": ("≈ insignificant", ""),
+    "baseline": ("● baseline", ""),
+    "unstable": ("✕ unstable", "bad"),
+    "failed": ("✕ failed", "bad"),
+    "not comparable": ("– not comparable", ""),
+}
+"""Sign and word, so that neither colour nor either alone has to tell; class of the style sheet."""
+COLUMNS = (
+    ("contour_rms", "contour error RMS"),
+    ("contour_max", "largest"),
+    ("tracking_rms", "tracking error RMS"),
+    ("late", "at rest after the end"),
+    ("torque_rms", "torque RMS"),
+    ("torque_peak", "peak"),
+    ("vibration_power", "vibration"),
+)
+
+
+def gain_report(comparison: Comparison) -> tuple[Verdict, str]:
+    """The verdict, and the page that begins with it."""
+    verdict = verdict_of(comparison)
+    shown_ones = courses(comparison, verdict)
+    iso = iso_block(comparison, shown_ones.entries[:2])
+    figures = draw(comparison, shown_ones, iso)
+    page = render(
+        "gains.html.j2",
+        figures,
+        comparison=comparison,
+        verdict=verdict,
+        baseline=comparison.label(comparison.baseline),
+        tasks=comparison.tasks,
+        figure_names=COLUMNS,
+        sections=[(task, list(_cells(comparison, task)), _units(comparison, task)) for task in comparison.tasks],
+        marks=MARKS,
+        provenance=list(_provenance(comparison)),
+        iso=list(_iso_rows(comparison, iso)),
+        iso_names=ISO,
+        circles=list(_circle_rows(comparison, iso)),
+        shown=[comparison.label(entry) for entry in shown_ones.entries],
+        level=100 * LEVEL,
+        least=100 * LEAST,
+        unstable=UNSTABLE,
+    )
+    return verdict, page
+
+
+def mark(row: Row, comparison: Comparison) -> str:
+    """The key of a row's mark in `MARKS`."""
+    if len(row.failures) == row.runs:
+        return "failed"
+    if row.unstable:
+        return "unstable"
+    if row.entry == comparison.baseline:
+        return "baseline"
+    return row.against.mark if row.against is not None else "not comparable"
+
+
+def _cells(comparison: Comparison, task: str) -> Iterator[Mapping[str, Any]]:
+    """What the table shows of each setting on a path, the least error first, what failed last."""
+    rows = [row for row in comparison.rows if row.task == task]
+    for row in sorted(rows, key=lambda row: (bool(row.unstable), row.figures.get(RANK, 1e300))):
+        unit = comparison.unit(RANK, task)
+        yield {
+            "label": comparison.label(row.entry),
+            "mark": mark(row, comparison),
+            "ratio": "" if row.against is None else f"{row.against.ratio:#.3g}",
+            "interval": ""
+            if row.against is None or row.runs < 2
+            else f"{row.against.low:#.3g} … {row.against.high:#.3g}",
+            "spread": "–" if row.spread is None else " … ".join(number(value, unit) for value in row.spread),
+            "figures": [
+                number(row.figures[name], comparison.unit(name, task)) if name in row.figures else "–"
+                for name, _ in COLUMNS
+            ],
+            "notes": list(_notes(row)),
+        }
+
+
+def _notes(row: Row) -> Iterator[str]:
+    reasons: dict[str, list[str]] = {}
+    for rig, reason in row.failures:
+        reasons.setdefault(reason, []).append(rig)
+    for reason, rigs in reasons.items():
+        yield f"failed with {', '.join(dict.fromkeys(rigs))}: {reason}"
+    if row.restless:
+        yield f"never at rest in {row.restless} of {row.runs} runs"
+
+
+def _units(comparison: Comparison, task: str) -> list[str]:
+    return [shown(0.0, comparison.unit(name, task)).partition(" ")[2] for name, _ in COLUMNS]
+
+
+def _provenance(comparison: Comparison) -> Iterator[tuple[str, list[tuple[str, str]]]]:
+    """Of each of the saved runs: where from, of what, how many, by which versions."""
+    for source in comparison.sources:
+        record = source.record
+        hashes = record["sha256"]
+        versions = ", ".join(f"{name} {version}" for name, version in record["versions"].items())
+        yield (
+            source.name,
+            [
+                ("rig", record["rig"]),
+                ("runs", f"{len(source.results)}"),
+                ("rig variations", ", ".join(record["variations"])),
+                ("seeds", ", ".join(map(str, record["seeds"]))),
+                ("versions", versions),
+                ("SHA-256 of the rig", hashes["rig"]),
+                *(
+                    (f"SHA-256 of path {name}", value)
+                    for name, value in hashes["tasks"].items()
+                    if name in record["tasks"]
+                ),
+                ("SHA-256 of the code", hashes["code"]),
+            ],
+        )
+
+
+def _iso_rows(comparison: Comparison, iso: IsoBlock) -> Iterator[list[str]]:
+    """Path, setting, its figures in the order of `ISO`, and a note."""
+    for line in iso.lines:
+        values = [number(line.values[name], "m") if name in line.values else "–" for name in ISO]
+        yield [line.path, comparison.label(line.entry), *values, line.note]
+
+
+def _circle_rows(comparison: Comparison, iso: IsoBlock) -> Iterator[list[str]]:
+    for entry, paths, test in iso.circles:
+        named = (
+            test.ccw.circular,
+            test.cw.circular,
+            test.both,
+            max(test.ccw.radial_max, test.cw.radial_max),
+            min(test.ccw.radial_min, test.cw.radial_min),
+            test.mean_radial,
+        )
+        about = f"{paths}: ⌀ {2e3 * test.circle.radius:.4g} mm, {1e3 * test.circle.feed:.3g} mm/s"
+        yield [about, comparison.label(entry), *(number(value, "m") for value in named)]

@@ -1,0 +1,127 @@
+"""What comes out of a comparison, in one paragraph."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import inf, isfinite
+
+from benchmarks.compare.shown import shown
+from benchmarks.compare.table import RANK, Comparison, Entry, mean_ratio
+from benchmarks.sweep import Setting
+
+
+@dataclass(frozen=True, slots=True)
+class Margin:
+    """How far one gain may rise until the law is unstable on some path or rig of the sweep.
+
+    edge  the lowest value above the setting's own that is unstable; None where none was tried that is
+    up_to the highest value tried
+    """
+
+    gain: str
+    value: float
+    edge: float | None
+    up_to: float
+
+    def __str__(self) -> str:
+        name = self.gain.replace("_", " ")
+        if self.edge is not None:
+            return f"{name} may rise ×{self.edge / self.value:.3g} until {self.edge:g}, the lowest value found unstable"
+        if self.up_to > self.value:
+            return f"{name} stays stable up to {self.up_to:g} (×{self.up_to / self.value:.3g}), the highest value tried"
+        return f"{name} {self.value:g} is the highest value tried, so its margin is not known"
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """The best setting other than the baseline; None where none holds on every path and rig.
+
+    ratio  of its RMS contour error to the baseline's: geometric mean over paths, rigs and seeds
+    """
+
+    best: Entry | None
+    ratio: float
+    margins: tuple[Margin, ...]
+    text: str
+
+    @property
+    def gains(self) -> str:
+        """What to paste: the setting on the command line and in Python."""
+        return "" if self.best is None else gain_block(self.best.setting)
+
+
+def gain_block(setting: Setting) -> str:
+    """The setting as an option of the commands, and as a call."""
+    gains = "".join(f", {name}={value!r}" for name, value in setting.gains)
+    return f'--law {setting.text}\nfind_law("{setting.law}"{gains})'
+
+
+def verdict_of(comparison: Comparison) -> Verdict:
+    """The best of all settings that hold on every path and rig, what it gains and what it costs."""
+    others = [entry for entry in comparison.entries if entry != comparison.baseline]
+    full = [entry for entry in others if {row.task for row in comparison.of(entry)} == set(comparison.tasks)]
+    ranked = sorted(((mean_ratio(comparison.of(entry)), n) for n, entry in enumerate(full)), key=lambda one: one[0])
+    name = comparison.label(comparison.baseline)
+    if not ranked or not isfinite(ranked[0][0]):
+        why = "no other setting was run" if not others else "no other setting is stable on every path and rig"
+        text = f"The baseline {name} stands alone: {why}."
+        return Verdict(None, inf, (), text)
+    ratio, best = ranked[0][0], full[ranked[0][1]]
+    margins = _margins(comparison, best)
+    return Verdict(best, ratio, margins, _text(comparison, best, ratio, margins, len(others)))
+
+
+def _margins(comparison: Comparison, best: Entry) -> tuple[Margin, ...]:
+    found = []
+    for gain, value in best.setting.gains:
+        alike = {
+            dict(entry.setting.gains)[gain]: all(row.stable for row in comparison.of(entry))
+            for entry in comparison.entries
+            if entry.source == best.source and _alike(entry.setting, best.setting, gain)
+        }
+        if len(alike) > 1 and value > 0:
+            edges = [other for other, stable in alike.items() if other > value and not stable]
+            found.append(Margin(gain, value, min(edges, default=None), max(alike)))
+    return tuple(found)
+
+
+def _alike(one: Setting, other: Setting, gain: str) -> bool:
+    """Of the same law, and of the same gains but for one."""
+    same = [dict(setting.gains) | {gain: 0.0} for setting in (one, other)]
+    return one.law == other.law and same[0] == same[1]
+
+
+def _text(comparison: Comparison, best: Entry, ratio: float, margins: tuple[Margin, ...], others: int) -> str:
+    name, baseline = comparison.label(best), comparison.label(comparison.baseline)
+    rows = comparison.of(best)
+    marks = [row.against.mark for row in rows if row.against]
+    verb = "is the best" if ratio < 1 else "comes nearest to the baseline, which stays the best,"
+    counts = ", ".join(
+        f"{mark} on {marks.count(mark)}" for mark in ("better", "insignificant", "worse") if mark in marks
+    )
+    many = f"{len(comparison.tasks)} path{'s' if len(comparison.tasks) > 1 else ''}"
+    pieces = [
+        f"{name} {verb} of {others} settings: its RMS contour error is {ratio:.3g} times that of the baseline, "
+        f"{baseline} (geometric mean over {many} and {rows[0].runs} runs of each; {counts})."
+    ]
+    both = [(row, comparison.row(comparison.baseline, row.task)) for row in rows]
+    errors = [
+        f"{shown(other.figures[RANK], unit)} to {shown(row.figures[RANK], unit)} on {row.task}"
+        for row, other in both
+        if other is not None and other.figures and row.figures
+        for unit in [comparison.unit(RANK, row.task)]
+    ]
+    pieces.append(f"As the rig is stated, that is from {', '.join(errors)}.")
+    for figure, what in (("torque_rms", "RMS torque"), ("torque_peak", "peak torque")):
+        pair = [
+            (row.figures[figure], other.figures[figure])
+            for row, other in both
+            if other is not None and figure in row.figures and figure in other.figures
+        ]
+        if pair:
+            own, base = max(pair)[0], max(other for _, other in pair)
+            pieces.append(f"Its {what} is at most {shown(own, '')} of the limit (baseline {shown(base, '')}).")
+    pieces += (
+        [f"Margin: {'; '.join(map(str, margins))}."] if margins else ["Margin: the law has no gain that was varied."]
+    )
+    return " ".join(pieces)

@@ -1,0 +1,105 @@
+"""Finished runs on disk: one file each, named by the hash of what it depends on, there whole or not at all."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import NamedTemporaryFile
+from time import time
+from typing import Any
+from zipfile import BadZipFile
+
+from benchmarks.sweep.result import Result, Series
+from kinematics.errors import MotionError
+
+CELLS, RECORD, KIND = "cells", "runs.json", "pulsepath runs"
+STALE = 3600.0
+"""s after which a file that was never finished is a killed run's: writing one takes milliseconds."""
+
+
+class Store:
+    """The folder of a sweep. Several sweeps may use it at once: what both run, both write, to the same content."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        cells = folder / CELLS
+        cells.mkdir(parents=True, exist_ok=True)
+        for left in cells.glob(".*.part"):
+            with suppress(OSError):
+                if time() - left.stat().st_mtime > STALE:
+                    left.unlink()
+
+    def find(self, key: str) -> Result | None:
+        """The run of a key, if it is kept; a file that cannot be read counts as none."""
+        try:
+            return Result.unpacked((self.folder / CELLS / f"{key}.npz").read_bytes())
+        except (OSError, ValueError, KeyError, TypeError, BadZipFile):
+            return None
+
+    def keep(self, key: str, result: Result) -> None:
+        """Write a run; its file takes its place when it is complete."""
+        write_whole(self.folder / CELLS / f"{key}.npz", result.packed())
+
+    def record(self, record: Mapping[str, Any], keys: Sequence[str]) -> None:
+        """Write down which runs belong together, and what they were made with."""
+        text = json.dumps({"schema": 1, "kind": KIND, **record, "cells": list(keys)}, indent=2, ensure_ascii=False)
+        write_whole(self.folder / RECORD, (text + "\n").encode())
+
+
+def write_whole(path: Path, content: bytes) -> None:
+    """Write a file so that it is there complete or as it was before."""
+    with NamedTemporaryFile(dir=path.parent, prefix=".", suffix=".part", delete=False) as file:
+        part = Path(file.name)
+        try:
+            file.write(content)
+        except BaseException:
+            part.unlink()
+            raise
+    part.chmod(0o666 & ~_umask())
+    part.replace(path)
+
+
+def _umask() -> int:
+    now = os.umask(0)
+    os.umask(now)
+    return now
+
+
+@dataclass(frozen=True, slots=True)
+class Runs:
+    """Saved runs that belong together, by the names of their files, and the record of how they were made."""
+
+    folder: Path
+    record: Mapping[str, Any]
+    results: Mapping[str, Result]
+
+    @property
+    def name(self) -> str:
+        return self.folder.resolve().name
+
+    def series(self, key: str) -> Series | None:
+        """How a run went over time, read from its file; None of one that failed."""
+        return Series.unpacked((self.folder / CELLS / f"{key}.npz").read_bytes())
+
+
+def load_runs(folder: Path) -> Runs:
+    """The runs of a folder that a sweep wrote. Raises MotionError where there are none, or a file is lost."""
+    hint = "give a folder that a sweep wrote"
+    try:
+        record = json.loads((folder / RECORD).read_bytes())
+    except (OSError, ValueError) as error:
+        raise MotionError(f"{folder} holds no saved runs ({RECORD}: {error}); {hint}") from None
+    if not isinstance(record, dict) or record.get("kind") != KIND:
+        raise MotionError(f"{folder / RECORD} is no record of saved runs; {hint}")
+    store, results = Store(folder), {}
+    for key in record["cells"]:
+        found = store.find(key)
+        if found is None:
+            lost = folder / CELLS / f"{key}.npz"
+            raise MotionError(f"{lost} is lost or damaged; run the sweep again, the others are kept")
+        results[key] = found
+    return Runs(folder, record, results)

@@ -1,0 +1,68 @@
+"""What the thesis does not print, varied: the rig as stated, and rigs that differ from it by one assumption each."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from typing import Any, cast
+
+from controllers.motions import along
+from controllers.rig import Rig, disturbed, load_rig
+from controllers.task import Task
+from planner.actuation import MachinePath
+from planner.trajectory import Trajectory
+
+TASK = "line"
+"""The thesis' reference."""
+
+
+@dataclass(frozen=True, slots=True)
+class Assumption:
+    """One reading of what is not printed: `rig` runs `task`."""
+
+    name: str
+    rig: Rig
+    task: Task
+
+
+def assumptions(rig: Rig | None = None) -> tuple[Assumption, ...]:
+    """The rig as it is stated first, then one assumption changed at a time."""
+    return tuple(_varied(rig or load_rig("servo-rig")))
+
+
+def _varied(rig: Rig) -> Iterator[Assumption]:
+    task = rig.task(TASK)
+
+    def other(name: str, changed: Rig, asked: Task = task) -> Assumption:
+        return Assumption(name, changed, asked)
+
+    yield other("as stated", rig)
+    yield other("commands queue behind a running move", replace(rig, card=replace(rig.card, while_moving="queue")))
+    yield other("speeds that are not rounded to registers", replace(rig, card=replace(rig.card, speed_range=None)))
+    yield other("encoder behind the gear", _drives(rig, feedback=lambda drive: "output"))
+    yield other("no play", _drives(rig, play=lambda drive: 0.0))
+    yield other("play of 20 arcmin", _drives(rig, play=lambda drive: 10 * drive.play))
+    yield other("no friction", disturbed(rig, friction=0.0))
+    yield other("twice the friction", disturbed(rig, friction=2.0))
+    yield other("true inertia 30 % less", disturbed(rig, inertia=0.7))
+    yield other("true inertia 30 % more", disturbed(rig, inertia=1.3))
+    yield other("drives without delay", _drives(rig, command_delay=lambda drive: 0))
+    yield other("drives 5 ms late", _drives(rig, command_delay=lambda drive: 20))
+    yield other("a timer of 1 ms instead of 10 ms", replace(rig, host=replace(rig.host, granularity=1e-3)))
+    for share in (0.1, 0.5):
+        yield other(f"ramps of {100 * share:.0f} % of the time", rig, _ramped(task, share))
+    yield other("other motions of the joints: the circle", rig, rig.task("circle"))
+
+
+def _drives(rig: Rig, **changes: Callable[[Any], object]) -> Rig:
+    """The rig with fields of its drives made anew from each drive."""
+    changed = (
+        replace(drive, **cast(Any, {name: make(drive) for name, make in changes.items()})) for drive in rig.drives
+    )
+    return replace(rig, drives=tuple(changed))
+
+
+def _ramped(task: Task, share: float) -> Task:
+    """The task's path in the same time, by ramps of another share of it."""
+    motion = cast(Trajectory, task.motion)
+    return replace(task, motion=along(cast(MachinePath, motion.path), "quarter-sine", share, motion.duration))

@@ -1,0 +1,172 @@
+"""The thesis' findings as judgements of an outcome: each says whether it holds there, and by which figure."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from benchmarks.thesis.outcome import Outcome, Setting
+
+GOOD, BEST = (0.5, 0.9), (0.6, 0.8)
+"""Gains k that the thesis calls good, and what counts as near its best, 0.7."""
+ALIKE = 1.01
+"""Errors within one part in a hundred are no difference: repeated runs of a real rig would not tell them apart."""
+LATE = 0.5
+"""s after the planned end that count as on time: fifteen time constants of a 30 1/s position loop."""
+LOST = 10.0
+"""Times the error of the open loop (law 3) from which a law has lost the motion, which is called unstable here."""
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """Whether a finding holds, and the figure that decides, in words."""
+
+    holds: bool
+    figure: str
+
+    @property
+    def word(self) -> str:
+        return "holds" if self.holds else "does not hold"
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """What the thesis found; how it is judged here; and why it is so on the rig as stated."""
+
+    name: str
+    judged: str
+    judge: Callable[[Outcome], Verdict]
+    because: str
+
+
+def better_than_error_loops(outcome: Outcome) -> Verdict:
+    ours, theirs = outcome.best("6", "7"), outcome.best("4", "5")
+    return Verdict(ours.error * ALIKE < theirs.error, f"{_um(ours)} against {_um(theirs)}")
+
+
+def unstable(outcome: Outcome) -> Verdict:
+    plain = outcome.best("3").error
+    four = next(setting for setting in outcome.settings["4"] if setting.gains["gain"] == 0.7)
+    five = outcome.settings["5"]
+    lost = [setting.error > LOST * plain for setting in (four, *five)]
+    return Verdict(
+        all(lost),
+        f"4 at 0.7: {_um(four)}; 5: {_um(min(five, key=_error))} at best; law 3: {1e6 * plain:.0f} µm",
+    )
+
+
+def gains_near_seven_tenths(outcome: Outcome) -> Verdict:
+    return _gains(outcome, ("6", "7"))
+
+
+def gains_of_the_repaired(outcome: Outcome) -> Verdict:
+    return _gains(outcome, ("6r", "7r"))
+
+
+def counter_better_than_sleep(outcome: Outcome) -> Verdict:
+    counter, sleep = outcome.best("1"), outcome.best("2")
+    return Verdict(counter.error * ALIKE < sleep.error, f"{_um(counter)} against {_um(sleep)}")
+
+
+def ramps_shake_less(outcome: Outcome) -> Verdict:
+    ramp, full = (outcome.best(law).figures for law in ("3", "3t"))
+    power = [1e6 * figures["vibration_power"] ** 0.5 for figures in (ramp, full)]
+    jerk = [figures["jerk_rms"] for figures in (ramp, full)]
+    return Verdict(
+        power[0] * ALIKE < power[1],
+        f"{power[0]:.1f} against {power[1]:.1f} µrad; RMS jerk {jerk[0]:.0f} against {jerk[1]:.0f} rad/s³",
+    )
+
+
+def all_end_on_time(outcome: Outcome) -> Verdict:
+    stands = {law: max(setting.stands for setting in outcome.settings[law]) for law in "1234567"}
+    late = [f"{law} ({_late(seconds)})" for law, seconds in stands.items() if seconds > LATE]
+    worst = max(stands, key=lambda law: stands[law])
+    return Verdict(not late, ", ".join(late) or f"law {worst} last, {stands[worst]:.2f} s after the planned end")
+
+
+def _late(seconds: float) -> str:
+    return f"{seconds:.2f} s" if seconds < float("inf") else "never"
+
+
+def _gains(outcome: Outcome, laws: tuple[str, ...]) -> Verdict:
+    """Best k near 0.7, good ones within 10 % of it, and the worst of the grid beyond them."""
+    words, holds = [], True
+    for law in laws:
+        settings = outcome.settings[law]
+        best, worst = min(settings, key=_error), max(settings, key=_error)
+        good = [setting.error for setting in settings if GOOD[0] <= setting.gains["gain"] <= GOOD[1]]
+        if worst.error < ALIKE * best.error:
+            words.append(f"{law}: all k within {100 * (worst.error / best.error - 1):.2f} %")
+            holds = False
+            continue
+        near = BEST[0] <= best.gains["gain"] <= BEST[1]
+        holds = holds and near and max(good) <= 1.1 * best.error
+        words.append(
+            f"{law}: best k {best.gains['gain']:g} ({_um(best)}), worst of 0.5 to 0.9 {1e6 * max(good):.0f} µm, "
+            f"worst of all {_um(worst)}"
+        )
+    return Verdict(holds, "; ".join(words))
+
+
+def _error(setting: Setting) -> float:
+    return setting.error
+
+
+def _um(setting: Setting) -> str:
+    return f"{1e6 * setting.error:.0f} µm"
+
+
+FINDINGS = (
+    Finding(
+        "Laws 6 and 7 are better than 4 and 5",
+        "the least RMS tracking error over the gains of each pair; better by more than 1 %",
+        better_than_error_loops,
+        "Laws 4 and 5 send the error itself as an absolute target: once the axis follows well, that is a place near "
+        "zero, and they drive back there.",
+    ),
+    Finding(
+        "Law 4 (kp = 0.7) and law 5 are unstable",
+        "their RMS tracking error is over ten times that of the open loop (law 3), with every gain of 5",
+        unstable,
+        "They lose the motion for the reason above. It is not a loop that rings with a growing swing: speeds are those "
+        "of the reference, so the card never runs away.",
+    ),
+    Finding(
+        "Laws 6 and 7 behave well for k from 0.5 to 0.9, best near 0.7",
+        "the best k lies from 0.6 to 0.8, and those from 0.5 to 0.9 are within 10 % of it",
+        gains_near_seven_tenths,
+        "The top speed npuls(k+1) that the table gives forbids catching up: a target further ahead is not reached any "
+        "sooner within the step. So k makes next to no difference where the axis does not turn round, and harm where "
+        "it does.",
+    ),
+    Finding(
+        "The same of 6 and 7 as repaired, the top speed carrying the correction",
+        "as above",
+        gains_of_the_repaired,
+        "With the correction in the speed k does matter, and the error falls up to k = 1: the card follows exactly "
+        "and the encoder sees no noise, so nothing punishes a high gain. Backlash in the loop, noise or a slower host, "
+        "which the thesis' rig had and did not print, would put the best k lower.",
+    ),
+    Finding(
+        "The card's counter is better than the operating system's sleep",
+        "the RMS tracking error of law 1 against that of law 2; better by more than 1 %",
+        counter_better_than_sleep,
+        "Every sleep is late by up to a tick of the system's timer, and lateness adds up over the steps.",
+    ),
+    Finding(
+        "Ramps as long as the sample shake the shaft less than full trapezoids",
+        "the following error's RMS at the host's sample rate and above, of the worst axis, of law 3 against 3t",
+        ramps_shake_less,
+        "A full trapezoid stops the axis at every sample. The jerk tells less: it is mostly that of the gear's play, "
+        "which is crossed at once in this model.",
+    ),
+    Finding(
+        "Every algorithm ends on time",
+        f"all axes stand still, wherever that is, from {LATE} s after the planned end on, with every gain of the grid",
+        all_end_on_time,
+        "Law 5 sends a top speed made from the error of speed, which is not zero at the end, so its axes keep moving. "
+        "The others have no speed left to move with.",
+    ),
+)
+"""What the thesis found, in its chapter 7 [Sahbaz 2007]."""

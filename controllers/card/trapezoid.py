@@ -1,0 +1,124 @@
+"""Trapezoidal moves, absolute and relative."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from controllers.card.channels import Channels, Command, lanewise
+from controllers.card.profile import Profile
+from kinematics.array import Array
+
+
+@dataclass(frozen=True, slots=True)
+class TAMove(Command):
+    """Trapezoidal move to an absolute position, one value per lane.
+
+    Speeds count as magnitudes; the direction is the sign of target − command position. The speed runs from
+    `start_speed` to `max_speed` linearly within `tacc` (downwards too, when the start speed is the larger), holds, and
+    runs back to the start speed within `tdec` before the target. tdec = 0 stops dead on the target. The channel then
+    waits there.
+
+    The card's documents do not say all of this. Assumed are:
+    - magnitudes, the downward ramp, the dead stop and the waiting;
+    - acceleration is given as time for the full change of speed: a move too short for it keeps the rate and lowers the
+      top speed;
+    - a command during a move replaces it from the command position of that instant, which keeps its share of a pulse
+      (the pulse generator's phase), and starts at its own start speed at once; `Card.while_moving = "queue"` is the
+      other reading;
+    - a speed below one step of the speed register runs at one step, so every move arrives: in a law that commands zero
+      speed at its last sample, this brings the rounding of the last pulse home;
+    - a command takes effect at the instant it is sent.
+
+    position    (…) pulses; rounded to whole ones here
+    start_speed, max_speed  (…) pulses/s
+    tacc, tdec  s
+    """
+
+    position: Array
+    start_speed: Array
+    max_speed: Array
+    tacc: float
+    tdec: float
+
+    def __post_init__(self) -> None:
+        lanewise(self, "position", "start_speed", "max_speed")
+
+    def moves(self, now: Channels) -> tuple[Profile, ...]:
+        return (planned(self, now, now.target(np.rint(self.position))),)
+
+
+@dataclass(frozen=True, slots=True)
+class TRMove(Command):
+    """Trapezoidal move by a distance from the command position of the instant: otherwise as `TAMove`.
+
+    distance    (…) pulses, rounded to whole ones; the target is that far from the counter
+    start_speed, max_speed  (…) pulses/s
+    tacc, tdec  s
+    """
+
+    distance: Array
+    start_speed: Array
+    max_speed: Array
+    tacc: float
+    tdec: float
+
+    def __post_init__(self) -> None:
+        lanewise(self, "distance", "start_speed", "max_speed")
+
+    def moves(self, now: Channels) -> tuple[Profile, ...]:
+        return (planned(self, now, now.after(self.distance)),)
+
+
+class Ramps(Protocol):
+    """What trapezoidal and S-curve moves say of their speed."""
+
+    @property
+    def start_speed(self) -> Array: ...
+    @property
+    def max_speed(self) -> Array: ...
+    @property
+    def tacc(self) -> float: ...
+    @property
+    def tdec(self) -> float: ...
+
+
+def planned(command: Ramps, now: Channels, target: Array) -> Profile:
+    """The trapezoidal move of a command to a target (…) that the counters hold."""
+    v0, v1 = now.magnitude("start speed", command.start_speed), now.magnitude("max speed", command.max_speed)
+    tacc, tdec = now.ramp("acceleration", command.tacc), now.ramp("deceleration", command.tdec)
+    return trapezoid(now.begin, now.position, target, v0, v1, tacc, tdec)
+
+
+def trapezoid(begin: Array, start: Array, target: Array, v0: Array, v1: Array, tacc: float, tdec: float) -> Profile:
+    """Speed from v0 to v1 linearly within tacc, held, and back to v0 within tdec before the target; there it stops.
+
+    Over the distance D = |target − start| the ramps take d = (v0 + v1)/2 · (tacc + tdec). If D < d, the rates are kept
+    and the top speed is what can be reached, vp² = v0² + 2 D (v1 − v0)/(tacc + tdec), each ramp being shortened by the
+    factor λ = (vp − v0)/(v1 − v0) = 2 D/((tacc + tdec)(v0 + vp)). All of it holds for v1 < v0 too, where the ramp leads
+    downwards.
+
+    v0, v1  (…) pulses/s > 0;  tacc, tdec  s ≥ 0;  the others as in `Profile`
+    """
+    way = target - start
+    sign, distance, ramps = np.where(way < 0, -1.0, 1.0), np.abs(way), tacc + tdec
+    needed = (v0 + v1) / 2 * ramps
+    short = distance < needed
+    # without ramps no move is short: any divisor serves
+    time = ramps if ramps > 0 else 1.0
+    top = np.where(short, np.sqrt(np.maximum(v0 * v0 + 2 * distance * (v1 - v0) / time, 0.0)), v1)
+    share = np.where(short, 2 * distance / (time * (v0 + top)), 1.0)
+    held = np.where(short, 0.0, (distance - needed) / v1)
+    rise = sign * (v1 - v0)
+    lengths = np.stack((share * tacc, held, share * tdec))
+    speeds = np.stack((sign * v0, sign * top, sign * top))
+    rates = np.stack((rise / (tacc or 1.0), np.zeros_like(held), -rise / (tdec or 1.0)))
+    # without a ramp, or without a change of speed in it, a later change finds no rate: it is at once (assumed)
+    up, down = (
+        np.where(v0 == v1, np.inf, np.abs(rise) / seconds) if seconds else np.full_like(v1, np.inf)
+        for seconds in (tacc, tdec)
+    )
+    registers = np.stack((v0, v1, up, down))
+    return Profile(begin, start, target, lengths, speeds, rates, registers=registers)

@@ -1,0 +1,84 @@
+"""Velocity moves, and the change of speed on the fly."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from controllers.card.channels import Channels, Command, lanewise
+from controllers.card.lanes import merged, registers_of
+from controllers.card.profile import Profile
+from controllers.card.steer import locked, steerable, steered
+from kinematics.array import Array
+
+
+@dataclass(frozen=True, slots=True)
+class TVMove(Command):
+    """Velocity move without a target: the speed runs from `start_speed` to `speed` linearly within `tacc`, and holds.
+
+    Assumed: speeds are signed, positive where the axis' own coordinate grows; where the two signs differ, the channel
+    ramps down to a stop and turns, at the one rate (speed − start_speed)/tacc; a speed of zero is a stop, of which the
+    channel keeps its share of a pulse; it runs from the command position of the instant, as `TAMove` does. A move that
+    is queued behind it begins when it is at rest.
+
+    start_speed, speed  (…) pulses/s;  tacc  s
+    """
+
+    start_speed: Array
+    speed: Array
+    tacc: float
+
+    def __post_init__(self) -> None:
+        lanewise(self, "start_speed", "speed")
+
+    def moves(self, now: Channels) -> tuple[Profile, ...]:
+        v0, v1 = now.signed("start speed", self.start_speed), now.signed("speed", self.speed)
+        return (ramp(now.begin, now.position, v0, v1, now.ramp("acceleration", self.tacc)),)
+
+
+@dataclass(frozen=True, slots=True)
+class VChange(Command):
+    """Change of speed on the fly: from the speed of the instant to `speed` linearly within `tacc`.
+
+    Of a velocity move it makes another one, see `TVMove`. A trapezoidal move keeps its target, its start speed and the
+    rate of its ramp down; `speed` is its new top speed, a magnitude. Drops what is queued. Assumed: it stops dead on
+    the target where it cannot ramp down in time; a channel that stands begins a velocity move from rest. Refused while
+    a channel runs an S-curve, an interpolation, a dwell or a home return.
+
+    speed  (…) pulses/s;  tacc  s
+    """
+
+    speed: Array
+    tacc: float
+
+    def __post_init__(self) -> None:
+        lanewise(self, "speed")
+
+    @property
+    def waits(self) -> bool:
+        return False
+
+    def moves(self, now: Channels) -> tuple[Profile, ...]:
+        tacc, speed = now.ramp("acceleration", self.tacc), now.signed("speed", self.speed)
+        free = ramp(now.begin, now.position, now.speed, speed, tacc)
+        now.forbid(locked(now), "only a velocity move or a trapezoidal move takes a change of speed; stop it first")
+        bound = steerable(now)
+        if not bound.any():
+            return (free,)
+        low, _, _, down = registers_of(now.running)
+        top = now.magnitude("speed", self.speed)
+        change = np.abs(top - np.abs(now.speed))
+        up = np.where(change > 0, change, np.inf) / tacc if tacc else np.full_like(low, np.inf)
+        found = steered(now, now.running.target, np.stack((low, top, up, down)), overshoots=False)
+        return (merged(found, free, bound),)
+
+
+def ramp(begin: Array, start: Array, v0: Array, v1: Array, tacc: float) -> Profile:
+    """Speed from v0 to v1 (signed) linearly within tacc, then held, for ever unless v1 = 0; parted where it turns."""
+    turns = v0 * v1 < 0
+    first = np.where(turns, tacc * v0 / np.where(turns, v0 - v1, 1.0), tacc)
+    rate = (v1 - v0) / (tacc or 1.0)
+    lengths = np.stack((first, tacc - first, np.where(v1 == 0, 0.0, np.inf)))
+    speeds, rates = np.stack((v0, np.where(turns, 0.0, v1), v1)), np.stack((rate, rate, np.zeros_like(rate)))
+    return Profile(begin, start, start + tacc * (v0 + v1) / 2, lengths, speeds, rates)

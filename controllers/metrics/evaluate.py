@@ -1,0 +1,148 @@
+"""From what the axes did to how well they tracked: of one run, or of a batch."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from controllers.metrics.attained import planned_at
+from controllers.metrics.effort import Effort, efforts, torque_limits
+from controllers.metrics.ending import BAND, Ending, endings
+from controllers.metrics.metrics import Metrics
+from controllers.metrics.series import ErrorSeries
+from controllers.metrics.space import space_errors
+from controllers.metrics.vibration import Vibration, vibrations
+from controllers.rig import Rig
+from controllers.simulate import Planned as Plan
+from controllers.simulate import Runs, Tracking, motion_of
+from controllers.task import Task
+from kinematics.array import Array, frozen
+from planner.pulses.motion import Motion
+
+if TYPE_CHECKING:
+    from kinematics.machine import Machine
+
+PERIOD = 1e-3
+"""s between the instants at which errors of one run are taken: a fifth of the time constant of a 30 Hz speed loop."""
+BATCH_PERIOD = 5e-3
+"""s of a batch: that time constant."""
+
+
+def evaluate(
+    tracking: Tracking, plan: Motion | Plan, machine: Machine, *, period: float = PERIOD, band: float = BAND
+) -> Metrics:
+    """The errors of a tracked plan, every `period` seconds, settling included; of each pose it is proved that it is it.
+
+    Settling, overshoot and vibration are taken at every sample of the record. band: pulses, see `Ending`.
+
+    Raises MotionError if a tracked position is no pose of the machine; of a motion that has no path in space see
+    `planned_at`.
+    """
+    pulse = np.array([axis.pulse for axis in machine.axes])
+    actual = ((tracking.actual - machine.home_q) / pulse)[:, None]
+    end = 2 * tracking.t[-1:] - tracking.t[-2:-1]
+    task = Task(tracking.law, motion_of(plan), tracking.dt)
+    return _all([tracking.law], _Lanes(tracking.t, actual, end), task, machine, period, band, certify=True)[0]
+
+
+def evaluate_runs(
+    runs: Runs,
+    task: Task,
+    rigs: Sequence[Rig],
+    *,
+    laws: Sequence[str] | None = None,
+    period: float = BATCH_PERIOD,
+    band: float = BAND,
+) -> tuple[Metrics, ...]:
+    """The same of a batch of B runs of one task, each on its own rig, in a fraction of the time for each.
+
+    laws  what each run is called; its number, from 1, by default
+
+    No pose is proved: `attained_poses` says what is checked instead. A run of which a pose is not known has nan for its
+    errors in space; the others are not touched by it.
+    """
+    names = [f"run {b + 1}" for b in range(len(rigs))] if laws is None else laws
+    lanes = _Lanes(runs.t, runs.actual, runs.end, runs.torque, torque_limits(rigs), runs.lost)
+    return _all(names, lanes, task, rigs[0].machine, period, band, certify=False)
+
+
+@dataclass(frozen=True, slots=True)
+class _Lanes:
+    """Records of B runs: true positions actual (N, B, n), pulses from home, at t (N,) s; run b ends at end[b]."""
+
+    t: Array
+    actual: Array
+    end: Array
+    torque: Array | None = None
+    limit: Array | None = None
+    lost: np.ndarray | None = None
+
+    def samples(self, every: int = 1) -> np.ndarray:
+        """(B,) how many of every so many samples lie before the end."""
+        return np.asarray(np.searchsorted(self.t[::every], self.end - 1e-6 * (self.t[1] - self.t[0])))
+
+
+def _all(
+    names: Sequence[str], lanes: _Lanes, task: Task, machine: Machine, period: float, band: float, *, certify: bool
+) -> tuple[Metrics, ...]:
+    t = lanes.t
+    pulse = frozen([axis.pulse for axis in machine.axes])
+    shafts = _shafts(lanes, task, machine, pulse, band)
+    every = max(1, round(period / (t[1] - t[0])))
+    few, planned = machine.home_q + lanes.actual[::every] * pulse, planned_at(task.motion, machine, t[::every])
+    following, until = few - planned.q[:, None], lanes.samples(every)
+    found: list[Metrics] = []
+    for errors in space_errors(few, planned, machine, certify=certify):
+        for lane in range(errors.tracking.shape[1]):
+            b = len(found)
+            own = slice(until[b])
+
+            def series(name: str, unit: str, value: Array, own: slice = own) -> ErrorSeries:
+                return ErrorSeries(name, unit, frozen(value[own]), planned.place(int(np.abs(value[own]).argmax())))
+
+            ending, vibration, effort = shafts[b]
+            turned = errors.orientation
+            found.append(
+                Metrics(
+                    law=names[b],
+                    t=frozen(planned.t[own]),
+                    following=tuple(
+                        series(axis.name, axis.unit, following[:, b, i]) for i, axis in enumerate(machine.axes)
+                    ),
+                    tracking=series("tracking", planned.unit, errors.tracking[:, lane]),
+                    lag=series("lag", planned.unit, errors.lag[:, lane]),
+                    orientation=None if turned is None else series("orientation", "rad", turned[:, lane]),
+                    contour=series("contour", planned.unit, errors.contour[:, lane]),
+                    ending=ending,
+                    vibration=vibration,
+                    pulse=pulse,
+                    planned=frozen(errors.planned[own]),
+                    attained=frozen(errors.attained[own, lane]),
+                    effort=effort,
+                    lost_steps=None if lanes.lost is None else frozen(lanes.lost[b], np.float64),
+                )
+            )
+    return tuple(found)
+
+
+def _shafts(
+    lanes: _Lanes, task: Task, machine: Machine, pulse: Array, band: float
+) -> list[tuple[Ending, Vibration, Effort | None]]:
+    """What is taken of each shaft at every sample; of runs with equally many samples together."""
+    motion, counts = task.motion, lanes.samples()
+    reference = (motion.at(np.minimum(lanes.t, motion.duration)).q - machine.home_q) / pulse
+    found: dict[int, tuple[Ending, Vibration, Effort | None]] = {}
+    for count in np.unique(counts).tolist():
+        alike = np.flatnonzero(counts == count)
+        some = slice(None) if len(alike) == len(counts) else alike
+        t, actual, planned = lanes.t[:count], lanes.actual[:count, some], reference[:count]
+        effort: Sequence[Effort | None] = [None] * len(alike)
+        if lanes.torque is not None and lanes.limit is not None:
+            effort = efforts(lanes.torque[:count, some], lanes.limit[some])
+        ending = endings(t, actual, planned, motion.duration, pulse, band)
+        vibration = vibrations(t, actual, planned, pulse, task.dt)
+        found.update(zip(alike.tolist(), zip(ending, vibration, effort, strict=True), strict=True))
+    return [found[b] for b in range(len(counts))]

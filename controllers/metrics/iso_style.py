@@ -1,0 +1,88 @@
+"""The ISO-style figures of a batch of cycles of one task: of its path, of its end, and of its speed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from controllers.curve import directions, piece_of
+from controllers.metrics.attained import attained_poses, planned_at
+from controllers.metrics.path_accuracy import PathAccuracy, Stations, path_accuracy
+from controllers.metrics.pose_accuracy import PoseAccuracy, pose_accuracy
+from controllers.metrics.velocity_accuracy import VelocityAccuracy, velocity_accuracy
+from controllers.rig import Rig
+from controllers.simulate import Runs
+from controllers.task import Task
+from kinematics.array import Array
+from kinematics.errors import MotionError
+
+STATIONS = 50
+"""Along the path, evenly: the standard asks for 10 at least."""
+STEADY = 1e-3
+"""Share of the top speed by which the planned speed may be off it where the speed is judged."""
+
+
+@dataclass(frozen=True, slots=True)
+class IsoStyle:
+    """Path, pose and velocity accuracy of n cycles, in the style of ISO 9283; no velocity where none is held."""
+
+    path: PathAccuracy
+    pose: PoseAccuracy
+    velocity: VelocityAccuracy | None
+
+    def figures(self) -> dict[str, float]:
+        """All by their names; nan where not known."""
+        none = VelocityAccuracy(self.path.cycles, *[np.nan] * 4)
+        return self.path.figures() | self.pose.figures() | (self.velocity or none).figures()
+
+    def __str__(self) -> str:
+        return "\n".join(str(part) for part in (self.path, self.pose, self.velocity) if part is not None)
+
+
+def iso_style(runs: Runs, task: Task, rigs: Sequence[Rig], *, stations: int = STATIONS) -> IsoStyle:
+    """From B cycles of one task, every one with a scatter of its own: seeds of the host's timing, or of the rig.
+
+    Stations lie evenly along the path, half their distance from its ends; the pose is that at the end of the record;
+    the speed is judged in the middle half of the longest time for which the top speed is planned.
+
+    Raises MotionError for a task without a path in space, and where a pose of a run is not known.
+    """
+    machine = rigs[0].machine
+    planned = planned_at(task.motion, machine, runs.t)
+    if planned.path is None:
+        raise MotionError(f"task {task.name} has no path in space; ISO-style figures need one: plan it on a machine")
+    actual = machine.home_q + runs.actual * np.array([axis.pulse for axis in machine.axes])
+    reference, attained, known = attained_poses(actual, planned, planned.path, machine, certify=False)
+    if not known.all():
+        run = int(np.argmin(known.all(0)))
+        raise MotionError(f"task {task.name}: run {run + 1} has positions that are no pose of machine {machine.name}")
+    paths, rotations = attained[..., :3], attained[..., 3:].reshape(*attained.shape[:2], 3, 3)
+    ends = planned.curve.breaks[[0, -1]]
+    s = ends[0] + (ends[1] - ends[0]) * (np.arange(stations) + 0.5) / stations
+    piece = piece_of(planned.curve, s)
+    tangents = directions(planned.curve, s, piece)
+    moving = np.linalg.norm(tangents, axis=1) > 0
+    numbers = planned.path.pose_numbers(s[moving], piece[moving])
+    places = Stations(numbers[:, :3], tangents[moving], numbers[:, 3:].reshape(-1, 3, 3))
+    last = Rotation.from_matrix(reference[-1, 3:].reshape(3, 3).T @ rotations[-1]).as_rotvec()
+    return IsoStyle(
+        path_accuracy(paths, places, rotations),
+        pose_accuracy(paths[-1], reference[-1, :3], last),
+        _velocity(runs.t, reference[:, :3], paths),
+    )
+
+
+def _velocity(t: Array, reference: Array, paths: Array) -> VelocityAccuracy | None:
+    """From positions (N, 3) and (N, n, 3) by central differences."""
+    planned = np.linalg.norm(np.gradient(reference, t, axis=0), axis=1)
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], planned >= (1 - STEADY) * planned.max(), [0]])))
+    since, until = max(edges.reshape(-1, 2), key=lambda stretch: int(stretch[1] - stretch[0]))
+    quarter = (until - since) // 4
+    if quarter < 2 or not planned.max() > 0:
+        return None
+    held = slice(since + quarter, until - quarter)
+    speeds = np.linalg.norm(np.gradient(paths, t, axis=0), axis=2)
+    return velocity_accuracy(speeds[held], float(planned[held].mean()))

@@ -1,0 +1,183 @@
+"""Rig files: the schema of a rig's TOML, and the rig that one describes."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from functools import partial
+from importlib.resources.abc import Traversable
+from pathlib import Path
+from typing import Annotated, Any, Literal, cast, get_args
+
+from pydantic import AfterValidator, Field
+
+from controllers.card import PCI_8132, PCI_8164, Card
+from controllers.drive_tables import KINDS, TRANSMISSION, ServoTable, StepperTable, drive_of
+from controllers.host import Host
+from controllers.rig import Drive, Rig
+from controllers.task_table import TaskTable, beside
+from kinematics.document import Key, read
+from kinematics.errors import FileError, MotionError
+from kinematics.kinds.axes import named_once
+from kinematics.machine import Machine
+from kinematics.registry import load_machine, nearest
+from kinematics.schema import File, Table, build, chosen, wrong
+from kinematics.units import Unit, shown
+
+CARDS = {card.name: card for card in (PCI_8132, PCI_8164)}
+
+
+def _card(name: str) -> str:
+    if name not in CARDS:
+        raise wrong(f"{shown(name)} is no card that is known{nearest(name, CARDS)}; cards: {', '.join(CARDS)}")
+    return name
+
+
+CardName = Annotated[str, AfterValidator(_card)]
+
+
+class CardTable(Table):
+    """A model of card, and how it is set: see `Card`."""
+
+    model: CardName
+    while_moving: Literal["replace", "queue"] = "replace"
+    speed_range: Annotated[float, Unit("1/s", above=0, like="100000 1/s")] | None = None
+
+    @property
+    def card(self) -> Card:
+        return replace(CARDS[self.model], while_moving=self.while_moving, speed_range=self.speed_range)
+
+
+CardEntry = Annotated[CardName | CardTable, chosen(lambda value: CardTable if isinstance(value, dict) else CardName)]
+
+
+class HostTable(Table):
+    """See `Host`."""
+
+    timer: Literal["counter", "sleep"] = "counter"
+    granularity: Annotated[float, Unit("s", least=0, like="10 ms")] = 0.0
+    jitter: Annotated[float, Unit("s", least=0, like="2 ms")] = 0.0
+    seed: Annotated[int, Field(ge=0)] = 0
+
+
+class Own(Table):
+    """What one axis has of its own: its kind of drive, and how that differs from all of its kind."""
+
+    name: str
+    servo: ServoTable | None = None
+    stepper: StepperTable | None = None
+
+
+class RigFile(File):
+    """A rig, key by key. [servo] and [stepper] are what all drives of the kind have."""
+
+    machine: str = Field(description='write the name of a machine, e.g. "arm", or the path of its file')
+    card: CardEntry = PCI_8132.name
+    host: HostTable = HostTable()
+    servo: ServoTable | None = None
+    stepper: StepperTable | None = None
+    axis: tuple[Own, ...] = ()
+    task: tuple[TaskTable, ...] = ()
+
+
+def read_rig(source: Path | Traversable) -> Rig:
+    """The rig that a file describes, named after the file. Raises FileError with every fault of the file."""
+    document = read(source)
+    folder = source.parent if isinstance(source, Path) else None
+    machine, told = _machine(document.data.get("machine"), folder)
+    model = build(
+        document, RigFile, named_once, partial(named_once, array="task"), partial(_drives_complete, machine, told)
+    )
+    machine = cast(Machine, machine)  # what has none has a fault
+    faults, tasks = [], []
+    for n, table in enumerate(model.task):
+        try:
+            tasks.append(table.on(machine, folder))
+        except MotionError as error:
+            faults.append(document.fault(("task", n), str(error)))
+    try:
+        host = Host(**model.host.model_dump())
+        card = model.card.card if isinstance(model.card, CardTable) else CARDS[model.card]
+        drives = tuple(_drive(model, machine, n) for n in range(len(machine.axes)))
+    except MotionError as error:  # what no single value shows
+        faults.append(document.fault((), str(error)))
+    if faults:
+        raise FileError(document.file, faults)
+    return Rig(machine, drives, card, host, Path(source.name).stem, tuple(tasks))
+
+
+def _machine(stated: object, folder: Path | None) -> tuple[Machine | None, str]:
+    """The machine that a file names; or none, and why, unless the schema says that."""
+    if not isinstance(stated, str):
+        return None, ""
+    try:
+        return load_machine(beside(folder, stated)), ""
+    except MotionError as error:
+        return None, str(error)
+
+
+def _drive(model: RigFile, machine: Machine, n: int) -> Drive:
+    axis = machine.axes[n]
+    own = next((table for table in model.axis if table.name == axis.name), None)
+    kind = _kind(model.model_fields_set, own.model_fields_set if own else ())
+    values: dict[str, Any] = {}
+    for table in (getattr(model, kind), own and getattr(own, kind)):
+        if table is not None:
+            values |= {name: getattr(table, name) for name in table.model_fields_set}
+    return drive_of(kind, axis, values)
+
+
+def _kind(stated: Any, own: Any) -> str:
+    """The kind of an axis' drive, from the keys of the file and of its own table; empty where they do not say."""
+    kinds = [kind for kind in KINDS if kind in own] or [kind for kind in KINDS if kind in stated]
+    return kinds[0] if len(kinds) == 1 else ""
+
+
+def _drives_complete(machine: Machine | None, unread: str, data: Mapping[str, Any]) -> Iterator[tuple[Key, str]]:
+    """Axes that the machine does not have, and whatever is missing for a drive behind each that it has.
+
+    unread  why there is no machine
+    """
+    if machine is None:
+        if unread:
+            yield ("machine",), unread
+        return
+    tables = data.get("axis", ())
+    entries: dict[str, tuple[Key, dict[str, Any]]] = {
+        table["name"]: (("axis", n), table)
+        for n, table in enumerate(tables if isinstance(tables, tuple) else ())
+        if isinstance(table, dict) and isinstance(table.get("name"), str)
+    }
+    names = [axis.name for axis in machine.axes]
+    for name, (at, _) in entries.items():
+        if name not in names:
+            told = f"{shown(name)} is no axis of {machine.name}{nearest(name, names)}; axes: {', '.join(names)}"
+            yield (*at, "name"), told
+    missing = set()
+    for axis in machine.axes:
+        at, own = entries.get(axis.name, ((), {}))
+        kind = _kind(data, own)
+        if not kind:
+            yield at, f"axis {axis.name} needs one drive: [{'] or ['.join(KINDS)}]"
+            continue
+        given = {key for table in (data.get(kind), own.get(kind)) if isinstance(table, dict) for key in table}
+        place: Key = (*at, kind) if kind in own else (kind,)
+        wanted, other = TRANSMISSION[axis.kind], next(v for k, v in TRANSMISSION.items() if k != axis.kind)
+        for key in (*KINDS[kind].needed, wanted):
+            if key not in given and (place, key) not in missing:
+                missing.add((place, key))
+                yield (*place, key), f"missing: {_example(kind, key)}"
+        if other in given:
+            yield (*place, other), f"axis {axis.name} is {axis.kind}: give a {wanted} instead"
+
+
+def _example(kind: str, key: str) -> str:
+    stated = [part for choice in get_args(KINDS[kind].model_fields[key].annotation) for part in get_args(choice)]
+    return _EXAMPLES.get(key) or next(part.example for part in stated if isinstance(part, Unit))
+
+
+_EXAMPLES = {
+    "gear": "write e.g. { ratio = 74 }",
+    "screw": 'write e.g. { lead = "2 mm" }',
+    "counts": "write e.g. 8192",
+    "steps": "write e.g. 200",
+    "torque_speed": 'write e.g. [["0 rpm", "0.3 N*m"], ["3000 rpm", "0.1 N*m"]]',
+}

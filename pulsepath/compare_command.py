@@ -1,0 +1,109 @@
+"""`pulsepath compare`: tracking laws over their gains on a rig, or saved runs, in one report."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from pulsepath.exits import INFEASIBLE
+
+if TYPE_CHECKING:
+    from benchmarks.sweep import Runs
+
+SEVEN = ("1", "2", "3", "4", "5", "6", "7")
+"""The algorithms of [Sahbaz 2007, Table 7.5]."""
+
+
+@click.command()
+@click.argument("rig", required=False)
+@click.option("--out", type=click.Path(path_type=Path), required=True, metavar="DIR", help="Directory to write.")
+@click.option(
+    "--law",
+    "laws",
+    multiple=True,
+    metavar="LAW",
+    help='Over its own gains, or with given ones as "6:gain=0.7"; may be repeated. Default: the seven published.',
+)
+@click.option("--task", "tasks", multiple=True, metavar="TASK", help="Of the rig; may be repeated. Default: all.")
+@click.option("--seeds", type=click.IntRange(min=1), default=1, show_default=True, help="Runs of each by chance.")
+@click.option(
+    "--from",
+    "saved",
+    multiple=True,
+    type=click.Path(path_type=Path),
+    metavar="DIR",
+    help="Compare the runs saved there instead of running any; may be repeated.",
+)
+@click.option("--baseline", metavar="LAW", help='Default: "6:gain=0.7" where it was run, else the first setting.')
+@click.option(
+    "--fail-if",
+    "conditions",
+    multiple=True,
+    metavar="CONDITION",
+    help='Exit with 1 where it holds of the best setting on any path: "contour_rms > 1.1x" (times the baseline).',
+)
+@click.option("--address", metavar="ADDRESS", help="Of a Dask scheduler. Default: the cores of this computer.")
+@click.option("--force", is_flag=True, help="Replace an earlier comparison in DIR; its runs are kept.")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON instead of text.")
+def compare(
+    rig: str | None,
+    out: Path,
+    laws: tuple[str, ...],
+    tasks: tuple[str, ...],
+    seeds: int,
+    saved: tuple[Path, ...],
+    baseline: str | None,
+    conditions: tuple[str, ...],
+    address: str | None,
+    force: bool,
+    as_json: bool,
+) -> None:
+    """Compare tracking laws and their gains on RIG, a preset's name or a TOML file (default: servo-rig).
+
+    Every law is run over its gains on every task, with inertia and friction as stated and 30 % off, and the runs are
+    saved in DIR: those that are there already are not run again, and `--from DIR` compares them later.
+    """
+    from benchmarks.compare import compare as compared
+    from benchmarks.compare import read_condition
+    from benchmarks.sweep import load_runs
+    from kinematics import MotionError
+    from pulsepath import compare_directory, record
+    from pulsepath.progress import step
+
+    if saved and (rig or laws or tasks or address or seeds != 1):
+        raise MotionError("compare: with --from nothing is run, so give no RIG, --law, --task, --seeds or --address")
+    asked = [read_condition(text) for text in conditions]
+    compare_directory.refuse_overwrite(out, force)
+    runs = [load_runs(folder) for folder in saved] or [_run(rig or "servo-rig", out, laws, tasks, seeds, address)]
+    with step("comparing"):
+        found = compared(runs, baseline)
+        verdict = compare_directory.write(out, found)
+    met = [reason for condition in asked for reason in condition.met(found, verdict.best)]
+    report = str(out / compare_directory.REPORT)
+    if as_json:
+        told = {"verdict": verdict.text, "gains": verdict.gains, "report": report, "failed": met}
+        click.echo(record.as_json(told), nl=False)
+    else:
+        click.echo(verdict.text)
+        click.echo(f"{verdict.gains}\nreport: {report}" if verdict.gains else f"report: {report}")
+        for reason in met:
+            click.echo(f"failed: {reason}", err=True)
+    if met:
+        click.get_current_context().exit(INFEASIBLE)
+
+
+def _run(
+    name: str, out: Path, laws: tuple[str, ...], tasks: tuple[str, ...], seeds: int, address: str | None
+) -> "Runs":
+    """The runs of a rig, those of them that are not in the directory yet made."""
+    from benchmarks.sweep import Grid, read_setting, settings_of, sweep
+    from controllers.rig import load_rig
+    from pulsepath.progress import step
+
+    rig = load_rig(name)
+    settings = [
+        setting for law in laws or SEVEN for setting in ([read_setting(law)] if ":" in law else settings_of(law))
+    ]
+    grid = Grid(tuple(settings), tasks or tuple(task.name for task in rig.tasks), seeds=tuple(range(seeds)))
+    with step(f"running {rig.name}") as tell:
+        return sweep(grid, rig, out, address=address, progress=tell, tell=lambda text: click.echo(text, err=True))
