@@ -125,7 +125,7 @@ def learned_rows(rig: Rig, trials: int, others: Sequence[str] = OTHERS, shares: 
     reference = sample(task.motion, rig.machine, task.dt)
     model = Feedforward(axes=modelled(reference, learning.best, nominal(rig)))
     return [
-        replace(own, paths=own.paths | tables, disturbed=own.disturbed | {SECOND: float("nan")}),
+        replace(own, paths={**own.paths, **tables}, disturbed={**own.disturbed, SECOND: float("nan")}),
         row("ilc+ff", model, rig, others, f"feedforward by what was {name}", shares),
     ]
 

@@ -16,7 +16,8 @@ from controllers.curve import PathCurve
 from kinematics.array import Array, frozen
 from kinematics.errors import MotionError
 from planner.actuation import MachinePath
-from planner.export.card_calls import SPREAD, Call, counted
+from planner.export.card_calls import SPREAD
+from planner.export.card_replay import Call, counted
 from planner.export.format import Source, refuse_compensated
 
 CARDS: Mapping[str, Card] = {"_8132_ta_move": PCI_8132, "_8164_start_ta_move": PCI_8164}
