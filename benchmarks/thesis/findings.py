@@ -141,12 +141,12 @@ FINDINGS = (
         "it does.",
     ),
     Finding(
-        "The same of 6 and 7 as repaired, the top speed carrying the correction",
+        "The same of 6r and 7r, repaired here: the top speed carries the correction",
         "as above",
         gains_of_the_repaired,
-        "With the correction in the speed k does matter, and the error falls up to k = 1: the card follows exactly "
-        "and the encoder sees no noise, so nothing punishes a high gain. Backlash in the loop, noise or a slower host, "
-        "which the thesis' rig had and did not print, would put the best k lower.",
+        "Not the thesis' laws, but what they may have been meant to be. With the correction in the speed k matters, "
+        "and the error falls up to k = 1, the greatest that was tried. What put the thesis' best k at 0.7 is not among "
+        "the assumptions below.",
     ),
     Finding(
         "The card's counter is better than the operating system's sleep",
@@ -165,8 +165,9 @@ FINDINGS = (
         "Every algorithm ends on time",
         f"all axes stand still, wherever that is, from {LATE} s after the planned end on, with every gain of the grid",
         all_end_on_time,
-        "Law 5 sends a top speed made from the error of speed, which is not zero at the end, so its axes keep moving. "
-        "The others have no speed left to move with.",
+        "After the end no law has a speed of the reference left to move with, so what is undone creeps at the least "
+        "speed of the card's registers. Only law 5, whose top speed is made from the error of speed, goes on moving. "
+        "The verdict is a close one: a card whose least speed is higher, queued commands or shorter ramps turn it.",
     ),
 )
 """What the thesis found, in its chapter 7 [Sahbaz 2007]."""
