@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from kinematics.array import Array
-from kinematics.series import EPS, Ball, Series
+from kinematics.array_ball import EPS, Ball
+from kinematics.series import Series
 
 
 def solve(matrix: Array, right: Array) -> Array:

@@ -15,9 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from kinematics.array import Array
-
-# Twice the unit roundoff: covers the rounding of the operation itself and of the radius that bounds it.
-EPS = 2.0**-52
+from kinematics.array_ball import EPS, Ball, inverse, minus, times
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,16 +143,16 @@ class Series:
         """q_k = (a_k − Σ_{j<k} q_j b_{k−j}) / b_0; unbounded where b_0 may vanish."""
         other = self._other(other)
         order = min(self.order, other.order)
-        inverse = _inverse(other.mid[0], other.rad[0])
+        one_over = inverse(other.mid[0], other.rad[0])
         if other.degree == 0:
-            return self * Series(inverse[0][None], inverse[1][None], order)
+            return self * Series(one_over[0][None], one_over[1][None], order)
         top = self.padded(order)
         out = Series.zeros(order, np.broadcast_shapes(self.mid.shape[1:], other.mid.shape[1:]))
         for k in range(order + 1):
             known = (top.mid[k], top.rad[k])
             if k:
-                known = _minus(known, _convolve(_head(out, k), other, k))
-            out.mid[k], out.rad[k] = _times(known, inverse)
+                known = minus(known, _convolve(_head(out, k), other, k))
+            out.mid[k], out.rad[k] = times(known, one_over)
         return out
 
     def __rtruediv__(self, other: Array | float) -> Series:
@@ -168,14 +166,14 @@ class Series:
         out.mid[0] = (low + high) / 2
         out.rad[0] = (high - low) / 2 * (1 + EPS) + 2 * EPS * high
         out.rad[0] = np.where(top.mid[0] + top.rad[0] < 0, np.inf, out.rad[0])  # the root of nothing real
-        half = _inverse(2 * out.mid[0], 2 * out.rad[0])
+        half = inverse(2 * out.mid[0], 2 * out.rad[0])
         inside = Series(out.mid[1:], out.rad[1:], self.order)
         for k in range(1, self.order + 1):
             known = (top.mid[k], top.rad[k])
             if k > 1:
                 head = _head(inside, k - 1)
-                known = _minus(known, _convolve(head, head, k - 2))
-            out.mid[k], out.rad[k] = _times(known, half)
+                known = minus(known, _convolve(head, head, k - 2))
+            out.mid[k], out.rad[k] = times(known, half)
         return out
 
     def sincos(self) -> tuple[Series, Series]:
@@ -255,9 +253,6 @@ class Series:
         return Series(mid, k * self.rad[1:] * (1 + EPS) + EPS * np.abs(mid), self.order - 1)
 
 
-Ball = tuple[Array, Array]
-
-
 def _head(series: Series, count: int) -> Series:
     return Series(series.mid[:count], series.rad[:count], series.order)
 
@@ -276,26 +271,3 @@ def _convolve(a: Series, b: Series, k: int) -> Ball:
     error = (np.abs(ma) * rb + ra * (np.abs(mb) + rb)).sum(0)
     terms = last - first + 1
     return products.sum(0), (error + terms * EPS * size) * (1 + (terms + 2) * EPS)
-
-
-def _times(a: Ball, b: Ball) -> Ball:
-    mid = a[0] * b[0]
-    rad = np.abs(a[0]) * b[1] + a[1] * (np.abs(b[0]) + b[1])
-    with np.errstate(invalid="ignore"):
-        rad = np.where(np.isnan(rad), np.inf, rad)  # 0 · ∞: the ball of an undefined quotient stays unbounded
-    return mid, rad * (1 + 4 * EPS) + EPS * np.abs(mid)
-
-
-def _minus(a: Ball, b: Ball) -> Ball:
-    mid = a[0] - b[0]
-    return mid, (a[1] + b[1]) * (1 + EPS) + EPS * np.abs(mid)
-
-
-def _inverse(mid: Array, rad: Array) -> Ball:
-    """1/ball; radius ∞ where the ball contains zero."""
-    near, far = np.abs(mid) - rad, np.abs(mid) + rad
-    safe = near > 0
-    with np.errstate(divide="ignore", invalid="ignore"):
-        high, low = 1 / np.where(safe, near, 1.0), 1 / np.where(safe, far, 1.0)
-    middle = np.sign(mid) * (high + low) / 2
-    return np.where(safe, middle, 0.0), np.where(safe, (high - low) / 2 * (1 + 4 * EPS) + 4 * EPS * high, np.inf)

@@ -12,9 +12,10 @@ from math import comb
 import numpy as np
 
 from kinematics.array import Array, frozen
+from kinematics.array_ball import EPS
 from kinematics.clearance import Bodies
 from kinematics.expression import Expression
-from kinematics.series import EPS, Series
+from kinematics.series import Series
 from planner.trajectory import Trajectory
 
 # Degree to which Bernstein forms are raised: a parabola of height h is then over-estimated by h/15 at most.

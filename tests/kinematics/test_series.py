@@ -10,7 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from kinematics.series import EPS, Series
+from kinematics.array_ball import EPS
+from kinematics.series import Series
 
 pytestmark = pytest.mark.filterwarnings("ignore:invalid value:RuntimeWarning")  # unbounded: ∞ · 0 reads as no bound
 
