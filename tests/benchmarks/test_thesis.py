@@ -28,13 +28,14 @@ def test_the_committed_page_says_of_the_rig_as_stated_what_the_command_finds(sta
 def test_the_page_covers_every_assumption_under_every_finding():
     text = PAGE.read_text(encoding="utf-8")
     for assumption in assumptions():
-        assert text.count(f"| {assumption.name} |") == len(FINDINGS) + 1
+        # once in the overview, once under each finding
+        assert text.count(f"\n| {assumption.name} |") == len(FINDINGS) + 1
 
 
 def test_each_assumption_changes_the_rig_or_what_it_is_asked():
     stated, *others = assumptions()
     for other in others:
-        assert (other.rig, other.task) != (stated.rig, stated.task), other.name
+        assert other.rig != stated.rig or other.task is not stated.task, other.name
 
 
 def judged(**errors):
