@@ -1,6 +1,6 @@
 """Program -> path -> limits -> time-optimal trajectory -> certificate -> pulses -> export."""
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from planner.bare import time_optimal
 from planner.baselines import Classical, classical
@@ -16,11 +16,14 @@ from planner.standing import Standing
 from planner.trajectory import State, Trajectory
 from planner.triggers import Triggered
 
+if TYPE_CHECKING:
+    from planner.sources.source import Imported
+
 __all__ = [
     "Arc", "Blend", "Certificate", "Classical", "Dwell", "Free", "Infeasible", "Line", "Place", "Plan", "Program",
     "PulseSchedule", "RealisedPath", "Solution", "Spline", "Standing", "State", "Stop", "Through", "Trajectory",
-    "Trigger", "Triggered", "Turn", "check", "classical", "load_program", "orient", "plan", "plan_many",
-    "program_names", "realised", "time_optimal",
+    "Trigger", "Triggered", "Turn", "check", "classical", "import_program", "load_program", "orient", "plan",
+    "plan_many", "program_names", "realised", "time_optimal",
 ]  # fmt: skip
 
 
@@ -29,6 +32,13 @@ def load_program(name_or_path: Any) -> Program:
     from planner.files import load_program
 
     return load_program(name_or_path)
+
+
+def import_program(path: Any, format: str | None = None, **options: Any) -> "Imported":
+    """The program in a file of another format, by its suffix or the format's name, and what was understood of it."""
+    from planner.sources.registry import import_program
+
+    return import_program(path, format, **options)
 
 
 def program_names() -> tuple[str, ...]:

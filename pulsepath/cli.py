@@ -8,6 +8,7 @@ import click
 from pulsepath import __version__
 from pulsepath.exits import BAD_INPUT, INFEASIBLE, INTERNAL, Commands
 from pulsepath.export_command import export
+from pulsepath.import_command import import_
 
 json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON instead of tables.")
 machine_option = click.option(
@@ -146,6 +147,7 @@ def track(directory: Path, laws: tuple[str, ...], force: bool, as_json: bool) ->
 
 
 main.add_command(export)
+main.add_command(import_)
 
 
 @main.command()

@@ -5,20 +5,13 @@ from typing import Any
 
 import click
 
+from pulsepath.format_command import FormatCommand
 
-class Export(click.Command):
-    """A command whose options are also those of the formats, which load only when they are needed."""
 
-    def get_params(self, ctx: click.Context) -> list[click.Parameter]:
-        from pulsepath.format_options import options
+class Export(FormatCommand):
+    """Options of the export formats."""
 
-        return [*super().get_params(ctx)[:-1], *options(), *super().get_params(ctx)[-1:]]  # --help stays last
-
-    def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        from pulsepath.format_options import help_text
-
-        formatter.write_paragraph()
-        formatter.write("Formats:\n" + help_text() + "\n")
+    formats = "EXPORTS"
 
 
 @click.command(cls=Export)
@@ -37,13 +30,13 @@ def export(directory: Path, name: str, out: Path | None, force: bool, as_json: b
     from planner.export.formats import find_format
     from pulsepath import plan_directory, record
     from pulsepath.directory import staged
-    from pulsepath.format_options import make
+    from pulsepath.format_options import EXPORTS
     from pulsepath.progress import step
 
     target = out or directory / f"{name}{find_format(name).suffix}"
     if target.exists() and not force:
         raise MotionError(f"{target} exists; give --force to replace it")
-    format_ = make(name, given)
+    format_ = EXPORTS.make(name, given)
     planned = plan_directory.read(directory)
     with step("firing the pulses"):
         pulses = planned.pulses()

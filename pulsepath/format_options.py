@@ -1,52 +1,64 @@
-"""The options of every export format on the command line, made from the fields of the formats themselves."""
+"""The options of formats on the command line, made from the fields of the formats themselves."""
 
-from collections.abc import Mapping
-from dataclasses import Field
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import Field, dataclass
 from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 import click
 
 from kinematics.errors import MotionError
 from kinematics.units import quantity
-from planner.export.format import Format
 from planner.export.formats import FORMATS, find_format
 from planner.option import options as known_options
+from planner.sources.registry import SOURCES, find_source
 
 
-def options() -> list[click.Parameter]:
-    """One option for each name of a field, told with the formats that know it."""
-    known: dict[str, list[str]] = {}
-    described: dict[str, click.Option] = {}
-    for name in FORMATS:
-        for field, kind in _fields(find_format(name)):
-            known.setdefault(field.name, []).append(name)
-            described.setdefault(field.name, _option(field, kind))
-    for name, option in described.items():
-        option.help = f"[{', '.join(known[name])}] {option.help}"
-    return list(described.values())
+@dataclass(frozen=True, slots=True)
+class Formats:
+    """The formats of a command: their names, and the frozen dataclass of each."""
+
+    names: Iterable[str]
+    find: Callable[[str], type[Any]]
+
+    def options(self) -> list[click.Parameter]:
+        """One option for each name of a field, told with the formats that know it."""
+        known: dict[str, list[str]] = {}
+        described: dict[str, click.Option] = {}
+        for name in self.names:
+            for field, kind in _fields(self.find(name)):
+                known.setdefault(field.name, []).append(name)
+                described.setdefault(field.name, _option(field, kind))
+        for name, option in described.items():
+            option.help = f"[{', '.join(known[name])}] {option.help}"
+        return list(described.values())
+
+    def make(self, name: str, given: Mapping[str, Any]) -> Any:
+        """The format of a name with the options that were given (None: not given).
+
+        Raises MotionError for another's.
+        """
+        format_ = self.find(name)
+        own = {field.name: field for field, _ in _fields(format_)}
+        values = {key: value for key, value in given.items() if value is not None}
+        for key in values.keys() - own.keys():
+            offered = ", ".join(_flag(field) for field in own) or "none"
+            raise MotionError(f"format {name} has no option {_flag(key)}; its options: {offered}")
+        for key in values:
+            unit = own[key].metadata["unit"]
+            values[key] = quantity(values[key], unit) if unit else values[key]
+        return format_(**values)
+
+    def help_text(self) -> str:
+        """A line for each format: its name and the first line of its docstring."""
+        first = {name: (self.find(name).__doc__ or "").splitlines()[0] for name in self.names}
+        return "\n".join(f"  {name:<{max(map(len, first))}}  {line}" for name, line in first.items())
 
 
-def make(name: str, given: Mapping[str, Any]) -> Format:
-    """The format of a name with the options that were given (None: not given). Raises MotionError for another's."""
-    format_ = find_format(name)
-    own = {field.name: field for field, _ in _fields(format_)}
-    values = {key: value for key, value in given.items() if value is not None}
-    for key in values.keys() - own.keys():
-        offered = ", ".join(_flag(field) for field in own) or "none"
-        raise MotionError(f"format {name} has no option {_flag(key)}; its options: {offered}")
-    for key in values:
-        unit = own[key].metadata["unit"]
-        values[key] = quantity(values[key], unit) if unit else values[key]
-    return format_(**values)
+EXPORTS = Formats(FORMATS, find_format)
+IMPORTS = Formats(SOURCES, find_source)
 
 
-def help_text() -> str:
-    """A line for each format: its name and the first line of its docstring."""
-    first = {name: (find_format(name).__doc__ or "").splitlines()[0] for name in FORMATS}
-    return "\n".join(f"  {name:<{max(map(len, first))}}  {line}" for name, line in first.items())
-
-
-def _fields(format_: type[Format]) -> list[tuple[Field[Any], Any]]:
+def _fields(format_: type[Any]) -> list[tuple[Field[Any], Any]]:
     hints = get_type_hints(format_)
     return [(field, hints[name]) for name, field in known_options(format_).items()]
 

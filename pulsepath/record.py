@@ -17,6 +17,8 @@ from planner.limits import unkept
 from planner.option import options
 from planner.path.join import Blended
 from planner.pulses import RULES, PulseCheck, RealisedPath
+from planner.sources.outline import Outline
+from planner.sources.source import Imported
 from pulsepath import __version__
 from pulsepath.directory import KIND
 from pulsepath.inputs import Inputs
@@ -165,6 +167,21 @@ def of_export(name: str, file: str, done: Exported) -> Record:
         "error_pulses": done.error,
         "against": done.against,
         "notes": list(done.notes),
+    }
+
+
+def of_import(name: str, found: Imported, way: Outline, file: str, figure: str) -> Record:
+    """A program from another format: what was understood of it; lengths in m."""
+    return {
+        "format": name,
+        "file": file,
+        "figure": figure,
+        "segments": len(found.program.segments),
+        "entities": dict(found.entities),
+        "low": way.low.tolist(),
+        "high": way.high.tolist(),
+        "length": way.length,
+        "warnings": list(found.warnings),
     }
 
 

@@ -1,10 +1,7 @@
 """Which formats there are: one line each, loaded when one is asked for."""
 
-from importlib import import_module
-
-from kinematics.errors import MotionError
-from kinematics.registry import nearest
 from planner.export.format import Format
+from planner.plugged import plugged
 
 FORMATS = {
     "pulses": "planner.export.pulse_csv:PulseCsv",
@@ -30,8 +27,5 @@ FORMATS = {
 
 def find_format(name: str) -> type[Format]:
     """The format of a name. Raises MotionError for an unknown one, with the nearest and all known ones."""
-    if name not in FORMATS:
-        raise MotionError(f'no format is called "{name}"{nearest(name, FORMATS)}; formats: {", ".join(FORMATS)}')
-    module, _, kind = FORMATS[name].partition(":")
-    found: type[Format] = getattr(import_module(module), kind)
+    found: type[Format] = plugged("format", FORMATS, name)
     return found

@@ -12,8 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.interpolate import BPoly, CubicHermiteSpline
 
-from kinematics import Axis, MotionError
-from planner import plan
+from kinematics import Axis, FileError, MotionError
+from planner import import_program, plan
 from planner.export.format import Source
 from planner.export.formats import find_format
 from planner.program import Dwell, Line, Program
@@ -237,6 +237,40 @@ def test_a_real_plan_with_a_dwell(name, hexapod, tmp_path):
     decoded = READERS[name](tmp_path / "file", source)
     assert off(decoded, source, 20_001) <= told.error + EPS <= 0.5
     assert np.diff(decoded.t).max() == pytest.approx(3.0, abs=2e-4)  # whole steps of 0.1 ms at either end
+
+
+@settings(max_examples=20, deadline=None, derandomize=True)
+@given(source=sources(most=3), letters=st.permutations("XYZ"))
+def test_our_gcode_reader_takes_g93_as_it_is_meant(source, letters, tmp_path_factory):
+    """As a program: its lines at the speeds that F caps, and its dwells, last as long as the motion and lead its way.
+
+    A block of less than a nanometre is joined to the next (planner.sources), so 1 nm more than the error that is told.
+    """
+    axes = tuple(Axis(axis.name, pulse=axis.pulse) for axis in source.machine.axes)
+    motion = replace_start(source.trajectory)
+    told_source = source_of(motion, axes)
+    path = tmp_path_factory.mktemp("g93") / "file.ngc"
+    chosen = "".join(letters[: len(axes)])
+    told = find_format("g93")(letters=chosen).write(told_source, path)
+    if not np.ptp(motion.places, axis=0).any():
+        with pytest.raises(FileError, match="nothing moves"):
+            import_program(path)
+        return
+    program = import_program(path).program
+    t, here, points = [0.0], np.zeros(3), [np.zeros(3)]
+    for part in program.segments:
+        lasts = part.duration if isinstance(part, Dwell) else np.linalg.norm(part.to - here) / part.speed
+        here = here if isinstance(part, Dwell) else part.to
+        t.append(t[-1] + lasts)
+        points.append(here)
+    columns = ["XYZ".index(letter) for letter in chosen]
+    decoded = Decoded(np.array(t), [np.array(points)[:, columns]])
+    assert off(decoded, told_source) <= told.error + 1e-9 / min(axis.pulse for axis in axes) + EPS
+
+
+def replace_start(motion):
+    """The same from where the axes are at home, as programs start."""
+    return Stops(motion.places - motion.places[0], motion.times, bool(len(motion.knots) == len(motion.ends)))
 
 
 def test_zaber_reads_its_file(tmp_path):

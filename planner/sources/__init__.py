@@ -1,0 +1,1 @@
+"""Programs from elsewhere: a file for each format."""

@@ -1,0 +1,99 @@
+"""Where a program leads the tool, without a machine: its polylines, extents and length."""
+
+from dataclasses import dataclass
+from math import ceil, pi
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from kinematics.array import Array, frozen
+from planner.path.shape import Piece
+from planner.path.spline import spline
+from planner.path.way import way
+from planner.program import Arc, Line, Program, Segment, Spline
+
+STEP = pi / 48
+"""rad between two points of an arc: the chord is off by 5e-4 of the radius."""
+POINTS = 33
+"""Points of a piece of a curve."""
+
+
+@dataclass(frozen=True, slots=True)
+class Outline:
+    """The tool's way in the program's coordinates, m.
+
+    strokes  the points (N, 3) of each segment that moves the tool, the first where the one before it ends
+    low, high  (3,) corners of the box around all of it: of lines, arcs and helices exact, of curves that of the points
+    length   m of the way: of curves by quadrature
+    """
+
+    strokes: tuple[Array, ...]
+    low: Array
+    high: Array
+    length: float
+
+
+def outline(program: Program) -> Outline:
+    """One run of the program's segments, from its start, else from where the first line ends or else the origin."""
+    here = _start(program)
+    strokes, length = [], 0.0
+    low, high = here.copy(), here.copy()
+    for segment in program.segments:
+        drawn, own = _stroke(segment, here)
+        if drawn is None:
+            continue
+        strokes.append(frozen(drawn))
+        low, high = np.minimum(low, drawn.min(0)), np.maximum(high, drawn.max(0))
+        here, length = drawn[-1], length + own
+    return Outline(tuple(strokes), frozen(low), frozen(high), length)
+
+
+def _start(program: Program) -> Array:
+    """Programs in the base frame that state no start begin where the machine stands, which is not known here."""
+    if program.start is not None:
+        return np.array(program.start.translation)
+    first = program.segments[0]
+    if program.frame == "base":
+        return np.array(first.to) if isinstance(first, Line) else np.zeros(3)
+    start = RigidTransform.identity() if program.tool is None else program.tool
+    return np.array((start if program.work is None else program.work.inv() * start).translation)
+
+
+def _stroke(segment: Segment, here: Array) -> tuple[Array | None, float]:
+    match segment:
+        case Line():
+            return np.stack([here, segment.to]), float(np.linalg.norm(segment.to - here))
+        case Arc():
+            return _arc(segment, here)
+        case Spline():
+            start = RigidTransform.from_components(here, Rotation.identity())
+            pieces = spline(start, segment.through, None, 0)
+            s = [piece.length * np.linspace(0, 1, POINTS) for piece in pieces]
+            points = np.concatenate([piece.poses(own)[:, :3] for piece, own in zip(pieces, s, strict=True)])
+            return points, sum(_length(piece) for piece in pieces)
+        case _:
+            return None, 0.0
+
+
+def _length(piece: Piece) -> float:
+    return way(lambda s: np.linalg.norm(piece.derivatives(s)[1][:, :3], axis=1), 0.0, piece.length).length
+
+
+def _arc(arc: Arc, here: Array) -> tuple[Array, float]:
+    """Points of a helix, among them the farthest along each axis."""
+    u = here - arc.centre
+    v = np.cross(arc.normal, u)
+    low, high = min(0.0, arc.angle), max(0.0, arc.angle)
+    # p_i is stationary where −u_i sin + v_i cos + rise n_i/angle = 0
+    rise = arc.rise / arc.angle * arc.normal
+    size, phase = np.hypot(u, v), np.arctan2(v, u)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        lean = np.arcsin(rise / size)
+    turns = 2 * pi * np.arange(np.floor(low / (2 * pi)) - 1, np.ceil(high / (2 * pi)) + 2)
+    extreme = np.concatenate([phase + lean, phase + pi - lean])[:, None] + turns
+    extreme = extreme[(low < extreme) & (extreme < high)]  # what is not a number is not taken
+    even = np.linspace(0.0, arc.angle, ceil(abs(arc.angle) / STEP) + 1)
+    angle = np.unique(np.concatenate([even, extreme]))
+    angle = angle if arc.angle > 0 else angle[::-1]
+    points = arc.centre + np.cos(angle)[:, None] * u + np.sin(angle)[:, None] * v + angle[:, None] * rise
+    return points, float(np.hypot(np.linalg.norm(u) * arc.angle, arc.rise))

@@ -1,0 +1,52 @@
+"""The figure of an imported program: flat where it lies in a plane of the axes, else in space."""
+
+from typing import cast
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+from mpl_toolkits.mplot3d import Axes3D
+from mpl_toolkits.mplot3d.art3d import Line3DCollection
+
+from planner.sources.outline import Outline
+
+FLAT = 1e-3
+"""Share of the largest extent up to which a program is drawn as if it were flat."""
+FEW = 60
+"""Segments up to which their ends are marked."""
+
+
+def path(outline: Outline, ax: Axes | None = None, title: str = "") -> Axes:
+    """The tool's way in the program's coordinates, coloured from its start to its end."""
+    extent = outline.high - outline.low
+    thin = [k for k in range(3) if extent[k] <= FLAT * extent.max()]
+    shown = [k for k in range(3) if k != thin[-1]] if thin else [0, 1, 2]
+    if ax is None:
+        figure = Figure(figsize=(7.5, 5.4), layout="constrained")
+        ax = figure.add_subplot() if thin else figure.add_subplot(projection="3d")
+    strokes = [1e3 * stroke[:, shown] for stroke in outline.strokes]
+    order = np.arange(len(strokes), dtype=float) + 1
+    drawn = (LineCollection if thin else Line3DCollection)(strokes, cmap="viridis", linewidths=1.5)
+    drawn.set_array(order)
+    if thin:
+        ax.add_collection(drawn)
+    else:
+        cast(Axes3D, ax).add_collection3d(drawn)
+    if strokes:
+        start = strokes[0][0]
+        ax.plot(*start[:, None], "o", markersize=9, markerfacecolor="none", color="black", label="start")
+        if len(strokes) <= FEW:
+            ends = np.array([stroke[-1] for stroke in strokes])
+            ax.plot(*ends.T, ".", color="black", markersize=4, label="ends of segments")
+        ax.legend(loc="upper right", frameon=False)
+    for place, k in enumerate(shown):
+        half = max(extent[k], extent.max() / 10, 1e-6) * 0.55e3
+        middle = 0.5e3 * (outline.low[k] + outline.high[k])
+        ax.set(**{f"{'xyz'[place]}lim": (middle - half, middle + half), f"{'xyz'[place]}label": f"{'xyz'[k]} (mm)"})
+    ax.set_aspect("equal")
+    ax.set_title(title or f"{len(strokes)} segments, {1e3 * outline.length:.6g} mm")
+    root = ax.get_figure(root=True)
+    if root is not None and len(strokes) > 1:
+        root.colorbar(drawn, ax=ax, label="segment", shrink=0.7, pad=0.1 if not thin else 0.02)
+    return ax

@@ -1,0 +1,45 @@
+"""The plug point of the formats that programs come in: what each says of itself, and what it makes of a file."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar, Protocol
+
+from planner.option import option as option
+from planner.program import Program
+from planner.sources.outline import Outline, outline
+
+
+@dataclass(frozen=True, slots=True)
+class Imported:
+    """What a file was understood to be.
+
+    entities  how many of each kind, in the format's own words: {"G1": 120, "G2": 8}
+    warnings  what its user has to know: what was left out of the program, or taken to mean something
+    """
+
+    program: Program
+    entities: Mapping[str, int]
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def outline(self) -> Outline:
+        """Where the tool goes, in the program's frame: its extents and its length, and what there is to draw."""
+        return outline(self.program)
+
+
+class Source(Protocol):
+    """A file format: a frozen dataclass whose fields, made by `option`, are its options.
+
+    The first line of its docstring is what the command's help says of it; the rest states what is taken, and how.
+    Registered by one line in planner/sources/registry.py.
+    """
+
+    suffixes: ClassVar[tuple[str, ...]]
+
+    def read(self, path: Path, /) -> Imported:
+        """The program that a file describes.
+
+        Raises FileError with every fault of it (a bounded list, each with its line), MotionError for an option that
+        does not fit. What it does not understand is a fault; what it leaves out or takes to mean something, a warning.
+        """

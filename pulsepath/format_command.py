@@ -1,0 +1,23 @@
+"""A command whose options are also those of its formats, which load only when they are needed."""
+
+from typing import ClassVar, Literal
+
+import click
+
+
+class FormatCommand(click.Command):
+    """Such a command. `formats` names them in pulsepath.format_options."""
+
+    formats: ClassVar[Literal["EXPORTS", "IMPORTS"]]
+
+    def get_params(self, ctx: click.Context) -> list[click.Parameter]:
+        from pulsepath import format_options
+
+        own = getattr(format_options, self.formats).options()
+        return [*super().get_params(ctx)[:-1], *own, *super().get_params(ctx)[-1:]]  # --help stays last
+
+    def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        from pulsepath import format_options
+
+        formatter.write_paragraph()
+        formatter.write("Formats:\n" + getattr(format_options, self.formats).help_text() + "\n")

@@ -1,0 +1,74 @@
+"""`pulsepath import`: a program from another format, as the TOML that `plan` takes."""
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from pulsepath.format_command import FormatCommand
+
+FIGURES = (".png", ".svg", ".pdf")
+
+
+class Import(FormatCommand):
+    """Options of the formats that programs come in."""
+
+    formats = "IMPORTS"
+
+
+@click.command("import", cls=Import)
+@click.argument("file", type=click.Path(path_type=Path))
+@click.option("--out", type=click.Path(path_type=Path), required=True, metavar="PROGRAM", help="TOML file to write.")
+@click.option("--format", "name", metavar="FORMAT", help="One of those below. Default: what the suffix of FILE says.")
+@click.option(
+    "--figure", type=click.Path(path_type=Path), metavar="IMAGE", help="PNG, SVG or PDF. Default: PROGRAM with .png."
+)
+@click.option("--force", is_flag=True, help="Replace PROGRAM and IMAGE.")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON instead of text.")
+def import_(
+    file: Path, out: Path, name: str | None, figure: Path | None, force: bool, as_json: bool, **given: Any
+) -> None:
+    """Turn FILE into a program, say what was understood of it, and draw it.
+
+    Options in brackets belong to the formats that are named there.
+    """
+    from kinematics import MotionError
+    from planner.program_writer import program_toml
+    from planner.sources.registry import source_name
+    from pulsepath import record
+    from pulsepath.directory import staged
+    from pulsepath.format_options import IMPORTS
+    from pulsepath.progress import step
+
+    image = figure or out.with_suffix(".png")
+    if image.suffix.lower() not in FIGURES:
+        raise MotionError(f"{image}: a figure is one of {', '.join(FIGURES)}; give --figure such a suffix")
+    if len({path.absolute() for path in (file, out, image)}) < 3:
+        raise MotionError(f"{file}, {out} and {image} must be three different files; give another --out or --figure")
+    for target in (out, image):
+        if target.exists() and not force:
+            raise MotionError(f"{target} exists; give --force to replace it")
+    name = name or source_name(file)
+    source = IMPORTS.make(name, given)
+    with step(f"reading {file}"):
+        found = source.read(file)
+        way = found.outline
+    with step(f"writing {out} and {image}"), staged(image) as drawn, staged(out) as written:
+        from planner.sources import plots
+
+        told = f"{found.program.name}, imported from {file.name} ({name})"
+        written.write_text(program_toml(found.program, told), encoding="utf-8")
+        figure_of = plots.path(way).get_figure(root=True)
+        if figure_of is not None:
+            figure_of.savefig(drawn, dpi=150)
+    about = record.of_import(name, found, way, str(out), str(image))
+    if as_json:
+        click.echo(record.as_json(about), nl=False)
+        return
+    click.echo(f"{out}: {about['segments']} segments from {file}, read as {name}; drawn in {image}")
+    click.echo("  entities: " + ", ".join(f"{count} {kind}" for kind, count in found.entities.items()))
+    ranges = zip("xyz", way.low * 1e3, way.high * 1e3, strict=True)
+    click.echo("  extents: " + ", ".join(f"{axis} {low:.6g} to {high:.6g} mm" for axis, low, high in ranges))
+    click.echo(f"  length: {way.length * 1e3:.7g} mm")
+    for warning in found.warnings:
+        click.echo(f"  warning: {warning}")
