@@ -49,7 +49,7 @@ def spline(start: Pose, through: Array, rotate: Rotation | None, segment: int) -
     points = np.concatenate([start.translation[None], through])
     values = np.concatenate([points, _quaternions(start, rotate, len(through))], 1)
     spans = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    numbers = _interpolated(values, spans)
+    numbers = interpolated(values, spans)
     speed = _speeds(numbers, spans)
     slowest = int(np.argmin(speed.min(1)))
     if speed[slowest].min() < SLOWEST:
@@ -82,8 +82,8 @@ def _quaternions(start: Pose, rotate: Rotation | None, count: int) -> Array:
     return np.asarray(found * sides[:, None])
 
 
-def _interpolated(values: Array, spans: Array) -> Array:
-    """(N, 42) coefficients of every span, by powers of s from its start, each for all seven values."""
+def interpolated(values: Array, spans: Array) -> Array:
+    """(N, 6 k) coefficients of every span through k values (N+1, k), by powers of s from its start, each for all of them."""
     from scipy.interpolate import make_interp_spline
 
     knots = np.concatenate([[0.0], np.cumsum(spans)])

@@ -9,6 +9,7 @@ from planner.plugged import plugged
 from planner.sources.source import Imported, Source
 
 SOURCES = {
+    "dxf": "planner.sources.dxf:Dxf",
     "gcode": "planner.sources.gcode:Gcode",
 }
 """Module and class by the name that the command line knows."""
