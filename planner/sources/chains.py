@@ -24,22 +24,22 @@ def chained(chains: Sequence[Chain], tolerance: float) -> tuple[list[Chain], int
         return [], 0
     ends = np.array([[chain[0].start, chain[-1].end] for chain in chains]).reshape(-1, 3)
     groups = _groups(ends, tolerance)
-    away = np.array([_away(chain) for chain in chains]).reshape(-1, 3)
     partner = np.full(len(ends), -1)
     forks = 0
     for group in groups:
         if len(group) > 2:
             forks += 1
-            _pair(group, away, partner)
+            _pair(group, chains, partner)
         elif len(group) == 2:
             a, b = group
             partner[a], partner[b] = b, a
     return _walks(chains, partner), forks
 
 
-def _away(chain: Chain) -> tuple[Array, Array]:
-    """Unit vectors along which a chain is entered from its two ends."""
-    return headings(chain[0])[0], -headings(chain[-1])[1]
+def _away(chains: Sequence[Chain], end: int) -> Array:
+    """Unit vector along which a chain is entered from one of its two ends."""
+    chain = chains[end // 2]
+    return -headings(chain[-1])[1] if end % 2 else headings(chain[0])[0]
 
 
 def _groups(ends: Array, tolerance: float) -> list[list[int]]:
@@ -64,9 +64,10 @@ def _groups(ends: Array, tolerance: float) -> list[list[int]]:
     return [part.tolist() for part in parts if len(part) > 1]
 
 
-def _pair(group: list[int], away: Array, partner: NDArray[np.intp]) -> None:
+def _pair(group: list[int], chains: Sequence[Chain], partner: NDArray[np.intp]) -> None:
     """Pairs of a fork, the straightest first."""
-    bend = away[group] @ away[group].T
+    away = np.array([_away(chains, end) for end in group])
+    bend = away @ away.T
     for at in np.argsort(bend, axis=None, kind="stable"):
         a, b = (group[k] for k in divmod(int(at), len(group)))
         if a != b and partner[a] < 0 and partner[b] < 0:

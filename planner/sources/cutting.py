@@ -9,7 +9,7 @@ import numpy as np
 from kinematics.array import Array
 from kinematics.errors import MotionError
 from planner.program import SAME, Join, Line, Segment, Stop
-from planner.sources.stroke import Chain, arc, area, begun, headings, line, moved, reverse, whole
+from planner.sources.stroke import Chain, arc, area, begun, cross, headings, line, moved, reverse, vertices
 from planner.sources.tour import tour
 
 
@@ -66,19 +66,16 @@ def _ordered(
 ) -> tuple[list[Chain], list[bool]]:
     if not how.nearest:
         return list(chains), list(closed)
-    entries = [_entries(chain, loop) for chain, loop in zip(chains, closed, strict=True)]
+    entries = [
+        vertices(chain) if loop else np.array([chain[0].start, chain[-1].end])
+        for chain, loop in zip(chains, closed, strict=True)
+    ]
     found: list[Chain] = []
     order = tour(start, entries, closed)
     for k, by in order:
         chain = chains[k]
         found.append(begun(chain, by) if closed[k] else reverse(chain) if by else chain)
     return found, [closed[k] for k, _ in order]
-
-
-def _entries(chain: Chain, closed: bool) -> Array:
-    if not closed:
-        return np.array([chain[0].start, chain[-1].end])
-    return np.array([begun(chain, k)[0].start for k in range(4)] if whole(chain) else [part.start for part in chain])
 
 
 def _go(segments: list[Segment], here: Array, there: Array, how: Cutting) -> Array:
@@ -108,13 +105,13 @@ def _led_in(chain: Chain, how: Cutting) -> Chain:
     if how.lead == "line":
         return (line(start - length * ahead, start), *chain)
     radius = length / (pi / 2)
-    outward = np.cross(ahead, [0.0, 0.0, 1.0])  # on the right, as outside is where it runs against the clock
+    outward = cross(ahead, np.array([0.0, 0.0, 1.0]))  # on the right, as outside is where it runs against the clock
     left = (area(chain) < 0) != (how.side == "inside")
     size = float(np.linalg.norm(outward))
     if size < 1e-6:
         raise MotionError("lead arc: a contour starts along the plane's normal; take a straight lead-in")
     aside = outward / size * (-1 if left else 1)
     centre = start + radius * aside
-    normal = np.cross(ahead, aside)  # turning about it ends along ahead
+    normal = cross(ahead, aside)  # turning about it ends along ahead
     first = arc(centre - radius * ahead, centre, normal, pi / 2, start)
     return (first, *chain)

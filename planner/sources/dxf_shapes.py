@@ -11,7 +11,7 @@ from kinematics.array import Array
 from kinematics.errors import MotionError
 from planner.program import SAME
 from planner.sources.fitted import Curve, fitted
-from planner.sources.stroke import Chain, Stroke, arc, curve, line
+from planner.sources.stroke import Chain, Stroke, arc, cross, curve, line
 
 LARGEST = 1e5
 """m; no coordinate of a drawing that means something comes near it."""
@@ -61,8 +61,8 @@ class Shapes:
         return [found] if found else []
 
     def _point(self, place: Any) -> Array:
-        point = np.array([place.x, place.y, place.z]) * self.metres
-        if not (abs(point) <= LARGEST).all():  # nor is what is no number
+        point = np.array([place.x * self.metres, place.y * self.metres, place.z * self.metres])
+        if not max(map(abs, point.tolist())) <= LARGEST or np.isnan(point).any():
             raise MotionError(f"point ({place.x:g}, {place.y:g}, {place.z:g}) is not a place within {LARGEST:g} m")
         return point
 
@@ -129,8 +129,8 @@ class Shapes:
             if bulge == 0 or np.linalg.norm(side) <= SAME:
                 yield from self._straight(start, end)
                 continue
-            centre = (start + end) / 2 + np.cross(normal, side) * ((1 - bulge**2) / (4 * bulge))
-            if not (abs(centre) <= LARGEST).all():
+            centre = (start + end) / 2 + cross(normal, side) * ((1 - bulge**2) / (4 * bulge))
+            if not (abs(centre) <= LARGEST).all():  # nor is what is no number
                 raise MotionError(f"bulge {bulge:g} makes an arc of a radius beyond {LARGEST:g} m; make it straight")
             yield arc(start, centre, normal, 4 * atan(bulge), end)
 
@@ -140,7 +140,7 @@ class Shapes:
         normal, ratio = _axes(entity)[2], entity.dxf.ratio
         if not 0 < abs(ratio) <= 1 or np.linalg.norm(major) <= SAME:
             raise MotionError(f"axes of {entity.dxf.major_axis.magnitude:g} and {ratio:g} of that make no ellipse")
-        minor = np.cross(normal, major) * ratio
+        minor = cross(normal, major) * ratio
         low, high = entity.dxf.get("start_param", 0.0), entity.dxf.get("end_param", 2 * pi)
         if not (isfinite(low) and isfinite(high)):
             raise MotionError(f"parameters {low:g} and {high:g} must be finite")

@@ -8,11 +8,11 @@ from kinematics.array import Array
 from kinematics.errors import MotionError
 from planner.path.spline import DEGREE, interpolated
 
-BEGIN, ROUNDS, MOST = 9, 40, 20_000
+BEGIN, ROUNDS, MOST = 17, 40, 20_000
 """Points to begin with, how often spans are halved, and points at most."""
 INSIDE = np.arange(1, 8) / 8
 """Places of a span at which it is held against the curve."""
-NEWTON = 8
+NEWTON = 4
 
 Curve = Callable[[Array], tuple[Array, Array]]
 """Points (N, 3) and their first derivatives at parameters (N,)."""

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, replace
 from math import cos, hypot, pi, sin
+from typing import cast
 
 import numpy as np
 
@@ -62,7 +63,7 @@ def headings(stroke: Stroke) -> tuple[Array, Array]:
         case Line():
             first = last = stroke.end - stroke.start
         case Arc() as own:
-            way, rise = np.cross(own.normal, stroke.start - own.centre) * own.angle, own.rise * own.normal
+            way, rise = cross(own.normal, stroke.start - own.centre) * own.angle, own.rise * own.normal
             first, last = way + rise, _turned(way, own.normal, own.angle) + rise
         case Spline() as own:
             first, last = _slopes(np.concatenate([stroke.start[None], own.through]))
@@ -98,7 +99,7 @@ def moved(stroke: Stroke, start: Array) -> Stroke:
             if length < STEADY * radius:
                 return Stroke(start, stroke.end + off, replace(own, centre=own.centre + off))
             # half the chord and the centre beside its middle: tan of half the angle between them
-            aside = np.cross(own.normal, flat) / 2 * (cos(own.angle / 2) / sin(own.angle / 2))
+            aside = cross(own.normal, flat) / 2 * (cos(own.angle / 2) / sin(own.angle / 2))
             return Stroke(start, stroke.end, replace(own, centre=start + flat / 2 + aside, rise=own.rise + rise))
 
 
@@ -108,12 +109,22 @@ def whole(chain: Chain) -> bool:
     return len(chain) == 1 and isinstance(segment, Arc) and abs(abs(segment.angle) - 2 * pi) < SAME
 
 
+def vertices(chain: Chain) -> Array:
+    """Points (N, 3) where a closed chain may begin: starts of its strokes; of a full circle, of its quarters."""
+    if not whole(chain):
+        return np.array([stroke.start for stroke in chain])
+    own = cast(Arc, chain[0].segment)
+    u = chain[0].start - own.centre
+    v = cross(own.normal, u)
+    return own.centre + np.array([u, v, -u, -v])
+
+
 def begun(chain: Chain, nth: int) -> Chain:
-    """A closed chain from its nth stroke on; a full circle from its nth quarter."""
-    if whole(chain) and isinstance(own := chain[0].segment, Arc):
-        start = own.centre + _turned(chain[0].start - own.centre, own.normal, nth * pi / 2)
-        return (arc(start, own.centre, own.normal, own.angle, start),)
-    return chain[nth:] + chain[:nth]
+    """A closed chain from its nth vertex on."""
+    if not whole(chain):
+        return chain[nth:] + chain[:nth]
+    own, start = cast(Arc, chain[0].segment), vertices(chain)[nth]
+    return (Stroke(start, start, own),)
 
 
 def area(chain: Chain) -> float:
@@ -132,8 +143,14 @@ def area(chain: Chain) -> float:
     return found
 
 
+def cross(a: Array, b: Array) -> Array:
+    """a × b of two (3,): numpy's own is made for many, and ten times slower for two."""
+    (ax, ay, az), (bx, by, bz) = a.tolist(), b.tolist()
+    return np.array([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])
+
+
 def _turned(vector: Array, normal: Array, angle: float) -> Array:
     """Right hand about a unit normal."""
     along = (vector @ normal) * normal
     flat = vector - along
-    return np.asarray(along + cos(angle) * flat + sin(angle) * np.cross(normal, flat))
+    return np.asarray(along + cos(angle) * flat + sin(angle) * cross(normal, flat))
