@@ -124,6 +124,9 @@ _RULES: dict[int, Callable[..., Any]] = {
     ca.OP_SQRT: lambda a: a.sqrt(),
     ca.OP_SIN: lambda a: a.sincos()[0],
     ca.OP_COS: lambda a: a.sincos()[1],
+    ca.OP_EXP: lambda a: a.exp(),
+    ca.OP_LOG: lambda a: a.log(),
+    ca.OP_FABS: lambda a: a * a.sign(),
     ca.OP_SIGN: lambda a: a.sign(),
     ca.OP_ATAN2: lambda y, x: y.atan2(x),
 }

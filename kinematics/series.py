@@ -214,18 +214,37 @@ class Series:
             # asin(t) ≤ t/√(1 − t²); libm is trusted to two units in the last place
             rad = error / np.sqrt((away - error) * (away + error)) * (1 + 8 * EPS) + 8 * EPS
         start = Series(np.arctan2(up, over)[None], np.where(met, np.inf, rad)[None], order)
-        if self.degree == 0 and x.degree == 0:
-            return start
-        rate = ((x * self.derivative()) - (self * x.derivative())) / (x * x + self * self)
-        k = np.arange(1, order + 1).reshape(-1, *[1] * (rate.mid.ndim - 1))
+        return start._from(((x * self.derivative()) - (self * x.derivative())) / (x * x + self * self))
+
+    def exp(self) -> Series:
+        """k e_k = Σ j a_j e_{k−j}, with j from 1 to k."""
+        out = Series.zeros(self.order, self.mid.shape[1:])
+        out.mid[0] = np.exp(self.mid[0])
+        # libm is trusted to two units in the last place
+        out.rad[0] = out.mid[0] * (np.expm1(self.rad[0]) * (1 + 8 * EPS) + 8 * EPS)
+        for k in range(1, self.order + 1):
+            mid, rad = _convolve(self.derivative(), _head(out, k), k - 1)
+            out.mid[k], out.rad[k] = mid / k, (rad / k + EPS * np.abs(mid)) * (1 + EPS)
+        return out
+
+    def log(self) -> Series:
+        """l̇ = ȧ/a; unbounded where a_0 may be ≤ 0."""
+        low = self.mid[:1] - self.rad[:1] * (1 + EPS)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            mid = np.log(np.where(low > 0, self.mid[:1], 1.0))
+            # log(a) − log(a − r) ≤ r/(a − r); libm is trusted to two units in the last place
+            rad = np.where(low > 0, self.rad[:1] / low * (1 + 4 * EPS) + 4 * EPS * np.abs(mid), np.inf)
+        return Series(mid, rad, self.order)._from(self.derivative() / self)
+
+    def _from(self, rate: Series) -> Series:
+        """What begins with this constant and has the derivative `rate`."""
+        if self.order == 0:
+            return self
+        k = np.arange(1, len(rate.mid) + 1).reshape(-1, *[1] * (rate.mid.ndim - 1))
         mid = rate.mid / k
         rads = rate.rad / k * (1 + EPS) + EPS * np.abs(mid)
-        shape = mid.shape[1:]
-        return Series(
-            np.concatenate([np.broadcast_to(start.mid, (1, *shape)), mid]),
-            np.concatenate([np.broadcast_to(start.rad, (1, *shape)), rads]),
-            order,
-        )
+        first = [np.broadcast_to(part[:1], (1, *mid.shape[1:])) for part in (self.mid, self.rad)]
+        return Series(np.concatenate([first[0], mid]), np.concatenate([first[1], rads]), self.order)
 
     def derivative(self) -> Series:
         """d/dτ; the order falls by one."""

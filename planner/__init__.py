@@ -9,7 +9,7 @@ from planner.many import plan_many
 from planner.orientation import orient
 from planner.place import Infeasible, Place
 from planner.plan import Plan, check, plan
-from planner.program import Arc, Blend, Dwell, Free, Line, Program, Spline, Stop, Through, Trigger, Turn
+from planner.program import Arc, Blend, Curve, Dwell, Free, Line, Program, Spline, Stop, Through, Trigger, Turn
 from planner.pulses import PulseSchedule, RealisedPath, realised
 from planner.solve import Solution
 from planner.standing import Standing
@@ -20,10 +20,10 @@ if TYPE_CHECKING:
     from planner.sources.source import Imported
 
 __all__ = [
-    "Arc", "Blend", "Certificate", "Classical", "Dwell", "Free", "Infeasible", "Line", "Place", "Plan", "Program",
-    "PulseSchedule", "RealisedPath", "Solution", "Spline", "Standing", "State", "Stop", "Through", "Trajectory",
-    "Trigger", "Triggered", "Turn", "check", "classical", "import_program", "load_program", "orient", "plan",
-    "plan_many", "program_names", "realised", "time_optimal",
+    "Arc", "Blend", "Certificate", "Classical", "Curve", "Dwell", "Free", "Infeasible", "Line", "Place", "Plan",
+    "Program", "PulseSchedule", "RealisedPath", "Solution", "Spline", "Standing", "State", "Stop", "Through",
+    "Trajectory", "Trigger", "Triggered", "Turn", "check", "classical", "import_program", "load_program", "orient",
+    "plan", "plan_many", "program_names", "realised", "time_optimal",
 ]  # fmt: skip
 
 

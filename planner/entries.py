@@ -2,53 +2,24 @@
 
 from itertools import pairwise
 from math import dist
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Self
 
-from pydantic import AfterValidator, Field, ValidationInfo, model_validator
+from pydantic import AfterValidator, Field, model_validator
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics.array import frozen
 from kinematics.pose import Pose
 from kinematics.schema import Direction, File, Table, chosen, either, not_zero, unit_of, wrong
-from kinematics.units import Unit, shown
-from planner.program import (
-    SAME,
-    Arc,
-    Blend,
-    Dwell,
-    Frame,
-    Free,
-    Join,
-    Line,
-    Segment,
-    Spline,
-    Stop,
-    Through,
-    Trigger,
-    Turn,
-)
+from kinematics.units import Unit
+from planner.curve_entry import CurveEntry
+from planner.entry import AngularSpeed, Drawn, Entry, ToolAcceleration, ToolSpeed
+from planner.program import SAME, Arc, Dwell, Frame, Line, Segment, Spline, Turn
 from planner.wanted import repeats
 
 
 def _rotation(angles: tuple[float, float, float] | None) -> Rotation | None:
     """Rx(θx) · Ry(θy) · Rz(θz): about the moving axes in turn."""
     return None if angles is None else Rotation.from_euler("XYZ", angles)
-
-
-def _with_speed(constant: bool, info: ValidationInfo) -> bool:
-    if constant and info.data.get("speed", 1.0) is None:  # a faulty speed is not there, and told of already
-        raise wrong('asks for a speed: add e.g. speed = "20 mm/s"')
-    return constant
-
-
-def _named(name: str) -> str:
-    if not name:
-        raise wrong("empty: give the name of the output line or event")
-    return name
-
-
-def _trigger_type(value: object) -> Any:
-    return TriggerTable if isinstance(value, dict) else Name
 
 
 def _not_empty(segments: tuple[Any, ...]) -> tuple[Any, ...]:
@@ -66,14 +37,6 @@ def _distinct(points: tuple[tuple[float, float, float], ...]) -> tuple[Any, ...]
     return points
 
 
-def _join_type(value: object) -> Any:
-    if isinstance(value, dict):
-        return BlendTable
-    if value not in ("stop", "through"):
-        raise wrong(f'{shown(value)} is not a join: write "stop", "through" or {{ blend = "0.05 mm" }}')
-    return Literal["stop", "through"]
-
-
 def _start_type(value: object) -> Any:
     if isinstance(value, tuple) and len(value) not in (3, 6):
         raise wrong(f"{len(value)} entries: give 3 (x, y, z) or 6 (x, y, z, θx, θy, θz)")
@@ -84,38 +47,10 @@ _SOME_SEGMENT = "a program needs at least one [[segment]]"
 
 Coordinate = Annotated[float, Unit("m", plain="length")]
 PlainAngle = Annotated[float, Unit("rad", plain="angle")]
-ToolSpeed = Annotated[float, Unit("m/s", above=0)]
-ToolAcceleration = Annotated[float, Unit("m/s^2", above=0)]
-AngularSpeed = Annotated[float, Unit("rad/s", above=0)]
 EndSpeed = Annotated[float, Unit("m/s", least=0)]
-Name = Annotated[str, AfterValidator(_named)]
 Position = tuple[Coordinate, Coordinate, Coordinate]
 Orientation = tuple[PlainAngle, PlainAngle, PlainAngle]
 PositionAndAngles = tuple[Coordinate, Coordinate, Coordinate, PlainAngle, PlainAngle, PlainAngle]
-
-
-class BlendTable(Table):
-    blend: Annotated[float, Unit("m", above=0, plain="length")]
-    angle: Annotated[float, Unit("rad", above=0, plain="angle")] | None = None
-
-
-JoinEntry = Annotated[Literal["stop", "through"] | BlendTable, chosen(_join_type)]
-
-
-class TriggerTable(Table):
-    name: Name
-    at: Annotated[float, Field(ge=0, le=1)] = 1.0
-
-
-class FreeTable(Table):
-    yaw: bool = False
-    tilt: Annotated[float, Unit("rad", least=0, most=1.57, plain="angle")] = 0.0
-
-
-FreeEntry = Annotated[
-    Literal["yaw"] | FreeTable, chosen(lambda value: FreeTable if isinstance(value, dict) else Literal["yaw"])
-]
-TriggerEntry = Annotated[Name | TriggerTable, chosen(_trigger_type)]
 
 
 class PoseTable(Table):
@@ -163,53 +98,6 @@ class TurnBy(Table):
     angle: Annotated[PlainAngle, AfterValidator(not_zero)]
 
 
-class Entry(Table):
-    """What every segment that moves has."""
-
-    join: JoinEntry = "stop"
-    angular_speed: AngularSpeed | None = None
-    trigger: TriggerEntry | None = None
-
-    @property
-    def after(self) -> Join:
-        if isinstance(self.join, BlendTable):
-            return Blend(self.join.blend, self.join.angle)
-        return Stop() if self.join == "stop" else Through()
-
-    @property
-    def event(self) -> Trigger | None:
-        entry = self.trigger
-        if entry is None:
-            return None
-        return Trigger(entry.name, entry.at) if isinstance(entry, TriggerTable) else Trigger(entry)
-
-
-class Drawn(Entry):
-    """What every segment that moves the tool has beside it."""
-
-    speed: ToolSpeed | None = None
-    acceleration: ToolAcceleration | None = None
-    speed_constant: Annotated[bool, AfterValidator(_with_speed)] = False
-    free: FreeEntry | None = None
-
-    @property
-    def freedom(self) -> Free | None:
-        return Free(self.free.yaw, self.free.tilt) if isinstance(self.free, FreeTable) else self.free and Free()
-
-    @property
-    def said(self) -> dict[str, Any]:
-        """What its segment takes by name."""
-        return {
-            "speed": self.speed,
-            "join": self.after,
-            "acceleration": self.acceleration,
-            "angular_speed": self.angular_speed,
-            "speed_constant": self.speed_constant,
-            "trigger": self.event,
-            "free": self.freedom,
-        }
-
-
 class LineEntry(Drawn):
     line: LineTable
 
@@ -251,8 +139,8 @@ class DwellEntry(Table):
 
 
 SegmentEntry = Annotated[
-    LineEntry | ArcEntry | SplineEntry | TurnEntry | DwellEntry,
-    either(LineEntry, ArcEntry, SplineEntry, TurnEntry, DwellEntry),
+    LineEntry | ArcEntry | SplineEntry | CurveEntry | TurnEntry | DwellEntry,
+    either(LineEntry, ArcEntry, SplineEntry, CurveEntry, TurnEntry, DwellEntry),
 ]
 
 

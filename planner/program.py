@@ -1,89 +1,28 @@
 """The program model: what the tool is asked to do, segment by segment, in SI units and in the program's own frame."""
 
 from dataclasses import dataclass, field, replace
-from math import isfinite, pi
+from math import isfinite
 from typing import Literal
 
 import numpy as np
+from casadi import SX
 from scipy.spatial.transform import Rotation
 
-from kinematics.array import Array, frozen
+from kinematics.array import Array
 from kinematics.errors import MotionError
 from kinematics.pose import Pose
+from planner.formula import check_names, formula
+from planner.modifiers import STOP
+from planner.modifiers import Blend as Blend
+from planner.modifiers import Free as Free
+from planner.modifiers import Join as Join
+from planner.modifiers import Stop as Stop
+from planner.modifiers import Through as Through
+from planner.modifiers import Trigger as Trigger
 from planner.wanted import capped, direction, point, points, positive, repeats
 
 SAME = 1e-9
 """Points nearer than this are the same (m), angles likewise (rad)."""
-
-
-@dataclass(frozen=True, slots=True)
-class Stop:
-    """The join at which the motion comes to rest."""
-
-
-@dataclass(frozen=True, slots=True)
-class Through:
-    """The join that is passed where the path is smooth enough for the motion's order, and a stop elsewhere.
-
-    Order 2 needs a common tangent (and turning rate), order 3 a common curvature too.
-    """
-
-
-@dataclass(frozen=True, slots=True)
-class Blend:
-    """The join that is rounded: it leaves the programmed corner by at most `tolerance` (m), and `angle` (rad).
-
-    angle  None: what turns points at the machine's characteristic length by the tolerance
-    """
-
-    tolerance: float
-    angle: float | None = None
-
-    def __post_init__(self) -> None:
-        positive("blend", "tolerance", self.tolerance, "m")
-        positive("blend", "angle", self.angle, "rad")
-
-
-Join = Stop | Through | Blend
-
-
-@dataclass(frozen=True, slots=True)
-class Trigger:
-    """An event at a position: named, at a share of the tool's way along its segment (1: at its end).
-
-    Where the segment only turns the tool, at a share of the angle.
-    """
-
-    name: str
-    at: float = 1.0
-
-    def __post_init__(self) -> None:
-        if not self.name:
-            raise MotionError("trigger: its name is empty; give the output line or the event that it stands for")
-        if not 0 <= self.at <= 1:
-            raise MotionError(f"trigger {self.name}: at {self.at} must be a share of its segment, from 0 to 1")
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Free:
-    """Orientation that a segment leaves free: the turn about the tool's own z axis, and a tilt of that axis.
-
-    yaw       whether the turn is free
-    tilt      rad by which the axis may lean from where the program has it, any way; 0: not at all
-    controls  what was chosen, as `planner.path.free` has it; None: nothing yet
-    """
-
-    yaw: bool = True
-    tilt: float = 0.0
-    controls: Array | None = None
-
-    def __post_init__(self) -> None:
-        if not 0 <= self.tilt < pi / 2:
-            raise MotionError(f"free: tilt {self.tilt} rad must not be negative, and be less than a right angle")
-        if not self.yaw and self.tilt == 0:
-            raise MotionError("free: leave yaw free, or a tilt, or both; else leave free out")
-        if self.controls is not None:
-            object.__setattr__(self, "controls", frozen(self.controls))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -105,7 +44,7 @@ class Line:
     to: Array
     rotate: Rotation | None = None
     speed: float | None = None
-    join: Join = Stop()
+    join: Join = STOP
     acceleration: float | None = field(default=None, kw_only=True)
     angular_speed: float | None = field(default=None, kw_only=True)
     speed_constant: bool = field(default=False, kw_only=True)
@@ -132,7 +71,7 @@ class Arc:
     angle: float
     rotate: Rotation | None = None
     speed: float | None = None
-    join: Join = Stop()
+    join: Join = STOP
     rise: float = field(default=0.0, kw_only=True)
     acceleration: float | None = field(default=None, kw_only=True)
     angular_speed: float | None = field(default=None, kw_only=True)
@@ -163,7 +102,7 @@ class Spline:
     through: Array
     rotate: Rotation | None = None
     speed: float | None = None
-    join: Join = Stop()
+    join: Join = STOP
     acceleration: float | None = field(default=None, kw_only=True)
     angular_speed: float | None = field(default=None, kw_only=True)
     speed_constant: bool = field(default=False, kw_only=True)
@@ -184,6 +123,48 @@ class Spline:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Curve:
+    """A curve by equations: x(t), y(t), z(t), and angles if it turns the tool, for t from begin to end.
+
+    position     three formulas (planner.formula) that give `length` m each 1;  begin, end  of t, also downwards
+    rotate       three formulas of θx, θy, θz, `angle` rad each 1, as Rx · Ry · Rz; None: the orientation is kept
+    constants    names that stand for numbers in them, and the numbers
+    It begins where the path stands, and must be smooth and not stand still (planner.path.curve).
+    speed, join, acceleration, angular_speed, speed_constant, trigger, free, line_number  as of a line
+    """
+
+    position: tuple[str, str, str]
+    begin: float
+    end: float
+    rotate: tuple[str, str, str] | None = None
+    speed: float | None = None
+    join: Join = STOP
+    constants: tuple[tuple[str, float], ...] = field(default=(), kw_only=True)
+    length: float = field(default=1.0, kw_only=True)
+    angle: float = field(default=1.0, kw_only=True)
+    acceleration: float | None = field(default=None, kw_only=True)
+    angular_speed: float | None = field(default=None, kw_only=True)
+    speed_constant: bool = field(default=False, kw_only=True)
+    trigger: Trigger | None = field(default=None, kw_only=True)
+    free: Free | None = field(default=None, kw_only=True)
+    line_number: int | None = field(default=None, kw_only=True)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "constants", tuple(dict(self.constants).items()))
+        check_names(dict(self.constants))
+        positive("curve", "length", self.length, "m")
+        positive("curve", "angle", self.angle, "rad")
+        if not (isfinite(self.begin) and isfinite(self.end)) or self.begin == self.end:
+            raise MotionError(f"curve: t from {self.begin} to {self.end} must be finite, and the two not the same")
+        for name, texts in (("position", self.position), ("rotate", self.rotate)):
+            if texts is not None and len(texts) != 3:
+                raise MotionError(f"curve: {name} takes three formulas, not {len(texts)}")
+            for text in texts or ():
+                formula(text, dict(self.constants), SX.sym("t"))
+        capped(self, "curve")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Turn:
     """A rotation on the spot: to the orientation `to`, the shorter way, or by any signed angle.
 
@@ -192,7 +173,7 @@ class Turn:
     """
 
     to: Rotation | None = None
-    join: Join = Stop()
+    join: Join = STOP
     angular_speed: float | None = field(default=None, kw_only=True)
     trigger: Trigger | None = field(default=None, kw_only=True)
     about: Array | None = field(default=None, kw_only=True)
@@ -220,7 +201,7 @@ class Dwell:
         positive("dwell", "duration", self.duration, "s")
 
 
-Segment = Line | Arc | Spline | Turn | Dwell
+Segment = Line | Arc | Spline | Curve | Turn | Dwell
 Frame = Literal["home", "base"]
 
 
@@ -258,7 +239,9 @@ class Program:
     def __post_init__(self) -> None:
         object.__setattr__(self, "segments", tuple(self.segments))
         if not self.segments:
-            raise MotionError(f"program {self.name} is empty: give it at least one line, arc, spline, turn or dwell")
+            raise MotionError(
+                f"program {self.name} is empty: give it at least one line, arc, spline, curve, turn or dwell"
+            )
         if self.frame not in ("home", "base"):
             raise MotionError(f'program {self.name}: frame "{self.frame}" is neither "home" nor "base"')
         if isinstance(self.repeat, bool) or not isinstance(self.repeat, int) or self.repeat < 1:

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from kinematics.array import Array
 from kinematics.pose import Pose
 from kinematics.toml_text import decimal, quantity, quoted
-from planner.program import Arc, Blend, Dwell, Line, Program, Segment, Spline, Stop, Turn
+from planner.program import Arc, Blend, Curve, Dwell, Line, Program, Segment, Spline, Stop, Turn
 
 _CAPS = {"speed": ("mm/s", 3), "acceleration": ("mm/s^2", 3), "angular_speed": ("rad/s", 0)}
 """Unit in which a cap is written, and its power of ten from SI."""
@@ -82,6 +82,22 @@ def _spline(spline: Spline) -> Iterator[str]:
     yield f"spline = {{ through = {through}{turned} }}"
 
 
+def _curve(curve: Curve) -> Iterator[str]:
+    """Formulas in metres or degrees are put into mm and radians, which takes a factor before them."""
+    lengths = [_scaled(text, decimal(curve.length, 3)) for text in curve.position]
+    angles = [_scaled(text, repr(curve.angle)) for text in curve.rotate or ()]
+    said = [f"{name} = {quoted(text)}" for name, text in zip(("x", "y", "z"), lengths, strict=True)]
+    said += [f"{name} = {quoted(text)}" for name, text in zip(("rx", "ry", "rz"), angles, strict=False)]
+    said += [f"from = {curve.begin!r}", f"to = {curve.end!r}"]
+    if curve.constants:
+        said.append(f"constants = {{ {', '.join(f'{name} = {value!r}' for name, value in curve.constants)} }}")
+    yield f"curve = {{ {', '.join(said)} }}"
+
+
+def _scaled(text: str, factor: str) -> str:
+    return text if float(factor) == 1 else f"{factor}*({text})"
+
+
 def _turn(turn: Turn) -> Iterator[str]:
     if turn.to is not None:
         yield f"turn = {{ to = {_list(_angles(turn.to))} }}"
@@ -89,7 +105,13 @@ def _turn(turn: Turn) -> Iterator[str]:
         yield f"turn = {{ about = {_list(map(repr, turn.about.tolist()))}, angle = {turn.angle!r} }}"
 
 
-_SHAPES: dict[type, Callable[[Any], Iterator[str]]] = {Line: _line, Arc: _arc, Spline: _spline, Turn: _turn}
+_SHAPES: dict[type, Callable[[Any], Iterator[str]]] = {
+    Line: _line,
+    Arc: _arc,
+    Spline: _spline,
+    Curve: _curve,
+    Turn: _turn,
+}
 
 
 def _caps(of: Program | Segment) -> Iterator[str]:

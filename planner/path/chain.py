@@ -10,6 +10,7 @@ from kinematics.errors import MotionError
 from kinematics.machine import Machine
 from kinematics.pose import Pose
 from planner.path.arc import arc
+from planner.path.curve import curve, ends
 from planner.path.even import evened
 from planner.path.free import DEGREE, freed
 from planner.path.join import Blended, join
@@ -17,11 +18,13 @@ from planner.path.line import line, turn, turn_angle
 from planner.path.shape import Piece, turning
 from planner.path.spline import spline
 from planner.path.tool import carrying
-from planner.program import SAME, Arc, Dwell, Join, Line, Program, Segment, Spline, Turn
+from planner.program import SAME, Arc, Curve, Dwell, Join, Line, Program, Segment, Spline, Turn
 from planner.wanted import CAPS
 
 # An arc may start this share of its radius out of its plane.
 IN_PLANE = 1e-6
+
+Moving = Line | Arc | Spline | Curve | Turn
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,7 +97,7 @@ def _again(wrong: MotionError, repetition: int) -> MotionError:
     return MotionError(f"repetition {repetition}: {wrong}; what only leads to the first repetition belongs into start")
 
 
-def _freed(pieces: list[Piece], segment: Line | Arc | Spline | Turn) -> list[Piece]:
+def _freed(pieces: list[Piece], segment: Moving) -> list[Piece]:
     """The pieces of a segment that leaves orientation free, turned as was chosen: not at all if nothing was."""
     if isinstance(segment, Turn) or segment.free is None:
         return pieces
@@ -104,7 +107,7 @@ def _freed(pieces: list[Piece], segment: Line | Arc | Spline | Turn) -> list[Pie
     return [replace(piece, turn=turning(piece)) for piece in turned]
 
 
-def _finished(piece: Piece, segment: Line | Arc | Spline | Turn, program: Program, repetition: int) -> Piece:
+def _finished(piece: Piece, segment: Moving, program: Program, repetition: int) -> Piece:
     """The piece with what every kind of segment may say."""
     speed, acceleration, angular = (program.cap(segment, name) for name in CAPS)
     return replace(
@@ -144,7 +147,7 @@ def _name(segment: Segment, number: int) -> str:
     return f"segment {number}, {type(segment).__name__.lower()}{line_number}"
 
 
-def _end(segment: Line | Arc | Spline | Turn, number: int, here: Pose) -> Pose:
+def _end(segment: Moving, number: int, here: Pose) -> Pose:
     """The pose at a segment's end, in the program's frame."""
     match segment:
         case Turn():
@@ -168,8 +171,36 @@ def _end(segment: Line | Arc | Spline | Turn, number: int, here: Pose) -> Pose:
                     f"{_name(segment, number)}: point 1 is where the path stands already, at {_mm(here.translation)}; "
                     "leave it out: a spline starts there by itself"
                 )
+        case Curve():
+            return _curve_end(segment, number, here)
     rotation = here.rotation if segment.rotate is None else segment.rotate
     return RigidTransform.from_components(position, rotation if rotation.single else rotation[-1])
+
+
+def _curve_end(segment: Curve, number: int, here: Pose) -> Pose:
+    """Where its equations end, which must begin where the path stands."""
+    try:
+        first, last = ends(segment)
+    except MotionError as no:
+        raise MotionError(f"{_name(segment, number)}: {no}") from None
+    away = first.translation - here.translation
+    if np.linalg.norm(away) > SAME:
+        raise MotionError(
+            f"{_name(segment, number)}: its equations begin at {_mm(first.translation)}, "
+            f"{np.linalg.norm(away) * 1e3:.6g} mm from where the path stands, {_mm(here.translation)}; "
+            "lead there by a line before it"
+        )
+    rotation = here.rotation
+    if segment.rotate is not None:
+        angle = float((first.rotation.inv() * here.rotation).magnitude())
+        if angle > SAME:
+            wanted = ", ".join(f"{each:.6g}" for each in first.rotation.as_euler("XYZ", degrees=True))
+            raise MotionError(
+                f"{_name(segment, number)}: its equations begin turned [{wanted}]°, {np.degrees(angle):.6g}° from how "
+                "the path stands; turn there before it"
+            )
+        rotation = last.rotation * first.rotation.inv() * here.rotation
+    return RigidTransform.from_components(here.translation + (last.translation - first.translation), rotation)
 
 
 def _arc_end(segment: Arc, number: int, here: Pose) -> Array:
@@ -191,9 +222,7 @@ def _arc_end(segment: Arc, number: int, here: Pose) -> Array:
     return position
 
 
-def _pieces(
-    segment: Line | Arc | Spline | Turn, number: int, here: Pose, there: Pose, frame: Pose, characteristic: float
-) -> list[Piece]:
+def _pieces(segment: Moving, number: int, here: Pose, there: Pose, frame: Pose, characteristic: float) -> list[Piece]:
     start, end = frame * here, frame * there
     match segment:
         case Turn():
@@ -211,6 +240,11 @@ def _pieces(
             centre = frame.apply(np.asarray(segment.centre, float))
             normal = frame.rotation.apply(_unit(segment.normal))
             return [arc(start, centre, normal, segment.angle, end.rotation, number, segment.rise)]
+        case Curve():
+            try:
+                return curve(start, segment, frame, number)
+            except MotionError as no:
+                raise MotionError(f"{_name(segment, number)}: {no}") from None
         case Spline():
             turned = None if segment.rotate is None else frame.rotation * segment.rotate
             try:

@@ -37,9 +37,9 @@ def evened(pieces: Sequence[Piece], stops: np.ndarray, dwells: Array) -> tuple[t
     MotionError where the tool all but stands still.
     """
     joined = stops[1:-1] != 1
-    drawn = [_parts(piece, HALVINGS) if piece.constant and _uneven(piece) else [] for piece in pieces]
+    drawn = [_parts(piece, HALVINGS) if piece.constant and uneven(piece) else [] for piece in pieces]
     for k in np.flatnonzero(np.logical_or(*_beside(drawn, joined))).tolist():
-        if not pieces[k].constant and _uneven(pieces[k]):
+        if not pieces[k].constant and uneven(pieces[k]):
             drawn[k] = _few(pieces[k])
     parts = [
         anew or ([piece] if piece.constant else _changing(piece, start, end))
@@ -58,8 +58,9 @@ def _beside(drawn: Sequence[Sequence[Piece]], joined: np.ndarray) -> tuple[np.nd
     return np.append(False, anew[:-1] & joined), np.append(anew[1:] & joined, False)
 
 
-def _uneven(piece: Piece) -> bool:
-    return bool(np.abs(_slope(piece, _spread(piece)) - 1).max() > EVEN)
+def uneven(piece: Piece) -> bool:
+    """Whether its parameter is not its length."""
+    return not np.abs(_slope(piece, _spread(piece)) - 1).max() <= EVEN  # nor is nan even
 
 
 def _spread(piece: Piece) -> Array:
@@ -75,8 +76,8 @@ def _parts(piece: Piece, halvings: int) -> list[Piece]:
     """The piece by its own length, in as many parts as its polynomials need."""
     if _slope(piece, _spread(piece)).min() < SLOWEST or halvings == 0:
         raise _still(piece)
-    drawn = _drawn(piece)
-    if not _uneven(drawn):
+    drawn = drawn_by_length(piece)
+    if not uneven(drawn):
         return [drawn]
     return [part for half in piece.cut(2) for part in _parts(half, halvings - 1)]
 
@@ -97,7 +98,7 @@ def _still(piece: Piece) -> MotionError:
     )
 
 
-def _drawn(piece: Piece) -> Piece:
+def drawn_by_length(piece: Piece) -> Piece:
     """The piece at the parameter u(s) of which ds = |dp/du| du, as a polynomial.
 
     It meets u and its derivatives up to the third at both ends, and u at points between.

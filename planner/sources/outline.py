@@ -7,10 +7,11 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics.array import Array, frozen
+from planner.path.curve import curve
 from planner.path.shape import Piece
 from planner.path.spline import spline
 from planner.path.way import way
-from planner.program import Arc, Line, Program, Segment, Spline
+from planner.program import Arc, Curve, Line, Program, Segment, Spline
 
 STEP = pi / 48
 """rad between two points of an arc: the chord is off by 5e-4 of the radius."""
@@ -65,9 +66,12 @@ def _stroke(segment: Segment, here: Array) -> tuple[Array | None, float]:
             return np.stack([here, segment.to]), float(np.linalg.norm(segment.to - here))
         case Arc():
             return _arc(segment, here)
-        case Spline():
+        case Spline() | Curve():
             start = RigidTransform.from_components(here, Rotation.identity())
-            pieces = spline(start, segment.through, None, 0)
+            if isinstance(segment, Spline):
+                pieces = spline(start, segment.through, None, 0)
+            else:
+                pieces = curve(start, segment, RigidTransform.identity(), 0)
             s = [piece.length * np.linspace(0, 1, POINTS) for piece in pieces]
             points = np.concatenate([piece.poses(own)[:, :3] for piece, own in zip(pieces, s, strict=True)])
             return points, sum(_length(piece) for piece in pieces)

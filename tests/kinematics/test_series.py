@@ -1,8 +1,9 @@
 """Taylor series in ball arithmetic: every enclosure contains the exact coefficients, and not much more."""
 
 from dataclasses import dataclass
+from decimal import Context, Decimal
 from fractions import Fraction
-from math import isqrt
+from math import factorial, isqrt
 
 import numpy as np
 import pytest
@@ -16,6 +17,9 @@ pytestmark = pytest.mark.filterwarnings("ignore:invalid value:RuntimeWarning")  
 ENTRIES = 2
 BITS = 400
 """Binary digits of the irrational truths: roots and sines of numbers below 1e6 are then good to 1e-80 and better."""
+
+EXACTLY = Context(prec=120)
+"""Digits of exponentials and logarithms."""
 
 nothing = st.just(0.0)
 # Far from overflow and underflow in every power that order 4 takes; signs and scales mixed.
@@ -137,6 +141,18 @@ def angle(y, x):
     return result
 
 
+def exponential(a):
+    start = Fraction(EXACTLY.divide(Decimal(a[0].numerator), Decimal(a[0].denominator)).exp(EXACTLY))
+    return composed([start / factorial(n) for n in range(len(a))], a)
+
+
+def logarithm(a):
+    if a[0] <= 0:
+        return None
+    start = Fraction(EXACTLY.divide(Decimal(a[0].numerator), Decimal(a[0].denominator)).ln(EXACTLY))
+    return composed([start, *(-1 / (n * (-a[0]) ** n) for n in range(1, len(a)))], a)
+
+
 EXACT = {
     "sum": (lambda a, b: a + b, lambda a, b: [x + y for x, y in zip(a, b, strict=True)], numbers, radii),
     "difference": (lambda a, b: a - b, lambda a, b: [x - y for x, y in zip(a, b, strict=True)], numbers, radii),
@@ -148,6 +164,8 @@ EXACT = {
     "root": (lambda a: a.sqrt(), root, numbers, radii),
     "sine": (lambda a: a.sincos()[0], lambda a: circular(a, 0), angles, spans),
     "cosine": (lambda a: a.sincos()[1], lambda a: circular(a, 1), angles, spans),
+    "exponential": (lambda a: a.exp(), exponential, angles, spans),
+    "logarithm": (lambda a: a.log(), logarithm, numbers, radii),
     "angle": (lambda a, b: a.atan2(b), angle, numbers, radii),
     "derivative": (lambda a: a.derivative(), lambda a: [k * x for k, x in enumerate(a)][1:], numbers, radii),
 }

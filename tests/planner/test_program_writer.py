@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from planner import load_program, program_names
-from planner.program import Arc, Blend, Dwell, Free, Line, Program, Spline, Stop, Through, Trigger, Turn
+from planner.program import Arc, Blend, Curve, Dwell, Free, Line, Program, Spline, Stop, Through, Trigger, Turn
 from planner.program_writer import program_toml
 
 LAST = 4 * np.finfo(float).eps
@@ -72,6 +72,15 @@ segments = st.one_of(
     st.builds(Line, points, st.none() | turns, **drawn),
     st.builds(Arc, points, directions, angles, st.none() | turns, rise=lengths, **drawn),
     st.builds(lambda a, b, **said: Spline([a, np.add(b, 30)], **said), points, points, **drawn),
+    st.builds(
+        lambda bounds, rotate, constants, **said: Curve(
+            ("a*cos(t)", "2**-t", "-1"), *bounds, rotate, constants=constants, length=1e-3, **said
+        ),
+        st.tuples(lengths, lengths).filter(lambda pair: pair[0] != pair[1]),
+        st.none() | st.just(("0", "t/2", "a")),
+        lengths.map(lambda a: (("a", a), ("b_1", 2.0))),
+        **drawn,
+    ),
     st.builds(lambda to, join, speed: Turn(to, join, angular_speed=speed), turns, joins, caps["angular_speed"]),
     st.builds(lambda about, angle: Turn(about=about, angle=angle), directions, angles),
     st.builds(Dwell, positive),

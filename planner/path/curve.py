@@ -1,0 +1,211 @@
+"""Curves by equations: the way that formulas of t lead, by its length, proved to be smooth and never to stand still."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import casadi as ca
+import numpy as np
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from kinematics.array import Array, frozen
+from kinematics.errors import MotionError
+from kinematics.expression import Expression
+from kinematics.pose import Pose, column, numbers, symbols
+from kinematics.series import Series
+from planner.formula import formula
+from planner.path.even import drawn_by_length, uneven
+from planner.path.shape import Piece, Shape, turning
+from planner.path.way import way
+from planner.program import SAME, Curve
+
+# Cells of t at first, how often each may be halved until it is proved, and how many there may be.
+CELLS, HALVINGS, MOST = 64, 24, 1 << 14
+# Derivatives that are proved to be finite: those that a certificate of jerk needs, and one more.
+ORDER = 4
+# Points of a part that show its turning, at first and at most, and by what share twice as many may differ.
+POINTS, MOST_POINTS, AGREED = 65, 4097, 1e-3
+
+
+@dataclass(frozen=True, slots=True)
+class Equations:
+    """What the formulas of some segments have in common: the shape that they draw, and the pose by t for its proof.
+
+    shape   parameters: t at the start, dt/ds, and the frames before and after the formulas' own pose (12 + 9)
+    pose    t -> twelve numbers, as the formulas have them
+    """
+
+    shape: Shape
+    pose: Expression
+
+
+def equations(curve: Curve) -> Equations:
+    """Those of a segment; of the same formulas always the same, so that what is built on them is built once."""
+    return _equations(curve.position, curve.rotate, curve.constants, curve.length, curve.angle)
+
+
+@lru_cache(maxsize=64)
+def _equations(
+    position: tuple[str, str, str],
+    rotate: tuple[str, str, str] | None,
+    constants: tuple[tuple[str, float], ...],
+    length: float,
+    angle: float,
+) -> Equations:
+    known = dict(constants)
+
+    def pose(t: ca.SX) -> tuple[ca.SX, ca.SX]:
+        place = ca.vertcat(*(length * formula(text, known, t) for text in position))
+        turned = ca.SX.eye(3)
+        for axis, text in enumerate(rotate or ()):
+            turned = turned @ _turned(axis, angle * formula(text, known, t))
+        return place, turned
+
+    def motion(s: ca.SX, parameters: ca.SX) -> tuple[ca.SX, ca.SX]:
+        start, rate, before, after = ca.vertsplit(parameters, [0, 1, 2, 14, 23])
+        place, turned = pose(start + rate * s)
+        offset, frame = symbols(before)
+        return offset + frame @ place, frame @ turned @ ca.reshape(after, 3, 3).T
+
+    t = ca.SX.sym("t")
+    return Equations(Shape("curve", 23, motion), Expression("curve_pose", t, column(*pose(t))))
+
+
+def _turned(axis: int, angle: ca.SX) -> ca.SX:
+    i, j = (axis + 1) % 3, (axis + 2) % 3
+    turn = ca.SX.eye(3)
+    turn[i, i] = turn[j, j] = ca.cos(angle)
+    turn[i, j], turn[j, i] = -ca.sin(angle), ca.sin(angle)
+    return turn
+
+
+def ends(curve: Curve) -> tuple[Pose, Pose]:
+    """Where the formulas have the tool at both ends; where they do not turn it, the orientation is the identity's."""
+    x = equations(curve).pose(np.array([[curve.begin], [curve.end]]))
+    for place, t in zip(x, (curve.begin, curve.end), strict=True):
+        if not np.isfinite(place).all():
+            raise MotionError(f"its equations have no finite value at t = {t:.6g}; let t run where they have")
+    return tuple(  # type: ignore[return-value]
+        RigidTransform.from_components(row[:3], Rotation.from_matrix(row[3:].reshape(3, 3))) for row in x
+    )
+
+
+def curve(start: Pose, segment: Curve, frame: Pose, number: int) -> list[Piece]:
+    """The pieces from start (base frame) along a segment's equations, which hold in `frame`.
+
+    Their parameter is the way itself, to 1e-10 (planner.path.even). Where the equations begin within SAME of the start
+    they are moved to begin there. Raises MotionError, which names t, where they are not finite, not smooth, or stand
+    still.
+    """
+    made = equations(segment)
+    prove(made.pose, segment.begin, segment.end)
+    first, _ = ends(segment)
+    turn = first.rotation.inv() * frame.rotation.inv() * start.rotation  # what follows the formulas' own rotation
+    place = start.translation - frame.rotation.apply(first.translation)
+    before = numbers(RigidTransform.from_components(place, frame.rotation))[0]
+    after = turn.as_matrix().ravel()
+
+    def piece(begin: float, end: float) -> Piece:
+        span = abs(end - begin)
+        whole = Piece(made.shape, frozen(np.concatenate([[begin, np.sign(end - begin)], before, after])), span, number)
+        length = way(lambda s: np.linalg.norm(whole.derivatives(s)[1][:, :3], axis=1), 0.0, span).length
+        own = frozen(np.concatenate([[begin, (end - begin) / length], before, after]))
+        return Piece(made.shape, own, length, number)
+
+    pieces = _by_length(piece, segment.begin, segment.end, HALVINGS)
+    return [replace(each, turn=_turning(each)) for each in pieces]
+
+
+def _by_length(piece: Callable[[float, float], Piece], begin: float, end: float, halvings: int) -> list[Piece]:
+    """The curve for t from begin to end, in as many parts as it takes to have its length as its parameter."""
+    whole = piece(begin, end)
+    if not uneven(whole):
+        return [whole]
+    if whole.length <= SAME:
+        raise MotionError(f"it all but stands still around t = {begin:.6g}; part the curve there, or take another t")
+    with np.errstate(over="ignore", invalid="ignore"):  # where a polynomial is far from what it should follow
+        drawn = drawn_by_length(whole)
+        if not uneven(drawn):
+            return [drawn]
+    if halvings == 0:
+        raise MotionError(f"its speed by t changes too fast around t = {begin:.6g}; part the curve, or take another t")
+    middle = (begin + end) / 2
+    first, last = (_by_length(piece, *span, halvings - 1) for span in ((begin, middle), (middle, end)))
+    return [*first, *last]
+
+
+def _turning(piece: Piece) -> float:
+    points, found = POINTS, turning(piece, POINTS)
+    while points < MOST_POINTS:
+        points, before = 2 * points - 1, found
+        found = turning(piece, points)
+        if abs(found - before) <= AGREED * found:
+            break
+    return found
+
+
+def _speeds(pose: Expression, t: Array) -> Array:
+    """|dp/dt| (N,)."""
+    rates = _rates(pose)(t[:, None])
+    return np.asarray(np.linalg.norm(rates, axis=1))
+
+
+@lru_cache(maxsize=64)
+def _rates(pose: Expression) -> Expression:
+    t = ca.SX.sym("t")
+    return Expression("curve_rate", t, ca.jacobian(pose.function(t)[:3], t))
+
+
+def prove(pose: Expression, begin: float, end: float) -> None:
+    """That the equations have ORDER finite derivatives everywhere, and |dp/dt| > 0: by enclosures over cells of t.
+
+    Raises MotionError naming a t around which that is not so, or cannot be told from it.
+    """
+    edges = np.linspace(min(begin, end), max(begin, end), CELLS + 1)
+    low, high = edges[:-1], edges[1:]
+    for _ in range(HALVINGS):
+        rough, still = _doubtful(pose, low, high)
+        doubtful = rough | still
+        if not doubtful.any():
+            return
+        if doubtful.sum() > MOST:
+            speeds = _speeds(pose, (low + high) / 2)
+            if not (np.isfinite(speeds).all() and speeds.all()):
+                break
+            raise MotionError(
+                f"its equations change so fast around t = {_about(low, high, doubtful):.6g} that nothing can be proved "
+                "of them; part the curve, or take simpler ones"
+            )
+        low, high = low[doubtful], high[doubtful]
+        middle = (low + high) / 2
+        low, high = np.concatenate([low, middle]), np.concatenate([middle, high])
+    rough, still = _doubtful(pose, low, high)
+    if rough.any():
+        raise MotionError(
+            f"its equations are not smooth, or not finite, at t = {_about(low, high, rough):.6g}: a root or log of 0, "
+            "a quotient by 0, or a kink of abs, min or max; let t run beside it, or part the curve there"
+        )
+    if still.any():
+        raise MotionError(
+            f"it stands still at t = {_about(low, high, still):.6g}: x', y' and z' are 0 there; part the curve there, "
+            "or take another t"
+        )
+
+
+def _about(low: Array, high: Array, chosen: np.ndarray) -> float:
+    """A number in or beside the first of some chosen cells, with no more digits than tell it from others."""
+    k = int(np.argmax(chosen))
+    return round(float(low[k] + high[k]) / 2, int(np.floor(-np.log10(4 * (high[k] - low[k])))))
+
+
+def _doubtful(pose: Expression, low: Array, high: Array) -> tuple[np.ndarray, np.ndarray]:
+    """(N,) bool each: cells on which some derivative may be unbounded, and others on which the speed may be 0."""
+    middle, half = (low + high) / 2, (high - low) / 2 * (1 + 1e-12)
+    ones = np.ones_like(middle)
+    t = Series(np.stack([middle, ones]), np.stack([half, 0 * ones]), ORDER)
+    found = Series.stack([*pose.enclose([t]), Series.zeros(ORDER, low.shape)])
+    with np.errstate(invalid="ignore", over="ignore"):
+        rough = ~(np.isfinite(found.mid) & np.isfinite(found.rad)).all((0, 2))
+        speed = np.linalg.norm(found.mid[1, :, :3], axis=1) - np.linalg.norm(found.rad[1, :, :3], axis=1)
+    moves = rough | (speed > 0)
+    return np.asarray(rough), np.asarray(~moves)
