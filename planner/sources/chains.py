@@ -12,6 +12,8 @@ from planner.sources.stroke import Chain, headings, reverse
 
 CROWD = 40
 """Ends that are near one end, on average, above which a tolerance is too wide for its drawing."""
+FORK = 64
+"""Ends that may meet; where more do, as in the middle of a star, all end there."""
 
 
 def chained(chains: Sequence[Chain], tolerance: float) -> tuple[list[Chain], int]:
@@ -29,7 +31,8 @@ def chained(chains: Sequence[Chain], tolerance: float) -> tuple[list[Chain], int
     for group in groups:
         if len(group) > 2:
             forks += 1
-            _pair(group, chains, partner)
+            if len(group) <= FORK:
+                _pair(group, chains, partner)
         elif len(group) == 2:
             a, b = group
             partner[a], partner[b] = b, a

@@ -55,7 +55,9 @@ class Dxf:
     retract: float | None = option(
         None, "height above the drawing's plane of the way between contours. Default: in the plane", "m"
     )
-    approach: float = option(0.0, "height above a contour's start from which it is gone down to at speed. Default 0", "m")
+    approach: float = option(
+        0.0, "height above a contour's start from which it is gone down to at speed. Default 0", "m"
+    )
     lead_in: float | None = option(None, "length of a tangential way into closed contours. Default: none", "m")
     lead: Literal["line", "arc"] = option("line", "its shape: straight, or a quarter circle. Default line")
     side: Literal["outside", "inside"] = option("outside", "where a quarter circle comes from. Default outside")
@@ -95,10 +97,10 @@ class Dxf:
                     faults.add(f"{entity.dxftype()} {entity.dxf.handle}: {wrong}")
                 except Exception as wrong:  # what ezdxf comes upon in an entity that it has read
                     faults.add(f"{entity.dxftype()} {entity.dxf.handle}: broken: {wrong}")
-        if not faults and not parts:
-            faults.add("nothing to run: it has no lines and no curves on these layers")
-        faults.refuse()
         kept, short = _long_enough(parts, self.tolerance)
+        if not faults and not kept:
+            faults.add("nothing to run: it has no lines and no curves on these layers, none longer than the tolerance")
+        faults.refuse()
         chains, forks = chained(kept, self.tolerance)
         closed = [bool(np.linalg.norm(chain[0].start - chain[-1].end) <= self.tolerance) for chain in chains]
         work = None if self.origin is None else placed(self.origin)

@@ -86,7 +86,7 @@ def _metres(path: Path, code: int, length: str | None, warnings: list[str]) -> f
 def _taken(path: Path, entities: list[Any], layers: dict[str, Any], options: "Dxf", warnings: list[str]) -> list[Any]:
     """Those of the layers that count: named ones, or all but skipped and hidden ones."""
     named, skipped = options.named, options.skipped
-    known = layers.keys() | {entity.dxf.layer.lower() for entity in entities}
+    known = layers.keys() | {layer_of(entity).lower() for entity in entities}
     for name in [*named, *skipped]:
         if name not in known:
             offered = ", ".join(shown(layer) for layer in sorted(known)[:20])
@@ -94,12 +94,12 @@ def _taken(path: Path, entities: list[Any], layers: dict[str, Any], options: "Dx
     hidden = {name for name, layer in layers.items() if layer.is_off() or layer.is_frozen()} - set(named)
     left, taken = Counter[str](), []
     for entity in entities:
-        layer = entity.dxf.layer.lower()
+        layer = layer_of(entity).lower()
         if (named and layer not in named) or layer in skipped:
-            left[f"on layer {shown(entity.dxf.layer)}, as the options say"] += 1
+            left[f"on layer {shown(layer_of(entity))}, as the options say"] += 1
         elif layer in hidden:
-            left[f"on layer {shown(entity.dxf.layer)}, which is off or frozen"] += 1
-        elif entity.dxf.get("invisible", 0):
+            left[f"on layer {shown(layer_of(entity))}, which is off or frozen"] += 1
+        elif entity.dxf.hasattr("invisible") and entity.dxf.invisible:
             left["that are invisible"] += 1
         else:
             taken.append(entity)
@@ -107,11 +107,16 @@ def _taken(path: Path, entities: list[Any], layers: dict[str, Any], options: "Dx
     return taken
 
 
+def layer_of(entity: Any) -> str:
+    """Its layer; of kinds that ezdxf does not know too."""
+    return str(entity.dxf.layer if entity.dxf.hasattr("layer") else entity.graphic_properties().get("layer", "0"))
+
+
 def refuse_unknown(entities: list[Any], faults: Faults) -> None:
     """One fault for each kind and layer of entities that are not supported, with the handles of them all."""
     groups = defaultdict(list)
     for entity in entities:
-        groups[entity.dxftype(), entity.dxf.layer].append(str(entity.dxf.handle))
+        groups[entity.dxftype(), layer_of(entity)].append(str(entity.dxf.handle))
     for (kind, layer), handles in groups.items():
         more = f" and {len(handles) - HANDLES} more" if len(handles) > HANDLES else ""
         remedy = "explode it" if kind in ("INSERT", "DIMENSION", "MLINE", "POLYLINE") else "take it out"

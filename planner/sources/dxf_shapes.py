@@ -56,7 +56,9 @@ class Shapes:
         """Its chains: one, none where it has no length, more where a spline has corners. Raises MotionError."""
         if missing := [name for name in ASKED.get(entity.dxftype(), ()) if not entity.dxf.hasattr(name)]:
             raise MotionError(f"it states no {missing[0]}")
-        self.flattened += any(entity.dxf.hasattr(name) and entity.dxf.get(name) for name in ("thickness", "const_width"))
+        self.flattened += any(
+            entity.dxf.hasattr(name) and entity.dxf.get(name) for name in ("thickness", "const_width")
+        )
         found = tuple(self._kinds[entity.dxftype()](entity))
         return [found] if found else []
 
@@ -77,8 +79,9 @@ class Shapes:
 
     def _arc(self, entity: Any) -> Iterator[Stroke]:
         """ARC and CIRCLE: against the clock about the direction of extrusion, which −z turns round."""
-        ux, uy, normal = _axes(entity)
-        centre, radius = self._point(entity.ocs().to_wcs(entity.dxf.center)), entity.dxf.radius * self.metres
+        ocs = _turned(entity)
+        ux, uy, normal = _axes(ocs)
+        centre, radius = self._point(ocs.to_wcs(entity.dxf.center)), entity.dxf.radius * self.metres
         if not 0 <= radius <= LARGEST:
             raise MotionError(f"radius {entity.dxf.radius:g} must not be negative, and be less than {LARGEST:g} m")
         full = entity.dxftype() == "CIRCLE"
@@ -120,7 +123,8 @@ class Shapes:
 
         The centre lies (1 − b²)/(4 b) of the side beside its middle, on its left where b is positive and less than 1.
         """
-        ocs, normal = entity.ocs(), _axes(entity)[2]
+        ocs = _turned(entity)
+        normal = _axes(ocs)[2]
         places = [self._point(ocs.to_wcs((x, y, height))) for x, y, _ in rows]
         for (start, end), (_, _, bulge) in zip(_sides(places, closed), rows, strict=False):
             if not isfinite(bulge):
@@ -137,7 +141,7 @@ class Shapes:
     def _ellipse(self, entity: Any) -> Iterator[Stroke]:
         """c + a cos t + b sin t; where both axes are alike an arc, else a curve through points."""
         centre, major = self._point(entity.dxf.center), self._point(entity.dxf.major_axis)
-        normal, ratio = _axes(entity)[2], entity.dxf.ratio
+        normal, ratio = _axes(_turned(entity))[2], entity.dxf.ratio
         if not 0 < abs(ratio) <= 1 or np.linalg.norm(major) <= SAME:
             raise MotionError(f"axes of {entity.dxf.major_axis.magnitude:g} and {ratio:g} of that make no ellipse")
         minor = cross(normal, major) * ratio
@@ -193,11 +197,18 @@ class Shapes:
         return curve(points)
 
 
-def _axes(entity: Any) -> tuple[Array, Array, Array]:
-    """Axes (3,) of the coordinates that an entity is stated in, in those of the drawing."""
-    if entity.dxf.hasattr("extrusion") and not 0 < hypot(*entity.dxf.extrusion) < float("inf"):
+def _turned(entity: Any) -> Any:
+    """The coordinates that an entity with an extrusion is stated in: ezdxf's OCS."""
+    from ezdxf.math import OCS
+
+    extrusion = entity.dxf.get("extrusion", (0, 0, 1))
+    if not 0 < hypot(*extrusion) < float("inf"):
         raise MotionError("its extrusion is no direction")
-    ocs = entity.ocs()
+    return OCS(extrusion)
+
+
+def _axes(ocs: Any) -> tuple[Array, Array, Array]:
+    """Their axes (3,) in the drawing's coordinates."""
     ux, uy, uz = (np.array(list(ocs.to_wcs(axis))) for axis in ((1, 0, 0), (0, 1, 0), (0, 0, 1)))
     return ux, uy, uz
 

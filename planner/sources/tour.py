@@ -29,7 +29,9 @@ def tour(start: Array, entries: Sequence[Array], closed: Sequence[bool]) -> list
     if not entries:
         return []
     order, by = _nearest(start, entries, closed)
-    ends = np.array([[points[b], points[b if loop else 1 - b]] for points, b, loop in zip(entries, by, closed, strict=True)])
+    ends = np.array(
+        [[points[b], points[b if loop else 1 - b]] for points, b, loop in zip(entries, by, closed, strict=True)]
+    )
     order, turned = _improved(start, order, ends)
     by = np.where(turned & ~np.asarray(closed), 1 - by, by)
     before = start

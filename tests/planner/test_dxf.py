@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from benchmarks.dxf import draw
@@ -153,7 +154,13 @@ def test_a_smoothed_polyline_is_what_the_smoothing_made(sheet):
 
 @pytest.mark.parametrize(
     ("first", "last", "axis", "up"),
-    [(0, tau, (8, 0, 0), 1), (0.3, 2, (8, 0, 0), 1), (5, 1, (3, 4, 0), 1), (0, tau, (8, 0, 0), -1), (1, 2, (0, 3, 4), 1)],
+    [
+        (0, tau, (8, 0, 0), 1),
+        (0.3, 2, (8, 0, 0), 1),
+        (5, 1, (3, 4, 0), -1),
+        (0, tau, (8, 0, 0), -1),
+        (1, 2, (0, 3, 4), 1),
+    ],
 )
 @pytest.mark.parametrize("deviation", [1e-5, 1e-7])
 def test_ellipses_stay_within_the_tolerance_that_is_told(sheet, first, last, axis, up, deviation):
@@ -165,8 +172,6 @@ def test_ellipses_stay_within_the_tolerance_that_is_told(sheet, first, last, axi
     major, minor = np.array(axis, float), 0.4 * np.cross(normal, axis)
     fine = np.linspace(first, first + ((last - first) % tau or tau), 400_001)
     exact = [3, 2, 1] + np.cos(fine)[:, None] * major + np.sin(fine)[:, None] * minor
-    from scipy.spatial import cKDTree
-
     # 400 001 points lie 7 mm·2π/4e5 apart: the nearest is off by half of that, at right angles to the distance
     off = cKDTree(exact).query(points)[0].max()
     along = 8 * tau / 400_000 / 2
@@ -192,12 +197,11 @@ def test_splines_follow_their_b_spline(sheet):
     made = space.add_open_spline([(0, 0), (5, 12), (9, -4), (14, 6), (20, 3, 2)])
     weighted = space.add_rational_spline([(0, 30), (5, 42), (9, 26), (14, 36)], [1, 3, 0.5, 1])
     found = read(order="file")
-    for entity, stroke in zip((made, weighted), found.outline.strokes[1::2], strict=True):
+    for entity, stroke in zip((made, weighted), found.outline.strokes[::2], strict=True):
         tool = entity.construction_tool()
         exact = np.array([list(point) for point in tool.points(np.linspace(0, tool.max_t, 20_001))])
-        from scipy.spatial import cKDTree
-
-        assert cKDTree(exact).query(stroke * 1e3)[0].max() < 1.1e-3 + 0.001  # tolerance, and half the points' distance
+        apart = np.linalg.norm(np.diff(exact, axis=0), axis=1).max()
+        assert cKDTree(exact).query(stroke * 1e3)[0].max() < hypot(1.2e-3, apart / 2)
         assert stroke[[0, -1]] * 1e3 == pytest.approx(exact[[0, -1]], abs=1e-9)
 
 
@@ -234,7 +238,7 @@ ROUNDED = [
 """A closed contour, with a half circle cut in: its arcs run against the clock, whichever way the contour goes."""
 
 
-@settings(max_examples=25, deadline=None, derandomize=True)
+@settings(max_examples=12, deadline=None, derandomize=True)
 @given(order=st.permutations(ROUNDED), flips=st.lists(st.booleans(), min_size=10, max_size=10), gap=st.floats(0, 9e-4))
 def test_whatever_the_order_and_the_directions_a_contour_comes_back(tmp_path_factory, order, flips, gap):
     """Ends are off by up to 0.9 µm each, and the tolerance is 2 µm."""
@@ -253,18 +257,17 @@ def test_whatever_the_order_and_the_directions_a_contour_comes_back(tmp_path_fac
     document.saveas(path)
     program = import_program(path, speed=1, tolerance=2e-6, retract=5e-3).program
     (parts,) = contours(program)
-    # down to it, and all of it
-    assert len(parts) == 11
+    assert len(parts) == 10
     at = ends(program)
-    assert at[-2] == pytest.approx(at[2], abs=2.1e-3)
+    assert at[-2] == pytest.approx(at[3], abs=2.1e-3)
     length = sum(
         np.linalg.norm(part.to * 1e3 - start)
         if isinstance(part, Line)
         else abs(part.angle) * np.linalg.norm(start - part.centre * 1e3)
-        for start, part in parts[1:]
+        for start, part in parts
     )
     assert length == pytest.approx(15 + 15 + 35 + 40 + 35 + 10 * pi / 2 * 2 + 5 * pi, abs=0.05)
-    for start, part in parts[1:]:
+    for start, part in parts:
         if isinstance(part, Arc):
             known = [own for kind, *own in ROUNDED if kind == "arc"]
             near = min(known, key=lambda own: np.linalg.norm(np.array(own[0]) - part.centre[:2] * 1e3))
@@ -285,9 +288,12 @@ def test_the_tolerance_is_what_parts_contours(sheet):
     assert start == pytest.approx([20, 0, 0])
     assert ends(read(speed=1, tolerance=2.1e-5).program)[-1] == pytest.approx([25.02, 5, 0])
     assert arc.angle == pytest.approx(pi / 2)
-    with pytest.raises(MotionError, match=r"tolerance 1000 mm: too many ends|shorter"):
-        for k in range(200):
-            space.add_line((k, 0), (k, 1))
+    space.delete_entity(space.query("ARC").first)
+    with pytest.raises(MotionError, match="none longer than the tolerance"):
+        read(tolerance=1.0)
+    for k in range(200):
+        space.add_line((k, 0), (k, 1500))
+    with pytest.raises(MotionError, match="tolerance 1000 mm: too many ends"):
         read(tolerance=1.0)
 
 
@@ -309,8 +315,8 @@ def test_at_a_fork_contours_go_on_straight(sheet):
 def test_a_star_of_thousands_is_no_crowd(sheet):
     space, read = sheet
     for k in range(2000):
-        space.add_line((0, 0), (cos(tau * k / 2000), sin(tau * k / 2000)))
-    assert len(contours(read(speed=1, order="file").program)) == 1000
+        space.add_line((0, 0), (100 * cos(tau * k / 2000), 100 * sin(tau * k / 2000)))
+    assert len(contours(read(speed=1, order="file").program)) == 2000
 
 
 # --- the way between, and into contours ------------------------------------------------------------------------------
@@ -355,8 +361,8 @@ def test_a_lead_in_is_tangential_and_as_long_as_stated(sheet, lead, side, clockw
     assert radius * abs(first.angle) == pytest.approx(3)
     arriving = np.cross(first.normal, begin - first.centre * 1e3) * np.sign(first.angle) / radius
     assert arriving == pytest.approx(ahead, abs=1e-12)
-    x, y, _ = start
-    assert (10 < x < 30 and 10 < y < 40) == (side == "inside")
+    middle = [20, 25, 0]
+    assert (np.dot(first.centre * 1e3 - begin, np.array(middle) - begin) > 0) == (side == "inside")
 
 
 def test_only_closed_contours_are_led_into(sheet):
@@ -481,7 +487,12 @@ def test_what_is_not_supported_is_listed_and_the_drawing_refused(sheet):
     (line,) = [line for line in told if "TEXT" in line]
     assert 'layer "NOTES": TEXT is not supported' in line
     assert all(f" {text.dxf.handle}" in line for text in texts)
-    for entity, words in ((hatch, "HATCH"), (insert, "INSERT is not supported: explode"), (mesh, "POLYLINE"), (point, "POINT")):
+    for entity, words in (
+        (hatch, "HATCH"),
+        (insert, "INSERT is not supported: explode"),
+        (mesh, "POLYLINE"),
+        (point, "POINT"),
+    ):
         assert any(words in line and line.endswith(f"handle {entity.dxf.handle}") for line in told)
     for entity in (hatch, mesh, point):
         space.delete_entity(entity)
@@ -517,7 +528,8 @@ def test_the_plane_may_lie_anywhere(sheet):
     assert ends(program)[-2] == pytest.approx([20, 5, 0])
     assert program.work.apply(np.array([0.02, 0.005, 0.001])) == pytest.approx([0.021, 0.001, 0.035])
     # it begins at home, up along the drawing's normal if that lies below the height of the way
-    assert ends(program, program.work.inv().translation * 1e3)[1] == pytest.approx([10, 0, 3])
+    home = program.work.inv().translation * 1e3
+    assert ends(program, home)[1:3] == pytest.approx(np.array([[*home[:2], 3], [10, 0, 3]]))
 
 
 def test_widths_and_lengths_of_nothing_are_told(sheet):
@@ -583,7 +595,6 @@ def test_broken_files_are_refused_with_their_name(tmp_path, change):
         (lambda space: space.add_open_spline([(0, 0), (1, 1), (float("nan"), 1), (2, 2)]), "is not a place"),
         (lambda space: space.add_rational_spline([(0, 0), (1, 1), (3, 1), (2, 2)], [1, -1, 1, 1]), "weights"),
         (lambda space: space.add_spline(), "SPLINE"),
-        (lambda space: space.add_circle((0, 0), 1, dxfattribs={"extrusion": (0, 0, 0)}), "CIRCLE"),
     ],
 )  # fmt: skip
 def test_entities_that_make_no_sense_are_told_by_their_handles(tmp_path, make, words):
@@ -627,7 +638,7 @@ def test_a_sheet_of_parts(tmp_path):
     assert sum(found.entities.values()) == 200
     parts = contours(found.program)
     assert len(parts) == count == 90
-    assert sum(map(len, parts)) == 90 + 10 * (12 + 3 * 4 + 4 + 1)
+    assert sum(map(len, parts)) == 10 * (12 + 3 * 4 + 4 + 1)
 
 
 def test_a_drawing_is_planned_and_certified(sheet, hexapod, tmp_path):
@@ -636,9 +647,9 @@ def test_a_drawing_is_planned_and_certified(sheet, hexapod, tmp_path):
     space.add_arc((5, 3), 3, 270, 90)
     space.add_line((5, 6), (-5, 6))
     space.add_ellipse((0, 3), (3, 0), 0.5)
-    program = read(origin="0 mm, 0 mm, 25 mm", retract=2e-3, speed=0.01).program
+    program = read(origin="0 mm, 0 mm, 25 mm", retract=2e-3, deviation=1e-5).program
     (tmp_path / "program.toml").write_text(program_toml(program), encoding="utf-8")
-    made = plan(load_program(tmp_path / "program.toml"), hexapod)
+    made = plan(load_program(tmp_path / "program.toml"), hexapod, order=2)
     assert made.certificate.holds
     assert made.trajectory.at(made.trajectory.duration).pose.translation[-1] == pytest.approx(
         hexapod.home.translation + ends(program)[-1] * 1e-3 + [0, 0, 0.025]
