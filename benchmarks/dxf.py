@@ -23,10 +23,10 @@ PART = 20
 
 def draw(path: Path, count: int) -> int:
     """A sheet of that many entities; how many contours they are."""
-    import ezdxf
+    from ezdxf.filemanagement import new
 
     rng = random.Random(1)
-    document = ezdxf.new(units=4)
+    document = new(units=4)
     sheet = document.modelspace()
     parts = count // PART
     across = ceil(sqrt(parts))

@@ -83,7 +83,7 @@ def _quaternions(start: Pose, rotate: Rotation | None, count: int) -> Array:
 
 
 def interpolated(values: Array, spans: Array) -> Array:
-    """(N, 6 k) coefficients of every span through k values (N+1, k), by powers of s from its start, each for all of them."""
+    """(N, 6 k) coefficients of every span through k values (N+1, k), by powers of s from its start."""
     from scipy.interpolate import make_interp_spline
 
     knots = np.concatenate([[0.0], np.cumsum(spans)])

@@ -61,7 +61,7 @@ def _groups(ends: Array, tolerance: float) -> list[list[int]]:
         )
     pairs = tree.query_pairs(tolerance, output_type="ndarray")
     near = coo_array((np.ones(len(pairs), bool), (pairs[:, 0], pairs[:, 1])), shape=(len(first), len(first)))
-    label: NDArray[np.intp] = connected_components(near, directed=False)[1][same.ravel()]
+    label = np.asarray(connected_components(near, directed=False)[1])[same.ravel()]
     order = np.argsort(label, kind="stable")
     parts = np.split(order, np.flatnonzero(np.diff(label[order])) + 1)
     return [part.tolist() for part in parts if len(part) > 1]

@@ -87,7 +87,7 @@ def _go(segments: list[Segment], here: Array, there: Array, how: Cutting) -> Arr
     if here[2] < how.retract:
         here = _to(segments, here, np.array([here[0], here[1], how.retract]), how.rapid)
     here = _to(segments, here, np.array([there[0], there[1], how.retract]), how.rapid)
-    here = _to(segments, here, there + [0.0, 0.0, how.approach], how.rapid)
+    here = _to(segments, here, there + np.array([0.0, 0.0, how.approach]), how.rapid)
     return _to(segments, here, there, how.speed)
 
 

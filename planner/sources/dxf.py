@@ -55,9 +55,7 @@ class Dxf:
     retract: float | None = option(
         None, "height above the drawing's plane of the way between contours. Default: in the plane", "m"
     )
-    approach: float = option(
-        0.0, "height above a contour's start from which it is gone down to at speed. Default 0", "m"
-    )
+    approach: float = option(0.0, "height above a contour's start from which it goes down at speed. Default 0", "m")
     lead_in: float | None = option(None, "length of a tangential way into closed contours. Default: none", "m")
     lead: Literal["line", "arc"] = option("line", "its shape: straight, or a quarter circle. Default line")
     side: Literal["outside", "inside"] = option("outside", "where a quarter circle comes from. Default outside")

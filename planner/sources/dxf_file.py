@@ -34,14 +34,14 @@ class Drawing:
 
 
 def drawing(path: Path, options: "Dxf") -> Drawing:
-    """Raises FileError for what is no DXF file, or a broken one, or has no unit; MotionError where ezdxf is not there."""
+    """Raises FileError for what is no DXF file, is broken or has no unit; MotionError where ezdxf is not there."""
     try:
-        import ezdxf
+        from ezdxf.filemanagement import readfile
     except ImportError:
         raise MotionError('DXF files need ezdxf; install it with: pip install "pulsepath[cad]"') from None
     raw = _bytes(path)
     try:
-        document = ezdxf.readfile(path)
+        document = readfile(path)
         entities = list(document.modelspace())
         layers = {layer.dxf.name.lower(): layer for layer in document.layers}
         papers = Counter(

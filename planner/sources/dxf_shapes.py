@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from math import atan, hypot, isfinite, pi, radians
 from typing import Any
 
@@ -187,7 +188,7 @@ class Shapes:
         low, high = knots[degree], knots[-degree - 1]
         inside, times = np.unique(knots[(low < knots) & (knots < high)], return_counts=True)
         breaks = [low, *inside[times >= degree], high]
-        for begin, end in zip(breaks, breaks[1:], strict=False):
+        for begin, end in pairwise(breaks):
             hair = 1e-12 * (high - low)  # at a corner both sides have a value of their own
             yield self._fitted(along, begin + hair * (begin > low), end - hair * (end < high))
 

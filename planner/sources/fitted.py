@@ -44,7 +44,7 @@ def _off(curve: Curve, t: Array, points: Array, spans: Array) -> Array:
     """m, the largest distance of each span from the curve."""
     powers = interpolated(points, spans).reshape(len(spans), DEGREE + 1, 3)
     s = spans[:, None] * INSIDE
-    x = sum(powers[:, None, k] * s[..., None] ** k for k in range(DEGREE + 1)).reshape(-1, 3)
+    x = np.einsum("nkx,nmk->nmx", powers, s[..., None] ** np.arange(DEGREE + 1)).reshape(-1, 3)
     near = (t[:-1, None] + np.diff(t)[:, None] * INSIDE).ravel()
     for _ in range(NEWTON):
         p, slope = curve(near)

@@ -74,7 +74,7 @@ def _slopes(points: Array) -> tuple[Array, Array]:
     spans = np.linalg.norm(np.diff(points, axis=0), axis=1)
     powers = interpolated(points, spans).reshape(len(spans), -1, 3)
     last = sum(k * powers[-1, k] * spans[-1] ** (k - 1) for k in range(1, powers.shape[1]))
-    return powers[0, 1], np.asarray(last)
+    return np.asarray(powers[0, 1]), np.asarray(last)
 
 
 def moved(stroke: Stroke, start: Array) -> Stroke:
@@ -116,7 +116,7 @@ def vertices(chain: Chain) -> Array:
     own = cast(Arc, chain[0].segment)
     u = chain[0].start - own.centre
     v = cross(own.normal, u)
-    return own.centre + np.array([u, v, -u, -v])
+    return np.asarray(own.centre + np.array([u, v, -u, -v]))
 
 
 def begun(chain: Chain, nth: int) -> Chain:

@@ -337,8 +337,8 @@ def test_heights_speeds_and_joins(sheet):
     assert joins[4] == Blend(1e-5)
     assert all(isinstance(join, Stop) for k, join in enumerate(joins) if k != 4)
     assert isinstance(read(retract=4e-3).program.segments[3].join, Through)
+    space.add_line((0, 0, 1), (5, 5, 2))
     with pytest.raises(MotionError, match="retract 1 mm must be at least 2 mm"):
-        space.add_line((0, 0, 1), (5, 5, 2))
         read(retract=1e-3)
 
 
@@ -499,7 +499,7 @@ def test_what_is_not_supported_is_listed_and_the_drawing_refused(sheet):
     left = read(skip="notes")
     assert left.entities == {"LINE": 1}
     assert '151 entities on layer "NOTES", as the options say were left out' in left.warnings
-    with pytest.raises(FileError, match='no layer "note".*nearest is "notes"'):
+    with pytest.raises(FileError, match=r'no layer "note".*nearest is "notes"'):
         read(skip="note")
 
 
@@ -562,7 +562,7 @@ def _saved(tmp_path, make):
         lambda raw: b"", lambda raw: raw[: len(raw) // 2], lambda raw: raw[:-40], lambda raw: bytes(range(256)) * 64,
         lambda raw: b"\x89PNG\r\n\x1a\n" + bytes(100), lambda raw: b"hello\nworld\n",
         lambda raw: raw.replace(b"12.5", b"twelve"), lambda raw: raw.replace(b"LINE", b"L\xffNE"),
-        lambda raw: raw.replace(b"AcDbLine", b""), lambda raw: raw[: raw.rfind(b"ENDSEC")] + b"EOF\n",
+        lambda raw: raw[: raw.rfind(b"ENDSEC")] + b"EOF\n",
         lambda raw: b"AutoCAD Binary DXF\r\n\x1a\x00" + bytes(range(200)),
         lambda raw: b"0\nSECTION\n2\nENTITIES\n0\nFOO\n8\nL\n0\nENDSEC\n0\nEOF\n",
         lambda raw: b"0\nSECTION\n2\nENTITIES\n0\nLINE\n8\n0\n0\nENDSEC\n0\nEOF\n",
@@ -573,12 +573,8 @@ def _saved(tmp_path, make):
 def test_broken_files_are_refused_with_their_name(tmp_path, change):
     _, raw = _saved(tmp_path, lambda space: space.add_line((12.5, 0), (3, 4)))
     (tmp_path / "bad.dxf").write_bytes(change(raw))
-    try:
+    with pytest.raises(FileError, match=r"bad\.dxf"):
         import_program(tmp_path / "bad.dxf", length="mm")
-    except FileError as error:
-        assert "bad.dxf" in str(error)
-    else:
-        assert change(raw).count(b"LINE") >= 1  # what is left is still a line
 
 
 @pytest.mark.parametrize(
@@ -623,7 +619,7 @@ def test_without_ezdxf_the_extra_is_named(sheet, monkeypatch):
     space, read = sheet
     space.add_line((0, 0), (1, 1))
     read()
-    monkeypatch.setitem(sys.modules, "ezdxf", None)
+    monkeypatch.setitem(sys.modules, "ezdxf.filemanagement", None)
     with pytest.raises(MotionError, match=r'pip install "pulsepath\[cad\]"'):
         import_program("part.dxf")
 
