@@ -11,6 +11,7 @@ from planner.sources.source import Imported, Source
 SOURCES = {
     "dxf": "planner.sources.dxf:Dxf",
     "gcode": "planner.sources.gcode:Gcode",
+    "positions": "planner.sources.positions:Positions",
 }
 """Module and class by the name that the command line knows."""
 
