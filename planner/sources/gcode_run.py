@@ -109,7 +109,7 @@ class Run:
             elif (word := ignored(letter, value, self.options.ignored)) is not None:
                 self.left_out[word] += 1
             else:
-                raise Wrong(given + text, f"{given}{text} is not supported; take it out, or edit the program")
+                raise Wrong(given + text, f"{given}{text[:20]} is not supported; take it out, or edit the program")
         return codes, values
 
     def _modal(self, codes: dict[str, float], values: dict[str, float]) -> None:
