@@ -49,7 +49,7 @@ def spline(start: Pose, through: Array, rotate: Rotation | None, segment: int) -
     points = np.concatenate([start.translation[None], through])
     values = np.concatenate([points, _quaternions(start, rotate, len(through))], 1)
     spans = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    numbers = interpolated(values, spans)
+    numbers = _interpolated(values, spans)
     speed = _speeds(numbers, spans)
     slowest = int(np.argmin(speed.min(1)))
     if speed[slowest].min() < SLOWEST:
@@ -82,7 +82,16 @@ def _quaternions(start: Pose, rotate: Rotation | None, count: int) -> Array:
     return np.asarray(found * sides[:, None])
 
 
-def interpolated(values: Array, spans: Array) -> Array:
+def along(points: Array, share: Array) -> tuple[Array, Array]:
+    """Points (N, k, 3) of the spline through points (N+1, 3), at k shares of every span; and slopes by its chords."""
+    spans = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    powers = _interpolated(points, spans).reshape(len(spans), DEGREE + 1, 3)
+    s, k = (spans[:, None] * share)[..., None], np.arange(DEGREE + 1)
+    slopes = np.einsum("nkx,nsk->nsx", powers[:, 1:], k[1:] * s ** k[:-1])
+    return np.einsum("nkx,nsk->nsx", powers, s**k), slopes
+
+
+def _interpolated(values: Array, spans: Array) -> Array:
     """(N, 6 k) coefficients of every span through k values (N+1, k), by powers of s from its start."""
     from scipy.interpolate import make_interp_spline
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from kinematics.array import Array
 from kinematics.errors import MotionError
-from planner.path.spline import DEGREE, interpolated
+from planner.path.spline import along
 
 BEGIN, ROUNDS, MOST = 17, 40, 20_000
 """Points to begin with, how often spans are halved, and points at most."""
@@ -30,7 +30,7 @@ def fitted(curve: Curve, low: float, high: float, tolerance: float) -> tuple[Arr
         spans = np.linalg.norm(np.diff(points, axis=0), axis=1)
         if not np.isfinite(points).all() or spans.min() == 0 or len(t) > MOST:
             break
-        off = _off(curve, t, points, spans)
+        off = _off(curve, t, points)
         bad = off > tolerance
         if not bad.any():
             return points, float(off.max())
@@ -40,14 +40,12 @@ def fitted(curve: Curve, low: float, high: float, tolerance: float) -> tuple[Arr
     raise MotionError(f"no smooth curve follows it within {tolerance * 1e3:g} mm; explode it into lines and arcs")
 
 
-def _off(curve: Curve, t: Array, points: Array, spans: Array) -> Array:
+def _off(curve: Curve, t: Array, points: Array) -> Array:
     """m, the largest distance of each span from the curve."""
-    powers = interpolated(points, spans).reshape(len(spans), DEGREE + 1, 3)
-    s = spans[:, None] * INSIDE
-    x = np.einsum("nkx,nmk->nmx", powers, s[..., None] ** np.arange(DEGREE + 1)).reshape(-1, 3)
+    x = along(points, INSIDE)[0].reshape(-1, 3)
     near = (t[:-1, None] + np.diff(t)[:, None] * INSIDE).ravel()
     for _ in range(NEWTON):
         p, slope = curve(near)
         steep = np.maximum((slope**2).sum(1), np.finfo(float).tiny)
         near = np.clip(near + ((x - p) * slope).sum(1) / steep, t[0], t[-1])
-    return np.asarray(np.linalg.norm(x - curve(near)[0], axis=1).reshape(len(spans), -1).max(1))
+    return np.asarray(np.linalg.norm(x - curve(near)[0], axis=1).reshape(len(t) - 1, -1).max(1))

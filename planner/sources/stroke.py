@@ -7,7 +7,7 @@ from typing import cast
 import numpy as np
 
 from kinematics.array import Array
-from planner.path.spline import interpolated
+from planner.path.spline import along
 from planner.program import SAME, Arc, Line, Spline
 
 STEADY = 0.5
@@ -66,15 +66,9 @@ def headings(stroke: Stroke) -> tuple[Array, Array]:
             way, rise = cross(own.normal, stroke.start - own.centre) * own.angle, own.rise * own.normal
             first, last = way + rise, _turned(way, own.normal, own.angle) + rise
         case Spline() as own:
-            first, last = _slopes(np.concatenate([stroke.start[None], own.through]))
+            slopes = along(np.concatenate([stroke.start[None], own.through]), np.array([0.0, 1.0]))[1]
+            first, last = slopes[0, 0], slopes[-1, 1]
     return first / np.linalg.norm(first), last / np.linalg.norm(last)
-
-
-def _slopes(points: Array) -> tuple[Array, Array]:
-    spans = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    powers = interpolated(points, spans).reshape(len(spans), -1, 3)
-    last = sum(k * powers[-1, k] * spans[-1] ** (k - 1) for k in range(1, powers.shape[1]))
-    return np.asarray(powers[0, 1]), np.asarray(last)
 
 
 def moved(stroke: Stroke, start: Array) -> Stroke:
