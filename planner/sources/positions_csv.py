@@ -123,3 +123,10 @@ def positions_csv(listed: PositionList) -> str:
     for pose in listed.poses.tolist():
         lines.append(",".join([*(decimal(value, 3) for value in pose[:3]), *(repr(degrees(a)) for a in pose[3:])]))
     return "\n".join(lines) + "\n"
+
+
+def save_positions(listed: PositionList, path: Path) -> None:
+    """Write the text of a list beside its place, and put it there when it is complete."""
+    new = path.with_name(f".{path.name}.new")
+    new.write_text(positions_csv(listed), encoding="utf-8")
+    new.replace(path)

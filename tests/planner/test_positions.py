@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from kinematics import load_machine
 from kinematics.errors import FileError, MotionError
-from planner import Arc, Line, Program, Stop, Turn, import_program, plan
+from planner import Arc, Line, Program, Stop, Turn, import_program, load_positions, plan, save_positions
 from planner.export.format import Source
 from planner.export.kmitl_arms import KmitlArms
 from planner.export.kmitl_byte import KmitlByte
@@ -104,6 +104,9 @@ def test_what_is_written_is_read_back(tmp_path_factory, rows, order):
     path = tmp_path_factory.mktemp("csv") / "list.csv"
     path.write_text(positions_csv(listed), encoding="utf-8")
     again, told = Positions().load(path)
+    save_positions(again, path)
+    assert load_positions(path).poses == pytest.approx(again.poses, rel=5e-16, abs=0)
+    assert [file.name for file in path.parent.iterdir()] == ["list.csv"]
     assert (again.order, again.frame, told) == (order, "base", [])
     # mm and degrees, and back: two roundings
     assert again.poses == pytest.approx(listed.poses, rel=5e-16, abs=0)
