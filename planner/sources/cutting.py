@@ -9,7 +9,7 @@ import numpy as np
 from kinematics.array import Array
 from kinematics.errors import MotionError
 from planner.program import SAME, Join, Line, Segment, Stop
-from planner.sources.stroke import Chain, arc, area, begun, cross, headings, line, moved, reverse, vertices
+from planner.sources.stroke import Chain, arc, area, begun, cross, headings, height, line, moved, reverse, vertices
 from planner.sources.tour import tour
 
 
@@ -39,8 +39,7 @@ class Cutting:
 def program_of(chains: Sequence[Chain], closed: Sequence[bool], how: Cutting, start: Array) -> tuple[Segment, ...]:
     """Segments through all chains, from a start (3,). Raises MotionError for a retract height that is in the way."""
     if how.retract is not None:
-        # the corners of strokes: what bulges up between them is told nowhere, so heights are those of flat contours
-        top = max(float(point[2]) for chain in chains for stroke in chain for point in (stroke.start, stroke.end))
+        top = max(height(stroke) for chain in chains for stroke in chain)
         if how.retract < top + how.approach:
             raise MotionError(
                 f"retract {how.retract * 1e3:g} mm must be at least {(top + how.approach) * 1e3:g} mm: the drawing's "

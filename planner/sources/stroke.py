@@ -97,6 +97,19 @@ def moved(stroke: Stroke, start: Array) -> Stroke:
             return Stroke(start, stroke.end, replace(own, centre=start + flat / 2 + aside, rise=own.rise + rise))
 
 
+def height(stroke: Stroke) -> float:
+    """The largest z of its points; of an arc, at least of those of its circle."""
+    top = float(max(stroke.start[2], stroke.end[2]))
+    match stroke.segment:
+        case Arc() as own:
+            radius = np.linalg.norm(stroke.start - own.centre)
+            return float(max(top, own.centre[2] + radius * hypot(own.normal[0], own.normal[1])))
+        case Spline() as own:
+            return float(max(top, own.through[:, 2].max()))
+        case _:
+            return top
+
+
 def whole(chain: Chain) -> bool:
     """Whether it is one full turn of a circle."""
     segment = chain[0].segment

@@ -2,6 +2,7 @@
 
 import random
 import sys
+from contextlib import suppress
 from itertools import pairwise, permutations
 from math import cos, hypot, pi, sin, tau
 
@@ -340,6 +341,9 @@ def test_heights_speeds_and_joins(sheet):
     space.add_line((0, 0, 1), (5, 5, 2))
     with pytest.raises(MotionError, match="retract 1 mm must be at least 2 mm"):
         read(retract=1e-3)
+    space.add_arc((0, 0, 0), 7, 0, 180, dxfattribs={"extrusion": (0, -1, 0)})  # a bow that stands upright
+    with pytest.raises(MotionError, match="retract 4 mm must be at least 7 mm"):
+        read(retract=4e-3)
 
 
 @pytest.mark.parametrize("lead", ["line", "arc"])
@@ -650,3 +654,32 @@ def test_a_drawing_is_planned_and_certified(sheet, hexapod, tmp_path):
     assert made.trajectory.at(made.trajectory.duration).pose.translation[-1] == pytest.approx(
         hexapod.home.translation + ends(program)[-1] * 1e-3 + [0, 0, 0.025]
     )
+
+
+def test_any_bytes_are_a_program_or_a_refusal(tmp_path):
+    """A small drawing, with bytes of it changed, lost and doubled."""
+    document = ezdxf.new("R12")
+    space = document.modelspace()
+    space.add_line((0, 0), (5, 0))
+    space.add_arc((5, 2), 2, 270, 90)
+    space.add_polyline2d([(0, 0, 0.5), (0, 4, 0), (5, 4, 0)], format="xyb")
+    document.saveas(tmp_path / "whole.dxf")
+    raw, rng, read = (tmp_path / "whole.dxf").read_bytes(), random.Random(5), 0
+    begin = raw.index(b"ENTITIES")
+    for _ in range(60):
+        changed = bytearray(raw)
+        for _ in range(rng.randint(1, 2)):
+            at = rng.randrange(begin, len(changed))
+            match rng.randrange(3):
+                case 0:
+                    changed[at] = rng.choice(b"0123456789.-e \nX\xff\x00")
+                case 1:
+                    del changed[at : at + rng.randint(1, 30)]
+                case _:
+                    changed[at:at] = changed[at - 20 : at]
+        (tmp_path / "part.dxf").write_bytes(changed)
+        with suppress(MotionError):
+            found = import_program(tmp_path / "part.dxf", length="mm", retract=1e3)
+            read += 1
+            assert np.isfinite(ends(found.program)).all()
+    assert 0 < read < 60
