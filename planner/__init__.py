@@ -1,5 +1,6 @@
 """Program -> path -> limits -> time-optimal trajectory -> certificate -> pulses -> export."""
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from planner.bare import time_optimal
@@ -12,6 +13,7 @@ from planner.plan import Plan, check, plan
 from planner.program import Arc, Blend, Curve, Dwell, Free, Line, Program, Spline, Stop, Through, Trigger, Turn
 from planner.pulses import PulseSchedule, RealisedPath, realised
 from planner.solve import Solution
+from planner.sources.position_list import PositionList
 from planner.standing import Standing
 from planner.trajectory import State, Trajectory
 from planner.triggers import Triggered
@@ -21,9 +23,9 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Arc", "Blend", "Certificate", "Classical", "Curve", "Dwell", "Free", "Infeasible", "Line", "Place", "Plan",
-    "Program", "PulseSchedule", "RealisedPath", "Solution", "Spline", "Standing", "State", "Stop", "Through",
-    "Trajectory", "Trigger", "Triggered", "Turn", "check", "classical", "import_program", "load_program", "orient",
-    "plan", "plan_many", "program_names", "realised", "time_optimal",
+    "PositionList", "Program", "PulseSchedule", "RealisedPath", "Solution", "Spline", "Standing", "State", "Stop",
+    "Through", "Trajectory", "Trigger", "Triggered", "Turn", "check", "classical", "import_program", "load_positions",
+    "load_program", "orient", "plan", "plan_many", "program_names", "realised", "save_positions", "time_optimal",
 ]  # fmt: skip
 
 
@@ -39,6 +41,20 @@ def import_program(path: Any, format: str | None = None, **options: Any) -> "Imp
     from planner.sources.registry import import_program
 
     return import_program(path, format, **options)
+
+
+def load_positions(path: Any, **options: Any) -> PositionList:
+    """The poses in a CSV file, or in one of the three-armed machine; options as `import_program` has them."""
+    from planner.sources.positions import Positions
+
+    return Positions(**options).load(Path(path))[0]
+
+
+def save_positions(listed: PositionList, path: Any) -> None:
+    """Write a list as CSV, whole or not at all."""
+    from planner.sources.positions_csv import save_positions
+
+    save_positions(listed, Path(path))
 
 
 def program_names() -> tuple[str, ...]:

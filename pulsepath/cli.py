@@ -10,6 +10,7 @@ from pulsepath.compare_command import compare
 from pulsepath.exits import BAD_INPUT, INFEASIBLE, INTERNAL, Commands
 from pulsepath.export_command import export
 from pulsepath.import_command import import_
+from pulsepath.positions_command import positions
 
 json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON instead of tables.")
 machine_option = click.option(
@@ -151,6 +152,7 @@ def track(directory: Path, laws: tuple[str, ...], force: bool, as_json: bool) ->
 main.add_command(export)
 main.add_command(import_)
 main.add_command(compare)
+main.add_command(positions)
 
 
 @main.command()

@@ -21,15 +21,19 @@ class Formats:
     find: Callable[[str], type[Any]]
 
     def options(self) -> list[click.Parameter]:
-        """One option for each name of a field, told with the formats that know it."""
-        known: dict[str, list[str]] = {}
+        """One option for each name of a field, told with the formats that know it, and by what each says of it."""
+        known: dict[str, dict[str, list[str]]] = {}
+        kinds: dict[str, list[Any]] = {}
         described: dict[str, click.Option] = {}
         for name in self.names:
             for field, kind in _fields(self.find(name)):
-                known.setdefault(field.name, []).append(name)
+                known.setdefault(field.name, {}).setdefault(field.metadata["help"], []).append(name)
+                kinds.setdefault(field.name, []).append(kind)
                 described.setdefault(field.name, _option(field, kind))
         for name, option in described.items():
-            option.help = f"[{', '.join(known[name])}] {option.help}"
+            option.help = " ".join(f"[{', '.join(formats)}] {told}." for told, formats in known[name].items())[:-1]
+            if any(kind != kinds[name][0] for kind in kinds[name]) and isinstance(option.type, click.Choice):
+                option.type = click.STRING  # what each takes is looked at when it is made
         return list(described.values())
 
     def make(self, name: str, given: Mapping[str, Any]) -> Any:
@@ -39,6 +43,7 @@ class Formats:
         """
         format_ = self.find(name)
         own = {field.name: field for field, _ in _fields(format_)}
+        kinds = {field.name: kind for field, kind in _fields(format_)}
         values = {key: value for key, value in given.items() if value is not None}
         for key in values.keys() - own.keys():
             offered = ", ".join(_flag(field) for field in own) or "none"
@@ -46,6 +51,9 @@ class Formats:
         for key in values:
             unit = own[key].metadata["unit"]
             values[key] = quantity(values[key], unit) if unit else values[key]
+            if get_origin(kinds[key]) is Literal and values[key] not in get_args(kinds[key]):
+                choices = ", ".join(get_args(kinds[key]))
+                raise MotionError(f'format {name}, option {_flag(key)}: "{values[key]}" is none of {choices}')
         return format_(**values)
 
     def help_text(self) -> str:

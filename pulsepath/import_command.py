@@ -32,6 +32,8 @@ def import_(
 
     Options in brackets belong to the formats that are named there.
     """
+    import numpy as np
+
     from kinematics import MotionError
     from planner.program_writer import program_toml
     from planner.sources.registry import source_name
@@ -67,7 +69,7 @@ def import_(
         return
     click.echo(f"{out}: {about['segments']} segments from {file}, read as {name}; drawn in {image}")
     click.echo("  entities: " + ", ".join(f"{count} {kind}" for kind, count in found.entities.items()))
-    ranges = zip("xyz", way.low * 1e3, way.high * 1e3, strict=True)
+    ranges = zip("xyz", *(np.round(corner * 1e3, 9) + 0.0 for corner in (way.low, way.high)), strict=True)
     click.echo("  extents: " + ", ".join(f"{axis} {low:.6g} to {high:.6g} mm" for axis, low, high in ranges))
     click.echo(f"  length: {way.length * 1e3:.7g} mm")
     for warning in found.warnings:

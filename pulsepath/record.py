@@ -18,6 +18,7 @@ from planner.option import options
 from planner.path.join import Blended
 from planner.pulses import RULES, PulseCheck, RealisedPath
 from planner.sources.outline import Outline
+from planner.sources.position_list import PositionList
 from planner.sources.source import Imported
 from pulsepath import __version__
 from pulsepath.directory import KIND
@@ -183,6 +184,11 @@ def of_import(name: str, found: Imported, way: Outline, file: str, figure: str) 
         "length": way.length,
         "warnings": list(found.warnings),
     }
+
+
+def of_positions(listed: PositionList, file: str) -> Record:
+    """A position list; m and rad."""
+    return {"file": file, "rotation": listed.order, "frame": listed.frame, "poses": listed.poses.tolist()}
 
 
 def of_rules() -> Record:

@@ -18,6 +18,7 @@ from planner import Place, Standing, Triggered
 from planner.option import options
 from planner.path.join import Blended
 from planner.pulses import RULES, PulseSchedule
+from planner.sources.position_list import PositionList
 from pulsepath.job import Job
 
 WIDTH = 110
@@ -199,6 +200,20 @@ def _bound(bound: Magnitude | None, scale: float, unit: str) -> str:
     if bound is None:
         return "unlimited"
     return f"{' / '.join(f'{scale * side:g}' for side in dict.fromkeys(sides(bound)))} {unit}"
+
+
+def of_positions(listed: PositionList, file: str) -> list[Table]:
+    """Each pose by its number."""
+    meaning = "·".join(f"R{axis}" for axis in listed.order)
+    table = _table(
+        f"{file}: {len(listed)} poses from {listed.frame}, {meaning}",
+        "pose#", *(f"{name} (mm)#" for name in "xyz"), *(f"θ{name} (°)#" for name in "xyz"),
+    )  # fmt: skip
+    for number, pose in enumerate(listed.poses.tolist(), 1):
+        table.add_row(
+            str(number), *(f"{1e3 * value:.6g}" for value in pose[:3]), *(f"{degrees(angle):.6g}" for angle in pose[3:])
+        )
+    return [table]
 
 
 def _table(title: str, *columns: str) -> Table:

@@ -82,8 +82,17 @@ def _quaternions(start: Pose, rotate: Rotation | None, count: int) -> Array:
     return np.asarray(found * sides[:, None])
 
 
+def along(points: Array, share: Array) -> tuple[Array, Array]:
+    """Points (N, k, 3) of the spline through points (N+1, 3), at k shares of every span; and slopes by its chords."""
+    spans = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    powers = _interpolated(points, spans).reshape(len(spans), DEGREE + 1, 3)
+    s, k = (spans[:, None] * share)[..., None], np.arange(DEGREE + 1)
+    slopes = np.einsum("nkx,nsk->nsx", powers[:, 1:], k[1:] * s ** k[:-1])
+    return np.einsum("nkx,nsk->nsx", powers, s**k), slopes
+
+
 def _interpolated(values: Array, spans: Array) -> Array:
-    """(N, 42) coefficients of every span, by powers of s from its start, each for all seven values."""
+    """(N, 6 k) coefficients of every span through k values (N+1, k), by powers of s from its start."""
     from scipy.interpolate import make_interp_spline
 
     knots = np.concatenate([[0.0], np.cumsum(spans)])

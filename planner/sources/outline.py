@@ -9,7 +9,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from kinematics.array import Array, frozen
 from planner.path.curve import curve
 from planner.path.shape import Piece
-from planner.path.spline import spline
+from planner.path.spline import along
 from planner.path.way import way
 from planner.program import Arc, Curve, Line, Program, Segment, Spline
 
@@ -17,6 +17,8 @@ STEP = pi / 48
 """rad between two points of an arc: the chord is off by 5e-4 of the radius."""
 POINTS = 33
 """Points of a piece of a curve."""
+PARTS, GAUSS = 8, 16
+"""Parts of a span of a spline, and places of each at which its speed is looked at."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,17 +68,25 @@ def _stroke(segment: Segment, here: Array) -> tuple[Array | None, float]:
             return np.stack([here, segment.to]), float(np.linalg.norm(segment.to - here))
         case Arc():
             return _arc(segment, here)
-        case Spline() | Curve():
+        case Spline():
+            return _spline(np.concatenate([here[None], segment.through]))
+        case Curve():
             start = RigidTransform.from_components(here, Rotation.identity())
-            if isinstance(segment, Spline):
-                pieces = spline(start, segment.through, None, 0)
-            else:
-                pieces = curve(start, segment, RigidTransform.identity(), 0)
+            pieces = curve(start, segment, RigidTransform.identity(), 0)
             s = [piece.length * np.linspace(0, 1, POINTS) for piece in pieces]
             points = np.concatenate([piece.poses(own)[:, :3] for piece, own in zip(pieces, s, strict=True)])
             return points, sum(_length(piece) for piece in pieces)
         case _:
             return None, 0.0
+
+
+def _spline(corners: Array) -> tuple[Array, float]:
+    """Its speed is smooth on every span: quadrature by Gauss and Legendre, in PARTS parts of it."""
+    nodes, weights = np.polynomial.legendre.leggauss(GAUSS)
+    places = ((np.arange(PARTS)[:, None] + (nodes + 1) / 2) / PARTS).ravel()
+    speed = np.linalg.norm(along(corners, places)[1], axis=2)
+    length = np.linalg.norm(np.diff(corners, axis=0), axis=1) @ speed @ np.tile(weights / 2 / PARTS, PARTS)
+    return along(corners, np.linspace(0, 1, POINTS))[0].reshape(-1, 3), float(length)
 
 
 def _length(piece: Piece) -> float:

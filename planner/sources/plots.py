@@ -6,12 +6,13 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 from mpl_toolkits.mplot3d import Axes3D
 from mpl_toolkits.mplot3d.art3d import Line3DCollection
 
 from planner.sources.outline import Outline
 
-FLAT = 1e-3
+FLAT = 1e-2
 """Share of the largest extent up to which a program is drawn as if it were flat."""
 FEW = 60
 """Segments up to which their ends are marked."""
@@ -33,6 +34,7 @@ def path(outline: Outline, ax: Axes | None = None, title: str = "") -> Axes:
         ax.add_collection(drawn)
     else:
         cast(Axes3D, ax).add_collection3d(drawn)
+        cast(Axes3D, ax).zaxis.set_major_locator(MaxNLocator(3))
     if strokes:
         start = strokes[0][0]
         ax.plot(*start[:, None], "o", markersize=9, markerfacecolor="none", color="black", label="start")

@@ -9,7 +9,9 @@ from planner.plugged import plugged
 from planner.sources.source import Imported, Source
 
 SOURCES = {
+    "dxf": "planner.sources.dxf:Dxf",
     "gcode": "planner.sources.gcode:Gcode",
+    "positions": "planner.sources.positions:Positions",
 }
 """Module and class by the name that the command line knows."""
 

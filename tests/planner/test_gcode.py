@@ -386,7 +386,7 @@ def test_the_format_is_found_by_suffix_or_by_name(read):
     assert read("G0 X1", ".TAP").program.name == "part"
     assert read("G0 X1", ".txt", format="gcode").program.name == "part"
     with pytest.raises(MotionError, match="stands for no format"):
-        read("G0 X1", ".txt")
+        read("G0 X1", ".xyz")
     with pytest.raises(MotionError, match='nearest is "gcode"'):
         read("G0 X1", format="gcod")
     with pytest.raises(MotionError, match="unexpected keyword"):

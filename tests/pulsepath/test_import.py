@@ -63,6 +63,7 @@ def test_options_belong_to_formats(call, part, tmp_path):
         (FLAT, ["--figure", "part.txt"], "a figure is one of .png, .svg, .pdf"),
         (FLAT, ["--blend", "3"], "a number without a unit"),
         (FLAT, ["--blend", "-3 mm"], "must be positive"),
+        (FLAT, ["--length", "furlong"], 'option --length: "furlong" is none of mm, in'),
     ],
 )
 def test_bad_input_leaves_nothing(call, part, tmp_path, text, options, words):

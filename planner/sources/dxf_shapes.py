@@ -1,0 +1,219 @@
+"""What DXF entities are in space: the strokes of each kind, exact but for ellipses and splines."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from math import atan, hypot, isfinite, pi, radians
+from typing import Any
+
+import numpy as np
+
+from kinematics.array import Array
+from kinematics.errors import MotionError
+from planner.program import SAME
+from planner.sources.fitted import Curve, fitted
+from planner.sources.stroke import Chain, Stroke, arc, cross, curve, line
+
+LARGEST = 1e5
+"""m; no coordinate of a drawing that means something comes near it."""
+ASKED = {
+    "LINE": ("start", "end"), "CIRCLE": ("center", "radius"), "ARC": ("center", "radius", "start_angle", "end_angle"),
+    "ELLIPSE": ("center", "major_axis", "ratio"),
+}  # fmt: skip
+"""What an entity has to state; ezdxf would take something for what is missing."""
+
+
+@dataclass(slots=True)
+class Shapes:
+    """Makes strokes of entities, and remembers what its user has to know.
+
+    metres     of one unit of the drawing
+    deviation  m by which splines may leave ellipses and splines of the drawing
+    worst      m, the largest by which one does
+    nothing    how many lines, arcs and sides of polylines have no length
+    flattened  how many entities have a width or a thickness
+    """
+
+    metres: float
+    deviation: float
+    worst: float = 0.0
+    nothing: int = 0
+    flattened: int = 0
+    _kinds: dict[str, Callable[[Any], Iterator[Stroke]]] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self._kinds = {
+            "LINE": self._line, "ARC": self._arc, "CIRCLE": self._arc, "LWPOLYLINE": self._light,
+            "POLYLINE": self._heavy, "ELLIPSE": self._ellipse, "SPLINE": self._spline,
+        }  # fmt: skip
+
+    def knows(self, entity: Any) -> bool:
+        """Whether an entity is of a kind that becomes strokes."""
+        if entity.dxftype() == "POLYLINE":
+            return bool(entity.is_2d_polyline or entity.is_3d_polyline)
+        return entity.dxftype() in self._kinds
+
+    def strokes(self, entity: Any) -> list[Chain]:
+        """Its chains: one, none where it has no length, more where a spline has corners. Raises MotionError."""
+        if missing := [name for name in ASKED.get(entity.dxftype(), ()) if not entity.dxf.hasattr(name)]:
+            raise MotionError(f"it states no {missing[0]}")
+        self.flattened += any(
+            entity.dxf.hasattr(name) and entity.dxf.get(name) for name in ("thickness", "const_width")
+        )
+        found = tuple(self._kinds[entity.dxftype()](entity))
+        return [found] if found else []
+
+    def _point(self, place: Any) -> Array:
+        point = np.array([place.x * self.metres, place.y * self.metres, place.z * self.metres])
+        if not max(map(abs, point.tolist())) <= LARGEST or np.isnan(point).any():
+            raise MotionError(f"point ({place.x:g}, {place.y:g}, {place.z:g}) is not a place within {LARGEST:g} m")
+        return point
+
+    def _straight(self, start: Array, end: Array) -> Iterator[Stroke]:
+        if np.linalg.norm(end - start) > SAME:
+            yield line(start, end)
+        else:
+            self.nothing += 1
+
+    def _line(self, entity: Any) -> Iterator[Stroke]:
+        yield from self._straight(self._point(entity.dxf.start), self._point(entity.dxf.end))
+
+    def _arc(self, entity: Any) -> Iterator[Stroke]:
+        """ARC and CIRCLE: against the clock about the direction of extrusion, which −z turns round."""
+        ocs = _turned(entity)
+        ux, uy, normal = _axes(ocs)
+        centre, radius = self._point(ocs.to_wcs(entity.dxf.center)), entity.dxf.radius * self.metres
+        if not 0 <= radius <= LARGEST:
+            raise MotionError(f"radius {entity.dxf.radius:g} must not be negative, and be less than {LARGEST:g} m")
+        full = entity.dxftype() == "CIRCLE"
+        first, last = (0.0, 360.0) if full else (entity.dxf.start_angle, entity.dxf.end_angle)
+        if not (isfinite(first) and isfinite(last)):
+            raise MotionError(f"angles {first:g} and {last:g} must be finite")
+        turn = 360.0 if full else (last - first) % 360.0
+        if radius * radians(turn) <= SAME:
+            self.nothing += 1
+            return
+        start, end = (
+            centre + radius * (np.cos(radians(angle)) * ux + np.sin(radians(angle)) * uy) for angle in (first, last)
+        )
+        yield arc(start, centre, normal, radians(turn), start if full else end)
+
+    def _light(self, entity: Any) -> Iterator[Stroke]:
+        rows = entity.get_points("xyseb")
+        self.flattened += any(begin or end for _, _, begin, end, _ in rows)
+        points = [(x, y, bulge) for x, y, _, _, bulge in rows]
+        yield from self._bulging(entity, points, entity.dxf.elevation, bool(entity.closed))
+
+    def _heavy(self, entity: Any) -> Iterator[Stroke]:
+        """POLYLINE in a plane or in space; of one that was smoothed the vertices that the smoothing made."""
+        rows = [vertex.dxf for vertex in entity.vertices if not vertex.dxf.flags & 16]  # control frame
+        if entity.is_3d_polyline:
+            places = [self._point(row.location) for row in rows]
+            for start, end in _sides(places, bool(entity.is_closed)):
+                yield from self._straight(start, end)
+            return
+        self.flattened += any(row.get("start_width", 0) or row.get("end_width", 0) for row in rows)
+        elevation = entity.dxf.elevation.z if entity.dxf.hasattr("elevation") else 0.0
+        points = [(row.location.x, row.location.y, row.get("bulge", 0.0)) for row in rows]
+        yield from self._bulging(entity, points, elevation, bool(entity.is_closed))
+
+    def _bulging(
+        self, entity: Any, rows: Sequence[tuple[float, float, float]], height: float, closed: bool
+    ) -> Iterator[Stroke]:
+        """Sides of a polyline: a bulge b is the tangent of a quarter of the angle of an arc over the side.
+
+        The centre lies (1 − b²)/(4 b) of the side beside its middle, on its left where b is positive and less than 1.
+        """
+        ocs = _turned(entity)
+        normal = _axes(ocs)[2]
+        places = [self._point(ocs.to_wcs((x, y, height))) for x, y, _ in rows]
+        for (start, end), (_, _, bulge) in zip(_sides(places, closed), rows, strict=False):
+            if not isfinite(bulge):
+                raise MotionError(f"bulge {bulge} must be finite")
+            side = end - start
+            if bulge == 0 or np.linalg.norm(side) <= SAME:
+                yield from self._straight(start, end)
+                continue
+            centre = (start + end) / 2 + cross(normal, side) * ((1 - bulge**2) / (4 * bulge))
+            if not (abs(centre) <= LARGEST).all():  # nor is what is no number
+                raise MotionError(f"bulge {bulge:g} makes an arc of a radius beyond {LARGEST:g} m; make it straight")
+            yield arc(start, centre, normal, 4 * atan(bulge), end)
+
+    def _ellipse(self, entity: Any) -> Iterator[Stroke]:
+        """c + a cos t + b sin t; where both axes are alike an arc, else a curve through points."""
+        centre, major = self._point(entity.dxf.center), self._point(entity.dxf.major_axis)
+        normal, ratio = _axes(_turned(entity))[2], entity.dxf.ratio
+        if not 0 < abs(ratio) <= 1 or np.linalg.norm(major) <= SAME:
+            raise MotionError(f"axes of {entity.dxf.major_axis.magnitude:g} and {ratio:g} of that make no ellipse")
+        minor = cross(normal, major) * ratio
+        low, high = entity.dxf.get("start_param", 0.0), entity.dxf.get("end_param", 2 * pi)
+        if not (isfinite(low) and isfinite(high)):
+            raise MotionError(f"parameters {low:g} and {high:g} must be finite")
+        turn = (high - low) % (2 * pi)
+        full = min(turn, 2 * pi - turn) < 1e-9
+        turn = 2 * pi if full else turn
+
+        def along(t: Array) -> tuple[Array, Array]:
+            c, s = np.cos(t)[:, None], np.sin(t)[:, None]
+            return centre + c * major + s * minor, c * minor - s * major
+
+        start, end = along(np.array([low, low if full else low + turn]))[0]
+        if ratio == 1:
+            yield arc(start, centre, normal, turn, end)
+        else:
+            yield self._fitted(along, low, low + turn)
+
+    def _spline(self, entity: Any) -> Iterator[Stroke]:
+        """A B-spline, rational or not, in parts where it has a corner; straight where its degree is 1."""
+        tool = entity.construction_tool()
+        degree = tool.degree
+        knots, weights = np.array(tool.knots(), float), np.array(tool.weights() or [1.0] * tool.count, float)
+        points = np.array([self._point(point) for point in tool.control_points])
+        if not (np.isfinite(knots).all() and (np.diff(knots) >= 0).all() and (weights > 0).all() and degree >= 1):
+            raise MotionError("its knots must rise, and its weights be positive and finite")
+        if degree == 1:
+            for start, end in _sides(list(points), False):
+                yield from self._straight(start, end)
+            return
+        from scipy.interpolate import BSpline
+
+        whole = BSpline(knots, np.column_stack([points * weights[:, None], weights]), degree)
+        slope = whole.derivative()
+
+        def along(t: Array) -> tuple[Array, Array]:
+            w, dw = whole(t), slope(t)
+            place = w[:, :3] / w[:, 3:]
+            return place, (dw[:, :3] - place * dw[:, 3:]) / w[:, 3:]
+
+        low, high = knots[degree], knots[-degree - 1]
+        inside, times = np.unique(knots[(low < knots) & (knots < high)], return_counts=True)
+        breaks = [low, *inside[times >= degree], high]
+        for begin, end in pairwise(breaks):
+            hair = 1e-12 * (high - low)  # at a corner both sides have a value of their own
+            yield self._fitted(along, begin + hair * (begin > low), end - hair * (end < high))
+
+    def _fitted(self, along: Curve, low: float, high: float) -> Stroke:
+        points, off = fitted(along, low, high, self.deviation)
+        self.worst = max(self.worst, off)
+        return curve(points)
+
+
+def _turned(entity: Any) -> Any:
+    """The coordinates that an entity with an extrusion is stated in: ezdxf's OCS."""
+    from ezdxf.math import OCS
+
+    extrusion = entity.dxf.get("extrusion", (0, 0, 1))
+    if not 0 < hypot(*extrusion) < float("inf"):
+        raise MotionError("its extrusion is no direction")
+    return OCS(extrusion)
+
+
+def _axes(ocs: Any) -> tuple[Array, Array, Array]:
+    """Their axes (3,) in the drawing's coordinates."""
+    ux, uy, uz = (np.array(list(ocs.to_wcs(axis))) for axis in ((1, 0, 0), (0, 1, 0), (0, 0, 1)))
+    return ux, uy, uz
+
+
+def _sides(places: list[Array], closed: bool) -> Iterator[tuple[Array, Array]]:
+    ends = [*places[1:], places[0]] if closed else places[1:]
+    return zip(places, ends, strict=False)

@@ -1,0 +1,85 @@
+"""Position lists: the poses that an operator records one by one, to be run all, or from one to another."""
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.spatial.transform import Rotation
+
+from kinematics.array import Array, finite, frozen
+from kinematics.errors import MotionError
+from planner.program import Frame
+
+Order = Literal["xyz", "yzx"]
+"""How three angles combine: Rx · Ry · Rz, or Ry · Rz · Rx as [KMITL 2005] has it."""
+FARTHEST = 1e5
+"""m and rad; nothing that means something is listed beyond."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PositionList:
+    """Poses, numbered from 1. Every method returns a new list.
+
+    poses  (N, 6) x, y, z in m, θx, θy, θz in rad
+    order  how the angles combine;  frame  "home": coordinates are relative to the machine's home pose, or "base"
+    Raises MotionError for what is no pose, and for a number that the list does not have.
+    """
+
+    poses: Array
+    order: Order = "xyz"
+    frame: Frame = "home"
+
+    def __post_init__(self) -> None:
+        if self.order not in ("xyz", "yzx") or self.frame not in ("home", "base"):
+            raise MotionError(
+                f'position list: order "{self.order}" is neither "xyz" nor "yzx", or frame "{self.frame}" neither '
+                '"home" nor "base"'
+            )
+        poses = finite(self.poses, "position list: poses", (None, 6), least=-FARTHEST, most=FARTHEST)
+        object.__setattr__(self, "poses", frozen(poses))
+
+    def __len__(self) -> int:
+        return len(self.poses)
+
+    @property
+    def rotations(self) -> Rotation:
+        """The N orientations."""
+        axes = ["XYZ".index(letter) for letter in self.order.upper()]
+        return Rotation.from_euler(self.order.upper(), self.poses[:, 3:][:, axes])
+
+    def record(self, pose: ArrayLike) -> "PositionList":
+        """With one more pose at the end."""
+        return self._with(len(self), pose)
+
+    def insert(self, number: int, pose: ArrayLike) -> "PositionList":
+        """With a pose that gets a number; what had it, and all after that, move up by one."""
+        if number != len(self) + 1:
+            self._known(number)
+        return self._with(number - 1, pose)
+
+    def remove(self, first: int, last: int | None = None) -> "PositionList":
+        """Without one pose, or those from one to another; what comes after moves down."""
+        self._between(first, first if last is None else last)
+        return replace(self, poses=np.delete(self.poses, slice(first - 1, last or first), axis=0))
+
+    def part(self, first: int | None = None, last: int | None = None) -> "PositionList":
+        """Those from one number to another, both included; None: from the first, to the last."""
+        first, last = 1 if first is None else first, len(self) if last is None else last
+        self._between(first, last)
+        return replace(self, poses=self.poses[first - 1 : last])
+
+    def _with(self, place: int, pose: ArrayLike) -> "PositionList":
+        one = finite(pose, "position list: a pose (x, y, z, θx, θy, θz)", (6,), least=-FARTHEST, most=FARTHEST)
+        return replace(self, poses=np.insert(self.poses, place, one, axis=0))
+
+    def _known(self, number: int) -> None:
+        if not 1 <= number <= len(self):
+            held = f"poses 1 to {len(self)}" if len(self) else "no pose yet"
+            raise MotionError(f"position list: no pose {number}; it has {held}")
+
+    def _between(self, first: int, last: int) -> None:
+        self._known(first)
+        self._known(last)
+        if first > last:
+            raise MotionError(f"position list: from {first} to {last} is no part of it; give the lower number first")

@@ -1,0 +1,119 @@
+"""`pulsepath positions`: the poses of a list, told, recorded, put in and taken out one by one."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from pulsepath.exits import Commands
+
+if TYPE_CHECKING:
+    from planner.sources.position_list import PositionList
+
+MINUS = {"ignore_unknown_options": True}
+"""So that "-10 mm, 0 mm, 25 mm" is a pose."""
+
+
+@dataclass(frozen=True, slots=True)
+class Listed:
+    """The file that a command is about, and whether it prints JSON."""
+
+    path: Path
+    as_json: bool
+
+    def read(self) -> "PositionList":
+        from planner.sources.positions import Positions
+
+        return Positions().load(self.path)[0]
+
+    def write(self, listed: "PositionList") -> None:
+        """Whole or not at all. Raises MotionError for what is no CSV file by its suffix."""
+        from kinematics import MotionError
+        from planner.sources.positions_csv import positions_csv
+        from pulsepath.directory import write_whole
+
+        if self.path.suffix.lower() != ".csv":
+            raise MotionError(f'{self.path}: lists are changed as CSV; "save" it as one first')
+        write_whole(self.path, positions_csv(listed))
+        self.tell(listed)
+
+    def tell(self, listed: "PositionList") -> None:
+        from pulsepath import record, tables
+
+        if self.as_json:
+            click.echo(record.as_json(record.of_positions(listed, str(self.path))), nl=False)
+        else:
+            tables.show(tables.of_positions(listed, str(self.path)))
+
+
+class Edits(Commands):
+    """What is done to a list; --json may stand anywhere."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        asked = ["--json"] if "--json" in args else []
+        return super().parse_args(ctx, [*asked, *(arg for arg in args if arg != "--json")])
+
+
+@click.group(cls=Edits, invoke_without_command=True)
+@click.argument("file", type=click.Path(path_type=Path))
+@click.option("--json", "as_json", is_flag=True, help="Print JSON instead of a table.")
+@click.pass_context
+def positions(context: click.Context, file: Path, as_json: bool) -> None:
+    """Show the poses in FILE, or change them: a CSV file, or one of the three-armed machine.
+
+    A POSE is "10 mm, 0 mm, 25 mm", and three angles after that if it is turned. Run a list, or a part of it, by
+    "pulsepath import FILE --first 2 --last 5 --out PROGRAM".
+    """
+    context.obj = Listed(file, as_json)
+    if context.invoked_subcommand is None:
+        context.obj.tell(context.obj.read())
+
+
+@positions.command(context_settings=MINUS)
+@click.argument("pose")
+@click.pass_obj
+def record(to: Listed, pose: str) -> None:
+    """Put POSE at the end; a file that is not there yet is begun."""
+    import numpy as np
+
+    from planner.sources.placed import six
+    from planner.sources.position_list import PositionList
+
+    listed = to.read() if to.path.exists() else PositionList(np.zeros((0, 6)))
+    to.write(listed.record(six(pose, "pose")))
+
+
+@positions.command(context_settings=MINUS)
+@click.argument("number", type=int)
+@click.argument("pose")
+@click.pass_obj
+def insert(to: Listed, number: int, pose: str) -> None:
+    """Put POSE in, so that it gets NUMBER."""
+    from planner.sources.placed import six
+
+    to.write(to.read().insert(number, six(pose, "pose")))
+
+
+@positions.command()
+@click.argument("first", type=int)
+@click.argument("last", type=int, required=False)
+@click.pass_obj
+def remove(of: Listed, first: int, last: int | None) -> None:
+    """Take out pose FIRST, or all from FIRST to LAST."""
+    of.write(of.read().remove(first, last))
+
+
+@positions.command()
+@click.argument("target", type=click.Path(path_type=Path))
+@click.option("--first", type=int, help="Number of the first pose. Default 1.")
+@click.option("--last", type=int, help="Number of the last pose. Default: the last there is.")
+@click.option("--force", is_flag=True, help="Replace TARGET.")
+@click.pass_obj
+def save(of: Listed, target: Path, first: int | None, last: int | None, force: bool) -> None:
+    """Save the list, or a part of it, as the CSV file TARGET."""
+    from kinematics import MotionError
+
+    if target.exists() and not force:
+        raise MotionError(f"{target} exists; give --force to replace it")
+    Listed(target, of.as_json).write(of.read().part(first, last))

@@ -1,0 +1,76 @@
+"""The command `positions`: lists recorded and changed, each file whole or as it was."""
+
+import json
+
+import pytest
+
+
+@pytest.fixture
+def path(call, tmp_path):
+    file = tmp_path / "list.csv"
+    for pose in ("10 mm, 0 mm, 25 mm", "-10 mm, 0 mm, 25 mm, 5 deg, 0 deg, 0 deg"):
+        assert call("positions", file, "record", pose).exit_code == 0
+    return file
+
+
+def poses(call, path):
+    done = call("positions", path, "--json")
+    assert done.exit_code == 0, done.stderr
+    return [[round(1e3 * value, 9) for value in pose[:3]] for pose in json.loads(done.stdout)["poses"]]
+
+
+def test_poses_are_recorded_put_in_and_taken_out(call, path):
+    assert poses(call, path) == [[10, 0, 25], [-10, 0, 25]]
+    done = call("positions", path, "insert", 2, "0 mm, 1 in, 0 mm")
+    assert done.exit_code == 0
+    assert "3 poses from home, Rx·Ry·Rz" in done.stdout
+    assert poses(call, path) == [[10, 0, 25], [0, 25.4, 0], [-10, 0, 25]]
+    assert call("positions", path, "remove", 1, 2).exit_code == 0
+    assert poses(call, path) == [[-10, 0, 25]]
+    assert [file.name for file in path.parent.iterdir()] == ["list.csv"]
+
+
+def test_a_part_is_saved_and_run(call, path, tmp_path):
+    call("positions", path, "record", "0 mm, 0 mm, 30 mm")
+    part = tmp_path / "part.csv"
+    assert call("positions", path, "save", part, "--first", 2, "--last", 2).exit_code == 0
+    assert poses(call, part) == [[-10, 0, 25]]
+    assert call("positions", path, "save", part).exit_code == 2
+    assert call("positions", path, "save", part, "--force").exit_code == 0
+    assert len(poses(call, part)) == 3
+    done = call("import", path, "--first", 2, "--last", 3, "--out", tmp_path / "program.toml", "--json")
+    assert done.exit_code == 0, done.stderr
+    assert json.loads(done.stdout)["segments"] == 2
+    assert json.loads(done.stdout)["entities"] == {"poses": 2}
+
+
+@pytest.mark.parametrize(
+    ("edit", "words"),
+    [
+        (("remove", 3), "no pose 3; it has poses 1 to 2"), (("insert", 5, "0 mm, 0 mm, 0 mm"), "no pose 5"),
+        (("insert", 1, "0 mm, 0 mm"), "2 entries"), (("record", "0, 0 mm, 0 mm"), "without a unit"),
+        (("record", "1e99 m, 0 mm, 0 mm"), "at most"), (("remove", 2, 1), "from 2 to 1"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_leaves_the_list_as_it_was(call, path, edit, words):
+    before = path.read_bytes()
+    done = call("positions", path, *edit)
+    assert done.exit_code == 2
+    assert words in done.stderr
+    assert path.read_bytes() == before
+    assert [file.name for file in path.parent.iterdir()] == ["list.csv"]
+
+
+def test_other_formats_are_shown_but_changed_as_csv(call, tmp_path):
+    keys = ("____cex", "____cey", "____cez", "_____rx", "_____ry", "_____rz")
+    other = tmp_path / "list.txt"
+    other.write_text("".join(f"Polar1{key} 1.5\n" for key in keys))
+    assert "1 poses from base, Ry·Rz·Rx" in call("positions", other).stdout
+    refused = call("positions", other, "record", "0 mm, 0 mm, 0 mm")
+    assert refused.exit_code == 2
+    assert "lists are changed as CSV" in refused.stderr
+    assert call("positions", other, "save", tmp_path / "list.csv").exit_code == 0
+    assert "1 poses from base, Ry·Rz·Rx" in call("positions", tmp_path / "list.csv").stdout
+    missing = call("positions", tmp_path / "none.csv")
+    assert (missing.exit_code, missing.stdout) == (2, "")
+    assert "No such file" in missing.stderr
