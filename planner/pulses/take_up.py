@@ -39,7 +39,7 @@ def take_up(motion: Motion, k: int, axis: Axis, stretches: Stretches) -> tuple[A
     kept, for the time that it needs would leave the axis off by more. What a screw's table adds is not looked at.
     Raises Infeasible where a step fits at no length: a motion that is at its limit while it turns has no room for any.
     """
-    turns, unturned = turning_points(stretches, axis.pulse)
+    turns, unturned = turning_points(stretches, axis)
     if not turns:
         none = Compensation(axis.name, axis.compensate, unturned=unturned)
         return frozen(np.empty((0, 3))), none
@@ -70,7 +70,8 @@ def take_up(motion: Motion, k: int, axis: Axis, stretches: Stretches) -> tuple[A
     most_off = float(seen.off(len(steps)).max())
     jerk = float(JERKED * axis.backlash / steps[:, 1].min() ** 3)
     figures = most_off, unturned, speed, most_speed, acceleration, most, jerk
-    return frozen(steps), Compensation(axis.name, axis.compensate, len(steps), *figures)
+    windows = tuple((begin, begin + span) for begin, span, _ in steps.tolist())
+    return frozen(steps), Compensation(axis.name, axis.compensate, len(steps), *figures, windows)
 
 
 def taken_up(steps: Array, t: Array) -> Array:
