@@ -51,14 +51,14 @@ def generate(
 
 
 def _refuse_rate(pulses: AxisPulses, axis: Axis, motion: Motion, clock_hz: int) -> None:
-    """Raise Infeasible where making up for screw and play takes more pulses than the axis: no plan looked at those."""
+    """Raise Infeasible for a motion whose motors take more pulses than their axis: one that no plan has held to it."""
     steps = np.where(np.diff(pulses.direction) == 0, np.diff(pulses.ticks), np.iinfo(np.int64).max)
     if not len(steps) or steps.min() >= np.floor(clock_hz / axis.pulse_rate):
         return
     t = float(pulses.ticks[int(np.argmin(steps))]) / clock_hz
     place = Place(float(motion.at(np.array([t])).s[0]), t=t, axis=axis.name)
     remedy = (
-        f"that is with {' and '.join(axis.compensate)} made up for, which the motion leaves no room for: "
-        f"state a max_pulse_rate that is lower by as much while planning, or slow {axis.name} by its max_speed"
+        f"that is with {' and '.join(axis.compensate)} made up for: slow {axis.name} there, or let planner.plan make "
+        "the motion, which keeps the rate of the motor behind its screw"
     )
     raise Infeasible("pulse rate", axis.name, place, clock_hz / float(steps.min()), axis.pulse_rate, "1/s", remedy)
