@@ -169,12 +169,12 @@ class Axis:
 
     @property
     def motor_ratio(self) -> float:
-        """Largest way of the motor per way of the axis: 1/(1 + slope) of a lead error that is made up for; 1 without."""
+        """Largest way of the motor per way of the axis: 1/(1 + slope) of a lead error made up for; 1 without."""
         return max(1.0, *(1 / slope for slope in self._slopes()))
 
     @property
     def axis_ratio(self) -> float:
-        """Largest way of the axis per way of the motor: 1 + slope of a lead error that is made up for; 1 without."""
+        """Largest way of the axis per way of the motor: 1 + slope of a lead error made up for; 1 without."""
         return max(1.0, *self._slopes())
 
     def _slopes(self) -> list[float]:

@@ -10,13 +10,13 @@ from kinematics.array import Array, frozen
 from kinematics.axis import Axis
 from planner.pulses.crossing import solve
 from planner.pulses.motion import Motion, MotionState
-from planner.pulses.pieces import fit
+from planner.pulses.pieces import FINE, fit
 from planner.pulses.schedule import Compensation
 from planner.pulses.stretches import Stretches, monotone
 from planner.pulses.take_up import take_up, taken_up
 
-# Share of a pulse within which pieces meet the motion, and of a stretch to which a time on it is found.
-FINE, NEAR = 1e-6, 1e-12
+# Share of a stretch to which a time on it is found.
+NEAR = 1e-12
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,7 @@ in memory that does not grow with the file. Text is UTF-8, with or without a byt
 import csv
 import os
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from io import BytesIO
 from os import PathLike
 from pathlib import Path
@@ -20,7 +20,6 @@ from kinematics.array import Array
 from kinematics.axis import Axis
 from kinematics.errors import Fault, FileError
 from planner.parallel import Progress, silent
-from planner.pulses.parts import joined
 from planner.pulses.schedule import AxisPulses, PulseSchedule, Signs, Ticks
 from planner.pulses.verdict import LineTimes
 
@@ -38,27 +37,6 @@ class Lines:
     times: tuple[LineTimes, ...]
 
 
-def read(
-    path: str | PathLike[str],
-    clock_hz: int,
-    axes: Sequence[Axis],
-    home_q: ArrayLike,
-    *,
-    start: Sequence[int] | None = None,
-    duration: float | None = None,
-) -> Lines:
-    """The lines of a pulse CSV; what the file cannot hold comes from the machine's axes and its home (n,).
-
-    start     counts before the first pulse; None: 0, a motion from home
-    duration  s; None: up to the last row
-    Raises FileError with the lines at fault: a header of other axes, a row that is not a time and levels, a time that
-    runs back or is no tick of the clock, a STEP that is high when the file ends: such a file has been cut.
-    """
-    held = list(parts(path, clock_hz, axes, home_q, start=start))
-    schedule = joined(part.schedule for part in held)
-    return Lines(schedule if duration is None else replace(schedule, duration=duration), held[-1].times)
-
-
 def parts(
     path: str | PathLike[str],
     clock_hz: int,
@@ -68,9 +46,12 @@ def parts(
     start: Sequence[int] | None = None,
     tell: Progress = silent,
 ) -> Iterator[Lines]:
-    """The same in one or more parts that follow each other, each with the counts that the one before ends with.
+    """The lines of a pulse CSV in one or more parts that follow each other; what it cannot hold comes from the machine.
 
-    tell  told how many bytes are read, of how many
+    start  counts before the first pulse; None: 0, a motion from home. Each part has those that the one before ends with
+    tell   told how many bytes are read, of how many
+    Raises FileError with the lines at fault: a header of other axes, a row that is not a time and levels, a time that
+    runs back or is no tick of the clock, a STEP that is high when the file ends: such a file has been cut.
     """
     name, home = str(path), np.asarray(home_q, float)
     found, count = [_Found() for _ in axes], [0] * len(axes) if start is None else list(start)

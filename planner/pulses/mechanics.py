@@ -11,8 +11,8 @@ def play(motor: Array, width: float, before: float) -> Array:
 
     Towards greater q it is pushed at y = m, towards smaller q at y = m + width, and between them it stays where it is:
     the play operator of [Krasnosel'skii and Pokrovskii 1989]. before: y before the first place; a machine that has been
-    homed towards greater q starts at y = m, one towards smaller q at the far side (`carried`). Only the turns are gone through one by one: along a run that has one sense
-    y depends on where the run began alone.
+    homed towards greater q starts at y = m, one towards smaller q at the far side (`carried`). Only the turns are gone
+    through one by one: along a run that has one sense y depends on where the run began alone.
     """
     if not len(motor):
         return motor

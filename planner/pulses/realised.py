@@ -17,8 +17,8 @@ from kinematics.sensitivity import sensitivity
 from planner.place import Place
 from planner.pulses.axes_away import axes_away
 from planner.pulses.compensate import Compensated
-from planner.pulses.motion import Motion
 from planner.pulses.mechanics import carried, screw, told
+from planner.pulses.motion import Motion
 from planner.pulses.realised_path import RealisedError, RealisedPath
 from planner.pulses.schedule import PulseSchedule, Ticks
 from planner.trajectory import State, Trajectory
@@ -54,8 +54,8 @@ def realised(plan: Planned, pulses: PulseSchedule | None = None, *, stride: int 
     make up for, and the pose is found by forward kinematics (Newton from the planned one, to rounding). It is compared
     with the planned pose at both ends, which lie just after the one pulse and just before the next. Ends of windows of
     time are looked at as well: rests and turning points between pulses are seen. Of a machine whose platform carries a
-    tool, the pose is the tool's. stride k takes every k-th interval. Each axis starts on the side of its play that its `pushed`
-    says. Raises MotionError where counts stand for no pose, or the motion has none.
+    tool, the pose is the tool's. stride k takes every k-th interval. Each axis starts on the side of its
+    play that its `pushed` says. Raises MotionError where counts stand for no pose, or the motion has none.
     """
     machine, trajectory = plan.machine, plan.trajectory
     behind = plan.counted if isinstance(plan.counted, Compensated) else None

@@ -79,7 +79,7 @@ def _refusal(
 ) -> Infeasible:
     """What the drive's inputs cannot take: where, how fast, and what would."""
     straight, back = timing.ticks(clock_hz)
-    # of the times up to each pulse, the first from when DIR is set, the one too short that is nearest to the pulse moved
+    # of the times up to each pulse, the first from when DIR is set, the one too short that is nearest to the one moved
     turns = np.concatenate([[False], pulses.direction[1:] != pulses.direction[:-1]])
     had = np.diff(pulses.ticks, prepend=0)
     needed = np.where(turns, back, straight)
@@ -104,7 +104,7 @@ def _refusal(
     else:
         limit = timing.rate
         remedy = (
-            f"its drive takes {timing.rate:.4g} pulses/s one way: slow the motion there, use a longer pulse, or a finer "
-            "clock"
+            f"its drive takes {timing.rate:.4g} pulses/s one way: slow the motion there, use a longer pulse, or a "
+            "finer clock"
         )
     return Infeasible(what, axis.name, place, 1 / max(time, 1 / clock_hz), limit, "1/s", remedy)

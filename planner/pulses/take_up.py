@@ -38,11 +38,12 @@ def take_up(motion: Motion, k: int, axis: Axis, stretches: Stretches) -> tuple[A
     """(R, 3) start (s), time (s) and way (m or rad) of every crossing of the play of axis k, and what that costs.
 
     Motion and take-up together keep max_speed, the pulse rate and take_up_acceleration (None: max_acceleration), as
-    `LOOKED` at and at the knots of the motion. In a rest a step takes the least time in which it keeps them, and jerk where there is time.
-    Where the axis turns without a rest it is made longer until it fits, as long as the axis is off by less than the
-    play meanwhile (not to make up for it costs no more), and at most half-way to the next turn: jerk is told there, not
-    kept, for the time that it needs would leave the axis off by more. A screw's table is in the speed, not in
-    the acceleration. Raises Infeasible where a step fits at no length: a motion that is at its limit while it turns has no room for any.
+    `LOOKED` at and at the knots of the motion. In a rest a step takes the least time in which it keeps them, and jerk
+    where there is time. Where the axis turns without a rest it is made longer until it fits, as long as the axis is off
+    by less than the play meanwhile (not to make up for it costs no more), and at most half-way to the next turn: jerk
+    is told there, not kept, for the time that it needs would leave the axis off by more. A screw's table is in the
+    speed, not in the acceleration.
+    Raises Infeasible where a step fits at no length: a motion that is at its limit while it turns has no room for any.
     """
     turns, unturned = turning_points(stretches, axis)
     if not turns:
@@ -199,10 +200,12 @@ def _refuse(motion: Motion, k: int, axis: Axis, turns: Array, seen: _Seen) -> No
     _, value, limit, t, name, unit = max(told)
     place = Place(float(motion.at(np.array([t])).s[0]), t=t, axis=axis.name)
     rest = at_least(_alone(axis) * (1 + SAFE))
-    arrives, leaves, way = turns[np.argmin(abs(turns[:, 0] - t))]
+    arrives, _, way = turns[np.argmin(abs(turns[:, 0] - t))]
     if arrives == 0:  # the play is on the other side before anything moves
         side = "-" if way < 0 else "+"
-        where = f'before {axis.name} first moves: let the program begin with a dwell of {rest} s, state pushed = "{side}"'
+        where = (
+            f'before {axis.name} first moves: let the program begin with a dwell of {rest} s, state pushed = "{side}"'
+        )
         where += " if that is the side on which it was homed"
     else:
         where = f"where {axis.name} turns: let it rest there for {rest} s (a dwell)"
@@ -210,7 +213,7 @@ def _refuse(motion: Motion, k: int, axis: Axis, turns: Array, seen: _Seen) -> No
     state = (
         ""
         if enough is None
-        else f", or state a take_up_acceleration of {enough} {axis.unit}/s^2 or more if its motor does that with no load"
+        else f", or state a take_up_acceleration of {enough} {axis.unit}/s^2 or more if its motor does that unloaded"
     )
     remedy = (
         f"the motion leaves too little for the {1e6 * axis.backlash:.4g} µ{axis.unit} of play {where}, or go slower "

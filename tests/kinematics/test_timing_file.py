@@ -61,7 +61,9 @@ def test_a_gear_and_a_factor_make_the_pulse_longer(with_line, tmp_path):
 
 
 def test_compensation_is_read_and_written_back(with_line, tmp_path):
-    read = with_line('compensate = ["lead", "backlash"]\nbacklash = "5 um"\ntake_up_acceleration = "2 m/s^2"\npushed = "-"')
+    read = with_line(
+        'compensate = ["lead", "backlash"]\nbacklash = "5 um"\ntake_up_acceleration = "2 m/s^2"\npushed = "-"'
+    )
     assert {axis.pushed for axis in read.axes} == {"-"}
     assert {(axis.compensate, axis.take_up_acceleration) for axis in read.axes} == {(("lead", "backlash"), 2.0)}
     (tmp_path / "again.toml").write_text(machine_toml(read))

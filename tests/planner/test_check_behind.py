@@ -37,7 +37,7 @@ def test_honest_counts_leave_the_axes_where_they_are_planned(seed, kinds, pushed
     motors, axes, home = made(seed, kinds, pushed=pushed)
     found = check(generate(motors, axes, home, rule=rule), motors, axes, home)
     assert found.holds, found.faults
-    assert all(0 < axis.behind for axis in found.axes)
+    assert all(axis.behind > 0 for axis in found.axes)
 
 
 def half(steps, t, true=compensate.taken_up):
@@ -75,7 +75,7 @@ def test_a_bug_in_taking_up_the_play_is_no_proof_of_itself(monkeypatch, bug):
 )
 def test_a_table_that_is_mistaken_is_seen(table):
     """What was counted is another screw's; the check carries the counts through the machine's."""
-    motors, axes, home = made(1)
+    _, axes, home = made(1)
     wrong, others, _ = made(1, lead_error=table)
     schedule = generate(wrong, others, home)
     assert check(schedule, wrong, others, home).holds

@@ -63,7 +63,9 @@ def test_every_corrupted_schedule_is_caught_under_every_rule(rule):
             a.grain = 5 if rule == "timer" else 1
             corrupt(a, rng)
             false = AxisPulses(axis.name, a.ticks, a.direction, int(a.start), axis.pulse, axis.home, axis.bound)
-            found = check(replace(schedule, axes=tuple(false if i == k else one for i, one in enumerate(schedule.axes))), motion)
+            found = check(
+                replace(schedule, axes=tuple(false if i == k else one for i, one in enumerate(schedule.axes))), motion
+            )
             if found.holds:
                 missed.append((corrupt.__name__, seed))
     assert SEEDS * len(EVERY) >= 200

@@ -21,10 +21,10 @@ BLOCK = 1 << 14  # instants looked at together
 class Behind:
     """An axis behind what its pulses make up for: place = screw(play(count·pulse)), in pulses from home.
 
-    |place - x| ≤ s (bound + one tick's travel of the motor + what turned nothing), and s off more in the windows of time
-    that are stated for crossing the play; s is the steepest slope of the screw. The play operator makes no difference
-    between two motors larger than it is, and play that is not made up for is no part of what was asked.
-    Independent of how the play was made up for: beside `off`, its windows and the farthest run back that turns nothing,
+    |place - x| ≤ s (bound + one tick's travel of the motor + what turned nothing), and s·off more in the windows of
+    time that are stated for crossing the play; s is the steepest slope of the screw. The play operator makes no
+    difference between two motors larger than it is. Play or screw that is not made up for was not asked to be.
+    Independent of how they were made up for: beside `off`, its windows and the farthest run back that turns nothing,
     which the schedule states, only the machine's own play and table are used.
     """
 
@@ -69,7 +69,9 @@ class Behind:
 
 def behind(schedule: PulseSchedule, planned: Motion, axes: Sequence[Axis], grid: Array) -> Iterator[Search]:
     """A search for each axis that makes up for something, on the planned motion of the axes; grid (s) to look at."""
-    speeds = np.max([abs(planned.at(grid[lo : lo + BLOCK]).qd).max(axis=0) for lo in range(0, len(grid), BLOCK)], axis=0)
+    speeds = np.max(
+        [abs(planned.at(grid[lo : lo + BLOCK]).qd).max(axis=0) for lo in range(0, len(grid), BLOCK)], axis=0
+    )
     for k, (pulses, axis) in enumerate(zip(schedule.axes, axes, strict=True)):
         if not axis.compensate:
             continue

@@ -36,8 +36,8 @@ class Crossings:
         return 1 - self.above, self.above
 
     def sides(self, search: Search, s: Samples) -> tuple[Array, Array]:
-        wider, late = search.widened, self.hysteresis
-        return 1 - self.above + wider + late * (s.way >= 0), self.above + wider + late * (s.way <= 0)
+        below, above = np.where(s.way >= 0, self.hysteresis, 0.0), np.where(s.way <= 0, self.hysteresis, 0.0)
+        return below + (1 - self.above + search.widened), above + (self.above + search.widened)
 
     def judge(self, search: Search, ticks: Ticks, sign: Array, s: Samples, first: int) -> None:
         """Each pulse at the crossing of the level between its two counts, going its way, on an axis that moves."""

@@ -35,9 +35,7 @@ class Listed:
         return 2 * HALF_TICK
 
     @classmethod
-    def of(
-        cls, motion: Motion, k: int, schedule: PulseSchedule, spacing: float, size: int, rate: float
-    ) -> "Listed":
+    def of(cls, motion: Motion, k: int, schedule: PulseSchedule, spacing: float, size: int, rate: float) -> "Listed":
         moves = max(1, int(np.ceil(motion.duration / spacing)))
         gap = motion.duration / moves
         listed = motion.at(np.minimum(np.arange(moves + 1) * gap, motion.duration)).q
@@ -70,7 +68,9 @@ class Listed:
             due = (self.began[burst] + nth / self.rate) / search.tick
             error[known] = (ticks - due)[known]
             wrong = known & (sign != self.sign[burst])
-            search.report("against the motion", ticks[wrong], "its listed points ask for {:+.0f}", self.sign[burst][wrong])
+            search.report(
+                "against the motion", ticks[wrong], "its listed points ask for {:+.0f}", self.sign[burst][wrong]
+            )
         near = abs(error) <= search.shift + HALF_TICK
         search.due(ticks, error, np.full(len(ticks), HALF_TICK), near)
 

@@ -1,4 +1,4 @@
-"""The check of pulses: the schedule's order and identity, its motors against their motion, its axes against the plan."""
+"""The check of pulses: their order, whose they are, the motors against their motion, the axes against the plan."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
@@ -63,8 +63,7 @@ def check_parts(
         raise MotionError(f"the schedule has {len(stated.axes)} axes, the motion {width}; check it against its own")
     grid = _grid(trajectory)
     searches = [
-        Search(stated, k, trajectory, grid, stated.axes[k].start, standard(stated, k, trajectory))
-        for k in range(width)
+        Search(stated, k, trajectory, grid, stated.axes[k].start, standard(stated, k, trajectory)) for k in range(width)
     ]
     carried: dict[int, Search] = {}
     if isinstance(trajectory, MotorMotion) and machine_axes is not None:

@@ -95,7 +95,7 @@ class Search:
         return ROUNDING * (abs(s.x) + 2 * abs(self.axis.home) / self.axis.pulse + abs(s.v * s.t))
 
     def excess(self, s: Samples) -> Array:
-        """(N,) pulses by which x is farther from the count than its sides, before waiting and rounding are allowed for."""
+        """(N,) pulses by which x is farther from the count than its sides, waiting and rounding not allowed for."""
         below, above = self.standard.sides(self, s)
         return np.asarray(np.maximum(s.x - s.count - above, s.count - below - s.x))
 

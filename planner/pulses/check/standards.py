@@ -2,8 +2,8 @@
 
 from planner.pulses.check.crossings import Crossings
 from planner.pulses.check.listed import Listed
-from planner.pulses.check.loose import Loose
 from planner.pulses.check.looks import Looks
+from planner.pulses.check.loose import Loose
 from planner.pulses.check.search import Standard
 from planner.pulses.motion import Motion
 from planner.pulses.schedule import PulseSchedule
