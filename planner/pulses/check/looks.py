@@ -18,7 +18,8 @@ class Looks:
     """Every pulse at a look, towards x, which is ½ or more from the count; after each look it is no farther than ½.
 
     Looks are a period (ticks) apart, and the last at the end of the motion. With those two there is no other schedule,
-    but where x is half-way to rounding.
+    but where x is half-way to rounding. Pulses that were moved for their drive are late for as many looks as their
+    largest shift holds, at most; within that number another pulse may be late unseen.
     """
 
     period: int
@@ -46,15 +47,22 @@ class Looks:
         offset = round(search.motion.duration / search.tick) % self.period
         error = (ticks - offset + self.period // 2) % self.period - self.period // 2
         far = sign * (s.x - before.count)
-        near = abs(error) <= search.shift
-        search.due(ticks, error.astype(float), np.full(len(ticks), HALF_TICK), near)
-        needless = ~(far >= 0.5 - search.noise(s) - search.widened * (error != 0))
+        asked = far >= 0.5 - search.noise(s)
+        early = search.shift > 0 and far >= 0.5 - search.noise(s) - search.widened
+        needless = ~(asked | early)
         search.report("not asked for", ticks[needless], "x is {:+.6g} pulses on its way", far[needless])
+        # by whole periods, too, a pulse may have been moved to before it was asked for
+        off = np.where((error == 0) & ~asked & early, self.period, error).astype(float)
+        search.due(ticks, off, np.full(len(ticks), HALF_TICK), early | (abs(off) <= search.shift))
         until = int(ticks[-1]) if len(ticks) else round(search.motion.duration / search.tick)
         self._looked(search, ticks, sign, until, offset)
 
     def conclude(self, search: Search) -> None:
-        """Each look has been looked at."""
+        """No more looks found x farther than ½ than those that moved pulses were late for."""
+        stated = sum(one.pulses for one in search.schedule.moves if one.axis == search.axis.name)
+        late = search.moved[1] - search.moved[0]
+        if late > stated * (search.shift // self.period + 1):
+            search.report("late at looks", np.zeros(1, np.int64), "{:.0f} in all", np.array([late]))
 
     def _looked(self, search: Search, ticks: Ticks, sign: Array, until: int, offset: int) -> None:
         """After every look since the pulses before, up to a tick, x is at most ½ from the count."""
@@ -63,8 +71,11 @@ class Looks:
         for lo in range(begin, until + 1, self.period * BLOCK):
             looks = np.arange(lo, min(lo + self.period * BLOCK, until + 1), self.period)
             s = search.at((looks * search.tick).clip(0.0, search.motion.duration))
-            # a pulse that was moved may be due at the look, and come after
             away = abs(s.x - counts[np.searchsorted(ticks, looks, side="right")])
-            far = ~(away <= 0.5 + search.noise(s) + search.widened)
+            late = ~(away <= 0.5 + search.noise(s))
+            # a pulse that was moved may be due at the look, and come after
+            far = late & ~((search.shift > 0) & (away <= search.axis.bound + s.travel(search.tick) + search.noise(s)))
             search.report("late at a look", looks[far], "{:.6g} pulses away", away[far])
+            least, most = search.moved
+            search.moved = least, most + int((late & ~far).sum())
         search.seen = until + 1
