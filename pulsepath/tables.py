@@ -73,7 +73,7 @@ def _moves(schedule: PulseSchedule, axes: Sequence[Axis]) -> Iterator[Table]:
     costs = [cost for cost in schedule.compensations if cost.kinds]
     if costs:
         title = "made up for: the motors while they cross the play, beside what is certified"
-        made = _table(title, "axis", "", "reversals#", "off by at most#", "speed#", "acceleration#", "jerk#")
+        made = _table(title, "axis", "", "reversals#", "off by ≤#", "speed#", "acceleration#", "jerk#")
         for cost in costs:
             unit, scale = HUMAN[units[cost.axis]]
             made.add_row(

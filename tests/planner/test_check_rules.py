@@ -9,6 +9,7 @@ import pytest
 from kinematics.axis import Axis
 from kinematics.step_timing import StepTiming
 from planner.option import options
+from planner.place import Infeasible
 from planner.pulses import RULES, AxisPulses, check, generate
 from planner.pulses.check import standards
 from planner.pulses.rules.floor import REACHED
@@ -132,3 +133,22 @@ def test_moves_must_be_as_many_as_stated(moved):
     for pulses in (1, 3):
         told = replace(schedule, moves=(replace(schedule.moves[0], pulses=pulses),))
         assert not check(told, motion).holds
+
+
+@pytest.mark.parametrize("rule", ["nearest", *RULES_HELD, "sampled:period=7us"])
+def test_honest_schedules_with_moved_pulses_hold_under_every_rule(rule):
+    """First pulses before their set-up, and reversals: moved within a look, by whole looks, past a turn."""
+    moved = 0
+    for seed in range(25):
+        motion = example(seed)
+        home = motion.at(np.zeros(1)).q[0]
+        timing = StepTiming(1e-6, 1e-6, 2e-4 * (1 + seed % 5), 1e-4 * (seed % 2))
+        axes = [Axis(f"leg{i}", pulse=PULSE, timing=timing) for i in range(3)]
+        try:
+            schedule = generate(motion, axes, home, CLOCK, rule)
+        except Infeasible:
+            continue
+        moved += sum(one.pulses for one in schedule.moves)
+        found = check(schedule, motion, axes, home)
+        assert found.holds, (seed, found.faults)
+    assert moved > 0
