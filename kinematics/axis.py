@@ -43,6 +43,8 @@ class Axis:
     resonance       ((low, high), ...) rising bands of speed |q̇| in which a stepper resonates [Sasidhar 1981]
     resonance_time  s that each stay in a band may last; None: the axis keeps below the first band
     backlash        m or rad lost at every reversal
+    pushed          "+" or "-": the side on which its play is when a program begins, as after a move towards greater or
+                    smaller positions. ASSUMPTION where nothing is stated: "+", how axes are usually homed
     lead_error      ((position, error), ...) of the screw, positions rising: where the axis is beyond where it counts;
                     past either end as at that end
     take_up_acceleration  m/s² or rad/s² that its motor may do while it crosses the play and moves no load; None:
@@ -68,6 +70,7 @@ class Axis:
     resonance: tuple[tuple[float, float], ...] | None = None
     resonance_time: float | None = None
     backlash: float = 0.0
+    pushed: Literal["+", "-"] = "+"
     take_up_acceleration: float | None = None
     lead_error: tuple[tuple[float, float], ...] | None = None
     compensate: tuple[str, ...] = ()
@@ -109,10 +112,17 @@ class Axis:
             curve = getattr(self, field)
             if curve is not None and (len(curve) < 2 or any(not b[0] > a[0] for a, b in pairwise(curve))):
                 raise MotionError(f"axis {self.name}: {field} {curve} must be two or more points, first values rising")
+        if self.pushed not in ("+", "-"):
+            raise MotionError(f'axis {self.name}: pushed {self.pushed!r} is neither "+" nor "-"')
         object.__setattr__(self, "compensate", tuple(self.compensate))
         for kind in self.compensate:
             if kind not in COMPENSATED:
                 raise MotionError(f"axis {self.name}: compensate {kind!r} is none of {', '.join(COMPENSATED)}")
+        if min(self._slopes()) <= 0:
+            raise MotionError(
+                f"axis {self.name}: its lead error falls by more than the way between two points: "
+                "nothing that it counts leads through there; mend the table"
+            )
         if self.timing is not None and not isinstance(self.timing, StepTiming):
             raise MotionError(f"axis {self.name}: timing must be a StepTiming, or None, not {self.timing!r:.100}")
         self._wiring()
@@ -156,6 +166,20 @@ class Axis:
         """1/s: the most pulses that the axis takes, as stated and as its drive's timing allows; ∞: any number."""
         stated = inf if self.max_pulse_rate is None else self.max_pulse_rate
         return stated if self.timing is None else min(stated, self.timing.rate)
+
+    @property
+    def motor_ratio(self) -> float:
+        """Largest way of the motor per way of the axis: 1/(1 + slope) of a lead error made up for; 1 without."""
+        return max(1.0, *(1 / slope for slope in self._slopes()))
+
+    @property
+    def axis_ratio(self) -> float:
+        """Largest way of the axis per way of the motor: 1 + slope of a lead error made up for; 1 without."""
+        return max(1.0, *self._slopes())
+
+    def _slopes(self) -> list[float]:
+        made_up = self.lead_error if "lead" in self.compensate and self.lead_error is not None else ((0, 0), (1, 0))
+        return [1 + (after[1] - before[1]) / (after[0] - before[0]) for before, after in pairwise(made_up)]
 
     @property
     def unit(self) -> str:

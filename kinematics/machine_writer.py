@@ -95,7 +95,7 @@ def _fields(machine: str, axis: Axis) -> Iterator[tuple[str, str]]:
     """Key and text of every field of an axis that says something."""
     for field in fields(axis):
         value = getattr(axis, field.name)
-        if field.name in _ELSEWHERE or value in (None, ()) or (field.default == 0 and value == 0):
+        if field.name in _ELSEWHERE or value in (None, ()) or (field.default in (0, "+") and value == field.default):
             continue
         if field.name == "travel" and not all(map(isfinite, value)):
             if axis.kind == "rotary":
@@ -123,6 +123,8 @@ def _text(field: str, value: Any, sort: int) -> str:
         return _timing(value)
     if field == "compensate":
         return f"[{', '.join(map(quoted, value))}]"
+    if field == "pushed":
+        return quoted(value)
     if field in _POINTS:
         x, y = (_UNITS[unit][sort] for unit in _POINTS[field])
         return f"[{', '.join(f'[{quantity(a, *x)}, {quantity(b, *y)}]' for a, b in value)}]"

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from decimal import Decimal
 from functools import cache
-from math import inf, isfinite
+from math import ceil, floor, inf, isfinite, log10
 from typing import TYPE_CHECKING, Annotated, Any
 
 from kinematics.errors import MotionError
@@ -107,6 +107,12 @@ def unit_value(name: object, unit: str) -> float:
 def describe(value: float, unit: str) -> str:
     """An SI value in the unit asked for, for messages: describe(0.0508, "mm") is "50.8 mm"."""
     return f"{value / float(_factor(unit)[0]):.6g} {unit}"
+
+
+def at_least(value: float, digits: int = 4) -> str:
+    """A positive number that a message advises, rounded up to so many digits: 0.0339801 is "0.03399"."""
+    scale = 10.0 ** (digits - 1 - floor(log10(value)))
+    return f"{ceil(value * scale) / scale:.{digits}g}"
 
 
 def apart(*values: float, digits: int = 6) -> tuple[str, ...]:

@@ -114,6 +114,8 @@ class Pacer:
 
     def _gentler(self, limits: Sequence[Limit], eased: float, speeds: Array | None) -> Iterator[Limit]:
         """The limits with shares of the accelerations and jerks, and lower speeds."""
+        if speeds is not None:  # of the axes; the limit is the motors'
+            speeds = speeds * np.array([axis.motor_ratio for axis in self.axes])
         if speeds is not None and not any(isinstance(limit, Speed) for limit in limits):
             yield Speed(self.axes, [*speeds])
         for limit in limits:

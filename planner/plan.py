@@ -16,7 +16,7 @@ from planner.parallel import Progress, silent
 from planner.place import Infeasible
 from planner.program import Program
 from planner.pulses import Motion, PulseSchedule, RealisedPath, Rule, find_rule, generate, realised
-from planner.pulses.compensate import compensated
+from planner.pulses.compensate import counted
 from planner.solve import fastest
 from planner.standing import Standing, standing
 from planner.steadiness import CONSTANT, Stretch, stretches
@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 class Plan:
     """A program on a machine: the path in the actuators, the fastest motion, its proof, and the pulses that make it.
 
+    counted: the motion, or where axes ask for compensation what their motors make of it, which the pulses count
     order (2: to acceleration, 3: to jerk); rounds of solving until the proof held; methods: the solver of each run
     lower_estimate: s, about the least that any motion within the limits on speed and acceleration takes, with the
     constant speeds that are asked for; stated_duration: s, what was asked for instead of the fastest, if anything
@@ -43,6 +44,7 @@ class Plan:
     limits: tuple[Limit, ...] = field(repr=False)
     trajectory: Trajectory = field(repr=False)
     certificate: Certificate
+    counted: Motion = field(repr=False)
     pulses: PulseSchedule = field(repr=False)
     order: int
     rounds: int
@@ -54,12 +56,6 @@ class Plan:
     def gap(self) -> float | None:
         """How far the duration is above the estimate of its lower bound, as a share of that; None if it was stated."""
         return None if self.stated_duration is not None else self.trajectory.duration / self.lower_estimate - 1
-
-    @property
-    def counted(self) -> Motion:
-        """What the pulses count: the motion, or where axes ask for compensation what their motors make of it."""
-        behind = compensated(self.trajectory, self.machine.axes, self.machine.home_q)
-        return self.trajectory if behind is None else behind
 
     @property
     def left_out(self) -> tuple[str, ...]:
@@ -122,7 +118,7 @@ def plan(
         solution = fastest(path, limits, order, progress)
     else:
         solution = within(path, limits, machine.axes, order, duration, progress)
-    pulses = _pulses(solution.trajectory, machine, int(clock_hz), rule, progress or silent)
+    motors, pulses = _pulses(solution.trajectory, machine, int(clock_hz), rule, progress or silent)
     return Plan(
         program,
         machine,
@@ -130,6 +126,7 @@ def plan(
         limits,
         solution.trajectory,
         solution.certificate,
+        motors,
         pulses,
         order,
         solution.rounds,
@@ -139,10 +136,13 @@ def plan(
     )
 
 
-def _pulses(trajectory: Trajectory, machine: Machine, clock_hz: int, rule: Rule, progress: Progress) -> PulseSchedule:
-    """The pulses; a refusal names the segment, which pulses alone do not know."""
+def _pulses(
+    trajectory: Trajectory, machine: Machine, clock_hz: int, rule: Rule, progress: Progress
+) -> tuple[Motion, PulseSchedule]:
+    """What is counted, and its pulses; a refusal names the segment, which pulses alone do not know."""
     try:
-        return generate(trajectory, machine.axes, machine.home_q, clock_hz, rule, progress)
+        motors = counted(trajectory, machine.axes, machine.home_q)
+        return motors, generate(motors, machine.axes, machine.home_q, clock_hz, rule, progress)
     except Infeasible as no:
         if no.place is None or no.place.t is None:
             raise

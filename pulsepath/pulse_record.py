@@ -32,6 +32,7 @@ def of_pulse_file(path: Path, plan: Plan, verdict: PulseCheck) -> Record:
                 "bound_pulses": held.bound,
                 "time_error_ticks": None if one.time_error is None else _finite(one.time_error),
                 "position_error_beyond_bound_pulses": _finite(one.position_error),
+                "error_behind_play_and_screw_pulses": None if one.behind is None else _finite(one.behind),
                 "smallest_interval_s": _finite(one.smallest_interval),
                 "highest_rate_hz": 1 / one.smallest_interval if one.smallest_interval > 0 else None,
                 "lines_s": _times(one.lines, ("high", "low", "setup", "hold")),

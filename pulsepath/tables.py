@@ -71,10 +71,11 @@ def _moves(schedule: PulseSchedule, axes: Sequence[Axis]) -> Iterator[Table]:
                 one.axis, f"{one.pulses}", f"{1e6 * one.time:.3f}", _up(one.error, 4), _up(1e6 * one.length, 4)
             )
         yield moved
-    if schedule.compensations:
+    costs = [cost for cost in schedule.compensations if cost.kinds]
+    if costs:
         title = "made up for: the motors while they cross the play, beside what is certified"
-        made = _table(title, "axis", "", "reversals#", "axis off by#", "speed#", "acceleration#", "jerk#")
-        for cost in schedule.compensations:
+        made = _table(title, "axis", "", "reversals#", "off by ≤#", "speed#", "acceleration#", "jerk#")
+        for cost in costs:
             unit, scale = HUMAN[units[cost.axis]]
             made.add_row(
                 cost.axis,

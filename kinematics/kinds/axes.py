@@ -97,6 +97,7 @@ class Input(Table):
     max_pulse_rate: Rate | None = None
     timing: Timing | None = None
     compensate: tuple[Literal["lead", "backlash"], ...] | None = None
+    pushed: Literal["+", "-"] | None = None
     pulse_factor: Annotated[float, Field(gt=0), AllowInfNan(False)] | None = None
     electronic_gear: tuple[Annotated[int, Field(gt=0)], Annotated[int, Field(gt=0)]] | None = None
     resonance_time: Annotated[float, Unit("s", above=0)] | None = None

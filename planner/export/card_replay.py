@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 
 from kinematics.array import Array
 from planner.export.format import Source
-from planner.pulses.levels import FINE, UNSEEN
-from planner.pulses.pieces import Pieces, fit
+from planner.pulses.pieces import FINE, UNSEEN, Pieces, fit
 from planner.pulses.stretches import monotone, window
 
 

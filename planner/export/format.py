@@ -1,6 +1,6 @@
 """The plug point of the export formats: what each is given, its options, and what it says of itself."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import ClassVar, Protocol
 
@@ -8,7 +8,7 @@ from kinematics.errors import MotionError
 from kinematics.machine import Machine
 from planner.option import option as option
 from planner.parallel import Progress, silent
-from planner.pulses.compensate import compensated
+from planner.pulses.compensate import counted
 from planner.pulses.motion import Motion
 from planner.pulses.schedule import PulseSchedule
 from planner.trajectory import Trajectory
@@ -20,6 +20,7 @@ class Source:
 
     name  of the program, for formats that hold one
     tell  told how much is written, of how much, by formats that write in parts
+    counted  what a controller of the axes has to be told: the motion, or of axes that compensate what their motors do
     """
 
     name: str
@@ -27,12 +28,10 @@ class Source:
     trajectory: Trajectory
     pulses: PulseSchedule
     tell: Progress = silent
+    counted: Motion = field(init=False, repr=False)
 
-    @property
-    def counted(self) -> Motion:
-        """What a controller of the axes has to be told: the motion, or of axes that compensate what their motors do."""
-        behind = compensated(self.trajectory, self.machine.axes, self.machine.home_q)
-        return self.trajectory if behind is None else behind
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "counted", counted(self.trajectory, self.machine.axes, self.machine.home_q))
 
 
 @dataclass(frozen=True, slots=True)

@@ -36,7 +36,8 @@ def axes_away(
         wanted = q[:, k] - pulses.home
         made_up_for = "lead" in axis.compensate
         middle = asked_of_screw(wanted, axis) if made_up_for else wanted
-        below, above = screw(middle - delta, axis), screw(middle + slack + delta, axis)
+        behind_by, ahead_by = (slack, 0.0) if axis.pushed == "-" else (0.0, slack)
+        below, above = screw(middle - behind_by - delta, axis), screw(middle + ahead_by + delta, axis)
         away[:, k] = np.maximum(abs(above - wanted), abs(wanted - below)) + off
         if axis.lead_error is not None and not made_up_for:  # a point of the table between two instants
             counted_at, error = np.array(axis.lead_error).T

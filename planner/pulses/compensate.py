@@ -8,16 +8,15 @@ from numpy.typing import NDArray
 
 from kinematics.array import Array, frozen
 from kinematics.axis import Axis
-from kinematics.errors import MotionError
 from planner.pulses.crossing import solve
 from planner.pulses.motion import Motion, MotionState
-from planner.pulses.pieces import fit
+from planner.pulses.pieces import FINE, fit
 from planner.pulses.schedule import Compensation
 from planner.pulses.stretches import Stretches, monotone
 from planner.pulses.take_up import take_up, taken_up
 
-# Share of a pulse within which pieces meet the motion, and of a stretch to which a time on it is found.
-FINE, NEAR = 1e-6, 1e-12
+# Share of a stretch to which a time on it is found.
+NEAR = 1e-12
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,13 +25,12 @@ class Compensated:
 
     parts    (intervals between knots, n) the part of its table that each axis is on
     c        inverts r = c + error(c), the lead errors (m or rad) between whose points it is linear
-    take-up  the play is on the side that the last move left: at the start, as after one towards greater q (an
-             ASSUMPTION, how the axes were homed). Towards smaller q the motor is the play behind, and it crosses over
-             in a smooth step about the instant at which the axis turns, or while it rests there
-             (`planner.pulses.take_up`)
+    take-up  the play is on the side that the last move left, at the start on the one that the axis' `pushed` states.
+             At every turn the motor crosses it in a smooth step about the instant at which the axis turns, or while
+             it rests there (`planner.pulses.take_up`)
     """
 
-    motion: Motion
+    planned: Motion
     home: Array
     knots: Array
     tables: tuple[Array | None, ...]
@@ -42,11 +40,11 @@ class Compensated:
 
     @property
     def duration(self) -> float:
-        return self.motion.duration
+        return self.planned.duration
 
     def at(self, t: Array, /) -> MotionState:
         t = np.atleast_1d(np.asarray(t, float))
-        state = self.motion.at(t)
+        state = self.planned.at(t)
         values = np.stack([state.q, state.qd, state.qdd, state.qddd])
         here = np.clip(np.searchsorted(self.knots, t, side="right") - 1, 0, len(self.knots) - 2)
         for k, (table, steps) in enumerate(zip(self.tables, self.steps, strict=True)):
@@ -69,8 +67,7 @@ class _State:
 def compensated(motion: Motion, axes: Sequence[Axis], home: Array) -> Compensated | None:
     """The motion as the motors have to make it, where some axis asks for compensation; None where none does.
 
-    Raises MotionError where a lead error runs back as fast as the screw forwards, Infeasible where the motion leaves a
-    motor no room to take up its play.
+    Raises Infeasible where the motion leaves a motor no room to take up its play.
     """
     if not any(axis.compensate for axis in axes):
         return None
@@ -100,18 +97,20 @@ def compensated(motion: Motion, axes: Sequence[Axis], home: Array) -> Compensate
     return Compensated(motion, frozen(home), frozen(times), tuple(tables), parts, tuple(steps), tuple(costs))
 
 
+def counted(motion: Motion, axes: Sequence[Axis], home: Array) -> Motion:
+    """What the pulses count: the motion, or where axes ask for compensation what their motors make of it.
+
+    Raises as `compensated` does.
+    """
+    return compensated(motion, axes, home) or motion
+
+
 def _table(axis: Axis) -> Array | None:
-    """(2, N) true positions from home, and what is counted there."""
+    """(2, N) true positions from home, rising, and what is counted there."""
     if axis.lead_error is None:
         return None
     counted, error = np.array(axis.lead_error).T
-    true = counted + error
-    if not (np.diff(true) > 0).all():
-        raise MotionError(
-            f"axis {axis.name}: its lead error falls by more than the way between two points: "
-            "nothing that it counts leads through there; mend the table"
-        )
-    return frozen(np.stack([true, counted]))
+    return frozen(np.stack([counted + error, counted]))
 
 
 def _screwed(values: Array, home: float, table: Array, part: NDArray[np.intp]) -> Array:

@@ -10,7 +10,7 @@ from kinematics.axis import Axis
 from kinematics.errors import MotionError
 from planner.parallel import Progress, silent
 from planner.place import Infeasible, Place
-from planner.pulses.compensate import compensated
+from planner.pulses.compensate import Compensated, counted
 from planner.pulses.counter import refuse_counter
 from planner.pulses.motion import Motion
 from planner.pulses.rules import Rule, find_rule
@@ -28,7 +28,8 @@ def generate(
 ) -> PulseSchedule:
     """The pulses of a motion by a firing rule, on a clock of whole ticks, as far apart as the drives' timing asks.
 
-    Axes that ask for compensation count what their motors have to do (`planner.pulses.compensate`).
+    Axes that ask for compensation count what their motors have to do (`planner.pulses.compensate`): a motion of
+    motors is taken as it is.
     home_q (n,) is the axis position from which pulses count; rule: one, or its name and options as
     `planner.pulses.find_rule` reads them; progress is told how far it is. Raises Infeasible where the rule cannot keep
     what it states, as where an axis would need more than one pulse per tick, MotionError where axes do not match.
@@ -39,26 +40,25 @@ def generate(
         given = f"{len(machine_axes)} machine axes, {width} axes of the motion, {home.size} home positions"
         raise MotionError(f"{given}: give one of each per axis")
     rule = find_rule(rule) if isinstance(rule, str) else rule
-    behind = compensated(trajectory, machine_axes, home)
-    motion = trajectory if behind is None else behind
+    motion = trajectory if isinstance(trajectory, Compensated) else counted(trajectory, machine_axes, home)
     schedule = spaced(rule.fire(motion, machine_axes, home, clock_hz, progress), motion, machine_axes)
     for pulses, axis in zip(schedule.axes, machine_axes, strict=True):
         if axis.card is not None:
             refuse_counter(pulses, axis)
         if axis.compensate:
             _refuse_rate(pulses, axis, trajectory, clock_hz)
-    return schedule if behind is None else replace(schedule, compensations=behind.costs)
+    return replace(schedule, compensations=motion.costs) if isinstance(motion, Compensated) else schedule
 
 
 def _refuse_rate(pulses: AxisPulses, axis: Axis, motion: Motion, clock_hz: int) -> None:
-    """Raise Infeasible where making up for screw and play takes more pulses than the axis: no plan looked at those."""
+    """Raise Infeasible for a motion whose motors take more pulses than their axis: one that no plan has held to it."""
     steps = np.where(np.diff(pulses.direction) == 0, np.diff(pulses.ticks), np.iinfo(np.int64).max)
     if not len(steps) or steps.min() >= np.floor(clock_hz / axis.pulse_rate):
         return
     t = float(pulses.ticks[int(np.argmin(steps))]) / clock_hz
     place = Place(float(motion.at(np.array([t])).s[0]), t=t, axis=axis.name)
     remedy = (
-        f"that is with {' and '.join(axis.compensate)} made up for, which the motion leaves no room for: "
-        f"state a max_pulse_rate that is lower by as much while planning, or slow {axis.name} by its max_speed"
+        f"that is with {' and '.join(axis.compensate)} made up for: slow {axis.name} there, or let planner.plan make "
+        "the motion, which keeps the rate of the motor behind its screw"
     )
     raise Infeasible("pulse rate", axis.name, place, clock_hz / float(steps.min()), axis.pulse_rate, "1/s", remedy)

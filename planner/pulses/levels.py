@@ -16,16 +16,14 @@ from planner.parallel import Progress, share
 from planner.place import Infeasible, Place
 from planner.pulses.crossing import solve
 from planner.pulses.motion import Motion
-from planner.pulses.pieces import ROUNDING, fit
+from planner.pulses.pieces import FINE, ROUNDING, UNSEEN, fit
 from planner.pulses.schedule import AxisPulses, Signs, Ticks
 from planner.pulses.stretches import Stretches, derivative, monotone
 
 BLOCK = 1 << 14  # pulses solved together: their arrays stay in the processor's cache
 RAMP = frozen(np.arange(BLOCK, dtype=float))
 TICK_ERROR = 1e-4  # of a crossing time before it is rounded to a whole tick
-FINE = 1e-6  # of a pulse: how well the motion is met where its own noise hides more
 COARSE = 1e-3  # of a pulse: rounding may not blur a count by more
-UNSEEN = 4  # times the error of the pieces where it was looked at: that of a sextic is 1.7 times larger elsewhere
 POLISHING = 5  # looks at the motion itself, each a Newton step from the one before
 POLISHED = 1e-6  # ticks: a step that no longer matters
 

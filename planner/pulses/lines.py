@@ -1,13 +1,13 @@
 """The step and direction lines of a file of edges, read back: the pulses on them, and the times that a drive sees.
 
 Independent of whatever wrote the file. A rising STEP is a pulse; DIR 1 is a positive count of the wiring. `parts` reads
-in memory that does not grow with the file.
+in memory that does not grow with the file. Text is UTF-8, with or without a byte order mark; lines end in LF or CR LF.
 """
 
 import csv
 import os
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from io import BytesIO
 from os import PathLike
 from pathlib import Path
@@ -20,7 +20,6 @@ from kinematics.array import Array
 from kinematics.axis import Axis
 from kinematics.errors import Fault, FileError
 from planner.parallel import Progress, silent
-from planner.pulses.parts import joined
 from planner.pulses.schedule import AxisPulses, PulseSchedule, Signs, Ticks
 from planner.pulses.verdict import LineTimes
 
@@ -38,27 +37,6 @@ class Lines:
     times: tuple[LineTimes, ...]
 
 
-def read(
-    path: str | PathLike[str],
-    clock_hz: int,
-    axes: Sequence[Axis],
-    home_q: ArrayLike,
-    *,
-    start: Sequence[int] | None = None,
-    duration: float | None = None,
-) -> Lines:
-    """The lines of a pulse CSV; what the file cannot hold comes from the machine's axes and its home (n,).
-
-    start     counts before the first pulse; None: 0, a motion from home
-    duration  s; None: up to the last row
-    Raises FileError with the lines at fault: a header of other axes, a row that is not a time and levels, a time that
-    runs back or is no tick of the clock.
-    """
-    held = list(parts(path, clock_hz, axes, home_q, start=start))
-    schedule = joined(part.schedule for part in held)
-    return Lines(schedule if duration is None else replace(schedule, duration=duration), held[-1].times)
-
-
 def parts(
     path: str | PathLike[str],
     clock_hz: int,
@@ -68,9 +46,12 @@ def parts(
     start: Sequence[int] | None = None,
     tell: Progress = silent,
 ) -> Iterator[Lines]:
-    """The same in one or more parts that follow each other, each with the counts that the one before ends with.
+    """The lines of a pulse CSV in one or more parts that follow each other; what it cannot hold comes from the machine.
 
-    tell  told how many bytes are read, of how many
+    start  counts before the first pulse; None: 0, a motion from home. Each part has those that the one before ends with
+    tell   told how many bytes are read, of how many
+    Raises FileError with the lines at fault: a header of other axes, a row that is not a time and levels, a time that
+    runs back or is no tick of the clock, a STEP that is high when the file ends: such a file has been cut.
     """
     name, home = str(path), np.asarray(home_q, float)
     found, count = [_Found() for _ in axes], [0] * len(axes) if start is None else list(start)
@@ -80,7 +61,7 @@ def parts(
         first = file.readline()
         while first.count(b'"') % 2 and (more := file.readline()):  # a name may hold a line feed
             first += more
-        header = next(csv.reader([first.decode(errors="replace")], skipinitialspace=True), [])
+        header = next(csv.reader([first.decode("utf-8-sig", errors="replace")], skipinitialspace=True), [])
         if header != expected:
             raise FileError(name, [Fault("header", f"{header} should be {expected}", 1)])
         last, before = -0.5 / clock_hz, None  # the first row may be at time 0
@@ -97,9 +78,14 @@ def parts(
                 pulses.append(AxisPulses(axis.name, rises, signs, count[k], axis.pulse, float(home[k])))
                 count[k] = pulses[k].final
             before = levels[-1] if len(table) else before
+            rows = line + len(table) - 1
             times = (one.times(axis.name, clock_hz) for axis, one in zip(axes, found, strict=True))
             yield Lines(PulseSchedule(clock_hz, tuple(pulses), max(last, 0.0)), tuple(times))
             tell(file.tell(), size)
+        high = [] if before is None else [axis.name for axis, level in zip(axes, before[::2], strict=True) if level]
+        if high:
+            message = f"leaves STEP of {', '.join(high)} high: the file has been cut; write it again"
+            raise FileError(name, [Fault("row", message, rows)])
 
 
 @dataclass(slots=True)

@@ -11,8 +11,8 @@ def play(motor: Array, width: float, before: float) -> Array:
 
     Towards greater q it is pushed at y = m, towards smaller q at y = m + width, and between them it stays where it is:
     the play operator of [Krasnosel'skii and Pokrovskii 1989]. before: y before the first place; a machine that has been
-    homed towards greater q starts at y = m. Only the turns are gone through one by one: along a run that has one sense
-    y depends on where the run began alone.
+    homed towards greater q starts at y = m, one towards smaller q at the far side (`carried`). Only the turns are gone
+    through one by one: along a run that has one sense y depends on where the run began alone.
     """
     if not len(motor):
         return motor
@@ -23,6 +23,11 @@ def play(motor: Array, width: float, before: float) -> Array:
         held.append(min(max(held[-1], m), m + width))
     lengths = np.diff(turns, prepend=-1, append=len(motor) - 1)  # a turn is the last place of its run
     return np.asarray(np.minimum(np.maximum(np.repeat(held, lengths), motor), motor + width))
+
+
+def carried(motor: Array, axis: Axis, before: float) -> Array:
+    """(N,) where an axis' play leaves what its motor pushes, which was homed on the side that `pushed` says."""
+    return play(motor - axis.backlash if axis.pushed == "-" else motor, axis.backlash, before)
 
 
 def screw(place: Array, axis: Axis) -> Array:

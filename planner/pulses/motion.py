@@ -40,3 +40,11 @@ class AxisMotion(Motion, Protocol):
     """A motion that tells of one axis in a fraction of the time: a state whose q, q̇, q̈, q⃛ are (N, 1)."""
 
     def axis_at(self, t: Array, axis: int, /) -> MotionState: ...
+
+
+@runtime_checkable
+class MotorMotion(Motion, Protocol):
+    """What motors do so that behind play and screws their axes do what is planned; planned: of the axes."""
+
+    @property
+    def planned(self) -> Motion: ...

@@ -11,6 +11,8 @@ from planner.pulses.motion import Motion
 
 PROBES = np.array([0.3, 0.7])  # off the middle: there an error that is odd about the middle would hide
 ROUNDING = 16 * np.finfo(float).eps
+FINE = 1e-6  # of a pulse: how well pieces meet a motion whose own noise hides more
+UNSEEN = 4  # times the error of the pieces where it was looked at: that of a sextic is 1.7 times larger elsewhere
 BLOCK = 1 << 14
 HALVINGS, MOST = 24, 1 << 18  # a motion that asks for more, of an interval or of all together, is not smooth
 

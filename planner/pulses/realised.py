@@ -16,8 +16,9 @@ from kinematics.pose import from_numbers, numbers
 from kinematics.sensitivity import sensitivity
 from planner.place import Place
 from planner.pulses.axes_away import axes_away
-from planner.pulses.compensate import Compensated, compensated
-from planner.pulses.mechanics import play, screw, told
+from planner.pulses.compensate import Compensated
+from planner.pulses.mechanics import carried, screw, told
+from planner.pulses.motion import Motion
 from planner.pulses.realised_path import RealisedError, RealisedPath
 from planner.pulses.schedule import PulseSchedule, Ticks
 from planner.trajectory import State, Trajectory
@@ -40,6 +41,8 @@ class Planned(Protocol):
     @property
     def trajectory(self) -> Trajectory: ...
     @property
+    def counted(self) -> Motion: ...
+    @property
     def pulses(self) -> PulseSchedule: ...
 
 
@@ -51,11 +54,11 @@ def realised(plan: Planned, pulses: PulseSchedule | None = None, *, stride: int 
     make up for, and the pose is found by forward kinematics (Newton from the planned one, to rounding). It is compared
     with the planned pose at both ends, which lie just after the one pulse and just before the next. Ends of windows of
     time are looked at as well: rests and turning points between pulses are seen. Of a machine whose platform carries a
-    tool, the pose is the tool's. stride k takes every k-th interval. Each axis starts pushed towards greater q, as in
-    `planner.pulses.compensate`. Raises MotionError where counts stand for no pose, or the motion has none.
+    tool, the pose is the tool's. stride k takes every k-th interval. Each axis starts on the side of its
+    play that its `pushed` says. Raises MotionError where counts stand for no pose, or the motion has none.
     """
     machine, trajectory = plan.machine, plan.trajectory
-    behind = compensated(trajectory, machine.axes, machine.home_q)
+    behind = plan.counted if isinstance(plan.counted, Compensated) else None
     schedule = plan.pulses if pulses is None else pulses
     if len(schedule.axes) != len(machine.axes) or isinstance(stride, bool) or stride < 1:
         raise MotionError(
@@ -128,7 +131,7 @@ def _intervals(
         after, q = np.empty((len(here), len(counts)), np.int64), np.empty((len(here), len(counts)))
         for k, (axis, span) in enumerate(zip(schedule.axes, spans, strict=True)):
             running = np.concatenate(([counts[k]], counts[k] + np.cumsum(axis.direction[span], dtype=np.int64)))
-            pushes = play(running * axis.pulse, driven[k].backlash, pushed[k])
+            pushes = carried(running * axis.pulse, driven[k], pushed[k])
             at = np.searchsorted(fired[k], edges[here], side="right")
             after[:, k], q[:, k] = running[at], axis.home + screw(pushes[at], driven[k])
             counts[k], pushed[k] = running[-1], pushes[-1]

@@ -1,6 +1,6 @@
 """A pulse schedule: for every axis the clock ticks at which it is stepped, and which way."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -79,7 +79,8 @@ class Compensation:
 
     kinds         "lead", "backlash"
     crossings     times that the motor crosses the play
-    off           m or rad by which the axis is behind at most while it does
+    off           m or rad by which the axis is behind at most while it does: all of its way meanwhile, a loose bound
+    windows       (begin, end) in s of each crossing
     unturned      m or rad of the farthest run back, below half a pulse, for which it does not
     speed, acceleration  of the motor at most while it does, m/s and m/s² or rad/s and rad/s², the motion's own included
                   and looked at before its screw's table; neither is in the certificate
@@ -97,6 +98,7 @@ class Compensation:
     acceleration: float = 0.0
     max_acceleration: float | None = None
     jerk: float = 0.0
+    windows: tuple[tuple[float, float], ...] = field(default=(), repr=False)
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,6 +8,7 @@ import numpy as np
 from kinematics.array import Array
 from kinematics.axis import Axis
 from kinematics.step_timing import StepTiming, whole
+from kinematics.units import at_least
 from planner.place import Infeasible, Place
 from planner.pulses.motion import Motion
 from planner.pulses.schedule import AxisPulses, Moved, PulseSchedule, Ticks
@@ -77,12 +78,33 @@ def _refusal(
     motion: Motion, axis: Axis, timing: StepTiming, pulses: AxisPulses, which: int, clock_hz: int
 ) -> Infeasible:
     """What the drive's inputs cannot take: where, how fast, and what would."""
-    t = float(pulses.ticks[which]) / clock_hz
-    around = np.diff(pulses.ticks[max(which - 1, 0) : which + 2])
-    rate = clock_hz / max(float(around.min(initial=clock_hz)), 1.0)
+    straight, back = timing.ticks(clock_hz)
+    # of the times up to each pulse, the first from when DIR is set, the one too short that is nearest to the one moved
+    turns = np.concatenate([[False], pulses.direction[1:] != pulses.direction[:-1]])
+    had = np.diff(pulses.ticks, prepend=0)
+    needed = np.where(turns, back, straight)
+    needed[0] = whole(timing.setup, clock_hz)
+    short = np.flatnonzero(had < needed)
+    first = int(short[np.argmin(abs(short - which))])
+    t, time, least = float(pulses.ticks[first]) / clock_hz, had[first] / clock_hz, needed[first] / clock_hz
     place = Place(float(motion.at(np.array([min(t, motion.duration)])).s[0]), t=t, axis=axis.name)
-    remedy = (
-        f"its drive takes {timing.rate:.4g} pulses/s one way and {1 / timing.reversal:.4g} at a reversal: "
-        "slow the motion there, use a longer pulse, a finer clock, or hysteresis at reversals"
-    )
-    return Infeasible("drive timing", axis.name, place, rate, 1 / timing.reversal, "1/s", remedy)
+    what, limit = "drive timing", 1 / least
+    if first == 0:
+        what = "direction set-up before the first pulse"
+        remedy = (
+            f"its drive needs DIR {1e6 * timing.setup:.4g} us before STEP, and the first pulse is due after "
+            f"{1e6 * time:.4g}: let the program begin with a dwell of {at_least(least - time + 1 / clock_hz)} s"
+        )
+    elif turns[first]:
+        what, limit = "drive timing at a reversal", 1 / timing.reversal
+        remedy = (
+            f"its drive needs {1e6 * timing.reversal:.4g} us from a pulse to the next one the other way: let the axis "
+            f"rest there for {at_least(timing.reversal)} s (a dwell), use a longer pulse, or hysteresis at reversals"
+        )
+    else:
+        limit = timing.rate
+        remedy = (
+            f"its drive takes {timing.rate:.4g} pulses/s one way: slow the motion there, use a longer pulse, or a "
+            "finer clock"
+        )
+    return Infeasible(what, axis.name, place, 1 / max(time, 1 / clock_hz), limit, "1/s", remedy)

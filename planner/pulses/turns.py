@@ -2,21 +2,22 @@
 
 import numpy as np
 
+from kinematics.axis import Axis
 from planner.pulses.stretches import Stretches
 
 # Share of a pulse within which an axis rests.
 STILL = 1e-4
 
 
-def turning_points(stretches: Stretches, pulse: float) -> tuple[list[tuple[float, float, float]], float]:
+def turning_points(stretches: Stretches, axis: Axis) -> tuple[list[tuple[float, float, float]], float]:
     """When an axis comes to a turn, when it leaves it, and which way; the farthest run back that turns nothing.
 
-    Runs back by less than half a pulse turn nothing. Before its first move an axis has come towards greater q.
+    Runs back by less than half a pulse turn nothing. Before its first move an axis has come from where `pushed` says.
     """
-    ends, start = stretches.ends, stretches.start
+    pulse, ends, start = axis.pulse, stretches.ends, stretches.start
     stop = start + stretches.length
     turns: list[tuple[float, float, float]] = []
-    way, extreme, reached, left = 1.0, float(ends[0]), float(start[0]), float(start[0])
+    way, extreme, reached, left = float(f"{axis.pushed}1"), float(ends[0]), float(start[0]), float(start[0])
     rest, gone, farthest, unturned = extreme, False, 0.0, 0.0
     for k in np.flatnonzero(np.diff(ends)).tolist():
         x = float(ends[k + 1])

@@ -36,13 +36,16 @@ class LineTimes:
 class AxisCheck:
     """The findings on one axis.
 
-    time_error         ticks, largest |pulse - true crossing|; inf where the motion crosses no level there; None under
-                       a rule or bound whose pulses do not stand for crossings
+    time_error         ticks, largest |pulse - where its rule has it| (the true crossing, a look, a listed step), but of
+                       pulses that were moved for their drive; inf where the motion crosses no level there; None under
+                       a rule or bound of which nothing else is known
     position_error     pulses, largest |count - (q - home)/pulse| beyond the bound + one tick's travel; 0 within
     smallest_interval  s between two pulses; inf with fewer than two
     final_error        pulses, the last count - where the motion ends; 0 within the bound
     faults             the first few of each kind; fault_count counts all
     lines              the least times on its lines, where a file was checked
+    behind             pulses, largest |axis - planned| behind the play and the screw that its pulses make up for; None
+                       where they make up for none
     """
 
     name: str
@@ -54,6 +57,7 @@ class AxisCheck:
     faults: tuple[PulseFault, ...]
     fault_count: int
     lines: LineTimes | None = None
+    behind: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

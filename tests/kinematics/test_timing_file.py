@@ -61,7 +61,10 @@ def test_a_gear_and_a_factor_make_the_pulse_longer(with_line, tmp_path):
 
 
 def test_compensation_is_read_and_written_back(with_line, tmp_path):
-    read = with_line('compensate = ["lead", "backlash"]\nbacklash = "5 um"\ntake_up_acceleration = "2 m/s^2"')
+    read = with_line(
+        'compensate = ["lead", "backlash"]\nbacklash = "5 um"\ntake_up_acceleration = "2 m/s^2"\npushed = "-"'
+    )
+    assert {axis.pushed for axis in read.axes} == {"-"}
     assert {(axis.compensate, axis.take_up_acceleration) for axis in read.axes} == {(("lead", "backlash"), 2.0)}
     (tmp_path / "again.toml").write_text(machine_toml(read))
     assert load_machine(str(tmp_path / "again.toml")).axes == read.axes
@@ -72,6 +75,7 @@ def test_compensation_is_read_and_written_back(with_line, tmp_path):
     [
         ('compensate = ["screw"]', "axes.compensate"),
         ('take_up_acceleration = "2 m/s"', "axes.take_up_acceleration"),
+        ('pushed = "up"', "axes.pushed"),
         ("electronic_gear = [0, 2]", "axes.electronic_gear"),
         ("electronic_gear = 1.5", "axes.electronic_gear"),
         ("pulse_factor = -1.0", "axes.pulse_factor"),

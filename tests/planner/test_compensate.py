@@ -7,10 +7,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from kinematics import Traverser, load_machine
 from kinematics.axis import Axis
 from kinematics.errors import MotionError
+from planner import Dwell, Line, Program, plan
+from planner.export.format import Source
+from planner.export.g93 import InverseTime
 from planner.place import Infeasible
-from planner.pulses import check, generate
+from planner.pulses import check, compensate, generate
 from planner.pulses.compensate import compensated
 from tests.planner.motions import PULSE, example, in_pulses, one_axis, through
 
@@ -269,9 +273,10 @@ def test_nothing_to_compensate_is_the_motion_itself():
 
 def test_a_screw_that_runs_back_is_refused():
     motion, home = in_pulses([1.0, 0.0])
-    axis = Axis("x", pulse=PULSE, lead_error=((0, 0), (1e-6, -2e-6)), compensate=("lead",))
+    axis = Axis("x", pulse=PULSE, lead_error=((0, 0), (1e-6, -2e-6)))
+    assert generate(motion, [axis], home).total
     with pytest.raises(MotionError, match="axis x: its lead error falls"):
-        generate(motion, [axis], home)
+        replace(axis, compensate=("lead",))
 
 
 def test_a_kind_of_compensation_that_there_is_not_is_refused():
@@ -287,12 +292,90 @@ def test_a_steady_motion_over_a_corner_of_the_table_is_met_on_both_sides():
         assert generate(motion, [axis], [0.0]).total > 0
 
 
+SHORT = ((-0.2, 2e-3), (0.2, -2e-3))
+"""A screw that runs short by 1 %: its motor makes 1 % more pulses than the axis' way."""
+
+
 def test_more_pulses_than_the_axis_takes_are_refused():
-    """A screw that runs short by 1 % asks for 1 % more pulses than the motion itself."""
     motion = through(np.array([[0.0], [3e-4]]), np.full((2, 1), 1e-3), np.array([0.0, 0.3]))
-    axis = Axis("x", pulse=PULSE, lead_error=((0.0, 0.0), (1e-3, -1e-5)), compensate=("lead",))
+    axis = Axis("x", pulse=PULSE, lead_error=SHORT, compensate=("lead",))
     rate = 1e-3 / PULSE
     generate(motion, [replace(axis, max_pulse_rate=1.011 * rate)], [0.0])
     with pytest.raises(Infeasible, match="with lead made up for") as no:
         generate(motion, [replace(axis, max_pulse_rate=rate)], [0.0])
     assert no.value.value == pytest.approx(rate / 0.99, rel=1e-3)
+
+
+@pytest.mark.parametrize("limit", [{"max_pulse_rate": 5e3}, {"max_speed": 0.05}, {"max_speed": (0.05, 0.2)}])
+def test_limits_of_speed_and_rate_are_the_motor_s_behind_its_screw(limit):
+    """Planned to 1 % below them, and its motor at them: nothing is refused, and the certificate says 1."""
+    stated = {"pulse": 1e-5, "travel": (-1.0, 1.0), "max_speed": 0.2, "max_acceleration": 0.5}
+    axes = [Axis(name, **stated) for name in "XYZ"]
+    axes[0] = replace(axes[0], lead_error=SHORT, compensate=("lead",), **limit)
+    rotary = Axis("R", kind="rotary", pulse=1e-4, travel=(-4.0, 4.0), max_speed=1.0, max_acceleration=2.0)
+    machine = Traverser(axes=[*axes, rotary], home=load_machine("traverser").home)
+    planned = plan(Program((Line([-0.06, 0, 0]), Line([0.06, 0, 0]), Line([-0.06, 0, 0]))), machine)
+    t = np.linspace(0, planned.trajectory.duration, 4001)
+    axis, motor = (abs(each.at(t).qd[:, 0]).max() for each in (planned.trajectory, planned.counted))
+    most = min(0.05, *np.atleast_1d(limit.get("max_speed", 0.05)))
+    back = planned.counted.at(t).qd[:, 0].min()
+    assert -back == pytest.approx(most, rel=1e-6)
+    assert motor == pytest.approx(axis / 0.99, rel=1e-6)
+    name = "pulse rate" if "max_pulse_rate" in limit else "speed"
+    assert planned.certificate.worst[name] == pytest.approx(1.0, abs=1e-6)
+    assert check(planned.pulses, planned.counted, machine.axes, machine.home_q).holds
+
+
+def test_the_play_is_crossed_no_faster_than_the_pulses_may():
+    """15/8 · 5 µm in the time that 1000 pulses a second leave, at rest."""
+    motion = zigzag(1e-4, -1e-4, rest=0.1)
+    axis = Axis("x", pulse=PULSE, max_pulse_rate=4e3, backlash=5e-6, compensate=("backlash",))
+    schedule = generate(motion, [axis], [0.0])
+    assert schedule.compensations[0].speed == pytest.approx(4e3 * PULSE)
+    assert schedule.smallest_interval >= 10_000_000 // 4000
+
+
+def test_what_a_refusal_of_the_take_up_advises_is_enough_and_hardly_more():
+    """The rest as it is printed, the acceleration as it is printed; and a thousandth less is not."""
+    axis = Axis("x", pulse=PULSE, max_acceleration=0.4, backlash=1.03e-5, compensate=("backlash",))
+    with pytest.raises(Infeasible) as no:
+        generate(zigzag(1e-3, -1e-3), [axis], [0.0])
+    rest = float(no.value.remedy.partition("rest there for ")[2].split()[0])
+    assert generate(zigzag(1e-3, -1e-3, rest=rest), [axis], [0.0]).total
+    with pytest.raises(Infeasible):
+        generate(zigzag(1e-3, -1e-3, rest=rest * (1 - 2e-3)), [axis], [0.0])
+    enough = float(no.value.remedy.partition("take_up_acceleration of ")[2].split()[0])
+    assert generate(zigzag(1e-3, -1e-3), [replace(axis, take_up_acceleration=enough)], [0.0]).total
+    with pytest.raises(Infeasible):
+        generate(zigzag(1e-3, -1e-3), [replace(axis, take_up_acceleration=enough * (1 - 1e-3))], [0.0])
+
+
+def test_a_first_move_against_the_side_that_was_homed_is_told_both_cures():
+    motion = zigzag(-1e-3)
+    axis = Axis("x", pulse=PULSE, max_acceleration=0.4, backlash=5e-6, compensate=("backlash",))
+    with pytest.raises(Infeasible, match=r'before x first moves: .* with a dwell of .* s, state pushed = "-" if') as no:
+        generate(motion, [axis], [0.0])
+    dwell = float(no.value.remedy.partition("dwell of ")[2].split()[0])
+    waits = one_axis([[0.0, 0.0, 0.0], [-0.2, 0.0, 0.0], [0.2, -0.02, -5e-4]], [0, dwell, dwell + 0.05, dwell + 0.1])
+    assert generate(waits, [axis], [0.0]).compensations[0].crossings == 1
+    pushed = generate(motion, [replace(axis, pushed="-")], [0.0])
+    assert pushed.compensations[0].crossings == 0
+    assert pushed.axes[0].final == round(-1e-3 / PULSE)
+    up = generate(zigzag(1e-3, rest=0.1), [replace(axis, pushed="-", take_up_acceleration=4.0)], [0.0])
+    assert up.axes[0].final == round((1e-3 + 5e-6) / PULSE)
+
+
+def test_compensation_is_made_once(monkeypatch, tmp_path):
+    """By a plan, however often its pulses, its check and its path ask for it; by a source of exports once more."""
+    made = []
+    monkeypatch.setattr(compensate, "compensated", lambda *of, true=compensated: made.append(of) or true(*of))
+    stated = {"pulse": 1e-5, "travel": (-1.0, 1.0), "max_speed": 0.2, "max_acceleration": 0.5, "backlash": 1e-5}
+    axes = [Axis(name, compensate=("backlash",), **stated) for name in "XYZ"]
+    rotary = Axis("R", kind="rotary", pulse=1e-4, travel=(-4.0, 4.0), max_speed=1.0, max_acceleration=2.0)
+    machine = Traverser(axes=[*axes, rotary], home=load_machine("traverser").home)
+    planned = plan(Program((Line([0.02, 0.01, 0]), Dwell(0.1), Line([0, 0, 0]))), machine)
+    assert check(planned.pulses, planned.counted, machine.axes, machine.home_q).holds
+    assert planned.realised(stride=100)["x"].share <= 1 + 1e-3
+    assert len(made) == 1
+    InverseTime().write(Source("once", machine, planned.trajectory, planned.pulses), tmp_path / "once.ngc")
+    assert len(made) == 2

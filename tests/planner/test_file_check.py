@@ -171,6 +171,22 @@ KINDS = [drop_pulse, add_pulse, turn_pulse, late_pulse, shift_all, other_axis, w
 KINDS += [narrow, bad_level, same_time]
 
 
+def test_a_file_cut_between_two_lines_is_refused(plan, text, tmp_path):
+    """The last falling edge is missing: STEP would stay high."""
+    lines = text.splitlines(keepends=True)
+    (tmp_path / "p.csv").write_text("".join(lines[:-1]))
+    with pytest.raises(FileError, match=rf":{len(lines) - 1}: row: leaves STEP of leg\d high: the file has been cut"):
+        check_file(tmp_path / "p.csv", plan)
+
+
+@pytest.mark.parametrize("changed", [b"\xef\xbb\xbf%b", b"crlf"])
+def test_a_byte_order_mark_and_other_line_ends_are_read(plan, text, tmp_path, changed):
+    content = text.encode()
+    content = content.replace(b"\n", b"\r\n") if changed == b"crlf" else changed % content
+    (tmp_path / "p.csv").write_bytes(content)
+    assert check_file(tmp_path / "p.csv", plan).holds
+
+
 def test_every_corrupted_file_is_caught(plan, text, tmp_path):
     """Seeded: a pulse dropped, added, turned round, moved by 2 ticks or more; axes swapped, a clock off by 1e-4, …"""
     header, honest = rows_of(text)

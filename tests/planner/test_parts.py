@@ -14,6 +14,7 @@ from planner.export import pulse_csv
 from planner.pulses import AxisPulses, PulseSchedule, check, check_file, generate, lines
 from planner.pulses.check import check_parts
 from planner.pulses.parts import joined, same
+from tests import read_lines
 from tests.planner.motions import PULSE, example
 
 
@@ -77,7 +78,7 @@ def test_a_file_reads_the_same_in_pieces_of_any_size(plan, tmp_path, monkeypatch
     """Cut inside rows, and so that a piece holds no whole row."""
     axes = plan.machine.axes
     pulse_csv.write(plan.pulses, tmp_path / "p.csv", [axis.direction for axis in axes])
-    expected = lines.read(tmp_path / "p.csv", 10_000_000, axes, plan.machine.home_q)
+    expected = read_lines.read(tmp_path / "p.csv", 10_000_000, axes, plan.machine.home_q)
     monkeypatch.setattr(lines, "PART", size)
     parts = list(lines.parts(tmp_path / "p.csv", 10_000_000, axes, plan.machine.home_q))
     assert len(parts) > 1 or size > 1000

@@ -3,6 +3,7 @@
 import ast
 import inspect
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,7 +11,7 @@ import pytest
 
 from kinematics.axis import Axis
 from kinematics.errors import MotionError
-from planner.pulses import AxisPulses, PulseSchedule, check, generate
+from planner.pulses import AxisPulses, PulseSchedule, check, generate, mechanics
 from planner.pulses import verdict as verdict_module
 from tests.planner.motions import PULSE, example, in_pulses, one_axis, through
 
@@ -346,8 +347,12 @@ def test_axes_must_match():
 
 
 def test_the_checker_shares_no_code_with_the_generator():
-    """Of its own package it may know only what a schedule, a motion and a verdict are."""
-    for module in (inspect.getmodule(check), verdict_module):
-        imports = [node for node in ast.walk(ast.parse(inspect.getsource(module))) if isinstance(node, ast.ImportFrom)]
-        own = {node.module for node in imports if node.module.startswith("planner")}
-        assert own <= {"planner.pulses.schedule", "planner.pulses.motion", "planner.pulses.verdict"}
+    """Of the planner it may know what a schedule, a motion and a verdict are, and what play and screws do."""
+    known = {f"planner.pulses.{name}" for name in ("schedule", "motion", "verdict", "mechanics")}
+    texts = {file: file.read_text() for file in Path(inspect.getfile(check)).parent.glob("*.py")}
+    texts |= {Path(module.__file__): inspect.getsource(module) for module in (verdict_module, mechanics)}
+    assert len(texts) > 8
+    for text in texts.values():
+        imports = [node.module for node in ast.walk(ast.parse(text)) if isinstance(node, ast.ImportFrom)]
+        own = {name for name in imports if name.startswith("planner") and not name.startswith("planner.pulses.check.")}
+        assert own <= known

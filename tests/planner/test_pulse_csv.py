@@ -15,6 +15,7 @@ from kinematics.axis import Axis
 from kinematics.errors import FileError, MotionError
 from planner.export import pulse_csv
 from planner.pulses import AxisPulses, PulseSchedule, lines
+from tests import read_lines
 
 CLOCK = 10_000_000
 PULSE = 0.75e-6
@@ -39,7 +40,7 @@ def machine_axes(schedule, wiring=None):
 def read_back(path, schedule, wiring=None):
     home, start = [axis.home for axis in schedule.axes], [axis.start for axis in schedule.axes]
     axes = machine_axes(schedule, wiring)
-    return lines.read(path, schedule.clock_hz, axes, home, start=start, duration=schedule.duration).schedule
+    return read_lines.read(path, schedule.clock_hz, axes, home, start=start, duration=schedule.duration).schedule
 
 
 def assert_same(one, other):
@@ -229,7 +230,7 @@ def test_a_spoilt_file_is_refused_with_the_line(tmp_path, old, new, line, says):
     path = tmp_path / "p.csv"
     path.write_text(SMALL.replace(old, new), encoding="utf-8")
     with pytest.raises(FileError, match=rf"p\.csv:{line}: .*{says}") as refused:
-        lines.read(path, CLOCK, [Axis("leg1", pulse=PULSE)], [0.0])
+        read_lines.read(path, CLOCK, [Axis("leg1", pulse=PULSE)], [0.0])
     assert refused.value.faults[0].line == line
 
 
@@ -237,12 +238,12 @@ def test_a_file_of_another_clock_is_refused(tmp_path):
     schedule = schedule_of([101, 203])
     pulse_csv.write(schedule, tmp_path / "p.csv", [1])
     with pytest.raises(FileError, match="not a tick of 1000000 Hz"):
-        lines.read(tmp_path / "p.csv", 1_000_000, machine_axes(schedule), [0.0])
+        read_lines.read(tmp_path / "p.csv", 1_000_000, machine_axes(schedule), [0.0])
 
 
 def test_without_counts_and_duration_the_file_starts_at_zero_and_ends_with_its_last_row(tmp_path):
     (tmp_path / "p.csv").write_text(SMALL.removesuffix("\n"))  # a last row without line end counts too
-    read = lines.read(tmp_path / "p.csv", CLOCK, [Axis("leg1", pulse=PULSE)], [0.1]).schedule
+    read = read_lines.read(tmp_path / "p.csv", CLOCK, [Axis("leg1", pulse=PULSE)], [0.1]).schedule
     assert (read.axes[0].start, read.axes[0].final, read.duration) == (0, 1, 1.2e-5)
 
 

@@ -16,7 +16,7 @@ from planner.export import pulse_csv
 from planner.place import Infeasible
 from planner.pulses import AxisPulses, PulseSchedule, check_file, generate
 from planner.pulses.spacing import spaced
-from tests.planner.motions import in_pulses
+from tests.planner.motions import in_pulses, one_axis
 
 CLOCK = 1_000_000
 
@@ -106,6 +106,27 @@ def test_at_exactly_the_highest_rate_rounding_costs_a_tick_at_most():
 
 def test_the_first_pulse_leaves_the_direction_its_set_up():
     assert fired([3, 100], [1, 1], StepTiming(1e-6, 1e-6, 20e-6, 0)).axes[0].ticks[0] >= 20
+
+
+def test_a_first_pulse_before_the_set_up_is_told_as_that_and_a_dwell_cures_it():
+    """It used to be told as a reversal, which there is none of."""
+    rate, setup = 5e4, 1e-3
+    axis = Axis("x", pulse=0.75e-6, timing=StepTiming(1e-6, 1e-6, setup, 0))
+    motion, home = in_pulses([rate, 0.0])
+    told = r"direction set-up before the first pulse 100000 1/s is beyond 1000 1/s at x, .* a dwell of"
+    with pytest.raises(Infeasible, match=told) as no:
+        generate(motion, [axis], home)
+    dwell = float(no.value.remedy.partition("a dwell of ")[2].split()[0])
+    assert dwell == pytest.approx(setup - 0.5 / rate, abs=2e-7)
+    waits = one_axis([[0.0, 0.0], [rate * axis.pulse, 0.0]], [0, dwell, dwell + 0.1])
+    assert generate(waits, [axis], home).moves == ()
+
+
+def test_a_refused_reversal_is_told_as_one():
+    motion, home = in_pulses([-6.0, 12.0, 0.0], [-6.0, 0.0, 6.0])
+    axis = Axis("x", pulse=0.75e-6, timing=StepTiming(1e-6, 1e-6, 0.0, 1.5))
+    with pytest.raises(Infeasible, match=r"drive timing at a reversal .* is beyond 0\.6666\d* 1/s at x, .* rest there"):
+        generate(motion, [axis], home)
 
 
 def test_pulses_that_keep_the_timing_stay_as_they_are():

@@ -348,4 +348,4 @@ def test_axes_without_pulses_and_pulses_at_tick_zero(tmp_path):
 def replace_silent(source):
     """Without the axis that never fires."""
     pulses = PulseSchedule(source.pulses.clock_hz, source.pulses.axes[1:], source.pulses.duration)
-    return Source(source.name, SimpleNamespace(axes=source.machine.axes[1:]), None, pulses)
+    return Source(source.name, SimpleNamespace(axes=source.machine.axes[1:], home_q=np.zeros(1)), None, pulses)

@@ -11,8 +11,8 @@ import pytest
 
 from planner.export.formats import FORMATS, find_format
 from planner.option import options
-from planner.pulses import lines
 from pulsepath import plan_directory
+from tests import read_lines
 
 LINE = 'schema = 1\nlength = "mm"\nangle = "deg"\n[[segment]]\nline = {{ to = [{}] }}\n'
 
@@ -23,7 +23,7 @@ def test_pulses_are_those_of_the_plan(call, plan, job):
     record = json.loads(done.stdout)
     assert record["error_pulses"] == 0
     machine, pulses = job.plan.machine, job.plan.pulses
-    held = lines.read(record["file"], pulses.clock_hz, machine.axes, machine.home_q).schedule
+    held = read_lines.read(record["file"], pulses.clock_hz, machine.axes, machine.home_q).schedule
     for got, axis in zip(held.axes, pulses.axes, strict=True):
         assert np.array_equal(got.ticks, axis.ticks)
         assert np.array_equal(got.direction, axis.direction)

@@ -13,8 +13,8 @@ from planner import Line, Program, load_program, plan
 from planner.export import motion_json
 from planner.export.format import Source
 from planner.export.formats import FORMATS, find_format
-from planner.pulses import lines
 from pulsepath import plan_directory
+from tests import read_lines
 
 COMMAS = ("de_DE.UTF-8", "fr_FR.UTF-8", "nl_NL.UTF-8", "de_DE", "German_Germany.1252")
 MACHINES = {"kmitl-arms": "tripod", "kmitl-positions": "tripod", "byte": "tripod", "sasidhar": "traverser"}
@@ -86,7 +86,7 @@ def test_what_is_read_and_planned_is_the_same(directory, job, commas):
     machine, pulses = job.plan.machine, job.plan.pulses
 
     def read():
-        held = lines.read(directory / "pulses.csv", pulses.clock_hz, machine.axes, machine.home_q).schedule
+        held = read_lines.read(directory / "pulses.csv", pulses.clock_hz, machine.axes, machine.home_q).schedule
         motion = motion_json.read(directory / "motion.json", job.plan.path)
         made = plan(load_program("bare-circle"), load_machine("hexapod"), order=2)
         return held, motion, made

@@ -15,9 +15,8 @@ from kinematics.units import apart
 from planner.option import option
 from planner.parallel import Progress
 from planner.place import Infeasible
-from planner.pulses.levels import FINE
 from planner.pulses.motion import Motion
-from planner.pulses.pieces import Pieces, fit
+from planner.pulses.pieces import FINE, Pieces, fit
 from planner.pulses.rates import jumps, largest, too_fast
 from planner.pulses.rules.rule import told
 from planner.pulses.schedule import AxisPulses, PulseSchedule, Signs, Ticks

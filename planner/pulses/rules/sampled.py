@@ -11,9 +11,9 @@ from kinematics.axis import Axis
 from kinematics.errors import MotionError
 from planner.option import option
 from planner.parallel import Progress
-from planner.pulses.levels import BLOCK, FINE
+from planner.pulses.levels import BLOCK
 from planner.pulses.motion import Motion
-from planner.pulses.pieces import fit
+from planner.pulses.pieces import FINE, fit
 from planner.pulses.rates import largest, too_fast
 from planner.pulses.rules.rule import told
 from planner.pulses.schedule import AxisPulses, PulseSchedule, Ticks

@@ -12,9 +12,9 @@ from kinematics.axis import Axis
 from kinematics.errors import MotionError
 from planner.option import option
 from planner.parallel import Progress
-from planner.pulses.levels import FINE, Levels, cross
+from planner.pulses.levels import Levels, cross
 from planner.pulses.motion import Motion
-from planner.pulses.pieces import fit
+from planner.pulses.pieces import FINE, fit
 from planner.pulses.rates import largest, too_fast
 from planner.pulses.rules.rule import told
 from planner.pulses.schedule import AxisPulses, PulseSchedule, Ticks

@@ -1,0 +1,139 @@
+"""What the check of one axis has found so far, and how it asks its motion."""
+
+from collections import Counter
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinematics.array import Array
+from planner.pulses.check.samples import ROUNDING, Samples
+from planner.pulses.motion import AxisMotion, Motion
+from planner.pulses.schedule import AxisPulses, PulseSchedule, Signs, Ticks
+from planner.pulses.verdict import PulseFault
+
+LISTED = 20  # faults of one kind listed per axis
+
+
+class Standard(Protocol):
+    """What pulses are held to: how far x may be from the count, and when each is due."""
+
+    @property
+    def exact(self) -> bool:
+        """Each pulse has its one right tick."""
+
+    @property
+    def wait(self) -> float:
+        """Ticks that a pulse may wait for its own, while x runs on."""
+
+    @property
+    def begins(self) -> tuple[float, float]:
+        """Pulses by which x may be below and above the count that it starts with."""
+
+    def sides(self, search: "Search", s: Samples) -> tuple[Array, Array]:
+        """(N,) pulses by which x may be below and above the count from each instant on."""
+
+    def judge(self, search: "Search", ticks: Ticks, sign: Array, s: Samples, first: int) -> None:
+        """The next pulses (N,), sampled when they fire, the first of them the first-th of the axis; report faults."""
+
+    def conclude(self, search: "Search") -> None:
+        """The motion has ended: report what is missing."""
+
+
+@dataclass(slots=True)
+class Search:
+    """One axis of a schedule, its motion, and what has been found so far: pulses, the latest, the closest two (ticks).
+
+    grid (s): what is still to be looked at; count, way: after the pulses so far; last: the last sample (1,).
+    moved: pulses found where their drive's timing moved them to, at least and at most.
+    """
+
+    schedule: PulseSchedule
+    k: int
+    motion: Motion
+    grid: Array
+    count: int
+    standard: Standard
+    way: int = 0
+    pulses: int = 0
+    seen: int = 0
+    latest: int | None = None
+    closest: float = np.inf
+    last: Samples | None = None
+    time_error: float = 0.0
+    position_error: float = 0.0
+    moved: tuple[int, int] = (0, 0)
+    kinds: Counter[str] = field(default_factory=Counter)
+    faults: list[PulseFault] = field(default_factory=list)
+
+    @property
+    def axis(self) -> AxisPulses:
+        return self.schedule.axes[self.k]
+
+    @property
+    def tick(self) -> float:
+        return 1 / self.schedule.clock_hz
+
+    @property
+    def ordered(self) -> bool:
+        """Without an order there is nothing to measure against the motion."""
+        return not any(self.kinds[kind] for kind in ("order", "outside", "direction"))
+
+    def sample(self, t: Array, count: Array, way: Array) -> Samples:
+        motion = self.motion
+        state, k = (motion.axis_at(t, self.k), 0) if isinstance(motion, AxisMotion) else (motion.at(t), self.k)
+        v, a, j = (values[:, k] / self.axis.pulse for values in (state.qd, state.qdd, state.qddd))
+        return Samples(t, (state.q[:, k] - self.axis.home) / self.axis.pulse, v, a, j, count, way)
+
+    def at(self, t: Array) -> Samples:
+        """Samples of the motion alone."""
+        return self.sample(t, np.zeros(len(t)), np.zeros(len(t)))
+
+    def noise(self, s: Samples) -> Array:
+        """(N,) pulses: what rounding may have done to x."""
+        return ROUNDING * (abs(s.x) + 2 * abs(self.axis.home) / self.axis.pulse + abs(s.v * s.t))
+
+    def excess(self, s: Samples) -> Array:
+        """(N,) pulses by which x is farther from the count than its sides, waiting and rounding not allowed for."""
+        below, above = self.standard.sides(self, s)
+        return np.asarray(np.maximum(s.x - s.count - above, s.count - below - s.x))
+
+    def report(self, kind: str, ticks: NDArray[Any], text: str, values: NDArray[Any]) -> None:
+        """Note a fault of one kind at each of the ticks (N,); `text` takes the value (N,) there."""
+        room = max(0, LISTED - self.kinds[kind])
+        self.kinds[kind] += len(ticks)
+        for tick, value in zip(ticks[:room], values[:room], strict=True):
+            self.faults.append(PulseFault(self.axis.name, int(tick), f"{kind}: {text.format(value)}"))
+
+    def due(self, ticks: Ticks, error: Array, tolerance: Array, near: NDArray[np.bool_]) -> None:
+        """Report pulses further from where they are due (error, ticks) than a tolerance, but for those that were moved.
+
+        near (N,): the motion is at the pulse's level within the largest shift that is stated.
+        """
+        error = np.where(np.isnan(error), np.inf, error)
+        moves = [one for one in self.schedule.moves if one.axis == self.axis.name]
+        stated = sum(one.pulses for one in moves)
+        off = abs(error) > tolerance
+        moved = off & near & (stated > 0)
+        found, possible = self.moved
+        self.moved = found + int(moved.sum()), possible + int((abs(error) > tolerance - 0.002).sum())
+        self.time_error = max(self.time_error, float(abs(error[~moved]).max(initial=0.0)))
+        late = off & ~moved
+        self.report("off its crossing", ticks[late], "{:+.4g} ticks", error[late])
+
+    @property
+    def shift(self) -> int:
+        """Ticks by which the drive's timing moved a pulse at most."""
+        times = [one.time for one in self.schedule.moves if one.axis == self.axis.name]
+        return round(max(times, default=0.0) * self.schedule.clock_hz)
+
+    @property
+    def widened(self) -> float:
+        """Pulses by which that widened the bound."""
+        return sum(one.error for one in self.schedule.moves if one.axis == self.axis.name)
+
+
+def turned(sign: Array | Signs, way: int) -> NDArray[np.bool_]:
+    """(N,) the pulses that follow one the other way, or none."""
+    return np.asarray(np.diff(sign, prepend=way) != 0)
