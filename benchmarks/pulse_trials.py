@@ -108,6 +108,8 @@ def _axis(rng: np.random.Generator, name: str, size: float) -> Axis:
         more["lead_error"] = tuple(zip(ends.tolist(), (1e-3 * size * rng.normal(size=5) / 5).tolist(), strict=True))
         more["backlash"] = float(pulse * rng.uniform(0, 30))
         more["compensate"] = ("lead", "backlash")
+        # plenty, so that the play is taken up on the way: with little, most random motions are refused
+        more["take_up_acceleration"] = 1e3 * speed
     return Axis(
         name,
         kind="rotary" if name == "R" else "linear",
