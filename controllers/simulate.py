@@ -40,7 +40,7 @@ class Planned(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Tracking:
-    """What the axes did under a law; times and axis values at the drive's samples, settling included.
+    """What the axes did under a law; times and axis values at the drive's samples, or some of them, settling included.
 
     t          (N,) s
     reference, command, actual  (N, n) q in m or rad: planned, as pulsed by the card, and true
@@ -217,17 +217,19 @@ def track(
     card: Card = PCI_8132,
     dt: float = HOST_STEP,
     settle: float = SETTLE,
+    period: float | None = None,
 ) -> Tracking:
     """Tracks a plan (or its trajectory) and then holds its end for `settle` seconds, see `simulate`.
 
-    servo  one for all axes or one per axis; `leg_servo` by default
-    card   one model; as many cards of it as the axes need
+    servo   one for all axes or one per axis; `leg_servo` by default
+    card    one model; as many cards of it as the axes need
+    period  s between the instants that are kept; None: every sample of the drives
     """
     motion = motion_of(plan)
     rig = Rig(machine, tuple(_per_axis(servo, machine)), card)
     if not 0 < dt < float("inf"):
         raise MotionError(f"track: the host's step {dt * 1e3:g} ms must be above zero")
-    runs = simulate(sample(motion, machine, dt), law, [rig], settle=settle)
+    runs = simulate(sample(motion, machine, dt), law, [rig], settle=settle, period=period)
     pulse = np.array([axis.pulse for axis in machine.axes])
     planned = motion.at(np.minimum(runs.t, motion.duration)).q
     command, actual = (machine.home_q + of[:, 0] * pulse for of in (runs.command, runs.actual))

@@ -127,6 +127,7 @@ def track(directory: Path, laws: tuple[str, ...], force: bool, as_json: bool) ->
     from benchmarks.sweep import read_setting
     from controllers import evaluate
     from controllers import track as run
+    from controllers.metrics.evaluate import PERIOD
     from kinematics import MotionError
     from pulsepath import plan_directory, record, tables
     from pulsepath.directory import write_whole
@@ -140,7 +141,8 @@ def track(directory: Path, laws: tuple[str, ...], force: bool, as_json: bool) ->
     metrics = []
     for law in chosen:
         with step(f"tracking under {law.name}"):
-            metrics.append(evaluate(run(planned.trajectory, planned.machine, law), planned.trajectory, planned.machine))
+            tracked = run(planned.trajectory, planned.machine, law, period=PERIOD)
+            metrics.append(evaluate(tracked, planned.trajectory, planned.machine))
     text = record.as_json({"schema": record.SCHEMA, "laws": record.of_tracking(metrics)})
     write_whole(target, text)
     if as_json:

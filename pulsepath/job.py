@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from controllers import Metrics, evaluate, find_law, track
+from controllers.metrics.evaluate import PERIOD
 from kinematics import Machine, MotionError
 from planner import Plan, Program, plan
 from planner.baselines import KINDS, Classical, classical
@@ -81,7 +82,9 @@ def _tracked(planned: Plan, machine: Machine) -> tuple[Metrics, ...]:
     """Errors of each law; none where the emulated hardware cannot run the motion, which is no fault of the plan."""
     try:
         with step(f"tracking it under laws {' and '.join(LAWS)}"):
-            return tuple(evaluate(track(planned, machine, find_law(law)), planned, machine) for law in LAWS)
+            return tuple(
+                evaluate(track(planned, machine, find_law(law), period=PERIOD), planned, machine) for law in LAWS
+            )
     except MotionError as error:
         print(f"not tracked: {error}", file=sys.stderr)
         return ()
