@@ -10,16 +10,19 @@ import numpy as np
 
 from benchmarks.thesis.assumptions import Assumption
 from controllers.laws.registry import find_law
-from controllers.metrics.ending import BAND
 from controllers.metrics.evaluate import evaluate_runs
 from controllers.simulate import Runs, sample, simulate
+from controllers.task import Task
 from kinematics.array import Array
+from kinematics.machine import Machine
 
 LAWS = ("1", "2", "3", "3t", "4", "5", "6", "7", "6r", "7r")
 """The seven, the full trapezoid a sample, and 6 and 7 with the correction in the top speed too."""
 PERIOD = 1e-3
 SETTLE = 1.0
 """s that are watched after the planned end."""
+LATE = 0.5
+"""s after the planned end at which a motion that ended on time has arrived: fifteen time constants of a 30 1/s loop."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,8 +31,8 @@ class Setting:
 
     gains: Mapping[str, float]
     figures: Mapping[str, float]
-    stands: float
-    """s after the planned end from which all axes stand still, wherever that is: 0 at least, inf if they never do."""
+    short: float
+    """Pulses by which the worst axis is from its goal `LATE` s after the planned end."""
 
     @property
     def error(self) -> float:
@@ -64,19 +67,16 @@ def _settings(assumption: Assumption, number: str) -> tuple[Setting, ...]:
         sample(task.motion, rig.machine, task.dt), find_law(number, None, **columns), rigs, period=PERIOD, settle=SETTLE
     )
     found = evaluate_runs(runs, task, rigs)
-    still = _still(runs, task.motion.duration)
+    short = _short(runs, task, rig.machine)
     return tuple(
-        Setting(dict(zip(grid, cell, strict=True)), metrics.figures(), float(stands))
-        for cell, metrics, stands in zip(cells, found, still, strict=True)
+        Setting(dict(zip(grid, cell, strict=True)), metrics.figures(), float(pulses))
+        for cell, metrics, pulses in zip(cells, found, short, strict=True)
     )
 
 
-def _still(runs: Runs, duration: float) -> Array:
-    """(B,) s after `duration` from which all axes of a run stay within `BAND` of where its record ends.
-
-    inf where that is in the last tenth of a second: what is in swing passes its last place all the time.
-    """
-    away = (np.abs(runs.actual - runs.actual[-1]) > BAND).any(2)
-    last = len(away) - np.argmax(away[::-1], axis=0)
-    since = runs.t[np.where(away.any(0), np.minimum(last, len(away) - 1), 0)]
-    return np.where(since > runs.t[-1] - 0.1, np.inf, np.maximum(since - duration, 0.0))
+def _short(runs: Runs, task: Task, machine: Machine) -> Array:
+    """(B,) of each run, see `Setting.short`."""
+    end = task.motion.duration
+    goal = sample(task.motion, machine, task.dt).position[-1]
+    at = int(np.searchsorted(runs.t, end + LATE))
+    return np.asarray(np.abs(runs.actual[at] - goal).max(1))

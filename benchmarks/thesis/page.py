@@ -14,11 +14,13 @@ INTRODUCTION = f"""\
 are orderings. Here each is put to the emulated rig `servo-rig`: does it hold, by what figure, and if not, why.
 `{COMMAND}` makes this page.
 
-The rig's parameters are the thesis' Table 7.4 and the motors' data sheets. What neither prints is assumed; every
-assumption stands in `controllers/presets/servo-rig.toml`, was fixed before any law was run on the rig, and has not been
-changed since. The second part shows what each of them decides, the semantics of the motion card above all: one is
-changed at a time. A law is judged at the best gain of its grid on the thesis' straight line (5 s, 41 samples), by its
-RMS tracking error in space unless something else is said.
+The rig's parameters are the thesis' Table 7.4 and the motors' data sheets as they are remembered. What neither prints
+is assumed; every assumption stands in `controllers/presets/servo-rig.toml` and was fixed before any law was run on the
+rig. One thing has changed since: the range of the card's speed registers, 100 000 pulses/s, which the thesis prints,
+was missing; *speeds that are not rounded to registers* is the rig as it was before. The second part shows what each
+assumption decides, the semantics of the motion card above all: one is changed at a time. A law is judged at the best
+gain of its grid on the thesis' straight line (5 s, 41 samples), by its RMS tracking error in space unless something
+else is said.
 """
 
 

@@ -28,8 +28,8 @@ class TAMove(Command):
     - a command during a move replaces it from the command position of that instant, which keeps its share of a pulse
       (the pulse generator's phase), and starts at its own start speed at once; `Card.while_moving = "queue"` is the
       other reading;
-    - a speed below one step of the speed register runs at one step, so every move arrives: in a law that commands zero
-      speed at its last sample, this brings the rounding of the last pulse home;
+    - a speed below one step of the speed register runs at one step, so every move arrives, if slowly: in a law that
+      commands zero speed at its last sample, what rounding left undone creeps home;
     - a command takes effect at the instant it is sent.
 
     position    (…) pulses; rounded to whole ones here
