@@ -36,7 +36,8 @@ def console(
 
     On a remote line, in mode REM: P X + 100 Y - 40 Z + 80 and a carriage return, answered by DONE after the motion.
 
-    Exit codes: 0 done, 2 bad input, also a refused line of a script, 3 internal error, 130 interrupted: the motion is stopped, the registers are saved.
+    Exit codes: 0 done, 2 bad input, also a refused line of a script, 3 internal error, 130 interrupted: the
+    motion is stopped, the registers are saved.
     """
     from controllers.console import Desk, opened, saved
     from controllers.console.interpret import offer

@@ -9,7 +9,8 @@ from controllers.card import Refused
 from controllers.console.motion import PlannedMotion
 from controllers.console.session import Session
 from controllers.console.words import Move
-from kinematics.pose import Pose
+from kinematics.errors import OutOfReach
+from kinematics.forward import CONVERGED
 
 NEAR = 1e-9
 """m and rad within which a pose is the one at which the tool stands."""
@@ -55,19 +56,24 @@ def told(session: Session) -> str:
     )
 
 
-def refuse_pose(session: Session, target: np.ndarray) -> None:
-    """Raise Refused where axes at a target (n,) would leave joints or clearances beyond their limits; OutOfReach too.
+def clear(session: Session, counts: np.ndarray) -> tuple[int, str]:
+    """How many of the counts (N, n), in order, keep joints and clearances within limits, and what the next breaks.
 
-    Only the end is looked at, and of machines that state such limits; MOVE proves the way as well.
+    All of a machine that states no such limits, or whose axes are not all homed. What lies between is not looked at.
     """
     machine = session.machine
     if session.unknown() or not (machine.tilt_names or machine.bodies):
-        return
+        return len(counts), ""
     pulse = np.array([axis.pulse for axis in machine.axes])
-    pose: Pose = machine.forward(machine.home_q + pulse * target, certify=False).pose
-    margins = machine.check(pose)
-    if not np.all(margins.ok):
-        raise Refused(f"{margins.worst()}; use MOVE, which keeps clear of that along the whole way")
+    try:
+        found = machine.forward(machine.home_q + pulse * counts, certify=False)
+    except OutOfReach as error:
+        return 0, str(error)
+    fine = machine.check(found.pose).ok & (found.residual <= CONVERGED)
+    if fine.all():
+        return len(counts), ""
+    first = int(np.argmin(fine))
+    return first, str(machine.check(found.pose[first]).worst())
 
 
 _GROUPS = (("mm", False), ("deg", True))

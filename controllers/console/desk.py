@@ -11,7 +11,7 @@ from controllers.console.interpret import interpret, where
 from controllers.console.lines import Line
 from controllers.console.motion import halted
 from controllers.console.session import Session
-from controllers.console.words import Help, Stop, Switch, Where, Words
+from controllers.console.words import Accept, Help, Home, Jog, Move, Position, Stop, Switch, Where, Words
 from kinematics.errors import MotionError
 
 CONSOLE = 0
@@ -113,9 +113,10 @@ def _run(desk: Desk, who: int, line: Line, t: float) -> tuple[Desk, tuple[Reply,
         return desk, ((who, f"{ERROR} {' '.join(str(error).split())}; no motion"),)
     reply = answer.reply
     changed = replace(desk, session=answer.session)
-    if answer.motion is not None and session.mode == "TEST":
-        reply = f"TEST {answer.motion.end - t:.3f} s; no motion"
-    elif answer.motion is not None:
+    if session.mode == "TEST" and isinstance(words, (Jog, Position, Move, Home, Accept)):
+        told = reply if answer.motion is None else f"{answer.motion.end - t:.3f} s; no motion"
+        return desk, ((who, f"TEST {told}"),)
+    if answer.motion is not None:
         moving = answer.session.moving(answer.motion, answer.jogging)
         changed = replace(desk, session=moving, told=(who,), stopped=False)
     return changed, ((who, reply),) if reply else ()

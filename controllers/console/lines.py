@@ -33,6 +33,10 @@ class Partial:
                 lines.append(_read(whole))
         return Partial(held + rest[: LONGEST + 1 - len(held)]), tuple(lines)
 
+    def broken_off(self) -> tuple[Line, ...]:
+        """What is left when no more comes: a fault, since a line without its end may not be all of it."""
+        return (Line("", "the input ended within a line"),) if self.held.strip(b" \t") else ()
+
 
 def _read(line: bytes) -> Line:
     if len(line) > LONGEST:

@@ -123,19 +123,20 @@ class Socket(Transport):
     def __init__(self, port: int, host: str = LOOPBACK) -> None:
         pollable()
         try:
-            self._listener = socket.create_server((host, port), backlog=CLIENTS)
+            family = socket.AF_INET6 if ":" in host else socket.AF_INET
+            self._listener = socket.create_server((host, port), family=family, backlog=CLIENTS)
         except (OSError, OverflowError) as error:
             raise MotionError(f"TCP {host} port {port}: {error}") from None
         self._listener.setblocking(False)
         self._open: list[socket.socket] = []
-        self.address: tuple[str, int] = self._listener.getsockname()
+        self.address: tuple[str, int] = self._listener.getsockname()[:2]
 
     def opened(self) -> tuple[Link, ...]:
         found: list[Link] = []
         self._open = [client for client in self._open if client.fileno() >= 0]
         while True:
             try:
-                client, (host, port) = self._listener.accept()
+                client, (host, port, *_) = self._listener.accept()
             except OSError:  # nobody, or one that has gone already
                 return tuple(found)
             if len(self._open) == CLIENTS:

@@ -128,7 +128,10 @@ def to(drives: Drives, counts: np.ndarray, target: np.ndarray, speed: Array, t: 
 
 
 def halted(drives: Drives, motion: Motion, t: float) -> CardMotion:
-    """The motion with a decelerated stop sent at t, each axis at its own acceleration, so that all stay in travel."""
+    """The motion with a decelerated stop sent at t (s), each axis as fast as its own acceleration lets it.
+
+    So no axis leaves its travel where the motion would not have; the tool of a planned one leaves its line.
+    """
     state, since = motion.on_card(drives, t), t - motion.begun
     speed = np.abs(state.running(since).speed(since))
     members = tuple(

@@ -40,12 +40,16 @@ class Clock:
 
 @dataclass(slots=True)
 class Served:
-    """A link while it is served: its number, its line so far, lines it has yet to say, and what it has not taken."""
+    """A link while it is served: its number, its line so far, lines it has yet to say, and what it has not taken.
+
+    over  whether a script has come to its end: it is still told what becomes of its lines
+    """
 
     link: Link
     who: int
     partial: Partial = field(default_factory=Partial)
     held: tuple[Line, ...] = ()
+    over: bool = False
     unsent: bytes = b""
 
 
@@ -77,7 +81,7 @@ class Server:
     @property
     def script_left(self) -> bool:
         """Whether the console has more to say."""
-        return any(served.who == CONSOLE for served in self._links)
+        return any(served.who == CONSOLE and (served.held or not served.over) for served in self._links)
 
     @property
     def standing(self) -> bool:
@@ -95,7 +99,7 @@ class Server:
             self._links.append(Served(link, self._next))
             self._next += 1
             self._echo(f"{link.name} connected")
-        reading = {s.link.reads: s for s in self._links if s.link.reads is not None and not s.held}
+        reading = {s.link.reads: s for s in self._links if s.link.reads is not None and not (s.held or s.over)}
         writing = {served.link.writes: served for served in self._links if served.unsent}
         try:
             ready, free, _ = select.select(list(reading), list(writing), [], self._patience())
@@ -129,10 +133,12 @@ class Server:
 
     def _receive(self, served: Served) -> None:
         data = served.link.received()
-        if data is None:
+        if data is None and not served.link.script:
             self._end(served)
             return
-        served.partial, lines = served.partial.fed(data)
+        served.partial, lines = served.partial.fed(data or b"")
+        if data is None:
+            served.over, lines = True, served.partial.broken_off()
         served.held = (*served.held, *lines)
         self._hear(served)
 
@@ -150,7 +156,8 @@ class Server:
         after = self.desk.session
         if after.motion is not before.motion or after.counts is not before.counts or after.homed is not before.homed:
             self._save(self.desk, self.clock.now)
-        self.clock.excuse()
+        if after.motion is not None and after.motion is not before.motion:
+            self.clock.excuse()
         for who, text in replies:
             self.refused += who == CONSOLE and text.startswith(ERROR)
             for served in [served for served in self._links if served.who == who]:
@@ -165,8 +172,6 @@ class Server:
             served.unsent = rest
 
     def _end(self, served: Served) -> None:
-        if served.link.script and served.held:
-            return
         if served in self._links:
             self._links.remove(served)
             served.link.close()
