@@ -119,12 +119,9 @@ def _string(random: np.random.Generator) -> bytes:
 def _command(random: np.random.Generator) -> bytes:
     words = [b"P"]
     for axis in random.permutation(4)[: random.integers(1, 5)]:
-        # mostly short ways, since every pulse is counted; now and then one that is out of travel, or may be
-        steps = (
-            random.integers(3 * 10**8 if axis == 3 else 20000, 10**9 if axis == 3 else 100000)
-            if random.random() < 0.05
-            else random.integers(400)
-        )
+        # mostly short ways, since every pulse is counted; now and then one that is out of a slide's travel, or may be
+        far = axis < 3 and random.random() < 0.05
+        steps = random.integers(20_000, 100_000) if far else random.integers(400)
         words += [AXES[axis : axis + 1], (b"+", b"-")[random.integers(2)], str(steps).encode()]
     return b" ".join(words) + (b"\r", b"\n", b"\r\n")[random.integers(3)]
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -56,24 +58,29 @@ def told(session: Session) -> str:
     )
 
 
-def clear(session: Session, counts: np.ndarray) -> tuple[int, str]:
-    """How many of the counts (N, n), in order, keep joints and clearances within limits, and what the next breaks.
+LOOKS = 65
+"""Places at which joints and clearances are looked at along a way of single axes; what lies between is not proved."""
 
-    All of a machine that states no such limits, or whose axes are not all homed. What lies between is not looked at.
+
+def clear(session: Session, way: Callable[[float], np.ndarray]) -> tuple[float, str]:
+    """The share of a way that keeps joints and clearances within their limits, and what the next look at it breaks.
+
+    1 for a machine that states no such limits, or whose axes are not all homed. way: counts (n,) at a share of it.
     """
     machine = session.machine
     if session.unknown() or not (machine.tilt_names or machine.bodies):
-        return len(counts), ""
+        return 1.0, ""
+    counts = np.stack([way(look / (LOOKS - 1)) for look in range(1, LOOKS)])
     pulse = np.array([axis.pulse for axis in machine.axes])
     try:
         found = machine.forward(machine.home_q + pulse * counts, certify=False)
     except OutOfReach as error:
-        return 0, str(error)
+        return 0.0, str(error)
     fine = machine.check(found.pose).ok & (found.residual <= CONVERGED)
     if fine.all():
-        return len(counts), ""
+        return 1.0, ""
     first = int(np.argmin(fine))
-    return first, str(machine.check(found.pose[first]).worst())
+    return first / (LOOKS - 1), str(machine.check(found.pose[first]).worst())
 
 
 _GROUPS = (("mm", False), ("deg", True))

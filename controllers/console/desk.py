@@ -56,7 +56,8 @@ def heard(desk: Desk, who: int, line: Line, t: float) -> tuple[Desk, tuple[Reply
     if not line.fault:
         with suppress(Misread):  # said in its turn
             words = _read(desk.session, who, line)
-    if desk.session.motion is None or (who != CONSOLE and desk.session.mode != "REM"):
+    outside = who != CONSOLE and desk.session.mode != "REM"  # it neither waits nor ends a jog, but may stop all
+    if desk.session.motion is None or (outside and not isinstance(words, Stop)):
         return _then(replies, _run(desk, who, line, t))
     match words:
         case Stop():

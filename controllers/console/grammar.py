@@ -48,6 +48,8 @@ def remote(line: str, names: Sequence[str]) -> Words:
 
 
 def _read(words: list[str], names: Sequence[str], known: Sequence[str]) -> Words:
+    if not words:
+        raise Misread(f"an empty line; there are {', '.join(known)}")
     first, rest = words[0], words[1:]
     if first not in known:
         raise Misread(f"{first} is no command; there are {', '.join(known)}")

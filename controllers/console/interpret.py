@@ -13,8 +13,6 @@ from controllers.console.motion import Motion, to
 from controllers.console.session import Session
 from controllers.console.words import Accept, Help, Home, Jog, Move, Position, Stop, Switch, Where, Words
 
-LOOKS = 65
-"""Places along a jog or a move of single axes at which joints and clearances are looked at, where a machine has any."""
 HELP = (
     "JOG X CW (a key or STOP ends it); POS X CW 100 Z CCW 20 (steps); MOVE x y z [rx ry rz] (mm, degrees, from home); "
     "HOME X (it stands at home: register 0); ACCEPT (the last known position); WHERE; STOP; "
@@ -101,9 +99,9 @@ def _jog(session: Session, words: Jog, t: float) -> Answer:
     low, high = _ends(session)
     target = np.array(session.counts)
     target[i] = (high if words.sign * drives.signs[i] > 0 else low)[i]
-    way = np.rint(np.linspace(session.counts, target, LOOKS)[1:])
-    fine, reason = cartesian.clear(session, way)
-    target = np.array([session.counts, *way], np.int64)[fine]
+    way = target - session.counts
+    fine, reason = cartesian.clear(session, lambda share: session.counts + np.rint(share * way))
+    target = session.counts + np.rint(fine * way).astype(np.int64)
     if target[i] == session.counts[i]:
         raise Refused(f"axis {drives.names[i]} stands at its end: {reason or 'of travel'}; jog it the other way")
     return Answer(session, motion=to(drives, session.counts, target, drives.speed * JOG, t), jogging=True)
@@ -123,9 +121,8 @@ def _position(session: Session, words: Position, t: float) -> Answer:
     if (target == session.counts).all():
         return Answer(session, "DONE")
     motion = to(drives, session.counts, target, drives.speed, t)
-    way = np.stack([motion.counts(instant) for instant in np.linspace(t, motion.end, LOOKS)[1:]])
-    fine, reason = cartesian.clear(session, way)
-    if fine < len(way):
+    fine, reason = cartesian.clear(session, lambda share: motion.counts(t + share * (motion.end - t)))
+    if fine < 1:
         raise Refused(f"on the way {reason}; MOVE keeps clear of that if there is a line that does")
     return Answer(session, motion=motion)
 

@@ -38,7 +38,7 @@ class Clock:
             self._lost = monotonic() - self.now
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, eq=False)
 class Served:
     """A link while it is served: its number, its line so far, lines it has yet to say, and what it has not taken.
 
@@ -132,6 +132,8 @@ class Server:
         return 0.0 if self.clock.fast else min(max(end - self.clock.now, 0.0), TICK)
 
     def _receive(self, served: Served) -> None:
+        if served not in self._links:
+            return
         data = served.link.received()
         if data is None and not served.link.script:
             self._end(served)
@@ -143,7 +145,7 @@ class Server:
         self._hear(served)
 
     def _hear(self, served: Served) -> None:
-        while served.held:
+        while served.held and served in self._links:
             line, rest = served.held[0], served.held[1:]
             at_once = self.desk.session.jogging or line.text.strip().upper() == "STOP"
             if served.link.script and not (self.standing or at_once):
@@ -176,5 +178,4 @@ class Server:
             self._links.remove(served)
             served.link.close()
             self.desk = gone(self.desk, served.who)
-        if served.who != CONSOLE:
             self._echo(f"{served.link.name} gone")

@@ -65,14 +65,13 @@ def test_an_axis_that_is_not_homed_goes_no_farther_than_its_travel_is_long(talk)
         "", "JOG", "JOG X", "JOG X UP", "JOG Q CW", "JOG X CW 3", "POS", "POS X", "POS X CW", "POS X CW -3",
         "POS X CW 1.5", "POS X CW 1000000000", "POS X CW ٣", "POS X CW 3 X CCW 2", "POS X CW 3 Y", "POS X CW 76801",
         "POS X CCW 1", "HOME", "HOME Q", "HOME X X", "MOVE", "MOVE 1 2", "MOVE 1 2 nan", "MOVE 1 2 1e3", "MOVE 1 2 -1",
-        "MOVE 0 0 1 5 0 0", "STOP NOW", "WHERE X", "ACCEPT", "P X + 100", "X", "__import__('os')", "POS X CW 0x10",
+        "MOVE 0 0 1 5 0 0", "STOP NOW", "WHERE X", "ACCEPT", "P X + 100", "X", "POS X CW 0x10",
+        "POS R CW 134217728", "__import__('os')",
     ],
 )  # fmt: skip
 def test_what_is_not_wholly_understood_or_possible_is_told_and_does_nothing(talk, line):
     console = talk()
     before = console.desk
-    if not line:
-        return
     (reply,) = console.say(line)
     assert reply.startswith("ERROR")
     assert reply.endswith("no motion")
@@ -132,8 +131,9 @@ def test_modes_say_who_drives(talk):
     console.say("JOG X CW")
     assert "mode MAN" in console.say("P X + 100", REMOTE)[0]
     assert not console.desk.stopped  # the remote line does not end the operator's jog
-    console.say("STOP")
-    console.wait()
+    # but it may stop it
+    assert console.say("STOP", REMOTE) == []
+    assert console.wait() == ["STOPPED X 0 Y 0 Z 0 R 0"] * 2
     console.say("REM")
     assert "MAN takes them back" in console.say("POS X CW 1")[0]
     console.say("P X + 500", REMOTE)
