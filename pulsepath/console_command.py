@@ -51,37 +51,38 @@ def console(
         raise MotionError("--listen says where --tcp listens: give --tcp PORT as well")
     driven = load_machine(machine)
     place = state or register_file.usual_place(driven.name)
-    session = opened(driven, register_file.read(place))
-    remote: list[Transport] = []
-    if serial is not None:
-        remote.append(serial_line(serial, baud))
-        _tell(f"serial line {serial} at {baud} baud")
-    if tcp is not None:
-        socket = Socket(tcp, listen or LOOPBACK)
-        remote.append(socket)
-        _tell(f"TCP {socket.address[0]} port {socket.address[1]}")
-    at_terminal = sys.stdin.isatty()
-    server = Server(
-        Desk(session),
-        Clock(fast=fast),
-        console=terminal() if at_terminal else pipe(),
-        remote=remote,
-        save=lambda desk, t: register_file.write(place, saved(desk.session, t)),
-        echo=_tell,
-    )
-    _tell(f"{driven.name}: {offer(session)}")
-    try:
-        if at_terminal:
-            console_prompt.prompt(server)
-        else:
-            console_prompt.script(server, bool(remote))
-            if server.refused:
-                click.get_current_context().exit(BAD_INPUT)
-    except KeyboardInterrupt:
-        server.say("STOP")
-        server.finish()
-        _tell(f"interrupted: {server.desk.session.told(server.clock.now)}, saved in {place}")
-        click.get_current_context().exit(INTERRUPTED)
+    with register_file.held(place):
+        session = opened(driven, register_file.read(place))
+        remote: list[Transport] = []
+        if serial is not None:
+            remote.append(serial_line(serial, baud))
+            _tell(f"serial line {serial} at {baud} baud")
+        if tcp is not None:
+            socket = Socket(tcp, listen or LOOPBACK)
+            remote.append(socket)
+            _tell(f"TCP {socket.address[0]} port {socket.address[1]}")
+        at_terminal = sys.stdin.isatty()
+        server = Server(
+            Desk(session),
+            Clock(fast=fast),
+            console=terminal() if at_terminal else pipe(),
+            remote=remote,
+            save=lambda desk, t: register_file.write(place, saved(desk.session, t)),
+            echo=_tell,
+        )
+        _tell(f"{driven.name}: {offer(session)}")
+        try:
+            if at_terminal:
+                console_prompt.prompt(server)
+            else:
+                console_prompt.script(server, bool(remote))
+                if server.refused:
+                    click.get_current_context().exit(BAD_INPUT)
+        except KeyboardInterrupt:
+            server.say("STOP")
+            server.finish()
+            _tell(f"interrupted: {server.desk.session.told(server.clock.now)}, saved in {place}")
+            click.get_current_context().exit(INTERRUPTED)
 
 
 def _tell(text: str) -> None:

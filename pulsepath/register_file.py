@@ -4,6 +4,8 @@ import json
 import os
 import re
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
 
@@ -27,9 +29,22 @@ def usual_place(machine: str) -> Path:
     return base / "pulsepath" / name
 
 
-def write(path: Path, saved: Saved) -> None:
-    """Whole, or as it was before."""
+@contextmanager
+def held(path: Path) -> Iterator[None]:
+    """The file for this process alone. Raises MotionError while another console has it."""
+    import fcntl
+
     path.parent.mkdir(parents=True, exist_ok=True)
+    with path.with_name(f"{path.name}.lock").open("w") as lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            raise MotionError(f"{path} is another console's, which runs; end it, or give another --state") from None
+        yield
+
+
+def write(path: Path, saved: Saved) -> None:
+    """Whole, or as it was before; its directory is there while it is `held`."""
     write_whole(path, json.dumps({"kind": KIND, "schema": SCHEMA, **asdict(saved)}, indent=2) + "\n")
 
 

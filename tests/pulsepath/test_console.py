@@ -89,6 +89,10 @@ def test_killed_in_a_motion_it_does_not_offer_what_moved(state):
     end = time.monotonic() + 30
     while time.monotonic() < end and not (state.exists() and json.loads(state.read_text())["moving"]["X"]):
         time.sleep(0.01)
+    # while it runs, the registers are its own
+    second = console(state, "WHERE\n")
+    assert second.returncode == 2
+    assert "another console" in second.stderr
     process.kill()
     process.communicate()
     again = console(state, "ACCEPT\nWHERE\n")

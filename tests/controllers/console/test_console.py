@@ -235,6 +235,15 @@ def test_the_hexapod_runs_lines_through_the_planner(talk):
     assert "not homed" in talk("hexapod", homed=False).say("MOVE 0 0 1")[0]
 
 
+def test_a_line_from_where_no_plan_can_begin_is_refused(talk):
+    console = talk()
+    console.say("POS R CW 300")  # three quarters of a turn, which a pose does not tell from a quarter back
+    console.wait()
+    (reply,) = console.say("MOVE 1 1 1")
+    assert "the plan begins at counts [0, 0, 0, -100], the axes stand at [0, 0, 0, 300]" in reply
+    assert console.desk.end is None
+
+
 def test_single_legs_go_no_farther_than_the_joints_bear(talk):
     console = talk("hexapod")
     (reply,) = console.say("POS LEG1 CCW 60000")

@@ -83,6 +83,18 @@ def test_motions_take_as_long_as_they_take(server, wire):
     assert 0.5 - 1e-3 <= time.monotonic() - begin < 1.5
 
 
+def test_axes_do_not_move_while_they_are_planned_for():
+    session = replace(opened(load_machine("hexapod")), homed=np.ones(6, bool))
+    server = Server(Desk(session), Clock())
+    begin = time.monotonic()
+    server.say("MOVE 0 0 25")
+    planned = time.monotonic() - begin
+    server.clock.advance(None)
+    motion = server.desk.session.motion
+    assert server.clock.now - motion.begun < 0.2 * planned
+    assert not motion.counts(motion.begun).any()
+
+
 def test_a_serial_line_that_cannot_be_opened_is_told(wire):
     with pytest.raises(MotionError, match="nowhere"):
         serial_line("/dev/nowhere", 9600)
