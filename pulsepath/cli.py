@@ -7,6 +7,7 @@ import click
 
 from pulsepath import __version__
 from pulsepath.compare_command import compare
+from pulsepath.console_command import console
 from pulsepath.exits import BAD_INPUT, INFEASIBLE, INTERNAL, Commands
 from pulsepath.export_command import export
 from pulsepath.import_command import import_
@@ -155,6 +156,7 @@ main.add_command(export)
 main.add_command(import_)
 main.add_command(compare)
 main.add_command(positions)
+main.add_command(console)
 
 
 @main.command()

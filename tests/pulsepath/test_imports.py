@@ -21,7 +21,7 @@ def loaded_after(code):
     return json.loads(done.stderr)
 
 
-@pytest.mark.parametrize("arguments", [["--help"], ["plan", "--help"], ["--version"]])
+@pytest.mark.parametrize("arguments", [["--help"], ["plan", "--help"], ["console", "--help"], ["--version"]])
 def test_help_loads_nothing_slow(arguments):
     code = f"from pulsepath.cli import main\ntry: main({arguments!r})\nexcept SystemExit as end: assert not end.code"
     assert loaded_after(code) == []

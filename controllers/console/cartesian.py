@@ -1,0 +1,90 @@
+"""Cartesian words: a straight line through the planner, from where the axes stand; and poses told in its units."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from controllers.card import Refused
+from controllers.console.motion import PlannedMotion
+from controllers.console.session import Session
+from controllers.console.words import Move
+from kinematics.errors import OutOfReach
+from kinematics.forward import CONVERGED
+
+NEAR = 1e-9
+"""m and rad within which a pose is the one at which the tool stands."""
+
+
+def planned(session: Session, words: Move, t: float) -> PlannedMotion | None:
+    """The certified fastest motion along the line; None where the tool is there already.
+
+    Raises Refused where an axis is not homed, and whatever the planner refuses with.
+    """
+    from planner.plan import plan
+    from planner.program import Line, Program, Turn
+
+    if unknown := session.unknown():
+        raise Refused(f"{' '.join(unknown)} not homed: a line needs to know where all axes are; HOME or ACCEPT first")
+    start, end = session.pose(), Rotation.from_euler("XYZ", words.pose[3:])
+    way = np.linalg.norm(words.pose[:3] - start.translation)
+    turn = (start.rotation.inv() * end).magnitude() if _turns(session) else 0.0
+    if way <= NEAR and turn <= NEAR:
+        return None
+    rotate = end if turn > NEAR else None
+    segment = Turn(end) if way <= NEAR else Line(words.pose[:3], rotate)
+    program = Program((segment,), start=start, name="MOVE")
+    found = plan(program, session.machine, clock_hz=session.drives.card.clock_hz)
+    begins = [axis.start for axis in found.pulses.axes]
+    if begins != session.counts.tolist():
+        # the planner counts from the coordinates nearest home; the axes stand a turn or a branch away
+        raise Refused(
+            f"the plan begins at counts {begins}, the axes stand at {session.counts.tolist()}; go back by POS"
+        )
+    return PlannedMotion(t, found.pulses, found.trajectory)
+
+
+def told(session: Session) -> str:
+    """Where the tool stands, relative to home: "x 1.5 y 0 z 25 mm rx 0 ry 0 rz 0 deg", of what the machine controls."""
+    pose = session.pose()
+    angles = pose.rotation.as_euler("XYZ", degrees=True)
+    values = dict(zip(("x", "y", "z", "rx", "ry", "rz"), [*(pose.translation * 1e3), *angles], strict=True))
+    free = session.machine.freedom
+    groups = [(unit, [n for n in values if n in free and n.startswith("r") == turn]) for unit, turn in _GROUPS]
+    return " ".join(
+        f"{' '.join(f'{n} {round(values[n], 4) + 0.0:.4f}' for n in names)} {unit}" for unit, names in groups if names
+    )
+
+
+LOOKS = 65
+"""Places at which joints and clearances are looked at along a way of single axes; what lies between is not proved."""
+
+
+def clear(session: Session, way: Callable[[float], np.ndarray]) -> tuple[float, str]:
+    """The share of a way that keeps joints and clearances within their limits, and what the next look at it breaks.
+
+    1 for a machine that states no such limits, or whose axes are not all homed. way: counts (n,) at a share of it.
+    """
+    machine = session.machine
+    if session.unknown() or not (machine.tilt_names or machine.bodies):
+        return 1.0, ""
+    counts = np.stack([way(look / (LOOKS - 1)) for look in range(1, LOOKS)])
+    pulse = np.array([axis.pulse for axis in machine.axes])
+    try:
+        found = machine.forward(machine.home_q + pulse * counts, certify=False)
+    except OutOfReach as error:
+        return 0.0, str(error)
+    fine = machine.check(found.pose).ok & (found.residual <= CONVERGED)
+    if fine.all():
+        return 1.0, ""
+    first = int(np.argmin(fine))
+    return first / (LOOKS - 1), str(machine.check(found.pose[first]).worst())
+
+
+_GROUPS = (("mm", False), ("deg", True))
+
+
+def _turns(session: Session) -> bool:
+    return any(name.startswith("r") for name in session.machine.freedom)

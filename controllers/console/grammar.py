@@ -1,0 +1,110 @@
+"""From a line of text to its words, or an English diagnostic: a line that is not wholly understood does nothing.
+
+Operator [Sasidhar 1981, Appendix F]:   JOG X CW | POS X CW 100 Z CCW 20 | HOME Y | REM | MAN | TEST
+  added here:                           STOP | WHERE | ACCEPT | HELP | MOVE x y z [rx ry rz], mm and degrees from home
+Remote:                                 P X + 100 Y - 40 Z + 80
+  added here:                           STOP | WHERE | MOVE …
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+import numpy as np
+
+from controllers.console.words import Accept, Help, Home, Jog, Move, Position, Stop, Switch, Where, Words
+from kinematics.errors import MotionError
+
+TURNS = {"CW": 1, "CCW": -1}
+SIGNS = {"+": 1, "-": -1}
+STEPS = re.compile(r"[0-9]{1,9}", re.ASCII)
+NUMBER = re.compile(r"[+-]?([0-9]{1,6}(\.[0-9]{0,9})?|\.[0-9]{1,9})", re.ASCII)
+PLAIN: dict[str, Words] = {
+    "STOP": Stop(),
+    "WHERE": Where(),
+    "ACCEPT": Accept(),
+    "HELP": Help(),
+    "REM": Switch("REM"),
+    "MAN": Switch("MAN"),
+    "TEST": Switch("TEST"),
+}
+OPERATOR = ("JOG", "POS", "MOVE", "HOME", *PLAIN)
+REMOTE = ("P", "MOVE", "STOP", "WHERE")
+
+
+class Misread(MotionError):
+    """A line that is no command, and why."""
+
+
+def operator(line: str, names: Sequence[str]) -> Words:
+    """A line of the operator, in capitals or not; names: of the axes, in capitals. Raises Misread."""
+    return _read(line.upper().split(), names, OPERATOR)
+
+
+def remote(line: str, names: Sequence[str]) -> Words:
+    """A line of the remote computer, in capitals. Raises Misread."""
+    return _read(line.split(), names, REMOTE)
+
+
+def _read(words: list[str], names: Sequence[str], known: Sequence[str]) -> Words:
+    if not words:
+        raise Misread(f"an empty line; there are {', '.join(known)}")
+    first, rest = words[0], words[1:]
+    if first not in known:
+        raise Misread(f"{first} is no command; there are {', '.join(known)}")
+    if first in PLAIN:
+        if rest:
+            raise Misread(f"{first} stands alone; {' '.join(rest)} is too much")
+        return PLAIN[first]
+    match first:
+        case "JOG":
+            if len(rest) != 2:
+                raise Misread("JOG takes an axis and CW or CCW, as JOG X CW")
+            return Jog(_axis(rest[0], names), _sign(rest[1], TURNS))
+        case "HOME":
+            axes = tuple(_axis(word, names) for word in rest)
+            _once(axes, names)
+            if not axes:
+                raise Misread("HOME takes the axes that stand at home, as HOME Y")
+            return Home(axes)
+        case "MOVE":
+            if len(rest) not in (3, 6) or not all(NUMBER.fullmatch(word) for word in rest):
+                raise Misread("MOVE takes x y z in mm, and may take rx ry rz in degrees, as MOVE 0 0 25.5 or -1.5")
+            numbers = [float(word) for word in rest] + [0.0] * (6 - len(rest))
+            return Move(np.array(numbers) * ([1e-3] * 3 + [np.pi / 180] * 3))
+        case _:
+            return _position(first, rest, names, TURNS if first == "POS" else SIGNS)
+
+
+def _position(first: str, rest: list[str], names: Sequence[str], signs: dict[str, int]) -> Position:
+    one, other = signs
+    if not rest or len(rest) % 3:
+        raise Misread(
+            f"{first} takes an axis, {one} or {other}, and steps, for each axis: {first} {names[0]} {one} 100"
+        )
+    steps = []
+    for axis, sign, number in zip(rest[::3], rest[1::3], rest[2::3], strict=True):
+        if not STEPS.fullmatch(number):
+            raise Misread(f"{number} is no number of steps: at most nine digits, and nothing else")
+        steps.append((_axis(axis, names), _sign(sign, signs) * int(number)))
+    _once([axis for axis, _ in steps], names)
+    return Position(tuple(steps))
+
+
+def _axis(word: str, names: Sequence[str]) -> int:
+    if word not in names:
+        raise Misread(f"{word} is no axis; there are {', '.join(names)}")
+    return names.index(word)
+
+
+def _sign(word: str, signs: dict[str, int]) -> int:
+    if word not in signs:
+        raise Misread(f"{word} is no direction; there are {' and '.join(signs)}")
+    return signs[word]
+
+
+def _once(axes: Sequence[int], names: Sequence[str]) -> None:
+    for axis in axes:
+        if axes.count(axis) > 1:
+            raise Misread(f"axis {names[axis]} is named twice; name each once")

@@ -1,0 +1,156 @@
+"""Where bytes come from and go to: the keyboard or a pipe, a serial line, a TCP socket. Descriptors that can be polled.
+
+A kind of link is one small method that tells which links have opened since it was last asked.
+"""
+
+from __future__ import annotations
+
+import os
+import socket
+import sys
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from kinematics.errors import MotionError
+
+LOOPBACK = "127.0.0.1"
+BAUD = (110, 115200)
+CLIENTS = 4
+"""Remote computers on the socket at a time; more are turned away."""
+AT_ONCE = 4096
+"""Bytes read at a time."""
+
+
+@dataclass(frozen=True, slots=True)
+class Link:
+    """An open line.
+
+    reads, writes  descriptors; reads None: nothing is read of it here
+    name           for messages
+    close          what ends it
+    script         whether it is the console's pipe: its lines wait for one another, and are done after it has ended
+    """
+
+    reads: int | None
+    writes: int
+    name: str
+    close: Callable[[], Any]
+    script: bool = False
+    line_end: str = "\r\n"
+
+    def received(self) -> bytes | None:
+        """What has come; None: it has ended, or cannot be read."""
+        if self.reads is None:
+            return b""
+        try:
+            return os.read(self.reads, AT_ONCE) or None
+        except BlockingIOError:
+            return b""
+        except OSError:
+            return None
+
+    def sent(self, data: bytes) -> bytes | None:
+        """What of the data could not be sent yet; None: nobody takes it any more."""
+        try:
+            return data[os.write(self.writes, data) :]
+        except BlockingIOError:
+            return data
+        except OSError:
+            return None
+
+
+class Transport(ABC):
+    """A kind of link."""
+
+    __slots__ = ()
+
+    @abstractmethod
+    def opened(self) -> tuple[Link, ...]:
+        """The links that have opened since this was last asked."""
+
+
+class Once(Transport):
+    """A link that is there from the beginning."""
+
+    __slots__ = ("_link",)
+
+    def __init__(self, link: Link) -> None:
+        self._link: tuple[Link, ...] = (link,)
+
+    def opened(self) -> tuple[Link, ...]:
+        found, self._link = self._link, ()
+        return found
+
+
+def pipe() -> Link:
+    """Standard input and output, where these are no terminal."""
+    return Link(sys.stdin.fileno(), sys.stdout.fileno(), "console", _leave_open, script=True, line_end="\n")
+
+
+def terminal() -> Link:
+    """Standard output, where a prompt reads the keyboard."""
+    return Link(None, sys.stdout.fileno(), "console", _leave_open, line_end="\n")
+
+
+def _leave_open() -> None:
+    pass
+
+
+def serial_line(port: str, baud: int) -> Transport:
+    """A serial line, 8 data bits, no parity, 1 stop bit; what came before it was opened is dropped."""
+    pollable()
+    try:
+        import serial
+    except ImportError:
+        raise MotionError("a serial line needs pyserial: pip install 'pulsepath[serial]'") from None
+    if not BAUD[0] <= baud <= BAUD[1]:
+        raise MotionError(f"serial line {port}: {baud} baud is outside {BAUD[0]} to {BAUD[1]}")
+    try:
+        line = serial.Serial(port, baud, timeout=0, exclusive=True)
+        line.reset_input_buffer()
+    except (OSError, ValueError) as error:  # SerialException is an OSError
+        raise MotionError(f"serial line {port} at {baud} baud: {error}") from None
+    return Once(Link(line.fileno(), line.fileno(), port, line.close))
+
+
+class Socket(Transport):
+    """A listening TCP socket: on the loopback address, or on that of an interface if it was told one."""
+
+    __slots__ = ("_listener", "_open", "address")
+
+    def __init__(self, port: int, host: str = LOOPBACK) -> None:
+        pollable()
+        try:
+            family = socket.AF_INET6 if ":" in host else socket.AF_INET
+            self._listener = socket.create_server((host, port), family=family, backlog=CLIENTS)
+        except (OSError, OverflowError) as error:
+            raise MotionError(f"TCP {host} port {port}: {error}") from None
+        self._listener.setblocking(False)
+        self._open: list[socket.socket] = []
+        self.address: tuple[str, int] = self._listener.getsockname()[:2]
+
+    def opened(self) -> tuple[Link, ...]:
+        found: list[Link] = []
+        self._open = [client for client in self._open if client.fileno() >= 0]
+        while True:
+            try:
+                client, (host, port, *_) = self._listener.accept()
+            except OSError:  # nobody, or one that has gone already
+                return tuple(found)
+            if len(self._open) == CLIENTS:
+                client.close()
+                continue
+            client.setblocking(False)
+            self._open.append(client)
+            found.append(Link(client.fileno(), client.fileno(), f"{host}:{port}", client.close))
+
+    def close(self) -> None:
+        self._listener.close()
+
+
+def pollable() -> None:
+    """Raise MotionError on a system whose serial lines and consoles cannot be waited for together."""
+    if sys.platform == "win32":
+        raise MotionError("the console waits for keyboard, serial line and socket at once, which Windows cannot")

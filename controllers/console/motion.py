@@ -1,0 +1,140 @@
+"""A motion under way: what the registers have counted by any instant, and what a stop makes of it."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+
+import numpy as np
+
+from controllers.card import CardState, DStop, TAMove, Together, at_rest, send
+from controllers.card.velocity import ramp
+from controllers.console.drives import Drives
+from kinematics.array import Array
+from planner.pulses import PulseSchedule
+from planner.trajectory import Trajectory
+
+# Pulses to which a position is kept within its count when the card takes over: less than half, or it would fire.
+SHARE = 0.4999
+
+
+class Motion(ABC):
+    """Pulses in time: `counts` at instants (s, of the session's clock), from `begun` to `end`."""
+
+    __slots__ = ()
+    begun: float
+
+    @property
+    @abstractmethod
+    def end(self) -> float:
+        """s, when all axes stand."""
+
+    @property
+    @abstractmethod
+    def moving(self) -> np.ndarray:
+        """(n,) bool, the axes that fire at all."""
+
+    @abstractmethod
+    def counts(self, t: float) -> np.ndarray:
+        """The counters (n,), int64, at t: home's count and all pulses fired since, signed."""
+
+    @abstractmethod
+    def fired(self, since: float, until: float) -> tuple[np.ndarray, ...]:
+        """Of each axis the directions (pulses,) of the pulses fired from `since` to before `until`, one by one."""
+
+    @abstractmethod
+    def on_card(self, drives: Drives, t: float) -> CardState:
+        """The card as it is at t, its clock the session's less `begun`: what a stop is sent to."""
+
+
+@dataclass(frozen=True, slots=True)
+class CardMotion(Motion):
+    """Moves of the card."""
+
+    begun: float
+    state: CardState
+
+    @property
+    def end(self) -> float:
+        return self.begun + max(float(move.end[np.isfinite(move.end)].max(initial=0.0)) for move in self.state.moves)
+
+    @property
+    def moving(self) -> np.ndarray:
+        move = self.state.moves[-1]
+        return np.asarray(np.rint(move.start) != np.rint(move.target))
+
+    def counts(self, t: float) -> np.ndarray:
+        return np.asarray(self.state.counter(max(t - self.begun, 0.0))[0])
+
+    def fired(self, since: float, until: float) -> tuple[np.ndarray, ...]:
+        lanes, a, b = range(len(self.state.fired)), since - self.begun, until - self.begun
+        edges = [[move.edges(i, a, b).direction for move in self.state.moves] for i in lanes]
+        return tuple(np.concatenate(of) for of in edges)
+
+    def on_card(self, drives: Drives, t: float) -> CardState:
+        return self.state
+
+
+@dataclass(frozen=True, slots=True)
+class PlannedMotion(Motion):
+    """A planned motion: the planner's pulses."""
+
+    begun: float
+    pulses: PulseSchedule
+    trajectory: Trajectory
+
+    @property
+    def end(self) -> float:
+        return self.begun + self.pulses.duration
+
+    @property
+    def moving(self) -> np.ndarray:
+        return np.array([len(axis) > 0 for axis in self.pulses.axes])
+
+    def counts(self, t: float) -> np.ndarray:
+        # the last pulses may be moved a tick past the end
+        late = np.inf if t >= self.end else t - self.begun
+        return np.asarray(self.pulses.counts(late)[0])
+
+    def fired(self, since: float, until: float) -> tuple[np.ndarray, ...]:
+        ticks = (since - self.begun, np.inf if until >= self.end else until - self.begun)
+        a, b = (np.ceil(t * self.pulses.clock_hz) for t in ticks)
+        return tuple(axis.direction[(axis.ticks >= a) & (axis.ticks < b)] for axis in self.pulses.axes)
+
+    def on_card(self, drives: Drives, t: float) -> CardState:
+        state, since = self.trajectory.at(t - self.begun), np.full(len(drives.names), t - self.begun)
+        scale = np.array([axis.pulse for axis in self.pulses.axes])
+        home = np.array([axis.home for axis in self.pulses.axes])
+        counts = self.counts(t)
+        position = np.clip((state.q[0] - home) / scale, counts - SHARE, counts + SHARE)
+        speed = state.qd[0] / scale
+        return CardState((ramp(since, position, speed, speed, 0.0),), np.zeros(len(counts), np.int64))
+
+
+def to(drives: Drives, counts: np.ndarray, target: np.ndarray, speed: Array, t: float) -> CardMotion:
+    """Axes from counts (n,) to a target (n,) at speeds (n,), all starting at t, each by a trapezoid of its own.
+
+    The speed v is reached over X_a = v²/(2a); where a way is 2 X_a or less it is a triangle of two equal halves.
+    """
+    card, least = drives.card, drives.card.least_speed
+    axes = np.flatnonzero(np.asarray(target) != counts)
+    seconds = np.maximum(speed - least, 0.0) / drives.acceleration
+    members = tuple(
+        ((int(i),), TAMove(target, np.full(len(counts), least), speed, float(seconds[i]), float(seconds[i])))
+        for i in axes
+    )
+    state = at_rest(counts)
+    return CardMotion(t, send(card, state, Together(members), 0.0) if members else state)
+
+
+def halted(drives: Drives, motion: Motion, t: float) -> CardMotion:
+    """The motion with a decelerated stop sent at t (s), each axis as fast as its own acceleration lets it.
+
+    So no axis leaves its travel where the motion would not have; the tool of a planned one leaves its line.
+    """
+    state, since = motion.on_card(drives, t), t - motion.begun
+    speed = np.abs(state.running(since).speed(since))
+    members = tuple(
+        ((i,), DStop(float(v / a))) for i, (v, a) in enumerate(zip(speed, drives.acceleration, strict=True))
+    )
+    return CardMotion(motion.begun, send(drives.card, state, Together(members), since))

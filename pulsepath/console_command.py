@@ -1,0 +1,89 @@
+"""`pulsepath console`: an operator's line interface, and the remote line, to a machine on the virtual card."""
+
+import sys
+from pathlib import Path
+
+import click
+
+from pulsepath.exits import BAD_INPUT, INTERRUPTED
+
+
+@click.command()
+@click.option("--machine", metavar="MACHINE", required=True, help="Preset or file.")
+@click.option("--serial", metavar="PORT", help="Take remote commands from a serial line (needs the extra: serial).")
+@click.option("--baud", type=click.IntRange(110, 115200), default=9600, show_default=True, help="Of the serial line.")
+@click.option(
+    "--tcp", type=click.IntRange(0, 65535), metavar="PORT", help="Take remote commands from TCP; 0: any free port."
+)
+@click.option(
+    "--listen", metavar="ADDRESS", help="With --tcp: on this address of the machine. Default: loopback alone."
+)
+@click.option("--state", type=click.Path(path_type=Path), metavar="FILE", help="Registers that outlive the session.")
+@click.option("--fast", is_flag=True, help="Motions take no time. Default: as long as they take.")
+def console(
+    machine: str, serial: str | None, baud: int, tcp: int | None, listen: str | None, state: Path | None, fast: bool
+) -> None:
+    """Drive MACHINE on the virtual card from the keyboard, a pipe, a serial line or a socket.
+
+    \b
+    JOG X CW                 one axis slowly, until a key, STOP, or the end of its travel
+    POS X CW 100 Z CCW 20    axes by steps, together; a trapezoid each
+    MOVE 0 0 25 [0 0 5]      mm and degrees from home, planned and proved
+    HOME Y                   the axis stands at home: its register becomes 0
+    ACCEPT                   the last known position holds
+    WHERE  STOP  HELP        and EXIT at the prompt
+    REM  MAN  TEST           who drives; TEST checks commands and runs none
+
+    On a remote line, in mode REM: P X + 100 Y - 40 Z + 80 and a carriage return, answered by DONE after the motion.
+
+    Exit codes: 0 done, 2 bad input, also a refused line of a script, 3 internal error, 130 interrupted: the
+    motion is stopped, the registers are saved.
+    """
+    from controllers.console import Desk, opened, saved
+    from controllers.console.interpret import offer
+    from controllers.console.links import LOOPBACK, Socket, Transport, pipe, pollable, serial_line, terminal
+    from controllers.console.serve import Clock, Server
+    from kinematics import MotionError, load_machine
+    from pulsepath import console_prompt, register_file
+
+    pollable()
+    if listen is not None and tcp is None:
+        raise MotionError("--listen says where --tcp listens: give --tcp PORT as well")
+    driven = load_machine(machine)
+    place = state or register_file.usual_place(driven.name)
+    with register_file.held(place):
+        session = opened(driven, register_file.read(place))
+        remote: list[Transport] = []
+        if serial is not None:
+            remote.append(serial_line(serial, baud))
+            _tell(f"serial line {serial} at {baud} baud")
+        if tcp is not None:
+            socket = Socket(tcp, listen or LOOPBACK)
+            remote.append(socket)
+            _tell(f"TCP {socket.address[0]} port {socket.address[1]}")
+        at_terminal = sys.stdin.isatty()
+        server = Server(
+            Desk(session),
+            Clock(fast=fast),
+            console=terminal() if at_terminal else pipe(),
+            remote=remote,
+            save=lambda desk, t: register_file.write(place, saved(desk.session, t)),
+            echo=_tell,
+        )
+        _tell(f"{driven.name}: {offer(session)}")
+        try:
+            if at_terminal:
+                console_prompt.prompt(server)
+            else:
+                console_prompt.script(server, bool(remote))
+                if server.refused:
+                    click.get_current_context().exit(BAD_INPUT)
+        except KeyboardInterrupt:
+            server.say("STOP")
+            server.finish()
+            _tell(f"interrupted: {server.desk.session.told(server.clock.now)}, saved in {place}")
+            click.get_current_context().exit(INTERRUPTED)
+
+
+def _tell(text: str) -> None:
+    click.echo(text, err=True)

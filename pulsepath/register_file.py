@@ -1,0 +1,73 @@
+"""The file in which the console's registers outlive it: written whole before a motion begins and after it has ended."""
+
+import json
+import os
+import re
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict
+from pathlib import Path
+
+from controllers.console import Saved
+from kinematics.errors import MotionError
+from pulsepath.directory import write_whole
+
+KIND = "pulsepath console"
+SCHEMA = 1
+
+
+def usual_place(machine: str) -> Path:
+    """The file of a machine in the user's directory for such things."""
+    name = f"{re.sub(r'[^A-Za-z0-9_-]', '_', machine)}.registers.json"
+    if sys.platform == "win32":
+        base = Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local")
+    elif sys.platform == "darwin":
+        base = Path.home() / "Library" / "Application Support"
+    else:
+        base = Path(os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state")
+    return base / "pulsepath" / name
+
+
+@contextmanager
+def held(path: Path) -> Iterator[None]:
+    """The file for this process alone. Raises MotionError while another console has it."""
+    import fcntl
+
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with path.with_name(f"{path.name}.lock").open("w") as lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            raise MotionError(f"{path} is another console's, which runs; end it, or give another --state") from None
+        yield
+
+
+def write(path: Path, saved: Saved) -> None:
+    """Whole, or as it was before; its directory is there while it is `held`."""
+    write_whole(path, json.dumps({"kind": KIND, "schema": SCHEMA, **asdict(saved)}, indent=2) + "\n")
+
+
+def read(path: Path) -> Saved | None:
+    """What was saved; None where nothing was. Raises MotionError for a file that is not whole, or not ours."""
+    try:
+        record = json.loads(path.read_bytes())
+    except FileNotFoundError:
+        return None
+    except ValueError as error:
+        raise MotionError(
+            f"{path}: {error}; remove it, and the positions are unknown, or give another --state"
+        ) from None
+    if not isinstance(record, dict) or record.pop("kind", None) != KIND or record.pop("schema", None) != SCHEMA:
+        raise MotionError(f"{path} is no register file of schema {SCHEMA}; give another --state")
+    tables = {"pulses": (int, float), "registers": (int,), "homed": (bool,), "moving": (bool,)}
+    axes = record.get("pulses")
+    for key, kinds in tables.items():
+        table = record.get(key)
+        if not isinstance(table, dict) or not isinstance(axes, dict) or table.keys() != axes.keys():
+            raise MotionError(f"{path}: {key}: give a value for every axis; remove the file, or give another --state")
+        if any(type(value) not in kinds for value in table.values()):
+            raise MotionError(f"{path}: {key}: {table} has wrong values; remove the file, or give another --state")
+    if set(record) != {"machine", *tables} or not isinstance(record["machine"], str):
+        raise MotionError(f"{path}: keys {', '.join(sorted(record))} are not those of a register file")
+    return Saved(**record)
