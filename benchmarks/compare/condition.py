@@ -82,7 +82,12 @@ class Condition:
         return found
 
     def _limit(self, unit: str) -> float:
-        return self.value if self.unit in ("", "x") else quantity(f"{self.value!r} {self.unit}", unit or "1")
+        if self.unit in ("", "x"):
+            return self.value
+        try:
+            return quantity(f"{self.value!r} {self.unit}", unit or "1")
+        except MotionError as error:
+            raise MotionError(f'condition "{self.text}": {error}') from None
 
     def _value(self, figures: Mapping[str, float]) -> float:
         if not figures:

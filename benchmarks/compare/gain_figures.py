@@ -84,40 +84,43 @@ def _first(entry: Entry) -> float:
 
 
 def pareto(comparison: Comparison) -> list[Axes]:
-    """Every setting that holds: how late it is at rest, against its error; the front of those that no other beats."""
-    tasks = list(comparison.ranked)
-    if not tasks:
-        return []
-    axes = grid(len(tasks), 2 if len(tasks) in (2, 4) else 3, 2.9)
+    """Every stable setting: how late it is at its goal, against its error; the front of those that no other beats."""
     laws = list(dict.fromkeys(entry.setting.law for entry in comparison.entries))
-    drawn = False
-    for ax, task in zip(axes, tasks, strict=True):
+    of_task = {task: _late(comparison, task) for task in comparison.ranked}
+    of_task = {task: points for task, points in of_task.items() if points}
+    if not of_task:
+        return []
+    axes = grid(len(of_task), 2 if len(of_task) in (2, 4) else 3, 2.9)
+    for ax, (task, points) in zip(axes, of_task.items(), strict=True):
         unit, scale = HUMAN[comparison.unit(RANK, task)]
-        points = []
         for n, law in enumerate(laws):
-            rows = [row for row in comparison.rows if row.task == task and row.entry.setting.law == law and row.stable]
-            here = [(row.figures["late"], row.figures[RANK]) for row in rows if isfinite(row.figures.get("late", inf))]
-            if here:
-                points += here
-                of_law = np.array(here)
+            here = np.array([point for of, point in points if of == law])
+            if len(here):
                 ax.plot(
-                    of_law[:, 0],
-                    scale * of_law[:, 1],
+                    here[:, 0],
+                    scale * here[:, 1],
                     linestyle="none",
                     markersize=5.5,
                     color=color(n),
-                    **mark(n),
                     label=law,
                     alpha=0.85,
+                    **mark(n),
                 )
-        if points:
-            drawn = True
-            best = np.array(front(points))
-            ax.step(best[:, 0], scale * best[:, 1], where="post", color="black", linewidth=0.9, zorder=0, label="front")
-            _log_error(ax)
-        ax.set(xlabel="within 10 pulses of the goal after the planned end (s)", ylabel=f"RMS contour error ({unit})")
+        best = np.array(front([point for _, point in points]))
+        ax.step(best[:, 0], scale * best[:, 1], where="post", color="black", linewidth=0.9, zorder=0, label="front")
+        _log_error(ax)
+        ax.set(xlabel="at its goal after the planned end (s)", ylabel=f"RMS contour error ({unit})")
         ax.set_title(task, loc="left", fontsize="medium", fontweight="bold")
-    return legend(axes, 3) if drawn else []
+    return legend(axes, 3)
+
+
+def _late(comparison: Comparison, task: str) -> list[tuple[str, tuple[float, float]]]:
+    """Law, lateness and error of every stable setting that is at its goal in the end."""
+    return [
+        (row.entry.setting.law, (row.figures["late"], row.figures[RANK]))
+        for row in comparison.rows
+        if row.task == task and row.stable and isfinite(row.figures.get("late", inf))
+    ]
 
 
 def front(points: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:

@@ -9,7 +9,7 @@ from typing import Any
 from benchmarks.compare.courses import courses
 from benchmarks.compare.figures import draw
 from benchmarks.compare.iso_block import ISO, IsoBlock, iso_block
-from benchmarks.compare.shown import number, shown
+from benchmarks.compare.shown import HUMAN, number, shown
 from benchmarks.compare.table import LEAST, RANK, UNSTABLE, Comparison, Row
 from benchmarks.compare.verdict import Verdict, not_ranked, verdict_of
 from benchmarks.page import render
@@ -88,10 +88,10 @@ def _cells(comparison: Comparison, task: str) -> Iterator[Mapping[str, Any]]:
         yield {
             "label": comparison.label(row.entry),
             "mark": mark(row, comparison),
-            "ratio": "" if row.against is None else f"{row.against.ratio:#.3g}",
+            "ratio": "" if row.against is None else _ratio(row.against.ratio),
             "range": ""
             if row.against is None or row.runs < 2
-            else f"{row.against.least:#.3g}…{row.against.largest:#.3g}",
+            else f"{_ratio(row.against.least)}…{_ratio(row.against.largest)}",
             "spread": "–" if row.spread is None else "…".join(_above(value, floor, unit) for value in row.spread),
             "figures": [
                 _above(row.figures[name], floor if name.startswith("contour") else -inf, comparison.unit(name, task))
@@ -105,7 +105,11 @@ def _cells(comparison: Comparison, task: str) -> Iterator[Mapping[str, Any]]:
 
 def _above(value: float, floor: float, unit: str) -> str:
     """A value without its unit; one below the floor is not told apart from it."""
-    return number(value, unit) if value >= floor else f"<{number(floor, unit)}"
+    return number(value, unit) if value >= floor else f"<{floor * HUMAN.get(unit, (unit, 1.0))[1]:.2g}"
+
+
+def _ratio(value: float) -> str:
+    return f"{value:#.3g}".rstrip(".")
 
 
 def _notes(row: Row) -> Iterator[str]:
@@ -115,7 +119,7 @@ def _notes(row: Row) -> Iterator[str]:
     for reason, rigs in reasons.items():
         yield f"failed with {', '.join(dict.fromkeys(rigs))}: {reason}"
     if row.away:
-        yield f"not within {BAND:g} pulses of its goal in the end, in {row.away} of {row.runs} runs"
+        yield f"off its goal in {row.away} of {row.runs} runs"
 
 
 def _units(comparison: Comparison, task: str) -> list[str]:

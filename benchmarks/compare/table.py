@@ -176,7 +176,10 @@ def compare(sources: Sequence[Runs], baseline: str | None = None) -> Comparison:
             if not _unstable(result, largest[task])
         )
     )
-    rows = tuple(_row(entry, task, groups, against, largest[task], task in ranked) for entry, task in groups)
+    rows = tuple(
+        _row(entry, task, groups, against, largest[task], _floor(sources, task) if task in ranked else None)
+        for entry, task in groups
+    )
     return Comparison(tuple(sources), against, rows, tasks, ranked)
 
 
@@ -213,7 +216,7 @@ def _row(
     groups: Mapping[tuple[Entry, str], dict[Pairing, Result]],
     baseline: Entry,
     largest: float,
-    ranked: bool,
+    floor: float | None,
 ) -> Row:
     runs = groups[entry, task]
     nominal = [result.figures for (rig, _), result in runs.items() if rig == NOMINAL.name]
@@ -228,7 +231,7 @@ def _row(
         tuple((rig, result.failure) for (rig, _), result in runs.items() if result.failure),
         sum(map(_away, runs.values())),
         sum(_unstable(result, largest) for result in runs.values()),
-        _against(runs, others) if ranked and entry != baseline else None,
+        None if floor is None or entry == baseline else _against(runs, others, floor),
     )
 
 
@@ -245,9 +248,9 @@ def _mean(figures: Sequence[Mapping[str, float]]) -> dict[str, float]:
     return {name: fmean(one[name] for one in figures) for name in figures[0] if all(name in one for one in figures)}
 
 
-def _against(runs: Mapping[Pairing, Result], baseline: Mapping[Pairing, Result]) -> Against | None:
+def _against(runs: Mapping[Pairing, Result], baseline: Mapping[Pairing, Result], floor: float) -> Against | None:
     pairs = [(runs[pair], baseline[pair]) for pair in runs if pair in baseline]
     if not pairs or len(pairs) < len(runs) or any(one.failure for pair in pairs for one in pair):
         return None
-    ratios = [own.figures[RANK] / other.figures[RANK] for own, other in pairs]
+    ratios = [max(own.figures[RANK], floor) / max(other.figures[RANK], floor) for own, other in pairs]
     return Against(exp(fmean(map(log, ratios))), min(ratios), max(ratios))

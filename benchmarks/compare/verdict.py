@@ -75,7 +75,7 @@ def verdict_of(comparison: Comparison) -> Verdict:
 def not_ranked(comparison: Comparison) -> list[str]:
     """A sentence for each path that does not count, and why."""
     return [
-        f"{task}: some laws stay on the path to less than a hundredth of a pulse, so its contour errors rank nothing."
+        f"Not ranked: {task}, since some laws stay on it to less than a hundredth of a pulse, however they track."
         for task in comparison.tasks
         if task not in comparison.ranked
     ]
