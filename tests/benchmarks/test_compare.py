@@ -388,27 +388,47 @@ def test_record_and_csv_hold_the_same_numbers(comparison):
     assert {float(row["contour_rms"]) for row in stated} == {40e-6}
 
 
+BROWSER = ("--headless=new", "--no-sandbox", "--disable-gpu", "--no-pdf-header-footer", "--enable-logging=stderr")
+
+
 def chromium():
     """The path of a browser; `.ci/run` installs one where it can."""
     return next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 
 
+def browse(folder, page, *arguments):
+    """A page in a browser that is 1280 pixels wide."""
+    (folder / "report.html").write_text(page, encoding="utf-8")
+    options = [*BROWSER, f"--user-data-dir={folder / 'profile'}", "--window-size=1280,1000", *arguments]
+    where = (folder / "report.html").as_uri()
+    return subprocess.run([chromium(), *options, where], capture_output=True, text=True, timeout=60, check=True)
+
+
 @pytest.mark.skipif(chromium() is None, reason="no Chromium here; .ci/run installs one")
 def test_a_browser_opens_it_without_a_complaint(tmp_path, page):
-    (tmp_path / "report.html").write_text(page, encoding="utf-8")
-    options = ["--headless=new", "--no-sandbox", "--disable-gpu", "--no-pdf-header-footer", "--enable-logging=stderr"]
-    options += [f"--user-data-dir={tmp_path / 'profile'}", "--window-size=1280,1000"]
-
-    def run(*arguments):
-        where = (tmp_path / "report.html").as_uri()
-        return subprocess.run(
-            [chromium(), *options, *arguments, where], capture_output=True, text=True, timeout=60, check=True
-        )
-
-    opened = run("--dump-dom")
+    opened = browse(tmp_path, page, "--dump-dom")
     # what the page says itself, not what the browser says of its machine
     assert "CONSOLE" not in opened.stderr
     assert 'id="figures"' in opened.stdout
-    printed = run(f"--print-to-pdf={tmp_path / 'page.pdf'}")
+    printed = browse(tmp_path, page, f"--print-to-pdf={tmp_path / 'page.pdf'}")
     assert "CONSOLE" not in printed.stderr
     assert (tmp_path / "page.pdf").read_bytes().startswith(b"%PDF")
+
+
+@pytest.mark.skipif(chromium() is None, reason="no Chromium here; .ci/run installs one")
+def test_no_table_is_wider_than_the_page(tmp_path, monkeypatch):
+    """With the longest names of laws and gains, and errors of five digits."""
+    monkeypatch.setattr("benchmarks.compare.report.draw", lambda *_: {})
+    laws = [Setting("closed-position-relative-repaired", (("gain", gain),)) for gain in (0.65, 0.75)]
+    laws += [Setting("feedforward", (("speed", 0.95), ("acceleration", 0.25), ("play", 0.5)))]
+    wide = saved(tmp_path / "runs", errors=dict.fromkeys(laws, 12345e-6) | {WILD: 0.01})
+    _, page = gain_report(compare([wide]))
+    measured = re.sub(r"<meta http-equiv[^>]*>", "", page).replace(
+        "</body>",
+        """<script>document.title = "over " + [...document.querySelectorAll(".scroll")].map(
+        box => box.scrollWidth - box.clientWidth).join(" ")</script></body>""",
+    )
+    title = re.search(r"<title>over ([\d ]+)</title>", browse(tmp_path, measured, "--dump-dom").stdout)
+    over = [int(one) for one in title.group(1).split()]
+    assert len(over) >= 5  # provenance, two paths, the lines and the circles
+    assert over == [0] * len(over)
