@@ -121,7 +121,7 @@ def _magnified(comparison: Comparison, shown: Courses) -> list[Axes]:
     tasks = [task for task in comparison.tasks if shown.on(task) and _in_space(comparison, task)]
     if not tasks:
         return []
-    axes = grid(len(tasks), 3, 3.6)
+    axes = grid(len(tasks), 3, 3.9)
     for ax, task in zip(axes, tasks, strict=True):
         on = shown.on(task)
         planned = on[0][1].planned

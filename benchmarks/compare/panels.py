@@ -41,7 +41,7 @@ def grid(count: int, columns: int, height: float) -> list[Axes]:
 
     columns = min(columns, count)
     rows = -(-count // columns)
-    figure = Figure(figsize=(WIDTH, rows * height + 0.7), layout="constrained")
+    figure = Figure(figsize=(WIDTH, rows * height + 0.9), layout="constrained")
     axes = list(figure.subplots(rows, columns, squeeze=False).ravel())
     for ax in axes[count:]:
         ax.remove()
