@@ -1,5 +1,6 @@
 """`pulsepath compare`: tracking laws over their gains on a rig, or saved runs, in one report."""
 
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -8,7 +9,11 @@ import click
 from pulsepath.exits import INFEASIBLE
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from benchmarks.compare import Condition
     from benchmarks.sweep import Runs
+    from controllers.rig import Rig
 
 SEVEN = ("1", "2", "3", "4", "5", "6", "7")
 """The algorithms of [Sahbaz 2007, Table 7.5]."""
@@ -66,6 +71,7 @@ def compare(
     from benchmarks.compare import compare as compared
     from benchmarks.compare import read_condition
     from benchmarks.sweep import load_runs
+    from controllers.rig import load_rig
     from kinematics import MotionError
     from pulsepath import compare_directory, record
     from pulsepath.progress import step
@@ -74,7 +80,12 @@ def compare(
         raise MotionError("compare: with --from nothing is run, so give no RIG, --law, --task, --seeds or --address")
     asked = [read_condition(text) for text in conditions]
     compare_directory.refuse_overwrite(out, force)
-    runs = [load_runs(folder) for folder in saved] or [_run(rig or "servo-rig", out, laws, tasks, seeds, address)]
+    if saved:
+        runs = [load_runs(folder) for folder in saved]
+        for condition, one in product(asked, runs):
+            condition.check(one.record)
+    else:
+        runs = [_run(load_rig(rig or "servo-rig"), out, laws, tasks, seeds, address, baseline, asked)]
     with step("comparing"):
         found = compared(runs, baseline)
         verdict = compare_directory.write(out, found)
@@ -93,17 +104,29 @@ def compare(
 
 
 def _run(
-    name: str, out: Path, laws: tuple[str, ...], tasks: tuple[str, ...], seeds: int, address: str | None
+    rig: "Rig",
+    out: Path,
+    laws: tuple[str, ...],
+    tasks: tuple[str, ...],
+    seeds: int,
+    address: str | None,
+    baseline: str | None,
+    asked: "Sequence[Condition]",
 ) -> "Runs":
-    """The runs of a rig, those of them that are not in the directory yet made."""
-    from benchmarks.sweep import Grid, read_setting, settings_of, sweep
-    from controllers.rig import load_rig
+    """The runs of a rig, once all that was asked is understood; those in the directory already are not made again."""
+    from benchmarks.sweep import Grid, described, read_setting, settings_of, sweep
+    from kinematics import MotionError
     from pulsepath.progress import step
 
-    rig = load_rig(name)
     settings = [
         setting for law in laws or SEVEN for setting in ([read_setting(law)] if ":" in law else settings_of(law))
     ]
+    if baseline is not None and read_setting(baseline) not in settings:
+        known = ", ".join(setting.text for setting in settings)
+        raise MotionError(f"compare: the baseline {baseline} is not among the settings to run: {known}")
     grid = Grid(tuple(settings), tasks or tuple(task.name for task in rig.tasks), seeds=tuple(range(seeds)))
+    facts = described(grid, rig)
+    for condition in asked:
+        condition.check(facts)
     with step(f"running {rig.name}") as tell:
         return sweep(grid, rig, out, address=address, progress=tell, tell=lambda text: click.echo(text, err=True))

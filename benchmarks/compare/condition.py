@@ -7,9 +7,11 @@ import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from math import inf
+from typing import Any
 
 from benchmarks.compare.shown import shown
-from benchmarks.compare.table import Comparison, Entry
+from benchmarks.compare.table import Comparison, Entry, unit_of
+from controllers.metrics import FIGURES
 from kinematics.errors import MotionError
 from kinematics.registry import nearest
 from kinematics.units import quantity
@@ -34,6 +36,19 @@ class Condition:
     value: float
     unit: str
 
+    def check(self, record: Mapping[str, Any]) -> None:
+        """Raise MotionError where runs with this record will have no such figure, or none of such a unit."""
+        known = {figure.name for figure in FIGURES} | {
+            f"{figure.name}.{axis}" for figure in FIGURES if figure.per_axis for axis in record["axes"]
+        }
+        if self.figure not in known:
+            raise MotionError(
+                f'condition "{self.text}": there is no figure {self.figure}{nearest(self.figure, known)}; '
+                f"figures: {', '.join(sorted(known))}"
+            )
+        for task in record["tasks"]:
+            self._limit(unit_of(self.figure, task, record))
+
     def met(self, comparison: Comparison, entry: Entry | None) -> list[str]:
         """Why it holds of a setting, path by path; empty where it does not.
 
@@ -48,9 +63,16 @@ class Condition:
             own = self._value(row.figures)
             base = comparison.row(comparison.baseline, row.task)
             if self.unit == "x":
-                limit = self.value * (inf if base is None else self._value(base.figures))
+                # what no rig could show is no difference
+                least = (
+                    comparison.floor(row.task)
+                    if any(f.unit == "path" for f in FIGURES if f.name == self.figure)
+                    else -inf
+                )
+                own = max(own, least)
+                limit = self.value * (inf if base is None else max(self._value(base.figures), least))
             else:
-                limit = self.value if not self.unit else quantity(f"{self.value!r} {self.unit}", unit or "1")
+                limit = self._limit(unit)
             if COMPARED[self.compared](own, limit):
                 times = f" ({self.value:g} × the baseline)" if self.unit == "x" else ""
                 found.append(
@@ -58,6 +80,14 @@ class Condition:
                     f"{shown(limit, unit)}{times}"
                 )
         return found
+
+    def _limit(self, unit: str) -> float:
+        if self.unit in ("", "x"):
+            return self.value
+        try:
+            return quantity(f"{self.value!r} {self.unit}", unit or "1")
+        except MotionError as error:
+            raise MotionError(f'condition "{self.text}": {error}') from None
 
     def _value(self, figures: Mapping[str, float]) -> float:
         if not figures:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchmarks.compare.table import Comparison, Entry, mean_ratio
+from benchmarks.compare.table import Comparison, Entry
 from benchmarks.compare.verdict import Verdict
 from benchmarks.sweep import Series
 from benchmarks.sweep.cell import NOMINAL
@@ -33,7 +33,7 @@ class Courses:
 
 def courses(comparison: Comparison, verdict: Verdict) -> Courses:
     """Of the baseline, the best, and the best setting of each of the next best laws."""
-    ranked = sorted(comparison.entries, key=lambda entry: mean_ratio(comparison.of(entry)))
+    ranked = sorted(comparison.entries, key=comparison.mean_ratio)
     chosen = [comparison.baseline] + ([] if verdict.best is None else [verdict.best])
     laws = {entry.setting.law for entry in chosen}
     for entry in ranked:
@@ -79,10 +79,8 @@ def beside(series: Series) -> Array:
 
 
 def circle_of(series: Series) -> Circle | None:
-    """The full circle that the planned path is, its normal by the right hand; None of any other path."""
+    """The full circle that a planned path in space is, its normal by the right hand; None of any other path."""
     points = series.planned
-    if points.shape[1] != 3:
-        return None
     middle = points.mean(0)
     _, size, axes = np.linalg.svd(points - middle, full_matrices=False)
     if size[1] <= FLAT * size[0] or size[2] > 10 * FLAT * size[0]:

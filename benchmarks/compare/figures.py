@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from math import floor, log10
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -47,11 +47,11 @@ def _per_path(
     height: float,
     panel: Callable[[Axes, Comparison, Courses, str], None],
 ) -> list[Axes]:
-    """A panel for each path, one below the other."""
+    """A panel for each path."""
     tasks = [task for task in comparison.tasks if shown.on(task)]
     if not tasks:
         return []
-    axes = grid(len(tasks), 1, 9, height)
+    axes = grid(len(tasks), 1 if len(tasks) <= 2 else 2, height)
     for ax, task in zip(axes, tasks, strict=True):
         panel(ax, comparison, shown, task)
         ax.set_title(task, loc="left", fontsize="medium", fontweight="bold")
@@ -59,7 +59,7 @@ def _per_path(
 
 
 def _corners(comparison: Comparison, task: str) -> list[dict[str, float]]:
-    return list(_record(comparison, task)["corners"])
+    return list(comparison.about(task)["corners"])
 
 
 def _mark_corners(ax: Axes, places: Sequence[float]) -> None:
@@ -103,12 +103,8 @@ def _along_path(ax: Axes, comparison: Comparison, shown: Courses, task: str) -> 
     ax.set_ylim(bottom=0)
 
 
-def _record(comparison: Comparison, task: str) -> dict[str, Any]:
-    return next(dict(of.record["tasks"][task]) for of in comparison.sources if task in of.record["tasks"])
-
-
 def _in_space(comparison: Comparison, task: str) -> bool:
-    return bool(_record(comparison, task)["space"])
+    return bool(comparison.about(task)["space"])
 
 
 def magnification(deviation: float, extent: float) -> float:
@@ -125,7 +121,7 @@ def _magnified(comparison: Comparison, shown: Courses) -> list[Axes]:
     tasks = [task for task in comparison.tasks if shown.on(task) and _in_space(comparison, task)]
     if not tasks:
         return []
-    axes = grid(len(tasks), min(len(tasks), 2), 9, 4.0)
+    axes = grid(len(tasks), 3, 3.9)
     for ax, task in zip(axes, tasks, strict=True):
         on = shown.on(task)
         planned = on[0][1].planned
@@ -165,12 +161,12 @@ def _drawn(points: Array, plane: Array) -> Array:
 
 def _circles(comparison: Comparison, iso: IsoBlock) -> list[Axes]:
     """Each setting's circular test: both directions about the programmed circle, on one magnification."""
-    tests = iso.circles[:4]
+    tests = [(turns, turns.test) for turns in iso.circles if turns.test is not None][:4]
     if not tests:
         return []
-    largest = max(float(np.abs(turn.deviation).max()) for _, _, test in tests for turn in (test.ccw, test.cw))
-    axes = grid(len(tests), min(len(tests), 2), 9, 4.2)
-    for ax, (entry, paths, test) in zip(axes, tests, strict=True):
+    largest = max(float(np.abs(turn.deviation).max()) for _, test in tests for turn in (test.ccw, test.cw))
+    axes = grid(len(tests), 2, 4.6)
+    for ax, (turns, test) in zip(axes, tests, strict=True):
         radius = test.circle.radius
         times = magnification(largest, 2 * radius)
         angle = np.linspace(0, 2 * np.pi, 361)
@@ -178,7 +174,9 @@ def _circles(comparison: Comparison, iso: IsoBlock) -> list[Axes]:
         for n, (name, turn) in enumerate((("counter-clockwise", test.ccw), ("clockwise", test.cw))):
             ax.plot(*_round(turn.angle, radius + times * turn.deviation), label=name, **line(n))
         ax.set(xlabel="mm", ylabel="mm")
-        ax.set_title(f"{comparison.label(entry)}\n{paths}: deviations × {times:g}", loc="left", fontsize="small")
+        ax.set_title(
+            f"{comparison.label(turns.entry)}\n{turns.paths}: deviations × {times:g}", loc="left", fontsize="small"
+        )
         ax.set_aspect("equal")
     return legend(axes, 3)
 
@@ -192,7 +190,7 @@ def _spectrum(ax: Axes, comparison: Comparison, shown: Courses, task: str) -> No
     for entry, series in shown.on(task):
         frequency, amplitude = spectrum(series)
         ax.plot(frequency, scale * amplitude, label=comparison.label(entry), **line(shown.entries.index(entry)))
-    rate = 1 / _record(comparison, task)["dt_s"]
+    rate = 1 / comparison.about(task)["dt_s"]
     ax.axvline(rate, color="#808080", linewidth=0.9, linestyle=(0, (4, 3)), zorder=0)
     ax.annotate(
         f"sample rate {rate:.3g} Hz",

@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from benchmarks.compare.panels import DASHES, MARKS, grid, legend, line
+from benchmarks.compare.panels import DASHES, color, grid, legend, line, mark
 from benchmarks.compare.shown import HUMAN
 from benchmarks.compare.table import RANK, Comparison, Entry, Row
-from planner.plots import PALETTE
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -19,8 +18,10 @@ if TYPE_CHECKING:
 
 def gains(comparison: Comparison) -> list[Axes]:
     """Error over each law's first gain, with the spread over rigs, and where it is unstable."""
-    tasks = list(comparison.tasks)
-    axes = grid(len(tasks), min(len(tasks), 2), 9, 3.2)
+    tasks = list(comparison.ranked)
+    if not tasks:
+        return []
+    axes = grid(len(tasks), 2 if len(tasks) in (2, 4) else 3, 2.9)
     lines = _gain_lines(comparison)
     if not lines:
         return []
@@ -43,14 +44,13 @@ def gains(comparison: Comparison) -> list[Axes]:
 
 def _gain_line(ax: Axes, rows: Sequence[tuple[float, Row]], scale: float, name: str, n: int) -> None:
     good = [(x, row) for x, row in rows if row.figures and row.spread]
-    color, mark = PALETTE[n % len(PALETTE)], MARKS[n % len(MARKS)]
     if good:
         gains = [x for x, _ in good]
         error = np.array([row.figures[RANK] for _, row in good])
         spread = np.array([row.spread for _, row in good if row.spread]).T
         drawn = {**line(n), "linewidth": 1.2}
-        ax.plot(gains, scale * error, marker=mark, markersize=4.5, label=name, **drawn)
-        ax.vlines(gains, scale * spread[0], scale * spread[1], color=color, linewidth=2.5, alpha=0.45)
+        ax.plot(gains, scale * error, markersize=4.5, label=name, **mark(n), **drawn)
+        ax.vlines(gains, scale * spread[0], scale * spread[1], color=color(n), linewidth=2.5, alpha=0.45)
     unstable = [x for x, row in rows if not row.stable]
     height = 0.98 - 0.045 * n
     for k, x in enumerate(unstable):
@@ -58,14 +58,14 @@ def _gain_line(ax: Axes, rows: Sequence[tuple[float, Row]], scale: float, name: 
             x,
             height,
             marker="x",
-            color=color,
+            color=color(n),
             markersize=6,
             transform=ax.get_xaxis_transform(),
             linestyle="none",
             label="unstable on some rig" if k == 0 and n == 0 else None,
         )
     if unstable and any(row.stable for x, row in rows):
-        ax.axvline(min(unstable), color=color, linestyle=DASHES[n % len(DASHES)], linewidth=0.9, zorder=0)
+        ax.axvline(min(unstable), color=color(n), linestyle=DASHES[n % len(DASHES)], linewidth=0.9, zorder=0)
 
 
 def _gain_lines(comparison: Comparison) -> dict[str, list[Entry]]:
@@ -84,38 +84,43 @@ def _first(entry: Entry) -> float:
 
 
 def pareto(comparison: Comparison) -> list[Axes]:
-    """Every setting that holds: how late it is at rest, against its error; the front of those that no other beats."""
-    tasks = list(comparison.tasks)
-    axes = grid(len(tasks), min(len(tasks), 2), 9, 3.2)
+    """Every stable setting: how late it is at its goal, against its error; the front of those that no other beats."""
     laws = list(dict.fromkeys(entry.setting.law for entry in comparison.entries))
-    drawn = False
-    for ax, task in zip(axes, tasks, strict=True):
+    of_task = {task: _late(comparison, task) for task in comparison.ranked}
+    of_task = {task: points for task, points in of_task.items() if points}
+    if not of_task:
+        return []
+    axes = grid(len(of_task), 2 if len(of_task) in (2, 4) else 3, 2.9)
+    for ax, (task, points) in zip(axes, of_task.items(), strict=True):
         unit, scale = HUMAN[comparison.unit(RANK, task)]
-        points = []
         for n, law in enumerate(laws):
-            rows = [row for row in comparison.rows if row.task == task and row.entry.setting.law == law and row.stable]
-            here = [(row.figures["late"], row.figures[RANK]) for row in rows if isfinite(row.figures.get("late", inf))]
-            if here:
-                points += here
-                of_law = np.array(here)
+            here = np.array([point for of, point in points if of == law])
+            if len(here):
                 ax.plot(
-                    of_law[:, 0],
-                    scale * of_law[:, 1],
+                    here[:, 0],
+                    scale * here[:, 1],
                     linestyle="none",
-                    marker=MARKS[n % len(MARKS)],
                     markersize=5.5,
-                    color=PALETTE[n % len(PALETTE)],
+                    color=color(n),
                     label=law,
                     alpha=0.85,
+                    **mark(n),
                 )
-        if points:
-            drawn = True
-            best = np.array(front(points))
-            ax.step(best[:, 0], scale * best[:, 1], where="post", color="black", linewidth=0.9, zorder=0, label="front")
-            _log_error(ax)
-        ax.set(xlabel="at rest after the planned end (s)", ylabel=f"RMS contour error ({unit})")
+        best = np.array(front([point for _, point in points]))
+        ax.step(best[:, 0], scale * best[:, 1], where="post", color="black", linewidth=0.9, zorder=0, label="front")
+        _log_error(ax)
+        ax.set(xlabel="at its goal after the planned end (s)", ylabel=f"RMS contour error ({unit})")
         ax.set_title(task, loc="left", fontsize="medium", fontweight="bold")
-    return legend(axes, 3) if drawn else []
+    return legend(axes, 3)
+
+
+def _late(comparison: Comparison, task: str) -> list[tuple[str, tuple[float, float]]]:
+    """Law, lateness and error of every stable setting that is at its goal in the end."""
+    return [
+        (row.entry.setting.law, (row.figures["late"], row.figures[RANK]))
+        for row in comparison.rows
+        if row.task == task and row.stable and isfinite(row.figures.get("late", inf))
+    ]
 
 
 def front(points: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:

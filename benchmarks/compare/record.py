@@ -24,6 +24,7 @@ def of_comparison(comparison: Comparison, verdict: Verdict) -> dict[str, Any]:
                 {"gain": one.gain, "value": one.value, "unstable_from": one.edge, "tried_up_to": one.up_to}
                 for one in verdict.margins
             ],
+            "ranked_paths": list(comparison.ranked),
             "text": verdict.text,
             "gains": verdict.gains,
         },
@@ -37,7 +38,7 @@ def of_comparison(comparison: Comparison, verdict: Verdict) -> dict[str, Any]:
                 "contour_rms_over_rigs": row.spread,
                 "against_baseline": _against(row.against),
                 "failures": [{"rig": rig, "reason": reason} for rig, reason in row.failures],
-                "never_at_rest": row.restless,
+                "not_at_goal": row.away,
                 "unstable": row.unstable,
             }
             for row in comparison.rows
@@ -69,7 +70,7 @@ def _entry(comparison: Comparison, entry: Entry) -> dict[str, Any]:
 def _against(against: Against | None) -> dict[str, Any] | None:
     if against is None:
         return None
-    return {"ratio": against.ratio, "interval": [_finite(against.low), _finite(against.high)], "mark": against.mark}
+    return {"ratio": against.ratio, "least": against.least, "largest": against.largest, "mark": against.mark}
 
 
 def _finite(value: float) -> float | None:

@@ -3,33 +3,36 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from math import inf, nan
 from typing import Any
 
 from benchmarks.compare.courses import courses
 from benchmarks.compare.figures import draw
 from benchmarks.compare.iso_block import ISO, IsoBlock, iso_block
-from benchmarks.compare.shown import number, shown
-from benchmarks.compare.table import LEAST, LEVEL, RANK, UNSTABLE, Comparison, Row
-from benchmarks.compare.verdict import Verdict, verdict_of
+from benchmarks.compare.shown import HUMAN, number, shown
+from benchmarks.compare.table import LEAST, RANK, UNSTABLE, Comparison, Row
+from benchmarks.compare.verdict import Verdict, not_ranked, verdict_of
 from benchmarks.page import render
+from controllers.metrics.ending import BAND
 
 MARKS = {
     "better": ("▼ better", "good"),
     "worse": ("▲ worse", "bad"),
-    "insignificant": ("≈ insignificant", ""),
+    "neither": ("≈ neither", ""),
     "baseline": ("● baseline", ""),
     "unstable": ("✕ unstable", "bad"),
     "failed": ("✕ failed", "bad"),
     "not comparable": ("– not comparable", ""),
+    "not ranked": ("– not ranked", ""),
 }
 """Sign and word, so that neither colour nor either alone has to tell; class of the style sheet."""
 COLUMNS = (
-    ("contour_rms", "contour error RMS"),
-    ("contour_max", "largest"),
-    ("tracking_rms", "tracking error RMS"),
-    ("late", "at rest after the end"),
+    ("contour_rms", "contour RMS"),
+    ("contour_max", "contour max"),
+    ("tracking_rms", "tracking RMS"),
+    ("late", "late"),
     ("torque_rms", "torque RMS"),
-    ("torque_peak", "peak"),
+    ("torque_peak", "torque peak"),
     ("vibration_power", "vibration"),
 )
 
@@ -55,9 +58,11 @@ def gain_report(comparison: Comparison) -> tuple[Verdict, str]:
         iso_names=ISO,
         circles=list(_circle_rows(comparison, iso)),
         shown=[comparison.label(entry) for entry in shown_ones.entries],
-        level=100 * LEVEL,
         least=100 * LEAST,
-        unstable=UNSTABLE,
+        unstable=100 * UNSTABLE,
+        band=BAND,
+        rigs=max(len(source.record["variations"]) for source in comparison.sources),
+        not_ranked=not_ranked(comparison),
     )
     return verdict, page
 
@@ -70,6 +75,8 @@ def mark(row: Row, comparison: Comparison) -> str:
         return "unstable"
     if row.entry == comparison.baseline:
         return "baseline"
+    if row.task not in comparison.ranked:
+        return "not ranked"
     return row.against.mark if row.against is not None else "not comparable"
 
 
@@ -77,21 +84,32 @@ def _cells(comparison: Comparison, task: str) -> Iterator[Mapping[str, Any]]:
     """What the table shows of each setting on a path, the least error first, what failed last."""
     rows = [row for row in comparison.rows if row.task == task]
     for row in sorted(rows, key=lambda row: (bool(row.unstable), row.figures.get(RANK, 1e300))):
-        unit = comparison.unit(RANK, task)
+        unit, floor = comparison.unit(RANK, task), comparison.floor(task)
         yield {
             "label": comparison.label(row.entry),
             "mark": mark(row, comparison),
-            "ratio": "" if row.against is None else f"{row.against.ratio:#.3g}",
-            "interval": ""
+            "ratio": "" if row.against is None else _ratio(row.against.ratio),
+            "range": ""
             if row.against is None or row.runs < 2
-            else f"{row.against.low:#.3g} … {row.against.high:#.3g}",
-            "spread": "–" if row.spread is None else " … ".join(number(value, unit) for value in row.spread),
+            else f"{_ratio(row.against.least)}…{_ratio(row.against.largest)}",
+            "spread": "–" if row.spread is None else "…".join(_above(value, floor, unit) for value in row.spread),
             "figures": [
-                number(row.figures[name], comparison.unit(name, task)) if name in row.figures else "–"
+                _above(row.figures[name], floor if name.startswith("contour") else -inf, comparison.unit(name, task))
+                if name in row.figures
+                else "–"
                 for name, _ in COLUMNS
             ],
             "notes": list(_notes(row)),
         }
+
+
+def _above(value: float, floor: float, unit: str) -> str:
+    """A value without its unit; one below the floor is not told apart from it."""
+    return number(value, unit) if value >= floor else f"<{floor * HUMAN.get(unit, (unit, 1.0))[1]:.2g}"
+
+
+def _ratio(value: float) -> str:
+    return f"{value:#.3g}".rstrip(".")
 
 
 def _notes(row: Row) -> Iterator[str]:
@@ -100,8 +118,8 @@ def _notes(row: Row) -> Iterator[str]:
         reasons.setdefault(reason, []).append(rig)
     for reason, rigs in reasons.items():
         yield f"failed with {', '.join(dict.fromkeys(rigs))}: {reason}"
-    if row.restless:
-        yield f"never at rest in {row.restless} of {row.runs} runs"
+    if row.away:
+        yield f"off its goal in {row.away} of {row.runs} runs"
 
 
 def _units(comparison: Comparison, task: str) -> list[str]:
@@ -141,14 +159,17 @@ def _iso_rows(comparison: Comparison, iso: IsoBlock) -> Iterator[list[str]]:
 
 
 def _circle_rows(comparison: Comparison, iso: IsoBlock) -> Iterator[list[str]]:
-    for entry, paths, test in iso.circles:
-        named = (
-            test.ccw.circular,
-            test.cw.circular,
-            test.both,
-            max(test.ccw.radial_max, test.cw.radial_max),
-            min(test.ccw.radial_min, test.cw.radial_min),
-            test.mean_radial,
-        )
-        about = f"{paths}: ⌀ {2e3 * test.circle.radius:.4g} mm, {1e3 * test.circle.feed:.3g} mm/s"
-        yield [about, comparison.label(entry), *(number(value, "m") for value in named)]
+    for turns in iso.circles:
+        circle, test = turns.circle, turns.test
+        about = f"{turns.paths}: ⌀ {2e3 * circle.radius:.4g} mm, {1e3 * circle.feed:.3g} mm/s"
+        named: tuple[float, ...] = (nan,) * 6
+        if test is not None:
+            named = (
+                test.ccw.circular,
+                test.cw.circular,
+                test.both,
+                max(test.ccw.radial_max, test.cw.radial_max),
+                min(test.ccw.radial_min, test.cw.radial_min),
+                test.mean_radial,
+            )
+        yield [about, comparison.label(turns.entry), *(number(value, "m") for value in named), turns.note]

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import exp, inf, isfinite, log, sqrt
-from statistics import fmean, stdev
+from math import exp, inf, isfinite, log
+from statistics import fmean
+from typing import Any
+
+import numpy as np
 
 from benchmarks.sweep import Result, Runs, Setting, read_setting
 from benchmarks.sweep.cell import NOMINAL
@@ -15,12 +18,15 @@ RANK = "contour_rms"
 """The figure by which settings are compared."""
 USUAL = "closed-position:gain=0.7"
 """The baseline where none is given: the law and the gain that [Sahbaz 2007, chapter 7] recommends."""
-LEVEL = 0.95
-"""Of the interval of a ratio."""
-UNSTABLE = 10.0
-"""A run that never comes to rest and errs by more than so many times the baseline on the same rig is unstable."""
+UNSTABLE = 0.1
+"""A run that is not at its goal at the end of the record, and whose RMS tracking error is more than this share of the
+path's extent, is unstable."""
 LEAST = 0.01
-"""A difference of less is not worth a mark, however sure it is."""
+"""A difference of less is not worth a mark."""
+FLOOR = 0.01
+"""Of the rig's smallest pulse, as a distance on the path: an error of less is rounding, which no rig could show."""
+SAVED_WITHOUT = 1e-7
+"""m or rad: the pulse of runs that were saved without one; coarse for a drive, and far above rounding."""
 Pairing = tuple[str, int]
 
 
@@ -34,21 +40,21 @@ class Entry:
 
 @dataclass(frozen=True, slots=True)
 class Against:
-    """An error over the baseline's: geometric mean over rigs and seeds, each paired with its own, and its interval.
+    """An error over the baseline's on the same rig with the same seed: geometric mean, least and largest.
 
-    mark  "better" or "worse" where the whole interval and at least 1 % of difference lie on that side; else
-          "insignificant". One pair tells nothing of the spread: its interval is infinite.
+    mark  "better" or "worse" where it is so, by more than 1 %, on every rig and seed that was tried; else "neither".
+          The rigs are chosen, no sample of a population, so nothing is said of others.
     """
 
     ratio: float
-    low: float
-    high: float
+    least: float
+    largest: float
 
     @property
     def mark(self) -> str:
-        if self.high < 1 and self.ratio <= 1 - LEAST:
+        if self.largest < 1 - LEAST:
             return "better"
-        return "worse" if self.low > 1 and self.ratio >= 1 + LEAST else "insignificant"
+        return "worse" if self.least > 1 + LEAST else "neither"
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,9 +64,10 @@ class Row:
     figures   mean over the seeds on the rig as stated; none where a run of those failed
     spread    least and largest RMS contour error of all rigs and seeds that did not fail
     failures  (rig, reason) of every run that failed
-    restless  how many runs never came to rest
-    unstable  how many failed, or never came to rest and err by more than `UNSTABLE` times the baseline
-    against   the baseline on the same path; None where either failed on a rig, and of the baseline itself
+    away      how many runs are not within `BAND` pulses of their goal at the end of the record
+    unstable  how many failed, or are away and err by more than `UNSTABLE` of the path's extent
+    against   the baseline on the same path; None where either failed on a rig, of the baseline itself, and where the
+              path is not ranked
     """
 
     entry: Entry
@@ -69,7 +76,7 @@ class Row:
     figures: Mapping[str, float]
     spread: tuple[float, float] | None
     failures: tuple[tuple[str, str], ...]
-    restless: int
+    away: int
     unstable: int
     against: Against | None
 
@@ -81,12 +88,17 @@ class Row:
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """All rows, setting by setting, and what they were made of."""
+    """All rows, setting by setting, and what they were made of.
+
+    ranked  the tasks by which settings are ranked: those that no stable run stays on to less than the floor. On the
+            others, as where two like axes go straight, an error to the path tells nothing of how it was tracked.
+    """
 
     sources: tuple[Runs, ...]
     baseline: Entry
     rows: tuple[Row, ...]
     tasks: tuple[str, ...]
+    ranked: tuple[str, ...]
 
     @property
     def entries(self) -> tuple[Entry, ...]:
@@ -99,6 +111,21 @@ class Comparison:
     def of(self, entry: Entry) -> list[Row]:
         return [row for row in self.rows if row.entry == entry]
 
+    def mean_ratio(self, entry: Entry) -> float:
+        """Geometric mean of the ratios to the baseline over ranked paths; infinite where one is missing or unstable."""
+        rows = self.of(entry)
+        ratios = [inf if row.against is None else row.against.ratio for row in rows if row.task in self.ranked]
+        held = all(row.stable for row in rows) and all(map(isfinite, ratios))
+        return exp(fmean(map(log, ratios))) if ratios and held else inf
+
+    def about(self, task: str) -> Mapping[str, Any]:
+        """What the record of the runs says of a task."""
+        return _about(self.sources, task)
+
+    def floor(self, task: str) -> float:
+        """m or rad: errors of less are not told apart on this path."""
+        return _floor(self.sources, task)
+
     def label(self, entry: Entry) -> str:
         """Of a setting; with the name of its runs, where there are several."""
         several = len(self.sources) > 1
@@ -106,14 +133,18 @@ class Comparison:
 
     def unit(self, figure: str, task: str) -> str:
         """SI unit of a figure on a path; empty for shares, and where axes of two kinds have it."""
-        from controllers.metrics import FIGURES
+        return unit_of(figure, task, next(of.record for of in self.sources if task in of.record["tasks"]))
 
-        record = next(source.record for source in self.sources if task in source.record["tasks"])
-        name, _, axis = figure.partition(".")
-        unit = next((one.unit for one in FIGURES if one.name == name), "")
-        kinds = {record["axes"].get(axis)} if axis else set(record["axes"].values())
-        own = kinds.pop() if len(kinds) == 1 else ""
-        return unit.replace("path", record["tasks"][task]["unit"]).replace("axis", own or "").removeprefix("1")
+
+def unit_of(figure: str, task: str, record: Mapping[str, Any]) -> str:
+    """SI unit of a figure on a path of recorded runs; empty for shares, and where axes of two kinds have it."""
+    from controllers.metrics import FIGURES
+
+    name, _, axis = figure.partition(".")
+    unit = next((one.unit for one in FIGURES if one.name == name), "")
+    kinds = {record["axes"].get(axis)} if axis else set(record["axes"].values())
+    own = kinds.pop() if len(kinds) == 1 else ""
+    return unit.replace("path", record["tasks"][task]["unit"]).replace("axis", own or "").removeprefix("1")
 
 
 def compare(sources: Sequence[Runs], baseline: str | None = None) -> Comparison:
@@ -132,8 +163,42 @@ def compare(sources: Sequence[Runs], baseline: str | None = None) -> Comparison:
         raise MotionError("compare: there are no runs")
     entries = list(dict.fromkeys(entry for entry, _ in groups))
     against = _baseline(entries, baseline)
-    rows = tuple(_row(entry, task, groups, against) for entry, task in groups)
-    return Comparison(tuple(sources), against, rows, tuple(dict.fromkeys(task for _, task in groups)))
+    tasks = tuple(dict.fromkeys(task for _, task in groups))
+    largest = {task: UNSTABLE * _extent(sources, task) for task in tasks}
+    ranked = tuple(
+        task
+        for task in tasks
+        if not any(
+            result.figures[RANK] < _floor(sources, task)
+            for (_, of), runs in groups.items()
+            if of == task
+            for result in runs.values()
+            if not _unstable(result, largest[task])
+        )
+    )
+    rows = tuple(
+        _row(entry, task, groups, against, largest[task], _floor(sources, task) if task in ranked else None)
+        for entry, task in groups
+    )
+    return Comparison(tuple(sources), against, rows, tasks, ranked)
+
+
+def _about(sources: Sequence[Runs], task: str) -> Mapping[str, Any]:
+    return next(dict(of.record["tasks"][task]) for of in sources if task in of.record["tasks"])
+
+
+def _floor(sources: Sequence[Runs], task: str) -> float:
+    return FLOOR * float(_about(sources, task).get("resolution", SAVED_WITHOUT))
+
+
+def _extent(sources: Sequence[Runs], task: str) -> float:
+    """Diagonal of the box about the planned path, m or rad; infinite where no run held."""
+    for source in sources:
+        for key, result in source.results.items():
+            series = None if result.failure or result.cell.task != task else source.series(key)
+            if series is not None:
+                return float(np.linalg.norm(np.ptp(series.planned, axis=0)))
+    return inf
 
 
 def _baseline(entries: Sequence[Entry], text: str | None) -> Entry:
@@ -145,7 +210,14 @@ def _baseline(entries: Sequence[Entry], text: str | None) -> Entry:
     return found or entries[0]
 
 
-def _row(entry: Entry, task: str, groups: Mapping[tuple[Entry, str], dict[Pairing, Result]], baseline: Entry) -> Row:
+def _row(
+    entry: Entry,
+    task: str,
+    groups: Mapping[tuple[Entry, str], dict[Pairing, Result]],
+    baseline: Entry,
+    largest: float,
+    floor: float | None,
+) -> Row:
     runs = groups[entry, task]
     nominal = [result.figures for (rig, _), result in runs.items() if rig == NOMINAL.name]
     errors = [result.figures[RANK] for result in runs.values() if not result.failure]
@@ -157,44 +229,28 @@ def _row(entry: Entry, task: str, groups: Mapping[tuple[Entry, str], dict[Pairin
         _mean(nominal) if nominal and all(nominal) else {},
         (min(errors), max(errors)) if errors else None,
         tuple((rig, result.failure) for (rig, _), result in runs.items() if result.failure),
-        sum(map(_restless, runs.values())),
-        sum(_unstable(result, others.get(pair)) for pair, result in runs.items()),
-        None if entry == baseline else _against(runs, others),
+        sum(map(_away, runs.values())),
+        sum(_unstable(result, largest) for result in runs.values()),
+        None if floor is None or entry == baseline else _against(runs, others, floor),
     )
 
 
-def _restless(result: Result) -> bool:
+def _away(result: Result) -> bool:
     return result.figures.get("end_time") == inf
 
 
-def _unstable(result: Result, baseline: Result | None) -> bool:
-    base = inf if baseline is None else baseline.figures.get(RANK, inf)
-    return bool(result.failure) or (_restless(result) and result.figures[RANK] > UNSTABLE * base)
+def _unstable(result: Result, largest: float) -> bool:
+    """The tracking error counts: a run that stays where it starts is on the path all the time."""
+    return bool(result.failure) or (_away(result) and result.figures["tracking_rms"] > largest)
 
 
 def _mean(figures: Sequence[Mapping[str, float]]) -> dict[str, float]:
     return {name: fmean(one[name] for one in figures) for name in figures[0] if all(name in one for one in figures)}
 
 
-def _against(runs: Mapping[Pairing, Result], baseline: Mapping[Pairing, Result]) -> Against | None:
-    """t-interval of the mean logarithm of the paired ratios."""
+def _against(runs: Mapping[Pairing, Result], baseline: Mapping[Pairing, Result], floor: float) -> Against | None:
     pairs = [(runs[pair], baseline[pair]) for pair in runs if pair in baseline]
     if not pairs or len(pairs) < len(runs) or any(one.failure for pair in pairs for one in pair):
         return None
-    errors = [(own.figures[RANK], other.figures[RANK]) for own, other in pairs]
-    if any(other == 0 or own == 0 for own, other in errors):
-        return None
-    logs = [log(own / other) for own, other in errors]
-    mean = fmean(logs)
-    if len(logs) == 1:
-        return Against(exp(mean), 0.0, inf)
-    from scipy.special import stdtrit
-
-    half = float(stdtrit(len(logs) - 1, (1 + LEVEL) / 2)) * stdev(logs) / sqrt(len(logs))
-    return Against(exp(mean), exp(mean - half), exp(min(mean + half, 700.0)))
-
-
-def mean_ratio(rows: Sequence[Row]) -> float:
-    """Geometric mean of the ratios to the baseline over paths; infinite where any is missing or a run failed."""
-    ratios = [inf if row.against is None or not row.stable else row.against.ratio for row in rows]
-    return exp(fmean(map(log, ratios))) if ratios and all(map(isfinite, ratios)) else inf
+    ratios = [max(own.figures[RANK], floor) / max(other.figures[RANK], floor) for own, other in pairs]
+    return Against(exp(fmean(map(log, ratios))), min(ratios), max(ratios))

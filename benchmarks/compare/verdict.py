@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from math import inf, isfinite
 
 from benchmarks.compare.shown import shown
-from benchmarks.compare.table import RANK, Comparison, Entry, mean_ratio
+from benchmarks.compare.table import RANK, Comparison, Entry
 from benchmarks.sweep import Setting
 
 
@@ -60,15 +60,25 @@ def verdict_of(comparison: Comparison) -> Verdict:
     """The best of all settings that hold on every path and rig, what it gains and what it costs."""
     others = [entry for entry in comparison.entries if entry != comparison.baseline]
     full = [entry for entry in others if {row.task for row in comparison.of(entry)} == set(comparison.tasks)]
-    ranked = sorted(((mean_ratio(comparison.of(entry)), n) for n, entry in enumerate(full)), key=lambda one: one[0])
+    ranked = sorted(((comparison.mean_ratio(entry), n) for n, entry in enumerate(full)), key=lambda one: one[0])
     name = comparison.label(comparison.baseline)
     if not ranked or not isfinite(ranked[0][0]):
         why = "no other setting was run" if not others else "no other setting is stable on every path and rig"
-        text = f"The baseline {name} stands alone: {why}."
+        why = why if comparison.ranked else "no path ranks settings"
+        text = " ".join([f"The baseline {name} stands alone: {why}.", *not_ranked(comparison)])
         return Verdict(None, inf, (), text)
     ratio, best = ranked[0][0], full[ranked[0][1]]
     margins = _margins(comparison, best)
     return Verdict(best, ratio, margins, _text(comparison, best, ratio, margins, len(others)))
+
+
+def not_ranked(comparison: Comparison) -> list[str]:
+    """A sentence for each path that does not count, and why."""
+    return [
+        f"Not ranked: {task}, since some laws stay on it to less than a hundredth of a pulse, however they track."
+        for task in comparison.tasks
+        if task not in comparison.ranked
+    ]
 
 
 def _margins(comparison: Comparison, best: Entry) -> tuple[Margin, ...]:
@@ -96,10 +106,8 @@ def _text(comparison: Comparison, best: Entry, ratio: float, margins: tuple[Marg
     rows = comparison.of(best)
     marks = [row.against.mark for row in rows if row.against]
     verb = "is the best" if ratio < 1 else "comes nearest to the baseline, which stays the best,"
-    counts = ", ".join(
-        f"{mark} on {marks.count(mark)}" for mark in ("better", "insignificant", "worse") if mark in marks
-    )
-    many = f"{len(comparison.tasks)} path{'s' if len(comparison.tasks) > 1 else ''}"
+    counts = ", ".join(f"{mark} on {marks.count(mark)}" for mark in ("better", "neither", "worse") if mark in marks)
+    many = f"{len(comparison.ranked)} path{'s' if len(comparison.ranked) > 1 else ''}"
     pieces = [
         f"{name} {verb} of {others} settings: its RMS contour error is {ratio:.3g} times that of the baseline, "
         f"{baseline} (geometric mean over {many} and {rows[0].runs} runs of each; {counts})."
@@ -108,7 +116,7 @@ def _text(comparison: Comparison, best: Entry, ratio: float, margins: tuple[Marg
     errors = [
         f"{shown(other.figures[RANK], unit)} to {shown(row.figures[RANK], unit)} on {row.task}"
         for row, other in both
-        if other is not None and other.figures and row.figures
+        if row.task in comparison.ranked and other is not None and other.figures and row.figures
         for unit in [comparison.unit(RANK, row.task)]
     ]
     pieces.append(f"As the rig is stated, that is from {', '.join(errors)}.")
@@ -124,4 +132,4 @@ def _text(comparison: Comparison, best: Entry, ratio: float, margins: tuple[Marg
     pieces += (
         [f"Margin: {'; '.join(map(str, margins))}."] if margins else ["Margin: the law has no gain that was varied."]
     )
-    return " ".join(pieces)
+    return " ".join([*pieces, *not_ranked(comparison)])

@@ -3,7 +3,7 @@
 from benchmarks.sweep.cell import VARIATIONS, Cell, Setting, Variation, read_setting, settings_of
 from benchmarks.sweep.grid import Grid
 from benchmarks.sweep.result import Result, Series
-from benchmarks.sweep.run import sweep
+from benchmarks.sweep.run import described, sweep
 from benchmarks.sweep.store import Runs, load_runs
 
 __all__ = [
@@ -15,6 +15,7 @@ __all__ = [
     "Series",
     "Setting",
     "Variation",
+    "described",
     "load_runs",
     "read_setting",
     "settings_of",

@@ -18,6 +18,7 @@ from benchmarks.sweep.store import Runs, Store, load_runs
 from controllers.metrics.attained import planned_at
 from controllers.rig import Rig
 from kinematics.errors import MotionError
+from kinematics.machine import Machine
 from planner.cluster import Lost, installed, on_cluster
 from planner.parallel import Progress, spread
 from planner.trajectory import Trajectory
@@ -43,9 +44,8 @@ def sweep(
     rig has not, where nothing answers at the address, and, after all others are kept, for runs that no worker
     survived.
     """
+    facts = described(grid, rig)  # refuses what the rig has not, before there is a folder
     cells, digests, store = list(grid), Digests(rig), Store(folder)
-    for task in grid.tasks:
-        rig.task(task)
     keys = [digest(cell, digests) for cell in cells]
     found = {key: store.find(key) for key in keys}
     key_of = dict(zip(cells, keys, strict=True))
@@ -66,7 +66,7 @@ def sweep(
     lost = _run(batches, rig, address, keep, tell)
     if lost:
         raise MotionError(f"sweep: {len(lost)} of {len(batches)} batches were lost, all others are kept: {lost[0]}")
-    record = {"rig": rig.name, "sha256": digests.as_record(), **_described(grid, rig), "versions": versions()}
+    record = {"rig": rig.name, "sha256": digests.as_record(), **facts, "versions": versions()}
     store.record(record, keys)
     return load_runs(folder)
 
@@ -102,8 +102,8 @@ def _batches(cells: Sequence[Cell]) -> Iterator[tuple[Cell, ...]]:
             yield tuple(group[first : first + LANES])
 
 
-def _described(grid: Grid, rig: Rig) -> dict[str, Any]:
-    """What a reader of the runs needs to know of the tasks, and of the grid."""
+def described(grid: Grid, rig: Rig) -> dict[str, Any]:
+    """What a reader of the runs needs to know of the tasks, and of the grid. Raises MotionError for an unknown task."""
     return {
         "seeds": list(grid.seeds),
         "variations": [variation.name for variation in grid.variations],
@@ -113,6 +113,7 @@ def _described(grid: Grid, rig: Rig) -> dict[str, Any]:
                 "dt_s": task.dt,
                 "unit": planned.unit,
                 "space": planned.path is not None,
+                "resolution": resolution(rig.machine, planned.unit),
                 "corners": corners(task.motion),
             }
             for name in grid.tasks
@@ -121,6 +122,12 @@ def _described(grid: Grid, rig: Rig) -> dict[str, Any]:
         },
         "axes": {axis.name: axis.unit for axis in rig.machine.axes},
     }
+
+
+def resolution(machine: Machine, unit: str) -> float:
+    """The smallest pulse as a distance in m or rad; that of a turning axis in space on the machine's own length."""
+    length = machine.characteristic_length
+    return min(axis.pulse * (1.0 if axis.unit == unit else length) for axis in machine.axes)
 
 
 def corners(motion: Any) -> list[dict[str, float]]:

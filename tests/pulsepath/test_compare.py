@@ -78,10 +78,13 @@ def test_what_is_no_comparison_is_not_touched(tmp_path, runs, call):
         (["--law", "8"], "law '8' is not known"),
         (["--task", "lines"], 'no task "lines"'),
         (["--fail-if", "contour_rms"], "is not understood"),
+        (["--fail-if", "contur_rms > 1x"], "no figure contur_rms"),
+        (["--fail-if", "contour_rms > 1 s"], "contour_rms > 1 s"),
+        (["--baseline", "3t"], "baseline 3t is not among"),
     ],
 )
 def test_bad_input_is_told_and_leaves_nothing(tmp_path, call, arguments, reason):
     done = call("compare", *arguments, "--out", tmp_path / "out")
     assert done.exit_code == 2
     assert reason in done.stderr
-    assert not (tmp_path / "out" / "compare.json").exists()
+    assert not (tmp_path / "out").exists()
