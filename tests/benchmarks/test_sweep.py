@@ -1,5 +1,6 @@
 """Sweeps: every run once, kept whole, the same whoever runs it."""
 
+import multiprocessing
 import os
 import signal
 import sys
@@ -88,6 +89,29 @@ def test_results_do_not_depend_on_the_batch(rig, grid):
         (alone,) = score([cell], rig)
         assert result.cell == cell == alone.cell
         assert result.figures == pytest.approx(alone.figures, rel=1e-12, abs=1e-15)
+
+
+@pytest.mark.parametrize("killing", [False, True])
+def test_results_do_not_depend_on_the_number_of_processes(tmp_path, rig, grid, monkeypatch, killing):
+    monkeypatch.setattr(sweeping, "installed", lambda: False)
+    monkeypatch.setattr(sweeping, "LANES", 1)
+    grid = replace(grid, tasks=("dash",))
+    one = sweep(grid, rig, tmp_path / "one")
+    monkeypatch.setattr("planner.parallel.ENOUGH", 0.0)
+    monkeypatch.setattr("planner.parallel.cores", lambda: 2)
+    workers = set()
+
+    def progress(done, of):
+        workers.update(process.pid for process in multiprocessing.active_children())
+        if killing and done == 3:
+            os.kill(max(workers), signal.SIGKILL)
+
+    two = sweep(grid, rig, tmp_path / "two", progress=progress)
+    assert len(workers) == 3 if killing else len(workers) == 2
+    assert not multiprocessing.active_children()
+    assert set(two.results) == set(one.results)
+    for key, result in two.results.items():
+        assert result.figures == pytest.approx(one.results[key].figures, rel=1e-12, abs=1e-15)
 
 
 def test_a_run_that_fails_is_a_result_and_spoils_no_other(rig):
