@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from benchmarks.sweep import VARIATIONS, Grid, Setting, load_runs, read_setting, settings_of, sweep
+from benchmarks.sweep import digest as digesting
 from benchmarks.sweep import run as sweeping
 from benchmarks.sweep.digest import Digests, digest
 from benchmarks.sweep.result import Result, Series
@@ -157,6 +158,25 @@ def test_every_input_changes_the_name(rig, grid):
     assert digest(cells[0], Digests(replace(rig))) == digest(cells[0], digests)
 
 
+@pytest.mark.parametrize("library", ["numpy", "scipy", "casadi", "osqp"])
+def test_another_version_of_a_library_changes_the_name(rig, grid, monkeypatch, library):
+    cell, now = next(iter(grid)), digesting.version
+    name = digest(cell, Digests(rig))
+    monkeypatch.setattr(digesting, "version", lambda package: "0.0" if package == library else now(package))
+    assert digest(cell, Digests(rig)) != name
+
+
+@pytest.mark.parametrize("package", ["kinematics", "planner", "controllers", "benchmarks.sweep"])
+def test_another_source_changes_the_name(tmp_path, monkeypatch, package):
+    monkeypatch.setattr(digesting, "files", lambda name: tmp_path / name)
+    for name in digesting.PACKAGES:
+        (tmp_path / name / "inner").mkdir(parents=True)
+    code = digesting.code.__wrapped__
+    before = code()
+    (tmp_path / package / "inner" / "module.py").write_text("x = 1")
+    assert code() != before
+
+
 def test_settings_are_read_and_written():
     assert read_setting("6") == Setting("closed-position", (("gain", 0.7),))
     for setting in (*settings_of("5"), *settings_of("3"), *settings_of("6")):
@@ -167,7 +187,7 @@ def test_settings_are_read_and_written():
         read_setting("6:gian=1")
     with pytest.raises(MotionError, match="is not a number"):
         read_setting("6:gain=big")
-    with pytest.raises(MotionError, match="finite"):
+    with pytest.raises(MotionError, match=r"^law 6: gain must be one finite number"):
         read_setting("6:gain=nan")
 
 
