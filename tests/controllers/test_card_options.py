@@ -257,7 +257,6 @@ def test_a_velocity_move_goes_on_from_the_speed_of_the_instant():
     state = send(card, state, TVMove([100, -100], [500, -500], 0.1), 1.0)
     np.testing.assert_allclose(state.running(1.0).speed(1.0), [1000, -100])
     np.testing.assert_allclose(state.position([1.1])[0], [1075, 970], atol=EXACT)
-    # to a stop, too
     state = send(card, state, TVMove([100, -100], [0, 0], 0.1), 2.0)
     np.testing.assert_allclose(state.running(2.0).speed(2.0), [500, -500])
 
@@ -286,7 +285,6 @@ def test_a_short_move_keeps_the_time_where_the_card_says_so(way, sign, v0, v1, t
         send(replace(PCI_8164, short_moves=kept), at_rest([0]), command, 0.0).running(0.0)
         for kept in ("keep rate", "keep time")
     )
-    # the least speed of the card is 99.9 pulses/s
     if v1 <= v0 or way >= (v0 + v1) / 2 * (tacc + tdec):
         np.testing.assert_array_equal(time.lengths, rate.lengths)
         np.testing.assert_array_equal(time.rates, rate.rates)
