@@ -7,15 +7,16 @@ from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Annotated, Any, Literal, cast, get_args
 
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator, Field, TypeAdapter, ValidationError
 
 from controllers.card import PCI_8132, PCI_8164, Card
 from controllers.drive_tables import KINDS, TRANSMISSION, ServoTable, StepperTable, drive_of
 from controllers.host import Host
 from controllers.rig import Drive, Rig
-from controllers.task_table import TaskTable, beside
-from kinematics.document import Key, read
-from kinematics.errors import FileError, MotionError
+from controllers.task import Task
+from controllers.task_table import PathTask, SineTask, TaskTable, beside
+from kinematics.document import Document, Key, read
+from kinematics.errors import Fault, FileError, MotionError
 from kinematics.kinds.axes import named_once
 from kinematics.machine import Machine
 from kinematics.registry import load_machine, nearest
@@ -39,11 +40,13 @@ class CardTable(Table):
 
     model: CardName
     while_moving: Literal["replace", "queue"] = "replace"
+    start_from: Literal["commanded", "current"] = "commanded"
+    short_moves: Literal["keep rate", "keep time"] = "keep rate"
     speed_range: Annotated[float, Unit("1/s", above=0, like="100000 1/s")] | None = None
 
     @property
     def card(self) -> Card:
-        return replace(CARDS[self.model], while_moving=self.while_moving, speed_range=self.speed_range)
+        return replace(CARDS[self.model], **self.model_dump(exclude={"model"}))
 
 
 CardEntry = Annotated[CardName | CardTable, chosen(lambda value: CardTable if isinstance(value, dict) else CardName)]
@@ -78,21 +81,22 @@ class RigFile(File):
     task: tuple[TaskTable, ...] = ()
 
 
+_TASK: TypeAdapter[PathTask | SineTask] = TypeAdapter(TaskTable)
+
+
 def read_rig(source: Path | Traversable) -> Rig:
     """The rig that a file describes, named after the file. Raises FileError with every fault of the file."""
     document = read(source)
     folder = source.parent if isinstance(source, Path) else None
     machine, told = _machine(document.data.get("machine"), folder)
-    model = build(
-        document, RigFile, named_once, partial(named_once, array="task"), partial(_drives_complete, machine, told)
-    )
+    tasks, faults = _tasks(document, machine, folder)
+    try:
+        model = build(
+            document, RigFile, named_once, partial(named_once, array="task"), partial(_drives_complete, machine, told)
+        )
+    except FileError as error:
+        raise FileError(document.file, sorted((*error.faults, *faults), key=lambda fault: fault.line or 0)) from None
     machine = cast(Machine, machine)  # what has none has a fault
-    faults, tasks = [], []
-    for n, table in enumerate(model.task):
-        try:
-            tasks.append(table.on(machine, folder))
-        except MotionError as error:
-            faults.append(document.fault(("task", n), str(error)))
     try:
         host = Host(**model.host.model_dump())
         card = model.card.card if isinstance(model.card, CardTable) else CARDS[model.card]
@@ -112,6 +116,20 @@ def _machine(stated: object, folder: Path | None) -> tuple[Machine | None, str]:
         return load_machine(beside(folder, stated)), ""
     except MotionError as error:
         return None, str(error)
+
+
+def _tasks(document: Document, machine: Machine | None, folder: Path | None) -> tuple[list[Task], list[Fault]]:
+    """The tasks that the machine can run, and faults of others; a table that fits no schema is left to that."""
+    tasks, faults = [], []
+    tables = document.data.get("task", ())
+    for n, table in enumerate(tables if machine is not None and isinstance(tables, tuple) else ()):
+        try:
+            tasks.append(_TASK.validate_python(table, strict=True).on(cast(Machine, machine), folder))
+        except ValidationError:
+            continue
+        except MotionError as error:
+            faults.append(document.fault(("task", n), str(error)))
+    return tasks, faults
 
 
 def _drive(model: RigFile, machine: Machine, n: int) -> Drive:

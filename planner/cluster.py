@@ -6,7 +6,8 @@ from importlib.util import find_spec
 from typing import Any, TypeVar
 
 from kinematics.errors import MotionError
-from planner.parallel import cores, main_hidden
+from planner.parallel import cores
+from planner.workers import main_hidden
 
 Task = TypeVar("Task")
 Shared = TypeVar("Shared")

@@ -3,15 +3,12 @@
 import multiprocessing
 import os
 import pickle
-import signal
-import sys
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
+from contextlib import closing
 from time import perf_counter
-from types import ModuleType
 from typing import Any, TypeVar
+
+from planner.workers import Outcome, served
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")
@@ -33,9 +30,6 @@ ENOUGH = 4.0
 # Tasks done here first, to see what one takes: the first of all also builds what all share.
 TRIED = 2
 
-_work: Callable[[Any], Any] | None = None
-"""In a worker process: what it does with each task."""
-
 
 def spread(
     work: Callable[[Task], Result],
@@ -45,24 +39,32 @@ def spread(
     """[work(task) for task in tasks], in several processes where that is faster; `done` is told of each result in turn.
 
     Each process is given `work` once and the tasks one by one. What a task raises is raised here, of several the first
-    in order; Ctrl-C ends all of them. Inside a process of another pool, everything is done here.
+    in order; Ctrl-C ends all of them. A process that dies costs the time of its task: another does it, and this one
+    what kills them all. Inside a process of another pool, everything is done here.
     """
     results: list[Result] = []
-    left = iter(tasks)
-    for task in left:
+
+    def have(result: Result) -> None:
+        results.append(result)
+        done(tasks[len(results) - 1], result)
+
+    while len(results) < len(tasks):
         begin = perf_counter()
-        results.append(work(task))
-        done(task, results[-1])
+        have(work(tasks[len(results)]))
         waiting = (len(tasks) - len(results)) * (perf_counter() - begin)
         if len(results) >= TRIED and waiting > ENOUGH and cores() > 1 and multiprocessing.parent_process() is None:
             break
-    rest = list(left)
+    tried, early = len(results), dict[int, Outcome]()
+    rest = tasks[tried:]
     packed = _packed(work) if rest else None
     if packed is not None:
-        results += _in_processes(packed, rest, done)
-    for task in tasks[len(results) :]:  # where processes cannot do it, one always can
-        results.append(work(task))
-        done(task, results[-1])
+        with closing(served(packed, rest, min(cores(), len(rest)))) as outcomes:
+            for n, outcome in outcomes:
+                early[tried + n] = outcome
+                while len(results) in early:
+                    have(early.pop(len(results)).result())
+    while (n := len(results)) < len(tasks):  # where processes cannot do it, one always can
+        have(early.pop(n).result() if n in early else work(tasks[n]))
     return results
 
 
@@ -73,53 +75,6 @@ def _packed(work: Callable[[Any], Any]) -> bytes | None:
     except Exception:  # pickle raises whatever an object's own code does
         return None
     return None if b"__main__" in packed else packed
-
-
-def _in_processes(packed: bytes, tasks: Sequence[Task], done: Callable[[Task, Any], None]) -> list[Any]:
-    """What the tasks gave, up to the first that was lost with its process."""
-    results: list[Any] = []
-    before = set(multiprocessing.active_children())
-    pool = ProcessPoolExecutor(
-        min(cores(), len(tasks)), multiprocessing.get_context("spawn"), initializer=_begin, initargs=(packed,)
-    )
-    try:
-        with main_hidden():
-            futures: list[Future[Any]] = [pool.submit(_do, task) for task in tasks]
-        for task, future in zip(tasks, futures, strict=True):
-            results.append(future.result())
-            done(task, results[-1])
-    except BrokenProcessPool:
-        pass
-    except BaseException:
-        for process in set(multiprocessing.active_children()) - before:
-            process.terminate()
-            process.join()
-        raise
-    finally:
-        pool.shutdown(wait=True, cancel_futures=True)
-    return results
-
-
-def _begin(packed: bytes) -> None:
-    global _work
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # a terminal's Ctrl-C reaches every process; the first one ends all
-    _work = pickle.loads(packed)
-
-
-def _do(task: Any) -> Any:
-    assert _work is not None  # the pool begins every process with it
-    return _work(task)
-
-
-@contextmanager
-def main_hidden() -> Iterator[None]:
-    """Around the start of processes: each would run the caller's script again, and few scripts are made for it."""
-    main = sys.modules["__main__"]
-    sys.modules["__main__"] = ModuleType("__main__")
-    try:
-        yield
-    finally:
-        sys.modules["__main__"] = main
 
 
 def cores() -> int:

@@ -47,9 +47,9 @@ def read_setting(text: str) -> Setting:
     values = {}
     for gain, value in given.items():
         try:
-            values[gain] = float(finite(float(value), f"law {name}: gain {gain}", ()))
+            values[gain] = float(finite(float(value), f"law {name}: {gain}", ()))
         except ValueError:
-            raise MotionError(f'law {name}: gain {gain}: "{value}" is not a number') from None
+            raise MotionError(f'law {name}: {gain}: "{value}" is not a number') from None
     law = find_law(name, None, **values)
     return Setting(_long(name), tuple((gain, float(getattr(law, gain))) for gain in law.grid))
 

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import fields, is_dataclass, replace
 from functools import cache
 from hashlib import sha256
+from importlib.metadata import PackageNotFoundError, version
 from importlib.resources import files
 from typing import Any
 
@@ -20,11 +22,15 @@ from planner.trajectory import Trajectory
 
 PERIOD = 1e-3
 """s between the instants at which a motion is hashed."""
+PACKAGES = ("kinematics", "planner", "controllers", "benchmarks.sweep")
+"""Whose source makes the results."""
+LIBRARIES = ("numpy", "scipy", "casadi", "osqp")
+"""Whose rounding, and whose solutions, enter them."""
 
 
 def digest(cell: Cell, of: Digests) -> str:
-    """SHA-256 of the cell, its rig, its task and the code, as 32 hexadecimal digits."""
-    return _hash([cell, of.rig, of.tasks[cell.task], of.code])[:32]
+    """SHA-256 of the cell, its rig, its task, the code and its libraries, as 32 hexadecimal digits."""
+    return _hash([cell, of.rig, of.tasks[cell.task], of.code, of.libraries])[:32]
 
 
 class Digests:
@@ -34,6 +40,7 @@ class Digests:
         self.rig = _hash(replace(rig, tasks=()))
         self.tasks = {task.name: _hash(task) for task in rig.tasks}
         self.code = code()
+        self.libraries = versions(LIBRARIES)
 
     def as_record(self) -> dict[str, Any]:
         return {"rig": self.rig, "tasks": self.tasks, "code": self.code}
@@ -43,7 +50,7 @@ class Digests:
 def code() -> str:
     """Of the source that makes the results: another simulator, other runs."""
     found = sha256()
-    for package in ("kinematics", "controllers", "benchmarks.sweep"):
+    for package in PACKAGES:
         pending = [files(package)]
         while pending:
             entries = sorted(pending.pop().iterdir(), key=lambda entry: entry.name)
@@ -52,6 +59,17 @@ def code() -> str:
                 if entry.name.endswith(".py"):
                     found.update(entry.read_bytes())
     return found.hexdigest()
+
+
+def versions(packages: Sequence[str]) -> dict[str, str]:
+    """Of the packages that are installed, and which are not."""
+    found = {}
+    for package in packages:
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            found[package] = "not installed"
+    return found
 
 
 def _hash(value: object) -> str:

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
+from platform import python_version
 from typing import Any
 
 import numpy as np
 
 from benchmarks.sweep.cell import Cell
-from benchmarks.sweep.digest import Digests, digest
+from benchmarks.sweep.digest import Digests, digest, versions
 from benchmarks.sweep.grid import Grid
 from benchmarks.sweep.result import Result
 from benchmarks.sweep.score import score
@@ -66,7 +67,8 @@ def sweep(
     lost = _run(batches, rig, address, keep, tell)
     if lost:
         raise MotionError(f"sweep: {len(lost)} of {len(batches)} batches were lost, all others are kept: {lost[0]}")
-    record = {"rig": rig.name, "sha256": digests.as_record(), **facts, "versions": versions()}
+    made_with = {"python": python_version(), **versions(("pulsepath",)), **digests.libraries}
+    record = {"rig": rig.name, "sha256": digests.as_record(), **facts, "versions": made_with}
     store.record(record, keys)
     return load_runs(folder)
 
@@ -136,17 +138,3 @@ def corners(motion: Any) -> list[dict[str, float]]:
         return []
     after = np.flatnonzero(np.diff(motion.piece)) + 1
     return [{"t_s": float(motion.knots[k]), "s_m": float(motion.s[k])} for k in after]
-
-
-def versions() -> dict[str, str]:
-    """Of what the numbers depend on."""
-    from importlib.metadata import PackageNotFoundError, version
-    from platform import python_version
-
-    found = {"python": python_version()}
-    for package in ("pulsepath", "numpy", "scipy", "casadi", "osqp"):
-        try:
-            found[package] = version(package)
-        except PackageNotFoundError:
-            found[package] = "not installed"
-    return found

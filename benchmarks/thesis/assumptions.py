@@ -38,6 +38,10 @@ def _varied(rig: Rig) -> Iterator[Assumption]:
 
     yield other("as stated", rig)
     yield other("commands queue behind a running move", replace(rig, card=replace(rig.card, while_moving="queue")))
+    going_on = replace(rig, card=replace(rig.card, start_from="current"))
+    yield other("commands begin at the speed of the instant", going_on)
+    in_time = replace(rig, card=replace(rig.card, short_moves="keep time"))
+    yield other("moves too short for their ramps keep the ramps' time", in_time)
     yield other("speeds that are not rounded to registers", replace(rig, card=replace(rig.card, speed_range=None)))
     yield other("encoder behind the gear", _drives(rig, feedback=lambda drive: "output"))
     yield other("no play", _drives(rig, play=lambda drive: 0.0))

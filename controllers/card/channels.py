@@ -63,6 +63,10 @@ class Channels:
             raise Refused(f"{self.card.name}: {what} time {seconds} s must be zero or more")
         return 0.0 if seconds * self.card.clock_hz < 1 else seconds
 
+    def goes_on(self, way: Array) -> np.ndarray:
+        """(…) whether a move of that sign begins at the speed of the instant, on a card that is set so."""
+        return np.asarray((self.card.start_from == "current") & (self.speed * way > 0))
+
     def refuse(self, what: str, values: Array, fine: np.ndarray, limit: str, owner: str) -> None:
         """Raise Refused for the first of the due lanes whose value is not fine."""
         wrong = self.due & ~fine

@@ -162,5 +162,5 @@ def _along(now: Channels, command: LinearMove | ArcMove, distance: Array) -> Pro
     tacc, tdec = now.ramp("acceleration", command.tacc), now.ramp("deceleration", command.tdec)
     begin = np.where(now.due, now.begin, -np.inf).max(-1, keepdims=True)
     begin = np.where(np.isfinite(begin), begin, now.begin[..., :1])
-    path = trapezoid(begin, np.zeros_like(distance), distance, v0, v1, tacc, tdec)
+    path = trapezoid(begin, np.zeros_like(distance), distance, v0, v1, tacc, tdec, now.card.short_moves)
     return path if command.curve is None else replace(curved(now, path, *command.curve), registers=None)

@@ -28,6 +28,10 @@ class Card:
     clock_hz          reference clock: a pulse falls on one of its ticks
     while_moving      what a command does that arrives during a move: "replace" it from the command position of that
                       instant, or "queue" behind it (each channel begins when its own move ends)
+    start_from        the speed at which a trapezoidal or velocity move begins that replaces another one: that
+                      "commanded", or the "current" one where it leads the same way
+    short_moves       what a move keeps that is too short for its ramps, as it lowers its top speed: "keep rate" and
+                      shorten the ramps, or "keep time" of the ramps and lower the rate
     speed_range       pulses/s, the top of the speed registers as the host sets their multiplier: commanded speeds are
                       rounded to steps of speed_range/65535, of which one is the least, and none goes beyond it. None:
                       the least speed is a step of the card's whole range, and speeds are not rounded
@@ -51,6 +55,8 @@ class Card:
     max_speed: float
     clock_hz: int
     while_moving: Literal["replace", "queue"] = "replace"
+    start_from: Literal["commanded", "current"] = "commanded"
+    short_moves: Literal["keep rate", "keep time"] = "keep rate"
     speed_range: float | None = None
     channels: int = 4
     moves_target: bool = True

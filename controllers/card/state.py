@@ -73,7 +73,7 @@ def send(card: Card, state: CardState, command: Command, t: float, due: np.ndarr
     queued = card.while_moving == "queue" and command.waits
     if queued:
         last = under_way(state.moves, [np.isfinite(move.begin) for move in state.moves])
-        waiting = tuple(old for old in state.moves if (old.end > t).any())
+        waiting = _standing(state, tuple(old for old in state.moves if (old.end > t).any()), t)
         now = Channels(card, every, np.maximum(last.end, t), last.target, np.zeros(lanes), last)
     else:
         running = state.running(t)
@@ -94,6 +94,16 @@ def send(card: Card, state: CardState, command: Command, t: float, due: np.ndarr
         if taken is not None:
             taken = np.where(every, taken, 0.0 if state.taken is None else state.taken)
     return CardState(moves, frozen(fired), None if taken is None else frozen(taken))
+
+
+def _standing(state: CardState, waiting: tuple[Profile, ...], t: float) -> tuple[Profile, ...]:
+    """Moves that are kept of a state; a lane that has none in the first of them stands where what is left out ended."""
+    if not waiting or np.isfinite(waiting[0].begin).all():
+        return waiting
+    first, stand = waiting[0], state.position(t)[0]
+    has = np.isfinite(first.begin)
+    held = replace(first, start=np.where(has, first.start, stand), target=np.where(has, first.target, stand))
+    return (held, *waiting[1:])
 
 
 def reading(card: Card, state: CardState, t: ArrayLike) -> np.ndarray:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Literal, Protocol
 
 import numpy as np
 
 from controllers.card.channels import Channels, Command, lanewise
+from controllers.card.lanes import merged, registers_of
 from controllers.card.profile import Profile
+from controllers.card.steer import steered
 from kinematics.array import Array
 
 
@@ -24,10 +26,12 @@ class TAMove(Command):
     The card's documents do not say all of this. Assumed are:
     - magnitudes, the downward ramp, the dead stop and the waiting;
     - acceleration is given as time for the full change of speed: a move too short for it keeps the rate and lowers the
-      top speed;
+      top speed; with `Card.short_moves = "keep time"` it keeps the time;
     - a command during a move replaces it from the command position of that instant, which keeps its share of a pulse
-      (the pulse generator's phase), and starts at its own start speed at once; `Card.while_moving = "queue"` is the
-      other reading;
+      (the pulse generator's phase), and starts at its own start speed at once; `Card.while_moving = "queue"` is one
+      other reading, `Card.start_from = "current"` another: the speed of that instant instead, which becomes `max_speed`
+      within `tacc`, where it leads the same way; where it is too late to ramp down, the channel stops dead on the
+      target;
     - a speed below one step of the speed register runs at one step, so every move arrives, if slowly: in a law that
       commands zero speed at its last sample, what rounding left undone creeps home;
     - a command takes effect at the instant it is sent.
@@ -47,7 +51,7 @@ class TAMove(Command):
         lanewise(self, "position", "start_speed", "max_speed")
 
     def moves(self, now: Channels) -> tuple[Profile, ...]:
-        return (planned(self, now, now.target(np.rint(self.position))),)
+        return (going_on(self, now, now.target(np.rint(self.position))),)
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +73,7 @@ class TRMove(Command):
         lanewise(self, "distance", "start_speed", "max_speed")
 
     def moves(self, now: Channels) -> tuple[Profile, ...]:
-        return (planned(self, now, now.after(self.distance)),)
+        return (going_on(self, now, now.after(self.distance)),)
 
 
 class Ramps(Protocol):
@@ -85,20 +89,42 @@ class Ramps(Protocol):
     def tdec(self) -> float: ...
 
 
+def going_on(command: Ramps, now: Channels, target: Array) -> Profile:
+    """The trapezoidal move of a command, from the speed of the instant in lanes where the card says so."""
+    move = planned(command, now, target)
+    on = now.goes_on(target - now.position)
+    if not on.any():
+        return move
+    low, top, _, down = registers_of(move)
+    change, tacc = np.abs(top - np.abs(now.speed)), now.ramp("acceleration", command.tacc)
+    up = np.where(change > 0, change, np.inf) / tacc if tacc else np.full_like(low, np.inf)
+    return merged(steered(now, target, np.stack((low, top, up, down)), overshoots=False), move, on)
+
+
 def planned(command: Ramps, now: Channels, target: Array) -> Profile:
     """The trapezoidal move of a command to a target (…) that the counters hold."""
     v0, v1 = now.magnitude("start speed", command.start_speed), now.magnitude("max speed", command.max_speed)
     tacc, tdec = now.ramp("acceleration", command.tacc), now.ramp("deceleration", command.tdec)
-    return trapezoid(now.begin, now.position, target, v0, v1, tacc, tdec)
+    return trapezoid(now.begin, now.position, target, v0, v1, tacc, tdec, now.card.short_moves)
 
 
-def trapezoid(begin: Array, start: Array, target: Array, v0: Array, v1: Array, tacc: float, tdec: float) -> Profile:
+def trapezoid(
+    begin: Array,
+    start: Array,
+    target: Array,
+    v0: Array,
+    v1: Array,
+    tacc: float,
+    tdec: float,
+    short_moves: Literal["keep rate", "keep time"] = "keep rate",
+) -> Profile:
     """Speed from v0 to v1 linearly within tacc, held, and back to v0 within tdec before the target; there it stops.
 
     Over the distance D = |target − start| the ramps take d = (v0 + v1)/2 · (tacc + tdec). If D < d, the rates are kept
     and the top speed is what can be reached, vp² = v0² + 2 D (v1 − v0)/(tacc + tdec), each ramp being shortened by the
-    factor λ = (vp − v0)/(v1 − v0) = 2 D/((tacc + tdec)(v0 + vp)). All of it holds for v1 < v0 too, where the ramp leads
-    downwards.
+    factor λ = (vp − v0)/(v1 − v0) = 2 D/((tacc + tdec)(v0 + vp)). All of it holds for v1 < v0 too, where the ramp
+    leads downwards. Where the time is kept, and v1 > v0: vp = 2 D/(tacc + tdec) − v0 at rates (vp − v0)/tacc, or v0
+    where that is less.
 
     v0, v1  (…) pulses/s > 0;  tacc, tdec  s ≥ 0;  the others as in `Profile`
     """
@@ -108,16 +134,19 @@ def trapezoid(begin: Array, start: Array, target: Array, v0: Array, v1: Array, t
     short = distance < needed
     # without ramps no move is short: any divisor serves
     time = ramps if ramps > 0 else 1.0
-    top = np.where(short, np.sqrt(np.maximum(v0 * v0 + 2 * distance * (v1 - v0) / time, 0.0)), v1)
+    in_time = short & (v1 > v0) & (short_moves == "keep time")
+    reached = np.sqrt(np.maximum(v0 * v0 + 2 * distance * (v1 - v0) / time, 0.0))
+    reached = np.where(in_time, np.maximum(2 * distance / time - v0, v0), reached)
+    top = np.where(short, reached, v1)
     share = np.where(short, 2 * distance / (time * (v0 + top)), 1.0)
     held = np.where(short, 0.0, (distance - needed) / v1)
-    rise = sign * (v1 - v0)
+    rise = sign * np.where(in_time, top - v0, v1 - v0)
     lengths = np.stack((share * tacc, held, share * tdec))
     speeds = np.stack((sign * v0, sign * top, sign * top))
     rates = np.stack((rise / (tacc or 1.0), np.zeros_like(held), -rise / (tdec or 1.0)))
     # without a ramp, or without a change of speed in it, a later change finds no rate: it is at once (assumed)
     up, down = (
-        np.where(v0 == v1, np.inf, np.abs(rise) / seconds) if seconds else np.full_like(v1, np.inf)
+        np.where(rise == 0, np.inf, np.abs(rise) / seconds) if seconds else np.full_like(v1, np.inf)
         for seconds in (tacc, tdec)
     )
     registers = np.stack((v0, v1, up, down))

@@ -20,7 +20,8 @@ class TVMove(Command):
     Assumed: speeds are signed, positive where the axis' own coordinate grows; where the two signs differ, the channel
     ramps down to a stop and turns, at the one rate (speed − start_speed)/tacc; a speed of zero is a stop, of which the
     channel keeps its share of a pulse; it runs from the command position of the instant, as `TAMove` does. A move that
-    is queued behind it begins when it is at rest.
+    is queued behind it begins when it is at rest. With `Card.start_from = "current"` it begins at the speed of the
+    instant instead of `start_speed`, where that leads the same way.
 
     start_speed, speed  (…) pulses/s;  tacc  s
     """
@@ -34,6 +35,7 @@ class TVMove(Command):
 
     def moves(self, now: Channels) -> tuple[Profile, ...]:
         v0, v1 = now.signed("start speed", self.start_speed), now.signed("speed", self.speed)
+        v0 = np.where(now.goes_on(np.where(v1 == 0, v0, v1)), now.speed, v0)
         return (ramp(now.begin, now.position, v0, v1, now.ramp("acceleration", self.tacc)),)
 
 

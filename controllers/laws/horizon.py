@@ -12,8 +12,6 @@ from kinematics.errors import MotionError
 
 INSTANTS = 5
 """m, instants in each step at which an error counts: what happens between samples is error too."""
-FINE = 25
-"""Places in each step where friction may turn: 5 ms apart at the thesis' step, a sixth of the integral time."""
 
 
 class Horizon:

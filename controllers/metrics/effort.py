@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from controllers.rig import Rig
-from controllers.servo import Servo
 from kinematics.array import Array, frozen
 
 AT_LIMIT = 1 - 1e-9
@@ -28,15 +27,7 @@ class Effort:
 
 def torque_limits(rigs: Sequence[Rig]) -> Array:
     """(B, n) N or N·m: of a servo its torque limit, of a stepper the largest of its curve, whatever its speed."""
-    return np.array(
-        [
-            [
-                drive.torque_limit if isinstance(drive, Servo) else max(torque for _, torque in drive.torque_speed)
-                for drive in rig.drives
-            ]
-            for rig in rigs
-        ]
-    )
+    return np.array([[drive.torque_limit for drive in rig.drives] for rig in rigs])
 
 
 def efforts(torque: Array, limit: Array) -> tuple[Effort, ...]:

@@ -1,5 +1,6 @@
 """Sweeps: every run once, kept whole, the same whoever runs it."""
 
+import multiprocessing
 import os
 import signal
 import sys
@@ -11,6 +12,7 @@ import numpy as np
 import pytest
 
 from benchmarks.sweep import VARIATIONS, Grid, Setting, load_runs, read_setting, settings_of, sweep
+from benchmarks.sweep import digest as digesting
 from benchmarks.sweep import run as sweeping
 from benchmarks.sweep.digest import Digests, digest
 from benchmarks.sweep.result import Result, Series
@@ -90,6 +92,29 @@ def test_results_do_not_depend_on_the_batch(rig, grid):
         assert result.figures == pytest.approx(alone.figures, rel=1e-12, abs=1e-15)
 
 
+@pytest.mark.parametrize("killing", [False, True])
+def test_results_do_not_depend_on_the_number_of_processes(tmp_path, rig, grid, monkeypatch, killing):
+    monkeypatch.setattr(sweeping, "installed", lambda: False)
+    monkeypatch.setattr(sweeping, "LANES", 1)
+    grid = replace(grid, tasks=("dash",))
+    one = sweep(grid, rig, tmp_path / "one")
+    monkeypatch.setattr("planner.parallel.ENOUGH", 0.0)
+    monkeypatch.setattr("planner.parallel.cores", lambda: 2)
+    workers = set()
+
+    def progress(done, of):
+        workers.update(process.pid for process in multiprocessing.active_children())
+        if killing and done == 3:
+            os.kill(max(workers), signal.SIGKILL)
+
+    two = sweep(grid, rig, tmp_path / "two", progress=progress)
+    assert len(workers) == 3 if killing else len(workers) == 2
+    assert not multiprocessing.active_children()
+    assert set(two.results) == set(one.results)
+    for key, result in two.results.items():
+        assert result.figures == pytest.approx(one.results[key].figures, rel=1e-12, abs=1e-15)
+
+
 def test_a_run_that_fails_is_a_result_and_spoils_no_other(rig):
     wild = [read_setting(f"5:gain={gain}") for gain in (1e300, 0.5)]
     cells = list(Grid(tuple(wild), ("dash",), VARIATIONS[:1]))
@@ -133,6 +158,25 @@ def test_every_input_changes_the_name(rig, grid):
     assert digest(cells[0], Digests(replace(rig))) == digest(cells[0], digests)
 
 
+@pytest.mark.parametrize("library", ["numpy", "scipy", "casadi", "osqp"])
+def test_another_version_of_a_library_changes_the_name(rig, grid, monkeypatch, library):
+    cell, now = next(iter(grid)), digesting.version
+    name = digest(cell, Digests(rig))
+    monkeypatch.setattr(digesting, "version", lambda package: "0.0" if package == library else now(package))
+    assert digest(cell, Digests(rig)) != name
+
+
+@pytest.mark.parametrize("package", ["kinematics", "planner", "controllers", "benchmarks.sweep"])
+def test_another_source_changes_the_name(tmp_path, monkeypatch, package):
+    monkeypatch.setattr(digesting, "files", lambda name: tmp_path / name)
+    for name in digesting.PACKAGES:
+        (tmp_path / name / "inner").mkdir(parents=True)
+    code = digesting.code.__wrapped__
+    before = code()
+    (tmp_path / package / "inner" / "module.py").write_text("x = 1")
+    assert code() != before
+
+
 def test_settings_are_read_and_written():
     assert read_setting("6") == Setting("closed-position", (("gain", 0.7),))
     for setting in (*settings_of("5"), *settings_of("3"), *settings_of("6")):
@@ -143,7 +187,7 @@ def test_settings_are_read_and_written():
         read_setting("6:gian=1")
     with pytest.raises(MotionError, match="is not a number"):
         read_setting("6:gain=big")
-    with pytest.raises(MotionError, match="finite"):
+    with pytest.raises(MotionError, match=r"^law 6: gain must be one finite number"):
         read_setting("6:gain=nan")
 
 

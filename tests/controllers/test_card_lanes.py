@@ -63,6 +63,7 @@ cards = st.sampled_from(
         PCI_8164,
         replace(PCI_8164, while_moving="queue"),
         replace(PCI_8164, backlash=(7, 0, 30)),
+        replace(PCI_8164, start_from="current", short_moves="keep time", **STOP),
         replace(PCI_8164, speed_range=1e4, **STOP),
         replace(
             PCI_8164, while_moving="queue", backlash=(0, 5, 5), soft_limits=((-900, 700),) * 3, at_soft_limit="stop"
@@ -104,6 +105,21 @@ def test_pulses_add_up(card, program):
         assert np.all(np.abs(train.ticks / card.clock_hz) <= until + 1e-6)
         net = train.direction[~train.counted]
         assert abs(net.sum()) <= (0 if card.backlash is None else card.backlash[k])
+
+
+def test_a_row_stands_where_it_was_stopped_until_a_move_that_waits_for_backlash():
+    """One row has moves behind one another, the other was stopped: its channels stay there, not where they were to."""
+    card = replace(PCI_8164, while_moving="queue", backlash=(0, 50, 50))
+    move, back = (TAMove((way,) * N, (1000.0,) * N, (1000.0,) * N, 0.0, 0.0) for way in (100, 0))
+    both, single = at_rest(np.zeros((2, N))), at_rest([0] * N)
+    for t, row, command in ((0.0, 0, move), (0.05, 1, move), (0.1, 1, DStop(0.0)), (0.2, 1, back)):
+        due = np.zeros((2, N), bool)
+        due[row] = True
+        both = send(card, both, command, t, due)
+        single = send(card, single, command, t) if row else single
+    t = np.linspace(0.2, 1.0, 81)
+    np.testing.assert_allclose(both.position(t)[:, 1], single.position(t), atol=1e-9)
+    np.testing.assert_allclose(single.position(t)[0], 50.0)
 
 
 @given(card=cards, programs=st.tuples(programs, programs))

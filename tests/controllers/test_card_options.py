@@ -221,3 +221,80 @@ def test_options_out_of_range(options, reason):
 def test_options_for_other_channels(options):
     with pytest.raises(Refused, match="for 2 channels"):
         send(replace(PCI_8164, **options), at_rest([0, 0]), to(1, 1), 0.0)
+
+
+@pytest.mark.parametrize(
+    "again", [TAMove([5000], [200.0], [2000.0], 0.1, 0.1), TRMove([4000], [200], [2000], 0.1, 0.1)]
+)
+def test_a_command_begins_at_the_speed_of_the_instant_where_the_card_says_so(again):
+    """At 1000 pulses/s, for 4000 pulses more at 2000: 0.1 s up, 0.1 s down to 200, the rest at 2000."""
+    first = TAMove([9000], [1000.0], [1000.0], 0.0, 0.0)
+    for start_from, begins, ramp in (("commanded", 200.0, 110.0), ("current", 1000.0, 150.0)):
+        card = replace(PCI_8164, start_from=start_from)
+        state = send(card, send(card, at_rest([0]), first, 0.0), again, 1.0)
+        move = state.running(1.0)
+        assert move.speed(1.0)[0] == pytest.approx(begins)
+        assert move.speed(1.1)[0] == pytest.approx(2000.0)
+        end = 1.2 + (4000 - ramp - 110) / 2000
+        assert move.end[0] == pytest.approx(end)
+        assert move.speed(end - 1e-9)[0] == pytest.approx(200.0, abs=1e-3)
+        assert state.position([end - 1e-9])[0, 0] == pytest.approx(5000, abs=EXACT)
+
+
+def test_a_command_the_other_way_or_from_rest_begins_as_it_says():
+    card = replace(PCI_8164, start_from="current")
+    forth, back = to(9000), TAMove([-500], [200.0], [2000.0], 0.1, 0.1)
+    for sent in ([(0.0, back)], [(0.0, forth), (1.0, back)], [(0.0, forth), (10.0, back)]):
+        state = play(card, at_rest([0]), sent, 20.0).states[-1]
+        expected = play(PCI_8164, at_rest([0]), sent, 20.0).states[-1]
+        t = np.linspace(sent[-1][0], 20.0, 50)
+        np.testing.assert_array_equal(state.position(t), expected.position(t))
+
+
+def test_a_velocity_move_goes_on_from_the_speed_of_the_instant():
+    card = replace(PCI_8164, start_from="current")
+    state = send(card, at_rest([0, 0]), TVMove([1000, 1000], [1000, 1000], 0.0), 0.0)
+    state = send(card, state, TVMove([100, -100], [500, -500], 0.1), 1.0)
+    np.testing.assert_allclose(state.running(1.0).speed(1.0), [1000, -100])
+    np.testing.assert_allclose(state.position([1.1])[0], [1075, 970], atol=EXACT)
+    state = send(card, state, TVMove([100, -100], [0, 0], 0.1), 2.0)
+    np.testing.assert_allclose(state.running(2.0).speed(2.0), [500, -500])
+
+
+def test_too_late_to_ramp_down_is_a_dead_stop_on_the_target():
+    card = replace(PCI_8164, start_from="current")
+    state = send(card, at_rest([0]), to(9000), 0.0)
+    state = send(card, state, TAMove([1010], [10.0], [20.0], 1.0, 1.0), 1.0)
+    assert state.position([30.0])[0, 0] == 1010
+    t = np.linspace(1.0, 3.0, 2001)
+    assert np.diff(state.position(t)[:, 0]).min() >= 0
+    assert state.position(t).max() == 1010
+
+
+@given(
+    way=st.integers(1, 400),
+    sign=st.sampled_from([1, -1]),
+    v0=st.floats(100.0, 1000.0),
+    v1=st.floats(100.0, 5000.0),
+    tacc=st.floats(0.02, 0.2),
+    tdec=st.sampled_from([0.0, 0.05, 0.2]),
+)
+def test_a_short_move_keeps_the_time_where_the_card_says_so(way, sign, v0, v1, tacc, tdec):
+    command = TAMove([sign * way], [v0], [v1], tacc, tdec)
+    rate, time = (
+        send(replace(PCI_8164, short_moves=kept), at_rest([0]), command, 0.0).running(0.0)
+        for kept in ("keep rate", "keep time")
+    )
+    if v1 <= v0 or way >= (v0 + v1) / 2 * (tacc + tdec):
+        np.testing.assert_array_equal(time.lengths, rate.lengths)
+        np.testing.assert_array_equal(time.rates, rate.rates)
+        return
+    mean = way / (tacc + tdec)
+    speeds = np.abs([time.speed(t)[0] for t in np.linspace(0, 0.999999, 40) * time.end[0]])
+    assert speeds.min() >= v0 * (1 - 1e-5)
+    assert speeds.max() <= max(2 * mean - v0, v0) * (1 + 1e-9)
+    # at the mean speed it takes the ramps' time; it cannot run below its start speed
+    assert time.end[0] == pytest.approx(tacc + tdec if mean >= v0 else way / v0, rel=1e-9)
+    assert time.end[0] >= rate.end[0] * (1 - 1e-9)
+    ends = time.end[0] * (1 - 1e-9)
+    assert time.position(np.array([ends]))[0, 0] == pytest.approx(sign * way, abs=1e-4)

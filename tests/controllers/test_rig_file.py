@@ -118,6 +118,22 @@ def test_all_faults_are_told_at_once_with_their_lines(load):
     assert "speed_lop" in lines[told["servo.speed_lop"].line - 1]
 
 
+def test_faults_of_tasks_are_told_with_the_others(load):
+    broken = (
+        TEXT.replace('speed_loop = "30 Hz"', 'speed_lop = "30 Hz"')
+        .replace('program = "arm-line"', 'program = "arm-lin"')
+        .replace('"yaw", "shoulder"', '"yaw", "sholder"')
+    )
+    with pytest.raises(FileError) as refusal:
+        load(broken)
+    told = {fault.key: fault.message for fault in refusal.value.faults}
+    assert set(told) == {"servo.speed_lop", "servo.speed_loop", "task[1]", "task[2]"}
+    assert 'nearest is "arm-line"' in told["task[1]"]
+    assert 'nearest is "shoulder"' in told["task[2]"]
+    lines = [fault.line for fault in refusal.value.faults]
+    assert lines == sorted(lines)
+
+
 @pytest.mark.parametrize(
     ("change", "key", "words"),
     [
@@ -174,5 +190,8 @@ def test_a_card_is_set_as_the_file_says(load):
     card = load(TEXT.replace('speed_range = "100000 1/s"', 'speed_range = "50 kHz", while_moving = "queue"')).card
     assert (card.name, card.while_moving) == ("PCI-8164", "queue")
     assert card.speed_range == pytest.approx(5e4)
+    options = 'start_from = "current", short_moves = "keep time"'
+    card = load(TEXT.replace('speed_range = "100000 1/s"', options)).card
+    assert (card.start_from, card.short_moves, card.speed_range) == ("current", "keep time", None)
     plain = load(TEXT.replace('{ model = "PCI-8164", speed_range = "100000 1/s" }', '"PCI-8164"')).card
     assert plain.speed_range is None

@@ -1,13 +1,16 @@
 """Work spread over processes: the same results, the same refusals, and what is spread can leave its process."""
 
 import multiprocessing
+import operator
 import os
 import pickle
 import signal
 import subprocess
 import sys
 import textwrap
+import threading
 import time
+from functools import partial
 
 import numpy as np
 import pytest
@@ -59,6 +62,53 @@ def test_work_that_is_lost_with_its_process_is_done_here(eager):
     assert found[3][1] == os.getpid()
 
 
+@pytest.mark.parametrize("moment", ["starting", "a moment later", 2, 3, 10, 30])
+def test_a_killed_process_costs_only_time(eager, moment):
+    """Work and results are larger than what a pipe holds, so that either end may be in the midst of one."""
+    work = partial(operator.mul, np.random.default_rng(1).random(2**17))
+    killed, found = [], []
+
+    def kill():
+        for process in multiprocessing.active_children()[:1]:
+            os.kill(process.pid, signal.SIGKILL)
+            killed.append(process.pid)
+
+    def done(task, result):
+        if len(told) == moment and not killed:
+            kill()
+        told.append(task)
+
+    def early():
+        while not multiprocessing.active_children():
+            time.sleep(0.001)
+        time.sleep(0.3 if moment == "a moment later" else 0)
+        kill()
+
+    told, tasks = [], range(1, 60)
+    if isinstance(moment, str):
+        threading.Thread(target=early, daemon=True).start()
+    spread = threading.Thread(target=lambda: found.extend(parallel.spread(work, tasks, done)), daemon=True)
+    spread.start()
+    spread.join(60)
+    assert not spread.is_alive()
+    assert len(killed) == 1
+    assert told == list(tasks)
+    assert all(np.array_equal(have, work(task)) for task, have in zip(tasks, found, strict=True))
+    assert not multiprocessing.active_children()
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals")
+def test_no_process_outlives_the_one_that_began_it(tmp_path):
+    command, environment = script(tmp_path, "time.sleep", 1)
+    process = subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True, start_new_session=True)
+    assert process.stdout.readline() == "begins\n"
+    with pytest.raises(subprocess.TimeoutExpired):
+        process.wait(2)
+    process.kill()
+    process.communicate(timeout=15)
+    assert ends(process.pid)
+
+
 def test_work_that_cannot_leave_the_process_is_done_here(eager):
     found = parallel.spread(lambda task: (task, os.getpid()), range(5))
     assert found == [(task, os.getpid()) for task in range(5)]
@@ -103,6 +153,17 @@ def script(tmp_path, work, wait):
     return [sys.executable, str(file)], {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
 
 
+def ends(group):
+    """Whether all of a group of processes end: Python's own helper does so a moment after the others."""
+    for _ in range(100):
+        try:
+            os.killpg(group, 0)
+        except ProcessLookupError:
+            return True
+        time.sleep(0.1)
+    return False
+
+
 def test_a_script_without_a_main_guard_is_not_run_again(tmp_path):
     command, environment = script(tmp_path, "abs", 1)
     done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=60, check=True)
@@ -123,13 +184,7 @@ def test_ctrl_c_ends_all_processes(tmp_path):
     out, err = process.communicate(timeout=15)
     assert (out, process.returncode) == ("ended\n", 0), err
     assert not err
-    for _ in range(50):  # Python's own helper ends a moment after the others
-        try:
-            os.killpg(process.pid, 0)
-        except ProcessLookupError:
-            return
-        time.sleep(0.1)
-    pytest.fail("a process is left")
+    assert ends(process.pid)
 
 
 @pytest.mark.parametrize(
