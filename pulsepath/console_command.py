@@ -41,7 +41,7 @@ def console(
     """
     from controllers.console import Desk, opened, saved
     from controllers.console.interpret import offer
-    from controllers.console.links import LOOPBACK, Socket, Transport, pipe, pollable, serial_line, terminal
+    from controllers.console.links import LOOPBACK, Socket, Transport, pipe, pollable, serial_line
     from controllers.console.serve import Clock, Server
     from kinematics import MotionError, load_machine
     from pulsepath import console_prompt, register_file
@@ -61,19 +61,25 @@ def console(
             socket = Socket(tcp, listen or LOOPBACK)
             remote.append(socket)
             _tell(f"TCP {socket.address[0]} port {socket.address[1]}")
-        at_terminal = sys.stdin.isatty()
+        terminal = console_prompt.terminal(session.drives.names) if sys.stdin.isatty() else None
+
+        def tell(text: str) -> None:
+            if terminal is not None:
+                terminal.screen.wipe()
+            _tell(text)
+
         server = Server(
             Desk(session),
             Clock(fast=fast),
-            console=terminal() if at_terminal else pipe(),
+            console=terminal or pipe(),
             remote=remote,
             save=lambda desk, t: register_file.write(place, saved(desk.session, t)),
-            echo=_tell,
+            echo=tell,
         )
         _tell(f"{driven.name}: {offer(session)}")
         try:
-            if at_terminal:
-                console_prompt.prompt(server)
+            if terminal is not None:
+                console_prompt.prompt(server, terminal.screen)
             else:
                 console_prompt.script(server, bool(remote))
                 if server.refused:

@@ -144,34 +144,83 @@ def test_a_remote_computer_on_the_loopback(state):
     process.stderr.close()
 
 
-def test_an_operator_at_a_terminal_ends_a_jog_by_any_key(state):
-    pid, terminal = pty.fork()
-    if pid == 0:
-        os.execv(
-            sys.executable,
-            [sys.executable, "-m", "pulsepath", "console", "--machine", "traverser", "--state", str(state)],
-        )
-    shown = ""
+class Seat:
+    """An operator at a terminal of the console's own."""
 
-    def expect(text, seconds=30):
-        nonlocal shown
+    def __init__(self, state, *options):
+        command = ["-m", "pulsepath", "console", "--machine", "traverser", "--state", str(state), *options]
+        self.pid, self.terminal = pty.fork()
+        if self.pid == 0:
+            os.execv(sys.executable, [sys.executable, *command])
+        self.shown, self.ended = "", False
+
+    def type(self, keys):
+        os.write(self.terminal, keys)
+
+    def expect(self, text, seconds=30):
+        """What was shown up to a text, which comes by then."""
         end = time.monotonic() + seconds
-        while text not in shown and time.monotonic() < end:
-            if select.select([terminal], [], [], 0.1)[0]:
-                shown += os.read(terminal, 4096).decode()
-        assert text in shown, shown
-        shown = shown[shown.index(text) + len(text) :]
+        while text not in self.shown and time.monotonic() < end:
+            if select.select([self.terminal], [], [], 0.1)[0]:
+                self.shown += os.read(self.terminal, 4096).decode()
+        assert text in self.shown, self.shown
+        before, _, self.shown = self.shown.partition(text)
+        return before
 
-    expect("MAN> ")
-    os.write(terminal, b"HOME X Y Z R\n")
-    expect("register 0")
-    expect("MAN> ")
-    os.write(terminal, b"jo\tx cw\n")  # completed
+    def code(self):
+        self.ended = True
+        return os.waitstatus_to_exitcode(os.waitpid(self.pid, 0)[1])
+
+
+@pytest.fixture
+def seat(state):
+    seats = []
+
+    def take(*options):
+        seats.append(Seat(state, *options))
+        return seats[-1]
+
+    yield take
+    for taken in seats:
+        if not taken.ended:
+            os.kill(taken.pid, signal.SIGKILL)
+            os.waitpid(taken.pid, 0)
+        os.close(taken.terminal)
+
+
+def test_an_operator_at_a_terminal_ends_a_jog_by_any_key(state, seat):
+    operator = seat()
+    operator.expect("MAN> ")
+    operator.type(b"HOME X Y Z R\n")
+    operator.expect("register 0")
+    operator.expect("MAN> ")
+    operator.type(b"jo\tx cw\n")  # completed
     time.sleep(1.0)
-    os.write(terminal, b" ")
-    expect("STOPPED X ")
-    expect("MAN> ")
-    os.write(terminal, b"EXIT\n")
-    assert os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) == 0
-    os.close(terminal)
+    operator.type(b" ")
+    operator.expect("STOPPED X ")
+    operator.expect("MAN> ")
+    operator.type(b"EXIT\n")
+    assert operator.code() == 0
     assert 0 < json.loads(state.read_text())["registers"]["X"] < 2400
+
+
+def test_a_half_typed_line_holds_up_neither_remote_lines_nor_their_stop(seat):
+    operator = seat("--tcp", "0")
+    operator.expect("port ")
+    port = int(operator.expect("\r\n"))
+    operator.type(b"HOME X Y Z R\nREM\n")
+    operator.expect("REM> ")
+    with socket.create_connection(("127.0.0.1", port), timeout=10) as client:
+        replies = client.makefile("rb")
+        client.sendall(b"P X + 48000\r")
+        time.sleep(0.5)
+        operator.type(b"wh")  # stray keys, and no Enter
+        operator.expect("REM> wh")
+        client.sendall(b"WHERE\r")
+        assert replies.readline().startswith(b"X ")
+        client.sendall(b"STOP\r")
+        assert re.fullmatch(rb"STOPPED X \d+ Y 0 Z 0 R 0\r\n", replies.readline())
+        operator.type(b"ere\n")  # the line is still there
+        operator.expect("mm rz 0.0000 deg")
+    operator.type(b"\x04")
+    assert operator.code() == 0
