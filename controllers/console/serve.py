@@ -52,7 +52,7 @@ class Served:
     partial: Partial = field(default_factory=Partial)
     held: tuple[Line, ...] = ()
     over: bool = False
-    trust: Trust = Trust()
+    trust: Trust = field(default_factory=Trust)
     unsent: bytes = b""
 
 
