@@ -53,7 +53,7 @@ def fuzz(strings: int, seed: int = 1) -> Fuzzed:
     t, lines, motions, refused, faults = 0.0, 0, 0, 0, []
     for number in range(strings):
         data = _string(random)
-        wanted, expected, tail = _meant(tail + data, expected)
+        wanted, expected, tail = meant(tail + data, expected)
         replies: list[tuple[int, str]] = []
         for chunk in _cut(random, data):
             partial, found = partial.fed(chunk)
@@ -81,7 +81,7 @@ def fuzz(strings: int, seed: int = 1) -> Fuzzed:
     return Fuzzed(strings, lines, motions, refused, perf_counter() - begin, tuple(faults))
 
 
-def _meant(data: bytes, at: np.ndarray) -> tuple[list[str], np.ndarray, bytes]:
+def meant(data: bytes, at: np.ndarray) -> tuple[list[str], np.ndarray, bytes]:
     """The replies that bytes deserve, in turn, where the axes then stand, and the line that has no end yet."""
     *ended, tail = re.split(rb"[\r\n]", data)
     wanted = []
@@ -106,7 +106,7 @@ def _string(random: np.random.Generator) -> bytes:
         return random.bytes(int(random.integers(1, 300)))
     if kind == 1:
         return bytes(random.choice(list(b"PXYZR+-0123456789 \t\r\nMOVEWHJGCpx.;\x00\xff"), random.integers(1, 200)))
-    data = b"".join(_command(random) for _ in range(random.integers(1, 4)))
+    data = b"".join(command(random) for _ in range(random.integers(1, 4)))
     if kind < 5:  # a few bytes left out, put in or changed
         held = bytearray(data)
         for _ in range(random.integers(1, 6)):
@@ -116,7 +116,7 @@ def _string(random: np.random.Generator) -> bytes:
     return data
 
 
-def _command(random: np.random.Generator) -> bytes:
+def command(random: np.random.Generator) -> bytes:
     words = [b"P"]
     for axis in random.permutation(4)[: random.integers(1, 5)]:
         # mostly short ways, since every pulse is counted; now and then one that is out of a slide's travel, or may be

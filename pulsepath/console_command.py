@@ -1,11 +1,13 @@
 """`pulsepath console`: an operator's line interface, and the remote line, to a machine on the virtual card."""
 
+import os
 import sys
 from pathlib import Path
 
 import click
 
-from pulsepath.exits import BAD_INPUT, INTERRUPTED
+from pulsepath.ending import Ended, ending
+from pulsepath.exits import BAD_INPUT
 
 
 @click.command()
@@ -36,12 +38,14 @@ def console(
 
     On a remote line, in mode REM: P X + 100 Y - 40 Z + 80 and a carriage return, answered by DONE after the motion.
 
-    Exit codes: 0 done, 2 bad input, also a refused line of a script, 3 internal error, 130 interrupted: the
-    motion is stopped, the registers are saved.
+    STOP during a MOVE ramps each axis down by itself: the tool leaves its line.
+
+    Exit codes: 0 done, 2 bad input, also a refused line of a script, 3 internal error, 130 interrupted, 143 asked
+    to end, 129 hung up: the motion is stopped, the registers are saved.
     """
     from controllers.console import Desk, opened, saved
     from controllers.console.interpret import offer
-    from controllers.console.links import LOOPBACK, Socket, Transport, pipe, pollable, serial_line, terminal
+    from controllers.console.links import LOOPBACK, Socket, Transport, pipe, pollable, serial_line
     from controllers.console.serve import Clock, Server
     from kinematics import MotionError, load_machine
     from pulsepath import console_prompt, register_file
@@ -61,29 +65,40 @@ def console(
             socket = Socket(tcp, listen or LOOPBACK)
             remote.append(socket)
             _tell(f"TCP {socket.address[0]} port {socket.address[1]}")
-        at_terminal = sys.stdin.isatty()
+        terminal = console_prompt.terminal(session.drives.names) if sys.stdin.isatty() else None
+
+        def tell(text: str) -> None:
+            if terminal is not None:
+                terminal.screen.wipe()
+            _tell(text)
+
+        keeper = register_file.Keeper(place, tell)
         server = Server(
             Desk(session),
             Clock(fast=fast),
-            console=terminal() if at_terminal else pipe(),
+            console=terminal or pipe(),
             remote=remote,
-            save=lambda desk, t: register_file.write(place, saved(desk.session, t)),
-            echo=_tell,
+            save=lambda desk, t: keeper.save(saved(desk.session, t)),
+            echo=tell,
         )
         _tell(f"{driven.name}: {offer(session)}")
-        try:
-            if at_terminal:
-                console_prompt.prompt(server)
-            else:
-                console_prompt.script(server, bool(remote))
-                if server.refused:
-                    click.get_current_context().exit(BAD_INPUT)
-        except KeyboardInterrupt:
-            server.say("STOP")
-            server.finish()
-            _tell(f"interrupted: {server.desk.session.told(server.clock.now)}, saved in {place}")
-            click.get_current_context().exit(INTERRUPTED)
+        with ending():
+            try:
+                if terminal is not None:
+                    console_prompt.prompt(server, terminal.screen)
+                else:
+                    console_prompt.script(server, bool(remote))
+            except Ended as end:
+                server.say("STOP")
+                server.finish()
+                tell(f"interrupted: {server.desk.session.told(server.clock.now)}, {keeper.told}")
+                click.get_current_context().exit(end.code)
+        if server.refused and terminal is None:
+            click.get_current_context().exit(BAD_INPUT)
 
 
 def _tell(text: str) -> None:
-    click.echo(text, err=True)
+    try:
+        click.echo(text, err=True)
+    except OSError:  # nobody looks any more: what is buffered must not fail later either
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stderr.fileno())

@@ -4,7 +4,7 @@ import json
 import os
 import re
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
@@ -46,6 +46,41 @@ def held(path: Path) -> Iterator[None]:
 def write(path: Path, saved: Saved) -> None:
     """Whole, or as it was before; its directory is there while it is `held`."""
     write_whole(path, json.dumps({"kind": KIND, "schema": SCHEMA, **asdict(saved)}, indent=2) + "\n")
+
+
+class Keeper:
+    """Writes what is to be saved, and goes on where it cannot: that is told once, and so is when it can again.
+
+    kept  whether the file has what was last to be saved
+    """
+
+    __slots__ = ("_path", "_tell", "kept")
+
+    def __init__(self, path: Path, tell: Callable[[str], None]) -> None:
+        self._path, self._tell, self.kept = path, tell, True
+
+    @property
+    def told(self) -> str:
+        """Where the registers are."""
+        return f"saved in {self._path}" if self.kept else f"not saved: {self._path} could not be written"
+
+    def save(self, saved: Saved) -> None:
+        """Write it. A file that would offer registers of before is removed."""
+        try:
+            write(self._path, saved)
+        except OSError as error:
+            try:
+                self._path.unlink(missing_ok=True)
+                left = "home the axes the next time"
+            except OSError:
+                left = "it tells of before: do not ACCEPT what it offers the next time"
+            if self.kept:
+                self._tell(f"registers are not saved from here on: {self._path}: {error.strerror}; {left}")
+            self.kept = False
+        else:
+            if not self.kept:
+                self._tell(f"registers are saved again in {self._path}")
+            self.kept = True
 
 
 def read(path: Path) -> Saved | None:

@@ -5,22 +5,27 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+from scipy.spatial.transform import RigidTransform, Rotation
 
 from controllers.card import Refused
+from controllers.console.drives import WHOLE
 from controllers.console.motion import PlannedMotion
 from controllers.console.session import Session
 from controllers.console.words import Move
 from kinematics.errors import OutOfReach
 from kinematics.forward import CONVERGED
+from kinematics.pose import Pose
 
-NEAR = 1e-9
-"""m and rad within which a pose is the one at which the tool stands."""
+STANDS = 0.5 + WHOLE
+"""Pulses of every axis within which a pose is the one at which the tool stands: it would be rounded to it."""
+TURNED = 1e-9
+"""rad from which a line turns the tool."""
 
 
 def planned(session: Session, words: Move, t: float) -> PlannedMotion | None:
-    """The certified fastest motion along the line; None where the tool is there already.
+    """The certified fastest motion along the line; None where the tool is there already, to the pulse.
 
+    A way of less than a pulse of every axis is none: with a turn it is a turn in place, not a line of nanometres.
     Raises Refused where an axis is not homed, and whatever the planner refuses with.
     """
     from planner.plan import plan
@@ -29,12 +34,19 @@ def planned(session: Session, words: Move, t: float) -> PlannedMotion | None:
     if unknown := session.unknown():
         raise Refused(f"{' '.join(unknown)} not homed: a line needs to know where all axes are; HOME or ACCEPT first")
     start, end = session.pose(), Rotation.from_euler("XYZ", words.pose[3:])
-    way = np.linalg.norm(words.pose[:3] - start.translation)
-    turn = (start.rotation.inv() * end).magnitude() if _turns(session) else 0.0
-    if way <= NEAR and turn <= NEAR:
+    there = RigidTransform.from_components(words.pose[:3], end)
+    if _pulses(session, there) <= STANDS:
         return None
-    rotate = end if turn > NEAR else None
-    segment = Turn(end) if way <= NEAR else Line(words.pose[:3], rotate)
+    facing = RigidTransform.from_components(words.pose[:3], start.rotation)
+    turning = RigidTransform.from_components(start.translation, end)
+    segment: Line | Turn
+    if _pulses(session, facing) < 1 <= _pulses(session, turning):
+        if _pulses(session, facing) <= STANDS:
+            start = facing  # so that what was rounded does not add up, turn after turn
+        segment = Turn(end)
+    else:
+        turns = _turns(session) and (start.rotation.inv() * end).magnitude() > TURNED
+        segment = Line(words.pose[:3], end if turns else None)
     program = Program((segment,), start=start, name="MOVE")
     found = plan(program, session.machine, clock_hz=session.drives.card.clock_hz)
     begins = [axis.start for axis in found.pulses.axes]
@@ -44,6 +56,16 @@ def planned(session: Session, words: Move, t: float) -> PlannedMotion | None:
             f"the plan begins at counts {begins}, the axes stand at {session.counts.tolist()}; go back by POS"
         )
     return PlannedMotion(t, found.pulses, found.trajectory)
+
+
+def _pulses(session: Session, pose: Pose) -> float:
+    """Pulses from where the axes stand to a pose relative to home, of the axis that has the most; inf: out of reach."""
+    machine = session.machine
+    try:
+        q = machine.inverse(machine.home * pose, session.q())
+    except OutOfReach:
+        return np.inf
+    return float(np.max(np.abs((q - session.q()) / [axis.pulse for axis in machine.axes])))
 
 
 def told(session: Session) -> str:

@@ -15,7 +15,8 @@ from controllers.console.words import Accept, Help, Home, Jog, Move, Position, S
 
 HELP = (
     "JOG X CW (a key or STOP ends it); POS X CW 100 Z CCW 20 (steps); MOVE x y z [rx ry rz] (mm, degrees, from home); "
-    "HOME X (it stands at home: register 0); ACCEPT (the last known position); WHERE; STOP; "
+    "HOME X (it stands at home: register 0); ACCEPT (the last known position); WHERE; STOP "
+    "(each axis ramps down by itself; during a MOVE the tool leaves its line); "
     "REM, MAN, TEST (modes); the axes are "
 )
 

@@ -27,29 +27,27 @@ AT_ONCE = 4096
 class Link:
     """An open line.
 
-    reads, writes  descriptors; reads None: nothing is read of it here
+    reads, writes  descriptors
     name           for messages
     close          what ends it
-    script         whether it is the console's pipe: its lines wait for one another, and are done after it has ended
+    script         whether it is the console's pipe: its lines wait for one another
+    stranger       whether anything on this computer may have opened it, a web page in a browser too
     """
 
-    reads: int | None
+    reads: int
     writes: int
     name: str
     close: Callable[[], Any]
     script: bool = False
+    stranger: bool = False
     line_end: str = "\r\n"
 
     def received(self) -> bytes | None:
-        """What has come; None: it has ended, or cannot be read."""
-        if self.reads is None:
-            return b""
+        """What has come; None: no more will, but it may still be answered. Raises OSError where it is broken."""
         try:
             return os.read(self.reads, AT_ONCE) or None
         except BlockingIOError:
             return b""
-        except OSError:
-            return None
 
     def sent(self, data: bytes) -> bytes | None:
         """What of the data could not be sent yet; None: nobody takes it any more."""
@@ -87,11 +85,6 @@ class Once(Transport):
 def pipe() -> Link:
     """Standard input and output, where these are no terminal."""
     return Link(sys.stdin.fileno(), sys.stdout.fileno(), "console", _leave_open, script=True, line_end="\n")
-
-
-def terminal() -> Link:
-    """Standard output, where a prompt reads the keyboard."""
-    return Link(None, sys.stdout.fileno(), "console", _leave_open, line_end="\n")
 
 
 def _leave_open() -> None:
@@ -144,7 +137,7 @@ class Socket(Transport):
                 continue
             client.setblocking(False)
             self._open.append(client)
-            found.append(Link(client.fileno(), client.fileno(), f"{host}:{port}", client.close))
+            found.append(Link(client.fileno(), client.fileno(), f"{host}:{port}", client.close, stranger=True))
 
     def close(self) -> None:
         self._listener.close()

@@ -10,6 +10,7 @@ from time import monotonic
 from controllers.console.desk import CONSOLE, ERROR, Desk, Reply, gone, heard, passed
 from controllers.console.lines import Line, Partial
 from controllers.console.links import Link, Transport
+from controllers.console.trust import Trust
 
 TICK = 0.05
 """s after which links that have opened are looked for at the latest."""
@@ -42,7 +43,8 @@ class Clock:
 class Served:
     """A link while it is served: its number, its line so far, lines it has yet to say, and what it has not taken.
 
-    over  whether a script has come to its end: it is still told what becomes of its lines
+    over   whether it has come to its end: it is still told what becomes of its lines
+    trust  what its lines have shown it to be
     """
 
     link: Link
@@ -50,6 +52,7 @@ class Served:
     partial: Partial = field(default_factory=Partial)
     held: tuple[Line, ...] = ()
     over: bool = False
+    trust: Trust = field(default_factory=Trust)
     unsent: bytes = b""
 
 
@@ -99,7 +102,7 @@ class Server:
             self._links.append(Served(link, self._next))
             self._next += 1
             self._echo(f"{link.name} connected")
-        reading = {s.link.reads: s for s in self._links if s.link.reads is not None and not (s.held or s.over)}
+        reading = {s.link.reads: s for s in self._links if not (s.held or s.over)}
         writing = {served.link.writes: served for served in self._links if served.unsent}
         try:
             ready, free, _ = select.select(list(reading), list(writing), [], self._patience())
@@ -113,6 +116,8 @@ class Server:
         self._take(passed(self.desk, self.clock.now))
         for served in tuple(self._links):
             self._hear(served)
+            if served.over and not (served.link.script or served.unsent or self._owes(served)):
+                self._end(served)
 
     def say(self, text: str, who: int = CONSOLE) -> None:
         """Hand a line to the desk as if it had come from someone."""
@@ -134,10 +139,13 @@ class Server:
     def _receive(self, served: Served) -> None:
         if served not in self._links:
             return
-        data = served.link.received()
-        if data is None and not served.link.script:
-            self._end(served)
-            return
+        try:
+            data = served.link.received()
+        except OSError:
+            if not served.link.script:
+                self._end(served)
+                return
+            data = None
         served.partial, lines = served.partial.fed(data or b"")
         if data is None:
             served.over, lines = True, served.partial.broken_off()
@@ -151,7 +159,18 @@ class Server:
             if served.link.script and not (self.standing or at_once):
                 return
             served.held = rest
+            if served.link.stranger:
+                served.trust = served.trust.after(line, self.desk.session.drives.names)
+                if served.trust.shut:
+                    self._send(served, f"{ERROR} {served.trust.shut}; closed{served.link.line_end}".encode())
+                    self._echo(f"{served.link.name} shut out: {served.trust.shut}")
+                    self._end(served)
+                    return
             self._take(heard(self.desk, served.who, line, self.clock.now))
+
+    def _owes(self, served: Served) -> bool:
+        """Whether someone is still to be answered."""
+        return bool(served.held) or served.who in (*self.desk.told, *(who for who, _ in self.desk.waiting))
 
     def _take(self, done: tuple[Desk, tuple[Reply, ...]]) -> None:
         before, (self.desk, replies) = self.desk.session, done

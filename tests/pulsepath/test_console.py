@@ -4,6 +4,7 @@ import json
 import os
 import re
 import select
+import shutil
 import signal
 import socket
 import subprocess
@@ -12,7 +13,8 @@ import time
 
 import pytest
 
-from kinematics import MotionError
+from controllers.console import opened, saved
+from kinematics import MotionError, load_machine
 from pulsepath import register_file
 
 pty = pytest.importorskip("pty")  # not on Windows, where the console is refused
@@ -100,7 +102,8 @@ def test_killed_in_a_motion_it_does_not_offer_what_moved(state):
     assert again.stdout.splitlines()[1] == "X ?0 Y 0 Z 0 R 0"
 
 
-def test_interrupted_it_stops_and_says_what_was_left(state):
+@pytest.mark.parametrize(("sent", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGHUP, 129)])
+def test_interrupted_it_stops_and_says_what_was_left(state, sent, code):
     process = subprocess.Popen(
         [sys.executable, "-m", "pulsepath", "console", "--machine", "traverser", "--state", str(state)],
         stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
@@ -109,9 +112,9 @@ def test_interrupted_it_stops_and_says_what_was_left(state):
     process.stdin.flush()
     assert process.stdout.readline().startswith("HOME")
     time.sleep(0.5)
-    process.send_signal(signal.SIGINT)
+    process.send_signal(sent)
     out, err = process.communicate(timeout=30)
-    assert process.returncode == 130
+    assert process.returncode == code
     left = int(re.search(r"interrupted: X (\d+) Y 0 Z 0 R 0, saved in", err)[1])
     assert 0 < left < 48000
     assert f"STOPPED X {left}" in out
@@ -144,34 +147,137 @@ def test_a_remote_computer_on_the_loopback(state):
     process.stderr.close()
 
 
-def test_an_operator_at_a_terminal_ends_a_jog_by_any_key(state):
-    pid, terminal = pty.fork()
-    if pid == 0:
-        os.execv(
-            sys.executable,
-            [sys.executable, "-m", "pulsepath", "console", "--machine", "traverser", "--state", str(state)],
-        )
-    shown = ""
+def test_a_session_goes_on_without_its_state_directory_and_says_so_once(state):
+    process = subprocess.Popen(
+        [sys.executable, "-m", "pulsepath", "console", "--machine", "traverser", "--state", str(state), "--fast"],
+        stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    process.stdin.write("HOME X Y Z R\n")
+    process.stdin.flush()
+    assert process.stdout.readline().startswith("HOME")
+    shutil.rmtree(state.parent)
+    out, err = process.communicate("POS X CW 10\nPOS X CW 10\nWHERE\n", timeout=30)
+    assert process.returncode == 0
+    assert out.splitlines()[:2] == ["DONE", "DONE"]
+    assert out.splitlines()[2].startswith("X 20 ")
+    assert err.count(f"registers are not saved from here on: {state}: No such file") == 1
 
-    def expect(text, seconds=30):
-        nonlocal shown
+
+def test_registers_of_before_are_not_left_to_be_offered(state, monkeypatch):
+    told = []
+    with register_file.held(state):
+        last = saved(opened(load_machine("traverser")), 0.0)
+        keeper = register_file.Keeper(state, told.append)
+        keeper.save(last)
+        assert register_file.read(state) == last
+
+        def full(path, text):
+            raise OSError(28, "No space left on device")
+
+        with monkeypatch.context() as patch:
+            patch.setattr(register_file, "write_whole", full)
+            keeper.save(last)
+            keeper.save(last)
+        assert register_file.read(state) is None
+        assert len(told) == 1
+        assert "No space left on device; home the axes" in told[0]
+        assert "not saved" in keeper.told
+        keeper.save(last)
+        assert told[1:] == [f"registers are saved again in {state}"]
+        assert register_file.read(state) == last
+
+
+class Seat:
+    """An operator at a terminal of the console's own."""
+
+    def __init__(self, state, *options):
+        command = ["-m", "pulsepath", "console", "--machine", "traverser", "--state", str(state), *options]
+        self.pid, self.terminal = pty.fork()
+        if self.pid == 0:
+            os.execv(sys.executable, [sys.executable, *command])
+        self.shown, self.ended = "", False
+
+    def type(self, keys):
+        os.write(self.terminal, keys)
+
+    def expect(self, text, seconds=30):
+        """What was shown up to a text, which comes by then."""
         end = time.monotonic() + seconds
-        while text not in shown and time.monotonic() < end:
-            if select.select([terminal], [], [], 0.1)[0]:
-                shown += os.read(terminal, 4096).decode()
-        assert text in shown, shown
-        shown = shown[shown.index(text) + len(text) :]
+        while text not in self.shown and time.monotonic() < end:
+            if select.select([self.terminal], [], [], 0.1)[0]:
+                self.shown += os.read(self.terminal, 4096).decode()
+        assert text in self.shown, self.shown
+        before, _, self.shown = self.shown.partition(text)
+        return before
 
-    expect("MAN> ")
-    os.write(terminal, b"HOME X Y Z R\n")
-    expect("register 0")
-    expect("MAN> ")
-    os.write(terminal, b"jo\tx cw\n")  # completed
+    def code(self):
+        self.ended = True
+        return os.waitstatus_to_exitcode(os.waitpid(self.pid, 0)[1])
+
+
+@pytest.fixture
+def seat(state):
+    seats = []
+
+    def take(*options):
+        seats.append(Seat(state, *options))
+        return seats[-1]
+
+    yield take
+    for taken in seats:
+        if not taken.ended:
+            os.kill(taken.pid, signal.SIGKILL)
+            os.waitpid(taken.pid, 0)
+        os.close(taken.terminal)
+
+
+def test_an_operator_at_a_terminal_ends_a_jog_by_any_key(state, seat):
+    operator = seat()
+    operator.expect("MAN> ")
+    operator.type(b"HOME X Y Z R\n")
+    operator.expect("register 0")
+    operator.expect("MAN> ")
+    operator.type(b"jo\tx cw\n")  # completed
     time.sleep(1.0)
-    os.write(terminal, b" ")
-    expect("STOPPED X ")
-    expect("MAN> ")
-    os.write(terminal, b"EXIT\n")
-    assert os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) == 0
-    os.close(terminal)
+    operator.type(b" ")
+    operator.expect("STOPPED X ")
+    operator.expect("MAN> ")
+    operator.type(b"EXIT\n")
+    assert operator.code() == 0
     assert 0 < json.loads(state.read_text())["registers"]["X"] < 2400
+
+
+def test_a_half_typed_line_holds_up_neither_remote_lines_nor_their_stop(seat):
+    operator = seat("--tcp", "0")
+    operator.expect("port ")
+    port = int(operator.expect("\r\n"))
+    operator.type(b"HOME X Y Z R\nREM\n")
+    operator.expect("REM> ")
+    with socket.create_connection(("127.0.0.1", port), timeout=10) as client:
+        replies = client.makefile("rb")
+        client.sendall(b"P X + 48000\r")
+        time.sleep(0.5)
+        operator.type(b"wh")  # stray keys, and no Enter
+        operator.expect("REM> wh")
+        client.sendall(b"WHERE\r")
+        assert replies.readline().startswith(b"X ")
+        client.sendall(b"STOP\r")
+        assert re.fullmatch(rb"STOPPED X \d+ Y 0 Z 0 R 0\r\n", replies.readline())
+        operator.type(b"ere\n")  # the line is still there
+        operator.expect("mm rz 0.0000 deg")
+    operator.type(b"\x04")
+    assert operator.code() == 0
+
+
+def test_a_terminal_that_hangs_up_ends_the_console_in_order(state, seat):
+    operator = seat()
+    operator.expect("MAN> ")
+    operator.type(b"HOME X Y Z R\nPOS X CW 48000\n")
+    operator.expect("register 0")
+    time.sleep(1.0)
+    os.close(operator.terminal)
+    operator.terminal = os.open(os.devnull, os.O_RDONLY)  # for the fixture to close
+    assert operator.code() == 129
+    record = json.loads(state.read_text())
+    assert 0 < record["registers"]["X"] < 48000
+    assert not any(record["moving"].values())

@@ -4,11 +4,14 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.spatial.transform import RigidTransform, Rotation
 
 from controllers.console import CONSOLE, Desk, Line, gone, heard, opened, passed, saved
 from controllers.console.desk import WAITING
 from controllers.console.interpret import offer
 from kinematics import MotionError, load_machine
+from planner.plan import plan
+from planner.program import Program, Turn
 from tests.controllers.console.conftest import Talk
 
 REMOTE = 1
@@ -221,8 +224,7 @@ def test_the_hexapod_runs_lines_through_the_planner(talk):
     wanted = -np.rint((machine.inverse(up) - machine.home_q) / 0.75e-6)
     assert registers == wanted.tolist()
     console.assert_true()
-    assert console.say("MOVE 0 0 25") == []  # half a pulse off at most, so it is asked for and made
-    console.wait()
+    assert console.say("MOVE 0 0 25") == ["DONE"]  # half a pulse off at most: there is nothing to move
     (reply,) = console.say("MOVE 0 0 250")
     assert reply.startswith("ERROR travel")
     assert "leg" in reply
@@ -233,6 +235,45 @@ def test_the_hexapod_runs_lines_through_the_planner(talk):
     # half a pulse of a leg, 0.375 um, moves this platform by a few times as much
     assert remote.desk.session.pose().translation == pytest.approx([0.001, 0, 0.005], abs=2e-6)
     assert "not homed" in talk("hexapod", homed=False).say("MOVE 0 0 1")[0]
+
+
+def test_a_turn_in_place_is_one_and_said_twice_moves_once(talk):
+    console = talk("hexapod")
+    machine = console.desk.session.machine
+    console.say("MOVE 3 2 20")
+    console.wait()
+    degrees = np.zeros(3)
+    for words in ((5, 4, 3), (-5, 4, 3), (0, 0, 0)):
+        was, degrees = degrees, np.array(words, float)
+        assert console.say("MOVE 3 2 20 {} {} {}".format(*words)) == []
+        motion = console.desk.session.motion
+        # of the exact pose; from where the axes stand, half a pulse off, it takes as long to a few pulses in thousands
+        at = RigidTransform.from_components([0.003, 0.002, 0.02], Rotation.from_euler("XYZ", was, degrees=True))
+        turn = Turn(Rotation.from_euler("XYZ", degrees, degrees=True))
+        wanted = plan(Program((turn,), start=at), machine).trajectory.duration
+        assert motion.end - motion.begun == pytest.approx(wanted, rel=2e-3)
+        assert console.wait() == ["DONE"]
+        registers = console.registers()
+        assert console.say("MOVE 3 2 20 {} {} {}".format(*words)) == ["DONE"]
+        assert console.desk.end is None
+        assert console.registers() == registers
+    # what was rounded has not added up: it stands where it stood
+    assert console.desk.session.pose().translation == pytest.approx([0.003, 0.002, 0.02], abs=2e-6)
+    console.assert_true()
+
+
+def test_a_way_of_a_pulse_is_made_and_one_of_less_than_half_is_none(talk):
+    console = talk()
+    assert console.say("MOVE 0.007 0.007 0") == ["DONE"]  # of 15.875 um a pulse
+    for words, x in (("MOVE 0.015875 0 0", 1), ("MOVE 0.028 0 0", 2), ("MOVE 0 0 0", 0)):
+        assert console.say(words) == []
+        assert console.wait() == ["DONE"]
+        assert console.registers() == [x, 0, 0, 0]
+    assert "holds ry" in console.say("MOVE 0 0 0 0 5 0")[0]
+
+
+def test_help_says_that_a_stop_leaves_the_line(talk):
+    assert "during a MOVE the tool leaves its line" in talk().say("HELP")[0]
 
 
 def test_a_line_from_where_no_plan_can_begin_is_refused(talk):

@@ -142,6 +142,70 @@ def test_a_client_that_vanishes_mid_move(server):
     listener.close()
 
 
+def heard_back(remote, client, seconds=5.0):
+    """All that comes back until the other end closes."""
+    got, end = b"", time.monotonic() + seconds
+    client.settimeout(0.01)
+    while time.monotonic() < end:
+        remote.step()
+        with suppress(TimeoutError):
+            data = client.recv(4096)
+            if not data:
+                return got
+            got += data
+    raise AssertionError(f"not closed after {got!r}")
+
+
+def test_a_client_that_says_no_more_is_answered_all_it_has_said(server):
+    listener = Socket(0)
+    remote = server(listener, fast=False)
+    with socket.create_connection(listener.address) as client:
+        client.sendall(b"P X + 10\rP X + 10 Y + 5\rP Z + 3\rWHERE")  # as a pipe into netcat, which then half-closes
+        client.shutdown(socket.SHUT_WR)
+        *done, broken_off, rest = heard_back(remote, client).split(b"\r\n")
+    assert done == [b"DONE"] * 3
+    assert broken_off.startswith(b"ERROR the input ended within a line")
+    assert rest == b""
+    assert remote.desk.session.registers(0.0).tolist() == [20, 5, 3, 0]
+    listener.close()
+
+
+@pytest.mark.parametrize(
+    "page",
+    [
+        b"POST / HTTP/1.1\r\nHost: localhost\r\n\r\nP X + 100\r\n",
+        b"POST / HTTP/1.1\rP X + 100\r",
+        b"GET /chat HTTP/1.1\r\nP X + 100\r\n",
+        # a first line that is longer than a line may be
+        b"POST /" + b"a" * 200 + b" HTTP/1.1\r\nHost: localhost\r\nAccept: */*\r\n\r\nP X + 100\r\n",
+        b"\x16\x03\x01\r\rno\rcommand\rP X + 100\r",
+    ],
+)
+def test_a_web_page_moves_nothing(server, page):
+    listener = Socket(0)
+    remote = server(listener)
+    with socket.create_connection(listener.address) as client:
+        client.sendall(page)
+        assert heard_back(remote, client).splitlines()[-1].endswith(b"; closed")
+    assert remote.desk.session.registers(0.0).tolist() == [0, 0, 0, 0]
+    assert remote.standing
+    listener.close()
+
+
+def test_one_that_has_said_a_command_may_err_and_a_serial_line_is_never_shut(server, wire):
+    here, name = wire
+    listener = Socket(0)
+    remote = server(listener, serial_line(name, 9600))
+    with socket.create_connection(listener.address) as client:
+        client.sendall(b"Q\rQ\rWHERE\rQ\rQ\rQ\rQ\rP X + 5\r")
+        client.shutdown(socket.SHUT_WR)
+        assert heard_back(remote, client).endswith(b"DONE\r\n")
+    os.write(here, b"Q\rQ\rQ\rQ\rP Y + 5\r")
+    assert answered(remote, here, 5).endswith(b"DONE\r\n")
+    assert remote.desk.session.registers(0.0).tolist() == [5, 5, 0, 0]
+    listener.close()
+
+
 def test_clients_beyond_a_few_are_turned_away(server):
     listener = Socket(0)
     remote = server(listener)

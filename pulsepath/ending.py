@@ -1,0 +1,41 @@
+"""Signals that end a program in good order: Ctrl-C, the system's request to end, a terminal that hangs up."""
+
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import FrameType
+from typing import Any
+
+NAMES = ("SIGINT", "SIGTERM", "SIGHUP")
+
+
+class Ended(KeyboardInterrupt):
+    """A signal has come; code: 128 and its number, as shells tell it."""
+
+    def __init__(self, number: int) -> None:
+        super().__init__(signal.Signals(number).name)
+        self.code = 128 + number
+
+
+@contextmanager
+def ending() -> Iterator[None]:
+    """Within, each of the signals raises Ended, the first time: what then brings things in order is not broken off.
+
+    One that is ignored already, as by nohup, stays so.
+    """
+    kept: dict[signal.Signals, Any] = {}
+
+    def end(number: int, _: FrameType | None) -> None:
+        for each in kept:
+            signal.signal(each, signal.SIG_IGN)
+        raise Ended(number)
+
+    try:
+        for number in (signal.Signals[name] for name in NAMES if hasattr(signal, name)):
+            if (before := signal.getsignal(number)) is not signal.SIG_IGN:
+                kept[number] = before
+                signal.signal(number, end)
+        yield
+    finally:
+        for number, before in kept.items():
+            signal.signal(number, before)
