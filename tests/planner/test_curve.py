@@ -201,7 +201,7 @@ def test_where_there_is_no_smooth_way(position, begin, end, words):
 
 def test_what_is_too_fine_is_not_said_to_stand_still():
     """|dp/dt| of (t, sin 1000 t) is at least 1."""
-    with pytest.raises(MotionError, match="changes too often between t = 0 and 10 .*; shorten the interval"):
+    with pytest.raises(MotionError, match=r"changes too often between t = 0 and 10 .*; shorten the interval"):
         drawn(("t", "sin(1000*t)", "25"), 0, 10)
 
 
