@@ -30,12 +30,11 @@ class Listed:
     def write(self, listed: "PositionList") -> None:
         """Whole or not at all. Raises MotionError for what is no CSV file by its suffix."""
         from kinematics import MotionError
-        from planner.sources.positions_csv import positions_csv
-        from pulsepath.directory import write_whole
+        from planner.sources.positions_csv import save_positions
 
         if self.path.suffix.lower() != ".csv":
             raise MotionError(f'{self.path}: lists are changed as CSV; "save" it as one first')
-        write_whole(self.path, positions_csv(listed))
+        save_positions(listed, self.path)
         self.tell(listed)
 
     def tell(self, listed: "PositionList") -> None:
@@ -117,7 +116,7 @@ def save(of: Listed, target: Path, first: int | None, last: int | None, machine:
     A TXT file has seven characters for a number, in mm and degrees, and poses in the base frame of MACHINE.
     """
     from kinematics import MotionError
-    from pulsepath.directory import write_whole
+    from kinematics.staging import write_whole
 
     if target.exists() and not force:
         raise MotionError(f"{target} exists; give --force to replace it")
