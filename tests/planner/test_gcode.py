@@ -430,3 +430,14 @@ def test_offsets_that_change_are_not_left_out(read, text, ignore, words):
 )  # fmt: skip
 def test_offsets_that_stay_are_left_out(read, text, ignore):
     assert [line.to[0] for line in read(f"G21\n{text}\n", ignore=ignore).program.segments] == [1e-3, 2e-3]
+
+
+def test_what_rounding_leaves_of_a_zero_is_zero(read):
+    """-0, and 0.3 - 0.1 - 0.2 in mm, which is not 0 in floating point; what is larger stays as it is."""
+    found = read("G21 G1 F100 X1 Y-0\nG91 X-0.9 Y0.3\nY-0.1\nY-0.2").program
+    places = np.array([line.to for line in found.segments])
+    assert not np.signbit(places).any()
+    assert (places[3, 1], places[0, 1]) == (0, 0)
+    assert places[2, 1] == pytest.approx(2e-4, abs=1e-18)
+    assert "-0.0" not in program_toml(found)
+    assert "e-" not in program_toml(found)
