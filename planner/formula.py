@@ -23,7 +23,7 @@ from kinematics.units import shown
 LONGEST = 500
 """Characters of a formula."""
 DEEPEST = 40
-"""Of parentheses, signs and calls inside each other."""
+"""Operands inside each other: in parentheses, signs, exponents and calls. A row as a + b - c, however long, is one."""
 STEEPEST = 64
 """Largest exponent of what is not constant."""
 
@@ -129,10 +129,8 @@ def _built(node: ast.expr, text: str, known: Mapping[str, ca.SX], depth: int) ->
         case ast.UnaryOp(op=ast.UAdd() | ast.USub(), operand=operand):
             inner = _built(operand, text, known, depth + 1)
             made = -inner if isinstance(node.op, ast.USub) else inner
-        case ast.BinOp(left=left, op=operator, right=right) if type(operator) in _OPERATORS:
-            made = _OPERATORS[type(operator)](
-                _built(left, text, known, depth + 1), _built(right, text, known, depth + 1)
-            )
+        case ast.BinOp(op=operator) if type(operator) in _OPERATORS:
+            made = _row(node, text, known, depth)
         case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]) if name in _FUNCTIONS:
             count, function = _FUNCTIONS[name]
             if len(arguments) < count or (len(arguments) > count and name not in _MANY):
@@ -147,9 +145,27 @@ def _built(node: ast.expr, text: str, known: Mapping[str, ca.SX], depth: int) ->
             raise MotionError(
                 f"{_source(node, text)}: not for formulas, which have numbers, names, + - * / ** and functions"
             )
+    _check_finite(made, node, text)
+    return made
+
+
+def _row(node: ast.BinOp, text: str, known: Mapping[str, ca.SX], depth: int) -> ca.SX:
+    """Sums and products lean to the left in the tree, which is no nesting: their operands are worked out one by one."""
+    parts: list[ast.BinOp] = []
+    first: ast.expr = node
+    while isinstance(first, ast.BinOp) and type(first.op) in _OPERATORS:
+        parts.append(first)
+        first = first.left
+    made = _built(first, text, known, depth + 1)
+    for part in reversed(parts):
+        made = _OPERATORS[type(part.op)](made, _built(part.right, text, known, depth + 1))
+        _check_finite(made, part, text)
+    return made
+
+
+def _check_finite(made: ca.SX, node: ast.expr, text: str) -> None:
     if made.is_constant() and not math.isfinite(float(made)):
         raise MotionError(f"{_source(node, text)} is not a finite number")
-    return made
 
 
 def _source(node: ast.expr, text: str) -> str:

@@ -130,8 +130,8 @@ def track(directory: Path, laws: tuple[str, ...], force: bool, as_json: bool) ->
     from controllers import track as run
     from controllers.metrics.evaluate import PERIOD
     from kinematics import MotionError
+    from kinematics.staging import write_whole
     from pulsepath import plan_directory, record, tables
-    from pulsepath.directory import write_whole
     from pulsepath.progress import step
 
     target = directory / plan_directory.TRACK

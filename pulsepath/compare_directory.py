@@ -4,7 +4,7 @@ from pathlib import Path
 
 from benchmarks.compare import Comparison, Verdict
 from kinematics.errors import MotionError
-from pulsepath.directory import write_whole
+from kinematics.staging import write_whole
 
 RECORD, KIND = "compare.json", "pulsepath compare"
 REPORT, TABLE = "report.html", "runs.csv"

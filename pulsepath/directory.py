@@ -7,7 +7,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from kinematics.errors import MotionError
-from pulsepath.staging import OLD, clear, staging
+from kinematics.staging import OLD, clear, staging
 
 RECORD, KIND = "plan.json", "pulsepath plan"
 """The file by which a directory that `plan` wrote is known, and what it says it is."""
@@ -45,7 +45,7 @@ def replacing(target: Path, force: bool, kind: str = KIND) -> Iterator[Path]:
 
     Whatever else happens, an interruption included, nothing of it remains and what stood there before still does. Where
     the process is killed, the target is whole or absent, and the next run for it clears what is left beside it
-    (`pulsepath.staging`).
+    (`kinematics.staging`).
     """
     place = target.resolve()
     clear(place)
@@ -65,19 +65,3 @@ def replacing(target: Path, force: bool, kind: str = KIND) -> Iterator[Path]:
             with suppress(OSError):
                 parent.rmdir()
         raise
-
-
-def write_whole(path: Path, text: str) -> None:
-    """Write a file so that it is there complete or as it was before."""
-    with staged(path) as file:
-        file.write_text(text, encoding="utf-8")
-
-
-@contextmanager
-def staged(path: Path) -> Iterator[Path]:
-    """A file to write beside another, which takes its place when the block ends well, and is gone when it does not."""
-    place = path.absolute()
-    clear(place)
-    with staging(place) as made:
-        yield made / place.name
-        (made / place.name).replace(place)

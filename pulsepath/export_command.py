@@ -26,10 +26,10 @@ def export(directory: Path, name: str, out: Path | None, force: bool, as_json: b
     Options in brackets belong to the formats that are named there.
     """
     from kinematics import MotionError
+    from kinematics.staging import staged
     from planner.export.format import Source
     from planner.export.formats import find_format
     from pulsepath import plan_directory, record
-    from pulsepath.directory import staged
     from pulsepath.format_options import EXPORTS
     from pulsepath.progress import step
 

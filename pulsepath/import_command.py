@@ -35,10 +35,10 @@ def import_(
     import numpy as np
 
     from kinematics import MotionError
+    from kinematics.staging import staged
     from planner.program_writer import program_toml
     from planner.sources.registry import source_name
     from pulsepath import record
-    from pulsepath.directory import staged
     from pulsepath.format_options import IMPORTS
     from pulsepath.progress import step
 

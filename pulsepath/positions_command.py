@@ -30,12 +30,11 @@ class Listed:
     def write(self, listed: "PositionList") -> None:
         """Whole or not at all. Raises MotionError for what is no CSV file by its suffix."""
         from kinematics import MotionError
-        from planner.sources.positions_csv import positions_csv
-        from pulsepath.directory import write_whole
+        from planner.sources.positions_csv import save_positions
 
         if self.path.suffix.lower() != ".csv":
             raise MotionError(f'{self.path}: lists are changed as CSV; "save" it as one first')
-        write_whole(self.path, positions_csv(listed))
+        save_positions(listed, self.path)
         self.tell(listed)
 
     def tell(self, listed: "PositionList") -> None:
@@ -108,12 +107,27 @@ def remove(of: Listed, first: int, last: int | None) -> None:
 @click.argument("target", type=click.Path(path_type=Path))
 @click.option("--first", type=int, help="Number of the first pose. Default 1.")
 @click.option("--last", type=int, help="Number of the last pose. Default: the last there is.")
+@click.option("--machine", metavar="MACHINE", help="Of a TXT file: the tripod that it is for. Default tripod.")
 @click.option("--force", is_flag=True, help="Replace TARGET.")
 @click.pass_obj
-def save(of: Listed, target: Path, first: int | None, last: int | None, force: bool) -> None:
-    """Save the list, or a part of it, as the CSV file TARGET."""
+def save(of: Listed, target: Path, first: int | None, last: int | None, machine: str | None, force: bool) -> None:
+    """Save the list, or a part of it, as the file TARGET: CSV, or TXT as the three-armed machine has it.
+
+    A TXT file has seven characters for a number, in mm and degrees, and poses in the base frame of MACHINE.
+    """
     from kinematics import MotionError
+    from kinematics.staging import write_whole
 
     if target.exists() and not force:
         raise MotionError(f"{target} exists; give --force to replace it")
-    Listed(target, of.as_json).write(of.read().part(first, last))
+    part, to = of.read().part(first, last), Listed(target, of.as_json)
+    if target.suffix.lower() != ".txt":
+        if machine is not None:
+            raise MotionError(f"{target}: --machine is for TXT files; a CSV file is for any machine")
+        to.write(part)
+        return
+    from kinematics import load_machine
+    from planner.export.kmitl_positions import list_text
+
+    write_whole(target, list_text(part, load_machine(machine or "tripod")))
+    to.tell(to.read())

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from controllers.console import Saved
 from kinematics.errors import MotionError
-from pulsepath.directory import write_whole
+from kinematics.staging import write_whole
 
 KIND = "pulsepath console"
 SCHEMA = 1

@@ -18,13 +18,17 @@ from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
+from scipy.spatial.transform import RigidTransform
 
 from kinematics.array import Array
 from kinematics.errors import MotionError
-from kinematics.pose import from_numbers
+from kinematics.machine import Machine
+from kinematics.pose import from_numbers, numbers
+from kinematics.tripod import Tripod
 from planner.actuation import ActuatorPath
 from planner.export import kmitl
 from planner.export.format import Exported, Source, option
+from planner.sources.position_list import PositionList
 
 KEYS = [
     *(f"____ce{name}" for name in "xyz"), *(f"_____c{name}" for name in "xyz"), *(f"_____r{name}" for name in "xyz"),
@@ -48,18 +52,9 @@ class KmitlPositions:
         curve = source.trajectory.path
         each = [_chords(curve, k, chord) for k in range(len(curve.breaks) - 1)]
         s, piece = (np.concatenate([part[n][min(k, 1) :] for k, part in enumerate(each)]) for n in (0, 1))
-        kmitl.numbered(len(s), 1, "poses")
         x = _numbers(curve, s, piece)
-        turn = x[:, None, 3:].reshape(-1, 1, 3, 3)
-        plate = x[:, None, :3] - (turn @ machine.tool)
-        joints = x[:, None, :3] + (turn @ machine.platform[:, :, None])[..., 0]
-        ends = joints + (turn @ machine.tool)
-        still = np.zeros((len(s), 1, 3))
-        values = np.concatenate([x[:, None, :3], plate, still, joints, ends], 1).reshape(len(s), -1) / unit
-        lines = []
-        for n, row in enumerate(values.tolist(), 1):
-            lines += [*(f"Polar{n}{key} {kmitl.number(v, key)}" for key, v in zip(KEYS, row, strict=True)), ""]
-        path.write_text("".join(f"{line}\r\n" for line in lines), encoding="ascii", newline="")
+        text = positions_text(x, np.zeros((len(s), 3)), machine, unit)
+        path.write_text(text, encoding="ascii", newline="")
         notes = [
             f"{len(s)} poses, joined by straight lines within {1e3 * chord:g} mm; the file holds no times",
             f"units of {1e3 * unit:g} mm in the machine's base frame",
@@ -68,6 +63,37 @@ class KmitlPositions:
             notes.append("the source's own reader takes numbers of one digit only: its columns are fixed")
         against = "the path, the poses joined by straight lines"
         return Exported(_error(source, _read(path) * unit, s, piece), against, tuple(notes))
+
+
+def positions_text(x: Array, angles: Array, machine: Tripod, unit: float) -> str:
+    """The list of poses x (N, 12) in the machine's base frame; angles (N, 3) that it states, rad; unit: m.
+
+    Raises MotionError for more poses, or larger numbers, than the format has room for.
+    """
+    kmitl.numbered(len(x), 1, "poses")
+    turn = x[:, None, 3:].reshape(-1, 1, 3, 3)
+    plate = x[:, None, :3] - (turn @ machine.tool)
+    joints = x[:, None, :3] + (turn @ machine.platform[:, :, None])[..., 0]
+    ends = joints + (turn @ machine.tool)
+    stated = np.degrees(angles)[:, None] * unit  # the only numbers that are no lengths
+    values = np.concatenate([x[:, None, :3], plate, stated, joints, ends], 1).reshape(len(x), -1) / unit
+    lines = []
+    for n, row in enumerate(values.tolist(), 1):
+        lines += [*(f"Polar{n}{key} {kmitl.number(v, key)}" for key, v in zip(KEYS, row, strict=True)), ""]
+    return "".join(f"{line}\r\n" for line in lines)
+
+
+def list_text(listed: PositionList, machine: Machine, unit: float = kmitl.UNIT) -> str:
+    """The list of recorded poses: those from home are put into the base frame. Raises MotionError for no tripod."""
+    if not isinstance(machine, Tripod):
+        raise MotionError(
+            f"kmitl-positions: machine {machine.name} is no tripod, which has the three arms of the format"
+        )
+    x = RigidTransform.from_components(listed.poses[:, :3], listed.rotations)
+    if listed.frame == "home":
+        x = machine.home * x
+    angles = x.rotation.as_euler("YZX")[:, [2, 0, 1]]
+    return positions_text(numbers(x), angles, machine, kmitl.length(unit, "unit length"))
 
 
 def _chords(curve: ActuatorPath, piece: int, chord: float) -> tuple[Array, np.ndarray]:

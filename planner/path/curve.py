@@ -25,6 +25,8 @@ CELLS, HALVINGS, MOST = 64, 24, 1 << 14
 ORDER = 4
 # Points of a part that show its turning, at first and at most, and by what share twice as many may differ.
 POINTS, MOST_POINTS, AGREED = 65, 4097, 1e-3
+# Share of the largest |dp/dt| below which a curve stands still, for its user; places looked at, and zooms to the least.
+SLOW, SOUGHT, ZOOMS = 1e-4, 4097, 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,8 +114,40 @@ def curve(start: Pose, segment: Curve, frame: Pose, number: int) -> list[Piece]:
         own = frozen(np.concatenate([[begin, (end - begin) / length], before, after]))
         return Piece(made.shape, own, length, number)
 
-    pieces = _by_length(piece, segment.begin, segment.end, HALVINGS)
+    try:
+        pieces = _by_length(piece, segment.begin, segment.end, HALVINGS)
+    except _Uneven as uneven:
+        raise MotionError(_why(made.pose, segment.begin, segment.end, uneven.t)) from None
     return [replace(each, turn=_turning(each)) for each in pieces]
+
+
+class _Uneven(Exception):
+    """Around t the curve cannot be parted finely enough to have its length as its parameter."""
+
+    def __init__(self, t: float) -> None:
+        super().__init__()
+        self.t = t
+
+
+def _why(pose: Expression, begin: float, end: float, t: float) -> str:
+    """Whether a curve that failed around t is too slow, and where, or changes too fast for its interval."""
+    low, high = sorted((begin, end))
+    own, fastest = np.linspace(low, high, SOUGHT), 0.0
+    for _ in range(ZOOMS):  # towards the slowest place of all
+        speeds = _speeds(pose, own)
+        slowest, fastest = int(np.argmin(speeds)), max(fastest, float(speeds.max()))
+        slow, least = float(own[slowest]), float(speeds[slowest])
+        own = np.linspace(own[max(slowest - 1, 0)], own[min(slowest + 1, SOUGHT - 1)], SOUGHT)
+    if least < SLOW * fastest:
+        at = round(slow, 6 - int(np.floor(np.log10(high - low)))) + 0.0
+        return (
+            f"it all but stands still around t = {at:.6g}, with {least / fastest:.1g} of its largest |dp/dt|; part the "
+            "curve there, or take another t"
+        )
+    return (
+        f"it changes too often between t = {low:.6g} and {high:.6g} to be followed to {SAME:g} m, first around "
+        f"t = {t:.6g}; shorten the interval, or take a smoother curve"
+    )
 
 
 def _by_length(piece: Callable[[float, float], Piece], begin: float, end: float, halvings: int) -> list[Piece]:
@@ -122,13 +156,13 @@ def _by_length(piece: Callable[[float, float], Piece], begin: float, end: float,
     if not uneven(whole):
         return [whole]
     if whole.length <= SAME:
-        raise MotionError(f"it all but stands still around t = {begin:.6g}; part the curve there, or take another t")
+        raise _Uneven(begin)
     with np.errstate(over="ignore", invalid="ignore"):  # where a polynomial is far from what it should follow
         drawn = drawn_by_length(whole)
         if not uneven(drawn):
             return [drawn]
     if halvings == 0:
-        raise MotionError(f"its speed by t changes too fast around t = {begin:.6g}; part the curve, or take another t")
+        raise _Uneven(begin)
     middle = (begin + end) / 2
     first, last = (_by_length(piece, *span, halvings - 1) for span in ((begin, middle), (middle, end)))
     return [*first, *last]

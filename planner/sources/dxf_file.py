@@ -9,7 +9,7 @@ from kinematics.errors import Fault, FileError, MotionError
 from kinematics.registry import nearest
 from kinematics.units import shown
 from planner.sources.faults import Faults
-from planner.sources.texts import MAX_BYTES
+from planner.sources.texts import bytes_of
 
 if TYPE_CHECKING:
     from planner.sources.dxf import Dxf
@@ -39,7 +39,7 @@ def drawing(path: Path, options: "Dxf") -> Drawing:
         from ezdxf.filemanagement import readfile
     except ImportError:
         raise MotionError('DXF files need ezdxf; install it with: pip install "pulsepath[cad]"') from None
-    raw = _bytes(path)
+    raw = bytes_of(path)
     try:
         document = readfile(path)
         entities = list(document.modelspace())
@@ -54,17 +54,6 @@ def drawing(path: Path, options: "Dxf") -> Drawing:
     metres = _metres(path, document.units if b"$INSUNITS" in raw else 0, options.length, warnings)
     taken = _taken(path, entities, layers, options, warnings)
     return Drawing(taken, metres, warnings)
-
-
-def _bytes(path: Path) -> bytes:
-    try:
-        with path.open("rb") as stream:
-            raw = stream.read(MAX_BYTES + 1)
-    except (OSError, ValueError) as error:  # ValueError: a path that no file can have
-        raise FileError(str(path), [Fault("", getattr(error, "strerror", None) or str(error))]) from None
-    if len(raw) > MAX_BYTES:
-        raise FileError(str(path), [Fault("", f"larger than {MAX_BYTES >> 20} MB")])
-    return raw
 
 
 def _metres(path: Path, code: int, length: str | None, warnings: list[str]) -> float:

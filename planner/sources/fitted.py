@@ -12,7 +12,8 @@ BEGIN, ROUNDS, MOST = 17, 40, 20_000
 """Points to begin with, how often spans are halved, and points at most."""
 INSIDE = np.arange(1, 8) / 8
 """Places of a span at which it is held against the curve."""
-NEWTON = 4
+NEWTON = 2
+"""Steps towards the nearest point of the curve: what they leave makes a distance larger, never smaller."""
 
 Curve = Callable[[Array], tuple[Array, Array]]
 """Points (N, 3) and their first derivatives at parameters (N,)."""

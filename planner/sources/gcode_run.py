@@ -13,7 +13,7 @@ from kinematics.pose import Pose
 from planner.program import SAME, Arc, Blend, Dwell, Join, Line, Segment, Stop, Through, Turn
 from planner.sources.faults import Faults
 from planner.sources.gcode_arc import by_centre, by_radius
-from planner.sources.gcode_ignored import ignored
+from planner.sources.gcode_ignored import Offsets, ignored
 from planner.sources.gcode_words import LARGEST, Words, column_of
 
 if TYPE_CHECKING:
@@ -59,7 +59,7 @@ class Run:
         self.entities: Counter[str] = Counter()
         self.left_out: Counter[str] = Counter()
         self.nowhere, self.several, self.off, self.unstated = 0, 0, 0.0, True
-        self.ended = False
+        self.ended, self.offsets = False, Offsets()
         start = RigidTransform.identity() if work is None else work.inv()
         self.place = [*start.translation.tolist(), *start.rotation.as_euler("XYZ").tolist()]
         self.stands: list[float] = self.place[:3]
@@ -90,6 +90,7 @@ class Run:
         """The block's G by group, and the numbers of its other words by letter."""
         codes: dict[str, float] = {}
         values: dict[str, float] = {}
+        silent: list[tuple[str, float]] = []
         for given, text in found:
             value = float(text)
             if not -LARGEST <= value <= LARGEST:
@@ -108,8 +109,13 @@ class Run:
                 self.ended = True
             elif (word := ignored(letter, value, self.options.ignored)) is not None:
                 self.left_out[word] += 1
+                silent.append((letter, value))
             else:
                 raise Wrong(given + text, f"{given}{text[:20]} is not supported; take it out, or edit the program")
+        if silent:
+            self.offsets.block(silent)
+            if ("G", 80.0) in silent:
+                self.motion = None  # bare axis words mean nothing after it
         return codes, values
 
     def _modal(self, codes: dict[str, float], values: dict[str, float]) -> None:
@@ -153,7 +159,13 @@ class Run:
 
     def _move(self, number: int, values: dict[str, float], fed: bool) -> None:
         if self.motion is None:
-            raise Wrong("", "no G0, G1, G2 or G3 before it says how to get there")
+            raise Wrong("", "no G0, G1, G2 or G3 before it, or after G80, says how to get there")
+        if changed := self.offsets.changed():
+            raise Wrong(
+                "",
+                f"it moved under {changed[0]} and moves under {changed[1]}: leaving both out would change the path; "
+                "part the program there, or put their offsets into its numbers",
+            )
         end = self._end(values)
         place, self.place = self.place, end
         try:

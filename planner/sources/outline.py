@@ -1,5 +1,6 @@
 """Where a program leads the tool, without a machine: its polylines, extents and length."""
 
+from collections import defaultdict
 from dataclasses import dataclass
 from math import ceil, pi
 
@@ -15,10 +16,14 @@ from planner.program import Arc, Curve, Line, Program, Segment, Spline
 
 STEP = pi / 48
 """rad between two points of an arc: the chord is off by 5e-4 of the radius."""
-POINTS = 33
-"""Points of a piece of a curve."""
-PARTS, GAUSS = 8, 16
-"""Parts of a span of a spline, and places of each at which its speed is looked at."""
+POINTS, FEW = 33, 9
+"""Points of a piece of a curve, and of a span of a spline that has MANY spans or more."""
+MANY = 8
+PARTS, AGREED = 8, 1e-10
+"""Parts of a span of a spline where its length in one part is not known to that share of it."""
+AT_ONCE = 4096
+"""Spans of splines that are worked out at once."""
+_PLACES, _WEIGHTS = zip(*(np.polynomial.legendre.leggauss(count) for count in (8, 16)), strict=True)
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,16 +44,30 @@ class Outline:
 def outline(program: Program) -> Outline:
     """One run of the program's segments, from its start, else from where the first line ends or else the origin."""
     here = _start(program)
-    strokes, length = [], 0.0
+    strokes: list[Array] = []
+    length = 0.0
+    splines: dict[int, list[tuple[int, Array]]] = defaultdict(list)
     low, high = here.copy(), here.copy()
     for segment in program.segments:
         drawn, own = _stroke(segment, here)
         if drawn is None:
             continue
-        strokes.append(frozen(drawn))
-        low, high = np.minimum(low, drawn.min(0)), np.maximum(high, drawn.max(0))
+        if isinstance(segment, Spline):
+            splines[len(drawn)].append((len(strokes), drawn))
+        strokes.append(drawn)
         here, length = drawn[-1], length + own
-    return Outline(tuple(strokes), frozen(low), frozen(high), length)
+    for same in splines.values():
+        each = max(1, AT_ONCE // len(same[0][1]))
+        for begin in range(0, len(same), each):
+            numbers, corners = zip(*same[begin : begin + each], strict=True)
+            points, own = _splines(np.stack(corners))
+            length += own
+            for number, drawn in zip(numbers, points, strict=True):
+                strokes[number] = drawn
+    if strokes:
+        every = np.concatenate(strokes)
+        low, high = np.minimum(low, every.min(0)), np.maximum(high, every.max(0))
+    return Outline(tuple(map(frozen, strokes)), frozen(low), frozen(high), length)
 
 
 def _start(program: Program) -> Array:
@@ -68,8 +87,8 @@ def _stroke(segment: Segment, here: Array) -> tuple[Array | None, float]:
             return np.stack([here, segment.to]), float(np.linalg.norm(segment.to - here))
         case Arc():
             return _arc(segment, here)
-        case Spline():
-            return _spline(np.concatenate([here[None], segment.through]))
+        case Spline():  # its corners, until all of as many are worked out
+            return np.concatenate([here[None], segment.through]), 0.0
         case Curve():
             start = RigidTransform.from_components(here, Rotation.identity())
             pieces = curve(start, segment, RigidTransform.identity(), 0)
@@ -80,13 +99,23 @@ def _stroke(segment: Segment, here: Array) -> tuple[Array | None, float]:
             return None, 0.0
 
 
-def _spline(corners: Array) -> tuple[Array, float]:
-    """Its speed is smooth on every span: quadrature by Gauss and Legendre, in PARTS parts of it."""
-    nodes, weights = np.polynomial.legendre.leggauss(GAUSS)
-    places = ((np.arange(PARTS)[:, None] + (nodes + 1) / 2) / PARTS).ravel()
-    speed = np.linalg.norm(along(corners, places)[1], axis=2)
-    length = np.linalg.norm(np.diff(corners, axis=0), axis=1) @ speed @ np.tile(weights / 2 / PARTS, PARTS)
-    return along(corners, np.linspace(0, 1, POINTS))[0].reshape(-1, 3), float(length)
+def _splines(corners: Array) -> tuple[Array, float]:
+    """Points (L, k, 3) of L splines through as many points (L, N+1, 3) each, and the length of them all.
+
+    By Gauss and Legendre, in one part of every span where 8 places say what 16 do, else in PARTS.
+    """
+    spans = np.linalg.norm(np.diff(corners, axis=1), axis=2)
+    points = POINTS if spans.shape[1] < MANY else FEW
+    shares = np.concatenate([np.linspace(0, 1, points), *((places + 1) / 2 for places in _PLACES)])
+    drawn, slopes = along(corners, shares)
+    speed = np.linalg.norm(slopes[:, :, points:], axis=3)
+    coarse, fine = speed[..., :8] @ _WEIGHTS[0] / 2, speed[..., 8:] @ _WEIGHTS[1] / 2
+    rough = (abs(fine - coarse) > AGREED * fine).any(1)
+    if rough.any():
+        places = ((np.arange(PARTS)[:, None] + (_PLACES[1] + 1) / 2) / PARTS).ravel()
+        speed = np.linalg.norm(along(corners[rough], places)[1], axis=3)
+        fine[rough] = speed @ np.tile(_WEIGHTS[1] / 2 / PARTS, PARTS)
+    return drawn[:, :, :points].reshape(len(corners), -1, 3), float((spans * fine).sum())
 
 
 def _length(piece: Piece) -> float:

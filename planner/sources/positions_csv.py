@@ -18,6 +18,7 @@ import numpy as np
 
 from kinematics.errors import MotionError
 from kinematics.registry import nearest
+from kinematics.staging import write_whole
 from kinematics.toml_text import decimal
 from kinematics.units import shown, unit_value
 from planner.sources.faults import Faults
@@ -126,7 +127,5 @@ def positions_csv(listed: PositionList) -> str:
 
 
 def save_positions(listed: PositionList, path: Path) -> None:
-    """Write the text of a list beside its place, and put it there when it is complete."""
-    new = path.with_name(f".{path.name}.new")
-    new.write_text(positions_csv(listed), encoding="utf-8")
-    new.replace(path)
+    """Write the text of a list so that it is there complete, or as it was before."""
+    write_whole(path, positions_csv(listed))

@@ -8,11 +8,12 @@ from typing import ClassVar, Protocol
 from planner.option import option as option
 from planner.program import Program
 from planner.sources.outline import Outline, outline
+from planner.sources.tidy import tidy
 
 
 @dataclass(frozen=True, slots=True)
 class Imported:
-    """What a file was understood to be.
+    """What a file was understood to be; what rounding left of zeros in its program is taken away.
 
     entities  how many of each kind, in the format's own words: {"G1": 120, "G2": 8}
     warnings  what its user has to know: what was left out of the program, or taken to mean something
@@ -21,6 +22,9 @@ class Imported:
     program: Program
     entities: Mapping[str, int]
     warnings: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "program", tidy(self.program))
 
     @property
     def outline(self) -> Outline:

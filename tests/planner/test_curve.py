@@ -189,13 +189,20 @@ def test_constant_speed_needs_no_other_parameter(hexapod):
     (("3", "4", "25"), 0, 1, "it stands still at t ="),
     (("sin(1e8*t)", "t", "25"), 0, 1, "change so fast around t ="),
     (("exp(exp(t))", "t", "25"), 0, 9, "t ="),
-    (("t**3+1e-9*t", "0", "25"), -1, 1, "it all but stands still around t ="),
+    (("t**3+1e-9*t", "0", "25"), -1, 1, "it all but stands still around t = 0, "),
+    (("(t-0.3)**3+1e-9*t", "0", "25"), -1, 1, "it all but stands still around t = 0.3, "),
 ])  # fmt: skip
 def test_where_there_is_no_smooth_way(position, begin, end, words):
     for one, other in ((begin, end), (end, begin)):
         with pytest.raises(MotionError) as refused:
             drawn(position, one, other)
         assert words in str(refused.value) or (words.startswith("no finite") and "t = " in str(refused.value))
+
+
+def test_what_is_too_fine_is_not_said_to_stand_still():
+    """|dp/dt| of (t, sin 1000 t) is at least 1."""
+    with pytest.raises(MotionError, match=r"changes too often between t = 0 and 10 .*; shorten the interval"):
+        drawn(("t", "sin(1000*t)", "25"), 0, 10)
 
 
 def test_a_kink_beside_the_interval_is_none():

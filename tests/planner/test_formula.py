@@ -153,6 +153,16 @@ def test_nesting_ends_before_the_stack_does():
         formula("sin(" * (DEEPEST + 1) + "t" + ")" * (DEEPEST + 1), {}, T)
 
 
+def test_a_long_sum_is_not_nested():
+    """240 terms, and products as long; what is in parentheses is."""
+    assert at("+".join(["t"] * 240), 0.5) == 120
+    assert at("-".join(["1", *["t"] * 200]), 0.5) == -99
+    assert at("*".join(["t"] * 240), 1.0) == 1
+    assert at("8/2/2*t-3-2", 2.0) == -1
+    with pytest.raises(MotionError, match="deep"):
+        formula("(1+" * (DEEPEST + 1) + "t" + ")" * (DEEPEST + 1), {}, T)
+
+
 def test_constants_have_names_of_their_own():
     assert constant("2*pi*n", {"n": 3.0}) == 6 * math.pi
     with pytest.raises(MotionError, match="t has no meaning here"):

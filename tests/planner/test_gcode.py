@@ -357,15 +357,21 @@ def test_any_bytes_are_a_program_or_a_refusal(tmp_path_factory, data):
 
 
 def test_many_words_are_read_in_time(read):
-    """Twenty thousand lines and a million words of other kinds; 2 s for 100 000 lines is 0.4 s, twice that here."""
+    """Twenty thousand lines, and a million words of other kinds: 2 s for 100 000 lines is 0.4 s for 20 000.
+
+    By the processor's time, the least of three, since others work on the same machine.
+    """
     rng = random.Random(2)
     lines = ["G21 F600 G1"] + [
         f"N{n} X{rng.uniform(-9, 9):.4f} Y{rng.uniform(-9, 9):.4f} Z{rng.random():.4f}" for n in range(20_000)
     ]
     text = "\n".join(lines)
-    begin = time.process_time()
-    assert len(read(text).program.segments) == 20_000
-    assert time.process_time() - begin < 0.8
+    took = []
+    for _ in range(3):
+        begin = time.process_time()
+        assert len(read(text).program.segments) == 20_000
+        took.append(time.process_time() - begin)
+    assert min(took) < 0.4
     begin = time.process_time()
     with pytest.raises(FileError):
         read("X1" * 1_000_000)
@@ -397,3 +403,41 @@ def test_the_format_is_found_by_suffix_or_by_name(read):
     assert read("G0 X1 Y1", origin="0 mm, 0 mm, 0 mm").program.work is not None
     assert isinstance(read("G0 X1", origin="0 mm, 0 mm, 0 mm").program.work, RigidTransform)
     assert hypot(*read("G0 X3 Y4", length="in").program.segments[0].to) == pytest.approx(5 * 0.0254)
+
+
+@pytest.mark.parametrize(
+    ("text", "ignore", "words"),
+    [
+        ("G54 G1 X1 F100\nG55 X2", "G54 G55", "moved under G54 and moves under G55"),
+        ("G43 H1 G1 Z1 F100\nG43 H2 Z2", "G43 H", "moved under G43 H1 and moves under G43 H2"),
+        ("T1 M6 G43 G1 Z1 F100\nT2 M6\nG43 Z2", "G43 T M6", "moved under G43 T1 and moves under G43 T2"),
+        ("G43 H1 G1 Z1 F100\nG49\nZ2", "G43 H G49", "moved under G43 H1 and moves under G49"),
+        ("G1 X1 F100\nG80\nX2", "G80", "after G80, says how"),
+    ],
+)
+def test_offsets_that_change_are_not_left_out(read, text, ignore, words):
+    with pytest.raises(FileError, match=words):
+        read(f"G21\n{text}\n", ignore=ignore)
+
+
+@pytest.mark.parametrize(
+    ("text", "ignore"),
+    [
+        ("G54 G1 X1 F100\nG54 X2", "G54"), ("G55\nG54 G1 X1 F100\nX2", "G54 G55"),
+        ("G1 X1 F100\nG43 H1 X2\nG49\nM5", "G43 H G49 M5"), ("G1 X1 F100\nG80\nG1 X2", "G80"),
+        ("G1 X1 F100\nG80 G1 X2", "G80"),
+    ],
+)  # fmt: skip
+def test_offsets_that_stay_are_left_out(read, text, ignore):
+    assert [line.to[0] for line in read(f"G21\n{text}\n", ignore=ignore).program.segments] == [1e-3, 2e-3]
+
+
+def test_what_rounding_leaves_of_a_zero_is_zero(read):
+    """-0, and 0.3 - 0.1 - 0.2 in mm, which is not 0 in floating point; what is larger stays as it is."""
+    found = read("G21 G1 F100 X1 Y-0\nG91 X-0.9 Y0.3\nY-0.1\nY-0.2").program
+    places = np.array([line.to for line in found.segments])
+    assert not np.signbit(places).any()
+    assert (places[3, 1], places[0, 1]) == (0, 0)
+    assert places[2, 1] == pytest.approx(2e-4, abs=1e-18)
+    assert "-0.0" not in program_toml(found)
+    assert "e-" not in program_toml(found)

@@ -3,7 +3,8 @@
 import pytest
 
 from kinematics import MotionError
-from pulsepath.directory import KIND, is_ours, replacing, write_whole
+from kinematics.staging import write_whole
+from pulsepath.directory import KIND, is_ours, replacing
 
 
 def fill(folder, text):

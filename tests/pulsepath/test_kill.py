@@ -10,10 +10,10 @@ import time
 import pytest
 
 from kinematics import MotionError
+from kinematics.staging import clear
 from planner.export import npz
 from pulsepath import plan_directory
 from pulsepath.directory import KIND, replacing
-from pulsepath.staging import clear
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="nothing there tells the dead from the living")
 

@@ -3,6 +3,10 @@
 import json
 
 import pytest
+from scipy.spatial.transform import RigidTransform
+
+from kinematics import load_machine
+from planner import load_positions
 
 
 @pytest.fixture
@@ -74,3 +78,26 @@ def test_other_formats_are_shown_but_changed_as_csv(call, tmp_path):
     missing = call("positions", tmp_path / "none.csv")
     assert (missing.exit_code, missing.stdout) == (2, "")
     assert "No such file" in missing.stderr
+
+
+def test_a_list_is_saved_as_the_three_armed_machine_has_it(call, path, tmp_path):
+    """Read back in the base frame, within the format's decimals: as the machine's home and the list have it."""
+    call("positions", path, "insert", 1, "1 mm, 2 mm, 3 mm, 10 deg, 20 deg, 30 deg")
+    target = tmp_path / "saved.txt"
+    assert call("positions", path, "save", target).exit_code == 0
+    assert call("positions", path, "save", target).exit_code == 2
+    lines = target.read_bytes().split(b"\r\n")
+    assert lines[0].startswith(b"Polar1____cex ")
+    home, back, listed = load_machine("tripod").home, load_positions(target), load_positions(path)
+    asked = home * RigidTransform.from_components(listed.poses[:, :3], listed.rotations)
+    assert (back.frame, back.order) == ("base", "yzx")
+    assert back.poses[:, :3] == pytest.approx(asked.translation, abs=1e-5)
+    assert (back.rotations.inv() * asked.rotation).magnitude() == pytest.approx(0, abs=2e-5)
+
+
+def test_a_list_of_the_three_armed_machine_asks_for_one(call, path, tmp_path):
+    done = call("positions", path, "save", tmp_path / "saved.txt", "--machine", "hexapod")
+    assert done.exit_code == 2
+    assert "hexapod is no tripod" in done.stderr
+    assert not (tmp_path / "saved.txt").exists()
+    assert call("positions", path, "save", tmp_path / "saved.csv", "--machine", "tripod").exit_code == 2

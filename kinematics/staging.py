@@ -38,6 +38,22 @@ def staging(place: Path) -> Iterator[Path]:
             os.close(lock)
 
 
+def write_whole(path: Path, text: str) -> None:
+    """Write a file so that it is there complete or as it was before."""
+    with staged(path) as file:
+        file.write_text(text, encoding="utf-8")
+
+
+@contextmanager
+def staged(path: Path) -> Iterator[Path]:
+    """A file to write beside another, which takes its place when the block ends well, and is gone when it does not."""
+    place = path.absolute()
+    clear(place)
+    with staging(place) as made:
+        yield made / place.name
+        (made / place.name).replace(place)
+
+
 def clear(place: Path) -> None:
     """End what killed runs left for a place: only where a lock tells that they are dead."""
     ours = re.compile(rf"\.{re.escape(place.name)}-\w{{8}}{re.escape(SUFFIX)}")
