@@ -23,6 +23,7 @@ from planner.program_writer import program_toml
 from planner.sources.dxf_file import METRES
 from planner.sources.outline import outline
 from planner.sources.tour import tour
+from tests.pace import slowness
 
 
 @pytest.fixture
@@ -704,8 +705,8 @@ def test_curves_are_fitted_and_drawn_in_time(tmp_path, splines):
         read.append(process_time() - begin)
         assert found.outline.length > 0
         drawn.append(process_time() - begin - read[-1])
-    assert min(read) < (1.2 if splines else 0.75)
-    assert min(drawn) < 0.2
+    assert min(read) < (1.2 if splines else 0.75) * slowness()
+    assert min(drawn) < 0.2 * slowness()
 
 
 @pytest.mark.parametrize("wild", [False, True])

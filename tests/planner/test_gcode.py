@@ -15,6 +15,7 @@ from planner import import_program, load_program
 from planner.path.chain import chain
 from planner.program import Arc, Blend, Dwell, Line, Stop, Through, Turn
 from planner.program_writer import program_toml
+from tests.pace import slowness
 
 PLANES = {"G17": (0, 1, 2), "G18": (2, 0, 1), "G19": (1, 2, 0)}
 ROUNDED = 2e-12
@@ -359,7 +360,8 @@ def test_any_bytes_are_a_program_or_a_refusal(tmp_path_factory, data):
 def test_many_words_are_read_in_time(read):
     """Twenty thousand lines, and a million words of other kinds: 2 s for 100 000 lines is 0.4 s for 20 000.
 
-    By the processor's time, the least of three, since others work on the same machine.
+    By the processor's time, the least of three, and half as much again, since others work on the same machine: the
+    figure itself is that of `python -m benchmarks.gcode_reading`.
     """
     rng = random.Random(2)
     lines = ["G21 F600 G1"] + [
@@ -371,7 +373,7 @@ def test_many_words_are_read_in_time(read):
         begin = time.process_time()
         assert len(read(text).program.segments) == 20_000
         took.append(time.process_time() - begin)
-    assert min(took) < 0.4
+    assert min(took) < 0.6 * slowness()
     begin = time.process_time()
     with pytest.raises(FileError):
         read("X1" * 1_000_000)
@@ -379,7 +381,7 @@ def test_many_words_are_read_in_time(read):
         read("\n".join(["X1 " * 300] * 3300))
     with pytest.raises(FileError):
         read("(" * 1_000_000)
-    assert time.process_time() - begin < 1.0
+    assert time.process_time() - begin < 2.0 * slowness()
 
 
 def test_too_large_a_file_is_refused(read, monkeypatch):
