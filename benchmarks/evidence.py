@@ -1,14 +1,12 @@
 """Published numbers beside ours, as a page: `python -m benchmarks.evidence [--out docs/evidence.md]`."""
 
-import argparse
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 from typing import cast
 
 import numpy as np
 
-from benchmarks import conformance, sahbaz_geometry, sizing
+from benchmarks import conformance, markdown_page, sahbaz_geometry, sizing
 from benchmarks.calibration_report import meaning
 from benchmarks.compared import Compared, comparison, markdown
 from benchmarks.published_lines import HEADER, cells
@@ -156,17 +154,7 @@ def page() -> str:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--out", type=Path, help="write the page here; printed by default")
-    out = parser.parse_args().out
-    text = page()
-    if out is None:
-        print(text, end="")
-        return
-    try:
-        out.write_text(text, encoding="utf-8")
-    except OSError as error:
-        parser.error(f"cannot write {out}: {error.strerror}")
+    markdown_page.run(str(__doc__), page)
 
 
 if __name__ == "__main__":

@@ -38,10 +38,10 @@ def staging(place: Path) -> Iterator[Path]:
             os.close(lock)
 
 
-def write_whole(path: Path, text: str) -> None:
-    """Write a file so that it is there complete or as it was before."""
+def write_whole(path: Path, content: str | bytes) -> None:
+    """Write a file so that it is there complete or as it was before; text in UTF-8, its line ends as they are."""
     with staged(path) as file:
-        file.write_text(text, encoding="utf-8")
+        file.write_bytes(content.encode() if isinstance(content, str) else content)
 
 
 @contextmanager

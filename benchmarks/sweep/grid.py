@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import product
 
 from benchmarks.sweep.cell import VARIATIONS, Cell, Setting, Variation
 
@@ -19,6 +18,10 @@ class Grid:
     seeds: tuple[int, ...] = (0,)
 
     def __iter__(self) -> Iterator[Cell]:
-        every = (self.settings, self.tasks, self.variations, self.seeds)
-        for setting, task, variation, seed in product(*(dict.fromkeys(one) for one in every)):
-            yield Cell(setting, task, variation, seed)  # type: ignore[arg-type]
+        return (
+            Cell(setting, task, variation, seed)
+            for setting in dict.fromkeys(self.settings)
+            for task in dict.fromkeys(self.tasks)
+            for variation in dict.fromkeys(self.variations)
+            for seed in dict.fromkeys(self.seeds)
+        )

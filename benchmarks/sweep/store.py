@@ -3,22 +3,17 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from tempfile import NamedTemporaryFile
-from time import time
 from typing import Any
 from zipfile import BadZipFile
 
 from benchmarks.sweep.result import Result, Series
 from kinematics.errors import MotionError
+from kinematics.staging import write_whole
 
 CELLS, RECORD, KIND = "cells", "runs.json", "pulsepath runs"
-STALE = 3600.0
-"""s after which a file that was never finished is a killed run's: writing one takes milliseconds."""
 
 
 class Store:
@@ -26,12 +21,7 @@ class Store:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
-        cells = folder / CELLS
-        cells.mkdir(parents=True, exist_ok=True)
-        for left in cells.glob(".*.part"):
-            with suppress(OSError):
-                if time() - left.stat().st_mtime > STALE:
-                    left.unlink()
+        (folder / CELLS).mkdir(parents=True, exist_ok=True)
 
     def find(self, key: str) -> Result | None:
         """The run of a key, if it is kept; a file that cannot be read counts as none."""
@@ -47,26 +37,7 @@ class Store:
     def record(self, record: Mapping[str, Any], keys: Sequence[str]) -> None:
         """Write down which runs belong together, and what they were made with."""
         text = json.dumps({"schema": 1, "kind": KIND, **record, "cells": list(keys)}, indent=2, ensure_ascii=False)
-        write_whole(self.folder / RECORD, (text + "\n").encode())
-
-
-def write_whole(path: Path, content: bytes) -> None:
-    """Write a file so that it is there complete or as it was before."""
-    with NamedTemporaryFile(dir=path.parent, prefix=".", suffix=".part", delete=False) as file:
-        part = Path(file.name)
-        try:
-            file.write(content)
-        except BaseException:
-            part.unlink()
-            raise
-    part.chmod(0o666 & ~_umask())
-    part.replace(path)
-
-
-def _umask() -> int:
-    now = os.umask(0)
-    os.umask(now)
-    return now
+        write_whole(self.folder / RECORD, text + "\n")
 
 
 @dataclass(frozen=True, slots=True)

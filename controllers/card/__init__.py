@@ -4,7 +4,7 @@ from controllers.card.change import PChange
 from controllers.card.channels import Channels, Command
 from controllers.card.home import Home
 from controllers.card.interpolation import ArcMove, LinearMove
-from controllers.card.model import COUNTER, PCI_8132, PCI_8164, SPEED_STEPS, Card, Refused
+from controllers.card.model import PCI_8132, PCI_8164, SPEED_STEPS, Card, Refused
 from controllers.card.profile import Profile
 from controllers.card.record import Record, Train, play
 from controllers.card.scurve import SAMove, SRMove
@@ -15,7 +15,6 @@ from controllers.card.trapezoid import TAMove, TRMove
 from controllers.card.velocity import TVMove, VChange
 
 __all__ = [
-    "COUNTER",
     "PCI_8132",
     "PCI_8164",
     "SPEED_STEPS",

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controllers.card.model import COUNTER, Card, Refused
+from controllers.card.model import Card, Refused
 from controllers.card.profile import Profile
 from kinematics.array import Array, frozen
+from planner.pulses.counter import COUNTER
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import fields, replace
 from itertools import zip_longest
+from typing import Any
 
 import numpy as np
 
@@ -21,7 +22,7 @@ def merged(mine: Profile, theirs: Profile, where: np.ndarray) -> Profile:
     if where.all():
         return mine
     pieces = max(len(mine.lengths), len(theirs.lengths))
-    parts: dict[str, Array | None] = {}
+    parts: dict[str, Any] = {}
     for field in fields(Profile):
         pair = [getattr(move, field.name) for move in (mine, theirs)]
         if pair[0] is None and pair[1] is None:
@@ -33,7 +34,7 @@ def merged(mine: Profile, theirs: Profile, where: np.ndarray) -> Profile:
         if field.name in PIECEWISE:
             pair = [np.concatenate([rows, np.zeros((pieces - len(rows), *where.shape))]) for rows in pair]
         parts[field.name] = np.where(where, *pair)
-    return Profile(**parts)  # type: ignore[arg-type]
+    return Profile(**parts)
 
 
 def chained(mine: Sequence[Profile], theirs: Sequence[Profile], where: np.ndarray) -> tuple[Profile, ...]:

@@ -9,9 +9,8 @@ import numpy as np
 
 from kinematics.array import Array
 from kinematics.errors import MotionError
+from planner.pulses.counter import COUNTER
 
-COUNTER = (-(2**27), 2**27 - 1)
-"""Range of the 28-bit position counters [Sahbaz 2007, Appendix A]."""
 SPEED_STEPS = 65535
 """Largest value of the 16-bit speed registers; the smallest is 1."""
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -65,7 +66,7 @@ class RoundTrip:
 
 
 def replay(
-    source: Source, calls: Sequence[Call], speed_ranges: Sequence[float] | None = None, **options: object
+    source: Source, calls: Sequence[Call], speed_ranges: Sequence[float] | None = None, **options: Any
 ) -> Replayed:
     """The calls on a card of each axis' kind, set to `options` (fields of `Card`).
 
@@ -83,7 +84,7 @@ def replay(
         model = CARDS[functions.pop()] if functions else PCI_8132
         fastest = max((max(call.start, call.top) for call in own), default=1.0) * SPREAD
         top = min(max(fastest, 1.0), model.max_speed) if speed_ranges is None else speed_ranges[k]
-        card = replace(model, speed_range=top, **options)  # type: ignore[arg-type]
+        card = replace(model, speed_range=top, **options)
         start = pulses.start * axis.direction
         sent = ((call.time, _command(call)) for call in own)
         cards.append(card)

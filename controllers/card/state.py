@@ -12,9 +12,10 @@ from controllers.card.backlash import compensated
 from controllers.card.channels import Channels, Command
 from controllers.card.lanes import chained, under_way
 from controllers.card.limits import within_limits
-from controllers.card.model import COUNTER, Card, Refused
+from controllers.card.model import Card, Refused
 from controllers.card.profile import Profile, standstill
 from kinematics.array import Array, frozen
+from planner.pulses.counter import COUNTER
 
 
 @dataclass(frozen=True, slots=True)

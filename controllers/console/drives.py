@@ -6,11 +6,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from controllers.card import COUNTER, PCI_8164, Card
+from controllers.card import PCI_8164, Card
 from kinematics.array import Array, frozen
 from kinematics.axis import sides
 from kinematics.errors import MotionError
 from kinematics.machine import Machine
+from planner.pulses.counter import COUNTER
 
 JOG = 0.1
 """Share of its speed at which an axis jogs: "slowly traversed", says the source, and no number (assumed)."""

@@ -87,9 +87,8 @@ def ends(curve: Curve) -> tuple[Pose, Pose]:
     for place, t in zip(x, (curve.begin, curve.end), strict=True):
         if not np.isfinite(place).all():
             raise MotionError(f"its equations have no finite value at t = {t:.6g}; let t run where they have")
-    return tuple(  # type: ignore[return-value]
-        RigidTransform.from_components(row[:3], Rotation.from_matrix(row[3:].reshape(3, 3))) for row in x
-    )
+    first, last = (RigidTransform.from_components(row[:3], Rotation.from_matrix(row[3:].reshape(3, 3))) for row in x)
+    return first, last
 
 
 def curve(start: Pose, segment: Curve, frame: Pose, number: int) -> list[Piece]:

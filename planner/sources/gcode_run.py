@@ -6,6 +6,7 @@ from dataclasses import replace
 from math import cos, degrees, dist, hypot, pi, radians, sin
 from typing import TYPE_CHECKING
 
+import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics.errors import MotionError
@@ -187,7 +188,7 @@ class Run:
         length = dist(self.stands, end[:3])
         speed = self.options.rapid if self.motion == 0 else self._speed(length, self.unit, fed)
         turned = self._turned(place, end)
-        self.segments.append(Line(end[:3], turned, speed, self.join, line_number=number))  # type: ignore[arg-type]
+        self.segments.append(Line(np.array(end[:3]), turned, speed, self.join, line_number=number))
         self.entities[f"G{self.motion:.0f}"] += 1
         self.stands = end[:3]
 
@@ -265,9 +266,9 @@ class Run:
         rise = end[normal] - self.stands[normal]
         u, v = stands[0] - arc.centre[0], stands[1] - arc.centre[1]
         speed = self._speed(hypot(hypot(u, v) * arc.angle, rise), self.unit, fed)
-        self.segments.append(
-            Arc(centre, axis, arc.angle, self._turned(place, end), speed, self.join, rise=rise, line_number=number)  # type: ignore[arg-type]
-        )
+        turned = self._turned(place, end)
+        about = np.array(centre), np.array(axis)
+        self.segments.append(Arc(*about, arc.angle, turned, speed, self.join, rise=rise, line_number=number))
         turn = arc.angle
         self.stands = list(end[:3])
         self.stands[first] = arc.centre[0] + u * cos(turn) - v * sin(turn)

@@ -62,7 +62,7 @@ def read_csv(path: Path, text: str, length: str | None, angle: str | None) -> tu
     faults.refuse()
     missing = [name for name in ("x", "y", "z") if COLUMNS[name] not in {place for place, _ in columns}]
     told = [f"no column {name}: 0 was taken" for name in missing]
-    return PositionList(np.array(poses), heads["rotation"], heads["frame"]), told  # type: ignore[arg-type]
+    return PositionList(np.array(poses), heads["rotation"], heads["frame"]), told  # type: ignore[arg-type]  # by _head
 
 
 def _head(number: int, line: str, heads: dict[str, str], faults: Faults) -> None:

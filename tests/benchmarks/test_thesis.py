@@ -16,7 +16,7 @@ PAGE = Path(__file__).parents[2] / "docs" / "findings.md"
 
 @pytest.fixture(scope="module")
 def stated():
-    """The rig as stated; all sixteen assumptions take minutes."""
+    """The rig as stated; all assumptions take minutes."""
     return outcome(assumptions()[0])
 
 
