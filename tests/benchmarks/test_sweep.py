@@ -100,15 +100,19 @@ def test_results_do_not_depend_on_the_number_of_processes(tmp_path, rig, grid, m
     one = sweep(grid, rig, tmp_path / "one")
     monkeypatch.setattr("planner.parallel.ENOUGH", 0.0)
     monkeypatch.setattr("planner.parallel.cores", lambda: 2)
-    workers = set()
+    workers, killed = set(), []
 
     def progress(done, of):
-        workers.update(process.pid for process in multiprocessing.active_children())
-        if killing and done == 3:
-            os.kill(max(workers), signal.SIGKILL)
+        alive = {process.pid for process in multiprocessing.active_children()}
+        workers.update(alive)
+        if killing and done >= 3 and alive and not killed:
+            killed.append(max(alive))
+            os.kill(killed[0], signal.SIGKILL)
 
     two = sweep(grid, rig, tmp_path / "two", progress=progress)
-    assert len(workers) == 3 if killing else len(workers) == 2
+    # whether the one that takes a killed one's place is seen depends on when it starts
+    assert len(workers) >= 2
+    assert len(killed) == killing
     assert not multiprocessing.active_children()
     assert set(two.results) == set(one.results)
     for key, result in two.results.items():

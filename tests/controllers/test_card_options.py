@@ -8,7 +8,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from controllers.card import (
-    COUNTER,
     PCI_8132,
     PCI_8164,
     ArcMove,
@@ -27,6 +26,7 @@ from controllers.card import (
     send,
 )  # fmt: skip
 from kinematics.errors import MotionError
+from planner.pulses.counter import COUNTER
 
 EXACT = 1e-6
 some = settings(max_examples=25)
