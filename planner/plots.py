@@ -1,17 +1,17 @@
 """Figures of a plan: each function draws on `ax`, or on a figure of its own, and returns the axes."""
 
 from itertools import groupby
-from typing import Any, Literal, cast
+from typing import Any, Literal
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from mpl_toolkits.mplot3d import Axes3D
 from mpl_toolkits.mplot3d.art3d import Line3DCollection
 
 from kinematics.array import Array
 from kinematics.axis import Axis
+from kinematics.figure import new_axes, new_axes_3d
 from kinematics.pose import from_numbers
 from planner.plan import Plan
 from planner.pulses.realised_path import RealisedPath
@@ -35,8 +35,7 @@ _DERIVATIVE = {"position": ("q", ""), "speed": ("qd", "/s"), "acceleration": ("q
 
 def path_in_space(plan: Plan, ax: Axes3D | None = None) -> Axes3D:
     """The way of the tool (else the platform's origin) in the program's frame, coloured by its speed; its rests."""
-    if ax is None:
-        ax = cast(Axes3D, Figure(figsize=(9, 5.4), layout="constrained").add_subplot(projection="3d"))
+    ax = new_axes_3d(ax)
     state = plan.trajectory.at(instants(plan.trajectory))
     pose = from_numbers(state.tool_rate(0))
     from_home = plan.program.frame == "home"
@@ -171,11 +170,6 @@ def path_speed(trajectory: Trajectory, ax: Axes | None = None, **style: Any) -> 
 def instants(trajectory: Trajectory) -> Array:
     """Instants (N,) to draw a trajectory at: evenly spaced ones, and its knots."""
     return np.union1d(np.linspace(0, trajectory.duration, SAMPLES), trajectory.knots)
-
-
-def new_axes(ax: Axes | None) -> Axes:
-    """`ax`, or the axes of a new figure; pyplot is not involved, so nothing is shown or kept."""
-    return Figure(figsize=(9, 3.4), layout="constrained").add_subplot() if ax is None else ax
 
 
 def _style(n: int) -> dict[str, Any]:
