@@ -4,9 +4,7 @@ from collections.abc import Sequence
 
 from matplotlib.axes import Axes
 
-from kinematics.figure import new_axes
-
-COLOUR = "#0072B2"
+from kinematics.figure import PALETTE, new_axes
 
 
 def bars(
@@ -14,7 +12,7 @@ def bars(
 ) -> Axes:
     """Lying bars, the first on top; a dashed line at the limit."""
     ax = new_axes(ax, (7, max(2.2, 0.3 * len(names) + 1)))
-    ax.barh(list(names), list(values), color=COLOUR)
+    ax.barh(list(names), list(values), color=PALETTE[0])
     ax.invert_yaxis()
     if limit is not None:
         ax.axvline(limit, color="black", linestyle=(0, (6, 3)), linewidth=1)

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from io import BytesIO
-from typing import cast
+from typing import Any, cast
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d import Axes3D
+
+PALETTE = ("#0072B2", "#E69F00", "#009E73", "#D55E00", "#CC79A7", "#56B4E9", "#7F7F7F")
+"""Colours that colour-blind readers tell apart [Okabe and Ito 2008], with grey for their yellow and black."""
+DASHES = ("-", "--", "-.", ":")
 
 
 class NotebookFigure(Figure):
@@ -43,6 +47,11 @@ def new_axes(ax: Axes | None, size: tuple[float, float] = (9, 3.4)) -> Axes:
 def new_axes_3d(ax: Axes3D | None, size: tuple[float, float] = (9, 5.4)) -> Axes3D:
     """The same in space."""
     return cast(Axes3D, _new(size).add_subplot(axes_class=NotebookAxes3D)) if ax is None else ax
+
+
+def line_style(n: int) -> dict[str, Any]:
+    """Colour and dash of the n-th line."""
+    return {"color": PALETTE[n % len(PALETTE)], "linestyle": DASHES[n // len(PALETTE) % len(DASHES)], "linewidth": 1.3}
 
 
 def _new(size: tuple[float, float]) -> Figure:

@@ -24,7 +24,7 @@ Scale = Literal["", "human", "micro"]
 SCALES: dict[str, dict[str, tuple[str, float]]] = {
     "": {},
     "human": {"m": ("mm", 1e3), "rad": ("°", degrees(1))},
-    "micro": {"m": ("µm", 1e6), "rad": ("µrad", 1e6), "s": ("µs", 1e6)},
+    "micro": {"m": ("µm", 1e6), "rad": ("µrad", 1e6), "m or rad": ("µm or µrad", 1e6), "s": ("µs", 1e6)},
 }
 """What is read instead of an SI unit, and how many of it make one."""
 ROWS = 60
