@@ -15,7 +15,7 @@ from controllers.laws.ramp import ramp
 
 @dataclass(frozen=True, slots=True)
 class Ahead:
-    """r(t + lead) from step to step: a drive with a position gain of K 1/s comes 1/K s behind, and lead = 1/K makes it up.
+    """r(t + lead) from step to step: a drive with a position gain of K 1/s is 1/K s late, which lead = 1/K makes up.
 
     lead  s
     """

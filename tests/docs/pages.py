@@ -31,7 +31,7 @@ EXIT = re.compile(r"\s+# exit code (\d)$")
 
 @dataclass(frozen=True)
 class Fence:
-    """A fenced block: its language, its text, its line in the page, and whether only blank lines part it from the last."""
+    """A fenced block: its language, text and line, and whether only blank lines part it from the last."""
 
     language: str
     body: str
@@ -43,7 +43,9 @@ def fences(text: str) -> list[Fence]:
     found, end = [], 0
     for match in FENCE.finditer(text):
         gap = text[end : match.start()]
-        found.append(Fence(match["info"].strip(), match["body"], text.count("\n", 0, match.start()) + 1, not gap.strip()))
+        found.append(
+            Fence(match["info"].strip(), match["body"], text.count("\n", 0, match.start()) + 1, not gap.strip())
+        )
         end = match.end()
     return found
 
@@ -64,7 +66,7 @@ def run(page: Path) -> int:
         elif fence.language == "python":
             printed = io.StringIO()
             with contextlib.redirect_stdout(printed):
-                exec(compile(fence.body, where, "exec"), names)  # noqa: S102: the text is our own
+                exec(compile(fence.body, where, "exec"), names)  # noqa: S102 (the text is our own)
             if after is not None and after.language == "text" and after.adjacent:
                 agree(where, after.body, printed.getvalue())
         elif fence.language == "console":
