@@ -18,11 +18,16 @@ def markdown(command: click.Command, path: str) -> str:
     command.format_epilog(context, ending)
     parts = [
         f"```text\n{path} {' '.join(command.collect_usage_pieces(context))}\n```",
-        cleandoc(command.help or "").replace("\b", ""),
+        *(as_typed(part) if part.startswith("\b") else part for part in cleandoc(command.help or "").split("\n\n")),
         "\n".join(["| option | what it does |", "| --- | --- |", *rows]),
         f"```text\n{ending.getvalue().strip()}\n```" if ending.getvalue().strip() else "",
     ]
     return "\n\n".join(parts) + "\n"
+
+
+def as_typed(paragraph: str) -> str:
+    """A paragraph whose lines click is told to leave as they are."""
+    return f"```text{paragraph.removeprefix(chr(8))}\n```"
 
 
 def cell(text: str) -> str:

@@ -108,7 +108,7 @@ def default(field: Any) -> str:
     if unit is not None:
         near = everyday(unit.unit)
         values = [describe(each, near) if each else "0" for each in (value if isinstance(value, tuple) else (value,))]
-        return ", ".join(dict.fromkeys(values))
+        return ", ".join(values if len(set(values)) > 1 else values[:1])
     if isinstance(value, tuple):
         return f"`{[int(each) for each in value]}`"
     return f"`{str(value).lower() if isinstance(value, bool) else value!r}`".replace("'", '"')

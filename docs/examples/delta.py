@@ -51,7 +51,8 @@ class Delta(Machine):
 
     def expression(self, position: ca.SX, rotation: ca.SX, near: ca.SX) -> ca.SX:
         over = [ca.sqrt(self.rod**2 - ca.sumsqr(position[:2] - rail)) for rail in self.rails]
-        return position[2] + ca.vertcat(*over)
+        heights: ca.SX = position[2] + ca.vertcat(*over)
+        return heights
 
 
 class Geometry(Table):

@@ -7,6 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from kinematics.array import frozen
 from kinematics.units import shown
 from planner.program import Line, Program, Through
 from planner.sources.faults import Faults
@@ -31,7 +32,8 @@ class Hpgl:
     def read(self, path: Path) -> Imported:
         """The drawing as lines, in the home frame. Raises FileError with all faults, each with its line."""
         faults = Faults(str(path))
-        here, segments = np.zeros(3), []
+        here = np.zeros(3)
+        segments: list[Line] = []
         entities: dict[str, int] = {}
         for number, line in enumerate(text_of(path).split("\n"), 1):
             for word in filter(None, (part.strip() for part in line.split(";"))):
@@ -49,9 +51,9 @@ class Hpgl:
                 points = np.array(values, float).reshape(-1, 2) * UNIT
                 for place in ([*here[:2], height], *([*point, height] for point in points)):
                     if np.linalg.norm(place - here) > 1e-9:
-                        segments.append(Line(place, join=Through()))
-                        here = np.array(place)
+                        segments.append(Line(frozen(place), join=Through()))
+                        here = segments[-1].to
         if not segments and not faults:
             faults.add("nothing is drawn")
         faults.refuse()
-        return Imported(Program(segments, name=path.stem), entities)
+        return Imported(Program(tuple(segments), name=path.stem), entities)
