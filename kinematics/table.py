@@ -112,7 +112,7 @@ class Column:
         if self.up:
             fine = 10 ** int(self.form[1:-1])
             number = ceil(number * fine) / fine
-        return format(number, self.form)
+        return format(number + 0.0, self.form)  # no −0
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -102,7 +102,7 @@ class Measurements(Result):
                     for value, there in zip(values[:, k].tolist(), known[:, k].tolist(), strict=True)
                 ]
                 if any(value is not None for value in shown):
-                    columns.append(Column(f"{what} {name}", shown, "m" if k < 3 else "rad", "human"))
+                    columns.append(Column(f"{what} {name}", shown, "m" if k < 3 else "rad", "human", ".4f"))
         columns.append(Column("fitted", self.fit))
         return (Table(f"{self.name}: {len(self)} poses from home", tuple(columns), self.notes),)
 
