@@ -5,6 +5,7 @@
 - Any other ```python fence is run; all of a page share their names. A ```text fence right after it is what it prints.
 - A ```console fence holds commands, each after "$ ", and what they print; a comment "# exit code 1" says how one ends.
   A command that shows nothing may print anything.
+- Of a command that fails, errors are shown as well; how far it is, which goes to the standard error, never is.
 - "..." stands for any text, and runs of spaces are alike, as in doctest.
 """
 
@@ -26,6 +27,7 @@ DOCS = Path(__file__).parents[2] / "docs"
 FENCE = re.compile(r"^(?P<ticks>`{3,})(?P<info>[^\n`]*)\n(?P<body>.*?)^(?P=ticks)[ ]*$", re.MULTILINE | re.DOTALL)
 FILE = re.compile(r"(?:#|;|//) (?P<name>[\w.-]+\.\w+)\n")
 LOOSE = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
+PROGRESS = re.compile(r"^.*(?:…|: [\d.]+ s)\n", re.MULTILINE)
 EXIT = re.compile(r"\s+# exit code (\d)$")
 
 
@@ -92,7 +94,7 @@ def pulsepath(words: list[str]) -> tuple[int, str, str]:
     from pulsepath.cli import main
 
     done = CliRunner().invoke(main, words[1:], prog_name="pulsepath")
-    return done.exit_code, done.stdout, done.stderr
+    return done.exit_code, done.stdout, PROGRESS.sub("", done.stderr)
 
 
 def other(words: list[str]) -> tuple[int, str, str]:
