@@ -15,9 +15,9 @@ from controllers.laws.ramp import ramp
 
 @dataclass(frozen=True, slots=True)
 class Ahead:
-    """r(t + lead) from step to step: a drive with a position gain of K 1/s is 1/K s late, which lead = 1/K makes up.
+    """r(t + lead), from step to step.
 
-    lead  s
+    A drive with a position gain of K (1/s) is 1/K late, which lead = 1/K (s) makes up.
     """
 
     lead: Gain = 0.033

@@ -1,4 +1,4 @@
-"""A linear delta: three carriages on upright rails, rods from them to a platform that keeps its orientation."""
+"""A linear delta: carriages on three upright rails, and rods to a platform that never turns."""
 
 from collections.abc import Iterable
 from importlib.resources.abc import Traversable
@@ -23,10 +23,11 @@ NAMES = ("a", "b", "c")
 
 
 class Delta(Machine):
-    """q_i = z + √(L² − |p − r_i|²): the height of a carriage; p = (x, y), r_i its rail, L the length of the rods.
+    """q_i = z + √(L² − |p − r_i|²): the height of a carriage.
 
-    The rails stand on a circle about the base's z axis, the first on x. `radius` (m) is that of the rails less that of
-    the platform's joints: only the difference counts.
+    p = (x, y), r_i its rail, L the length of the rods. The rails stand on a circle about the base's
+    z axis, the first on x. radius (m): that of the rails less that of the platform's joints, since
+    only the difference counts.
     """
 
     freedom = ("x", "y", "z")

@@ -13,9 +13,9 @@ PLACE = (0.0, 0.0, 0.08)
 
 
 class PayloadAcceleration(Limit):
-    """−cap ≤ d²(p + R c)/dt² ≤ cap, at the place c of a platform with origin p and rotation R; gravity left out.
+    """−cap ≤ d²x/dt² ≤ cap of the place x = p + R c; gravity is left out.
 
-    With x(s) the place along the path: x′ s̈ + x″ ṡ².
+    p, R are the platform's origin and rotation, c is fixed on it. Along the path x(s): x′ s̈ + x″ ṡ².
     """
 
     name = "payload acceleration"
@@ -38,7 +38,7 @@ class PayloadAcceleration(Limit):
 
 
 def at_place(numbers: Quantity) -> Quantity:
-    """p + R c (N, 3), from a pose's twelve numbers (N, 12) or from their rates: p, then R row by row."""
+    """p + R c (N, 3) of a pose's twelve numbers (N, 12), p and R row by row, or of their rates."""
     place = numbers[:, :3]
     for k, along in enumerate(PLACE):
         place = place + numbers[:, [3 + k, 6 + k, 9 + k]] * along
