@@ -6,7 +6,7 @@ stands.
 """
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from textwrap import dedent
 from typing import Any
 
@@ -48,7 +48,9 @@ def _block(part: str) -> Iterator[str]:
 
 def _escaped(line: str) -> str:
     parts = _CODE.split(line)
-    return "".join(f"``{part}``" if n % 2 else _MARKUP.sub(r"\\\1", part).replace("`", r"\`") for n, part in enumerate(parts))
+    return "".join(
+        f"``{part}``" if n % 2 else _MARKUP.sub(r"\\\1", part).replace("`", r"\`") for n, part in enumerate(parts)
+    )
 
 
 def _docstring(app: Sphinx, what: str, name: str, obj: Any, options: Any, lines: list[str]) -> None:
