@@ -16,8 +16,13 @@ from sphinx.application import Sphinx
 _MARKUP = re.compile(r"([\\*|_])")
 _CODE = re.compile(r"`([^`]+)`")
 _TERM = re.compile(r"(\S.*?) {2,}(\S.*)")
-# How NumPy's arrays are spelled out in signatures, and how the code calls them.
-_ARRAY = re.compile(r"(?:~?numpy\.)?ndarray\[tuple\[(?:~?typing\.)?Any, \.\.\.\], (?:~?numpy\.)?dtype\[[^\]]*\]\]")
+# What signatures spell out, and how the code calls it.
+_ALIASES = (
+    (r"~?numpy\.ndarray\[tuple\[~?typing\.Any, \.\.\.\], ~?numpy\.dtype\[~?numpy\.float64\]\]", "Array"),
+    (r"~?numpy\.ndarray\[tuple\[~?typing\.Any, \.\.\.\], ~?numpy\.dtype\[~?numpy\.(\w+)\]\]", r"ndarray[\1]"),
+    (r"~?numpy\._typing\._array_like\._Buffer \| .*?_NestedSequence\[complex \| bytes \| str\]", "ArrayLike"),
+    (r"~?scipy\.spatial\.transform\._rigid_transform\.RigidTransform", "~pulsepath.Pose"),
+)
 OPTIONS = {"members": True, "member-order": "bysource"}
 
 
@@ -64,7 +69,9 @@ def _signature(
 
 
 def _plain(signature: str | None) -> str | None:
-    return signature and _ARRAY.sub("Array", signature)
+    for spelled, name in _ALIASES:
+        signature = signature and re.sub(spelled, name, signature)
+    return signature
 
 
 def setup(app: Sphinx) -> dict[str, Any]:

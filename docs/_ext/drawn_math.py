@@ -71,7 +71,8 @@ def inline(writer: Any, node: nodes.math) -> None:
 
 
 def block(writer: Any, node: nodes.math_block) -> None:
-    rows = [row for row in re.split(r"\\\\", ROWS.sub("", node.astext())) if row.strip()]
+    tex = ROWS.sub("", node.astext()).replace(r"\frac", r"\dfrac")  # as TeX has fractions on lines of their own
+    rows = [row for row in re.split(r"\\\\", tex) if row.strip()]
     writer.body.append(writer.starttag(node, "div", CLASS="math"))
     if node["number"]:
         writer.body.append(f'<span class="eqno">({get_node_equation_number(writer, node)})</span>')
