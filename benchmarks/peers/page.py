@@ -25,15 +25,16 @@ def tables(found: Sequence[Answer]) -> Iterator[str]:
         limits = "speed and acceleration" if order == 2 else "speed, acceleration and jerk"
         yield f"### {case[0].upper()}{case[1:]}: {limits}"
         yield markdown(HEADER, [_cells(a, best) for a in rows])
+        yield from (f"*No answer*: {note}." for note in dict.fromkeys(a.note for a in rows if a.duration != a.duration))
 
 
 def _cells(a: Answer, best: float) -> list[str]:
     intervals = "" if a.intervals is None else str(a.intervals)
     if a.duration != a.duration:
-        return [a.method, intervals, a.note, "", "", "", ""]
+        return [a.method, intervals, "", "no answer", "", "", ""]
     most, above = max(a.worst[: a.order]), 100 * (a.feasible / best - 1)
     time = f"{1e3 * a.again:.0f}" if a.again >= 0.1 else f"{1e3 * a.again:.3g}"
-    numbers = time, f"{a.duration:.6f}", f"{most:.6f}", f"{a.feasible:.6f}", f"{above:.3f} %"
+    numbers = time, f"{a.duration:.6f}", f"{most:.6f}", f"{a.feasible:.6f}", f"{above:.3f}\N{NO-BREAK SPACE}%"
     return [a.method, intervals, *numbers]
 
 
@@ -42,7 +43,7 @@ def page() -> str:
 
     found = read(MEASURED)
     engine = Environment(loader=PackageLoader("benchmarks"), undefined=StrictUndefined, keep_trailing_newline=True)
-    said = [f"- {line.strip()[0].upper()}{line.strip()[1:]}." for line in verdicts(found)]
+    said = [f"- {line.strip()}." for line in verdicts(found)]
     text = engine.get_template("peers.md.j2").render(measured="\n\n".join(tables(found)), verdicts="\n".join(said))
     return str(text)
 
