@@ -2,4 +2,4 @@
 
 from pulsepath.cli import main
 
-main()
+main(prog_name="pulsepath")

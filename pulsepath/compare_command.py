@@ -6,7 +6,9 @@ from typing import TYPE_CHECKING
 
 import click
 
+from pulsepath import known_names
 from pulsepath.exits import INFEASIBLE
+from pulsepath.known_names import completing
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -20,7 +22,7 @@ SEVEN = ("1", "2", "3", "4", "5", "6", "7")
 
 
 @click.command()
-@click.argument("rig", required=False)
+@click.argument("rig", required=False, shell_complete=completing(known_names.rigs, files=True))
 @click.option("--out", type=click.Path(path_type=Path), required=True, metavar="DIR", help="Directory to write.")
 @click.option(
     "--law",
@@ -28,6 +30,7 @@ SEVEN = ("1", "2", "3", "4", "5", "6", "7")
     multiple=True,
     metavar="LAW",
     help='Over its own gains, or with given ones as "6:gain=0.7"; may be repeated. Default: the seven published.',
+    shell_complete=completing(known_names.laws),
 )
 @click.option("--task", "tasks", multiple=True, metavar="TASK", help="Of the rig; may be repeated. Default: all.")
 @click.option("--seeds", type=click.IntRange(min=1), default=1, show_default=True, help="Runs of each by chance.")
@@ -74,12 +77,14 @@ def compare(
     from controllers.rig import load_rig
     from kinematics import MotionError
     from pulsepath import compare_directory, record
+    from pulsepath.intent import writes
     from pulsepath.progress import step
 
     if saved and (rig or laws or tasks or address or seeds != 1):
         raise MotionError("compare: with --from nothing is run, so give no RIG, --law, --task, --seeds or --address")
     asked = [read_condition(text) for text in conditions]
     compare_directory.refuse_overwrite(out, force)
+    writes(out / compare_directory.RECORD, kept="" if saved else f"runs that are done are kept in {out}, for the next time")
     if saved:
         runs = [load_runs(folder) for folder in saved]
         for condition, one in product(asked, runs):
@@ -117,6 +122,7 @@ def _run(
     from benchmarks.sweep import Grid, described, read_setting, settings_of, sweep
     from kinematics import MotionError
     from pulsepath.progress import step
+    from pulsepath.talk import note
 
     settings = [
         setting for law in laws or SEVEN for setting in ([read_setting(law)] if ":" in law else settings_of(law))
@@ -129,4 +135,4 @@ def _run(
     for condition in asked:
         condition.check(facts)
     with step(f"running {rig.name}") as tell:
-        return sweep(grid, rig, out, address=address, progress=tell, tell=lambda text: click.echo(text, err=True))
+        return sweep(grid, rig, out, address=address, progress=tell, tell=note)

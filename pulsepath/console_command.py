@@ -6,12 +6,20 @@ from pathlib import Path
 
 import click
 
+from pulsepath import known_names
 from pulsepath.ending import Ended, ending
 from pulsepath.exits import BAD_INPUT
+from pulsepath.known_names import completing
 
 
 @click.command()
-@click.option("--machine", metavar="MACHINE", required=True, help="Preset or file.")
+@click.option(
+    "--machine",
+    metavar="MACHINE",
+    required=True,
+    help="Preset or file.",
+    shell_complete=completing(known_names.machines, files=True),
+)
 @click.option("--serial", metavar="PORT", help="Take remote commands from a serial line (needs the extra: serial).")
 @click.option("--baud", type=click.IntRange(110, 115200), default=9600, show_default=True, help="Of the serial line.")
 @click.option(

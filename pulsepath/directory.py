@@ -7,6 +7,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from kinematics.errors import MotionError
+from kinematics.held import held
 from kinematics.staging import OLD, clear, staging
 
 RECORD, KIND = "plan.json", "pulsepath plan"
@@ -57,9 +58,10 @@ def replacing(target: Path, force: bool, kind: str = KIND) -> Iterator[Path]:
             new = made / "new"
             new.mkdir()
             yield new
-            if place.exists():
-                place.rename(made / OLD)  # until the new one is there: else it returns
-            new.rename(place)
+            with held():
+                if place.exists():
+                    place.rename(made / OLD)  # until the new one is there: else it returns
+                new.rename(place)
     except BaseException:
         for parent in created:
             with suppress(OSError):

@@ -7,6 +7,7 @@ from types import FrameType
 from typing import Any
 
 NAMES = ("SIGINT", "SIGTERM", "SIGHUP")
+"""As in kinematics.held, which would load all of kinematics here."""
 
 
 class Ended(KeyboardInterrupt):

@@ -5,7 +5,9 @@ from typing import Any
 
 import click
 
+from pulsepath import known_names
 from pulsepath.format_command import FormatCommand
+from pulsepath.known_names import completing
 
 
 class Export(FormatCommand):
@@ -16,7 +18,14 @@ class Export(FormatCommand):
 
 @click.command(cls=Export)
 @click.argument("directory", metavar="DIR", type=click.Path(path_type=Path))
-@click.option("--format", "name", required=True, metavar="FORMAT", help="One of those below.")
+@click.option(
+    "--format",
+    "name",
+    required=True,
+    metavar="FORMAT",
+    help="One of those below.",
+    shell_complete=completing(known_names.exports),
+)
 @click.option("--out", type=click.Path(path_type=Path), metavar="FILE", help="Default: DIR/FORMAT with its suffix.")
 @click.option("--force", is_flag=True, help="Replace FILE.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON instead of text.")
@@ -31,11 +40,13 @@ def export(directory: Path, name: str, out: Path | None, force: bool, as_json: b
     from planner.export.formats import find_format
     from pulsepath import plan_directory, record
     from pulsepath.format_options import EXPORTS
+    from pulsepath.intent import writes
     from pulsepath.progress import step
 
     target = out or directory / f"{name}{find_format(name).suffix}"
     if target.exists() and not force:
         raise MotionError(f"{target} exists; give --force to replace it")
+    writes(target)
     format_ = EXPORTS.make(name, given)
     planned = plan_directory.read(directory)
     with step("firing the pulses") as tell:

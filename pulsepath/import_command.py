@@ -5,7 +5,9 @@ from typing import Any
 
 import click
 
+from pulsepath import known_names
 from pulsepath.format_command import FormatCommand
+from pulsepath.known_names import completing
 
 FIGURES = (".png", ".svg", ".pdf")
 
@@ -19,7 +21,13 @@ class Import(FormatCommand):
 @click.command("import", cls=Import)
 @click.argument("file", type=click.Path(path_type=Path))
 @click.option("--out", type=click.Path(path_type=Path), required=True, metavar="PROGRAM", help="TOML file to write.")
-@click.option("--format", "name", metavar="FORMAT", help="One of those below. Default: what the suffix of FILE says.")
+@click.option(
+    "--format",
+    "name",
+    metavar="FORMAT",
+    help="One of those below. Default: what the suffix of FILE says.",
+    shell_complete=completing(known_names.imports),
+)
 @click.option(
     "--figure", type=click.Path(path_type=Path), metavar="IMAGE", help="PNG, SVG or PDF. Default: PROGRAM with .png."
 )
@@ -40,6 +48,7 @@ def import_(
     from planner.sources.registry import source_name
     from pulsepath import record
     from pulsepath.format_options import IMPORTS
+    from pulsepath.intent import writes
     from pulsepath.progress import step
 
     image = figure or out.with_suffix(".png")
@@ -50,6 +59,7 @@ def import_(
     for target in (out, image):
         if target.exists() and not force:
             raise MotionError(f"{target} exists; give --force to replace it")
+    writes(out, image)
     name = name or source_name(file)
     source = IMPORTS.make(name, given)
     with step(f"reading {file}"):

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from pulsepath.exits import Commands
+from pulsepath.commands import Commands
 
 if TYPE_CHECKING:
     from planner.sources.position_list import PositionList

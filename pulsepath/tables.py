@@ -1,8 +1,9 @@
 """The tables that the commands print."""
 
 import sys
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from math import ceil, degrees, inf, isfinite
+from typing import Any
 
 import click
 from rich.box import SIMPLE_HEAD
@@ -20,6 +21,7 @@ from planner.path.join import Blended
 from planner.pulses import RULES, PulseSchedule
 from planner.sources.position_list import PositionList
 from pulsepath.job import Job
+from pulsepath.talk import dressed
 
 WIDTH = 110
 """Columns where the output is no terminal, which would say."""
@@ -29,7 +31,13 @@ HUMAN = {"m": ("mm", 1e3), "rad": ("°", degrees(1))}
 
 def show(tables: Iterable[Table]) -> None:
     """Print tables. Names in them come from files, so nothing is taken for markup."""
-    console = Console(width=None if sys.stdout.isatty() else WIDTH, markup=False, emoji=False, highlight=False)
+    console = Console(
+        width=None if sys.stdout.isatty() else WIDTH,
+        markup=False,
+        emoji=False,
+        highlight=False,
+        force_terminal=dressed(sys.stdout),
+    )
     with console.capture() as printed:
         console.print(*tables)
     click.echo("\n".join(line.rstrip() for line in printed.get().splitlines()))
@@ -91,6 +99,15 @@ def _moves(schedule: PulseSchedule, axes: Sequence[Axis]) -> Iterator[Table]:
 
 def _of_limit(value: float, limit: float | None, scale: float, unit: str) -> str:
     return f"{value:.3f} {unit}" if limit is None else f"{value:.3f} of {scale * limit:.3f} {unit}"
+
+
+def of_list(title: str, listed: Sequence[Mapping[str, Any]]) -> Table:
+    """Records of the same keys, a row each."""
+    table = _table(title, *(f"{key}!" if key in ("name", "number") else key for key in listed[0]))
+    for record in listed:
+        cells = (", ".join(value) if isinstance(value, list | dict) else value for value in record.values())
+        table.add_row(*("" if cell is None else str(cell) for cell in cells))
+    return table
 
 
 def of_rules() -> list[Table]:

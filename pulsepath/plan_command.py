@@ -1,0 +1,68 @@
+"""`pulsepath plan`: the fastest motion of a program, proved, with its pulses and a report, in a directory."""
+
+from pathlib import Path
+
+import click
+
+from pulsepath import known_names
+from pulsepath.known_names import completing
+from pulsepath.options import json_option, machine_option, program_argument
+
+
+@click.command()
+@program_argument
+@machine_option
+@click.option("--out", type=click.Path(path_type=Path), required=True, metavar="DIR", help="Directory to write.")
+@click.option(
+    "--order",
+    type=click.Choice(["2", "3"]),
+    help="2: speed and acceleration; 3: and jerk. Default: 3 if the machine limits jerk.",
+)
+@click.option(
+    "--clock-hz", type=click.IntRange(min=1), default=10_000_000, show_default=True, help="Ticks/s of pulses."
+)
+@click.option(
+    "--duration", metavar="TIME", help='As "12 s": not the fastest motion, but the smoothest that takes so long.'
+)
+@click.option(
+    "--rule",
+    default="nearest",
+    shell_complete=completing(known_names.rules),
+    show_default=True,
+    metavar="RULE",
+    help='When pulses fire; "pulsepath rules" lists them. With options as sampled:period=50us.',
+)
+@click.option("--force", is_flag=True, help="Replace DIR, if an earlier plan is in it.")
+@json_option
+def plan(
+    program: str,
+    machine: str | None,
+    out: Path,
+    order: str | None,
+    clock_hz: int,
+    duration: str | None,
+    rule: str,
+    force: bool,
+    as_json: bool,
+) -> None:
+    """Plan PROGRAM, and write motion, pulses and report into DIR."""
+    from kinematics.units import quantity
+    from pulsepath import plan_directory, record, tables
+    from pulsepath.directory import refuse_overwrite, replacing
+    from pulsepath.inputs import read_inputs
+    from pulsepath.intent import writes
+    from pulsepath.job import run
+
+    refuse_overwrite(out, force)
+    writes(out)
+    seconds = None if duration is None else quantity(duration, "s")
+    inputs = read_inputs(program, machine)
+    with replacing(out, force) as folder:  # where nothing can be written, that is said before the work
+        job = run(inputs.program, inputs.machine, None if order is None else int(order), clock_hz, seconds, rule)
+        verdict = plan_directory.write(folder, job, inputs)
+    report = str(out / plan_directory.REPORT)
+    if as_json:
+        click.echo(record.as_json({**record.of_plan(job, inputs, verdict), "report": report}), nl=False)
+    else:
+        tables.show(tables.of_plan(job))
+        click.echo(f"report: {report}")
