@@ -84,7 +84,9 @@ def compare(
         raise MotionError("compare: with --from nothing is run, so give no RIG, --law, --task, --seeds or --address")
     asked = [read_condition(text) for text in conditions]
     compare_directory.refuse_overwrite(out, force)
-    writes(out / compare_directory.RECORD, kept="" if saved else f"runs that are done are kept in {out}, for the next time")
+    writes(
+        out / compare_directory.RECORD, kept="" if saved else f"runs that are done are kept in {out}, for the next time"
+    )
     if saved:
         runs = [load_runs(folder) for folder in saved]
         for condition, one in product(asked, runs):

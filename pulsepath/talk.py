@@ -48,5 +48,3 @@ def detail(text: str) -> None:
 def dressed(stream: IO[str]) -> bool:
     """Whether a stream shows colours, and lines drawn over each other [no-color.org]."""
     return stream.isatty() and not os.environ.get("NO_COLOR") and os.environ.get("TERM") not in ("dumb", "unknown")
-
-
