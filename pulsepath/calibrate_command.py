@@ -6,6 +6,7 @@ from typing import Literal
 import click
 
 from pulsepath import known_names
+from pulsepath.intent import writes
 from pulsepath.known_names import completing
 from pulsepath.options import json_option
 
@@ -41,17 +42,16 @@ def calibrate(
 
     Writes the calibrated machine and a report into DIR. MEASUREMENTS is a TOML file, or the name of a bundled one: cmm.
     """
+    writes(out)
     from kinematics import load_machine
     from kinematics.calibration import calibrate as identify
     from kinematics.calibration.measurement_file import load_measurements
     from kinematics.registry import find
     from pulsepath import calibration_directory, record, tables
     from pulsepath.directory import CALIBRATION_KIND, refuse_overwrite, replacing
-    from pulsepath.intent import writes
     from pulsepath.progress import step
 
     refuse_overwrite(out, force, CALIBRATION_KIND)
-    writes(out)
     nominal, measured = load_machine(machine), load_measurements(measurements)
     sources = {
         "machine": find("kinematics", "machine", machine).read_bytes(),

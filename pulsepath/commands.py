@@ -16,7 +16,7 @@ OTHERS = "Others"
 
 
 class Commands(click.Group):
-    """A group of commands that take -q and -v, and whose errors become exit codes; click's own usage errors exit with 2.
+    """Commands that take -q and -v, and whose errors become exit codes; click's own usage errors exit with 2.
 
     sections  titles of the commands' list, and the names under each; those that are in none come last
     """
@@ -48,7 +48,7 @@ class Commands(click.Group):
             return super().invoke(ctx)
         _replace_what_the_terminal_cannot_show()
         try:
-            with ending():
+            with ending(last=True):
                 result = super().invoke(ctx)
                 sys.stdout.flush()
                 return result

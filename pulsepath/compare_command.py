@@ -8,6 +8,7 @@ import click
 
 from pulsepath import known_names
 from pulsepath.exits import INFEASIBLE
+from pulsepath.intent import writes
 from pulsepath.known_names import completing
 
 if TYPE_CHECKING:
@@ -71,22 +72,19 @@ def compare(
     Every law is run over its gains on every task, with inertia and friction as stated and 30 % off, and the runs are
     saved in DIR: those that are there already are not run again, and `--from DIR` compares them later.
     """
+    writes(out / "compare.json", kept="" if saved else f"runs that are done are kept in {out}, for the next time")
     from benchmarks.compare import compare as compared
     from benchmarks.compare import read_condition
     from benchmarks.sweep import load_runs
     from controllers.rig import load_rig
     from kinematics import MotionError
     from pulsepath import compare_directory, record
-    from pulsepath.intent import writes
     from pulsepath.progress import step
 
     if saved and (rig or laws or tasks or address or seeds != 1):
         raise MotionError("compare: with --from nothing is run, so give no RIG, --law, --task, --seeds or --address")
     asked = [read_condition(text) for text in conditions]
     compare_directory.refuse_overwrite(out, force)
-    writes(
-        out / compare_directory.RECORD, kept="" if saved else f"runs that are done are kept in {out}, for the next time"
-    )
     if saved:
         runs = [load_runs(folder) for folder in saved]
         for condition, one in product(asked, runs):

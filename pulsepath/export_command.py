@@ -7,6 +7,7 @@ import click
 
 from pulsepath import known_names
 from pulsepath.format_command import FormatCommand
+from pulsepath.intent import writes
 from pulsepath.known_names import completing
 
 
@@ -40,7 +41,6 @@ def export(directory: Path, name: str, out: Path | None, force: bool, as_json: b
     from planner.export.formats import find_format
     from pulsepath import plan_directory, record
     from pulsepath.format_options import EXPORTS
-    from pulsepath.intent import writes
     from pulsepath.progress import step
 
     target = out or directory / f"{name}{find_format(name).suffix}"

@@ -7,6 +7,7 @@ import click
 
 from pulsepath import known_names
 from pulsepath.format_command import FormatCommand
+from pulsepath.intent import writes
 from pulsepath.known_names import completing
 
 FIGURES = (".png", ".svg", ".pdf")
@@ -40,6 +41,9 @@ def import_(
 
     Options in brackets belong to the formats that are named there.
     """
+    image = figure or out.with_suffix(".png")
+    writes(out, image)
+
     import numpy as np
 
     from kinematics import MotionError
@@ -48,10 +52,8 @@ def import_(
     from planner.sources.registry import source_name
     from pulsepath import record
     from pulsepath.format_options import IMPORTS
-    from pulsepath.intent import writes
     from pulsepath.progress import step
 
-    image = figure or out.with_suffix(".png")
     if image.suffix.lower() not in FIGURES:
         raise MotionError(f"{image}: a figure is one of {', '.join(FIGURES)}; give --figure such a suffix")
     if len({path.absolute() for path in (file, out, image)}) < 3:
@@ -59,7 +61,6 @@ def import_(
     for target in (out, image):
         if target.exists() and not force:
             raise MotionError(f"{target} exists; give --force to replace it")
-    writes(out, image)
     name = name or source_name(file)
     source = IMPORTS.make(name, given)
     with step(f"reading {file}"):

@@ -6,6 +6,7 @@ from pathlib import Path
 import click
 
 from pulsepath import known_names
+from pulsepath.intent import writes
 from pulsepath.known_names import completing
 from pulsepath.options import json_option
 
@@ -41,7 +42,6 @@ def init(directory: Path, machine: str | None, program: str | None, force: bool,
     from kinematics.staging import staged
     from planner.program_starter import machine_of, program_starter
     from pulsepath import record
-    from pulsepath.intent import writes
 
     machine = machine or (None if program is None else machine_of(program)) or "hexapod"
     driven = load_machine(machine)

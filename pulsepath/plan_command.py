@@ -5,6 +5,7 @@ from pathlib import Path
 import click
 
 from pulsepath import known_names
+from pulsepath.intent import writes
 from pulsepath.known_names import completing
 from pulsepath.options import json_option, machine_option, program_argument
 
@@ -46,15 +47,14 @@ def plan(
     as_json: bool,
 ) -> None:
     """Plan PROGRAM, and write motion, pulses and report into DIR."""
+    writes(out)
     from kinematics.units import quantity
     from pulsepath import plan_directory, record, tables
     from pulsepath.directory import refuse_overwrite, replacing
     from pulsepath.inputs import read_inputs
-    from pulsepath.intent import writes
     from pulsepath.job import run
 
     refuse_overwrite(out, force)
-    writes(out)
     seconds = None if duration is None else quantity(duration, "s")
     inputs = read_inputs(program, machine)
     with replacing(out, force) as folder:  # where nothing can be written, that is said before the work

@@ -1,7 +1,6 @@
 """How much a command says beside its result, and in what dress: --quiet, --verbose, NO_COLOR, a dumb terminal."""
 
 import os
-import sys
 from typing import IO
 
 import click

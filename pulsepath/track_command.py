@@ -5,6 +5,7 @@ from pathlib import Path
 import click
 
 from pulsepath import known_names
+from pulsepath.intent import writes
 from pulsepath.known_names import completing
 from pulsepath.options import json_option
 
@@ -27,6 +28,7 @@ def track(directory: Path, laws: tuple[str, ...], force: bool, as_json: bool) ->
 
     Runs it through an emulated motion card and servo drives under each LAW, and writes the errors into DIR/track.json.
     """
+    writes(directory / "track.json")
     from benchmarks.sweep import read_setting
     from controllers import evaluate
     from controllers import track as run
@@ -34,13 +36,11 @@ def track(directory: Path, laws: tuple[str, ...], force: bool, as_json: bool) ->
     from kinematics import MotionError
     from kinematics.staging import write_whole
     from pulsepath import plan_directory, record, tables
-    from pulsepath.intent import writes
     from pulsepath.progress import step
 
     target = directory / plan_directory.TRACK
     if target.exists() and not force:
         raise MotionError(f"{target} exists; give --force to replace it")
-    writes(target)
     chosen = [read_setting(law).made() for law in laws]
     planned = plan_directory.read(directory)
     metrics = []

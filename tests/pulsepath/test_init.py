@@ -59,7 +59,7 @@ def written(parts, changed=()):
 
 
 def variants(parts, known):
-    """(what, text) with each key that is a comment taken out of it, with what it needs, and without what it replaces."""
+    """(what, text) with each key taken out of its comment, with what it needs, and without what it replaces."""
     keys = {key.name: key for key in known}
     for n, (header, comment, entries) in enumerate(parts):
         hidden = [key for key, (is_comment, _) in entries.items() if is_comment]
