@@ -41,6 +41,8 @@ def calibrate(
     """Identify MACHINE from MEASUREMENTS of its poses.
 
     Writes the calibrated machine and a report into DIR. MEASUREMENTS is a TOML file, or the name of a bundled one: cmm.
+
+    Example: pulsepath calibrate hexapod cmm --out out/calibrated
     """
     writes(out)
     from kinematics import load_machine
@@ -50,6 +52,7 @@ def calibrate(
     from pulsepath import calibration_directory, record, tables
     from pulsepath.directory import CALIBRATION_KIND, refuse_overwrite, replacing
     from pulsepath.progress import step
+    from pulsepath.talk import detail
 
     refuse_overwrite(out, force, CALIBRATION_KIND)
     nominal, measured = load_machine(machine), load_measurements(measurements)
@@ -59,6 +62,7 @@ def calibrate(
     }
     with step(f"identifying {nominal.name} from {len(measured)} measurements"):
         found = identify(nominal, measured, [part.strip() for part in model.split(",")], use=use)
+    detail(f"{len(found.parameters)} parameters, {found.observability.rank} combinations of them seen")
     with replacing(out, force, CALIBRATION_KIND) as folder, step("writing the files"):
         calibration_directory.write(folder, found, sources)
     report = str(out / calibration_directory.REPORT)

@@ -67,10 +67,14 @@ def compare(
     force: bool,
     as_json: bool,
 ) -> None:
-    """Compare tracking laws and their gains on RIG, a preset's name or a TOML file (default: servo-rig).
+    """Compare tracking laws and their gains on RIG.
+
+    RIG is the name of a bundled one, or a TOML file; servo-rig if it is not given.
 
     Every law is run over its gains on every task, with inertia and friction as stated and 30 % off, and the runs are
     saved in DIR: those that are there already are not run again, and `--from DIR` compares them later.
+
+    Example: pulsepath compare servo-rig --law 3 --law 6 --out out/laws
     """
     writes(out / "compare.json", kept="" if saved else f"runs that are done are kept in {out}, for the next time")
     from benchmarks.compare import compare as compared

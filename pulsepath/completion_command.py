@@ -8,7 +8,7 @@ VARIABLE = "_PULSEPATH_COMPLETE"
 
 @click.command(
     epilog="""\b
-    Examples, each once:
+    Example of each shell, to be done once:
       pulsepath completion bash > ~/.local/share/bash-completion/completions/pulsepath
       pulsepath completion zsh > "${fpath[1]}/_pulsepath"
       pulsepath completion fish > ~/.config/fish/completions/pulsepath.fish
@@ -16,7 +16,7 @@ VARIABLE = "_PULSEPATH_COMPLETE"
 )
 @click.argument("shell", type=click.Choice(SHELLS))
 def completion(shell: str) -> None:
-    """Print the script with which SHELL completes this command.
+    """Print the script by which SHELL completes.
 
     Commands, options, presets, formats, laws and firing rules are completed, and names of files.
     """

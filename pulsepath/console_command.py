@@ -33,7 +33,9 @@ from pulsepath.known_names import completing
 def console(
     machine: str, serial: str | None, baud: int, tcp: int | None, listen: str | None, state: Path | None, fast: bool
 ) -> None:
-    """Drive MACHINE on the virtual card from the keyboard, a pipe, a serial line or a socket.
+    """Drive MACHINE on the virtual card by typed lines.
+
+    They come from the keyboard, a pipe, a serial line or a socket.
 
     \b
     JOG X CW                 one axis slowly, until a key, STOP, or the end of its travel
@@ -47,6 +49,8 @@ def console(
     On a remote line, in mode REM: P X + 100 Y - 40 Z + 80 and a carriage return, answered by DONE after the motion.
 
     STOP during a MOVE ramps each axis down by itself: the tool leaves its line.
+
+    Example: pulsepath console --machine traverser --fast
 
     Exit codes: 0 done, 2 bad input, also a refused line of a script, 3 internal error, 130 interrupted, 143 asked
     to end, 129 hung up: the motion is stopped, the registers are saved.

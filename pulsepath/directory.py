@@ -2,13 +2,13 @@
 
 import json
 import os
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 from kinematics.errors import MotionError
 from kinematics.held import held
-from kinematics.staging import OLD, clear, staging
+from kinematics.staging import OLD, clear, staged, staging
 
 RECORD, KIND = "plan.json", "pulsepath plan"
 """The file by which a directory that `plan` wrote is known, and what it says it is."""
@@ -38,6 +38,27 @@ def is_ours(directory: Path, kind: str = KIND) -> bool:
     except (OSError, ValueError):
         return False
     return isinstance(record, dict) and record.get("kind") == kind
+
+
+def write_files(folder: Path, files: Mapping[str, bytes], force: bool) -> None:
+    """Write files into a directory, which may be there already: all of them, or none.
+
+    Raises MotionError where one is there already, unless `force` replaces it.
+    """
+    for target in (folder / name for name in files):
+        if os.path.lexists(target) and not force:
+            raise MotionError(f"{target} exists; give --force to replace it, or another directory")
+    created = [each for each in (folder.absolute(), *folder.absolute().parents) if not each.exists()]
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with ExitStack() as all_or_none:
+            for name, content in files.items():
+                all_or_none.enter_context(staged(folder / name)).write_bytes(content)
+    except BaseException:
+        for each in created:
+            with suppress(OSError):
+                each.rmdir()
+        raise
 
 
 @contextmanager

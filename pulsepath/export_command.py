@@ -31,9 +31,11 @@ class Export(FormatCommand):
 @click.option("--force", is_flag=True, help="Replace FILE.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON instead of text.")
 def export(directory: Path, name: str, out: Path | None, force: bool, as_json: bool, **given: Any) -> None:
-    """Write the plan in DIR in another format, and say how far what it holds is from the plan.
+    """Write the plan in DIR in another format.
 
-    Options in brackets belong to the formats that are named there.
+    It is told how far what is written is from the plan. Options in brackets belong to the formats that are named there.
+
+    Example: pulsepath export out/circle --format vcd
     """
     from kinematics import MotionError
     from kinematics.staging import staged

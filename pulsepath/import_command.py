@@ -37,9 +37,11 @@ class Import(FormatCommand):
 def import_(
     file: Path, out: Path, name: str | None, figure: Path | None, force: bool, as_json: bool, **given: Any
 ) -> None:
-    """Turn FILE into a program, say what was understood of it, and draw it.
+    """Turn FILE into a program, and draw it.
 
-    Options in brackets belong to the formats that are named there.
+    It is told what was understood of it. Options in brackets belong to the formats that are named there.
+
+    Example: pulsepath import part.dxf --out part.toml
     """
     image = figure or out.with_suffix(".png")
     writes(out, image)

@@ -1,6 +1,5 @@
 """`pulsepath init`: a commented machine and a commented program to start from."""
 
-from contextlib import ExitStack
 from pathlib import Path
 
 import click
@@ -30,18 +29,18 @@ MACHINE, PROGRAM = "machine.toml", "program.toml"
 @click.option("--force", is_flag=True, help=f"Replace {MACHINE} and {PROGRAM}.")
 @json_option
 def init(directory: Path, machine: str | None, program: str | None, force: bool, as_json: bool) -> None:
-    """Write a commented machine and program into DIR to start from.
+    """Write a commented machine and program to start from.
 
     DIR is here unless it is given. Every key of both files is there: set, or as a comment that only needs its # taken
     away.
 
     Example: pulsepath init mine --machine tripod
     """
-    from kinematics import MotionError, load_machine
+    from kinematics import load_machine
     from kinematics.machine_starter import companions, machine_starter
-    from kinematics.staging import staged
     from planner.program_starter import machine_of, program_starter
     from pulsepath import record
+    from pulsepath.directory import write_files
 
     machine = machine or (None if program is None else machine_of(program)) or "hexapod"
     driven = load_machine(machine)
@@ -51,21 +50,8 @@ def init(directory: Path, machine: str | None, program: str | None, force: bool,
         **companions(machine),
     }
     targets = [directory / name for name in files]
-    for target in targets:
-        if target.exists() and not force:
-            raise MotionError(f"{target} exists; give --force to replace it, or another DIR")
     writes(*targets)
-    created = [folder for folder in (directory, *directory.absolute().parents) if not folder.exists()]
-    try:
-        directory.mkdir(parents=True, exist_ok=True)
-        with ExitStack() as all_or_none:
-            for target, content in zip(targets, files.values(), strict=True):
-                all_or_none.enter_context(staged(target)).write_bytes(content)
-    except BaseException:
-        for folder in created:
-            if folder.is_dir() and not any(folder.iterdir()):
-                folder.rmdir()
-        raise
+    write_files(directory, files, force)
     path = directory / PROGRAM
     following = [f"pulsepath check {path}", f"pulsepath plan {path} --out {directory / 'plan'}"]
     if as_json:

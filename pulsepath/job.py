@@ -1,5 +1,6 @@
 """All that the command `plan` finds out about a program on a machine."""
 
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -11,7 +12,7 @@ from planner.baselines import KINDS, Classical, classical
 from planner.limits import unkept
 from planner.pulses import RealisedPath
 from pulsepath.progress import step
-from pulsepath.talk import note
+from pulsepath.talk import detail, note
 
 LAWS = ("3", "6")
 """Tracking laws that the report compares: open and closed loop."""
@@ -55,9 +56,17 @@ def run(
         note(f"note: {machine.name} states {field} but no masses, so no plan can keep it")
     with step(f"planning {program.name} on {machine.name}") as tell:
         planned = plan(program, machine, order=order, clock_hz=clock_hz, duration=duration, rule=rule, progress=tell)
+    detail(_how(planned))
     with step("timing the path classically"):
         baseline, others = classical(planned), tuple(_others(planned))
     return Job(planned, baseline, others, _followed(planned), _tracked(planned, machine))
+
+
+def _how(planned: Plan) -> str:
+    """How the motion was found."""
+    runs = ", ".join(f"{count} by {method}" for method, count in Counter(planned.methods).items())
+    near = "" if planned.gap is None else f"; {100 * planned.gap:.3f} % above an estimate of the least time"
+    return f"order {planned.order}, rounds of solving: {planned.rounds}, runs between stops: {runs}{near}"
 
 
 def _others(planned: Plan) -> Iterator[Classical]:

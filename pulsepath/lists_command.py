@@ -10,7 +10,9 @@ from pulsepath.options import json_option
 @click.command()
 @json_option
 def machines(as_json: bool) -> None:
-    """List the bundled machines, with travel and limits of their axes.
+    """List the bundled machines.
+
+    Travel and limits of their axes are there too.
 
     Example: pulsepath machines --json
     """
@@ -39,7 +41,9 @@ def programs(as_json: bool) -> None:
 @click.command()
 @json_option
 def rigs(as_json: bool) -> None:
-    """List the bundled rigs: machines with drives, card, host and tasks, for "pulsepath compare".
+    """List the bundled rigs, for "pulsepath compare".
+
+    A rig is a machine with drives, card, host and tasks.
 
     Example: pulsepath rigs
     """
@@ -51,7 +55,9 @@ def rigs(as_json: bool) -> None:
 @click.command()
 @json_option
 def laws(as_json: bool) -> None:
-    """List the tracking laws by number and name, with the gains that "pulsepath compare" tries.
+    """List the tracking laws and their gains.
+
+    A law is given by its number or its name; the gains are those that "pulsepath compare" tries.
 
     Example: pulsepath laws --json
     """

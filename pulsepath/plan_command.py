@@ -7,13 +7,13 @@ import click
 from pulsepath import known_names
 from pulsepath.intent import writes
 from pulsepath.known_names import completing
-from pulsepath.options import json_option, machine_option, program_argument
+from pulsepath.options import dump_option, json_option, machine_option, program_argument
 
 
 @click.command()
 @program_argument
 @machine_option
-@click.option("--out", type=click.Path(path_type=Path), required=True, metavar="DIR", help="Directory to write.")
+@click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="Directory to write.")
 @click.option(
     "--order",
     type=click.Choice(["2", "3"]),
@@ -33,20 +33,32 @@ from pulsepath.options import json_option, machine_option, program_argument
     metavar="RULE",
     help='When pulses fire; "pulsepath rules" lists them. With options as sampled:period=50us.',
 )
+@dump_option
 @click.option("--force", is_flag=True, help="Replace DIR, if an earlier plan is in it.")
 @json_option
 def plan(
     program: str,
     machine: str | None,
-    out: Path,
+    out: Path | None,
     order: str | None,
     clock_hz: int,
     duration: str | None,
     rule: str,
+    dumped: Path | None,
     force: bool,
     as_json: bool,
 ) -> None:
-    """Plan PROGRAM, and write motion, pulses and report into DIR."""
+    """Plan PROGRAM: motion, pulses and report go into DIR.
+
+    The motion is the fastest that the machine's limits allow, proved to keep every one of them.
+
+    Example: pulsepath plan circle --out out/circle
+    """
+    if dumped is not None:
+        _dump(dumped, program, machine, order, clock_hz, duration, rule, force, as_json)
+        return
+    if out is None:
+        raise click.UsageError("Missing option '--out'.", click.get_current_context())
     writes(out)
     from kinematics.units import quantity
     from pulsepath import plan_directory, record, tables
@@ -66,3 +78,28 @@ def plan(
     else:
         tables.show(tables.of_plan(job))
         click.echo(f"report: {report}")
+
+
+def _dump(
+    folder: Path,
+    program: str,
+    machine: str | None,
+    order: str | None,
+    clock_hz: int,
+    duration: str | None,
+    rule: str,
+    force: bool,
+    as_json: bool,
+) -> None:
+    from planner.limits import usual_order
+    from planner.pulses import find_rule
+    from pulsepath.dump import dump
+    from pulsepath.inputs import read_inputs
+
+    inputs = read_inputs(program, machine)
+    find_rule(rule)  # refuses what is none
+    chosen = usual_order(inputs.machine.axes) if order is None else int(order)
+    options: dict[str, int | str] = {"order": chosen, "clock-hz": clock_hz, "rule": rule}
+    if duration is not None:
+        options["duration"] = duration
+    dump(folder, inputs, "plan", options, force, not as_json)

@@ -27,6 +27,8 @@ def track(directory: Path, laws: tuple[str, ...], force: bool, as_json: bool) ->
     """Track the plan in DIR on emulated hardware.
 
     Runs it through an emulated motion card and servo drives under each LAW, and writes the errors into DIR/track.json.
+
+    Example: pulsepath track out/circle --law 3 --law 6:gain=0.7
     """
     writes(directory / "track.json")
     from benchmarks.sweep import read_setting
