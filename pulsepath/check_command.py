@@ -28,7 +28,7 @@ def check(program: str, machine: str | None, dumped: Path | None, force: bool, a
 
     inputs = read_inputs(program, machine)
     if dumped is not None:
-        dump(dumped, inputs, "check", {}, force, not as_json)
+        dump(dumped, inputs, "check", {}, force, as_json)
         return
     found = look(inputs.program, inputs.machine)
     if as_json:

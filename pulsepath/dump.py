@@ -10,14 +10,16 @@ import click
 from kinematics.machine_writer import machine_toml
 from kinematics.toml_text import toml
 from planner.program_writer import program_toml
+from pulsepath import record
 from pulsepath.directory import write_files
 from pulsepath.inputs import Inputs
-from pulsepath.record import as_json
 
 MACHINE, PROGRAM = "machine.toml", "program.toml"
 
 
-def dump(folder: Path, inputs: Inputs, command: str, options: Mapping[str, int | str], force: bool, as_text: bool) -> None:
+def dump(
+    folder: Path, inputs: Inputs, command: str, options: Mapping[str, int | str], force: bool, as_json: bool
+) -> None:
     """Write machine and program with every default filled in; print the options as TOML, and the command for it all.
 
     options  by their names on the command line, without dashes; a machine that names files beside it, as an arm does,
@@ -34,11 +36,11 @@ def dump(folder: Path, inputs: Inputs, command: str, options: Mapping[str, int |
     flags = [word for name, value in options.items() for word in (f"--{name}", str(value))]
     out = ["--out", str(folder / "plan")] if command == "plan" else []
     again = join(["pulsepath", command, str(folder / PROGRAM), *flags, *out])
-    if as_text:
+    if as_json:
+        files = {"machine": str(folder / MACHINE), "program": str(folder / PROGRAM)}
+        click.echo(record.as_json({"options": dict(options), **files, "command": again}), nl=False)
+    else:
         click.echo("[options]")
         for name, value in options.items():
             click.echo(f"{name} = {toml(value)}")
         click.echo(f"# {folder / MACHINE} and {folder / PROGRAM}: give them back by\n# {again}")
-    else:
-        files = {"machine": str(folder / MACHINE), "program": str(folder / PROGRAM)}
-        click.echo(as_json({"options": dict(options), **files, "command": again}), nl=False)

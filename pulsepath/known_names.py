@@ -72,7 +72,8 @@ def completing(names: Callable[[], list[str]], *, files: bool = False) -> Comple
         from click.shell_completion import CompletionItem
 
         fitting = [CompletionItem(name) for name in names() if name.startswith(begun)]
-        return [*fitting, CompletionItem(begun, type="file")] if files else fitting
+        # first: in bash what is a file's forgets what came before it
+        return [CompletionItem(begun, type="file"), *fitting] if files else fitting
 
     return complete
 

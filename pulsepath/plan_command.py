@@ -102,4 +102,4 @@ def _dump(
     options: dict[str, int | str] = {"order": chosen, "clock-hz": clock_hz, "rule": rule}
     if duration is not None:
         options["duration"] = duration
-    dump(folder, inputs, "plan", options, force, not as_json)
+    dump(folder, inputs, "plan", options, force, as_json)

@@ -126,8 +126,8 @@ def remove(of: Listed, first: int, last: int | None) -> None:
 def save(of: Listed, target: Path, first: int | None, last: int | None, machine: str | None, force: bool) -> None:
     """Save the list, or a part of it, as the file TARGET.
 
-    Its suffix says how: CSV, or TXT as the three-armed machine has it. A TXT file has seven characters for a number, in mm and degrees, and poses in the base frame
-    of MACHINE.
+    Its suffix says how: CSV, or TXT as the three-armed machine has it. A TXT file has seven characters for a number, in
+    mm and degrees, and poses in the base frame of MACHINE.
 
     Example: pulsepath positions poses.csv save part.csv --first 2 --last 5
     """
