@@ -53,8 +53,9 @@ def _segment(segment: Segment, complete: bool) -> Iterator[str]:
         return
     yield from _SHAPES[type(segment)](segment)
     yield from _caps(segment)
-    if complete and hasattr(segment, "speed_constant") or getattr(segment, "speed_constant", False):
-        yield f"speed_constant = {str(segment.speed_constant).lower()}"
+    constant: bool | None = getattr(segment, "speed_constant", None)  # None: a turn, which has no speed to keep
+    if constant or (complete and constant is not None):
+        yield f"speed_constant = {str(constant).lower()}"
     if complete or not isinstance(segment.join, Stop):
         yield f"join = {_join(segment.join)}"
     if segment.trigger is not None:

@@ -89,4 +89,4 @@ def _show(title: str, listed: list[dict[str, Any]], as_json: bool) -> None:
     if as_json:
         click.echo(record.as_json(listed), nl=False)
     else:
-        tables.show([tables.of_list(title, listed)])
+        tables.show(tables.of_list(title, listed))
