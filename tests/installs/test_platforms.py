@@ -21,6 +21,8 @@ PLATFORMS = {
 """What `platform_system` and `platform_machine` say there, and the tags of its wheels."""
 ABSENT = {"linux": set[str](), "macos": {"toppra"}, "windows": {"toppra", "pin"}}
 """What has no wheel there."""
+UNREACHED = ("NewConnectionError", "ConnectTimeout", "ReadTimeout", "ProxyError")
+"""What pip says where there is no network."""
 
 
 def wanted(group: list[str], platform: str, python: str) -> list[str]:
@@ -43,7 +45,7 @@ def pip(*arguments: str) -> None:
     """Run pip; where it reaches no index, the test is skipped."""
     ran = subprocess.run([sys.executable, "-m", "pip", *arguments], capture_output=True, text=True)
     told = ran.stdout + ran.stderr
-    if ran.returncode and any(sign in told for sign in ("NewConnectionError", "ConnectTimeout", "ReadTimeout", "ProxyError")):
+    if ran.returncode and any(sign in told for sign in UNREACHED):
         pytest.skip("no package index can be reached")
     assert ran.returncode == 0, told[-3000:]
 
