@@ -1,4 +1,7 @@
-"""How a command ends: exit codes, and errors told in one place, on stderr and without a traceback."""
+"""How a command ends: exit codes, and errors told in one place, on stderr and without a traceback.
+
+With --json an error is told on stdout as well, as data: {"schema": 1, "error": {…}} (pulsepath.error_record).
+"""
 
 import os
 import sys
@@ -7,12 +10,18 @@ from typing import Any
 import click
 
 INFEASIBLE, BAD_INPUT, INTERNAL, INTERRUPTED = 1, 2, 3, 130
+JSON = "pulsepath.json"
+"""Where a context keeps whether JSON is asked for."""
 TRACEBACK = "PULSEPATH_TRACEBACK"
 """Set to 1 in the environment, it lets the traceback of an error through."""
 
 
 class Commands(click.Group):
     """A group of commands whose errors become exit codes; click's own usage errors exit with 2."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        ctx.meta[JSON] = ctx.meta.get(JSON, False) or "--json" in args
+        return super().parse_args(ctx, args)
 
     def invoke(self, ctx: click.Context) -> Any:
         _replace_what_the_terminal_cannot_show()
@@ -33,6 +42,10 @@ class Commands(click.Group):
             if os.environ.get(TRACEBACK) == "1":
                 raise
             code, message = told(error)
+            if ctx.meta[JSON]:
+                from pulsepath.error_record import of_error
+
+                click.echo(of_error(error, code), nl=False)
             click.echo(message, err=True)
             ctx.exit(code)
 
