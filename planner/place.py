@@ -44,6 +44,11 @@ class Infeasible(MotionError):
         reached, allowed = apart(value, limit)
         super().__init__(f"{who}{kind} {reached} {unit} is beyond {allowed} {unit}{where}; {remedy}")
 
+    def advising(self, more: str) -> "Infeasible":
+        """With more to its remedy."""
+        remedy = f"{self.remedy}; {more}"
+        return Infeasible(self.kind, self.axis, self.place, self.value, self.limit, self.unit, remedy)
+
     @property
     def relaxation(self) -> float:
         """The smallest factor on the limit that makes room for the value, and by which a speed asked for must fall.

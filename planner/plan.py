@@ -5,12 +5,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kinematics.errors import MotionError
+from kinematics.errors import MotionError, OutOfReach
 from kinematics.machine import Machine
 from planner.actuation import MachinePath, actuate
 from planner.certify import Certificate
 from planner.duration import within
 from planner.limits import Limit, limits_of, usual_order
+from planner.limits.clearance import Clearance
+from planner.limits.holding import Holding
+from planner.limits.tilt import Tilt
+from planner.limits.travel import Travel
 from planner.orientation import oriented
 from planner.parallel import Progress, silent
 from planner.place import Infeasible
@@ -23,6 +27,9 @@ from planner.steadiness import CONSTANT, Stretch, stretches
 from planner.timing.floor import left_out
 from planner.trajectory import Trajectory
 from planner.triggers import Triggered, triggered
+
+GEOMETRIC = tuple(limit.name for limit in (Travel, Tilt, Clearance, Holding))
+"""Limits that the path alone breaks."""
 
 if TYPE_CHECKING:
     from mpl_toolkits.mplot3d import Axes3D
@@ -112,12 +119,15 @@ def plan(
         raise MotionError(f"duration {duration} s must be positive and finite")
     rule = find_rule(rule) if isinstance(rule, str) else rule
     program = oriented(program, machine, order)
-    path = actuate(program, machine)
-    limits = limits_of(path, machine.axes, order)
-    if duration is None:
-        solution = fastest(path, limits, order, progress)
-    else:
-        solution = within(path, limits, machine.axes, order, duration, progress)
+    try:
+        path = actuate(program, machine)
+        limits = limits_of(path, machine.axes, order)
+        if duration is None:
+            solution = fastest(path, limits, order, progress)
+        else:
+            solution = within(path, limits, machine.axes, order, duration, progress)
+    except (Infeasible, OutOfReach) as no:
+        raise _advised(no, program, machine, order) from None
     motors, pulses = _pulses(solution.trajectory, machine, int(clock_hz), rule, progress or silent)
     return Plan(
         program,
@@ -156,5 +166,20 @@ def check(program: Program, machine: Machine) -> Standing:
 
     Raises MotionError for a path that cannot be drawn.
     """
-    path = actuate(oriented(program, machine, usual_order(machine.axes)), machine)
-    return replace(standing(path, limits_of(path, machine.axes, 2)), blends=path.blends)
+    program = oriented(program, machine, usual_order(machine.axes))
+    try:
+        path = actuate(program, machine)
+    except OutOfReach as no:
+        raise _advised(no, program, machine, 2) from None
+    found = standing(path, limits_of(path, machine.axes, 2))
+    worst = tuple(_advised(no, program, machine, 2) for no in found.violations[:1])
+    return replace(found, violations=(*worst, *found.violations[1:]), blends=path.blends)
+
+
+def _advised(no: MotionError, program: Program, machine: Machine, order: int) -> MotionError:
+    """What no timing can help, with how far the path must shrink or move; a refusal of another kind as it is."""
+    from planner.refit import refit
+
+    if isinstance(no, Infeasible):
+        return no.advising(str(refit(program, machine, order))) if no.kind in GEOMETRIC else no
+    return OutOfReach(f"{no}; {refit(program, machine, order)}")

@@ -61,7 +61,7 @@ def draw(program: Program, machine: Machine) -> tuple[list[list[Piece]], list[Jo
     _refuse_lever(program, machine)
     _refuse_end_speed("start_speed", program.start_speed, program.segments[0], 1)
     _refuse_end_speed("end_speed", program.end_speed, program.segments[-1], len(program.segments))
-    here = program.start if program.start is not None else _default_start(program, machine)
+    here = program.start if program.start is not None else default_start(program, machine)
     frame = machine.home if program.frame == "home" else RigidTransform.identity()
     if program.work is not None:
         frame = frame * program.work
@@ -96,7 +96,7 @@ def draw(program: Program, machine: Machine) -> tuple[list[list[Piece]], list[Jo
     return drawn, joins, frozen(dwells)
 
 
-def _default_start(program: Program, machine: Machine) -> Pose:
+def default_start(program: Program, machine: Machine) -> Pose:
     """Where the machine's home pose has the tool, in the work frame."""
     start = RigidTransform.identity() if program.frame == "home" else machine.home
     if program.tool is not None:
