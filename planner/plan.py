@@ -1,6 +1,7 @@
 """The main job, top to bottom: program -> path -> limits -> certified motion -> pulses."""
 
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,7 +18,7 @@ from planner.limits.tilt import Tilt
 from planner.limits.travel import Travel
 from planner.orientation import oriented
 from planner.parallel import Progress, silent
-from planner.place import Infeasible
+from planner.place import Infeasible, LostPath
 from planner.program import Program
 from planner.pulses import Motion, PulseSchedule, RealisedPath, Rule, find_rule, generate, realised
 from planner.pulses.compensate import counted
@@ -180,6 +181,7 @@ def _advised(no: MotionError, program: Program, machine: Machine, order: int) ->
     """What no timing can help, with how far the path must shrink or move; a refusal of another kind as it is."""
     from planner.refit import refit
 
+    more = partial(refit, program, machine, order)
     if isinstance(no, Infeasible):
-        return no.advising(str(refit(program, machine, order))) if no.kind in GEOMETRIC else no
-    return OutOfReach(f"{no}; {refit(program, machine, order)}")
+        return no.advising(more) if no.kind in GEOMETRIC else no
+    return LostPath(str(no), more)

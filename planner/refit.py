@@ -22,7 +22,7 @@ from planner.actuation import actuate
 from planner.certify import TOLERANCE
 from planner.limits import limits_of
 from planner.path.chain import default_start
-from planner.program import Program
+from planner.program import Curve, Program
 from planner.reshaped import leads_away, moved, scaled, turns, unturned
 from planner.standing import standing
 from planner.walk import walk
@@ -31,8 +31,8 @@ from planner.walk import walk
 PATIENCE = 10.0
 # Shares and moves (m) that are tried before bisecting between one that holds and the one before it.
 SHARES = (1.0, *np.linspace(0.95, 0.05, 19).tolist())
-MOVES = (0.0, *(1e-4 * 2.0 ** np.arange(11)).tolist())
-HALVINGS = 12
+MOVES = (0.0, *(4e-4 * 2.0 ** np.arange(9)).tolist())
+HALVINGS = 10
 # What does not prove as it is told is taken so much further, so often.
 FURTHER, TIMES = 1e-3, 4
 # Places of a part of a path that are looked at.
@@ -68,7 +68,7 @@ def refit(program: Program, machine: Machine, order: int) -> Refit:
     """For a program whose path breaks a geometric limit, is out of reach or meets a singular pose.
 
     A scale of the way keeps orientations, and one of the angles the way; a move takes the start with it only where the
-    program states one and does not lead away from it by a line or a spline.
+    program states one and does not lead away from it by a line or a spline. Equations are moved where no scale helps.
     """
     search = _Search(machine, order, perf_counter() + PATIENCE)
     begin = default_start(program, machine) if program.start is None else program.start
@@ -76,7 +76,10 @@ def refit(program: Program, machine: Machine, order: int) -> Refit:
     scale = search.share(lambda share: scaled(program, start, share))
     turn = search.share(lambda share: unturned(program, share)) if turns(program) else None
     best: tuple[float, str] | None = None
-    for name, way in WAYS if program.start is not None or leads_away(program) else ():
+    # every move of equations is another expression, to be differentiated anew
+    costly = scale is not None and any(isinstance(segment, Curve) for segment in program.segments)
+    movable = not costly and (program.start is not None or leads_away(program))
+    for name, way in WAYS if movable else ():
         found = search.move(partial(_along, program, way), np.inf if best is None else best[0])
         if found is not None:
             best = found, name

@@ -69,8 +69,9 @@ def _segment(segment: Segment, share: float, away: Array) -> Segment:
         case Spline():
             return replace(segment, through=frozen(share * np.asarray(segment.through) + away))
         case Curve():
-            texts = zip(segment.position, (away / segment.length).tolist(), strict=True)
-            x, y, z = (f"{share!r}*({text})+{offset!r}" for text, offset in texts)
-            return replace(segment, position=(x, y, z))
+            length = share * segment.length
+            texts = zip(segment.position, (away / length).tolist(), strict=True)
+            x, y, z = (f"({text})+{offset!r}" if offset else text for text, offset in texts)
+            return replace(segment, position=(x, y, z), length=length)
         case Turn() | Dwell():
             return segment

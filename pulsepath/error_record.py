@@ -2,10 +2,14 @@
 
 from typing import Any
 
-from kinematics.errors import Fault, FileError
+from kinematics.errors import Fault, FileError, MotionError, OutOfReach
 from kinematics.units import shown
 from planner.place import Infeasible
 from pulsepath.record import SCHEMA, as_json, of_violation
+
+
+KINDS = {FileError: "file", Infeasible: "infeasible", OutOfReach: "reach", MotionError: "input", OSError: "input"}
+"""What went wrong, the most special first."""
 
 
 def of_error(error: Exception, code: int) -> str:
@@ -14,7 +18,8 @@ def of_error(error: Exception, code: int) -> str:
     A fault has its file, line (from 1) and key, the value as it is written, what is allowed there and the nearest valid
     name, null for what it has not.
     """
-    told: dict[str, Any] = {"exit_code": code, "kind": type(error).__name__, "message": str(error)}
+    kind = next((name for each, name in KINDS.items() if isinstance(error, each)), "internal")
+    told: dict[str, Any] = {"exit_code": code, "kind": kind, "message": str(error)}
     match error:
         case FileError():
             told["faults"] = [{"file": error.file, **_fault(fault)} for fault in error.faults]

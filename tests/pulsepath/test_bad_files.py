@@ -101,7 +101,7 @@ def test_the_same_as_data(corpus):
     result = CliRunner().invoke(main, [*command("machines/many.toml"), "--json"])
     assert result.exit_code == 2
     told = json.loads(result.stdout)["error"]
-    assert (told["exit_code"], told["kind"]) == (2, "FileError")
+    assert (told["exit_code"], told["kind"]) == (2, "file")
     faults = {fault["key"]: fault for fault in told["faults"]}
     assert faults["axes.max_jerk"] == {
         "file": "machines/many.toml",
