@@ -27,8 +27,8 @@ EVERY_DIGIT = 17
 _DECIMAL = r"(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d{1,3})?(?![\d.])"
 _NUMBER = re.compile(rf"[+-]?(?:{_DECIMAL}|(?:nan|inf(?:inity)?)(?![a-z]))", re.ASCII | re.IGNORECASE)
 _FACTOR = r"[A-Za-zµ°]+(?:(?:\^|\*\*)-?[1-9])?"
+# how people write units that are none here
 _SLIPS = str.maketrans({"\\": "/", "²": "^2", "³": "^3", "·": "*", "×": "*"})
-"""How people write units that are none here."""
 _UNIT = re.compile(rf"(?:1 ?/ ?)?{_FACTOR}(?:(?: ?[*/] ?| ){_FACTOR})*")
 
 # Only what machines and programs are measured in: pint's own thousand units would read slips of the pen as quantities.
@@ -167,8 +167,8 @@ class Unit:
             number = self.quantity(value)
         if not (number > self.above and self.least <= number <= self.most):
             unit = everyday(self.unit)
-            told = isinstance(value, str) and unit not in value and number
-            converted = f", which is {describe(number, unit)}," if told else ""
+            other = isinstance(value, str) and unit not in value and number
+            converted = f", which is {describe(number, unit)}," if other else ""
             raise BadValue(f"{shown(value)}{converted} must be {self.allowed}", allowed=self.allowed)
         return number
 
@@ -212,8 +212,7 @@ Angle = Annotated[float, Unit("rad")]
 
 
 def shown(value: object) -> str:
-    """A value of a file as a message shows it: as TOML has it, one line, of bounded length, nothing that a terminal
-    would obey."""
+    """A value of a file as a message shows it: one line, of bounded length, nothing that a terminal would obey."""
     text = _written(value)
     return text if len(text) <= MAX_LENGTH else f"{text[:40]} ..."
 

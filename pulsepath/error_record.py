@@ -5,8 +5,8 @@ from typing import Any
 from kinematics.errors import Fault, FileError, MotionError, OutOfReach
 from kinematics.units import shown
 from planner.place import Infeasible
+from pulsepath.exits import INTERNAL
 from pulsepath.record import SCHEMA, as_json, of_violation
-
 
 KINDS = {FileError: "file", Infeasible: "infeasible", OutOfReach: "reach", MotionError: "input", OSError: "input"}
 """What went wrong, the most special first."""
@@ -18,7 +18,8 @@ def of_error(error: Exception, code: int) -> str:
     A fault has its file, line (from 1) and key, the value as it is written, what is allowed there and the nearest valid
     name, null for what it has not.
     """
-    kind = next((name for each, name in KINDS.items() if isinstance(error, each)), "internal")
+    known = (name for each, name in KINDS.items() if isinstance(error, each))
+    kind = "internal" if code == INTERNAL else next(known, "input")
     told: dict[str, Any] = {"exit_code": code, "kind": kind, "message": str(error)}
     match error:
         case FileError():
