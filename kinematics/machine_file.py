@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Sequence
 from functools import partial
-from importlib.resources import files
 from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Any
@@ -16,7 +15,7 @@ from kinematics.kinds.linkage import NAMES, LinkageFile, linkage
 from kinematics.kinds.traverser import ROTARY, SLIDES, TraverserFile, traverser
 from kinematics.kinds.tripod import ARMS, TripodFile, tripod
 from kinematics.machine import Machine
-from kinematics.registry import closest, nearest
+from kinematics.registry import beside, closest, nearest
 from kinematics.schema import File, build, refuse_mistaken
 from kinematics.units import shown
 
@@ -34,9 +33,8 @@ def read_machine(source: Path | Traversable) -> Machine:
     schema, construct, names = KINDS[kind]
     wired = partial(wired_axes, names or joints_of(document.data))
     model = build(document, schema, named_once, one_pulse, of_a_joint, wired)
-    folder = source.parent if isinstance(source, Path) else files("kinematics") / "presets"
     try:
-        return construct(model, Path(source.name).stem, folder)
+        return construct(model, Path(source.name).stem, beside("kinematics", source))
     except FileError as error:  # of a file that this one names
         geometry = document.data["geometry"]
         faults = [

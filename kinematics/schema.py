@@ -111,7 +111,11 @@ _TYPES = {
 
 
 class File(Table):
-    """What every file says first; what: what the file is, as `kinematics.file_kinds` has it."""
+    """What every file says first.
+
+    schema  the version of the format: 1
+    what    what the file is, as `kinematics.file_kinds` has it
+    """
 
     what: ClassVar[str] = ""
     version: Literal[1] = Field(alias="schema", description="write schema = 1")
