@@ -112,7 +112,7 @@ def test_every_fault_is_reported_in_one_pass(document):
         'rom: unknown key, nearest is "room"; valid keys: schema, height, room',
         "count: true is not ",
         "must not be zero",
-        "weight: nan: ",
+        "weight: nan is not a finite number",
         'size[2]: 2: a number without a unit: write e.g. "20 mm"',
         '"rde" is not "red" or "green", nearest is "red"',
         "size and radius exclude each other: give size or radius",
