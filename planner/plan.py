@@ -1,11 +1,12 @@
 """The main job, top to bottom: program -> path -> limits -> certified motion -> pulses."""
 
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kinematics.errors import MotionError
+from kinematics.errors import MotionError, OutOfReach
 from kinematics.machine import Machine
 from kinematics.result import Result
 from kinematics.table import Table
@@ -13,10 +14,14 @@ from planner.actuation import MachinePath, actuate
 from planner.certify import Certificate
 from planner.duration import within
 from planner.limits import Limit, limits_of, usual_order
+from planner.limits.clearance import Clearance
+from planner.limits.holding import Holding
+from planner.limits.tilt import Tilt
+from planner.limits.travel import Travel
 from planner.orientation import oriented
 from planner.parallel import Progress, silent
 from planner.path.join import blend_tables
-from planner.place import Infeasible
+from planner.place import Infeasible, LostPath
 from planner.program import Program
 from planner.pulses import Motion, PulseSchedule, RealisedPath, Rule, find_rule, generate, realised, schedule_tables
 from planner.pulses.compensate import counted
@@ -26,6 +31,9 @@ from planner.steadiness import CONSTANT, Stretch, stretches
 from planner.timing.floor import left_out
 from planner.trajectory import Trajectory
 from planner.triggers import Triggered, trigger_tables, triggered
+
+GEOMETRIC = tuple(limit.name for limit in (Travel, Tilt, Clearance, Holding))
+"""Limits that the path alone breaks."""
 
 if TYPE_CHECKING:
     from mpl_toolkits.mplot3d import Axes3D
@@ -134,12 +142,15 @@ def plan(
         raise MotionError(f"duration {duration} s must be positive and finite")
     rule = find_rule(rule) if isinstance(rule, str) else rule
     program = oriented(program, machine, order)
-    path = actuate(program, machine)
-    limits = limits_of(path, machine.axes, order)
-    if duration is None:
-        solution = fastest(path, limits, order, progress)
-    else:
-        solution = within(path, limits, machine.axes, order, duration, progress)
+    try:
+        path = actuate(program, machine)
+        limits = limits_of(path, machine.axes, order)
+        if duration is None:
+            solution = fastest(path, limits, order, progress)
+        else:
+            solution = within(path, limits, machine.axes, order, duration, progress)
+    except (Infeasible, OutOfReach) as no:
+        raise _advised(no, program, machine, order) from None
     motors, pulses = _pulses(solution.trajectory, machine, int(clock_hz), rule, progress or silent)
     return Plan(
         program,
@@ -178,5 +189,21 @@ def check(program: Program, machine: Machine) -> Standing:
 
     Raises MotionError for a path that cannot be drawn.
     """
-    path = actuate(oriented(program, machine, usual_order(machine.axes)), machine)
-    return replace(standing(path, limits_of(path, machine.axes, 2)), blends=path.blends)
+    program = oriented(program, machine, usual_order(machine.axes))
+    try:
+        path = actuate(program, machine)
+    except OutOfReach as no:
+        raise _advised(no, program, machine, 2) from None
+    found = standing(path, limits_of(path, machine.axes, 2))
+    worst = tuple(_advised(no, program, machine, 2) for no in found.violations[:1])
+    return replace(found, violations=(*worst, *found.violations[1:]), blends=path.blends)
+
+
+def _advised(no: MotionError, program: Program, machine: Machine, order: int) -> MotionError:
+    """What no timing can help, with how far the path must shrink or move; a refusal of another kind as it is."""
+    from planner.refit import refit
+
+    more = partial(refit, program, machine, order)
+    if isinstance(no, Infeasible):
+        return no.advising(more) if no.kind in GEOMETRIC else no
+    return LostPath(str(no), more)
