@@ -1,7 +1,8 @@
 """The main job, top to bottom: program -> path -> limits -> certified motion -> pulses."""
 
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from os import PathLike
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -26,6 +27,8 @@ from planner.triggers import Triggered, triggered
 
 if TYPE_CHECKING:
     from mpl_toolkits.mplot3d import Axes3D
+
+    from planner.export.format import Exported
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,6 +78,16 @@ class Plan:
     def realised(self, *, stride: int = 1) -> RealisedPath:
         """How far the pose that the pulses stand for is from the planned one; stride k looks at every k-th interval."""
         return realised(self, stride=stride)
+
+    def export(self, format: str, path: str | PathLike[str], *, force: bool = False, **options: Any) -> "Exported":
+        """Write it in a format of `planner.export.formats`, and tell how far what the file holds is from the plan.
+
+        options: the fields of the format's dataclass, in SI units. force: replace a file that is there.
+        Raises MotionError for an unknown format or option, a file that is there, and what the format cannot hold.
+        """
+        from planner.export.written import written
+
+        return written(self, format, path, force, options)
 
     def plot(self, ax: "Axes3D | None" = None) -> "Axes3D":
         """The path in space, coloured by speed; planner.plots has the other figures of a plan."""
