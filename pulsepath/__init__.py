@@ -16,7 +16,7 @@ __version__ = "0.1.0"
 if TYPE_CHECKING:
     from benchmarks.compare import Comparison, compare, verdict_of
     from benchmarks.report import write_report
-    from benchmarks.sweep import Grid, settings_of, sweep
+    from benchmarks.sweep import Grid, read_setting, settings_of, sweep
     from controllers import Metrics, Rig, Tracking, evaluate, find_law, law_names, load_rig, rig_names, track
     from kinematics import (
         Actuator,
@@ -228,6 +228,7 @@ __all__ = [
     "plan",
     "plan_many",
     "program_names",
+    "read_setting",
     "read_urdf",
     "realised",
     "rig_names",
