@@ -9,7 +9,7 @@ from controllers.metrics import ErrorSeries, Metrics
 from controllers.metrics.circular_test import CircularTest
 from controllers.metrics.path_accuracy import PathAccuracy
 from kinematics.array import Array
-from planner.plots import PALETTE, new_axes
+from kinematics.figure import PALETTE, new_axes
 
 _UNIT = {"m": ("µm", 1e6), "rad": ("mrad", 1e3)}
 

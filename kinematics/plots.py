@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Rectangle
 from matplotlib.ticker import MaxNLocator
 from mpl_toolkits.mplot3d import Axes3D
@@ -15,6 +14,7 @@ from kinematics.accuracy import Budget, Contribution
 from kinematics.array import Array
 from kinematics.containment import KINDS
 from kinematics.errors import MotionError
+from kinematics.figure import new_axes, new_axes_3d
 from kinematics.workspace import Box, Workspace
 
 if TYPE_CHECKING:
@@ -44,7 +44,7 @@ def reach(workspace: Workspace, ax: Axes | None = None) -> Axes:
     x, y = (1e3 * workspace.nodes[k] for k in free)
     if ax is None:
         height = float(np.clip(5 * np.ptp(y) / np.ptp(x), 2.4, 8))
-        ax = Figure(figsize=(7.5, height), layout="constrained").add_subplot()
+        ax = new_axes(ax, (7.5, height))
     held = next(k for k in range(3) if k not in free)
     proved = np.squeeze(workspace.proved, held)
     ax.pcolormesh(x, y, np.where(proved, 1.0, np.nan).T, cmap="Greys", vmin=0, vmax=6)
@@ -82,8 +82,7 @@ def reach(workspace: Workspace, ax: Axes | None = None) -> Axes:
 
 
 def _body(workspace: Workspace, ax: Axes3D | None) -> Axes3D:
-    if ax is None:
-        ax = cast(Axes3D, Figure(figsize=(7, 5.5), layout="constrained").add_subplot(projection="3d"))
+    ax = new_axes_3d(ax, (7, 5.5))
     corners = np.meshgrid(*(1e3 * nodes for nodes in workspace.nodes), indexing="ij")
     ax.voxels(*corners, workspace.proved, facecolor="#56B4E933", edgecolor="#56B4E933", linewidth=0.2)
     if workspace.proved.any():
@@ -123,8 +122,7 @@ def _title(workspace: Workspace, where: str) -> str:
 
 def position_error(budget: Budget, ax: Axes | None = None) -> Axes:
     """√(trace Σ + |bias|²) of the position by source: along the poses, or as bars with the worst case for one pose."""
-    if ax is None:
-        ax = Figure(figsize=(7, 4), layout="constrained").add_subplot()
+    ax = new_axes(ax, (7, 4))
     parts = (*budget.contributions, budget.total)
     if len(budget) > 1:
         for part in parts:
@@ -152,8 +150,7 @@ def _rms(part: Contribution) -> Array:
 
 def force(forces: Forces, t: Array | None, ax: Axes | None = None) -> Axes:
     """Force of every axis over time, with the least max_force of all as two dashed lines where it is near."""
-    if ax is None:
-        ax = Figure(figsize=(7, 4), layout="constrained").add_subplot()
+    ax = new_axes(ax, (7, 4))
     when = np.arange(len(forces.force)) if t is None else t
     for axis, row in zip(forces.machine.axes, forces.force.T, strict=True):
         ax.plot(when, row, label=axis.name, linewidth=1.2)

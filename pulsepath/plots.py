@@ -12,10 +12,10 @@ from planner.plots import (
     axis_motion,
     limit_use,
     path_in_space,
-    path_speed,
     pulse_rate,
     realised_error,
 )
+from planner.trajectory_plots import path_speed
 
 __all__ = [
     "active_limits",
