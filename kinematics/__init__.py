@@ -11,6 +11,7 @@ from kinematics.calibration import (
     Noise,
     calibrate,
     calibration_parts,
+    foreseen_errors,
     measured_positions,
     whole_poses,
 )
@@ -89,6 +90,7 @@ __all__ = [
     "cylinder",
     "error_budget",
     "forces",
+    "foreseen_errors",
     "joint_circle",
     "joint_need",
     "load_actuators",

@@ -69,7 +69,9 @@ print(f"{'model':<30}{'parameters':>11}{'after':>9}{'left out':>10}  weakest σ"
 trials = {name: pp.calibrate(machine, data, parts) for name, parts in models.items()}
 for name, trial in trials.items():
     errors = [1e6 * trial.rms(stage) for stage in (trial.after, trial.left_out)]
-    print(f"{name:<30}{len(trial.parameters):11}{errors[0]:9.1f}{errors[1]:10.1f}  {trial.observability.indices['O3']:.4f}")
+    print(
+        f"{name:<30}{len(trial.parameters):11}{errors[0]:9.1f}{errors[1]:10.1f}  {trial.observability.indices['O3']:.4f}"
+    )
 
 # %% [markdown]
 # More parameters always look better after the fit. Left out, six factors are hardly better than one, and the poses show
