@@ -1,0 +1,68 @@
+"""The notebooks run, quickly and silently, and their prose states no number that their cells do not."""
+
+import re
+
+import pytest
+
+from tests.notebooks.run import NOTEBOOKS, ROOT, executed
+from tests.pace import slowness
+
+MOST = 30.0
+"""s of CPU that a notebook may take on the machine that the bounds were written on: half of the minute it may last."""
+CPU = "from time import process_time\n\nprint(process_time())"
+CODE = re.compile(r"`[^`]*`|\$\$.*?\$\$|\$[^$]*\$|\]\([^)]*\)|\[[^\]]*\d{4}[^\]]*\]", re.DOTALL)
+"""In prose, what is code, maths, a link's address or a source."""
+NUMBER = re.compile(r"\d+(?:\.\d+)?")
+
+
+@pytest.fixture(scope="module", params=NOTEBOOKS, ids=lambda path: path.stem)
+def notebook(request):
+    return executed(request.param, slower=slowness(), last=CPU)
+
+
+def texts(cells):
+    """What cells show: what they print, and the text of their values."""
+    for cell in cells:
+        for output in cell.get("outputs", ()):
+            yield output.get("text") or output.get("data", {}).get("text/plain", "")
+
+
+def test_there_are_six_and_a_list_of_them():
+    assert [path.stem[0] for path in NOTEBOOKS] == list("123456")
+    listed = (ROOT / "notebooks" / "README.md").read_text(encoding="utf-8")
+    assert [path.name for path in NOTEBOOKS] == re.findall(r"\]\((\w+\.py)\)", listed)
+
+
+def test_it_runs_quickly_without_warnings(notebook):
+    outputs = [output for cell in notebook.cells for output in cell.get("outputs", ())]
+    assert not [output for output in outputs if output.output_type == "error"]
+    assert not [output.text for output in outputs if output.get("name") == "stderr"]
+    assert sum("image/png" in output.get("data", {}) for output in outputs) >= 2
+    took = float(notebook.cells[-1].outputs[0].text)
+    assert took <= MOST * slowness()
+
+
+def test_it_asks_answers_and_goes_on(notebook):
+    prose = [cell.source for cell in notebook.cells if cell.cell_type == "markdown"]
+    assert re.match(r"# .+\n\n\*\*[^*]+\?\*\*", prose[0])
+    assert "## The answer" in prose[-2]
+    assert prose[-1].startswith("**What to try next.**")
+    *_, answer, _ = [cell for cell in notebook.cells if cell.cell_type == "code"]
+    assert re.search(r"\d", next(texts([answer])))
+
+
+def test_its_prose_states_only_numbers_of_its_cells(notebook):
+    """From 10 on, and broken ones; they stand in the code, or come out of it."""
+    code = [cell for cell in notebook.cells if cell.cell_type == "code"]
+    told = {*NUMBER.findall("\n".join([*(cell.source for cell in code), *texts(code)]))}
+    for cell in notebook.cells:
+        if cell.cell_type == "markdown":
+            stated = NUMBER.findall(CODE.sub(" ", cell.source))
+            assert not [number for number in stated if ("." in number or int(number) >= 10) and number not in told]
+
+
+def test_its_links_lead_somewhere(notebook):
+    for cell in notebook.cells:
+        if cell.cell_type == "markdown":
+            for target in re.findall(r"\]\(([^)]+)\)", cell.source):
+                assert (ROOT / "notebooks" / target).is_file(), target
