@@ -64,9 +64,10 @@ program = pp.Program(
 # %%
 plan = pp.plan(program, machine)
 print(f"{plan.trajectory.duration:.4f} s along {1e3 * plan.path.breaks[-1]:.1f} mm, order {plan.order}")
-plan.plot().figure
+plan.plot()
 
 # %% [markdown]
+# Results print as tables, draw themselves by `.plot()`, become data frames by `.to_pandas()`, files by `.save(path)`.
 # The state at any time is exact: it comes from closed formulas, not from samples.
 
 # %%
@@ -83,7 +84,7 @@ for t, pose, speed in zip(state.t, state.pose.translation, state.qd[:, 0], stric
 # the solver shows here; a plan whose certificate does not hold is refused.
 
 # %%
-print(plan.certificate)
+plan.certificate
 
 # %% [markdown]
 # The same over time: which limit is used how much. The band on top has the colour of the limit that holds the motion
@@ -123,8 +124,8 @@ for name, value in met.items():
 
 # %%
 pulses = plan.pulses
-print(f"{pulses.total} pulses on a clock of {pulses.clock_hz / 1e6:g} MHz")
 print("the first of leg 1 fall at ticks", pulses.axes[0].ticks[:6])
+pulses
 
 # %%
 t = np.random.default_rng(1).uniform(0, plan.trajectory.duration, 20_000)

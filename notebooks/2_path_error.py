@@ -256,7 +256,7 @@ better = pp.plan(circle, built)
 poses = better.trajectory.at(np.linspace(0, better.trajectory.duration, 201)).pose
 unknown = pp.PulseLength(np.sqrt(3) * factor.error / factor.value, common=True, name="pulse length")
 left_over = pp.error_budget(built, poses, [pp.Quantization(), unknown])
-print(left_over)
+left_over
 
 # %%
 remaining = np.sqrt(np.trace(left_over.total.covariance[:, :3, :3], axis1=1, axis2=2).mean())

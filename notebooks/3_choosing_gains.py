@@ -74,7 +74,7 @@ settings = tuple(pp.read_setting(text) for text in texts)
 folder = TemporaryDirectory()
 runs = pp.sweep(pp.Grid(settings, ("circle",)), rig, Path(folder.name, "circle"))
 comparison = pp.compare([runs], baseline="6:gain=0.7")
-print(f"{len(runs.results)} runs of {len(settings)} settings")
+print(f"{len(runs.results)} runs of {len(settings)} settings, on rigs: {', '.join(runs.record['variations'])}")
 
 # %%
 print(f"{'RMS contour error, µm':<52}{'as stated':>10}{'best rig':>10}{'worst rig':>10}  peak torque")

@@ -69,7 +69,7 @@ print(small, "legs at home:", np.round(1e3 * small.home_q, 3), "mm")
 reach = pp.workspace(small, y=0.0, cells=24)
 box = reach.largest_box()
 print(f"the largest box in this plane: {1e3 * box.size[0]:.1f} mm wide, {1e3 * box.size[2]:.1f} mm high")
-reach.plot().figure
+reach.plot()
 
 # %% [markdown]
 # A typing error in the text is told with its line and the nearest word:
@@ -169,7 +169,7 @@ assert back < 1e-9
 # %%
 disc = pp.workspace(delta, z=0.0, cells=32)
 print(f"the largest circle has a radius of {1e3 * disc.largest_sphere().radius:.1f} mm")
-disc.plot().figure
+disc.plot()
 
 # %% [markdown]
 # ## The same program on all of them
