@@ -90,10 +90,8 @@ class Result(ABC):
         tables = [
             {
                 "title": table.title,
-                "columns": [{"name": c.name, "unit": "" if c.mixed else c.unit} for c in table.columns],
-                "rows": [
-                    [_strict(value) for value in row] for row in zip(*(c.raw for c in table.columns), strict=True)
-                ],
+                "columns": [{"name": c.name, "unit": "" if c.mixed else c.unit} for c in table.full],
+                "rows": [[_strict(value) for value in row] for row in zip(*(c.raw for c in table.full), strict=True)],
                 "notes": list(table.notes),
             }
             for table in self.tables()

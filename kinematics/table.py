@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 Scale = Literal["", "human", "micro"]
 SCALES: dict[str, dict[str, tuple[str, float]]] = {
     "": {},
-    "human": {"m": ("mm", 1e3), "rad": ("°", degrees(1))},
+    "human": {"m": ("mm", 1e3), "rad": ("°", degrees(1)), "kg": ("g", 1e3)},
     "micro": {"m": ("µm", 1e6), "rad": ("µrad", 1e6), "m or rad": ("µm or µrad", 1e6), "s": ("µs", 1e6)},
 }
 """What is read instead of an SI unit, and how many of it make one."""
@@ -37,7 +37,7 @@ class Column:
     """One column: its values as they are, in SI, and how they are shown.
 
     values  numbers, texts, bools, None where there is nothing
-    unit    SI, powers as "m/s^2"; or one for each row: then a column that names them follows
+    unit    SI, powers as "m/s^2"; or one for each row, which a column then names or the cells do
     form    format of what is shown, after scaling
     up      rounded upwards, so that the text of a bound is a bound too: `form` counts decimals, as ".7f"
     words   what is shown instead of some values, by their `str`: {"None": "not stated", "inf": "unlimited"}
@@ -89,8 +89,13 @@ class Column:
         unit = "" if self.mixed else _shown(str(self.unit), self.scale)[0]
         return f"{self.name} ({unit})" if unit else self.name
 
-    def cell(self, row: int) -> str:
-        """A value as it is read."""
+    def cell(self, row: int, named: bool = False) -> str:
+        """A value as it is read, with its unit where rows have their own and they are to be named."""
+        value, text = _plain(self.values[row]), self._text(row)
+        told = named and self.mixed and text and isinstance(value, (int, float)) and str(value) not in self.words
+        return f"{text} {_shown(self.unit[row], self.scale)[0]}".rstrip() if told else text
+
+    def _text(self, row: int) -> str:
         value = _plain(self.values[row])
         if str(value) in self.words:
             return self.words[str(value)]
@@ -107,7 +112,7 @@ class Column:
         if self.up:
             fine = 10 ** int(self.form[1:-1])
             number = ceil(number * fine) / fine
-        return format(number, self.form)
+        return format(number + 0.0, self.form)  # no −0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -119,7 +124,6 @@ class Table:
     notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "columns", tuple(_with_units(self.columns)))
         names, lengths = [column.heading for column in self.columns], {len(column) for column in self.columns}
         if len(set(names)) < len(names) or not all(names) or len(lengths) != 1:
             raise MotionError(f"table {self.title}: columns {names} need names of their own and one length: {lengths}")
@@ -127,9 +131,24 @@ class Table:
     def __len__(self) -> int:
         return len(self.columns[0])
 
+    @property
+    def full(self) -> tuple[Column, ...]:
+        """With a column of SI units after each stretch of columns whose rows have their own."""
+        return tuple(_with_units(self.columns))
+
+    @property
+    def read(self) -> tuple[Column, ...]:
+        """The columns that people read: units that rows have in common get one column, others stand in the cells."""
+        return self.columns if self._named else self.full
+
+    @property
+    def _named(self) -> bool:
+        return len({(column.unit, column.scale) for column in self.columns if column.mixed}) > 1
+
     def cells(self, rows: Sequence[int] | None = None) -> list[list[str]]:
-        """Every row, or some, as it is read."""
-        return [[column.cell(row) for column in self.columns] for row in (range(len(self)) if rows is None else rows)]
+        """Every row, or some, as `read`."""
+        shown, named = self.read, self._named
+        return [[column.cell(row, named) for column in shown] for row in (range(len(self)) if rows is None else rows)]
 
     @property
     def _read(self) -> list[list[str]]:
@@ -137,16 +156,16 @@ class Table:
         half = ROWS // 2
         if len(self) <= ROWS:
             return self.cells()
-        gap = [GAP for _ in self.columns]
+        gap = [GAP for _ in self.read]
         return [*self.cells(range(half)), gap, *self.cells(range(len(self) - half, len(self)))]
 
     def __str__(self) -> str:
-        rows = [[column.title for column in self.columns], *self._read]
+        rows = [[column.title for column in self.read], *self._read]
         widths = [max(map(len, cells)) for cells in zip(*rows, strict=True)]
         lines = (
             "  ".join(
                 cell.rjust(width) if column.numeric else cell.ljust(width)
-                for cell, width, column in zip(row, widths, self.columns, strict=True)
+                for cell, width, column in zip(row, widths, self.read, strict=True)
             )
             for row in rows
         )
@@ -154,10 +173,10 @@ class Table:
 
     def _repr_html_(self) -> str:
         """In the notebook's own colours, dark or light: nothing is set but lines and alignment."""
-        aligned = [f"text-align:{'right' if column.numeric else 'left'}" for column in self.columns]
+        aligned = [f"text-align:{'right' if column.numeric else 'left'}" for column in self.read]
         head = "".join(
             f'<th style="{style};border-bottom:1px solid currentColor">{escape(column.title)}</th>'
-            for style, column in zip(aligned, self.columns, strict=True)
+            for style, column in zip(aligned, self.read, strict=True)
         )
         body = "".join(
             "<tr>"
@@ -181,12 +200,12 @@ class Table:
                 "to_pandas: pandas is not installed; pip install 'pulsepath[notebooks]' brings it, "
                 'or take save("name.csv")'
             ) from None
-        return pd.DataFrame({column.heading: column.raw for column in self.columns})
+        return pd.DataFrame({column.heading: column.raw for column in self.full})
 
     def csv_rows(self) -> Iterator[list[Any]]:
         """The header and the raw values; nothing where there is nothing."""
-        yield [column.heading for column in self.columns]
-        yield from map(list, zip(*(column.raw for column in self.columns), strict=True))
+        yield [column.heading for column in self.full]
+        yield from map(list, zip(*(column.raw for column in self.full), strict=True))
 
 
 def _with_units(columns: Sequence[Column]) -> Iterator[Column]:

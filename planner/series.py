@@ -37,7 +37,7 @@ def axis_units(path: ActuatorPath) -> tuple[str, ...]:
 def instants(trajectory: Trajectory) -> Array:
     """(N,) s, every PERIOD and the end."""
     rows = ceil(trajectory.duration / PERIOD) + 1
-    return np.asarray(np.minimum(np.arange(rows) * PERIOD, trajectory.duration))
+    return np.asarray(np.minimum(np.arange(rows) * PERIOD, trajectory.duration), float)
 
 
 def rows(trajectory: Trajectory, t: Array) -> Array:

@@ -30,9 +30,9 @@ def test_a_bound_is_rounded_upwards():
 
 def test_rows_with_units_of_their_own_are_followed_by_a_column_of_them():
     table = Table("", (Column("x", [1e-6, 1e-3], ["m", "rad"], "micro", ".1f"),))
-    assert [column.heading for column in table.columns] == ["x", "unit"]
+    assert [column.heading for column in table.full] == ["x", "unit"]
     assert table.cells() == [["1.0", "µm"], ["1000.0", "µrad"]]
-    assert table.columns[1].raw == ["m", "rad"]
+    assert table.full[1].raw == ["m", "rad"]
 
 
 def test_html_is_escaped_and_well_formed():
@@ -91,3 +91,11 @@ def test_tables_that_do_not_fit_are_refused():
         Table("", (Column("a", [1]), Column("a", [2])))
     with pytest.raises(MotionError):
         Table("", (Column("a", [1]), Column("b", [2, 3])))
+
+
+def test_rows_with_several_units_of_their_own_name_them_in_the_cells():
+    speed = Column("speed", [0.001, None], ["m/s", "rad/s"], "human", ".1f")
+    jerk = Column("jerk", [0.001, 1.0], ["m/s^3", "rad/s^3"], "human", ".1f", words={"1.0": "free"})
+    table = Table("", (speed, jerk))
+    assert table.cells() == [["1.0 mm/s", "1.0 mm/s³"], ["", "free"]]
+    assert [column.heading for column in table.full] == ["speed", "unit of speed", "jerk", "unit of jerk"]
