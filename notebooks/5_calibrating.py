@@ -44,14 +44,14 @@ for label, to, off in zip(data.labels, 1e3 * data.commanded.translation, 1e6 * s
 
 # %%
 calibration = pp.calibrate(machine, data)
-print(calibration)
+calibration
 
 # %%
 before, after, left_out = (
     1e6 * calibration.rms(errors) for errors in (calibration.before, calibration.after, calibration.left_out)
 )
 print(f"RMS per component: {before:.1f} µm before, {after:.1f} µm after, {left_out:.1f} µm left out")
-calibration.plot().figure
+calibration.plot()
 
 # %% [markdown]
 # "After" flatters: the parameters were chosen to make it small. "Left out" is honest: each pose is predicted from the
@@ -95,7 +95,7 @@ for name, value in calibration.observability.indices.items():
     print(f"{name}: {value:.4f}")
 
 # %%
-plots.singular_values(calibration).figure
+plots.singular_values(calibration)
 
 # %%
 factor = calibration["factor"]
