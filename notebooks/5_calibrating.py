@@ -130,12 +130,11 @@ for ax, values, name in zip(axes, gain, ("pulse's length", "frame's turn about z
     shown = values.reshape(len(heights), len(asides))
     mesh = ax.pcolormesh(1e3 * asides, 1e3 * heights, shown, cmap="viridis", vmin=0)
     figure.colorbar(mesh, ax=ax, label="taken off (%)")
-    ax.set(xlabel="x of a further pose (mm)", title=f"standard error of the {name}")
-axes[0].plot(
-    *1e3 * data.commanded.translation[data.fit][:, [0, 2]].T, "o", color="white", mec="black", label="measured"
-)
+    ax.set(xlabel="x of a further pose, at y = 0 (mm)", title=f"standard error of the {name}")
+x, y, z = 1e3 * data.commanded.translation[data.fit].T
+axes[0].plot(np.hypot(x, y), z, "o", color="white", mec="black", label="measured, as far from the middle")
 axes[0].set_ylabel("z of a further pose (mm)")
-axes[0].legend(loc="lower right")
+axes[0].legend(loc="lower right", fontsize="small")
 plt.show()
 
 # %%
