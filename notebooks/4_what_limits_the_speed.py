@@ -148,9 +148,9 @@ assert abs(bought["speed"][-1] / least - 1) < 1e-3
 
 # %%
 figure, ax = plt.subplots(figsize=(7, 4), layout="constrained")
-curves = {name: (factors, values) for name, values in bought.items()}
+curves = {name: (list(factors), values) for name, values in bought.items()}
 half, full, twice = bought["speed"]
-curves["speed"] = (0.5, 1.0, enough, 2.0), [half, full, least, twice]
+curves["speed"] = [0.5, 1.0, enough, 2.0], [half, full, least, twice]
 for (name, (times, values)), mark in zip(curves.items(), "osD^", strict=True):
     ax.loglog(times, values, marker=mark, label=name)
 ax.loglog(factors, [duration / factor for factor in factors], ":", color="grey", label="1/×: nothing else in the way")
