@@ -13,13 +13,11 @@ author = "the pulsepath authors"
 copyright = author
 release = version = __version__
 
-extensions = ["myst_parser", "sphinx.ext.autodoc", "drawn_math", "file_keys", "command_line"]
+extensions = ["myst_parser", "docstrings", "drawn_math", "file_keys", "command_line"]
 myst_enable_extensions = ["attrs_inline", "colon_fence", "deflist", "dollarmath"]
 myst_heading_anchors = 3
 exclude_patterns = ["examples"]
 suppress_warnings = ["toc.empty_glob"]
-autodoc_member_order = "bysource"
-autodoc_typehints = "description"
 
 html_theme = "pydata_sphinx_theme"
 html_title = "pulsepath"
@@ -28,7 +26,7 @@ html_css_files = ["site.css"]
 html_copy_source = False
 html_show_sourcelink = False
 html_math_renderer = "drawn"
-html_sidebars = {"installing": [], "tutorial": [], "conventions": [], "evidence": [], "findings": [], "peers": []}
+html_sidebars = {"installing": [], "tutorial": [], "conventions": [], "peers": []}
 html_theme_options = {
     "header_links_before_dropdown": 7,
     "show_prev_next": True,

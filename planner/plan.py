@@ -38,10 +38,12 @@ if TYPE_CHECKING:
 class Plan(Result):
     """A program on a machine: the path in the actuators, the fastest motion, its proof, and the pulses that make it.
 
-    counted: the motion, or where axes ask for compensation what their motors make of it, which the pulses count
-    order (2: to acceleration, 3: to jerk); rounds of solving until the proof held; methods: the solver of each run
-    lower_estimate: s, about the least that any motion within the limits on speed and acceleration takes, with the
-    constant speeds that are asked for; stated_duration: s, what was asked for instead of the fastest, if anything
+    counted          the motion, or where axes ask for compensation what their motors make of it, which the pulses count
+    order            2: to acceleration, 3: to jerk
+    rounds, methods  of solving until the proof held; the solver of each run
+    lower_estimate   s, about the least that any motion within the limits on speed and acceleration takes, with the
+                     constant speeds that are asked for
+    stated_duration  s, what was asked for instead of the fastest, if anything
     """
 
     program: Program

@@ -1,9 +1,10 @@
 """The tables that the commands print: the results' own ones, drawn by rich."""
 
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from math import inf
+from typing import Any
 
 import click
 from rich.box import SIMPLE_HEAD
@@ -21,6 +22,7 @@ from planner.option import options
 from planner.pulses import RULES
 from planner.sources.position_list import PositionList
 from pulsepath.job import Job
+from pulsepath.talk import dressed
 
 WIDTH = 110
 """Columns where the output is no terminal, which would say."""
@@ -28,7 +30,13 @@ WIDTH = 110
 
 def show(tables: Iterable[Drawn]) -> None:
     """Print tables. Names in them come from files, so nothing is taken for markup."""
-    console = Console(width=None if sys.stdout.isatty() else WIDTH, markup=False, emoji=False, highlight=False)
+    console = Console(
+        width=None if sys.stdout.isatty() else WIDTH,
+        markup=False,
+        emoji=False,
+        highlight=False,
+        force_terminal=dressed(sys.stdout),
+    )
     with console.capture() as printed:
         console.print(*tables)
     click.echo("\n".join(line.rstrip() for line in printed.get().splitlines()))
@@ -57,6 +65,16 @@ def of_plan(job: Job) -> list[Drawn]:
     first, *rest = plan.tables()
     timed = (Column("what", what), Column("time", times, "s", form=".6f"), Column("note", notes))
     return [drawn for table in (replace(first, columns=timed), *rest) for drawn in _drawn(table)]
+
+
+def of_list(title: str, listed: Sequence[Mapping[str, Any]]) -> list[Drawn]:
+    """Records of the same keys, a row each."""
+    columns = {key: [record[key] for record in listed] for key in listed[0]}
+    texts = {
+        key: [", ".join(value) if isinstance(value, list | dict) else value for value in values]
+        for key, values in columns.items()
+    }
+    return [*_drawn(Table(title, tuple(Column(key, values) for key, values in texts.items())))]
 
 
 def of_rules() -> list[Drawn]:
