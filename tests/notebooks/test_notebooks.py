@@ -15,9 +15,14 @@ CODE = re.compile(r"`[^`]*`|\$\$.*?\$\$|\$[^$]*\$|\]\([^)]*\)|\[[^\]]*\d{4}[^\]]
 NUMBER = re.compile(r"\d+(?:\.\d+)?")
 
 
-@pytest.fixture(scope="module", params=NOTEBOOKS, ids=lambda path: path.stem)
-def notebook(request):
-    return executed(request.param, slower=slowness(), last=CPU)
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_it_runs_and_is_as_it_should_be(path):
+    """One test for each, since running it takes the time."""
+    notebook = executed(path, slower=slowness(), last=CPU)
+    runs_quickly_without_warnings(notebook)
+    asks_answers_and_goes_on(notebook)
+    states_only_numbers_of_its_cells(notebook)
+    leads_somewhere(notebook)
 
 
 def texts(cells):
@@ -33,7 +38,7 @@ def test_there_are_six_and_a_list_of_them():
     assert [path.name for path in NOTEBOOKS] == re.findall(r"\]\((\w+\.py)\)", listed)
 
 
-def test_it_runs_quickly_without_warnings(notebook):
+def runs_quickly_without_warnings(notebook):
     outputs = [output for cell in notebook.cells for output in cell.get("outputs", ())]
     assert not [output for output in outputs if output.output_type == "error"]
     assert not [output.text for output in outputs if output.get("name") == "stderr"]
@@ -42,7 +47,7 @@ def test_it_runs_quickly_without_warnings(notebook):
     assert took <= MOST * slowness()
 
 
-def test_it_asks_answers_and_goes_on(notebook):
+def asks_answers_and_goes_on(notebook):
     prose = [cell.source for cell in notebook.cells if cell.cell_type == "markdown"]
     assert re.match(r"# .+\n\n\*\*[^*]+\?\*\*", prose[0])
     assert "## The answer" in prose[-2]
@@ -51,7 +56,7 @@ def test_it_asks_answers_and_goes_on(notebook):
     assert re.search(r"\d", next(texts([answer])))
 
 
-def test_its_prose_states_only_numbers_of_its_cells(notebook):
+def states_only_numbers_of_its_cells(notebook):
     """From 10 on, and broken ones; they stand in the code, or come out of it."""
     code = [cell for cell in notebook.cells if cell.cell_type == "code"]
     told = {*NUMBER.findall("\n".join([*(cell.source for cell in code), *texts(code)]))}
@@ -61,7 +66,7 @@ def test_its_prose_states_only_numbers_of_its_cells(notebook):
             assert not [number for number in stated if ("." in number or int(number) >= 10) and number not in told]
 
 
-def test_its_links_lead_somewhere(notebook):
+def leads_somewhere(notebook):
     for cell in notebook.cells:
         if cell.cell_type == "markdown":
             for target in re.findall(r"\]\(([^)]+)\)", cell.source):
