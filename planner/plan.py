@@ -2,7 +2,8 @@
 
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import TYPE_CHECKING
+from os import PathLike
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -37,6 +38,8 @@ GEOMETRIC = tuple(limit.name for limit in (Travel, Tilt, Clearance, Holding))
 
 if TYPE_CHECKING:
     from mpl_toolkits.mplot3d import Axes3D
+
+    from planner.export.format import Exported
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,6 +91,16 @@ class Plan(Result):
     def realised(self, *, stride: int = 1) -> RealisedPath:
         """How far the pose that the pulses stand for is from the planned one; stride k looks at every k-th interval."""
         return realised(self, stride=stride)
+
+    def export(self, format: str, path: str | PathLike[str], *, force: bool = False, **options: Any) -> "Exported":
+        """Write it in a format of `planner.export.formats`, and tell how far what the file holds is from the plan.
+
+        options: the fields of the format's dataclass, in SI units. force: replace a file that is there.
+        Raises MotionError for an unknown format or option, a file that is there, and what the format cannot hold.
+        """
+        from planner.export.written import written
+
+        return written(self, format, path, force, options)
 
     def tables(self) -> tuple[Table, ...]:
         """How long it takes, what is proved of it, its blends, its pulses and its triggers."""
