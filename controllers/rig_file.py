@@ -16,7 +16,7 @@ from controllers.rig import Drive, Rig
 from controllers.task import Task
 from controllers.task_table import PathTask, SineTask, TaskTable, beside
 from kinematics.document import Document, Key, read
-from kinematics.errors import BadValue, Fault, FileError, MotionError
+from kinematics.errors import BadValue, Fault, FileError, MotionError, NotInstalled
 from kinematics.kinds.axes import named_once
 from kinematics.machine import Machine
 from kinematics.registry import closest, load_machine, nearest
@@ -129,6 +129,8 @@ def _machine(stated: object, folder: Path | None) -> tuple[Machine | None, Motio
         return None, None
     try:
         return load_machine(beside(folder, stated)), None
+    except NotInstalled:  # which is no fault of the file
+        raise
     except MotionError as error:
         return None, error
 

@@ -22,7 +22,7 @@ from kinematics.clearance import Disc
 from kinematics.deflection import Deflection
 from kinematics.dynamics import Forces, forces
 from kinematics.error_sources import Backlash, LeadError, PulseLength, Quantization, Temperature
-from kinematics.errors import Fault, FileError, MotionError, OutOfReach
+from kinematics.errors import Fault, FileError, MotionError, NotInstalled, OutOfReach
 from kinematics.forward import Forward
 from kinematics.hexapod import Hexapod, joint_circle
 from kinematics.leadscrew_axis import Leadscrew, Slide, StepMotor, Traverse
@@ -73,6 +73,7 @@ __all__ = [
     "Motion",
     "MotionError",
     "Noise",
+    "NotInstalled",
     "OutOfReach",
     "Pose",
     "PulseLength",

@@ -59,5 +59,14 @@ class FileError(MotionError):
         return f"{place}: {fault.key}: {fault.message}" if fault.key else f"{place}: {fault.message}"
 
 
+class NotInstalled(MotionError):
+    """A package that `what` needs is not there. `extra`: ours, which brings it; None: no wheel for this platform."""
+
+    def __init__(self, what: str, package: str, extra: str | None = None, instead: str = "") -> None:
+        self.package = package
+        remedy = "it has no wheel for this platform" if extra is None else f"pip install 'pulsepath[{extra}]' brings it"
+        super().__init__(f"{what} needs {package}, which is not installed: {remedy}{instead and f'; {instead}'}")
+
+
 class OutOfReach(MotionError):
     """No actuator coordinates exist for a pose (or no pose for actuator coordinates)."""

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from kinematics.document import read
-from kinematics.errors import BadValue, FileError, MotionError
+from kinematics.errors import BadValue, FileError, MotionError, NotInstalled
 from kinematics.kinds.arm import ArmFile, arm, joints_of, of_a_joint
 from kinematics.kinds.axes import MachineFile, named_once, one_pulse, wired_axes
 from kinematics.kinds.hexapod import LEGS, HexapodFile, hexapod
@@ -42,6 +42,8 @@ def read_machine(source: Path | Traversable) -> Machine:
             for fault, told in zip(error.faults, str(error).split("\n"), strict=True)
         ]
         raise FileError(document.file, faults) from error
+    except NotInstalled:  # which is no fault of the file
+        raise
     except MotionError as error:  # what only the whole machine shows, such as a home pose out of reach
         raise FileError(document.file, [document.fault(("geometry",), str(error))]) from error
 

@@ -3,15 +3,15 @@
 from typing import Any
 
 from kinematics.body import Body
-from kinematics.errors import MotionError
+from kinematics.errors import NotInstalled
 
 
 def pinocchio(what: str) -> Any:
-    """The module. Raises MotionError, naming what needs it, where it is not installed."""
+    """The module. Raises NotInstalled, naming what needs it, where it is not installed."""
     try:
         import pinocchio
     except ImportError as missing:
-        raise MotionError(f"{what} needs pinocchio (pin), which has no wheel for this platform") from missing
+        raise NotInstalled(what, "pin (pinocchio)") from missing
     return pinocchio
 
 

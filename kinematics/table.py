@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from kinematics.errors import MotionError
+from kinematics.errors import MotionError, NotInstalled
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -196,10 +196,7 @@ class Table:
         try:
             import pandas as pd
         except ImportError:
-            raise MotionError(
-                "to_pandas: pandas is not installed; pip install 'pulsepath[notebooks]' brings it, "
-                'or take save("name.csv")'
-            ) from None
+            raise NotInstalled("to_pandas", "pandas", "notebooks", 'save("name.csv") does without') from None
         return pd.DataFrame({column.heading: column.raw for column in self.full})
 
     def csv_rows(self) -> Iterator[list[Any]]:

@@ -5,7 +5,7 @@ from contextlib import ExitStack
 from importlib.util import find_spec
 from typing import Any, TypeVar
 
-from kinematics.errors import MotionError
+from kinematics.errors import MotionError, NotInstalled
 from planner.parallel import cores
 from planner.workers import main_hidden
 
@@ -41,10 +41,7 @@ def on_cluster(
     try:
         from distributed import Client, KilledWorker, LocalCluster, as_completed
     except ImportError as missing:
-        raise MotionError(
-            'a cluster needs Dask, which is not installed: install this package with its extra "cluster", '
-            'as pip install "pulsepath[cluster]"'
-        ) from missing
+        raise NotInstalled("a cluster", "Dask", "cluster") from missing
     with ExitStack() as stack:
         cluster: Any = address
         if address is None:

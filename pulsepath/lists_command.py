@@ -16,10 +16,15 @@ def machines(as_json: bool) -> None:
 
     Example: pulsepath machines --json
     """
-    from kinematics import load_machine, machine_names
+    from kinematics import NotInstalled, load_machine, machine_names
     from pulsepath import record, tables
 
-    known = [load_machine(name) for name in machine_names()]
+    known = []
+    for name in machine_names():
+        try:
+            known.append(load_machine(name))
+        except NotInstalled as absent:  # the others are there all the same
+            click.echo(f"note: {name} is left out: {absent}", err=True)
     if as_json:
         click.echo(record.as_json([record.of_machine(machine) for machine in known]), nl=False)
     else:

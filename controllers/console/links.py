@@ -13,7 +13,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from kinematics.errors import MotionError
+from kinematics.errors import MotionError, NotInstalled
 
 LOOPBACK = "127.0.0.1"
 BAUD = (110, 115200)
@@ -97,7 +97,7 @@ def serial_line(port: str, baud: int) -> Transport:
     try:
         import serial
     except ImportError:
-        raise MotionError("a serial line needs pyserial: pip install 'pulsepath[serial]'") from None
+        raise NotInstalled("a serial line", "pyserial", "serial") from None
     if not BAUD[0] <= baud <= BAUD[1]:
         raise MotionError(f"serial line {port}: {baud} baud is outside {BAUD[0]} to {BAUD[1]}")
     try:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from kinematics.errors import Fault, FileError, MotionError
+from kinematics.errors import Fault, FileError, NotInstalled
 from kinematics.registry import nearest
 from kinematics.units import shown
 from planner.sources.dxf_lines import line_of
@@ -38,11 +38,11 @@ class Drawing:
 
 
 def drawing(path: Path, options: "Dxf") -> Drawing:
-    """Raises FileError for what is no DXF file, is broken or has no unit; MotionError where ezdxf is not there."""
+    """Raises FileError for what is no DXF file, is broken or has no unit; NotInstalled where ezdxf is not there."""
     try:
         from ezdxf.filemanagement import readfile
     except ImportError:
-        raise MotionError('DXF files need ezdxf; install it with: pip install "pulsepath[cad]"') from None
+        raise NotInstalled("a DXF file", "ezdxf", "cad") from None
     raw = bytes_of(path)
     try:
         document = readfile(path)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from kinematics.array import Array
-from kinematics.errors import MotionError
+from kinematics.errors import MotionError, NotInstalled
 
 # toppra's own bound on x; a free axis needs some bound for its linear programmes.
 _LARGEST = 1e6
@@ -42,9 +42,7 @@ def _toppra() -> tuple[Any, Any]:
         import toppra.algorithm as algorithm
         from toppra.constraint.linear_constraint import LinearConstraint
     except ImportError as missing:
-        raise MotionError(
-            "toppra is not installed: it has no wheel for this platform; leave the solver at its default"
-        ) from missing
+        raise NotInstalled("this solver", "toppra", instead="leave the solver at its default") from missing
     import logging
 
     logging.getLogger("toppra").setLevel(logging.ERROR)

@@ -1,0 +1,79 @@
+"""What the package needs installs from wheels alone on every platform: pip is asked, for each of them.
+
+pip evaluates the markers of requirements for the machine it runs on, whatever `--platform` says, so those of
+pyproject.toml are evaluated here; those of the packages' own requirements are not.
+"""
+
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+from packaging.requirements import Requirement
+
+PROJECT = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+PLATFORMS = {
+    "linux": ("Linux", "x86_64", [f"manylinux_2_{minor}_x86_64" for minor in range(5, 36)]),
+    "macos": ("Darwin", "arm64", [f"macosx_{major}_0_arm64" for major in range(11, 15)]),
+    "windows": ("Windows", "AMD64", ["win_amd64"]),
+}
+"""What `platform_system` and `platform_machine` say there, and the tags of its wheels."""
+ABSENT = {"linux": set[str](), "macos": {"toppra"}, "windows": {"toppra", "pin"}}
+"""What has no wheel there."""
+UNREACHED = ("NewConnectionError", "ConnectTimeout", "ReadTimeout", "ProxyError")
+"""What pip says where there is no network."""
+
+
+def wanted(group: list[str], platform: str, python: str) -> list[str]:
+    """The requirements of a group that hold on a platform, without their markers."""
+    system, machine, _ = PLATFORMS[platform]
+    there = {
+        "platform_system": system,
+        "platform_machine": machine,
+        "python_version": python,
+        "python_full_version": f"{python}.0",
+    }
+    chosen = [Requirement(line) for line in group]
+    held = [one for one in chosen if one.marker is None or one.marker.evaluate(there)]
+    for one in held:
+        one.marker = None
+    return [str(one) for one in held]
+
+
+def pip(*arguments: str) -> None:
+    """Run pip; where it reaches no index, the test is skipped."""
+    ran = subprocess.run([sys.executable, "-m", "pip", *arguments], capture_output=True, text=True)
+    told = ran.stdout + ran.stderr
+    if ran.returncode and any(sign in told for sign in UNREACHED):
+        pytest.skip("no package index can be reached")
+    assert ran.returncode == 0, told[-3000:]
+
+
+@pytest.mark.parametrize("python", ["3.11", "3.13"])
+@pytest.mark.parametrize("platform", PLATFORMS)
+def test_the_core_has_wheels(platform: str, python: str, tmp_path: Path) -> None:
+    """With all that it needs in turn; nothing is built."""
+    tags = [f"--platform={tag}" for tag in PLATFORMS[platform][2]]
+    needs = wanted(PROJECT["dependencies"], platform, python)
+    pip("download", "--only-binary=:all:", f"--python-version={python}", *tags, f"--dest={tmp_path}", *needs)
+    found = {file.name.split("-")[0].lower() for file in tmp_path.iterdir()}
+    assert {file.suffix for file in tmp_path.iterdir()} == {".whl"}
+    assert {"casadi", "numpy", "scipy", "osqp", "viser"} <= found
+    assert {"pin", "toppra"} - found == ABSENT[platform]
+
+
+@pytest.mark.parametrize("platform", PLATFORMS)
+def test_markers_leave_out_only_what_has_no_wheel(platform: str) -> None:
+    """The core names the same packages everywhere, but for those."""
+    names = [
+        {Requirement(line).name for line in wanted(PROJECT["dependencies"], p, "3.12")} for p in (platform, "linux")
+    ]
+    assert names[1] - names[0] == ABSENT[platform]
+    assert names[0] <= names[1]
+
+
+def test_the_dev_extra_has_the_others() -> None:
+    """What the tests need is said once, by name of the extra."""
+    (others,) = (Requirement(line) for line in PROJECT["optional-dependencies"]["dev"] if line.startswith("pulsepath"))
+    assert others.extras <= set(PROJECT["optional-dependencies"])
