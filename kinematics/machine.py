@@ -21,9 +21,10 @@ from kinematics.forward import Forward, solve
 from kinematics.freedom import COMPONENTS, refuse
 from kinematics.load import Load
 from kinematics.margins import Margins, measure
-from kinematics.pose import Pose, checked, column, symbols
+from kinematics.pose import Pose, checked, column, numbers, symbols
 from kinematics.rates import rates
 from kinematics.regular import cell_map
+from kinematics.skeleton import Skeleton, skeleton_map
 from kinematics.virtual_work import Balance, force_map, holding_map, loaded
 
 
@@ -152,6 +153,13 @@ class Machine(ABC):
         """
         return ((self.load.platform, column(*self.carried(position, rotation, q))),)
 
+    def skeleton(self, position: ca.SX, rotation: ca.SX, q: ca.SX) -> Skeleton:
+        """Bars and pivots to draw, at a pose with what follows filled in and the coordinates that belong to it.
+
+        Nothing by default: the machine is then shown by its tool alone.
+        """
+        return Skeleton()
+
     def symbolic(self, x: ca.SX, near: ca.SX) -> ca.SX:
         """Coordinates (n,) of pose numbers (12), to be composed with whatever they depend on."""
         return self.expression(*symbols(x), near)
@@ -182,6 +190,17 @@ class Machine(ABC):
         """Pose numbers (12) -> cosines of the joints' tilts (m)."""
         x = ca.SX.sym("x", 12)
         return Expression("tilts", x, self.tilts(*symbols(x)))
+
+    @cached_property
+    def parts(self) -> Skeleton:
+        """The skeleton at home: which bars and pivots there are."""
+        x, q = (ca.SX(ca.DM(values)) for values in (numbers(self.home)[0], self.home_q))
+        return self.skeleton(*self.carried(*symbols(x), q), q)
+
+    @cached_property
+    def skeleton_map(self) -> Expression:
+        """x (12), q (n) -> the points of the skeleton: see `kinematics.skeleton.place`."""
+        return skeleton_map(self)
 
     @cached_property
     def rates_map(self) -> Expression:
