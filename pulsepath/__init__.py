@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
+    from benchmarks.animation import animate, four_views, save_four_views
     from benchmarks.report import write_report
     from controllers import Metrics, Tracking, evaluate, find_law, law_names, track
     from kinematics import (
@@ -193,6 +194,7 @@ __all__ = [
     "Turn",
     "Workspace",
     "actuator_need",
+    "animate",
     "calibrate",
     "calibration_parts",
     "check",
@@ -202,6 +204,7 @@ __all__ = [
     "evaluate",
     "find_law",
     "forces",
+    "four_views",
     "import_program",
     "joint_circle",
     "joint_need",
@@ -223,6 +226,7 @@ __all__ = [
     "program_names",
     "read_urdf",
     "realised",
+    "save_four_views",
     "save_positions",
     "select_parts",
     "size_stepper",
@@ -233,7 +237,7 @@ __all__ = [
     "write_report",
 ]
 
-_FLOORS = ("kinematics", "planner", "controllers", "benchmarks.report")
+_FLOORS = ("kinematics", "planner", "controllers", "benchmarks.report", "benchmarks.animation")
 
 
 def __getattr__(name: str) -> Any:

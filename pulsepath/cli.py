@@ -12,6 +12,7 @@ from pulsepath.exits import BAD_INPUT, INFEASIBLE, INTERNAL, Commands
 from pulsepath.export_command import export
 from pulsepath.import_command import import_
 from pulsepath.positions_command import positions
+from pulsepath.view_command import view
 
 json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON instead of tables.")
 machine_option = click.option(
@@ -157,6 +158,7 @@ main.add_command(import_)
 main.add_command(compare)
 main.add_command(positions)
 main.add_command(console)
+main.add_command(view)
 
 
 @main.command()

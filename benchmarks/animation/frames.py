@@ -94,7 +94,7 @@ class Frames:
 
 def frames_of(plan: Animated, t: Array, magnified: float | None = None) -> Frames:
     """The frames at instants t (N,) s; magnified: as `magnification` chooses by default, 1 is true scale."""
-    machine, path = plan.machine, plan.trajectory.path
+    machine = plan.machine
     state = plan.trajectory.at(t)
     x = _numbers(state)
     parts = machine.parts
@@ -127,8 +127,7 @@ def even(trajectory: Trajectory, count: int) -> Array:
 
 
 def magnification(planned: Array, errors: Array | None) -> float:
-    """1, 2 or 5 times a power of ten, by which the largest error is drawn at most SHOWN of the path's size; 1 at least.
-    """
+    """1, 2 or 5 times a power of ten, by which the largest error is drawn at most SHOWN of the path's size; 1 at least."""
     largest = 0.0 if errors is None else float(np.linalg.norm(errors, axis=1).max())
     if largest == 0.0:
         return 1.0

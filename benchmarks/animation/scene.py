@@ -35,7 +35,7 @@ CELLS = 10
 
 
 def recorded(frames: Frames) -> str:
-    """The page as viser makes it: its client and the recording in one HTML document, 1 s in it being 1 s of the plan."""
+    """The page as viser makes it, its client and the recording in one HTML document; 1 s in it is 1 s of the plan."""
     import trimesh  # comes with viser
 
     size, bars = frames.size, solids(frames.bars, frames.placed.bars, frames.size)
