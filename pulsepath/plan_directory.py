@@ -29,7 +29,7 @@ SOURCES = {"program": "program.toml", "machine": "machine.toml"}
 
 @dataclass(frozen=True, slots=True)
 class Planned:
-    """A plan taken up again: its motion, exactly as it was proved, and the clock and the rule of its pulses; the order of its limits."""
+    """A plan taken up again: its motion, exactly as proved; clock and rule of its pulses, order of its limits."""
 
     program: Program
     machine: Machine

@@ -1,5 +1,6 @@
 """What an animation shows: the machine at even instants of a plan, how near it is to its limits, and both paths."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol
@@ -74,6 +75,12 @@ class Frames:
     errors: Array | None
     magnified: float
 
+    def use_of(self, owners: Sequence[str]) -> Array:
+        """(N, owners) the use of each one's nearest limit; NaN for those that none concerns, as "" is."""
+        known = self.nearest
+        found = [known.use[:, known.owners.index(owner)] if owner in known.owners else np.nan for owner in owners]
+        return np.stack([np.broadcast_to(use, self.t.shape) for use in found], 1)
+
     @cached_property
     def realised(self) -> Array | None:
         """(M, 3) the path that the pulses make, its errors magnified."""
@@ -127,7 +134,7 @@ def even(trajectory: Trajectory, count: int) -> Array:
 
 
 def magnification(planned: Array, errors: Array | None) -> float:
-    """1, 2 or 5 times a power of ten, by which the largest error is drawn at most SHOWN of the path's size; 1 at least."""
+    """1, 2 or 5 times a power of ten that draws the largest error at most SHOWN of the path's size; 1 at least."""
     largest = 0.0 if errors is None else float(np.linalg.norm(errors, axis=1).max())
     if largest == 0.0:
         return 1.0

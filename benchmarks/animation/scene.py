@@ -15,6 +15,7 @@ import numpy as np
 
 from benchmarks.animation.frames import Frames
 from benchmarks.animation.look import PLANNED, REALISED, rgb, rgb_of
+from benchmarks.animation.nearest import TOOL
 from benchmarks.animation.solids import solids
 from kinematics.array import Array
 
@@ -25,9 +26,10 @@ HOLD = 0.5
 """s that the last frame stays, before viser's player begins again."""
 CLOCK = "/time"
 """A frame without axes whose x is the time of the frame shown, in s: by it the page knows where the player is."""
-PIVOT, TOOL, AXES = 0.012, 0.010, 0.12
-"""Radii of pivots and tool and the length of the base frame's axes, as shares of the size of all that is drawn."""
-LIGHT = 1.4
+BALL, AXES = 0.012, 0.12
+"""Radius of joints and tool and the length of the base frame's axes, as shares of the size of all that is drawn."""
+SKY, SUN = 1.9, 1.0
+"""Light from all over, and from aside above."""
 SIDES = 16
 """Of the cylinders."""
 CELLS = 10
@@ -39,17 +41,15 @@ def recorded(frames: Frames) -> str:
     import trimesh  # comes with viser
 
     size, bars = frames.size, solids(frames.bars, frames.placed.bars, frames.size)
-    owned = [frames.nearest.owners.index(owner) if owner else -1 for owner in bars.owners]
-    nothing = np.full((len(frames.t), 1), np.nan)
-    tints = rgb(np.concatenate([frames.nearest.use, nothing], 1)[:, owned])
-    marks = rgb(frames.tilt)
+    tints = rgb(frames.use_of(bars.owners))
+    places = np.concatenate([frames.placed.pivots, frames.tool[:, None]], 1)
+    marks = rgb(np.concatenate([frames.tilt, frames.use_of([TOOL])], 1))
     rod = trimesh.creation.cylinder(radius=1.0, height=1.0, sections=SIDES)
-    ball = trimesh.creation.icosphere(subdivisions=2, radius=PIVOT * size)
+    ball = trimesh.creation.icosphere(subdivisions=2, radius=BALL * size)
     with _server() as server:
         scene = server.scene
         _surroundings(scene, frames)
         clock = scene.add_frame(CLOCK, show_axes=False)
-        tool = scene.add_icosphere("/machine/tool", TOOL * size, rgb_of(PLANNED), subdivisions=2, cast_shadow=False)
         rods = scene.add_batched_meshes_simple(
             "/machine/bars",
             rod.vertices,
@@ -67,24 +67,22 @@ def recorded(frames: Frames) -> str:
             "/machine/joints",
             ball.vertices,
             ball.faces,
-            np.tile([1.0, 0.0, 0.0, 0.0], (len(frames.pivots), 1)),
-            frames.placed.pivots[0],
+            np.tile([1.0, 0.0, 0.0, 0.0], (places.shape[1], 1)),
+            places[0],
             batched_colors=marks[0],
             lod="off",
             cast_shadow=False,
             receive_shadow=False,
         )
-        tool.position = frames.tool[0]
         recording = server.get_scene_serializer()
         for k in range(1, len(frames.t)):
             recording.insert_sleep(float(frames.t[k] - frames.t[k - 1]))
             clock.position = (float(frames.t[k]), 0.0, 0.0)
-            tool.position = frames.tool[k]
             rods.batched_positions = _single(bars.centres[k])
             rods.batched_wxyzs = _single(bars.turns[k])
             rods.batched_scales = _single(bars.scales[k])
             rods.batched_colors = tints[k]
-            balls.batched_positions = _single(frames.placed.pivots[k])
+            balls.batched_positions = _single(places[k])
             balls.batched_colors = marks[k]
         recording.insert_sleep(HOLD)
         return recording.as_html()
@@ -92,22 +90,26 @@ def recorded(frames: Frames) -> str:
 
 def _surroundings(scene: SceneApi, frames: Frames) -> None:
     """What stands still: the ground, the axes of the base frame, and both paths."""
-    size = frames.size
-    # viser's own picture of a surrounding bleaches colours that are to be read; one light from all over does not
-    scene.configure_environment_map(hdri=None)
-    scene.configure_default_lights(cast_shadow=False)
-    scene.add_light_hemisphere("/light", (255, 255, 255), (190, 190, 190), intensity=LIGHT)
-    low, high = frames.box
+    size, (low, high) = frames.size, frames.box
     middle = (low + high) / 2
+    # viser's own surrounding and lights bleach colours that are to be read
+    scene.configure_environment_map(hdri=None)
+    scene.configure_default_lights(enabled=False)
+    scene.add_light_hemisphere("/light/sky", ground_color=(190, 190, 190), intensity=SKY)
+    sun = scene.add_light_directional("/light/sun", intensity=SUN)
+    sun.position = middle + size * np.array([1.0, -2.0, 2.0])
     ground = scene.add_grid(
         "/ground", 1.6 * size, 1.6 * size, cell_size=size / CELLS, section_size=size, shadow_opacity=0.0
     )
     ground.position = (float(middle[0]), float(middle[1]), float(low[2] - 0.02 * size))
     scene.add_frame("/base frame", axes_length=AXES * size, axes_radius=AXES * size / 30)
-    for name, path, colour in (("planned", frames.planned, PLANNED), ("realised", frames.realised, REALISED)):
+    for name, path, colour, pixels in (
+        ("planned", frames.planned, PLANNED, 3.5),
+        ("realised", frames.realised, REALISED, 1.5),
+    ):
         if path is not None:
             pieces = _single(np.stack([path[:-1], path[1:]], 1))
-            scene.add_line_segments(f"/path/{name}", pieces, rgb_of(colour), thickness=2.0, thickness_units="screen")
+            scene.add_line_segments(f"/path/{name}", pieces, rgb_of(colour), thickness=pixels, thickness_units="screen")
 
 
 @contextmanager

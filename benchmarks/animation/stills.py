@@ -1,6 +1,5 @@
 """Still images for papers: a machine at one instant of a plan, from above, in front, aside and in space."""
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -8,6 +7,7 @@ import numpy as np
 
 from benchmarks.animation.frames import Animated, Frames, frames_of
 from benchmarks.animation.look import PLANNED, RAMP, REALISED, VIEWS, View, rgb
+from benchmarks.animation.nearest import TOOL
 from kinematics.array import Array
 from kinematics.errors import MotionError
 from kinematics.skeleton import Sort
@@ -34,7 +34,8 @@ def save_four_views(
         raise MotionError(f"{target} exists; give force=True to replace it")
     figure = four_views(plan, t, magnify=magnify)[0].get_figure(root=True)
     with staged(target) as file:
-        figure.savefig(file, dpi=DPI)
+        if figure is not None:
+            figure.savefig(file, dpi=DPI)
     return target
 
 
@@ -73,22 +74,25 @@ def _draw(ax: Any, frames: Frames, view: View) -> None:
     from matplotlib.ticker import MaxNLocator
 
     shown = _plane(view) if view.parallel else np.eye(3)
-    colours = dict(_colours(frames))
+    colours = rgb(frames.use_of([bar.axis for bar in frames.bars])[0]) / 255
+    marks = rgb(np.append(frames.tilt[0], frames.use_of([TOOL])[0])) / 255
     depth = frames.placed.bars[0].mean(1) @ view.back
     for k in np.argsort(depth):
         ax.plot(
             *(1e3 * frames.placed.bars[0, k] @ shown).T,
-            color=colours[int(k)],
+            color=colours[k],
             linewidth=WIDTHS[frames.bars[k].sort],
             solid_capstyle="round",
         )
     pivots = 1e3 * frames.placed.pivots[0] @ shown
     flat = {} if view.parallel else {"depthshade": False}
-    ax.scatter(*pivots.T, s=22, color=rgb(frames.tilt[0]) / 255, edgecolor="white", linewidth=0.5, zorder=3, **flat)
+    ax.scatter(*pivots.T, s=22, color=marks[:-1], edgecolor="white", linewidth=0.5, zorder=3, **flat)
     if frames.realised is not None:
         ax.plot(*(1e3 * frames.realised @ shown).T, color=REALISED, linewidth=0.7, zorder=4, label=_path(frames))
     ax.plot(*(1e3 * frames.planned @ shown).T, color=PLANNED, linewidth=0.7, zorder=5, label="path planned")
-    ax.scatter(*(1e3 * frames.tool[:1] @ shown).T, s=26, color=PLANNED, zorder=6, label="tool", **flat)
+    ax.scatter(
+        *(1e3 * frames.tool[:1] @ shown).T, s=30, color=marks[-1:], edgecolor="black", zorder=6, label="tool", **flat
+    )
     ax.set_title(view.name)
     ax.set_aspect("equal", **({"adjustable": "datalim"} if view.parallel else {}))
     names = ["xyz"[int(np.argmax(axis))] for axis in shown.T]
@@ -104,13 +108,6 @@ def _draw(ax: Any, frames: Frames, view: View) -> None:
 def _plane(view: View) -> Array:
     """(3, 2) what points are multiplied by to lie in the picture."""
     return np.stack([view.right, view.up], 1)
-
-
-def _colours(frames: Frames) -> Iterator[tuple[int, Any]]:
-    """Of every bar: its owner's nearest limit's, or plain."""
-    for k, bar in enumerate(frames.bars):
-        use = frames.nearest.use[0, frames.nearest.owners.index(bar.axis)] if bar.axis else np.nan
-        yield k, rgb(np.array(use)) / 255
 
 
 def _path(frames: Frames) -> str:
