@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     help="Write the four views at one instant: .pdf, .png or .svg.",
 )
 @click.option("--at", metavar="TIME", help='Of the still images, as "1.2 s". Default: half of the motion.')
-@click.option("--frames", type=click.IntRange(2, 5000), default=240, show_default=True, help="Of the animation.")
+@click.option("--frames", type=click.IntRange(min=2), default=240, show_default=True, help="Of the animation.")
 @click.option(
     "--magnify",
     type=click.FloatRange(min=0, min_open=True),

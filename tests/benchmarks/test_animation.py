@@ -28,8 +28,8 @@ SIZE = 1_500_000
 PROGRAMS = {
     "hexapod": "circle",
     "arm": "arm-circle",
-    "tripod": 'length = "mm"\nangle = "deg"\n[[segment]]\nline = { to = [30, 0, -40] }\n[[segment]]\n'
-    'arc = { centre = [0, 0, -40], normal = [0, 0, 1], angle = 360 }\nspeed = "20 mm/s"\n',
+    "tripod": 'length = "mm"\nangle = "deg"\n[[segment]]\nline = { to = [3, 0, -4] }\n[[segment]]\n'
+    'arc = { centre = [0, 0, -4], normal = [0, 0, 1], angle = 360 }\nspeed = "20 mm/s"\n',
     "linkage": 'length = "mm"\nangle = "deg"\n[[segment]]\nline = { to = [40, 0, 0] }\n[[segment]]\n'
     "arc = { centre = [0, 0, 0], normal = [0, 0, 1], angle = 360 }\n",
     "traverser": 'length = "mm"\nangle = "deg"\n[[segment]]\nline = { to = [60, 80, 50], rotate = [0, 0, 40] }\n'
@@ -308,7 +308,7 @@ def test_stills_show_the_instant_asked_for(circle):
 
 
 def test_stills_are_saved_as_their_names_say(circle, tmp_path):
-    for suffix, begins in ((".pdf", b"%PDF"), (".png", b"\x89PNG"), (".svg", b"<?xml")):
+    for suffix, begins in ((".PDF", b"%PDF"), (".png", b"\x89PNG")):
         file = save_four_views(circle, tmp_path / f"views{suffix}", 0.3)
         assert file.read_bytes().startswith(begins)
     with pytest.raises(MotionError, match="exists"):
