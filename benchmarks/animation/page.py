@@ -31,7 +31,7 @@ FLAT = 1e-6
 
 
 LEAST = 0.1
-"""Share of the machine's size that every side of a picture shows at least, of flat machines too."""
+"""Share of the machine's size that its box measures at least each way, that of a flat machine too."""
 
 
 def page(frames: Frames) -> str:
@@ -87,10 +87,11 @@ def _data(frames: Frames) -> dict[str, Any]:
         "near": near.tolist(),
         "ramp": [[place, rgb_of(colour)] for place, colour in RAMP],
         "plain": PLAIN,
-        "views": [_camera(frames, view) for view in VIEWS],
+        "views": [_camera(view) for view in VIEWS],
         "filled": FILLED,
         "first": first_view(frames).name,
         "middle": frames.box.mean(0).tolist(),
+        "half": (np.maximum(np.ptp(frames.box, axis=0), LEAST * frames.size) / 2).tolist(),
     }
 
 
@@ -100,19 +101,15 @@ def first_view(frames: Frames) -> View:
     return next(view for view in VIEWS if view.parallel is flat)
 
 
-def _camera(frames: Frames, view: View) -> dict[str, Any]:
-    """From where a view looks, and how wide, high and deep the box of all that is drawn is to it, m.
+def _camera(view: View) -> dict[str, Any]:
+    """From where a view looks, and what is to the right, upwards and towards it in its picture.
 
-    The page knows its window: it puts the camera where that box fits beside the legend.
+    The page knows its window: it puts the camera where all that is drawn fits beside the legend.
     """
-    size, right = np.ptp(frames.box, axis=0), view.right / np.linalg.norm(view.right)
-    axes = (right, np.cross(view.back, right), view.back)
-    wide, high, deep = (max(float(size @ abs(axis)), LEAST * frames.size) for axis in axes)
+    right = view.right / np.linalg.norm(view.right)
     return {
         "name": view.name,
-        "back": view.back.tolist(),
         "up": view.up.tolist(),
-        "right": right.tolist(),
-        "box": [wide, high, deep],
+        "axes": [axis.tolist() for axis in (right, np.cross(view.back, right), view.back)],
         "fov": radians(NARROW if view.parallel else WIDE),
     }

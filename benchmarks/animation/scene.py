@@ -104,7 +104,7 @@ def _surroundings(scene: SceneApi, frames: Frames) -> None:
     ground.position = (float(middle[0]), float(middle[1]), float(low[2] - 0.02 * size))
     scene.add_frame("/base frame", axes_length=AXES * size, axes_radius=AXES * size / 30)
     for name, path, colour, pixels in (
-        ("planned", frames.planned, PLANNED, 3.5),
+        ("planned", frames.planned, PLANNED, 2.5),
         ("realised", frames.realised, REALISED, 1.5),
     ):
         if path is not None:
