@@ -5,10 +5,14 @@ READY := .venv/.ready
 CANDIDATES := python3.13 python3.12 python3.11 python3
 USABLE := import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 11))
 
-.PHONY: demo test clean
+.PHONY: demo docs test clean
 
 demo: $(READY)
 	$(BIN)/python -m pulsepath plan circle --machine hexapod --out out/demo --force
+
+# the pages as a site: out/docs/index.html
+docs: $(READY)
+	$(BIN)/python -m sphinx -W --keep-going -q docs out/docs
 
 # fast checks first; the first that fails ends the run
 test: $(READY)

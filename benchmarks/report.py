@@ -135,7 +135,7 @@ def _realised(realised: RealisedPath) -> "list[Axes]":
 
 def _tracking(metrics: Sequence[Metrics]) -> "list[Axes]":
     from controllers.plots import contour_error, tracking_error
-    from planner.plots import PALETTE
+    from kinematics.figure import PALETTE
 
     axes = _rows(2, 2.6)
     for law, color in zip(metrics, cycle(PALETTE)):
@@ -146,7 +146,8 @@ def _tracking(metrics: Sequence[Metrics]) -> "list[Axes]":
 
 
 def _classical(plan: Plan, classical: Classical) -> "Axes":
-    from planner.plots import PALETTE, path_speed
+    from kinematics.figure import PALETTE
+    from planner.trajectory_plots import path_speed
 
     (ax,) = _rows(1, 3.0)
     path_speed(plan.trajectory, ax, label=f"this plan, {plan.trajectory.duration:.4f} s", color=PALETTE[0])
@@ -178,7 +179,8 @@ def _page(
     realised: RealisedPath | None,
     figures: dict[str, bytes],
 ) -> str:
-    from planner.plots import ACTIVE, BINS
+    from planner.plots import ACTIVE
+    from planner.pulses.schedule_plot import BINS
 
     return render(
         "report.html.j2",

@@ -36,7 +36,10 @@ CardName = Annotated[str, AfterValidator(_card)]
 
 
 class CardTable(Table):
-    """A model of card, and how it is set: see `Card`."""
+    """A model of card, and how it is set: see `Card`.
+
+    model  of the motion card
+    """
 
     model: CardName
     while_moving: Literal["replace", "queue"] = "replace"
@@ -70,7 +73,16 @@ class Own(Table):
 
 
 class RigFile(File):
-    """A rig, key by key. [servo] and [stepper] are what all drives of the kind have."""
+    """A rig, key by key. [servo] and [stepper] are what all drives of the kind have.
+
+    machine  a machine's name, or the path of its file
+    card     model of motion card, and how it is set
+    host     how the host keeps time
+    servo    what all servo drives have
+    stepper  what all stepper drives have
+    axis     `[[axis]]` tables by `name`: the `servo` or `stepper` of one axis
+    task     motions to try laws on
+    """
 
     machine: str = Field(description='write the name of a machine, e.g. "arm", or the path of its file')
     card: CardEntry = PCI_8132.name

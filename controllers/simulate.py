@@ -19,8 +19,12 @@ from controllers.rig import Rig
 from controllers.servo import Servo, leg_servo
 from kinematics.array import Array, frozen
 from kinematics.errors import MotionError
+from kinematics.result import Result
+from kinematics.table import Column, Table
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
     from kinematics.machine import Machine
     from planner.pulses.motion import Motion
 
@@ -39,12 +43,13 @@ class Planned(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Tracking:
+class Tracking(Result):
     """What the axes did under a law; times and axis values at the drive's samples, or some of them, settling included.
 
     t          (N,) s
     reference, command, actual  (N, n) q in m or rad: planned, as pulsed by the card, and true
     pulses     (n,) int64, fired in either direction
+    axes       (n,) name and unit, m or rad
     """
 
     law: str
@@ -54,10 +59,39 @@ class Tracking:
     command: Array
     actual: Array
     pulses: np.ndarray
+    axes: tuple[tuple[str, str], ...]
 
     def __post_init__(self) -> None:
         for name in ("t", "reference", "command", "actual", "pulses"):
             object.__setattr__(self, name, frozen(getattr(self, name)))
+
+    def tables(self) -> tuple[Table, ...]:
+        """The following error of each axis, and its pulses; `controllers.evaluate` tells more."""
+        names, units = zip(*self.axes, strict=True)
+        error = self.actual - self.reference
+        columns = (
+            Column("axis", names),
+            Column("RMS", np.sqrt((error**2).mean(0)), units, "micro", ".3f"),
+            Column("max", np.abs(error).max(0), units, "micro", ".3f"),
+            Column("at the end", error[-1], units, "micro", ".3f"),
+            Column("pulses", self.pulses),
+        )
+        return (Table(f"following error under {self.law}, a command every {1e3 * self.dt:g} ms", columns),)
+
+    def data(self) -> Table:
+        """Every instant: what each axis was to do, what the card counted, and what it did."""
+        columns = (
+            Column(f"{name} {what}", values[:, k], unit)
+            for k, (name, unit) in enumerate(self.axes)
+            for what, values in (("reference", self.reference), ("command", self.command), ("actual", self.actual))
+        )
+        return Table(f"tracking under {self.law}", (Column("t", self.t, "s"), *columns))
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """The following error of every axis that shares the first one's unit."""
+        from controllers.plots import tracked
+
+        return tracked(self, ax)
 
 
 def motion_of(plan: Motion | Planned) -> Motion:
@@ -233,7 +267,8 @@ def track(
     pulse = np.array([axis.pulse for axis in machine.axes])
     planned = motion.at(np.minimum(runs.t, motion.duration)).q
     command, actual = (machine.home_q + of[:, 0] * pulse for of in (runs.command, runs.actual))
-    return Tracking(law.name, dt, runs.t, planned, command, actual, runs.pulses[0])
+    axes = tuple((axis.name, axis.unit) for axis in machine.axes)
+    return Tracking(law.name, dt, runs.t, planned, command, actual, runs.pulses[0], axes)
 
 
 def _per_axis(servo: Servo | Sequence[Servo] | None, machine: Machine) -> list[Servo]:

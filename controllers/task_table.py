@@ -24,8 +24,13 @@ def _not_empty(name: str) -> str:
 
 
 class Timed(Table):
-    """How long a task lasts, and how often the host commands: every `step`, or so that there are `samples`, both ends
-    included."""
+    """How long a task lasts, and how often the host commands: every `step`, or so that there are `samples`.
+
+    name      of the task
+    duration  of the motion
+    step      of the host
+    samples   of the host, both ends included
+    """
 
     name: Annotated[str, AfterValidator(_not_empty)]
     duration: Annotated[float, Unit("s", above=0, like="5 s")]
@@ -44,7 +49,12 @@ class Timed(Table):
 
 
 class PathTask(Timed):
-    """A program's path, run by one profile from end to end."""
+    """A program's path, run by one profile from end to end.
+
+    program  a program's name, or the path of its file
+    profile  of the speed along it
+    ramp     time of speeding up, and of slowing down
+    """
 
     program: str
     profile: Literal["quarter-sine", "trapezoid"] = "quarter-sine"
@@ -56,7 +66,12 @@ class PathTask(Timed):
 
 
 class SineTable(Table):
-    """Of the axes named: amplitude · sin(2π t/period)."""
+    """Of the axes named: amplitude · sin(2π t/period).
+
+    axes       names of rotary axes
+    amplitude  of the sine
+    period     of the sine
+    """
 
     axes: tuple[str, ...]
     amplitude: Annotated[float, Unit("rad", above=0, like="90 deg")]

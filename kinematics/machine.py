@@ -1,11 +1,12 @@
 """What a machine is: its inverse map as one expression, and everything that follows from it."""
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping
 from copy import copy
 from functools import cached_property
-from typing import ClassVar, Self
+from pathlib import Path
+from typing import TYPE_CHECKING, ClassVar, Self
 
 import casadi as ca
 import numpy as np
@@ -20,12 +21,18 @@ from kinematics.expression import Expression
 from kinematics.forward import Forward, solve
 from kinematics.freedom import COMPONENTS, refuse
 from kinematics.load import Load
+from kinematics.machine_tables import axes_table
 from kinematics.margins import Margins, measure
 from kinematics.pose import Pose, checked, column, numbers, symbols
 from kinematics.rates import rates
 from kinematics.regular import cell_map
+from kinematics.result import Result
 from kinematics.skeleton import Skeleton, skeleton_map
+from kinematics.table import Table
 from kinematics.virtual_work import Balance, force_map, holding_map, loaded
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 
 def side(x: ca.SX) -> ca.SX:
@@ -33,7 +40,7 @@ def side(x: ca.SX) -> ca.SX:
     return ca.sign(2 * ca.sign(x) + 1)
 
 
-class Machine(ABC):
+class Machine(Result):
     """A machine of n axes that carries a platform (or tool).
 
     A kind of machine states its map from pose to actuator coordinates once, symbolically, in `expression`; numeric
@@ -311,6 +318,23 @@ class Machine(ABC):
         near (n,) as in `inverse`: which of a pose's coordinates are meant, where there are several.
         """
         return measure(self, pose, near)
+
+    def tables(self) -> tuple[Table, ...]:
+        """Its axes and their limits."""
+        return (axes_table(self),)
+
+    def files(self) -> Mapping[str, Callable[[Path], None]]:
+        """.toml: a file that `load_machine` reads, where `machine_toml` can; .csv and .json: the table."""
+        from kinematics.machine_writer import machine_toml
+
+        toml = lambda path: path.write_bytes(machine_toml(self).encode())  # noqa: E731
+        return {".toml": toml, ".csv": self._csv, ".json": self._json}
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """Its legs in the home pose; of machines without legs, the travel of each axis."""
+        from kinematics.plots import at_home
+
+        return at_home(self, ax)
 
     def __repr__(self) -> str:
         return f"<{type(self).__name__} {self.name}: {len(self.axes)} axes>"

@@ -1,7 +1,6 @@
 """Machine files: the schema of each kind's TOML, and the machine that one describes."""
 
 from collections.abc import Callable
-from importlib.resources import files
 from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Any
@@ -15,7 +14,7 @@ from kinematics.kinds.linkage import LinkageFile, linkage
 from kinematics.kinds.traverser import TraverserFile, traverser
 from kinematics.kinds.tripod import TripodFile, tripod
 from kinematics.machine import Machine
-from kinematics.registry import nearest
+from kinematics.registry import beside, nearest
 from kinematics.schema import File, build
 from kinematics.units import shown
 
@@ -30,9 +29,8 @@ def read_machine(source: Path | Traversable) -> Machine:
         raise FileError(document.file, [document.fault(("kind",), f"{told}; kinds: {known}")])
     schema, construct = KINDS[kind]
     model = build(document, schema, named_once, one_pulse, of_a_joint)
-    folder = source.parent if isinstance(source, Path) else files("kinematics") / "presets"
     try:
-        return construct(model, Path(source.name).stem, folder)
+        return construct(model, Path(source.name).stem, beside("kinematics", source))
     except MotionError as error:  # what only the whole machine shows, such as a home pose out of reach
         raise FileError(document.file, [document.fault(("geometry",), str(error))]) from error
 

@@ -52,6 +52,11 @@ def find(package: str, what: str, name_or_path: str | PathLike[str]) -> Path | T
     return known[name]
 
 
+def beside(package: str, source: Path | Traversable) -> Path | Traversable:
+    """The folder of what `find` found, where the files are that it names."""
+    return source.parent if isinstance(source, Path) else files(package) / "presets"
+
+
 def nearest(name: str, choices: Iterable[str]) -> str:
     """The clause that names the choice nearest to a mistaken name, empty if none comes close."""
     choices = tuple(choices)

@@ -78,7 +78,10 @@ class Table(BaseModel):
 
 
 class File(Table):
-    """What every file says first."""
+    """What every file says first.
+
+    schema  the version of the format: 1
+    """
 
     version: Literal[1] = Field(alias="schema", description="write schema = 1")
 

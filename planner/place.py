@@ -1,9 +1,11 @@
 """Where along a plan something happens, and the refusal that names it."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from kinematics.errors import MotionError
+from kinematics.table import Column
 from kinematics.units import apart
 
 
@@ -29,6 +31,19 @@ class Place:
         if self.t is not None:
             parts.append(f"t = {self.t:.6g} s")
         return ", ".join(parts)
+
+
+def where_columns(places: "Sequence[Place]") -> tuple[Column, ...]:
+    """Whose limit, segment, distance and time of places, as far as any of them tells."""
+    units = "m" if any(place.segment is not None for place in places) else ""
+    columns = (
+        Column("at", [place.axis or None for place in places]),
+        Column("segment", [place.segment for place in places]),
+        Column("repetition", [place.repetition for place in places]),
+        Column("s", [place.s for place in places], units, "human", ".3f" if units else ".6g"),
+        Column("t", [place.t for place in places], "s", form=".4f"),
+    )
+    return tuple(column for column in columns if any(value is not None for value in column.values))
 
 
 class Infeasible(MotionError):

@@ -7,35 +7,40 @@ import numpy as np
 
 from kinematics.errors import MotionError
 from kinematics.machine import Machine
+from kinematics.result import Result
+from kinematics.table import Table
 from planner.actuation import MachinePath, actuate
 from planner.certify import Certificate
 from planner.duration import within
 from planner.limits import Limit, limits_of, usual_order
 from planner.orientation import oriented
 from planner.parallel import Progress, silent
+from planner.path.join import blend_tables
 from planner.place import Infeasible
 from planner.program import Program
-from planner.pulses import Motion, PulseSchedule, RealisedPath, Rule, find_rule, generate, realised
+from planner.pulses import Motion, PulseSchedule, RealisedPath, Rule, find_rule, generate, realised, schedule_tables
 from planner.pulses.compensate import counted
-from planner.solve import fastest
+from planner.solve import fastest, timed
 from planner.standing import Standing, standing
 from planner.steadiness import CONSTANT, Stretch, stretches
 from planner.timing.floor import left_out
 from planner.trajectory import Trajectory
-from planner.triggers import Triggered, triggered
+from planner.triggers import Triggered, trigger_tables, triggered
 
 if TYPE_CHECKING:
     from mpl_toolkits.mplot3d import Axes3D
 
 
 @dataclass(frozen=True, slots=True)
-class Plan:
+class Plan(Result):
     """A program on a machine: the path in the actuators, the fastest motion, its proof, and the pulses that make it.
 
-    counted: the motion, or where axes ask for compensation what their motors make of it, which the pulses count
-    order (2: to acceleration, 3: to jerk); rounds of solving until the proof held; methods: the solver of each run
-    lower_estimate: s, about the least that any motion within the limits on speed and acceleration takes, with the
-    constant speeds that are asked for; stated_duration: s, what was asked for instead of the fastest, if anything
+    counted          the motion, or where axes ask for compensation what their motors make of it, which the pulses count
+    order            2: to acceleration, 3: to jerk
+    rounds, methods  of solving until the proof held; the solver of each run
+    lower_estimate   s, about the least that any motion within the limits on speed and acceleration takes, with the
+                     constant speeds that are asked for
+    stated_duration  s, what was asked for instead of the fastest, if anything
     """
 
     program: Program
@@ -75,6 +80,23 @@ class Plan:
     def realised(self, *, stride: int = 1) -> RealisedPath:
         """How far the pose that the pulses stand for is from the planned one; stride k looks at every k-th interval."""
         return realised(self, stride=stride)
+
+    def tables(self) -> tuple[Table, ...]:
+        """How long it takes, what is proved of it, its blends, its pulses and its triggers."""
+        stated = None if self.stated_duration is None else "as stated"
+        title = f"{self.program.name} on {self.machine.name}, order {self.order}"
+        units = {axis.name: axis.unit for axis in self.machine.axes}
+        return (
+            timed(title, self.trajectory.duration, self.lower_estimate, stated),
+            *self.certificate.tables(),
+            *blend_tables(self.path.blends),
+            *schedule_tables.tables(self.pulses, units),
+            *trigger_tables(self.triggers, self.path.names),
+        )
+
+    def data(self) -> Table:
+        """The motion over time; `certificate` and `pulses` have data of their own."""
+        return self.trajectory.data()
 
     def plot(self, ax: "Axes3D | None" = None) -> "Axes3D":
         """The path in space, coloured by speed; planner.plots has the other figures of a plan."""

@@ -4,11 +4,10 @@ import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from hashlib import sha256
-from importlib.resources import files
 from pathlib import Path
 
 from kinematics import Machine, MotionError, load_machine
-from kinematics.registry import find
+from kinematics.registry import beside, find
 from planner import Program, load_program
 
 
@@ -43,8 +42,7 @@ def read_inputs(program: str, machine: str | None) -> Inputs:
     driven, file = load_machine(name), find("kinematics", "machine", name)
     content = file.read_bytes()
     urdf = tomllib.loads(content.decode()).get("geometry", {}).get("urdf")
-    folder = file.parent if isinstance(file, Path) else files("kinematics") / "presets"
-    companions = {} if urdf is None else {urdf: (folder / urdf).read_bytes()}
+    companions = {} if urdf is None else {urdf: (beside("kinematics", file) / urdf).read_bytes()}
     return Inputs(loaded, driven, find("planner", "program", program).read_bytes(), content, companions)
 
 

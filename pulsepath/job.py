@@ -1,6 +1,6 @@
 """All that the command `plan` finds out about a program on a machine."""
 
-import sys
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -12,6 +12,7 @@ from planner.baselines import KINDS, Classical, classical
 from planner.limits import unkept
 from planner.pulses import RealisedPath
 from pulsepath.progress import step
+from pulsepath.talk import detail, note
 
 LAWS = ("3", "6")
 """Tracking laws that the report compares: open and closed loop."""
@@ -52,12 +53,20 @@ def run(
 ) -> Job:
     """Plan, prove and compare. Raises as `planner.plan`."""
     for field in unkept(machine):
-        print(f"note: {machine.name} states {field} but no masses, so no plan can keep it", file=sys.stderr)
+        note(f"note: {machine.name} states {field} but no masses, so no plan can keep it")
     with step(f"planning {program.name} on {machine.name}") as tell:
         planned = plan(program, machine, order=order, clock_hz=clock_hz, duration=duration, rule=rule, progress=tell)
+    detail(_how(planned))
     with step("timing the path classically"):
         baseline, others = classical(planned), tuple(_others(planned))
     return Job(planned, baseline, others, _followed(planned), _tracked(planned, machine))
+
+
+def _how(planned: Plan) -> str:
+    """How the motion was found."""
+    runs = ", ".join(f"{count} by {method}" for method, count in Counter(planned.methods).items())
+    near = "" if planned.gap is None else f"; {100 * planned.gap:.3f} % above an estimate of the least time"
+    return f"order {planned.order}, rounds of solving: {planned.rounds}, runs between stops: {runs}{near}"
 
 
 def _others(planned: Plan) -> Iterator[Classical]:
@@ -65,7 +74,7 @@ def _others(planned: Plan) -> Iterator[Classical]:
         try:
             yield classical(planned, kind)
         except MotionError as error:
-            print(f"no {kind} timing: {error}", file=sys.stderr)
+            note(f"no {kind} timing: {error}")
 
 
 def _followed(planned: Plan) -> RealisedPath | None:
@@ -74,7 +83,7 @@ def _followed(planned: Plan) -> RealisedPath | None:
         with step("following the path that the pulses make"):
             return planned.realised(stride=max(1, planned.pulses.total // LOOKED))
     except MotionError as error:
-        print(f"the path of the pulses is not known: {error}", file=sys.stderr)
+        note(f"the path of the pulses is not known: {error}")
         return None
 
 
@@ -86,5 +95,5 @@ def _tracked(planned: Plan, machine: Machine) -> tuple[Metrics, ...]:
                 evaluate(track(planned, machine, find_law(law), period=PERIOD), planned, machine) for law in LAWS
             )
     except MotionError as error:
-        print(f"not tracked: {error}", file=sys.stderr)
+        note(f"not tracked: {error}")
         return ()

@@ -62,7 +62,7 @@ def write(folder: Path, job: Job, inputs: Inputs) -> PulseCheck:
     for name, content in inputs.companions.items():
         (folder / name).write_bytes(content)
     motion_json.write(plan.trajectory, folder / MOTION)
-    trajectory_csv.write(plan, folder / TRAJECTORY)
+    trajectory_csv.write(plan.trajectory, folder / TRAJECTORY)
     axes = plan.machine.axes
     wiring, timing = [axis.direction for axis in axes], [axis.timing for axis in axes]
     with step(f"writing {plan.pulses.total} pulses") as tell:

@@ -9,6 +9,8 @@ import click
 
 from pulsepath.ending import Ended, ending
 from pulsepath.exits import INTERRUPTED
+from pulsepath.intent import writes
+from pulsepath.options import json_option
 
 if TYPE_CHECKING:
     from benchmarks.animation.frames import DrawnPlan
@@ -36,7 +38,7 @@ if TYPE_CHECKING:
 )
 @click.option("--no-browser", is_flag=True, help="Open none: print the address alone.")
 @click.option("--force", is_flag=True, help="Replace FILE.")
-@click.option("--json", "as_json", is_flag=True, help="Print JSON instead of text.")
+@json_option
 def view(
     directory: Path,
     html: Path | None,
@@ -52,7 +54,11 @@ def view(
     """Show the machine moving along the plan in DIR, in 3-D and at real time.
 
     Without --html and --stills, the page is served on loopback (127.0.0.1) alone until Ctrl-C. It needs no network.
+
+    Example: pulsepath view out/circle --html circle.html
     """
+    targets = [target for target in (stills, html) if target is not None]
+    writes(*targets)
     from kinematics import MotionError
     from kinematics.staging import write_whole
     from kinematics.units import quantity
@@ -61,8 +67,8 @@ def view(
 
     if at is not None and stills is None:
         raise MotionError("--at is the instant of the still images: give --stills FILE as well")
-    for target in (html, stills):
-        if target is not None and target.exists() and not force:
+    for target in targets:
+        if target.exists() and not force:
             raise MotionError(f"{target} exists; give --force to replace it")
     when = None if at is None else quantity(at, "s")
     plan = _taken_up(directory)
@@ -86,9 +92,8 @@ def view(
     if as_json:
         click.echo(record.as_json(told), nl=False)
     else:
-        for name in (stills, html):
-            if name is not None:
-                click.echo(str(name))
+        for target in targets:
+            click.echo(str(target))
 
 
 def _taken_up(directory: Path) -> "DrawnPlan":
@@ -106,7 +111,7 @@ def _show(page: str, port: int, no_browser: bool, told: dict[str, Any], as_json:
     """Serve a page until Ctrl-C, which is how this ends well."""
     import webbrowser
 
-    from pulsepath import record
+    from pulsepath import record, talk
     from pulsepath.page_server import served
 
     with ending():
@@ -114,12 +119,12 @@ def _show(page: str, port: int, no_browser: bool, told: dict[str, Any], as_json:
             with served(page, port) as address:
                 click.echo(record.as_json(told | {"address": address}) if as_json else address, nl=not as_json)
                 sys.stdout.flush()
-                click.echo("Ctrl-C ends it", err=True)
+                talk.note("Ctrl-C ends it")
                 if not no_browser:
                     webbrowser.open(address)
                 while True:
                     time.sleep(3600)
         except Ended as end:
-            click.echo("no longer shown", err=True)
+            talk.note("no longer shown")
             if end.code != INTERRUPTED:
                 click.get_current_context().exit(end.code)

@@ -20,7 +20,13 @@ from kinematics.urdf import read_urdf
 
 
 class Geometry(Table):
-    """urdf  a file beside this one; joints  its three, from the base; home  their angles, from which travel counts."""
+    """How a serial arm is built.
+
+    urdf    a file beside this one
+    joints  its three, from the base
+    tool    the link of the file whose frame is moved
+    home    angles of the joints, from which travel counts
+    """
 
     urdf: str = Field(description='write the name of a file beside this one, e.g. "arm.urdf"')
     joints: tuple[str, str, str]

@@ -91,6 +91,7 @@ class Input(Table):
 
     pulse_factor     what a calibration found a pulse to be, over what is stated
     electronic_gear  (n, d): the drive makes n/d steps of each pulse, and a pulse is so much longer
+    drive  instead of `pulse`: the drive that makes it
     """
 
     direction: Annotated[int, AfterValidator(_sign)] | None = None
@@ -104,13 +105,24 @@ class Input(Table):
 
 
 class MachineFile(File):
-    """What every kind's file has: wiring says which card drives an axis, and which of the card's axes it is."""
+    """What every kind's file has.
+
+    kind      what it is
+    geometry  how it is built
+    axes      what all axes have
+    axis      `[[axis]]` tables by `name`: what one has of its own
+    wiring    by axis: which card drives it, and which of the card's axes it is, from 0
+    """
 
     wiring: dict[str, tuple[str, Annotated[int, Field(ge=0)]]] = Field(default_factory=dict)
 
 
 class LinearDrive(Table):
-    """A stepper on a screw: one pulse moves lead / steps."""
+    """A stepper on a screw: one pulse moves lead / steps.
+
+    steps  pulses for one turn of the motor
+    lead   travel for one turn of the screw
+    """
 
     steps: Steps
     lead: Annotated[float, Unit("m", above=0)]
@@ -121,7 +133,10 @@ class LinearDrive(Table):
 
 
 class LinearAxis(Input):
-    """Travel, wiring and limits of a linear axis, as far as the file states them; an absent limit is none."""
+    """Travel, wiring and limits of a linear axis, as far as the file states them; an absent limit is none.
+
+    max_force  that the actuator bears; kept where the file states masses, friction or a wrench
+    """
 
     travel: Annotated[tuple[Length, Length], AfterValidator(_rising)] | None = None
     pulse: Annotated[float, Unit("m", above=0)] | None = None
@@ -152,7 +167,11 @@ class LinearAxis(Input):
 
 
 class RotaryDrive(Table):
-    """A stepper behind a gear: one pulse turns 1/(steps · gear) of a revolution."""
+    """A stepper behind a gear: one pulse turns 1/(steps · gear) of a revolution.
+
+    steps  pulses for one turn of the motor
+    gear   turns of the motor for one of the axis
+    """
 
     steps: Steps
     gear: Annotated[float, Field(gt=0)] = 1.0

@@ -93,7 +93,8 @@ def test_triggers_repetitions_and_constant_speeds_are_told(call, tmp_path, progr
     monkeypatch.setattr(pulsepath.job, "_tracked", lambda *_: ())  # of no interest here
     done = call("plan", program(MARKED), "--order", "2", "--out", tmp_path / "o")
     assert done.exit_code == 0
-    assert "1 (rep. 2)" in done.stdout
+    told = [line.split() for line in done.stdout.splitlines() if line.strip().startswith("top")]
+    assert [row[1:3] for row in told] == [["1", "1"], ["1", "2"]]  # segment, repetition
     record = json.loads((tmp_path / "o" / "plan.json").read_text())
     assert record["lower_bound"]["leaves_out"] == []
     names = [(event["name"], event["where"]["segment"], event["where"]["repetition"]) for event in record["triggers"]]
