@@ -22,6 +22,8 @@ ALONG = 1200
 """Instants at which both paths are drawn, evenly in time."""
 SHOWN = 0.04
 """Share of the path's size that the largest error of the pulses is drawn as, at most, if nothing else is asked for."""
+FLAT = 1e-6
+"""Share of its size up to which a machine lies in one plane."""
 
 
 class Animated(Protocol):
@@ -92,6 +94,11 @@ class Frames:
         drawn = [self.placed.bars.reshape(-1, 3), self.placed.pivots.reshape(-1, 3), self.planned]
         points = np.concatenate(drawn)
         return np.stack([points.min(0), points.max(0)])
+
+    @property
+    def flat(self) -> bool:
+        """Whether all of it lies in one plane, z = constant."""
+        return bool(np.ptp(self.box[:, 2]) <= FLAT * self.size)
 
     @property
     def size(self) -> float:

@@ -26,8 +26,6 @@ WIDE, NARROW = 35.0, 2.0
 """degrees: the angle of view in space, and of the three views along axes, which are nearly parallel with that."""
 FILLED = 0.85
 """Share of the picture beside the legend that the machine fills."""
-FLAT = 1e-6
-"""Share of its size up to which a machine lies in one plane; it is first shown from above then."""
 
 
 LEAST = 0.1
@@ -97,8 +95,7 @@ def _data(frames: Frames) -> dict[str, Any]:
 
 def first_view(frames: Frames) -> View:
     """In space, but from above of a machine that is flat."""
-    flat = bool(np.ptp(frames.box[:, 2]) <= FLAT * frames.size)
-    return next(view for view in VIEWS if view.parallel is flat)
+    return next(view for view in VIEWS if view.parallel is frames.flat)
 
 
 def _camera(view: View) -> dict[str, Any]:

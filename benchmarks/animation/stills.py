@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 WIDTHS: dict[Sort, float] = {"frame": 1.4, "actuator": 2.6, "link": 3.4, "platform": 2.0}
 """Points."""
-USE = "use of the nearest limit; joints: of their tilt"
+USE, TILTED = "use of the nearest limit", "; joints: of their tilt"
 FORMATS = (".pdf", ".png", ".svg")
 DPI, IN_LINE = 200, 4
 
@@ -61,7 +61,13 @@ def four_views(plan: Animated, t: float | None = None, *, magnify: float | None 
     for ax, view in zip(axes, VIEWS, strict=True):
         _draw(ax, frames, view)
     ramp = LinearSegmentedColormap.from_list("use", RAMP)
-    bar = figure.colorbar(ScalarMappable(cmap=ramp), ax=list(axes), shrink=0.5, aspect=30, label=USE)
+    bar = figure.colorbar(
+        ScalarMappable(cmap=ramp),
+        ax=list(axes),
+        shrink=0.5,
+        aspect=30,
+        label=USE + TILTED * bool(np.isfinite(frames.tilt).any()),
+    )
     bar.set_ticks([0, 0.25, 0.5, 0.75, 1], labels=["0", "25 %", "50 %", "75 %", "100 %"])
     handles, labels = axes[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=3, frameon=False)
@@ -101,6 +107,8 @@ def _draw(ax: Any, frames: Frames, view: View) -> None:
     if not view.parallel:
         for name in names:
             getattr(ax, f"{name}axis").set_major_locator(MaxNLocator(4))
+        if frames.flat:
+            ax.set_zticks([1e3 * frames.box[0, 2]])
         x, y, z = view.back
         ax.view_init(elev=np.rad2deg(np.arcsin(z)), azim=np.rad2deg(np.arctan2(y, x)))
 
