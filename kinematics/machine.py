@@ -198,9 +198,9 @@ class Machine(Result):
         x = ca.SX.sym("x", 12)
         return Expression("tilts", x, self.tilts(*symbols(x)))
 
-    @cached_property
+    @property
     def parts(self) -> Skeleton:
-        """The skeleton at home: which bars and pivots there are."""
+        """The skeleton at home: which bars and pivots there are. Not kept: CasADi's symbols go to no other process."""
         x, q = (ca.SX(ca.DM(values)) for values in (numbers(self.home)[0], self.home_q))
         return self.skeleton(*self.carried(*symbols(x), q), q)
 

@@ -1,5 +1,7 @@
 """Skeletons: the same geometry as the inverse map, found again by hand from the drawn points."""
 
+import pickle
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -107,6 +109,13 @@ def test_every_machine_shows_its_tool_and_all_its_axes(machine):
     ends = placed.bars[0].reshape(-1, 3)
     assert np.linalg.norm(ends - machine.home.translation, axis=1).min() < 1e-9
     assert {bar.axis for bar in machine.parts.bars} - {""} == {axis.name for axis in machine.axes}
+
+
+def test_a_machine_that_was_drawn_still_goes_to_other_processes(machine):
+    before = place(machine, numbers(machine.home), machine.home_q[None])
+    other = pickle.loads(pickle.dumps(machine))
+    after = place(other, numbers(other.home), other.home_q[None])
+    np.testing.assert_array_equal(after.bars, before.bars)
 
 
 def test_a_kind_that_says_nothing_has_no_bars(preset):
