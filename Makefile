@@ -5,7 +5,7 @@ READY := .venv/.ready
 CANDIDATES := python3.13 python3.12 python3.11 python3
 USABLE := import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 11))
 
-.PHONY: demo docs test clean
+.PHONY: demo docs notebooks test clean
 
 demo: $(READY)
 	$(BIN)/python -m pulsepath plan circle --machine hexapod --out out/demo --force
@@ -14,12 +14,17 @@ demo: $(READY)
 docs: $(READY)
 	$(BIN)/python -m sphinx -W --keep-going -q docs out/docs
 
+# executed, with their figures; the sources are notebooks/*.py
+notebooks: $(READY)
+	$(BIN)/python -m tests.notebooks.run out/notebooks
+
 # fast checks first; the first that fails ends the run
 test: $(READY)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/lint-imports
 	$(BIN)/mypy
+	$(BIN)/mypy --no-strict-optional --follow-imports=silent notebooks/*.py
 	$(BIN)/pytest -n 2
 
 $(READY): pyproject.toml

@@ -15,8 +15,8 @@ from controllers.drives.bank import bank
 from controllers.host import instants
 from controllers.laws.law import Feedback, Law, Reference
 from controllers.recorder import Recorder
-from controllers.rig import Rig
-from controllers.servo import Servo, leg_servo
+from controllers.rig import Drive, Rig
+from controllers.servo import leg_servo
 from kinematics.array import Array, frozen
 from kinematics.errors import MotionError
 from kinematics.result import Result
@@ -247,7 +247,7 @@ def track(
     machine: Machine,
     law: Law,
     *,
-    servo: Servo | Sequence[Servo] | None = None,
+    servo: Drive | Sequence[Drive] | None = None,
     card: Card = PCI_8132,
     dt: float = HOST_STEP,
     settle: float = SETTLE,
@@ -255,7 +255,7 @@ def track(
 ) -> Tracking:
     """Tracks a plan (or its trajectory) and then holds its end for `settle` seconds, see `simulate`.
 
-    servo   one for all axes or one per axis; `leg_servo` by default
+    servo   drive, one for all axes or one per axis, such as a rig's; `leg_servo` by default
     card    one model; as many cards of it as the axes need
     period  s between the instants that are kept; None: every sample of the drives
     """
@@ -271,7 +271,7 @@ def track(
     return Tracking(law.name, dt, runs.t, planned, command, actual, runs.pulses[0], axes)
 
 
-def _per_axis(servo: Servo | Sequence[Servo] | None, machine: Machine) -> list[Servo]:
+def _per_axis(servo: Drive | Sequence[Drive] | None, machine: Machine) -> list[Drive]:
     if servo is None:
         return [leg_servo(axis) for axis in machine.axes]
-    return [servo] * len(machine.axes) if isinstance(servo, Servo) else list(servo)
+    return [servo] * len(machine.axes) if isinstance(servo, Drive) else list(servo)

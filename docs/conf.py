@@ -13,11 +13,10 @@ author = "the pulsepath authors"
 copyright = author
 release = version = __version__
 
-extensions = ["myst_parser", "docstrings", "drawn_math", "file_keys", "command_line"]
+extensions = ["myst_parser", "docstrings", "drawn_math", "file_keys", "command_line", "extras"]
 myst_enable_extensions = ["attrs_inline", "colon_fence", "deflist", "dollarmath"]
 myst_heading_anchors = 3
 exclude_patterns = ["examples"]
-suppress_warnings = ["toc.empty_glob"]
 
 html_theme = "pydata_sphinx_theme"
 html_title = "pulsepath"

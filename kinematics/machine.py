@@ -133,8 +133,22 @@ class Machine(Result):
         """The same machine with another load."""
         other = copy(self)
         other.load = self._bearing(load)
-        for of_load in ("force_map", "holding_map", "loaded"):
-            other.__dict__.pop(of_load, None)
+        other._forget("force_map", "holding_map", "loaded")
+        return other
+
+    def driven_by(self, axes: Iterable[Axis]) -> Self:
+        """The same machine with other actuators: what each may do and how it counts; names, kinds and home stay.
+
+        Raises MotionError for axes that are not as many, or not called as the machine's own.
+        """
+        other, names = copy(self), tuple(axis.name for axis in self.axes)
+        other.axes = self._driven(self.name, axes)
+        given = tuple(axis.name for axis in other.axes)
+        if given != names:
+            raise MotionError(
+                f"machine {self.name}: its axes are called {', '.join(names)}, not {', '.join(given)}; keep their names"
+            )
+        other._forget("force_map", "loaded")
         return other
 
     def called(self, name: str) -> Self:
@@ -142,6 +156,11 @@ class Machine(Result):
         other = copy(self)
         other.name = name
         return other
+
+    def _forget(self, *maps: str) -> None:
+        """What a copy must not take over, since what it is made from has changed."""
+        for name in maps:
+            self.__dict__.pop(name, None)
 
     def _bearing(self, load: Load) -> Load:
         """A load that fits the machine. Raises MotionError for legs that it has not."""

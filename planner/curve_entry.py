@@ -24,7 +24,7 @@ def _constants(given: dict[str, float]) -> dict[str, float]:
     try:
         check_names(given)
     except MotionError as no:
-        raise wrong(str(no)) from None
+        raise wrong(no) from None
     return given
 
 
@@ -47,7 +47,7 @@ def _of_t(declared: str, unit: str) -> PlainValidator:
         try:
             formula(text, info.data.get("constants", {}), SX.sym("t"))
         except MotionError as no:
-            raise wrong(str(no)) from None
+            raise wrong(no) from None
         scales = info.context or {}
         if declared not in scales:
             raise wrong(f'values without a unit: add the line {declared} = "{unit}" at the top')
@@ -60,7 +60,7 @@ def _without_t(value: object, info: ValidationInfo) -> float:
     try:
         return constant(_text(value), info.data.get("constants", {}))
     except MotionError as no:
-        raise wrong(str(no)) from None
+        raise wrong(no) from None
 
 
 Length = Annotated[tuple[str, float], _of_t("length", "mm")]

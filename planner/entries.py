@@ -2,7 +2,7 @@
 
 from itertools import pairwise
 from math import dist
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, ClassVar, Self
 
 from pydantic import AfterValidator, Field, model_validator
 from scipy.spatial.transform import RigidTransform, Rotation
@@ -200,6 +200,7 @@ class ProgramFile(File):
     segment        the way, one after the other
     """
 
+    what: ClassVar[str] = "program"
     machine: str | None = None
     length: Annotated[str, unit_of("m")] | None = None
     angle: Annotated[str, unit_of("rad")] | None = None

@@ -1,11 +1,13 @@
 """The main job, top to bottom: program -> path -> limits -> certified motion -> pulses."""
 
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from functools import partial
+from os import PathLike
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from kinematics.errors import MotionError
+from kinematics.errors import MotionError, OutOfReach
 from kinematics.machine import Machine
 from kinematics.result import Result
 from kinematics.table import Table
@@ -13,10 +15,14 @@ from planner.actuation import MachinePath, actuate
 from planner.certify import Certificate
 from planner.duration import within
 from planner.limits import Limit, limits_of, usual_order
+from planner.limits.clearance import Clearance
+from planner.limits.holding import Holding
+from planner.limits.tilt import Tilt
+from planner.limits.travel import Travel
 from planner.orientation import oriented
 from planner.parallel import Progress, silent
 from planner.path.join import blend_tables
-from planner.place import Infeasible
+from planner.place import Infeasible, LostPath
 from planner.program import Program
 from planner.pulses import Motion, PulseSchedule, RealisedPath, Rule, find_rule, generate, realised, schedule_tables
 from planner.pulses.compensate import counted
@@ -27,8 +33,13 @@ from planner.timing.floor import left_out
 from planner.trajectory import Trajectory
 from planner.triggers import Triggered, trigger_tables, triggered
 
+GEOMETRIC = tuple(limit.name for limit in (Travel, Tilt, Clearance, Holding))
+"""Limits that the path alone breaks."""
+
 if TYPE_CHECKING:
     from mpl_toolkits.mplot3d import Axes3D
+
+    from planner.export.format import Exported
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,6 +91,16 @@ class Plan(Result):
     def realised(self, *, stride: int = 1) -> RealisedPath:
         """How far the pose that the pulses stand for is from the planned one; stride k looks at every k-th interval."""
         return realised(self, stride=stride)
+
+    def export(self, format: str, path: str | PathLike[str], *, force: bool = False, **options: Any) -> "Exported":
+        """Write it in a format of `planner.export.formats`, and tell how far what the file holds is from the plan.
+
+        options: the fields of the format's dataclass, in SI units. force: replace a file that is there.
+        Raises MotionError for an unknown format or option, a file that is there, and what the format cannot hold.
+        """
+        from planner.export.written import written
+
+        return written(self, format, path, force, options)
 
     def tables(self) -> tuple[Table, ...]:
         """How long it takes, what is proved of it, its blends, its pulses and its triggers."""
@@ -134,12 +155,15 @@ def plan(
         raise MotionError(f"duration {duration} s must be positive and finite")
     rule = find_rule(rule) if isinstance(rule, str) else rule
     program = oriented(program, machine, order)
-    path = actuate(program, machine)
-    limits = limits_of(path, machine.axes, order)
-    if duration is None:
-        solution = fastest(path, limits, order, progress)
-    else:
-        solution = within(path, limits, machine.axes, order, duration, progress)
+    try:
+        path = actuate(program, machine)
+        limits = limits_of(path, machine.axes, order)
+        if duration is None:
+            solution = fastest(path, limits, order, progress)
+        else:
+            solution = within(path, limits, machine.axes, order, duration, progress)
+    except (Infeasible, OutOfReach) as no:
+        raise _advised(no, program, machine, order) from None
     motors, pulses = _pulses(solution.trajectory, machine, int(clock_hz), rule, progress or silent)
     return Plan(
         program,
@@ -178,5 +202,21 @@ def check(program: Program, machine: Machine) -> Standing:
 
     Raises MotionError for a path that cannot be drawn.
     """
-    path = actuate(oriented(program, machine, usual_order(machine.axes)), machine)
-    return replace(standing(path, limits_of(path, machine.axes, 2)), blends=path.blends)
+    program = oriented(program, machine, usual_order(machine.axes))
+    try:
+        path = actuate(program, machine)
+    except OutOfReach as no:
+        raise _advised(no, program, machine, 2) from None
+    found = standing(path, limits_of(path, machine.axes, 2))
+    worst = tuple(_advised(no, program, machine, 2) for no in found.violations[:1])
+    return replace(found, violations=(*worst, *found.violations[1:]), blends=path.blends)
+
+
+def _advised(no: MotionError, program: Program, machine: Machine, order: int) -> MotionError:
+    """What no timing can help, with how far the path must shrink or move; a refusal of another kind as it is."""
+    from planner.refit import refit
+
+    more = partial(refit, program, machine, order)
+    if isinstance(no, Infeasible):
+        return no.advising(more) if no.kind in GEOMETRIC else no
+    return LostPath(str(no), more)

@@ -225,6 +225,7 @@ class Program(Result):
     repeat   how often the segments are run, one time after the other, each from where the path stands
     duration  s that the whole is to take, as smoothly as it can; None: as little as it can
     start_speed, end_speed  tool speed (m/s) with which the motion begins and ends; 0: at rest
+    file     what it was read from, for messages; empty: it was not
     Raises MotionError for an empty program, an unknown frame, a count or a speed that is none.
     """
 
@@ -242,6 +243,7 @@ class Program(Result):
     repeat: int = field(default=1, kw_only=True)
     start_speed: float = field(default=0.0, kw_only=True)
     end_speed: float = field(default=0.0, kw_only=True)
+    file: str = field(default="", kw_only=True)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "segments", tuple(self.segments))

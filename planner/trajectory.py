@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from kinematics.array import Array, frozen
 from kinematics.clearance import Bodies
@@ -147,7 +148,7 @@ class Trajectory(Result):
         """Index of the time piece of each instant; a knot belongs to the piece that it starts."""
         return np.clip(np.searchsorted(self.knots, t, side="right") - 1, 0, len(self.s) - 1)
 
-    def at(self, t: float | Array) -> State:
+    def at(self, t: ArrayLike) -> State:
         """The state at t; before 0 and after the duration the motion rests at its ends.
 
         q̇ = q′ ṡ;  q̈ = q′ s̈ + q″ ṡ²;  q⃛ = q′ s⃛ + 3 q″ ṡ s̈ + q‴ ṡ³.

@@ -15,8 +15,10 @@ __version__ = "0.1.0"
 
 if TYPE_CHECKING:
     from benchmarks.animation import animate, four_views, save_four_views
+    from benchmarks.compare import Comparison, compare, verdict_of
     from benchmarks.report import write_report
-    from controllers import Metrics, Tracking, evaluate, find_law, law_names, track
+    from benchmarks.sweep import Grid, read_setting, settings_of, sweep
+    from controllers import Metrics, Rig, Tracking, evaluate, find_law, law_names, load_rig, rig_names, track
     from kinematics import (
         Actuator,
         ActuatorNeed,
@@ -67,6 +69,7 @@ if TYPE_CHECKING:
         cylinder,
         error_budget,
         forces,
+        foreseen_errors,
         joint_circle,
         joint_need,
         load_actuators,
@@ -138,6 +141,7 @@ __all__ = [
     "Calibration",
     "Certificate",
     "Classical",
+    "Comparison",
     "Curve",
     "Deflection",
     "Disc",
@@ -147,6 +151,7 @@ __all__ = [
     "Forces",
     "Forward",
     "Free",
+    "Grid",
     "Hexapod",
     "Infeasible",
     "Joint",
@@ -174,6 +179,7 @@ __all__ = [
     "PulseSchedule",
     "Quantization",
     "RealisedPath",
+    "Rig",
     "Selection",
     "Slide",
     "Solution",
@@ -199,11 +205,13 @@ __all__ = [
     "calibration_parts",
     "check",
     "classical",
+    "compare",
     "cylinder",
     "error_budget",
     "evaluate",
     "find_law",
     "forces",
+    "foreseen_errors",
     "four_views",
     "import_program",
     "joint_circle",
@@ -215,6 +223,7 @@ __all__ = [
     "load_measurements",
     "load_positions",
     "load_program",
+    "load_rig",
     "machine_names",
     "machine_toml",
     "measured_positions",
@@ -224,20 +233,33 @@ __all__ = [
     "plan",
     "plan_many",
     "program_names",
+    "read_setting",
     "read_urdf",
     "realised",
+    "rig_names",
     "save_four_views",
     "save_positions",
     "select_parts",
+    "settings_of",
     "size_stepper",
+    "sweep",
     "time_optimal",
     "track",
+    "verdict_of",
     "whole_poses",
     "workspace",
     "write_report",
 ]
 
-_FLOORS = ("kinematics", "planner", "controllers", "benchmarks.report", "benchmarks.animation")
+_FLOORS = (
+    "kinematics",
+    "planner",
+    "controllers",
+    "benchmarks.report",
+    "benchmarks.sweep",
+    "benchmarks.compare",
+    "benchmarks.animation",
+)
 
 
 def __getattr__(name: str) -> Any:

@@ -9,7 +9,7 @@ import click
 
 from pulsepath import talk
 from pulsepath.ending import Ended, ending
-from pulsepath.exits import INTERRUPTED, TRACEBACK, told
+from pulsepath.exits import INTERRUPTED, JSON, TRACEBACK, told
 from pulsepath.intent import interrupted
 
 OTHERS = "Others"
@@ -43,6 +43,10 @@ class Commands(click.Group):
                     short = formatter.width - 6 - width
                     formatter.write_dl([(f"{n:<{width}}", cmd.get_short_help_str(short)) for n, cmd in known.items()])
 
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        ctx.meta[JSON] = ctx.meta.get(JSON, False) or "--json" in args
+        return super().parse_args(ctx, args)
+
     def invoke(self, ctx: click.Context) -> Any:
         if ctx.parent is not None:  # of a group within the group
             return super().invoke(ctx)
@@ -65,6 +69,10 @@ class Commands(click.Group):
             if os.environ.get(TRACEBACK) == "1":
                 raise
             code, message = told(error)
+            if ctx.meta[JSON]:
+                from pulsepath.error_record import of_error
+
+                click.echo(of_error(error, code), nl=False)
             click.echo(message, err=True)
             ctx.exit(code)
 

@@ -1,6 +1,11 @@
-"""How a command ends: exit codes, and errors told in one place, on stderr and without a traceback."""
+"""How a command ends: exit codes, and errors told in one place, on stderr and without a traceback.
+
+With --json an error is told on stdout as well, as data: {"schema": 1, "error": {…}} (pulsepath.error_record).
+"""
 
 INFEASIBLE, BAD_INPUT, INTERNAL, INTERRUPTED = 1, 2, 3, 130
+JSON = "pulsepath.json"
+"""Where a context keeps whether JSON is asked for."""
 TRACEBACK = "PULSEPATH_TRACEBACK"
 """Set to 1 in the environment, it lets the traceback of an error through."""
 

@@ -6,7 +6,8 @@ from dataclasses import dataclass, field
 from hashlib import sha256
 from pathlib import Path
 
-from kinematics import Machine, MotionError, load_machine
+from kinematics import FileError, Machine, MotionError, load_machine
+from kinematics.document import read
 from kinematics.registry import beside, find
 from planner import Program, load_program
 
@@ -38,8 +39,14 @@ def read_inputs(program: str, machine: str | None) -> Inputs:
     which machine.
     """
     loaded = load_program(program)
-    name = _named(loaded, program) if machine is None else machine
-    driven, file = load_machine(name), find("kinematics", "machine", name)
+    try:
+        name = _named(loaded, program) if machine is None else machine
+        driven, file = load_machine(name), find("kinematics", "machine", name)
+    except MotionError as error:
+        if machine is not None or (isinstance(error, FileError) and Path(error.file).is_file()):
+            raise
+        document = read(find("planner", "program", program))
+        raise FileError(document.file, [document.fault(("machine",), error)]) from error
     content = file.read_bytes()
     urdf = tomllib.loads(content.decode()).get("geometry", {}).get("urdf")
     companions = {} if urdf is None else {urdf: (beside("kinematics", file) / urdf).read_bytes()}

@@ -86,6 +86,11 @@ class Row:
     against: Against | None
 
     @property
+    def worst(self) -> float:
+        """The largest RMS contour error of all rigs and seeds, m or rad; infinite where it is unstable on any."""
+        return inf if self.unstable or self.spread is None else self.spread[1]
+
+    @property
     def stable(self) -> bool:
         """On every rig and seed."""
         return not self.unstable

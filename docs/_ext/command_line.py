@@ -1,5 +1,7 @@
 """The reference of the command line, made from the commands themselves: {command-line} module:group."""
 
+from inspect import cleandoc
+
 import click
 from docutils import nodes
 from file_keys import named
@@ -8,17 +10,28 @@ from sphinx.util.docutils import SphinxDirective
 
 
 def markdown(command: click.Command, path: str) -> str:
-    """A command's usage, help and options."""
+    """A command's usage, help, options, and what its help ends with."""
     context = click.Context(command, info_name=path)
-    usage = " ".join(command.collect_usage_pieces(context))
-    said = (command.help or "").replace("\b", "")
-    rows = [
-        f"| `{' '.join(record[0].split())}` | {' '.join(record[1].split()).replace('|', chr(92) + '|')} |"
-        for parameter in command.get_params(context)
-        if (record := parameter.get_help_record(context)) is not None
+    records = [parameter.get_help_record(context) for parameter in command.get_params(context)]
+    rows = [f"| `{cell(name)}` | {cell(about)} |" for name, about in filter(None, records) if about]
+    ending = context.make_formatter()
+    command.format_epilog(context, ending)
+    parts = [
+        f"```text\n{path} {' '.join(command.collect_usage_pieces(context))}\n```",
+        *(as_typed(part) if part.startswith("\b") else part for part in cleandoc(command.help or "").split("\n\n")),
+        "\n".join(["| option | what it does |", "| --- | --- |", *rows]),
+        f"```text\n{ending.getvalue().strip()}\n```" if ending.getvalue().strip() else "",
     ]
-    options = "\n".join(["| option | what it does |", "| --- | --- |", *rows])
-    return f"```text\n{path} {usage}\n```\n\n{said}\n\n{options}\n"
+    return "\n\n".join(parts) + "\n"
+
+
+def as_typed(paragraph: str) -> str:
+    """A paragraph whose lines click is told to leave as they are."""
+    return f"```text{paragraph.removeprefix(chr(8))}\n```"
+
+
+def cell(text: str) -> str:
+    return " ".join(text.split()).replace("|", "\\|")
 
 
 class CommandLine(SphinxDirective):

@@ -50,7 +50,7 @@ def takes(kind: Any, metadata: tuple[Any, ...] = ()) -> str:
         return takes(get_args(kind)[0], kind.__metadata__)
     if get_origin(kind) in (Union, UnionType):
         if any(isinstance(part, type) and issubclass(part, Table) for part in get_args(kind)):
-            return " or ".join(takes(part) for part in get_args(kind) if part is not NoneType)
+            return " or ".join(dict.fromkeys(takes(part) for part in get_args(kind) if part is not NoneType))
         if not any(isinstance(mark, PlainValidator) for mark in metadata):
             return " or ".join(dict.fromkeys(takes(part) for part in get_args(kind) if part is not NoneType))
     for mark in metadata:
@@ -91,12 +91,26 @@ def quantity(unit: Unit) -> str:
     return text + (f", or number of `{unit.plain}`" if unit.plain else "") + (f"; {', '.join(said)}" if said else "")
 
 
+def unit_in(kind: Any, metadata: tuple[Any, ...] = ()) -> Unit | None:
+    """The unit of an annotation, or of the numbers of its array; None where there is none."""
+    marks = (*metadata, *getattr(kind, "__metadata__", ()))
+    inner = (unit_in(part) for part in get_args(kind))
+    return next((mark for mark in marks if isinstance(mark, Unit)), None) or next(filter(None, inner), None)
+
+
 def default(field: Any) -> str:
     if field.is_required():
         return "**needed**"
     value = field.default
     if value is PydanticUndefined or value is None or value == () or isinstance(value, Table):
         return ""
+    unit = unit_in(field.annotation, tuple(field.metadata))
+    if unit is not None:
+        near = everyday(unit.unit)
+        values = [describe(each, near) if each else "0" for each in (value if isinstance(value, tuple) else (value,))]
+        return ", ".join(values if len(set(values)) > 1 else values[:1])
+    if isinstance(value, tuple):
+        return f"`{[int(each) for each in value]}`"
     return f"`{str(value).lower() if isinstance(value, bool) else value!r}`".replace("'", '"')
 
 

@@ -1,7 +1,7 @@
 """Measurement files: the schema of their TOML, and the measurements that one holds."""
 
 from os import PathLike
-from typing import Annotated, Any, Literal, NamedTuple, Self
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
 
 import numpy as np
 from pydantic import AfterValidator, Field, model_validator
@@ -257,6 +257,7 @@ class MeasurementFile(File):
     rotation  turns that are checks: nothing is fitted to them
     """
 
+    what: ClassVar[str] = "measurement file"
     version: Literal[1] = Field(1, alias="schema")
     length: Annotated[str, unit_of("m")] | None = None
     angle: Annotated[str, unit_of("rad")] | None = None

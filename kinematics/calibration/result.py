@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kinematics.array import Array
-from kinematics.calibration.measurements import AXIS, COMPONENTS, POSITION, ROTATION, Measurements
+from kinematics.calibration.measurements import AXIS, COMPONENTS, POSITION, ROTATION, Measurements, Noise
 from kinematics.calibration.observability import Observability
 from kinematics.errors import MotionError
 from kinematics.machine import Machine
@@ -28,6 +28,13 @@ def known_group(name: str) -> str:
     if name not in GROUPS:
         raise MotionError(f'calibration: no group "{name}"{nearest(str(name), GROUPS)}; groups: {", ".join(GROUPS)}')
     return name
+
+
+def widening(noise: Noise | None, scale: float) -> float:
+    """What standard errors of a noise are multiplied by: see `calibrate`. scale NaN: there are no data to spare."""
+    if noise is None:
+        return scale
+    return 1.0 if np.isnan(scale) else max(1.0, scale)
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,14 +2,14 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import AfterValidator, AllowInfNan, Field, PlainValidator, ValidationInfo
 
 from kinematics.axis import Axis, Magnitude
 from kinematics.document import Key
-from kinematics.errors import MotionError
-from kinematics.registry import nearest
+from kinematics.errors import BadValue, MotionError
+from kinematics.registry import closest, nearest
 from kinematics.schema import File, Table, chosen, wrong
 from kinematics.step_timing import StepTiming, find_drive
 from kinematics.units import Angle, Length, Unit, shown
@@ -78,7 +78,7 @@ def _timing(value: object, info: ValidationInfo) -> StepTiming:
         try:
             return find_drive(value)
         except MotionError as error:
-            raise wrong(str(error)) from None
+            raise wrong(error) from None
     table = TimingTable.model_validate(value, strict=True, context=info.context)
     return StepTiming(**table.model_dump(exclude_none=True))
 
@@ -114,6 +114,7 @@ class MachineFile(File):
     wiring    by axis: which card drives it, and which of the card's axes it is, from 0
     """
 
+    what: ClassVar[str] = "machine file"
     wiring: dict[str, tuple[str, Annotated[int, Field(ge=0)]]] = Field(default_factory=dict)
 
 
@@ -225,11 +226,6 @@ def axes(
     names: Sequence[str], defaults: Mapping[str, AxisTable], overrides: Sequence[Any], file: MachineFile
 ) -> list[Axis]:
     """The axes by name: what all of their kind have, and what each has of its own (a `drive` gives its pulse)."""
-    unknown = [name for name in file.wiring if name not in names]
-    if unknown:
-        raise MotionError(
-            f"[wiring] {shown(unknown[0])} is no axis{nearest(unknown[0], names)}; axes: {', '.join(names)}"
-        )
     own = {override.name: _stated(override) for override in overrides}
     kinds = {LinearAxis: "linear", RotaryAxis: "rotary"}
     made = []
@@ -266,6 +262,16 @@ def one_pulse(data: Mapping[str, Any]) -> Iterator[tuple[Key, str]]:
             yield (*key, "drive"), "pulse and drive exclude each other: give one"
         if needed and not given:
             yield (*key, "pulse"), 'missing: write e.g. "0.75 um", or a drive with its steps'
+
+
+def wired_axes(names: Sequence[str], data: Mapping[str, Any]) -> Iterator[tuple[Key, MotionError]]:
+    """Every key of [wiring] that is none of the axes' names; of no names nothing is known."""
+    wiring = data.get("wiring")
+    for name in wiring if isinstance(wiring, dict) and names else ():
+        if name not in names:
+            known = ", ".join(names)
+            told = f"{shown(name)} is no axis{nearest(name, names)}; axes: {known}"
+            yield ("wiring", name), BadValue(told, allowed=known, nearest=closest(name, names))
 
 
 def named_once(data: Mapping[str, Any], array: str = "axis") -> Iterator[tuple[Key, str]]:

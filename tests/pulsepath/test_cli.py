@@ -168,7 +168,7 @@ BAD = {
     "empty": ("", ["program.toml", "segment"]),
     "arc out of its plane": (
         LINE + "[[segment]]\narc = { centre = [5, 0, 12], normal = [0, 0, 1], angle = 90 }\n",
-        ["segment 2", "2 mm out of the plane", "centre"],
+        ["segment[2].arc", "2 mm out of the plane", "centre"],
     ),
     "two faults at once": ("frame = 3\n" + LINE + "sped = 3\n", ["frame", "sped"]),
     "not TOML": ("[[segment\n", ["program.toml:5", "TOML"]),
