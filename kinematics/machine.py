@@ -23,10 +23,11 @@ from kinematics.freedom import COMPONENTS, refuse
 from kinematics.load import Load
 from kinematics.machine_tables import axes_table
 from kinematics.margins import Margins, measure
-from kinematics.pose import Pose, checked, column, symbols
+from kinematics.pose import Pose, checked, column, numbers, symbols
 from kinematics.rates import rates
 from kinematics.regular import cell_map
 from kinematics.result import Result
+from kinematics.skeleton import Skeleton, skeleton_map
 from kinematics.table import Table
 from kinematics.virtual_work import Balance, force_map, holding_map, loaded
 
@@ -178,6 +179,13 @@ class Machine(Result):
         """
         return ((self.load.platform, column(*self.carried(position, rotation, q))),)
 
+    def skeleton(self, position: ca.SX, rotation: ca.SX, q: ca.SX) -> Skeleton:
+        """Bars and pivots to draw, at a pose with what follows filled in and the coordinates that belong to it.
+
+        Nothing by default: the machine is then shown by its tool alone.
+        """
+        return Skeleton()
+
     def symbolic(self, x: ca.SX, near: ca.SX) -> ca.SX:
         """Coordinates (n,) of pose numbers (12), to be composed with whatever they depend on."""
         return self.expression(*symbols(x), near)
@@ -208,6 +216,17 @@ class Machine(Result):
         """Pose numbers (12) -> cosines of the joints' tilts (m)."""
         x = ca.SX.sym("x", 12)
         return Expression("tilts", x, self.tilts(*symbols(x)))
+
+    @property
+    def parts(self) -> Skeleton:
+        """The skeleton at home: which bars and pivots there are. Not kept: CasADi's symbols go to no other process."""
+        x, q = (ca.SX(ca.DM(values)) for values in (numbers(self.home)[0], self.home_q))
+        return self.skeleton(*self.carried(*symbols(x), q), q)
+
+    @cached_property
+    def skeleton_map(self) -> Expression:
+        """x (12), q (n) -> the points of the skeleton: see `kinematics.skeleton.place`."""
+        return skeleton_map(self)
 
     @cached_property
     def rates_map(self) -> Expression:
