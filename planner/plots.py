@@ -13,7 +13,9 @@ from mpl_toolkits.mplot3d.art3d import Line3DCollection
 from kinematics.array import Array
 from kinematics.axis import Axis
 from kinematics.pose import from_numbers
+from planner.held_back import active_limits
 from planner.plan import Plan
+from planner.pulses.rates import BINS
 from planner.pulses.realised_path import RealisedPath
 from planner.trajectory import Trajectory
 
@@ -22,12 +24,8 @@ Quantity = Literal["position", "speed", "acceleration", "jerk"]
 PALETTE = ("#0072B2", "#E69F00", "#009E73", "#D55E00", "#CC79A7", "#56B4E9", "#7F7F7F")
 """Colours that colour-blind readers tell apart [Okabe and Ito 2008], with grey for their yellow and black."""
 DASHES = ("-", "--", "-.", ":")
-ACTIVE = 0.99
-"""The share of a limit from which on it holds the motion back."""
 SAMPLES = 2000
 """Instants drawn, beside the knots of the trajectory."""
-BINS = 600
-"""Windows of time over which pulse rates are averaged."""
 
 _UNIT = {"linear": ("mm", 1e3), "rotary": ("°", 180 / np.pi)}
 _DERIVATIVE = {"position": ("q", ""), "speed": ("qd", "/s"), "acceleration": ("qdd", "/s²"), "jerk": ("qddd", "/s³")}
@@ -119,15 +117,6 @@ def limit_use(plan: Plan, ax: Axes | None = None, over: Literal["path", "time"] 
         yticks=np.linspace(0, 1, 5),
     )
     return ax
-
-
-def active_limits(plan: Plan) -> np.ndarray:
-    """(M,) for each time piece the index in `plan.limits` of the limit that holds the motion back; −1 where none does.
-
-    It is the most used one from 99 % on. Geometric limits, which no timing can help, hold nothing back.
-    """
-    use = np.stack([plan.certificate.use[limit.name] * (not limit.geometric) for limit in plan.limits])
-    return np.where(use.max(0) >= ACTIVE, use.argmax(0), -1)
 
 
 def pulse_rate(plan: Plan, ax: Axes | None = None) -> Axes:

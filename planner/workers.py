@@ -54,7 +54,7 @@ def served(packed: bytes, tasks: Sequence[Any], count: int) -> Generator[tuple[i
 
     packed  the pickled function that does a task
     """
-    workers = [_Worker() for _ in range(count)]
+    workers = [Worker() for _ in range(count)]
     todo, lost, spare = deque(range(len(tasks))), Counter[int](), REPLACED
     finished: list[tuple[int, Outcome]] = []
     try:
@@ -81,7 +81,7 @@ def served(packed: bytes, tasks: Sequence[Any], count: int) -> Generator[tuple[i
                         todo.appendleft(n)
                     if spare and todo:
                         spare -= 1
-                        workers.append(_Worker())
+                        workers.append(Worker())
                     continue
                 if outcome.error is not None:
                     todo = deque(k for k in todo if k < n)
@@ -95,7 +95,7 @@ def served(packed: bytes, tasks: Sequence[Any], count: int) -> Generator[tuple[i
             worker.end()
 
 
-class _Worker:
+class Worker:
     """A process, this end of its pipe, and the number of the task that it is busy with."""
 
     def __init__(self) -> None:
@@ -119,6 +119,10 @@ class _Worker:
             self.pipe.send_bytes(message)
         except OSError:
             pass
+
+    def wait(self) -> None:
+        """Until its task is done, or the process is dead."""
+        wait([self.pipe, self.process.sentinel])
 
     def ready(self) -> bool:
         """Whether its task is done, or the process is dead."""

@@ -54,6 +54,12 @@ def main() -> None:
     metavar="RULE",
     help='When pulses fire; "pulsepath rules" lists them. With options as sampled:period=50us.',
 )
+@click.option(
+    "--figures/--no-figures",
+    default=True,
+    show_default=True,
+    help="Pictures in the report; without them it has its text and all its tables, and is there sooner.",
+)
 @click.option("--force", is_flag=True, help="Replace DIR, if an earlier plan is in it.")
 @json_option
 def plan(
@@ -64,22 +70,30 @@ def plan(
     clock_hz: int,
     duration: str | None,
     rule: str,
+    figures: bool,
     force: bool,
     as_json: bool,
 ) -> None:
     """Plan PROGRAM, and write motion, pulses and report into DIR."""
+    from functools import partial
+
     from kinematics.units import quantity
-    from pulsepath import plan_directory, record, tables
+    from planner.beside import beside
     from pulsepath.directory import refuse_overwrite, replacing
-    from pulsepath.inputs import read_inputs
-    from pulsepath.job import run
+    from pulsepath.ready import ready
 
     refuse_overwrite(out, force)
     seconds = None if duration is None else quantity(duration, "s")
-    inputs = read_inputs(program, machine)
-    with replacing(out, force) as folder:  # where nothing can be written, that is said before the work
-        job = run(inputs.program, inputs.machine, None if order is None else int(order), clock_hz, seconds, rule)
-        verdict = plan_directory.write(folder, job, inputs)
+    with beside(partial(ready, figures)) as other:
+        from pulsepath import plan_directory, record, tables
+        from pulsepath.inputs import read_inputs
+        from pulsepath.job import run
+
+        inputs = read_inputs(program, machine)
+        kind = None if order is None else int(order)
+        with replacing(out, force) as folder:  # where nothing can be written, that is said before the work
+            job = run(inputs.program, inputs.machine, kind, clock_hz, seconds, rule, other, figures)
+            verdict = plan_directory.write(folder, job, inputs)
     report = str(out / plan_directory.REPORT)
     if as_json:
         click.echo(record.as_json({**record.of_plan(job, inputs, verdict), "report": report}), nl=False)

@@ -1,14 +1,16 @@
 """All that the command `plan` finds out about a program on a machine."""
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import partial
 
 from controllers import Metrics, evaluate, find_law, track
 from controllers.metrics.evaluate import PERIOD
 from kinematics import Machine, MotionError
 from planner import Plan, Program, plan
 from planner.baselines import KINDS, Classical, classical
+from planner.beside import Beside
 from planner.limits import unkept
 from planner.pulses import RealisedPath
 from pulsepath.progress import step
@@ -25,21 +27,36 @@ class Defect(MotionError):
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """A plan, the classical timing of its path, the path of its pulses, and the errors of the laws.
+    """A plan, the classical timing of its path, the path of its pulses, and what another core finds out meanwhile.
 
     others: the other classical timings, as far as the program and the machine allow them
+    aside: waits for what the other core does
+    figures: whether the report has any
     """
 
     plan: Plan
     classical: Classical
     others: tuple[Classical, ...]
     realised: RealisedPath | None
-    metrics: tuple[Metrics, ...]
+    aside: Callable[[], "Aside"]
+    figures: bool
 
     @property
     def saved(self) -> float:
         """s that the plan is shorter than the classical timing; negative where that is: it has no jerk limit."""
         return self.classical.duration - self.plan.trajectory.duration
+
+
+@dataclass(frozen=True, slots=True)
+class Aside:
+    """What needs nothing but the plan, and is left to another core: the errors of the laws, and most figures.
+
+    note: why there are no errors, where there are none
+    """
+
+    metrics: tuple[Metrics, ...]
+    figures: Mapping[str, bytes]
+    note: str = ""
 
 
 def run(
@@ -49,15 +66,18 @@ def run(
     clock_hz: int,
     duration: float | None = None,
     rule: str = "nearest",
+    other: Beside | None = None,
+    figures: bool = True,
 ) -> Job:
-    """Plan, prove and compare. Raises as `planner.plan`."""
+    """Plan, prove and compare, on the other core as well. Raises as `planner.plan`."""
     for field in unkept(machine):
         print(f"note: {machine.name} states {field} but no masses, so no plan can keep it", file=sys.stderr)
     with step(f"planning {program.name} on {machine.name}") as tell:
         planned = plan(program, machine, order=order, clock_hz=clock_hz, duration=duration, rule=rule, progress=tell)
+    aside = (Beside(None) if other is None else other).start(partial(_aside, planned, figures))
     with step("timing the path classically"):
         baseline, others = classical(planned), tuple(_others(planned))
-    return Job(planned, baseline, others, _followed(planned), _tracked(planned, machine))
+    return Job(planned, baseline, others, _followed(planned), aside, figures)
 
 
 def _others(planned: Plan) -> Iterator[Classical]:
@@ -78,13 +98,19 @@ def _followed(planned: Plan) -> RealisedPath | None:
         return None
 
 
-def _tracked(planned: Plan, machine: Machine) -> tuple[Metrics, ...]:
-    """Errors of each law; none where the emulated hardware cannot run the motion, which is no fault of the plan."""
+def _aside(planned: Plan, figures: bool) -> Aside:
+    """In another process: the figures only if they are asked for."""
     try:
-        with step(f"tracking it under laws {' and '.join(LAWS)}"):
-            return tuple(
-                evaluate(track(planned, machine, find_law(law), period=PERIOD), planned, machine) for law in LAWS
-            )
+        metrics, note = _tracked(planned), ""
     except MotionError as error:
-        print(f"not tracked: {error}", file=sys.stderr)
-        return ()
+        metrics, note = (), f"not tracked: {error}"
+    if not figures:
+        return Aside(metrics, {}, note)
+    from benchmarks.report import draw_plan, draw_tracking
+
+    return Aside(metrics, draw_plan(planned) | draw_tracking(metrics), note)
+
+
+def _tracked(planned: Plan) -> tuple[Metrics, ...]:
+    machine = planned.machine
+    return tuple(evaluate(track(planned, machine, find_law(law), period=PERIOD), planned, machine) for law in LAWS)

@@ -1,6 +1,7 @@
 """What `plan` leaves behind: the record, the motion, the pulses, the report, and the files they were made from."""
 
 import json
+import sys
 from dataclasses import dataclass, replace
 from hashlib import sha256
 from pathlib import Path
@@ -13,7 +14,7 @@ from planner.parallel import Progress, silent
 from planner.pulses import PulseCheck, PulseSchedule, check_file, generate
 from pulsepath.directory import RECORD, is_ours
 from pulsepath.inputs import Inputs
-from pulsepath.job import Defect, Job
+from pulsepath.job import LAWS, Defect, Job
 from pulsepath.progress import step
 from pulsepath.pulse_record import of_pulse_file
 from pulsepath.record import as_json, of_plan
@@ -46,7 +47,6 @@ def write(folder: Path, job: Job, inputs: Inputs) -> PulseCheck:
 
     Raises Defect where they fail it.
     """
-    from benchmarks.report import write_report
     from planner.export import pulse_csv, trajectory_csv, trigger_csv
 
     plan = job.plan
@@ -67,11 +67,31 @@ def write(folder: Path, job: Job, inputs: Inputs) -> PulseCheck:
     (folder / CERTIFICATE).write_text(as_json(of_pulse_file(folder / PULSES, plan, verdict)), encoding="utf-8")
     if plan.triggers:
         trigger_csv.write(plan, folder / TRIGGERS)
-    page = folder / REPORT
-    with step("writing the report"):
-        write_report(plan, job.classical, job.metrics, page, verdict=verdict, others=job.others, realised=job.realised)
+    _report(folder / REPORT, job, verdict)
     (folder / RECORD).write_text(as_json(of_plan(job, inputs, verdict)), encoding="utf-8")
     return verdict
+
+
+def _report(page: Path, job: Job, verdict: PulseCheck) -> None:
+    from benchmarks.report import draw_compared, write_report
+
+    with step("writing the report"):
+        drawn = draw_compared(job.plan, job.classical, job.realised) if job.figures else {}
+    with step(f"tracking it under laws {' and '.join(LAWS)}"):
+        aside = job.aside()
+    if aside.note:
+        print(aside.note, file=sys.stderr)
+    with step("writing the report"):
+        write_report(
+            job.plan,
+            job.classical,
+            aside.metrics,
+            page,
+            verdict=verdict,
+            others=job.others,
+            realised=job.realised,
+            figures={**aside.figures, **drawn},
+        )
 
 
 def read(folder: Path) -> Planned:
