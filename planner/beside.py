@@ -1,60 +1,73 @@
-"""One piece of work in another process while this one goes on with something else: the command line's second core."""
+"""Work in another process while this one goes on with something else: the command line's second core."""
 
-import multiprocessing
 import pickle
 from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
-from functools import cache
-from typing import Any, TypeVar
+from dataclasses import dataclass
+from typing import Any, Generic, TypeVar
 
-from planner.parallel import cores
-from planner.workers import Worker
+from planner.workers import Outcome, Started, Worker
 
 Result = TypeVar("Result")
 
 
-class Beside:
-    """A process beside this one, or none."""
+@dataclass(frozen=True, slots=True)
+class Begun(Generic[Result]):
+    """What another process was asked to do."""
 
-    def __init__(self, worker: Worker | None) -> None:
-        self._worker = worker
+    told: "Future[Outcome | None] | None"
 
-    def start(self, work: Callable[[], Result]) -> Callable[[], Result]:
-        """Begin; what is returned waits for the result, and raises what the work raised.
+    def result(self, here: Callable[[], Result]) -> Result:
+        """Wait for it; `here` does the same in this process.
 
-        Where there is no other process, or it died of it, the work is done here, when its result is asked for.
+        That is asked for what cannot be done there, for want of a process or because one died of it, or because
+        something cannot leave a process; and for what raised there, so that it raises here.
         """
-        worker, self._worker = self._worker, None
-        if worker is not None:
-            worker.wait()
-            worker.take()
-            worker.give(_CALLED, 1, work)
+        outcome = None if self.told is None else self.told.result()
+        return here() if outcome is None or outcome.error is not None else outcome.value
 
-        @cache
-        def result() -> Result:
-            outcome = None
-            if worker is not None:
-                worker.wait()
-                _, outcome = worker.take()
-            return work() if outcome is None else outcome.result()
 
-        return result
+class Beside:
+    """A process beside this one, or none; it does one thing after the other."""
+
+    def __init__(self, worker: Worker | None = None, thread: ThreadPoolExecutor | None = None) -> None:
+        self._worker, self._thread = worker, thread
+
+    def start(self, work: Callable[[], Result]) -> Begun[Result]:
+        """Have it begin, when it is through with what it was asked for before."""
+        # by a thread, since a pipe takes no more than the other side has read
+        if self._worker is None or self._thread is None:
+            return Begun(None)
+        return Begun(self._thread.submit(self._done, self._worker, work))
+
+    def _done(self, worker: Worker, work: Callable[[], Any]) -> Outcome | None:
+        try:
+            worker.give(_CALLED, 0, work)
+        except Exception:  # pickle raises whatever an object's own code does
+            return None
+        worker.wait()
+        return worker.take()[1]
+
+
+NOTHING = Beside()
+"""No other process: everything is done here."""
 
 
 @contextmanager
-def beside(ready: Callable[[], object]) -> Iterator[Beside]:
-    """Another process for one piece of work, if there is a core for it; when the block ends, it is no more.
-
-    ready: what it does at once, such as imports, while this one prepares the work.
-    """
-    worker = Worker() if cores() > 1 and multiprocessing.parent_process() is None else None
-    try:
-        if worker is not None:
-            worker.give(_CALLED, 0, ready)
-        yield Beside(worker)
-    finally:
-        if worker is not None:
-            worker.kill()
+def beside(started: Started | None) -> Iterator[Beside]:
+    """A process that has been started for `planner.workers.serve`, if any; when the block ends, it is no more."""
+    if started is None:
+        yield NOTHING
+        return
+    worker = Worker(started)
+    with ThreadPoolExecutor(1) as thread:
+        try:
+            yield Beside(worker, thread)
+        finally:
+            worker.process.kill()  # on which the thread waits no longer
+            thread.shutdown(cancel_futures=True)
+            worker.end()
 
 
 def _called(work: Callable[[], Any]) -> Any:

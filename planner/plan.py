@@ -9,6 +9,7 @@ from kinematics.errors import MotionError
 from kinematics.machine import Machine
 from planner.actuation import MachinePath, actuate
 from planner.certify import Certificate
+from planner.course import course
 from planner.duration import within
 from planner.limits import Limit, limits_of, usual_order
 from planner.orientation import oriented
@@ -112,8 +113,8 @@ def plan(
         raise MotionError(f"duration {duration} s must be positive and finite")
     rule = find_rule(rule) if isinstance(rule, str) else rule
     program = oriented(program, machine, order)
-    path = actuate(program, machine)
-    limits = limits_of(path, machine.axes, order)
+    whole = course(program, machine, order)
+    path, limits = whole.path, whole.limits
     if duration is None:
         solution = fastest(path, limits, order, progress)
     else:

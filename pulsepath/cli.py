@@ -75,20 +75,17 @@ def plan(
     as_json: bool,
 ) -> None:
     """Plan PROGRAM, and write motion, pulses and report into DIR."""
-    from functools import partial
+    from pulsepath.second import second
 
-    from kinematics.units import quantity
-    from planner.beside import beside
-    from pulsepath.directory import refuse_overwrite, replacing
-    from pulsepath.ready import ready
-
-    refuse_overwrite(out, force)
-    seconds = None if duration is None else quantity(duration, "s")
-    with beside(partial(ready, figures)) as other:
+    with second(figures) as other:  # before what is slow to load, so that both processes load at once
+        from kinematics.units import quantity
         from pulsepath import plan_directory, record, tables
+        from pulsepath.directory import refuse_overwrite, replacing
         from pulsepath.inputs import read_inputs
         from pulsepath.job import run
 
+        refuse_overwrite(out, force)
+        seconds = None if duration is None else quantity(duration, "s")
         inputs = read_inputs(program, machine)
         kind = None if order is None else int(order)
         with replacing(out, force) as folder:  # where nothing can be written, that is said before the work

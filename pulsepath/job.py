@@ -1,22 +1,20 @@
 """All that the command `plan` finds out about a program on a machine."""
 
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 
-from controllers import Metrics, evaluate, find_law, track
-from controllers.metrics.evaluate import PERIOD
 from kinematics import Machine, MotionError
 from planner import Plan, Program, plan
-from planner.baselines import KINDS, Classical, classical
-from planner.beside import Beside
-from planner.limits import unkept
+from planner.baselines import Classical
+from planner.beside import NOTHING, Beside
+from planner.limits import unkept, usual_order
+from planner.orientation import oriented
 from planner.pulses import RealisedPath
 from pulsepath.progress import step
+from pulsepath.second_work import Seen, seen, timed, timed_ahead
 
-LAWS = ("3", "6")
-"""Tracking laws that the report compares: open and closed loop."""
 LOOKED = 25_000
 """Intervals between pulses at which the realised path is looked at: well below a second, and within 2 % in its RMS."""
 
@@ -27,36 +25,23 @@ class Defect(MotionError):
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """A plan, the classical timing of its path, the path of its pulses, and what another core finds out meanwhile.
+    """A plan, the classical timing of its path, the path of its pulses, and the errors of the laws.
 
     others: the other classical timings, as far as the program and the machine allow them
-    aside: waits for what the other core does
-    figures: whether the report has any
+    seen: waits for the errors of the laws, and for the figures if the report is to have any
     """
 
     plan: Plan
     classical: Classical
     others: tuple[Classical, ...]
     realised: RealisedPath | None
-    aside: Callable[[], "Aside"]
+    seen: Callable[[], Seen]
     figures: bool
 
     @property
     def saved(self) -> float:
         """s that the plan is shorter than the classical timing; negative where that is: it has no jerk limit."""
         return self.classical.duration - self.plan.trajectory.duration
-
-
-@dataclass(frozen=True, slots=True)
-class Aside:
-    """What needs nothing but the plan, and is left to another core: the errors of the laws, and most figures.
-
-    note: why there are no errors, where there are none
-    """
-
-    metrics: tuple[Metrics, ...]
-    figures: Mapping[str, bytes]
-    note: str = ""
 
 
 def run(
@@ -66,26 +51,24 @@ def run(
     clock_hz: int,
     duration: float | None = None,
     rule: str = "nearest",
-    other: Beside | None = None,
+    other: Beside = NOTHING,
     figures: bool = True,
 ) -> Job:
-    """Plan, prove and compare, on the other core as well. Raises as `planner.plan`."""
+    """Plan, prove and compare, in the other process as well. Raises as `planner.plan`."""
     for field in unkept(machine):
         print(f"note: {machine.name} states {field} but no masses, so no plan can keep it", file=sys.stderr)
     with step(f"planning {program.name} on {machine.name}") as tell:
+        program = oriented(program, machine, usual_order(machine.axes) if order is None else order)
+        timing = other.start(partial(timed_ahead, program, machine))
         planned = plan(program, machine, order=order, clock_hz=clock_hz, duration=duration, rule=rule, progress=tell)
-    aside = (Beside(None) if other is None else other).start(partial(_aside, planned, figures))
+    look = partial(seen, planned, figures)
+    looking = other.start(look)
+    realised = _followed(planned)
     with step("timing the path classically"):
-        baseline, others = classical(planned), tuple(_others(planned))
-    return Job(planned, baseline, others, _followed(planned), aside, figures)
-
-
-def _others(planned: Plan) -> Iterator[Classical]:
-    for kind in KINDS[1:]:
-        try:
-            yield classical(planned, kind)
-        except MotionError as error:
-            print(f"no {kind} timing: {error}", file=sys.stderr)
+        found = timing.result(partial(timed, planned))
+    for note in found.notes:
+        print(note, file=sys.stderr)
+    return Job(planned, found.classical, found.others, realised, cache(partial(looking.result, look)), figures)
 
 
 def _followed(planned: Plan) -> RealisedPath | None:
@@ -96,21 +79,3 @@ def _followed(planned: Plan) -> RealisedPath | None:
     except MotionError as error:
         print(f"the path of the pulses is not known: {error}", file=sys.stderr)
         return None
-
-
-def _aside(planned: Plan, figures: bool) -> Aside:
-    """In another process: the figures only if they are asked for."""
-    try:
-        metrics, note = _tracked(planned), ""
-    except MotionError as error:
-        metrics, note = (), f"not tracked: {error}"
-    if not figures:
-        return Aside(metrics, {}, note)
-    from benchmarks.report import draw_plan, draw_tracking
-
-    return Aside(metrics, draw_plan(planned) | draw_tracking(metrics), note)
-
-
-def _tracked(planned: Plan) -> tuple[Metrics, ...]:
-    machine = planned.machine
-    return tuple(evaluate(track(planned, machine, find_law(law), period=PERIOD), planned, machine) for law in LAWS)

@@ -14,10 +14,11 @@ from planner.parallel import Progress, silent
 from planner.pulses import PulseCheck, PulseSchedule, check_file, generate
 from pulsepath.directory import RECORD, is_ours
 from pulsepath.inputs import Inputs
-from pulsepath.job import LAWS, Defect, Job
+from pulsepath.job import Defect, Job
 from pulsepath.progress import step
 from pulsepath.pulse_record import of_pulse_file
 from pulsepath.record import as_json, of_plan
+from pulsepath.second_work import LAWS
 
 CERTIFICATE = "certificate.json"
 """What the check of the pulse file found: beside it."""
@@ -78,19 +79,19 @@ def _report(page: Path, job: Job, verdict: PulseCheck) -> None:
     with step("writing the report"):
         drawn = draw_compared(job.plan, job.classical, job.realised) if job.figures else {}
     with step(f"tracking it under laws {' and '.join(LAWS)}"):
-        aside = job.aside()
-    if aside.note:
-        print(aside.note, file=sys.stderr)
+        seen = job.seen()
+    if seen.note:
+        print(seen.note, file=sys.stderr)
     with step("writing the report"):
         write_report(
             job.plan,
             job.classical,
-            aside.metrics,
+            seen.metrics,
             page,
             verdict=verdict,
             others=job.others,
             realised=job.realised,
-            figures={**aside.figures, **drawn},
+            figures={**seen.figures, **drawn},
         )
 
 

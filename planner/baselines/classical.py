@@ -10,6 +10,7 @@ from planner.actuation import MachinePath, actuate
 from planner.baselines.along import Along
 from planner.baselines.between import Deviation, deviation, independent, moves, synchronised
 from planner.certify import Certificate, certify
+from planner.course import Course
 from planner.limits import Limit, limits_of
 from planner.limits.travel import Travel
 from planner.plan import Plan
@@ -44,8 +45,8 @@ class Classical:
         return self.trajectory.duration
 
 
-def classical(plan: Plan, kind: str = "trapezoid") -> Classical:
-    """The classical timing of a plan's program, as fast as its kind can be within the same limits.
+def classical(plan: Plan | Course, kind: str = "trapezoid") -> Classical:
+    """The classical timing of a program, planned or not yet, as fast as its kind can be within the same limits.
 
     Along the path: "trapezoid", "s-curve" (seven pieces of constant jerk) and "quarter-sine", in arc length, each run
     the quickest of its kind, scaled until certified; all but the s-curve at order 2, since their accelerations step.
@@ -70,7 +71,7 @@ def classical(plan: Plan, kind: str = "trapezoid") -> Classical:
 _STOPPED: WeakKeyDictionary[MachinePath, tuple[MachinePath, tuple[Limit, ...]]] = WeakKeyDictionary()
 
 
-def _stopping(plan: Plan) -> tuple[MachinePath, tuple[Limit, ...]]:
+def _stopping(plan: Plan | Course) -> tuple[MachinePath, tuple[Limit, ...]]:
     """The path with a stop at every join, and what no timing can help along it.
 
     It is one path for all kinds, and the plan's own if that stops so, since what place alone asks is proved once for
@@ -91,7 +92,7 @@ def _with(standing: Sequence[Limit], limits: Sequence[Limit]) -> tuple[Limit, ..
     return tuple(known.get(limit.name, limit) for limit in limits)
 
 
-def _axes(plan: Plan) -> list[Axis]:
+def _axes(plan: Plan | Course) -> list[Axis]:
     # classical timings know no way round a resonance band: what a timed crossing would cost them is left out
     return [
         replace(axis, resonance=None, resonance_time=None) if axis.resonance_time else axis
@@ -99,7 +100,7 @@ def _axes(plan: Plan) -> list[Axis]:
     ]
 
 
-def _between(plan: Plan, kind: str) -> Classical:
+def _between(plan: Plan | Course, kind: str) -> Classical:
     machine, (path, _), axes = plan.machine, _stopping(plan), _axes(plan)
     trajectory, begins = moves(path, axes, BETWEEN[kind])
     travel = Travel(machine.axes, machine.home_q)

@@ -1,16 +1,14 @@
-"""Work beside: done once, in another process where there is one, here where there is none or it died."""
+"""Work beside: in another process where there is one; here where there is none, it died, or cannot be sent."""
 
+import multiprocessing
 import os
 from functools import partial
 
 import pytest
 
 from kinematics import MotionError
-from planner.beside import beside
-
-
-def nothing():
-    pass
+from planner.beside import NOTHING, beside
+from planner.workers import Worker
 
 
 def die():
@@ -21,46 +19,50 @@ def refused():
     raise MotionError("no")
 
 
-def unless_in(process):
-    """Dies in every process but one."""
-    if os.getpid() != process:
-        os._exit(1)
-    return "done here"
+@pytest.fixture(scope="module")
+def other():
+    worker = Worker()
+    with beside((worker.process, worker.pipe)) as found:
+        yield found
 
 
-@pytest.fixture(params=[1, 2])
-def cores(request, monkeypatch):
-    monkeypatch.setattr("planner.beside.cores", lambda: request.param)
-    return request.param
+def test_it_is_done_there(other):
+    assert other.start(os.getpid).result(die) not in (os.getpid(), None)
 
 
-def test_it_is_done_once_and_elsewhere_if_it_can_be(cores):
-    with beside(nothing) as other:
-        result = other.start(os.getpid)
-        assert (result() != os.getpid()) is (cores == 2)
-        assert result() == result()
+def test_one_after_the_other(other):
+    begun = [other.start(partial(pow, 2, k)) for k in range(5)]
+    assert [one.result(die) for one in begun] == [1, 2, 4, 8, 16]
 
 
-def test_what_it_raises_is_raised_here(cores):
-    with beside(nothing) as other:
-        result = other.start(refused)
-        with pytest.raises(MotionError, match="no"):
-            result()
+def test_without_a_process_it_is_done_here():
+    assert NOTHING.start(die).result(os.getpid) == os.getpid()
 
 
-@pytest.mark.parametrize("ready", [nothing, die])
-def test_where_the_process_dies_it_is_done_here(monkeypatch, ready):
-    monkeypatch.setattr("planner.beside.cores", lambda: 2)
-    with beside(ready) as other:
-        assert other.start(partial(unless_in, os.getpid()))() == "done here"
+def test_what_cannot_be_sent_is_done_here(other):
+    assert other.start(lambda: 1).result(os.getpid) == os.getpid()
 
 
-def test_no_process_is_left_whatever_happens(monkeypatch):
-    import multiprocessing
+def test_what_raised_there_raises_here(other):
+    with pytest.raises(MotionError, match="no"):
+        other.start(refused).result(refused)
 
-    monkeypatch.setattr("planner.beside.cores", lambda: 2)
-    with pytest.raises(KeyboardInterrupt), beside(nothing) as other:
-        other.start(partial(unless_in, 0))
-        assert multiprocessing.active_children()
+
+def test_where_the_process_dies_it_is_done_here():
+    worker = Worker()
+    with beside((worker.process, worker.pipe)) as other:
+        first, second = other.start(die), other.start(die)
+        assert first.result(os.getpid) == second.result(os.getpid) == os.getpid()
+
+
+def interrupted(worker):
+    with beside((worker.process, worker.pipe)) as other:
+        other.start(partial(pow, 10, 10**9))  # takes for ever
         raise KeyboardInterrupt
-    assert not multiprocessing.active_children()
+
+
+def test_no_process_is_left_whatever_happens():
+    worker = Worker()
+    with pytest.raises(KeyboardInterrupt):
+        interrupted(worker)
+    assert worker.process not in multiprocessing.active_children()
