@@ -1,10 +1,11 @@
 """What the command `plan` leaves to its second process: the classical timings, the errors of the laws, most figures."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
-from controllers import Metrics, evaluate, find_law, track
-from controllers.metrics.evaluate import PERIOD
+from controllers import Metrics, find_law
+from controllers.metrics.evaluate import PERIOD, evaluate_each
+from controllers.simulate import track_each
 from kinematics import Machine, MotionError
 from planner import Plan, Program
 from planner.baselines import KINDS, Classical, classical
@@ -51,7 +52,7 @@ class Seen:
 def seen(plan: Plan, figures: bool) -> Seen:
     """No errors where the emulated hardware cannot run the motion, which is no fault of the plan."""
     try:
-        metrics, note = tuple(_tracked(plan)), ""
+        metrics, note = _tracked(plan), ""
     except MotionError as error:
         metrics, note = (), f"not tracked: {error}"
     if not figures:
@@ -61,6 +62,6 @@ def seen(plan: Plan, figures: bool) -> Seen:
     return Seen(metrics, draw_plan(plan) | draw_tracking(metrics), note)
 
 
-def _tracked(plan: Plan) -> Iterator[Metrics]:
-    for law in LAWS:
-        yield evaluate(track(plan, plan.machine, find_law(law), period=PERIOD), plan, plan.machine)
+def _tracked(plan: Plan) -> tuple[Metrics, ...]:
+    laws = [find_law(law) for law in LAWS]
+    return evaluate_each(track_each(plan, plan.machine, laws, period=PERIOD), plan, plan.machine)
