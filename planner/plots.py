@@ -6,6 +6,7 @@ from typing import Any, Literal, cast
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patches import StepPatch
 from matplotlib.ticker import MaxNLocator
 from mpl_toolkits.mplot3d import Axes3D
 from mpl_toolkits.mplot3d.art3d import Line3DCollection
@@ -94,7 +95,7 @@ def limit_use(plan: Plan, ax: Axes | None = None, over: Literal["path", "time"] 
     s = np.append(trajectory.s, trajectory.at(trajectory.duration).s)
     edges = trajectory.knots if over == "time" else 1e3 * s
     for n, limit in enumerate(plan.limits):
-        ax.stairs(plan.certificate.use[limit.name], edges, label=limit.name, baseline=None, **_style(n))
+        _stairs(ax, plan.certificate.use[limit.name], edges, label=limit.name, **_style(n))
     ax.set_axisbelow(True)
     active = active_limits(plan)
     for owner, run in groupby(range(len(active)), key=lambda k: int(active[k])):
@@ -140,8 +141,8 @@ def realised_error(result: RealisedPath, name: str = "position", ax: Axes | None
     """
     ax = new_axes(ax)
     error = result[name]
-    ax.stairs(1e6 * error.series, result.edges, label=result.rule, baseline=None, **{**_style(0), **style})
-    ax.stairs(1e6 * error.bounds, result.edges, label="bound", baseline=None, color="black", linestyle=(0, (6, 3)))
+    _stairs(ax, 1e6 * error.series, result.edges, label=result.rule, **{**_style(0), **style})
+    _stairs(ax, 1e6 * error.bounds, result.edges, label="bound", color="black", linestyle=(0, (6, 3)))
     ax.set_axisbelow(True)
     ax.set(xlabel="time (s)", ylabel=f"{name} error (µ{error.unit})", xlim=(0, result.edges[-1]))
     ax.set_ylim(bottom=0)
@@ -165,6 +166,13 @@ def instants(trajectory: Trajectory) -> Array:
 def new_axes(ax: Axes | None) -> Axes:
     """`ax`, or the axes of a new figure; pyplot is not involved, so nothing is shown or kept."""
     return Figure(figsize=(9, 3.4), layout="constrained").add_subplot() if ax is None else ax
+
+
+def _stairs(ax: Axes, values: Array, edges: Array, **style: Any) -> None:
+    """What `Axes.stairs` draws, which takes longer to find the ends of every step than to draw it."""
+    ax.add_artist(StepPatch(values, edges, baseline=None, fill=False, **style))
+    ax.update_datalim([(edges[0], min(0.0, values.min())), (edges[-1], max(0.0, values.max()))])
+    ax.autoscale_view()
 
 
 def _style(n: int) -> dict[str, Any]:

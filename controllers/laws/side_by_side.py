@@ -44,8 +44,11 @@ class SideBySide:
 
     def _own(self, values: Sequence[Any], lanes: tuple[int, ...]) -> Any:
         """Of one value of every law's command, each run's own."""
-        if all(np.ndim(value) == 0 for value in values):
+        if all(isinstance(value, float) for value in values):
             if len(set(values)) != 1:
                 raise MotionError(f"laws {self.name} send ramps of different times: run them apart")
             return values[0]
-        return np.stack([np.broadcast_to(value, lanes)[b] for b, value in enumerate(values)])
+        own = np.empty(lanes)
+        for b, value in enumerate(values):
+            own[b] = value[b] if value.ndim == len(lanes) else value
+        return own
