@@ -98,11 +98,14 @@ def limit_use(plan: Plan, ax: Axes | None = None, over: Literal["path", "time"] 
         _stairs(ax, plan.certificate.use[limit.name], edges, label=limit.name, **_style(n))
     ax.set_axisbelow(True)
     active = active_limits(plan)
+    bands: dict[int, list[tuple[float, float]]] = {}
     for owner, run in groupby(range(len(active)), key=lambda k: int(active[k])):
         pieces = list(run)
-        color = "#E8E8E8" if owner < 0 else PALETTE[owner % len(PALETTE)]
         low, high = edges[pieces[0]], edges[pieces[-1] + 1]
-        ax.broken_barh([(low, high - low)], (1.06, 0.12), facecolor=color, linewidth=0)
+        bands.setdefault(owner, []).append((low, high - low))
+    for owner, spans in bands.items():
+        color = "#E8E8E8" if owner < 0 else PALETTE[owner % len(PALETTE)]
+        ax.broken_barh(spans, (1.06, 0.12), facecolor=color, linewidth=0)
     for edge, number in _segments(trajectory, edges):
         ax.axvline(edge, color="#B0B0B0", linewidth=0.8, zorder=0)
         ax.annotate(
