@@ -88,20 +88,23 @@ def draw(
     plan: Plan, classical: Classical, metrics: Sequence[Metrics], realised: RealisedPath | None = None
 ) -> dict[str, bytes]:
     """Every figure of the page as a PNG, by name."""
-    return draw_plan(plan) | draw_compared(plan, classical, realised) | draw_tracking(metrics)
+    return draw_axes(plan) | draw_path(plan) | draw_compared(plan, classical, realised) | draw_tracking(metrics)
 
 
-def draw_plan(plan: Plan) -> dict[str, bytes]:
-    """The figures that show the plan alone."""
-    from planner.plots import path_in_space, pulse_rate
+def draw_axes(plan: Plan) -> dict[str, bytes]:
+    """The figures of what the axes do."""
+    from planner.plots import pulse_rate
 
     with style():
-        return {
-            "path": png(path_in_space(plan)),
-            "axes": png(*_axes(plan)),
-            "limits": png(*_limits(plan)),
-            "pulses": png(_with_legend(pulse_rate(plan))),
-        }
+        return {"axes": png(*_axes(plan)), "pulses": png(_with_legend(pulse_rate(plan)))}
+
+
+def draw_path(plan: Plan) -> dict[str, bytes]:
+    """The figures of the path, and of the limits along it."""
+    from planner.plots import path_in_space
+
+    with style():
+        return {"path": png(path_in_space(plan)), "limits": png(*_limits(plan))}
 
 
 def draw_compared(plan: Plan, classical: Classical, realised: RealisedPath | None) -> dict[str, bytes]:

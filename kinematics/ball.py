@@ -19,7 +19,7 @@ _EPS, _ONCE, _FOUR_TIMES = ca.SX(EPS), ca.SX(1 + EPS), ca.SX(1 + 4 * EPS)
 
 
 def _plus(a: ca.SX, b: ca.SX) -> ca.SX:
-    """a + b, without the search for its meaning, which takes six times as long; thousands of them make an expression."""
+    """a + b, without the search for its meaning, which takes six times as long."""
     return ca.SX.binary(ca.OP_ADD, a, b)
 
 
@@ -56,9 +56,7 @@ class Ball:
         if not isinstance(other, Ball):
             other = Ball.constant(other)
         mid = _times(self.mid, other.mid)
-        rad = _plus(
-            _times(_size(self.mid), other.rad), _times(self.rad, _plus(_size(other.mid), other.rad))
-        )
+        rad = _plus(_times(_size(self.mid), other.rad), _times(self.rad, _plus(_size(other.mid), other.rad)))
         return Ball(mid, _plus(_times(rad, _FOUR_TIMES), _times(_EPS, _size(mid))))
 
     def __truediv__(self, other: Ball) -> Ball:

@@ -76,8 +76,12 @@ def plan(
 ) -> None:
     """Plan PROGRAM, and write motion, pulses and report into DIR."""
     from pulsepath.second import second
+    from pulsepath.seldom import seldom_collected
 
-    with second(figures) as other:  # before what is slow to load, so that both processes load at once
+    with (
+        seldom_collected(),
+        second(figures) as other,
+    ):  # before what is slow to load, so that both processes load at once
         from kinematics.units import quantity
         from pulsepath import plan_directory, record, tables
         from pulsepath.directory import refuse_overwrite, replacing

@@ -28,7 +28,7 @@ class Job:
     """A plan, the classical timing of its path, the path of its pulses, and the errors of the laws.
 
     others: the other classical timings, as far as the program and the machine allow them
-    seen: waits for the errors of the laws, and for the figures if the report is to have any
+    seen: waits for the errors of the laws, and for some figures if the report is to have any
     """
 
     plan: Plan

@@ -74,10 +74,10 @@ def write(folder: Path, job: Job, inputs: Inputs) -> PulseCheck:
 
 
 def _report(page: Path, job: Job, verdict: PulseCheck) -> None:
-    from benchmarks.report import draw_compared, write_report
+    from benchmarks.report import draw_axes, draw_compared, write_report
 
     with step("writing the report"):
-        drawn = draw_compared(job.plan, job.classical, job.realised) if job.figures else {}
+        drawn = draw_axes(job.plan) | draw_compared(job.plan, job.classical, job.realised) if job.figures else {}
     with step(f"tracking it under laws {' and '.join(LAWS)}"):
         seen = job.seen()
     if seen.note:

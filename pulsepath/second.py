@@ -10,6 +10,8 @@ from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from typing import TYPE_CHECKING
 
+from pulsepath.seldom import seldom_collected
+
 if TYPE_CHECKING:
     from planner.beside import Beside
 
@@ -42,8 +44,9 @@ def _started(figures: bool) -> tuple[BaseProcess, Connection]:
 
 def _serve(pipe: Connection, figures: bool) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # as `serve` has it, which is slow to load
-    from planner.workers import serve
+    with seldom_collected():
+        from planner.workers import serve
 
-    for name in (*ALWAYS, *(DRAWING if figures else ())):
-        import_module(name)
-    serve(pipe)
+        for name in (*ALWAYS, *(DRAWING if figures else ())):
+            import_module(name)
+        serve(pipe)

@@ -1,4 +1,4 @@
-"""What the command `plan` leaves to its second process: the classical timings, the errors of the laws, most figures."""
+"""What the command `plan` leaves to its second process: the classical timings, the errors of the laws, some figures."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -42,7 +42,7 @@ def timed_ahead(program: Program, machine: Machine) -> Timed:
 
 @dataclass(frozen=True, slots=True)
 class Seen:
-    """Of a plan: the errors of each law and the figures that show no more; note: why there are no errors."""
+    """Of a plan: the errors of each law, and some of the figures; note: why there are no errors."""
 
     metrics: tuple[Metrics, ...]
     figures: Mapping[str, bytes]
@@ -57,9 +57,9 @@ def seen(plan: Plan, figures: bool) -> Seen:
         metrics, note = (), f"not tracked: {error}"
     if not figures:
         return Seen(metrics, {}, note)
-    from benchmarks.report import draw_plan, draw_tracking
+    from benchmarks.report import draw_path, draw_tracking
 
-    return Seen(metrics, draw_plan(plan) | draw_tracking(metrics), note)
+    return Seen(metrics, draw_path(plan) | draw_tracking(metrics), note)
 
 
 def _tracked(plan: Plan) -> tuple[Metrics, ...]:
