@@ -173,7 +173,7 @@ def new_axes(ax: Axes | None) -> Axes:
 
 def _stairs(ax: Axes, values: Array, edges: Array, **style: Any) -> None:
     """What `Axes.stairs` draws, which takes longer to find the ends of every step than to draw it."""
-    ax.add_artist(StepPatch(values, edges, baseline=None, fill=False, **style))
+    ax.add_artist(StepPatch(values, edges, baseline=None, fill=False, **style))  # type: ignore[arg-type]  # a float only
     ax.update_datalim([(edges[0], values.min()), (edges[-1], values.max())])
     ax.autoscale_view()
 

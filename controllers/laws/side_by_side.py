@@ -37,10 +37,14 @@ class SideBySide:
 
     def command(self, k: int | np.ndarray, reference: Reference, feedback: Feedback) -> Command:
         commands = [law.command(k, reference, feedback) for law in self.laws]
-        kind, lanes = type(commands[0]), feedback.position.shape
+        kind: Any = type(commands[0])
+        lanes = feedback.position.shape
         if any(type(command) is not kind for command in commands):
             raise MotionError(f"laws {self.name} send different commands: run them apart")
-        return kind(*(self._own([getattr(command, of.name) for command in commands], lanes) for of in fields(kind)))
+        own: Command = kind(
+            *(self._own([getattr(command, of.name) for command in commands], lanes) for of in fields(kind))
+        )
+        return own
 
     def _own(self, values: Sequence[Any], lanes: tuple[int, ...]) -> Any:
         """Of one value of every law's command, each run's own."""
