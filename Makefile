@@ -5,10 +5,18 @@ READY := .venv/.ready
 CANDIDATES := python3.13 python3.12 python3.11 python3
 USABLE := import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 11))
 
-.PHONY: demo test clean
+.PHONY: demo docs notebooks test clean
 
 demo: $(READY)
 	$(BIN)/python -m pulsepath plan circle --machine hexapod --out out/demo --force
+
+# the pages as a site: out/docs/index.html
+docs: $(READY)
+	$(BIN)/python -m sphinx -W --keep-going -q docs out/docs
+
+# executed, with their figures; the sources are notebooks/*.py
+notebooks: $(READY)
+	$(BIN)/python -m tests.notebooks.run out/notebooks
 
 # fast checks first; the first that fails ends the run
 test: $(READY)
@@ -16,6 +24,7 @@ test: $(READY)
 	$(BIN)/ruff format --check .
 	$(BIN)/lint-imports
 	$(BIN)/mypy
+	$(BIN)/mypy --no-strict-optional --follow-imports=silent notebooks/*.py
 	$(BIN)/pytest -n 2
 
 $(READY): pyproject.toml

@@ -20,13 +20,12 @@ from kinematics.calibration.steps import pulses
 
 COMMAND = "python -m benchmarks.evidence"
 INTRODUCTION = f"""\
-# Evidence
+# Published numbers beside ours
 
-Numbers that others published, beside ours. `{COMMAND}` prints this page; a test holds the two
-against each other. Every section names the command that shows more of it, or this one. Ours are printed with one digit
-more than theirs. The sources are named in brackets as everywhere in the code. What is measured rather than published
-has commands of its own: `python -m benchmarks.forward`, `python -m benchmarks.circle_evidence` and
-`python -m benchmarks.solve_times`.
+`{COMMAND}` prints this page; a test holds the two against each other. Every section names the command
+that shows more of it, or this one. Ours are printed with one digit more than theirs. The
+[sources](theory/sources.md) are named in brackets as everywhere in the code. What is measured rather than published
+has [commands of its own](evidence/index.md).
 """
 
 

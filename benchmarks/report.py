@@ -16,7 +16,7 @@ from planner.held_back import ACTIVE, active_limits
 from planner.limits import Limit
 from planner.plan import Plan
 from planner.pulses import PulseCheck, RealisedPath
-from planner.pulses.rates import BINS
+from planner.pulses.schedule import BINS
 from planner.steadiness import CONSTANT, STEADY
 
 if TYPE_CHECKING:
@@ -157,7 +157,7 @@ def _realised(realised: RealisedPath) -> "list[Axes]":
 
 def _tracking(metrics: Sequence[Metrics]) -> "list[Axes]":
     from controllers.plots import contour_error, tracking_error
-    from planner.plots import PALETTE
+    from kinematics.figure import PALETTE
 
     axes = _rows(2, 2.6)
     for law, color in zip(metrics, cycle(PALETTE)):
@@ -168,7 +168,8 @@ def _tracking(metrics: Sequence[Metrics]) -> "list[Axes]":
 
 
 def _classical(plan: Plan, classical: Classical) -> "Axes":
-    from planner.plots import PALETTE, path_speed
+    from kinematics.figure import PALETTE
+    from planner.trajectory_plots import path_speed
 
     (ax,) = _rows(1, 3.0)
     path_speed(plan.trajectory, ax, label=f"this plan, {plan.trajectory.duration:.4f} s", color=PALETTE[0])

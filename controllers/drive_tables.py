@@ -23,7 +23,11 @@ Curve = Annotated[
 
 
 class Gear(Table):
-    """Turns of the motor for one of the axis; play at the axis."""
+    """Turns of the motor for one of the axis; play at the axis.
+
+    ratio  turns of the motor for one of the axis
+    play   at the axis
+    """
 
     ratio: Annotated[float, Field(gt=0), AllowInfNan(False)]
     play: Annotated[float, Unit("rad", least=0, like="3 arcmin")] = 0.0
@@ -35,7 +39,11 @@ class Gear(Table):
 
 
 class Screw(Table):
-    """Travel of the axis for one turn of the motor; play at the axis."""
+    """Travel of the axis for one turn of the motor; play at the axis.
+
+    lead  travel for one turn of the motor
+    play  at the axis
+    """
 
     lead: Annotated[float, Unit("m", above=0, like="2 mm")]
     play: Annotated[float, Unit("m", least=0, like="10 um")] = 0.0
@@ -50,6 +58,12 @@ class DriveTable(Table):
 
     inertia_ratio  of the load, as the motor feels it, to the rotor
     counts         of the encoder for one turn of the motor
+    gear           of a rotary axis
+    screw          of a linear axis
+    rotor_inertia  needed, here or for every axis
+    viscous        friction in proportion to speed
+    coulomb        dry friction
+    sample         period of the drive's loops
     """
 
     needed: ClassVar[tuple[str, ...]] = ("rotor_inertia",)
@@ -65,7 +79,15 @@ class DriveTable(Table):
 
 
 class ServoTable(DriveTable):
-    """See `Servo`."""
+    """See `Servo`.
+
+    position_gain              of the position loop; needed
+    speed_loop                 bandwidth of the speed loop; needed
+    integral_time              of the speed loop; needed
+    torque_limit               needed
+    feedback                   where the encoder sits
+    command_delay, loop_delay  samples of the drive
+    """
 
     needed: ClassVar[tuple[str, ...]] = (
         *DriveTable.needed, "position_gain", "speed_loop", "integral_time", "torque_limit", "counts"
@@ -86,7 +108,12 @@ class ServoTable(DriveTable):
 
 
 class StepperTable(DriveTable):
-    """See `Stepper`; steps: full steps of a turn."""
+    """See `Stepper`; steps: full steps of a turn.
+
+    steps         full steps of a turn; needed
+    torque_speed  peak torque at rates of steps, from 0; needed
+    damping       against slip between rotor and field
+    """
 
     needed: ClassVar[tuple[str, ...]] = (*DriveTable.needed, "steps", "torque_speed")
 

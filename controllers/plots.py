@@ -8,8 +8,9 @@ from matplotlib.axes import Axes
 from controllers.metrics import ErrorSeries, Metrics
 from controllers.metrics.circular_test import CircularTest
 from controllers.metrics.path_accuracy import PathAccuracy
+from controllers.simulate import Tracking
 from kinematics.array import Array
-from planner.plots import PALETTE, new_axes
+from kinematics.figure import PALETTE, line_style, new_axes
 
 _UNIT = {"m": ("µm", 1e6), "rad": ("mrad", 1e3)}
 
@@ -31,6 +32,20 @@ def following_error(metrics: Metrics, ax: Axes | None = None) -> Axes:
     for n, series in enumerate(same):
         _over_time(metrics, series, ax, label=series.name, color=PALETTE[n % len(PALETTE)])
     ax.set_ylabel(f"following error ({_UNIT[same[0].unit][0]})")
+    return ax
+
+
+def tracked(tracking: Tracking, ax: Axes | None = None) -> Axes:
+    """Actual − planned over time, of every axis that shares the first one's unit."""
+    ax = new_axes(ax)
+    own = tracking.axes[0][1]
+    unit, scale = _UNIT[own]
+    for k, (name, other) in enumerate(tracking.axes):
+        if other == own:
+            error = tracking.actual[:, k] - tracking.reference[:, k]
+            ax.plot(tracking.t, scale * error, label=name, **line_style(k))
+    ax.set(xlabel="time (s)", ylabel=f"following error ({unit})", xlim=(tracking.t[0], tracking.t[-1]))
+    ax.legend(frameon=False, loc="center left", bbox_to_anchor=(1, 0.5))
     return ax
 
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 from functools import partial
 from importlib.resources.abc import Traversable
 from pathlib import Path
-from typing import Annotated, Any, Literal, cast, get_args
+from typing import Annotated, Any, ClassVar, Literal, cast, get_args
 
 from pydantic import AfterValidator, Field, TypeAdapter, ValidationError
 
@@ -16,11 +16,11 @@ from controllers.rig import Drive, Rig
 from controllers.task import Task
 from controllers.task_table import PathTask, SineTask, TaskTable, beside
 from kinematics.document import Document, Key, read
-from kinematics.errors import Fault, FileError, MotionError
+from kinematics.errors import BadValue, Fault, FileError, MotionError
 from kinematics.kinds.axes import named_once
 from kinematics.machine import Machine
-from kinematics.registry import load_machine, nearest
-from kinematics.schema import File, Table, build, chosen, wrong
+from kinematics.registry import closest, load_machine, nearest
+from kinematics.schema import File, Table, build, chosen, refuse_mistaken, wrong
 from kinematics.units import Unit, shown
 
 CARDS = {card.name: card for card in (PCI_8132, PCI_8164)}
@@ -28,7 +28,8 @@ CARDS = {card.name: card for card in (PCI_8132, PCI_8164)}
 
 def _card(name: str) -> str:
     if name not in CARDS:
-        raise wrong(f"{shown(name)} is no card that is known{nearest(name, CARDS)}; cards: {', '.join(CARDS)}")
+        told = f"{shown(name)} is no card that is known{nearest(name, CARDS)}; cards: {', '.join(CARDS)}"
+        raise wrong(BadValue(told, allowed=", ".join(CARDS), nearest=closest(name, CARDS)))
     return name
 
 
@@ -36,7 +37,10 @@ CardName = Annotated[str, AfterValidator(_card)]
 
 
 class CardTable(Table):
-    """A model of card, and how it is set: see `Card`."""
+    """A model of card, and how it is set: see `Card`.
+
+    model  of the motion card
+    """
 
     model: CardName
     while_moving: Literal["replace", "queue"] = "replace"
@@ -70,8 +74,18 @@ class Own(Table):
 
 
 class RigFile(File):
-    """A rig, key by key. [servo] and [stepper] are what all drives of the kind have."""
+    """A rig, key by key. [servo] and [stepper] are what all drives of the kind have.
 
+    machine  a machine's name, or the path of its file
+    card     model of motion card, and how it is set
+    host     how the host keeps time
+    servo    what all servo drives have
+    stepper  what all stepper drives have
+    axis     `[[axis]]` tables by `name`: the `servo` or `stepper` of one axis
+    task     motions to try laws on
+    """
+
+    what: ClassVar[str] = "rig"
     machine: str = Field(description='write the name of a machine, e.g. "arm", or the path of its file')
     card: CardEntry = PCI_8132.name
     host: HostTable = HostTable()
@@ -88,6 +102,7 @@ def read_rig(source: Path | Traversable) -> Rig:
     """The rig that a file describes, named after the file. Raises FileError with every fault of the file."""
     document = read(source)
     folder = source.parent if isinstance(source, Path) else None
+    refuse_mistaken(document, RigFile.what)
     machine, told = _machine(document.data.get("machine"), folder)
     tasks, faults = _tasks(document, machine, folder)
     try:
@@ -108,14 +123,14 @@ def read_rig(source: Path | Traversable) -> Rig:
     return Rig(machine, drives, card, host, Path(source.name).stem, tuple(tasks))
 
 
-def _machine(stated: object, folder: Path | None) -> tuple[Machine | None, str]:
+def _machine(stated: object, folder: Path | None) -> tuple[Machine | None, MotionError | None]:
     """The machine that a file names; or none, and why, unless the schema says that."""
     if not isinstance(stated, str):
-        return None, ""
+        return None, None
     try:
-        return load_machine(beside(folder, stated)), ""
+        return load_machine(beside(folder, stated)), None
     except MotionError as error:
-        return None, str(error)
+        return None, error
 
 
 def _tasks(document: Document, machine: Machine | None, folder: Path | None) -> tuple[list[Task], list[Fault]]:
@@ -128,7 +143,7 @@ def _tasks(document: Document, machine: Machine | None, folder: Path | None) -> 
         except ValidationError:
             continue
         except MotionError as error:
-            faults.append(document.fault(("task", n), str(error)))
+            faults.append(document.fault(("task", n, *(error.key if isinstance(error, BadValue) else ())), error))
     return tasks, faults
 
 
@@ -149,13 +164,15 @@ def _kind(stated: Any, own: Any) -> str:
     return kinds[0] if len(kinds) == 1 else ""
 
 
-def _drives_complete(machine: Machine | None, unread: str, data: Mapping[str, Any]) -> Iterator[tuple[Key, str]]:
+def _drives_complete(
+    machine: Machine | None, unread: MotionError | None, data: Mapping[str, Any]
+) -> Iterator[tuple[Key, str | MotionError]]:
     """Axes that the machine does not have, and whatever is missing for a drive behind each that it has.
 
     unread  why there is no machine
     """
     if machine is None:
-        if unread:
+        if unread is not None:
             yield ("machine",), unread
         return
     tables = data.get("axis", ())
@@ -168,7 +185,7 @@ def _drives_complete(machine: Machine | None, unread: str, data: Mapping[str, An
     for name, (at, _) in entries.items():
         if name not in names:
             told = f"{shown(name)} is no axis of {machine.name}{nearest(name, names)}; axes: {', '.join(names)}"
-            yield (*at, "name"), told
+            yield (*at, "name"), BadValue(told, allowed=", ".join(names), nearest=closest(name, names))
     missing = set()
     for axis in machine.axes:
         at, own = entries.get(axis.name, ((), {}))

@@ -16,12 +16,16 @@ from controllers.host import instants
 from controllers.laws.law import Feedback, Law, Reference
 from controllers.laws.side_by_side import SideBySide
 from controllers.recorder import Recorder
-from controllers.rig import Rig
-from controllers.servo import Servo, leg_servo
+from controllers.rig import Drive, Rig
+from controllers.servo import leg_servo
 from kinematics.array import Array, frozen
 from kinematics.errors import MotionError
+from kinematics.result import Result
+from kinematics.table import Column, Table
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
     from kinematics.machine import Machine
     from planner.pulses.motion import Motion
 
@@ -40,12 +44,13 @@ class Planned(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Tracking:
+class Tracking(Result):
     """What the axes did under a law; times and axis values at the drive's samples, or some of them, settling included.
 
     t          (N,) s
     reference, command, actual  (N, n) q in m or rad: planned, as pulsed by the card, and true
     pulses     (n,) int64, fired in either direction
+    axes       (n,) name and unit, m or rad
     """
 
     law: str
@@ -55,10 +60,39 @@ class Tracking:
     command: Array
     actual: Array
     pulses: np.ndarray
+    axes: tuple[tuple[str, str], ...]
 
     def __post_init__(self) -> None:
         for name in ("t", "reference", "command", "actual", "pulses"):
             object.__setattr__(self, name, frozen(getattr(self, name)))
+
+    def tables(self) -> tuple[Table, ...]:
+        """The following error of each axis, and its pulses; `controllers.evaluate` tells more."""
+        names, units = zip(*self.axes, strict=True)
+        error = self.actual - self.reference
+        columns = (
+            Column("axis", names),
+            Column("RMS", np.sqrt((error**2).mean(0)), units, "micro", ".3f"),
+            Column("max", np.abs(error).max(0), units, "micro", ".3f"),
+            Column("at the end", error[-1], units, "micro", ".3f"),
+            Column("pulses", self.pulses),
+        )
+        return (Table(f"following error under {self.law}, a command every {1e3 * self.dt:g} ms", columns),)
+
+    def data(self) -> Table:
+        """Every instant: what each axis was to do, what the card counted, and what it did."""
+        columns = (
+            Column(f"{name} {what}", values[:, k], unit)
+            for k, (name, unit) in enumerate(self.axes)
+            for what, values in (("reference", self.reference), ("command", self.command), ("actual", self.actual))
+        )
+        return Table(f"tracking under {self.law}", (Column("t", self.t, "s"), *columns))
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """The following error of every axis that shares the first one's unit."""
+        from controllers.plots import tracked
+
+        return tracked(self, ax)
 
 
 def motion_of(plan: Motion | Planned) -> Motion:
@@ -214,7 +248,7 @@ def track(
     machine: Machine,
     law: Law,
     *,
-    servo: Servo | Sequence[Servo] | None = None,
+    servo: Drive | Sequence[Drive] | None = None,
     card: Card = PCI_8132,
     dt: float = HOST_STEP,
     settle: float = SETTLE,
@@ -222,7 +256,7 @@ def track(
 ) -> Tracking:
     """Tracks a plan (or its trajectory) and then holds its end for `settle` seconds, see `simulate`.
 
-    servo   one for all axes or one per axis; `leg_servo` by default
+    servo   drive, one for all axes or one per axis, such as a rig's; `leg_servo` by default
     card    one model; as many cards of it as the axes need
     period  s between the instants that are kept; None: every sample of the drives
     """
@@ -242,7 +276,7 @@ def _tracked(
     law: Law,
     laws: Sequence[Law],
     *,
-    servo: Servo | Sequence[Servo] | None = None,
+    servo: Drive | Sequence[Drive] | None = None,
     card: Card = PCI_8132,
     dt: float = HOST_STEP,
     settle: float = SETTLE,
@@ -257,13 +291,14 @@ def _tracked(
     pulse = np.array([axis.pulse for axis in machine.axes])
     planned = motion.at(np.minimum(runs.t, motion.duration)).q
     command, actual = (machine.home_q + of * pulse for of in (runs.command, runs.actual))
+    axes = tuple((axis.name, axis.unit) for axis in machine.axes)
     return tuple(
-        Tracking(own.name, dt, runs.t, planned, command[:, b], actual[:, b], runs.pulses[b])
+        Tracking(own.name, dt, runs.t, planned, command[:, b], actual[:, b], runs.pulses[b], axes)
         for b, own in enumerate(laws)
     )
 
 
-def _per_axis(servo: Servo | Sequence[Servo] | None, machine: Machine) -> list[Servo]:
+def _per_axis(servo: Drive | Sequence[Drive] | None, machine: Machine) -> list[Drive]:
     if servo is None:
         return [leg_servo(axis) for axis in machine.axes]
-    return [servo] * len(machine.axes) if isinstance(servo, Servo) else list(servo)
+    return [servo] * len(machine.axes) if isinstance(servo, Drive) else list(servo)

@@ -8,9 +8,9 @@ from pydantic import AfterValidator, Field, model_validator
 from controllers.motions import Sine, along
 from controllers.task import Task
 from kinematics.array import frozen
-from kinematics.errors import MotionError
+from kinematics.errors import BadValue, MotionError
 from kinematics.machine import Machine
-from kinematics.registry import nearest
+from kinematics.registry import closest, nearest
 from kinematics.schema import Table, either, wrong
 from kinematics.units import Unit, shown
 from planner.actuation import actuate
@@ -24,8 +24,13 @@ def _not_empty(name: str) -> str:
 
 
 class Timed(Table):
-    """How long a task lasts, and how often the host commands: every `step`, or so that there are `samples`, both ends
-    included."""
+    """How long a task lasts, and how often the host commands: every `step`, or so that there are `samples`.
+
+    name      of the task
+    duration  of the motion
+    step      of the host
+    samples   of the host, both ends included
+    """
 
     name: Annotated[str, AfterValidator(_not_empty)]
     duration: Annotated[float, Unit("s", above=0, like="5 s")]
@@ -44,19 +49,32 @@ class Timed(Table):
 
 
 class PathTask(Timed):
-    """A program's path, run by one profile from end to end."""
+    """A program's path, run by one profile from end to end.
+
+    program  a program's name, or the path of its file
+    profile  of the speed along it
+    ramp     time of speeding up, and of slowing down
+    """
 
     program: str
     profile: Literal["quarter-sine", "trapezoid"] = "quarter-sine"
     ramp: Annotated[float, Unit("s", above=0, like="1 s")]
 
     def on(self, machine: Machine, folder: Path | None) -> Task:
-        path = actuate(load_program(beside(folder, self.program)), machine)
+        try:
+            path = actuate(load_program(beside(folder, self.program)), machine)
+        except MotionError as error:
+            raise BadValue(str(error), nearest=getattr(error, "nearest", ""), key=("program",)) from error
         return Task(self.name, along(path, self.profile, self.ramp / self.duration, self.duration), self.dt)
 
 
 class SineTable(Table):
-    """Of the axes named: amplitude · sin(2π t/period)."""
+    """Of the axes named: amplitude · sin(2π t/period).
+
+    axes       names of rotary axes
+    amplitude  of the sine
+    period     of the sine
+    """
 
     axes: tuple[str, ...]
     amplitude: Annotated[float, Unit("rad", above=0, like="90 deg")]
@@ -70,11 +88,17 @@ class SineTask(Timed):
 
     def on(self, machine: Machine, folder: Path | None) -> Task:
         kinds = {axis.name: axis.kind for axis in machine.axes}
-        for name in self.sine.axes:
+        for n, name in enumerate(self.sine.axes):
             if kinds.get(name) != "rotary":
                 told = "is a linear axis" if name in kinds else f"is no axis{nearest(name, kinds)}"
                 rotary = [axis for axis, kind in kinds.items() if kind == "rotary"]
-                raise MotionError(f"{shown(name)} {told}; rotary axes: {', '.join(rotary) or 'none'}")
+                known = ", ".join(rotary) or "none"
+                raise BadValue(
+                    f"{shown(name)} {told}; rotary axes: {known}",
+                    allowed=known,
+                    nearest=closest(name, rotary),
+                    key=("sine", "axes", n),
+                )
         amplitude = frozen([self.sine.amplitude * (axis.name in self.sine.axes) for axis in machine.axes], float)
         omega = 6.283185307179586 / self.sine.period
         return Task(self.name, Sine(machine.home_q, amplitude, omega, self.duration), self.dt)

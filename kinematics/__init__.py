@@ -1,5 +1,7 @@
 """Machines: pose <-> actuator coordinates, joint tilt, travel, and proofs about them."""
 
+from os import PathLike
+
 from kinematics.accuracy import Budget, error_budget
 from kinematics.arm import Arm, Joints
 from kinematics.axis import Axis
@@ -11,6 +13,7 @@ from kinematics.calibration import (
     Noise,
     calibrate,
     calibration_parts,
+    foreseen_errors,
     measured_positions,
     whole_poses,
 )
@@ -89,6 +92,7 @@ __all__ = [
     "cylinder",
     "error_budget",
     "forces",
+    "foreseen_errors",
     "joint_circle",
     "joint_need",
     "load_actuators",
@@ -108,7 +112,7 @@ __all__ = [
 ]
 
 
-def load_machine(name_or_path: str) -> Machine:
+def load_machine(name_or_path: str | PathLike[str]) -> Machine:
     """The machine of a preset's name or of a TOML file."""
     from kinematics.registry import load_machine
 
@@ -122,7 +126,7 @@ def machine_names() -> tuple[str, ...]:
     return machine_names()
 
 
-def load_measurements(name_or_path: str) -> Measurements:
+def load_measurements(name_or_path: str | PathLike[str]) -> Measurements:
     """The measured poses of a preset's name or of a TOML file."""
     from kinematics.calibration.measurement_file import load_measurements
 

@@ -15,8 +15,9 @@ from kinematics.effect import Source
 from kinematics.errors import MotionError
 from kinematics.freedom import COMPONENTS
 from kinematics.pose import Pose, from_numbers, numbers
+from kinematics.result import Result
 from kinematics.sensitivity import sensitivity
-from kinematics.text_table import aligned
+from kinematics.table import Column, Table
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -45,7 +46,7 @@ class Contribution:
 
 
 @dataclass(frozen=True)
-class Budget:
+class Budget(Result):
     """The error of N poses, [dx, dy, dz, rx, ry, rz] in the base frame (m, rad), source by source and in total.
 
     Sources are independent of each other.
@@ -67,11 +68,11 @@ class Budget:
     def __len__(self) -> int:
         return len(self.total.bias)
 
-    def __str__(self) -> str:
+    def tables(self) -> tuple[Table, ...]:
         """Per source and component, standard deviation and worst case, the largest over the poses."""
         most = partial(np.max, axis=0)
         rows = [
-            [part.name, what, *(f"{value * 1e6:.3f}" for value in values)]
+            (part.name, what, *values)
             for part in (*self.contributions, self.total)
             for what, values in (
                 ("sigma", most(part.sigma)),
@@ -81,8 +82,13 @@ class Budget:
             if what != "bias" or part.bias.any()
         ]
         poses = f"the largest over {len(self)} poses" if len(self) > 1 else "at one pose"
-        header = ["source", "", *(f"{name} (µ{'m' if k < 3 else 'rad'})" for k, name in enumerate(COMPONENTS))]
-        return f"error budget of {self.machine}, {poses}\n{aligned(header, rows)}"
+        source, figure, *values = zip(*rows, strict=True)
+        components = (
+            Column(name, value, "m" if k < 3 else "rad", "micro", ".3f")
+            for k, (name, value) in enumerate(zip(COMPONENTS, values, strict=True))
+        )
+        title = f"error budget of {self.machine}, {poses}"
+        return (Table(title, (Column("source", source), Column("figure", figure), *components)),)
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """The position error by source: along the poses, or as bars for one; kinematics.plots has more."""

@@ -13,6 +13,7 @@ from typing import Any, TypeVar
 from kinematics.document import MAX_BYTES
 from kinematics.errors import Fault, FileError, MotionError
 from kinematics.registry import nearest
+from kinematics.text_file import bytes_of, not_utf8, refuse_utf16
 from kinematics.units import describe, everyday, quantity, shown, unit_value
 
 
@@ -109,16 +110,12 @@ def _rows(source: Path | Traversable, part: type[Part], own: dict[str, str]) -> 
 def _lines(source: Path | Traversable) -> Iterator[tuple[int, list[str]]]:
     """Line number and stripped cells of every line that is neither empty nor a comment."""
     file = str(source)
+    raw = bytes_of(source, MAX_BYTES)
+    refuse_utf16(file, raw)
     try:
-        with source.open("rb") as stream:
-            raw = stream.read(MAX_BYTES + 1)
-        if len(raw) > MAX_BYTES:
-            raise FileError(file, [Fault("", f"larger than {MAX_BYTES >> 20} MB")])
         text = raw.decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        raise FileError(file, [Fault("", "not UTF-8 text", raw.count(b"\n", 0, error.start) + 1)]) from None
-    except (OSError, ValueError) as error:
-        raise FileError(file, [Fault("", getattr(error, "strerror", None) or str(error))]) from None
+        raise FileError(file, [not_utf8(raw, error)]) from None
     for number, line in enumerate(text.splitlines(), 1):
         if not line.strip() or line.startswith("#"):
             continue

@@ -9,7 +9,8 @@ from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Any
 
-from kinematics.errors import Fault, FileError
+from kinematics.errors import BadValue, Fault, FileError, MotionError
+from kinematics.text_file import bytes_of, not_utf8, refuse_utf16
 from kinematics.units import shown
 
 MAX_BYTES = 16 * 2**20
@@ -26,41 +27,73 @@ class Document:
     data: dict[str, Any]
     lines: Mapping[Key, int]
 
-    def line(self, key: Key) -> int | None:
-        """The line of a key, else of the nearest table or array around it; None for what is nowhere in the text."""
+    def line(self, key: Key) -> int:
+        """The line of a key, else of the nearest table or array around it; the first of what is not there."""
         while key and key not in self.lines:
             key = key[:-1]
-        return self.lines.get(key)
+        return self.lines.get(key, 1)
 
-    def fault(self, key: Key, message: str) -> Fault:
+    def fault(self, key: Key, told: str | MotionError) -> Fault:
         """What is wrong at a key, with its line; the key path counts arrays from 1, as "segment 2" does elsewhere."""
         names = (f"[{k + 1}]" if isinstance(k, int) else f".{k if _BARE.fullmatch(k) else shown(k)}" for k in key)
-        return Fault("".join(names).removeprefix("."), message, self.line(key))
+        known = (told.allowed, told.nearest) if isinstance(told, BadValue) else ()
+        return Fault("".join(names).removeprefix("."), str(told), self.line(key), self._written(key), *known)
+
+    def _written(self, key: Key) -> Any:
+        """The value of a key, None for what is not there."""
+        value: Any = self.data
+        for step in key:
+            try:
+                value = value[step]
+            except (KeyError, IndexError, TypeError):
+                return None
+        return value
 
 
 def read(source: Path | Traversable) -> Document:
     """The document in a file. Raises FileError: missing, unreadable, too large, not UTF-8, not TOML (with its line)."""
     file = str(source)
-    try:
-        with source.open("rb") as stream:
-            raw = stream.read(MAX_BYTES + 1)
-    except (OSError, ValueError) as error:  # ValueError: a path that no file can have
-        raise FileError(file, [Fault("", getattr(error, "strerror", None) or str(error))]) from None
-    if len(raw) > MAX_BYTES:
-        raise FileError(file, [Fault("", f"larger than {MAX_BYTES >> 20} MB")])
-    text, line = "", None
+    raw = bytes_of(source, MAX_BYTES)
+    refuse_utf16(file, raw)
+    text = ""
     try:
         text = raw.decode("utf-8-sig").replace("\r\n", "\n")
         return Document(file, _with_tuples(tomllib.loads(text)), _Scanner(text).scan())
     except UnicodeDecodeError as error:
-        message, line = "not UTF-8 text", raw.count(b"\n", 0, error.start) + 1
+        fault = not_utf8(raw, error)
     except RecursionError:
-        message = "tables or arrays nested too deeply"
+        fault = Fault("", "tables or arrays nested too deeply")
     except ValueError as error:  # tomllib's own error, or an integer of thousands of digits
-        message = f"not TOML: {error}"
-        if place := re.search(r" \(at (?:line (\d+), column \d+|end of document)\)$", message):
-            line = int(place[1] or text.count("\n") + 1)
-    raise FileError(file, [Fault("", message, line)])
+        fault = _not_toml(text, str(error))
+    raise FileError(file, [fault])
+
+
+_MEANT = {
+    "Illegal character '\\n'": "a text has no closing quote on its line",
+    "Unclosed array": "an array has no comma between two entries, or no closing ]",
+    "Unclosed inline table": "a table in { } has no comma between two entries, or does not end on its line",
+    "Expected newline or end of document": 'text behind a value: a quantity is in quotes, as "30 deg"',
+    "Invalid value": 'no value: a text is in quotes, as "30 deg"',
+    "Expected '=' after a key in a key/value pair": "no = behind a key",
+    "Cannot overwrite a value": "a key stands twice: keep one of the two",
+    "Cannot declare": "a table stands twice: keep one of the two",
+    "Exceeds the limit": "a number of thousands of digits",
+}
+"""What the parser's messages mean, by how they begin."""
+
+
+def _not_toml(text: str, error: str) -> Fault:
+    """The fault of text that is no TOML: with the line that the parser stopped in, behind which it looks at nothing."""
+    place = re.search(r" \(at (?:line (\d+), (column \d+)|end of document)\)$", error)
+    said = error[: place.start()] if place else error
+    meant = next((meaning for begin, meaning in _MEANT.items() if said.startswith(begin)), said)
+    long = re.search(r"\d{4301}", text)
+    at = text.count("\n", 0, long.start()) + 1 if long and not place else text.count("\n") + 1
+    line = int(place[1]) if place and place[1] else at
+    written = text.split("\n")[line - 1].strip()
+    where = f" at {place[2]}" if place and place[2] else " at the end of the file" if place else ""
+    told = f"not TOML{where}: {meant}: {shown(written)}; what follows is not looked at"
+    return Fault("", told, line, written)
 
 
 def _with_tuples(value: Any) -> Any:

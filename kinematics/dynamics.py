@@ -20,7 +20,8 @@ from kinematics.machine import Machine
 from kinematics.massless import massless_forces
 from kinematics.motion import Motion, Moving, motion_of_axes
 from kinematics.pose import numbers
-from kinematics.text_table import aligned
+from kinematics.result import Result
+from kinematics.table import Column, Table
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -30,7 +31,7 @@ OTHER = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
-class Forces:
+class Forces(Result):
     """force (N, n): what each actuator gives, N along a linear axis and N·m about a rotary one.
 
     Positive pushes towards greater q, so that force · q̇ is the power that the actuator gives.
@@ -54,20 +55,35 @@ class Forces:
         most = [np.inf if axis.max_force is None else axis.max_force for axis in self.machine.axes]
         return np.asarray(np.abs(self.force).max(0) / most, float)
 
-    def plot(self, t: ArrayLike | None = None, ax: Axes | None = None) -> Axes:
+    def tables(self) -> tuple[Table, ...]:
+        """Of each axis the least and the largest force, and the largest power."""
+        least, most = self.force.min(0), self.force.max(0)
+        columns = (
+            Column("axis", [axis.name for axis in self.machine.axes]),
+            Column("least", least, self.units),
+            Column("most", most, self.units),
+            Column("power", np.abs(self.power).max(0), "W"),
+        )
+        return (Table(f"actuator forces of {self.machine.name}", columns),)
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """N or N m of each axis."""
+        return tuple("N" if axis.kind == "linear" else "N m" for axis in self.machine.axes)
+
+    def data(self) -> Table:
+        """Force and power of each axis, instant by instant."""
+        axes = [*zip([axis.name for axis in self.machine.axes], self.units, strict=True)]
+        forces = (Column(f"{name} force", self.force[:, k], unit) for k, (name, unit) in enumerate(axes))
+        power = (Column(f"{name} power", self.power[:, k], "W") for k, (name, _) in enumerate(axes))
+        instants = Column("instant", range(len(self.force)))
+        return Table(f"actuator forces of {self.machine.name}", (instants, *forces, *power))
+
+    def plot(self, ax: Axes | None = None, t: ArrayLike | None = None) -> Axes:
         """Force of every axis over the instants, or over their times t (N,) in s."""
         from kinematics.plots import force
 
         return force(self, None if t is None else np.asarray(t, float), ax)
-
-    def __str__(self) -> str:
-        rows = [
-            [axis.name, f"{low:.6g}", f"{high:.6g}", "N" if axis.kind == "linear" else "N m", f"{power:.6g}"]
-            for axis, low, high, power in zip(
-                self.machine.axes, self.force.min(0), self.force.max(0), np.abs(self.power).max(0), strict=True
-            )
-        ]
-        return aligned(["axis", "least", "most", "unit", "|power| in W"], rows)
 
 
 def forces(

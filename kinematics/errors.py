@@ -19,16 +19,31 @@ def _restored(kind: type[MotionError], args: tuple[Any, ...], state: dict[str, A
     return error
 
 
+class BadValue(MotionError):
+    """A value that cannot be: `allowed` is what may stand there, `nearest` the valid name that it is nearest to.
+
+    key  where it stands in the table that was read, if it is not all of it
+    """
+
+    def __init__(self, message: str, *, allowed: str = "", nearest: str = "", key: tuple[str | int, ...] = ()) -> None:
+        self.allowed, self.nearest, self.key = allowed, nearest, key
+        super().__init__(message)
+
+
 @dataclass(frozen=True, slots=True)
 class Fault:
     """One thing wrong with a file.
 
     `key` is the dotted path (`axes.travel`, `segment[2].arc.angle`), `line` counts from 1 (None: not in the text).
+    As far as the fault has them: `value` as it is written, what is `allowed` there, and the `nearest` valid name.
     """
 
     key: str
     message: str
     line: int | None = None
+    value: Any = None
+    allowed: str = ""
+    nearest: str = ""
 
 
 class FileError(MotionError):

@@ -14,8 +14,12 @@ from kinematics.errors import MotionError, OutOfReach
 from kinematics.freedom import HELD, columns, refuse, square_jacobian
 from kinematics.pose import Pose, checked, from_numbers, numbers
 from kinematics.regular import regular
+from kinematics.result import Result
+from kinematics.table import Column, Table
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
     from kinematics.machine import Machine
 
 ITERATIONS = 50
@@ -30,7 +34,7 @@ BLOCK = 4096
 
 
 @dataclass(frozen=True, slots=True)
-class Forward:
+class Forward(Result):
     """pose; residual (N,) largest |inverse(pose) − q|; certified (N,) bool. Plain scalars for a single q.
 
     residual: infinite where the search ended in a pose that no coordinates reach.
@@ -43,6 +47,25 @@ class Forward:
     pose: Pose
     residual: Array
     certified: np.ndarray
+
+    def tables(self) -> tuple[Table, ...]:
+        """The poses, what is left of their coordinates, and whether they are proved."""
+        positions = np.atleast_2d(self.pose.translation)
+        angles = np.atleast_2d(self.pose.rotation.as_euler("XYZ", suppress_warnings=True))
+        columns = (
+            Column("row", range(len(positions))),
+            *(Column(name, positions[:, k], "m", "human") for k, name in enumerate("xyz")),
+            *(Column(f"r{name}", angles[:, k], "rad", "human") for k, name in enumerate("xyz")),
+            Column("residual", np.atleast_1d(self.residual), "m or rad", form=".3g"),
+            Column("certified", np.atleast_1d(self.certified), words={"False": "NO"}),
+        )
+        return (Table("poses in the base frame", columns),)
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """The positions in space; hollow where they are not certified."""
+        from kinematics.plots import poses
+
+        return poses(self, ax)
 
 
 def solve(machine: Machine, q: ArrayLike, near: Pose, certify: bool = True) -> Forward:

@@ -8,8 +8,8 @@ from kinematics.load import GRAVITY, Load
 from kinematics.toml_text import millimetres, plain, quantity, vector
 
 
-def gravity(load: Load) -> Iterator[str]:
-    if tuple(load.gravity) != GRAVITY:
+def gravity(load: Load, complete: bool = False) -> Iterator[str]:
+    if complete or tuple(load.gravity) != GRAVITY:
         yield f"gravity = {vector(load.gravity, 'm/s^2')}"
 
 

@@ -1,11 +1,12 @@
 """What a machine is: its inverse map as one expression, and everything that follows from it."""
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping
 from copy import copy
 from functools import cached_property
-from typing import ClassVar, Self
+from pathlib import Path
+from typing import TYPE_CHECKING, ClassVar, Self
 
 import casadi as ca
 import numpy as np
@@ -20,11 +21,17 @@ from kinematics.expression import Expression
 from kinematics.forward import Forward, solve
 from kinematics.freedom import COMPONENTS, refuse
 from kinematics.load import Load
+from kinematics.machine_tables import axes_table
 from kinematics.margins import Margins, measure
 from kinematics.pose import Pose, checked, column, symbols
 from kinematics.rates import rates
 from kinematics.regular import cell_map
+from kinematics.result import Result
+from kinematics.table import Table
 from kinematics.virtual_work import Balance, force_map, holding_map, loaded
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 
 def side(x: ca.SX) -> ca.SX:
@@ -32,7 +39,7 @@ def side(x: ca.SX) -> ca.SX:
     return ca.sign(2 * ca.sign(x) + 1)
 
 
-class Machine(ABC):
+class Machine(Result):
     """A machine of n axes that carries a platform (or tool).
 
     A kind of machine states its map from pose to actuator coordinates once, symbolically, in `expression`; numeric
@@ -125,8 +132,22 @@ class Machine(ABC):
         """The same machine with another load."""
         other = copy(self)
         other.load = self._bearing(load)
-        for of_load in ("force_map", "holding_map", "loaded"):
-            other.__dict__.pop(of_load, None)
+        other._forget("force_map", "holding_map", "loaded")
+        return other
+
+    def driven_by(self, axes: Iterable[Axis]) -> Self:
+        """The same machine with other actuators: what each may do and how it counts; names, kinds and home stay.
+
+        Raises MotionError for axes that are not as many, or not called as the machine's own.
+        """
+        other, names = copy(self), tuple(axis.name for axis in self.axes)
+        other.axes = self._driven(self.name, axes)
+        given = tuple(axis.name for axis in other.axes)
+        if given != names:
+            raise MotionError(
+                f"machine {self.name}: its axes are called {', '.join(names)}, not {', '.join(given)}; keep their names"
+            )
+        other._forget("force_map", "loaded")
         return other
 
     def called(self, name: str) -> Self:
@@ -134,6 +155,11 @@ class Machine(ABC):
         other = copy(self)
         other.name = name
         return other
+
+    def _forget(self, *maps: str) -> None:
+        """What a copy must not take over, since what it is made from has changed."""
+        for name in maps:
+            self.__dict__.pop(name, None)
 
     def _bearing(self, load: Load) -> Load:
         """A load that fits the machine. Raises MotionError for legs that it has not."""
@@ -292,6 +318,23 @@ class Machine(ABC):
         near (n,) as in `inverse`: which of a pose's coordinates are meant, where there are several.
         """
         return measure(self, pose, near)
+
+    def tables(self) -> tuple[Table, ...]:
+        """Its axes and their limits."""
+        return (axes_table(self),)
+
+    def files(self) -> Mapping[str, Callable[[Path], None]]:
+        """.toml: a file that `load_machine` reads, where `machine_toml` can; .csv and .json: the table."""
+        from kinematics.machine_writer import machine_toml
+
+        toml = lambda path: path.write_bytes(machine_toml(self).encode())  # noqa: E731
+        return {".toml": toml, ".csv": self._csv, ".json": self._json}
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """Its legs in the home pose; of machines without legs, the travel of each axis."""
+        from kinematics.plots import at_home
+
+        return at_home(self, ax)
 
     def __repr__(self) -> str:
         return f"<{type(self).__name__} {self.name}: {len(self.axes)} axes>"

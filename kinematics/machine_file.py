@@ -1,47 +1,57 @@
 """Machine files: the schema of each kind's TOML, and the machine that one describes."""
 
-from collections.abc import Callable
-from importlib.resources import files
+from collections.abc import Callable, Sequence
+from functools import partial
 from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Any
 
 from kinematics.document import read
-from kinematics.errors import FileError, MotionError
-from kinematics.kinds.arm import ArmFile, arm, of_a_joint
-from kinematics.kinds.axes import named_once, one_pulse
-from kinematics.kinds.hexapod import HexapodFile, hexapod
-from kinematics.kinds.linkage import LinkageFile, linkage
-from kinematics.kinds.traverser import TraverserFile, traverser
-from kinematics.kinds.tripod import TripodFile, tripod
+from kinematics.errors import BadValue, FileError, MotionError
+from kinematics.kinds.arm import ArmFile, arm, joints_of, of_a_joint
+from kinematics.kinds.axes import MachineFile, named_once, one_pulse, wired_axes
+from kinematics.kinds.hexapod import LEGS, HexapodFile, hexapod
+from kinematics.kinds.linkage import NAMES, LinkageFile, linkage
+from kinematics.kinds.traverser import ROTARY, SLIDES, TraverserFile, traverser
+from kinematics.kinds.tripod import ARMS, TripodFile, tripod
 from kinematics.machine import Machine
-from kinematics.registry import nearest
-from kinematics.schema import File, build
+from kinematics.registry import beside, closest, nearest
+from kinematics.schema import File, build, refuse_mistaken
 from kinematics.units import shown
 
 
 def read_machine(source: Path | Traversable) -> Machine:
     """The machine that a file describes, named after the file. Raises FileError with every fault of the file."""
     document = read(source)
+    refuse_mistaken(document, MachineFile.what)
     kind = document.data.get("kind")
     if not isinstance(kind, str) or kind not in KINDS:
         told = "missing" if kind is None else f"{shown(kind)} is no kind of machine{nearest(str(kind), KINDS)}"
         known = ", ".join(map(shown, KINDS))
-        raise FileError(document.file, [document.fault(("kind",), f"{told}; kinds: {known}")])
-    schema, construct = KINDS[kind]
-    model = build(document, schema, named_once, one_pulse, of_a_joint)
-    folder = source.parent if isinstance(source, Path) else files("kinematics") / "presets"
+        no = BadValue(f"{told}; kinds: {known}", allowed=known, nearest=closest(str(kind), KINDS))
+        raise FileError(document.file, [document.fault(("kind",), no)])
+    schema, construct, names = KINDS[kind]
+    wired = partial(wired_axes, names or joints_of(document.data))
+    model = build(document, schema, named_once, one_pulse, of_a_joint, wired)
     try:
-        return construct(model, Path(source.name).stem, folder)
+        return construct(model, Path(source.name).stem, beside("kinematics", source))
+    except FileError as error:  # of a file that this one names
+        geometry = document.data["geometry"]
+        faults = [
+            document.fault(("geometry", fault.key if fault.key in geometry else "urdf"), told)
+            for fault, told in zip(error.faults, str(error).split("\n"), strict=True)
+        ]
+        raise FileError(document.file, faults) from error
     except MotionError as error:  # what only the whole machine shows, such as a home pose out of reach
         raise FileError(document.file, [document.fault(("geometry",), str(error))]) from error
 
 
-KINDS: dict[str, tuple[type[File], Callable[[Any, str, Path | Traversable], Machine]]] = {
-    "hexapod": (HexapodFile, hexapod),
-    "tripod": (TripodFile, tripod),
-    "linkage": (LinkageFile, linkage),
-    "traverser": (TraverserFile, traverser),
-    "arm": (ArmFile, arm),
+KINDS: dict[str, tuple[type[File], Callable[[Any, str, Path | Traversable], Machine], Sequence[str]]] = {
+    "hexapod": (HexapodFile, hexapod, LEGS),
+    "tripod": (TripodFile, tripod, ARMS),
+    "linkage": (LinkageFile, linkage, NAMES),
+    "traverser": (TraverserFile, traverser, (*SLIDES, ROTARY)),
+    "arm": (ArmFile, arm, ()),
 }
-"""Every kind of machine: the schema of its file, and what makes the machine of a valid one, its name and folder."""
+"""Every kind of machine: the schema of its file, what makes the machine of a valid one, its name and folder, and the
+names of its axes where the kind says them."""

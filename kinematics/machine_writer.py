@@ -43,20 +43,22 @@ _POINTS = {
 _ELSEWHERE = ("name", "kind", "card", "channel")
 
 
-def machine_toml(machine: Machine, comment: str = "") -> str:
+def machine_toml(machine: Machine, comment: str = "", *, complete: bool = False) -> str:
     """The TOML text of a machine, with explicit joint centres, after the lines of a comment.
+
+    complete  with the keys that say what holds without them too
 
     Raises MotionError for what machine files cannot say: an arm's URDF, unlimited travel of a slide, other names of
     axes than the kind has.
     """
-    kind, own = geometry(machine)
+    kind, own = geometry(machine, complete)
     lines = [f"# {line}".rstrip() for line in comment.splitlines()]
-    lines += ["schema = 1", f'kind = "{kind}"', *gravity(machine.load), "", "[geometry]", *own]
-    lines += [*_axes(machine, kind), *load(machine.name, machine.load)]
+    lines += ["schema = 1", f'kind = "{kind}"', *gravity(machine.load, complete), "", "[geometry]", *own]
+    lines += [*_axes(machine, kind, complete), *load(machine.name, machine.load)]
     return "\n".join(lines) + "\n"
 
 
-def _axes(machine: Machine, kind: str) -> Iterator[str]:
+def _axes(machine: Machine, kind: str, complete: bool) -> Iterator[str]:
     """What most axes of a kind share, then what each has of its own."""
     from kinematics.kinds.hexapod import LEGS
     from kinematics.kinds.linkage import NAMES
@@ -73,14 +75,14 @@ def _axes(machine: Machine, kind: str) -> Iterator[str]:
     for table, sort in (("axes", "linear"), ("rotary", "rotary")):
         chosen = [axis for axis in machine.axes if axis.kind == sort]
         if chosen:
-            yield from ("", f"[{table}]", *_tables(machine.name, chosen))
+            yield from ("", f"[{table}]", *_tables(machine.name, chosen, complete))
     wired = [axis for axis in machine.axes if axis.card is not None and axis.channel is not None]
     if wired:
         yield from ("", "[wiring]", *(f"{axis.name} = [{quoted(axis.card or '')}, {axis.channel}]" for axis in wired))
 
 
-def _tables(machine: str, axes: Sequence[Axis]) -> Iterator[str]:
-    written = [dict(_fields(machine, axis)) for axis in axes]
+def _tables(machine: str, axes: Sequence[Axis], complete: bool) -> Iterator[str]:
+    written = [dict(_fields(machine, axis, complete)) for axis in axes]
     # an absent limit cannot be stated for one axis alone, so only keys that all have become common
     shared = [key for key in written[0] if all(key in entry for entry in written)]
     common = {key: Counter(entry[key] for entry in written).most_common(1)[0][0] for key in shared}
@@ -91,11 +93,13 @@ def _tables(machine: str, axes: Sequence[Axis]) -> Iterator[str]:
             yield from ("", "[[axis]]", f'name = "{axis.name}"', *(f"{key} = {text}" for key, text in own.items()))
 
 
-def _fields(machine: str, axis: Axis) -> Iterator[tuple[str, str]]:
+def _fields(machine: str, axis: Axis, complete: bool) -> Iterator[tuple[str, str]]:
     """Key and text of every field of an axis that says something."""
     for field in fields(axis):
         value = getattr(axis, field.name)
-        if field.name in _ELSEWHERE or value in (None, ()) or (field.default in (0, "+") and value == field.default):
+        if field.name in _ELSEWHERE or value is None:
+            continue
+        if not complete and field.default in (0, "+", ()) and value == field.default:
             continue
         if field.name == "travel" and not all(map(isfinite, value)):
             if axis.kind == "rotary":

@@ -12,8 +12,12 @@ from kinematics.array import Array, frozen
 from kinematics.errors import MotionError
 from kinematics.freedom import scaled_jacobian
 from kinematics.pose import Pose
+from kinematics.result import Result
+from kinematics.table import Column, Table
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
     from kinematics.machine import Machine
 
 # Rounding of a stroke computed from coordinates of decimetres; far below any pulse.
@@ -21,7 +25,7 @@ ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
-class Margins:
+class Margins(Result):
     """Use of each limit at each pose: 1 is at the limit, more is beyond.
 
     travel        (N, n) |q − middle| / half range, per axis; 0 where there is no limit
@@ -73,6 +77,40 @@ class Margins:
             return f"{names[entry]}: {use[pose, entry]:.1%} of its limit{at}"
         pair = int(entry) - len(names)
         return f"{self.clearance_names[pair]} clearance: {self.clearance[pose, pair] * 1e3:.3g} mm{at}"
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of every limit: of each axis' travel, of each joint's tilt, of each clearance."""
+        kinds = {"travel": self.travel_names, "tilt": self.tilt_names, "clearance": self.clearance_names}
+        return tuple(f"{name} {kind}" for kind, names in kinds.items() for name in names)
+
+    def tables(self) -> tuple[Table, ...]:
+        """Pose by pose: what is used most, clearance, conditioning, distance to singular, and whether all is well."""
+        use = self._use()
+        least = self.clearance.min(1, initial=np.inf)
+        columns = (
+            Column("pose", range(len(use))),
+            Column("use", use.max(1, initial=0.0), form=".4f"),
+            Column("of", [self.names[k] for k in use.argmax(1)] if use.size else [""] * len(use)),
+            *([Column("least clearance", least, "m", "human", ".3f")] if self.clearance_names else []),
+            Column("conditioning", self.conditioning, form=".4g"),
+            Column("singularity", self.singularity, form=".4g"),
+            Column("ok", self.ok, words={"False": "NO"}),
+        )
+        return (Table("use of the limits; 1 is at the limit", columns),)
+
+    def data(self) -> Table:
+        """The use of every limit, pose by pose."""
+        uses = self._use()
+        each = (Column(name, uses[:, k]) for k, name in enumerate(self.names))
+        rest = (Column("conditioning", self.conditioning), Column("singularity", self.singularity))
+        return Table("use of the limits", (Column("pose", range(len(uses))), *each, *rest, Column("ok", self.ok)))
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """The largest use of each limit over the poses."""
+        from kinematics.bars import bars
+
+        return bars(self.names, self._use().max(0, initial=0.0).tolist(), "largest use of the limit", ax, 1.0)
 
     def _use(self) -> Array:
         limited = np.where(self.max_tilt < np.pi, self.tilt, 0.0)

@@ -14,17 +14,43 @@ from kinematics.dynamics import Forces
 from kinematics.errors import MotionError
 from kinematics.motion import Motion
 from kinematics.pose import Pose, numbers
-from kinematics.units import describe
+from kinematics.result import Result
+from kinematics.table import Column, Table
+from kinematics.units import describe, unit_value
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
     from kinematics.machine import Machine
 
 UNITS = {"stroke": "mm", "speed": "mm/s", "force": "N", "precision": "um", "tilt": "deg"}
 """The unit in which a property is shown."""
+SI = {"stroke": "m", "speed": "m/s", "force": "N", "precision": "m", "tilt": "rad"}
+
+
+class _Need(Result):
+    """Properties that are asked for."""
+
+    __slots__ = ()
+
+    def tables(self) -> tuple[Table, ...]:
+        """What is asked for; what does not matter is left out."""
+        wanted = asked(self)  # type: ignore[arg-type]  # of the two that there are
+        units = [SI[name] for name in wanted]
+        columns = (Column("property", [*wanted]), Column("needed", [*wanted.values()], units, "human"))
+        return (Table(f"{type(self).__name__.removesuffix('Need').lower()} that is needed", columns),)
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """What is asked for, in the units of `UNITS`."""
+        from kinematics.bars import bars
+
+        wanted = asked(self)  # type: ignore[arg-type]
+        shown = [value / unit_value(UNITS[name], SI[name]) for name, value in wanted.items()]
+        return bars([f"{name} ({UNITS[name]})" for name in wanted], shown, "needed", ax)
 
 
 @dataclass(frozen=True, slots=True)
-class ActuatorNeed:
+class ActuatorNeed(_Need):
     """What every actuator must offer: stroke (m), speed (m/s), force (N); precision (m) no coarser. None: no matter."""
 
     stroke: float | None = None
@@ -37,7 +63,7 @@ class ActuatorNeed:
 
 
 @dataclass(frozen=True, slots=True)
-class JointNeed:
+class JointNeed(_Need):
     """What every joint must offer: tilt (rad) from its rest axis, force (N). None: no matter."""
 
     tilt: float | None = None

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Rectangle
 from matplotlib.ticker import MaxNLocator
 from mpl_toolkits.mplot3d import Axes3D
@@ -15,10 +14,14 @@ from kinematics.accuracy import Budget, Contribution
 from kinematics.array import Array
 from kinematics.containment import KINDS
 from kinematics.errors import MotionError
+from kinematics.figure import PALETTE, new_axes, new_axes_3d
+from kinematics.legs import Legged
 from kinematics.workspace import Box, Workspace
 
 if TYPE_CHECKING:
     from kinematics.dynamics import Forces
+    from kinematics.forward import Forward
+    from kinematics.machine import Machine
 
 COLOURS = dict(zip(KINDS, ("#0072B2", "#E69F00", "#009E73"), strict=True))
 """Of the limits, told apart by colour-blind readers too [Okabe and Ito 2008]."""
@@ -44,7 +47,7 @@ def reach(workspace: Workspace, ax: Axes | None = None) -> Axes:
     x, y = (1e3 * workspace.nodes[k] for k in free)
     if ax is None:
         height = float(np.clip(5 * np.ptp(y) / np.ptp(x), 2.4, 8))
-        ax = Figure(figsize=(7.5, height), layout="constrained").add_subplot()
+        ax = new_axes(ax, (7.5, height))
     held = next(k for k in range(3) if k not in free)
     proved = np.squeeze(workspace.proved, held)
     ax.pcolormesh(x, y, np.where(proved, 1.0, np.nan).T, cmap="Greys", vmin=0, vmax=6)
@@ -82,8 +85,7 @@ def reach(workspace: Workspace, ax: Axes | None = None) -> Axes:
 
 
 def _body(workspace: Workspace, ax: Axes3D | None) -> Axes3D:
-    if ax is None:
-        ax = cast(Axes3D, Figure(figsize=(7, 5.5), layout="constrained").add_subplot(projection="3d"))
+    ax = new_axes_3d(ax, (7, 5.5))
     corners = np.meshgrid(*(1e3 * nodes for nodes in workspace.nodes), indexing="ij")
     ax.voxels(*corners, workspace.proved, facecolor="#56B4E933", edgecolor="#56B4E933", linewidth=0.2)
     if workspace.proved.any():
@@ -123,8 +125,7 @@ def _title(workspace: Workspace, where: str) -> str:
 
 def position_error(budget: Budget, ax: Axes | None = None) -> Axes:
     """√(trace Σ + |bias|²) of the position by source: along the poses, or as bars with the worst case for one pose."""
-    if ax is None:
-        ax = Figure(figsize=(7, 4), layout="constrained").add_subplot()
+    ax = new_axes(ax, (7, 4))
     parts = (*budget.contributions, budget.total)
     if len(budget) > 1:
         for part in parts:
@@ -152,8 +153,7 @@ def _rms(part: Contribution) -> Array:
 
 def force(forces: Forces, t: Array | None, ax: Axes | None = None) -> Axes:
     """Force of every axis over time, with the least max_force of all as two dashed lines where it is near."""
-    if ax is None:
-        ax = Figure(figsize=(7, 4), layout="constrained").add_subplot()
+    ax = new_axes(ax, (7, 4))
     when = np.arange(len(forces.force)) if t is None else t
     for axis, row in zip(forces.machine.axes, forces.force.T, strict=True):
         ax.plot(when, row, label=axis.name, linewidth=1.2)
@@ -167,3 +167,50 @@ def force(forces: Forces, t: Array | None, ax: Axes | None = None) -> Axes:
     told = f", at most {100 * use:.0f} % of what they may give" if limits else ""
     ax.set_title(f"Actuator forces of {forces.machine.name}{told}")
     return ax
+
+
+def poses(found: Forward, ax: Axes | None = None) -> Axes:
+    """Positions in space; hollow where they are not certified."""
+    space = new_axes_3d(cast("Axes3D | None", ax), (7, 5.5))
+    points, sure = 1e3 * np.atleast_2d(found.pose.translation), np.atleast_1d(found.certified)
+    for chosen, face, label in ((sure, PALETTE[0], "certified"), (~sure, "none", "not certified")):
+        if chosen.any():
+            space.scatter(*points[chosen].T, facecolor=face, edgecolor=PALETTE[0], label=label)
+    space.set(xlabel="x (mm)", ylabel="y (mm)", zlabel="z (mm)")
+    space.legend(loc="upper left", frameon=False, fontsize="small")
+    return cast(Axes, space)
+
+
+def at_home(machine: Machine, ax: Axes | None = None) -> Axes:
+    """A machine on legs in its home pose; of others the travel of each axis, from home."""
+    if isinstance(machine, Legged):
+        return _legs(machine, cast("Axes3D | None", ax))
+    ax = new_axes(ax, (7, max(2.2, 0.4 * len(machine.axes) + 1)))
+    scales = [1e3 if axis.kind == "linear" else 180 / np.pi for axis in machine.axes]
+    for row, (axis, scale) in enumerate(zip(machine.axes, scales, strict=True)):
+        low, high = axis.travel
+        endless = not np.isfinite(high)
+        ax.barh(row, 2 if endless else scale * (high - low), left=-1 if endless else scale * low, color=PALETTE[row])
+    named = [
+        f"{axis.name} ({'mm' if axis.kind == 'linear' else '°'}{'' if np.isfinite(axis.travel[1]) else ', unlimited'})"
+        for axis in machine.axes
+    ]
+    ax.set_yticks(range(len(named)), named)
+    ax.invert_yaxis()
+    ax.axvline(0.0, color="black", linewidth=0.8)
+    ax.set(xlabel="travel from home", title=machine.name)
+    return ax
+
+
+def _legs(machine: Legged, ax: Axes3D | None) -> Axes:
+    ax = new_axes_3d(ax, (7, 5.5))
+    base, platform = 1e3 * machine.base, 1e3 * machine.home.apply(machine.platform)
+    for n, (axis, low, high) in enumerate(zip(machine.axes, base, platform, strict=True)):
+        ax.plot(*np.stack([low, high], 1), color=PALETTE[n % len(PALETTE)], linewidth=2.5, label=axis.name)
+    for joints in (base, platform):
+        round_ = np.argsort(np.arctan2(*(joints - joints.mean(0))[:, 1::-1].T))
+        ax.plot(*joints[[*round_, round_[0]]].T, color="black", linewidth=1)
+    ax.set(xlabel="x (mm)", ylabel="y (mm)", zlabel="z (mm)", title=f"{machine.name} at home")
+    ax.set_aspect("equal")
+    ax.legend(loc="upper left", frameon=False, fontsize="small")
+    return cast(Axes, ax)

@@ -8,7 +8,7 @@ from os import PathLike, fspath
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from kinematics.errors import MotionError
+from kinematics.errors import BadValue, MotionError
 
 if TYPE_CHECKING:
     from kinematics.machine import Machine
@@ -45,18 +45,31 @@ def find(package: str, what: str, name_or_path: str | PathLike[str]) -> Path | T
         return path
     known = presets(package)
     if name not in known:
-        raise MotionError(
+        raise BadValue(
             f'no {what} is called "{name}"{nearest(name, known)}; bundled: {", ".join(known)}; '
-            f"or give the path of a file, e.g. {name or what}.toml"
+            f"or give the path of a file, e.g. {name or what}.toml",
+            allowed=", ".join(known),
+            nearest=closest(name, known),
         )
     return known[name]
 
 
+def beside(package: str, source: Path | Traversable) -> Path | Traversable:
+    """The folder of what `find` found, where the files are that it names."""
+    return source.parent if isinstance(source, Path) else files(package) / "presets"
+
+
 def nearest(name: str, choices: Iterable[str]) -> str:
     """The clause that names the choice nearest to a mistaken name, empty if none comes close."""
+    found = closest(name, choices)
+    return f', nearest is "{found}"' if found else ""
+
+
+def closest(name: str, choices: Iterable[str]) -> str:
+    """The choice nearest to a mistaken name, empty if none comes close."""
     choices = tuple(choices)
     lower = {choice.lower(): choice for choice in reversed(choices)}
     matches = get_close_matches(name, choices, 1) or [
         lower[match] for match in get_close_matches(name.lower(), lower, 1)
     ]
-    return f', nearest is "{matches[0]}"' if matches else ""
+    return matches[0] if matches else ""

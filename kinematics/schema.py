@@ -11,7 +11,7 @@ import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from functools import cache
-from typing import Annotated, Any, Literal, Self, TypeVar
+from typing import Annotated, Any, ClassVar, Literal, Self, TypeVar, get_args, get_origin
 
 from pydantic import (
     AfterValidator,
@@ -29,9 +29,10 @@ from pydantic import (
 from pydantic_core import ErrorDetails, InitErrorDetails, PydanticCustomError
 
 from kinematics.document import Document, Key
-from kinematics.errors import FileError, MotionError
-from kinematics.registry import nearest
-from kinematics.units import Unit, shown, unit_value
+from kinematics.errors import BadValue, Fault, FileError, MotionError
+from kinematics.file_kinds import mistaken
+from kinematics.registry import closest, nearest
+from kinematics.units import Unit, everyday, shown, unit_value
 
 
 class Table(BaseModel):
@@ -53,38 +54,75 @@ class Table(BaseModel):
         """The error in words that only its own table can find, since only it knows its keys; outer tables keep them."""
         keys = {field.alias or name: field for name, field in cls.model_fields.items()}
         last, value = str(error["loc"][-1]) if error["loc"] else "", error["input"]
+        told = BadValue("")
         match error["type"]:
+            case "explained":
+                told = BadValue(**error["ctx"])
             case "fault":
-                message = error["msg"]
+                told = BadValue(**error["ctx"])
+                if not isinstance(value, dict) and shown(value) not in str(told):
+                    told = BadValue(f"{shown(value)}: {told}", allowed=told.allowed, nearest=told.nearest)
             case "extra_forbidden":
                 message = f"unknown key{nearest(last, keys)}; valid keys: {', '.join(keys)}"
+                told = BadValue(message, allowed=", ".join(keys), nearest=closest(last, keys))
             case "missing" if last in keys:
-                examples = [unit.example for unit in keys[last].metadata if isinstance(unit, Unit)]
-                message = ": ".join(["missing", *(examples or filter(None, [keys[last].description]))])
+                example = keys[last].description or _example(last, keys[last].annotation, keys[last].metadata)
+                told = BadValue(": ".join(filter(None, ["missing", example])), allowed=example)
             case "missing":
-                message = "missing: the array is too short"
+                told = BadValue("missing: the array is too short")
             case "too_long":
                 most = error["ctx"]["max_length"]
                 message = f"{shown(value)}: the array is too long: {len(value)} entries instead of {most}"
+                told = BadValue(message, allowed=f"{most} entries")
             case "literal_error":
                 expected = error["ctx"]["expected"].replace("'", '"')
                 choices = re.findall('"(.*?)"', expected)
                 message = f"{shown(value)} is not {expected}{nearest(str(value), choices)}"
+                if expected == "1" and isinstance(value, int) and value > 1:
+                    message = f"{value} is newer than this version of pulsepath, which reads schema = 1: update it"
+                told = BadValue(message, allowed=expected, nearest=closest(str(value), choices))
+            case "tuple_type" if isinstance(value, dict):
+                told = BadValue(f"is one table, and an array of them is asked for: write [[{last}]]")
             case "model_type" | "tuple_type" as kind:
-                message = f"{shown(value)} is not {'a table' if kind == 'model_type' else 'an array'}"
+                told = BadValue(f"{shown(value)} is not {'a table' if kind == 'model_type' else 'an array'}")
+            case kind if kind in _BOUNDS:
+                allowed = f"{_BOUNDS[kind]} {next(iter(error['ctx'].values())):g}"
+                told = BadValue(f"{shown(value)} must be {allowed}", allowed=allowed)
+            case kind if kind in _TYPES:
+                told = BadValue(f"{shown(value)} is not {_TYPES[kind]}", allowed=_TYPES[kind])
             case _:
-                message = f"{shown(value)}: {error['msg'][0].lower()}{error['msg'][1:]}"
-        return {"type": wrong(message), "loc": error["loc"], "input": value}
+                told = BadValue(f"{shown(value)}: {error['msg'][0].lower()}{error['msg'][1:]}")
+        return {"type": wrong(told, "explained"), "loc": error["loc"], "input": value}
+
+
+_BOUNDS = {
+    "greater_than": "above",
+    "greater_than_equal": "at least",
+    "less_than": "below",
+    "less_than_equal": "at most",
+}
+_TYPES = {
+    "int_type": "a whole number",
+    "float_type": "a number",
+    "finite_number": "a finite number",
+    "bool_type": "true or false",
+    "string_type": 'a text in quotes, as "a"',
+}
 
 
 class File(Table):
-    """What every file says first."""
+    """What every file says first.
 
+    schema  the version of the format: 1
+    what    what the file is, as `kinematics.file_kinds` has it
+    """
+
+    what: ClassVar[str] = ""
     version: Literal[1] = Field(alias="schema", description="write schema = 1")
 
 
 Model = TypeVar("Model", bound=File)
-Rule = Callable[[dict[str, Any]], Iterable[tuple[Key, str]]]
+Rule = Callable[[dict[str, Any]], Iterable[tuple[Key, str | MotionError]]]
 
 
 def build(document: Document, model: type[Model], *rules: Rule, plain: Mapping[str, float] | None = None) -> Model:
@@ -93,25 +131,51 @@ def build(document: Document, model: type[Model], *rules: Rule, plain: Mapping[s
     rules  find what no single value shows, in the raw data: (key, message) of each fault
     plain  SI value of a number without unit, by the name that `Unit.plain` gives (nothing: such numbers are faults)
     """
+    refuse_mistaken(document, model.what)
     faults = [document.fault(key, message) for rule in rules for key, message in rule(document.data)]
     try:
         made = model.model_validate(document.data, context=plain)
     except ValidationError as error:
-        faults += [document.fault(e["loc"], e["msg"]) for e in error.errors()]
+        faults += [document.fault(e["loc"], BadValue(**e["ctx"])) for e in error.errors()]
     if faults:
         raise FileError(document.file, sorted(faults, key=lambda fault: fault.line or 0))
     return made
 
 
-def wrong(message: str) -> PydanticCustomError:
-    """What a validator raises; the message becomes the fault's."""
-    return PydanticCustomError("fault", "{message}", {"message": message})
+def refuse_mistaken(document: Document, what: str) -> None:
+    """Raise FileError for a file that is of another kind by its keys."""
+    if told := mistaken(document.data, what):
+        raise FileError(document.file, [Fault("", told, 1)])
+
+
+def wrong(told: str | MotionError, kind: str = "fault") -> PydanticCustomError:
+    """What a validator raises; the message becomes the fault's, and what a BadValue knows beside it."""
+    known = {"allowed": told.allowed, "nearest": told.nearest} if isinstance(told, BadValue) else {}
+    return PydanticCustomError(kind, "{message}", {"message": str(told), **known})
+
+
+def _example(key: str, annotation: Any, metadata: Iterable[Any]) -> str:
+    """What a missing value may look like, from its type; empty where that does not say."""
+    for part in metadata:
+        if isinstance(part, Unit):
+            return part.example
+    entries = [get_args(entry)[1:] for entry in get_args(annotation)]
+    units = [part for entry in entries for part in entry if isinstance(part, Unit)]
+    if get_origin(annotation) is tuple and len(units) == len(entries) > 0:
+        likely = ("0" if unit.plain else shown(unit.like or f"20 {everyday(unit.unit)}") for unit in units)
+        return f"write e.g. [{', '.join(likely)}]"
+    if get_origin(annotation) is Literal:
+        return f"write {' or '.join(map(shown, get_args(annotation)))}"
+    if annotation is str:
+        return 'write a text in quotes, as "a"'
+    tables = [entry for entry in (annotation, *get_args(annotation)) if isinstance(entry, type)]
+    return f"add the table [{key}]" if any(issubclass(table, Table) for table in tables) else ""
 
 
 def not_zero(value: Any) -> Any:
     """Validator of a number or a vector."""
     if not any(value if isinstance(value, tuple) else (value,)):
-        raise wrong(f"{shown(value)} must not be zero")
+        raise wrong("must not be zero")
     return value
 
 
@@ -129,7 +193,7 @@ def unit_of(unit: str) -> AfterValidator:
         try:
             unit_value(name, unit)
         except MotionError as error:
-            raise wrong(str(error)) from None
+            raise wrong(error) from None
         return name
 
     return AfterValidator(check)
@@ -169,7 +233,9 @@ def either(*tables: type[Table]) -> PlainValidator:
         if present:
             clash = " and ".join(", ".join(keys) for keys in present.values())
             raise wrong(f"{clash} exclude each other: give {asked}")
-        unknown = [f"; unknown key {shown(key)}{nearest(key, counts)}" for key in given if key not in counts]
-        raise wrong(f"incomplete: give {asked}{''.join(unknown[:1])}")
+        unknown = [key for key in given if key not in counts][:1]
+        odd = "".join(f"; unknown key {shown(key)}{nearest(key, counts)}" for key in unknown)
+        near = "".join(closest(key, counts) for key in unknown)
+        raise wrong(BadValue(f"incomplete: give {asked}{odd}", allowed=asked, nearest=near))
 
     return chosen(pick)

@@ -3,15 +3,19 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import inf
-from typing import Generic
+from typing import TYPE_CHECKING, Generic
 
 from kinematics.catalogue import Actuator, Joint, Part
 from kinematics.errors import MotionError
 from kinematics.needs import UNITS, ActuatorNeed, JointNeed, asked
 from kinematics.registry import nearest
+from kinematics.result import Result
 from kinematics.sizing import ROUNDING
-from kinematics.text_table import aligned
+from kinematics.table import Column, Table
 from kinematics.units import describe
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 AnyPart = Actuator | Joint
 
@@ -37,7 +41,7 @@ class Refusal(Generic[Part]):
 
 
 @dataclass(frozen=True, slots=True)
-class Selection(Generic[Part]):
+class Selection(Result, Generic[Part]):
     """The feasible parts, best first by `criterion`, and the refused ones with their reasons."""
 
     need: ActuatorNeed | JointNeed
@@ -45,15 +49,31 @@ class Selection(Generic[Part]):
     feasible: tuple[Choice[Part], ...]
     refused: tuple[Refusal[Part], ...]
 
-    def __str__(self) -> str:
+    def tables(self) -> tuple[Table, ...]:
+        """The parts in their order, then those that do not, and why."""
         wanted = ", ".join(f"{name} {describe(value, UNITS[name])}" for name, value in asked(self.need).items())
-        rows: list[list[str]] = [
-            [f"{rank}", choice.part.name, *_merits(choice.part), f"{choice.reserve:.2f} ({choice.tightest})"]
-            for rank, choice in enumerate(self.feasible, 1)
-        ]
-        rows += [["-", out.part.name, *_merits(out.part), "; ".join(out.reasons)] for out in self.refused]
-        head = f"needed: {wanted}\nranked by {self.criterion}"
-        return f"{head}\n{aligned(['rank', 'part', 'cost', 'mass', 'reserve, or why not'], rows)}"
+        parts: list[AnyPart] = [*(choice.part for choice in self.feasible), *(out.part for out in self.refused)]
+        others = [None] * len(self.refused)
+        columns = (
+            Column("rank", [*range(1, len(self.feasible) + 1), *others]),
+            Column("part", [part.name for part in parts]),
+            Column("cost from", [part.cost and part.cost[0] for part in parts]),
+            Column("to", [part.cost and part.cost[1] for part in parts]),
+            Column("mass", [part.mass for part in parts], "kg", "human"),
+            Column("reserve", [*(choice.reserve for choice in self.feasible), *others], form=".2f"),
+            Column(
+                "tightest, or why not",
+                [*(choice.tightest for choice in self.feasible), *("; ".join(out.reasons) for out in self.refused)],
+            ),
+        )
+        return (Table(f"needed: {wanted}; ranked by {self.criterion}", columns),)
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """The reserve of each part that does."""
+        from kinematics.bars import bars
+
+        names, reserves = [each.part.name for each in self.feasible], [each.reserve for each in self.feasible]
+        return bars(names, reserves, "smallest offered / needed", ax, 1.0)
 
 
 _CRITERIA: dict[str, tuple[str, Callable[[AnyPart, float], float | None]]] = {
@@ -111,8 +131,3 @@ def _reason(part: AnyPart, name: str, needed: float) -> str | None:
         return None
     sign = ">" if name in _NO_MORE else "<"
     return f"{name} {describe(offered, unit)} {sign} {describe(needed, unit)}"
-
-
-def _merits(part: AnyPart) -> tuple[str, str]:
-    cost = "-" if part.cost is None else "-".join(f"{price:g}" for price in dict.fromkeys(part.cost))
-    return cost, "-" if part.mass is None else describe(part.mass, "g")

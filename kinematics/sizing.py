@@ -1,12 +1,16 @@
 """Sizing a stepper motor for an axis that a leadscrew drives."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass, fields
 from math import isfinite, sqrt, tau
+from typing import TYPE_CHECKING
 
 from kinematics.errors import MotionError
 from kinematics.leadscrew_axis import Leadscrew, Slide, StepMotor, Traverse
-from kinematics.text_table import aligned
+from kinematics.result import Result
+from kinematics.table import Column, Table
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 GRAVITY = 9.80665
 """m/s², standard."""
@@ -26,7 +30,7 @@ class Check:
 
 
 @dataclass(frozen=True, slots=True)
-class StepperSizing:
+class StepperSizing(Result):
     """The sizing line by line, SI. Torques at the motor's shaft.
 
     resolution           coarsest step allowed, m; coarsest_lead: the lead at which the motor's step is that, m/rev
@@ -62,29 +66,48 @@ class StepperSizing:
         """No rule is broken (one whose offer is not stated is not)."""
         return all(check.holds is not False for check in self.checks)
 
-    def __str__(self) -> str:
-        words = {True: "yes", False: "NO", None: "not stated"}
-        lines = [[name.replace("_", " "), f"{value:.6g}", unit] for name, value, unit in self._lines()]
-        rules = [
-            [c.name, "-" if c.offered is None else f"{c.offered:.6g}", f"{c.needed:.6g}", c.unit, words[c.holds]]
-            for c in self.checks
-        ]
-        table = aligned(["quantity", "value", "unit"], lines)
-        return f"{table}\n\n{aligned(['rule', 'offered', 'needed', 'unit', 'holds'], rules)}"
+    def tables(self) -> tuple[Table, ...]:
+        """The sizing line by line; the rules."""
+        names = [field.name for field in fields(self) if field.name != "checks"]
+        lines = (
+            Column("quantity", [name.replace("_", " ") for name in names]),
+            Column("value", [getattr(self, name) for name in names], [_unit(name) for name in names]),
+        )
+        own = [check.unit for check in self.checks]
+        rules = (
+            Column("rule", [check.name for check in self.checks]),
+            Column("offered", [check.offered for check in self.checks], own),
+            Column("needed", [check.needed for check in self.checks], own),
+            Column("holds", [check.holds for check in self.checks], words={"None": "not stated", "False": "NO"}),
+        )
+        return Table("sizing of a stepper", lines), Table("rules", rules)
 
-    def _lines(self) -> Iterator[tuple[str, float, str]]:
-        for field in fields(self):
-            if field.name != "checks":
-                yield field.name, getattr(self, field.name), _UNITS.get(field.name.rpartition("_")[2], "m")
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """How much of what is offered, or allowed, each rule takes."""
+        from kinematics.bars import bars
+
+        # of what must not be more than allowed the offer is the use
+        shares = {
+            check.name: check.offered / check.needed if check.name in AT_MOST else check.needed / check.offered
+            for check in self.checks
+            if check.offered and check.needed
+        }
+        return bars([*shares], [*shares.values()], "share of what is allowed or offered", ax, 1.0)
 
 
+def _unit(name: str) -> str:
+    return _UNITS.get(name.rpartition("_")[2], "m")
+
+
+AT_MOST = ("step", "time")
+"""Rules by which no more may be offered than is needed."""
 _UNITS = {
     "lead": "m/rev",
     "speed": "m/s",
     "duration": "s",
     "rate": "1/s",
-    "inertia": "kg m²",
-    "acceleration": "rad/s²",
+    "inertia": "kg m^2",
+    "acceleration": "rad/s^2",
     "torque": "N m",
 }
 

@@ -13,6 +13,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from tempfile import mkdtemp
 
+from kinematics.held import held
+
 SUFFIX = ".staged"
 OLD = "old"
 """In a staged directory, what stood in the place and is about to be replaced."""
@@ -21,21 +23,29 @@ OLD = "old"
 @contextmanager
 def staging(place: Path) -> Iterator[Path]:
     """A hidden directory beside a place, of this process alone; nothing of it remains when the block ends."""
+    made, lock = None, None
+    try:
+        with held():
+            made, lock = _made(place)
+        yield made
+    finally:
+        with held():
+            if made is not None:
+                _end(made, place)
+            if lock is not None:
+                os.close(lock)
+
+
+def _made(place: Path) -> tuple[Path, int | None]:
+    """A new hidden directory beside a place, and its lock; None where this system has none: no run will clear it."""
     while True:
         made = Path(mkdtemp(prefix=f".{place.name}-", suffix=SUFFIX, dir=place.parent))
         try:
-            lock = _lock(made)
+            return made, _lock(made)
         except (BlockingIOError, FileNotFoundError):
             continue  # another run took it for a dead one's before it was locked
         except OSError:
-            lock = None  # this system has none, so no run will clear it either
-        break
-    try:
-        yield made
-    finally:
-        _end(made, place)
-        if lock is not None:
-            os.close(lock)
+            return made, None
 
 
 def write_whole(path: Path, content: str | bytes) -> None:

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from math import ceil, floor
 
 from kinematics.array import POSITIVE, finite
-from kinematics.errors import MotionError
-from kinematics.registry import nearest
+from kinematics.errors import BadValue
+from kinematics.registry import closest, nearest
 
 ROUNDING = 1e-12
 """Share of a time that decimal fractions of seconds may be off."""
@@ -84,5 +84,6 @@ DRIVES = {
 def find_drive(name: str) -> StepTiming:
     """The timing of a drive. Raises MotionError for an unknown name, with the nearest and all known ones."""
     if name not in DRIVES:
-        raise MotionError(f'no drive is called "{name}"{nearest(name, DRIVES)}; drives: {", ".join(DRIVES)}')
+        told = f'no drive is called "{name}"{nearest(name, DRIVES)}; drives: {", ".join(DRIVES)}'
+        raise BadValue(told, allowed=", ".join(DRIVES), nearest=closest(name, DRIVES))
     return DRIVES[name]

@@ -3,6 +3,7 @@
 from collections.abc import Iterable
 from decimal import Decimal
 from json import dumps
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -41,3 +42,14 @@ def plain(values: ArrayLike) -> str:
 def rows(texts: Iterable[str]) -> str:
     """Arrays, one on each line."""
     return "[" + "".join(f"\n    {text}," for text in texts) + "\n]"
+
+
+def toml(value: Any) -> str:
+    """What tomllib has read, as a value on one line: texts, numbers, arrays, tables."""
+    if isinstance(value, str):
+        return quoted(value)
+    if isinstance(value, dict):
+        return f"{{ {', '.join(f'{key} = {toml(entry)}' for key, entry in value.items())} }}"
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(map(toml, value))}]"
+    return str(value).lower() if isinstance(value, bool) else repr(value)

@@ -11,8 +11,8 @@ from functools import cache
 from math import ceil, floor, inf, isfinite, log10
 from typing import TYPE_CHECKING, Annotated, Any
 
-from kinematics.errors import MotionError
-from kinematics.registry import nearest
+from kinematics.errors import BadValue, MotionError
+from kinematics.registry import closest, nearest
 
 if TYPE_CHECKING:
     from pint import UnitRegistry
@@ -27,6 +27,8 @@ EVERY_DIGIT = 17
 _DECIMAL = r"(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d{1,3})?(?![\d.])"
 _NUMBER = re.compile(rf"[+-]?(?:{_DECIMAL}|(?:nan|inf(?:inity)?)(?![a-z]))", re.ASCII | re.IGNORECASE)
 _FACTOR = r"[A-Za-zµ°]+(?:(?:\^|\*\*)-?[1-9])?"
+# how people write units that are none here
+_SLIPS = str.maketrans({"\\": "/", "²": "^2", "³": "^3", "·": "*", "×": "*"})
 _UNIT = re.compile(rf"(?:1 ?/ ?)?{_FACTOR}(?:(?: ?[*/] ?| ){_FACTOR})*")
 
 # Only what machines and programs are measured in: pint's own thousand units would read slips of the pen as quantities.
@@ -91,17 +93,17 @@ def quantity(text: object, unit: str) -> float:
     Raises MotionError for a number without a unit, another dimension, an unknown unit, NaN and infinity. The text is
     matched against a strict pattern first; only its unit ever reaches pint.
     """
-    try:
-        return _parse(text, unit)
-    except MotionError as error:
-        raise MotionError(f"{shown(text)}: {error}: {Unit(unit).example}") from None
+    return Unit(unit).quantity(text)
 
 
 def unit_value(name: object, unit: str) -> float:
     """SI value of one `name`, which must be a unit of the dimension of `unit`: unit_value("mm", "m") is 0.001."""
     if not isinstance(name, str) or len(name) > MAX_LENGTH or not _UNIT.fullmatch(name):
         raise MotionError(f'{shown(name)} is not a unit: write e.g. "{everyday(unit)}"')
-    return quantity(f"1 {name}", unit)
+    try:
+        return _parse(f"1 {name}", unit)
+    except BadValue as error:
+        raise BadValue(f'{shown(name)}: {error}: write e.g. "{everyday(unit)}"', nearest=error.nearest) from None
 
 
 def describe(value: float, unit: str) -> str:
@@ -149,20 +151,34 @@ class Unit:
     def example(self) -> str:
         return f'write e.g. "{self.like or f"20 {everyday(self.unit)}"}"'
 
+    @property
+    def allowed(self) -> str:
+        """The range, in words: "above 0 mm/s"; of what has no bounds, its unit."""
+        unit = everyday(self.unit)
+        sides = (("above", self.above), ("at least", self.least), ("at most", self.most))
+        bounds = " and ".join(f"{side} {describe(bound, unit)}" for side, bound in sides if isfinite(bound))
+        return bounds or f"a quantity in {unit}, or in a unit that converts to it"
+
     def read(self, value: object, declared: Mapping[str, float]) -> float:
         """The value in SI; `declared` holds the SI value of one plain number by name. Raises MotionError."""
         if self.plain is not None and isinstance(value, (int, float)) and not isinstance(value, bool):
             number = self._plain(self.plain, value, declared)
         else:
-            number = quantity(value, self.unit)
-        unit = everyday(self.unit)
-        if not number > self.above:
-            raise MotionError(f"{shown(value)} must be above {describe(self.above, unit)}")
-        if not self.least <= number <= self.most:
-            sides = (("at least", self.least), ("at most", self.most))
-            allowed = " and ".join(f"{side} {describe(bound, unit)}" for side, bound in sides if isfinite(bound))
-            raise MotionError(f"{shown(value)} must be {allowed}")
+            number = self.quantity(value)
+        if not (number > self.above and self.least <= number <= self.most):
+            unit = everyday(self.unit)
+            other = isinstance(value, str) and unit not in value and number
+            converted = f", which is {describe(number, unit)}," if other else ""
+            raise BadValue(f"{shown(value)}{converted} must be {self.allowed}", allowed=self.allowed)
         return number
+
+    def quantity(self, text: object) -> float:
+        """A quantity with its unit, in SI, whatever its bounds. Raises MotionError."""
+        try:
+            return _parse(text, self.unit)
+        except BadValue as error:
+            told = f"{shown(text)}: {error}: {self.example}"
+            raise BadValue(told, allowed=self.allowed, nearest=error.nearest) from None
 
     def _plain(self, name: str, value: float, declared: Mapping[str, float]) -> float:
         try:
@@ -170,21 +186,23 @@ class Unit:
         except OverflowError:  # an integer beyond any float
             number = inf
         if not isfinite(number):
-            raise MotionError(f"{shown(value)}: not a finite number")
+            raise BadValue(f"{shown(value)}: not a finite number", allowed=self.allowed)
         if name not in declared:
             unit = everyday(self.unit)
             remedy = f'add the line {name} = "{unit}" at the top, or write "{shown(value)} {unit}"'
-            raise MotionError(f"{shown(value)}: a number without a unit: {remedy}")
+            raise BadValue(f"{shown(value)}: a number without a unit: {remedy}", allowed=self.allowed)
         return number
 
     def __get_pydantic_core_schema__(self, source: object, handler: object) -> "CoreSchema":
-        from pydantic_core import PydanticCustomError, core_schema
+        from pydantic_core import core_schema
+
+        from kinematics.schema import wrong
 
         def validate(value: object, info: core_schema.ValidationInfo[Any]) -> float:
             try:
                 return self.read(value, info.context or {})
             except MotionError as error:
-                raise PydanticCustomError("fault", "{message}", {"message": str(error)}) from None
+                raise wrong(error) from None
 
         return core_schema.with_info_plain_validator_function(validate)
 
@@ -195,41 +213,52 @@ Angle = Annotated[float, Unit("rad")]
 
 def shown(value: object) -> str:
     """A value of a file as a message shows it: one line, of bounded length, nothing that a terminal would obey."""
-    if isinstance(value, bool):
-        return str(value).lower()
+    text = _written(value)
+    return text if len(text) <= MAX_LENGTH else f"{text[:40]} ..."
+
+
+def _written(value: object) -> str:
+    match value:
+        case bool():
+            return str(value).lower()
+        case str():
+            return f'"{repr(value)[1:-1]}"'
+        case tuple() | list():
+            return f"[{', '.join(map(shown, value[:MAX_LENGTH]))}]"
+        case dict():
+            return "{ " + ", ".join(f"{key} = {shown(entry)}" for key, entry in [*value.items()][:MAX_LENGTH]) + " }"
     try:
-        text = repr(list(value) if isinstance(value, tuple) else value)
+        return repr(value)
     except ValueError:  # Python prints no integer of more than 4300 digits
         return "a number of thousands of digits"
-    if isinstance(value, str):
-        text = f'"{text[1:-1]}"'
-    return text if len(text) <= MAX_LENGTH else f"{text[:40]} ..."
 
 
 def _parse(text: object, unit: str) -> float:
     if isinstance(text, (int, float)) and not isinstance(text, bool):
-        raise MotionError("a number without a unit")
+        raise BadValue("a number without a unit")
     if not isinstance(text, str):
-        raise MotionError("not a quantity")
+        raise BadValue("not a quantity")
     if len(text) > MAX_LENGTH:
-        raise MotionError(f"longer than {MAX_LENGTH} characters")
+        raise BadValue(f"longer than {MAX_LENGTH} characters")
     stripped = text.strip().replace("μ", "µ")
     number = _NUMBER.match(stripped)
     if number is None:
-        raise MotionError("does not begin with a number")
+        raise BadValue("does not begin with a number")
     value, tail = Decimal(number.group()), stripped[number.end() :].strip(" ")
     if not value.is_finite():
-        raise MotionError("not a finite number")
+        raise BadValue("not a finite number")
     if not tail:
-        raise MotionError("a number without a unit")
+        raise BadValue("a number without a unit")
     if not _UNIT.fullmatch(tail):
-        raise MotionError(f"{shown(tail)} is not a unit")
-    (factor, dimension), (_, wanted) = _factor(tail), _factor(unit)
+        meant = tail.translate(_SLIPS)
+        like = meant if _UNIT.fullmatch(meant) else ""
+        raise BadValue(f"{shown(tail)} is not a unit" + (f', nearest is "{like}"' if like else ""), nearest=like)
+    (factor, dimension), (_, wanted) = _factor(tail, unit), _factor(unit)
     if dimension != wanted:
-        raise MotionError(f"not convertible to {everyday(unit)}")
+        raise BadValue(f"not convertible to {everyday(unit)}")
     result = float(value * factor)
     if not isfinite(result):
-        raise MotionError("too large for a number")
+        raise BadValue("too large for a number")
     return result
 
 
@@ -257,13 +286,16 @@ USUAL = {
 }
 
 
-def _factor(unit: str) -> tuple[Decimal, str]:
-    """(how many SI units one `unit` is, its dimension). MotionError names an unknown unit and the nearest known one."""
-    return USUAL[unit] if unit in USUAL else by_pint(unit)
+def _factor(unit: str, like: str = "") -> tuple[Decimal, str]:
+    """(how many SI units one `unit` is, its dimension). MotionError names an unknown unit and the nearest known one.
+
+    like  a unit of the dimension that is wanted: of a single unit, the nearest is sought among those of that dimension
+    """
+    return USUAL[unit] if unit in USUAL else by_pint(unit, like)
 
 
 @cache
-def by_pint(unit: str) -> tuple[Decimal, str]:
+def by_pint(unit: str, like: str = "") -> tuple[Decimal, str]:
     """The same of any unit."""
     from pint.errors import UndefinedUnitError
 
@@ -272,9 +304,14 @@ def by_pint(unit: str) -> tuple[Decimal, str]:
         one = registry.Quantity(Decimal(1), registry.parse_units(unit.replace("°", "deg"))).to_root_units()
     except UndefinedUnitError as error:
         unknown = error.unit_names if isinstance(error.unit_names, str) else next(iter(error.unit_names))
-        raise MotionError(f'unknown unit "{unknown}"{nearest(unknown, _unit_names())}') from None
+        known = _unit_names()
+        if like and unknown == unit:
+            alike = [name for name in known if _factor(name)[1] == _factor(like)[1]]
+            known = tuple(alike) if closest(unknown, alike) else known
+        told = f'unknown unit "{unknown}"{nearest(unknown, known)}'
+        raise BadValue(told, nearest=closest(unknown, known)) from None
     except ValueError:  # pint reads "nan" and "inf" as numbers
-        raise MotionError(f"{shown(unit)} is not a unit") from None
+        raise BadValue(f"{shown(unit)} is not a unit") from None
     return Decimal(one.magnitude), str(one.dimensionality)
 
 

@@ -8,8 +8,12 @@ import numpy as np
 
 from kinematics.arm import Joints
 from kinematics.array import frozen
+from kinematics.document import MAX_BYTES
 from kinematics.errors import Fault, FileError
 from kinematics.pinocchio_adapter import pinocchio
+from kinematics.registry import closest, nearest
+from kinematics.text_file import bytes_of
+from kinematics.units import shown
 
 # m within which every joint and the tool must lie: what is further is a slip of units, and overflows.
 FAR = 1e6
@@ -22,13 +26,14 @@ def read_urdf(path: Path, joints: Sequence[str], tool: str) -> Joints:
     FileError for what the file does not hold, MotionError where pinocchio is not installed.
     """
     pin = pinocchio("an arm's URDF")
+    _refuse_other(path)
     try:
         model = pin.buildModelFromUrdf(str(path))
     except (ValueError, RuntimeError) as failure:
         raise FileError(str(path), [Fault("", f"{failure} (the parser says why on stderr)")]) from failure
     faults = list(_faults(model, list(joints), tool))
     if faults:
-        raise FileError(str(path), faults[:1])
+        raise FileError(str(path), faults)
     numbers = [model.getJointId(name) for name in joints]
     data = model.createData()
     # at q = 0, and with unit speed of one joint after the other: its axis in the base frame
@@ -56,16 +61,39 @@ def read_urdf(path: Path, joints: Sequence[str], tool: str) -> Joints:
     )
 
 
+def _refuse_other(path: Path) -> None:
+    """Raise FileError, with the line, for what is no XML, and for XML that describes no robot."""
+    from xml.etree import ElementTree
+
+    raw = bytes_of(path, MAX_BYTES)
+    try:
+        root = ElementTree.fromstring(raw)
+    except ElementTree.ParseError as error:
+        line, column = error.position
+        told = f"not XML at column {column + 1}: {error.msg.partition(':')[0]}; what follows is not looked at"
+        raise FileError(str(path), [Fault("", told, line)]) from None
+    if root.tag != "robot":
+        raise FileError(str(path), [Fault("", f"not a URDF: it begins with <{root.tag}> instead of <robot>", 1)])
+
+
 def _faults(model: Any, joints: list[str], tool: str) -> list[Fault]:
     """What keeps a model from being three joints that turn, one after the other, the last with the tool."""
     names = list(model.names)[1:]
-    absent = [name for name in joints if not model.existJointName(name)]
-    if absent or len(joints) != 3 or len(set(joints)) < 3 or model.njoints != 4:
-        return [Fault("joints", f"wanted are three joints that turn, {joints}; there are {', '.join(names)}")]
+    there = f"there are {', '.join(names)}"
+    faults = [
+        Fault("joints", f"there is no joint {shown(name)}{nearest(name, names)}; {there}", nearest=closest(name, names))
+        for name in joints
+        if not model.existJointName(name)
+    ]
+    if not faults and (len(joints) != 3 or len(set(joints)) < 3 or model.njoints != 4):
+        faults = [Fault("joints", f"wanted are three joints that turn, {shown(joints)}; {there}")]
     if not isinstance(tool, str) or not model.existFrame(tool):
-        known = ", ".join(frame.name for frame in model.frames)
-        return [Fault("tool", f"there is no frame {tool!r}; there are {known}")]
-    faults, numbers = [], [model.getJointId(name) for name in joints]
+        known = [frame.name for frame in model.frames]
+        told = f"there is no frame {shown(tool)}{nearest(str(tool), known)}; there are {', '.join(known)}"
+        faults.append(Fault("tool", told, nearest=closest(str(tool), known)))
+    if faults:
+        return faults
+    numbers = [model.getJointId(name) for name in joints]
     for name, joint, before in zip(joints, numbers, [0, *numbers], strict=False):
         if not model.joints[joint].shortname().startswith("JointModelR"):  # R…, Revolute…: pinocchio's that turn
             faults.append(Fault("joints", f"{name!r} does not turn; an arm's joints are revolute or continuous"))

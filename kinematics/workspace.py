@@ -24,6 +24,8 @@ from kinematics.errors import MotionError
 from kinematics.freedom import HELD, refuse
 from kinematics.margins import ROUNDING
 from kinematics.pose import checked
+from kinematics.result import Result
+from kinematics.table import Column, Table
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -58,7 +60,7 @@ class Sphere:
 
 
 @dataclass(frozen=True)
-class Workspace:
+class Workspace(Result):
     """nodes: three arrays of coordinates (m, base frame; one entry where a coordinate is held).
 
     uses    (nx, ny, nz, 3) share of travel, tilt and clearance that is used at each node
@@ -81,6 +83,36 @@ class Workspace:
         """Of the proved cells: m³ (m² in a plane, m on a line). What the machine reaches is more."""
         sides = [n[1] - n[0] for n in self.nodes if len(n) > 1]
         return float(self.proved.sum() * np.prod(sides))
+
+    def tables(self) -> tuple[Table, ...]:
+        """What was looked at, how much of it is proved, and the largest box and sphere in there."""
+        looked = (
+            Column("coordinate", ["x", "y", "z"]),
+            Column("from", [float(nodes[0]) for nodes in self.nodes], "m", "human"),
+            Column("to", [float(nodes[-1]) for nodes in self.nodes], "m", "human"),
+            Column("nodes", [len(nodes) for nodes in self.nodes]),
+        )
+        share = f"{100 * self.proved.mean():.4g} % of the cells are proved to be inside all limits"
+        title = f"workspace of {self.machine.name}"
+        if not self.proved.any():
+            return (Table(title, looked, (share,)),)
+        box, sphere = self.largest_box(), self.largest_sphere()
+        best = (
+            Column("coordinate", ["x", "y", "z"]),
+            Column("from", box.low, "m", "human"),
+            Column("to", box.high, "m", "human"),
+            Column("centre of the sphere", sphere.centre, "m", "human"),
+            Column("its radius", [sphere.radius] * 3, "m", "human"),
+        )
+        return Table(title, looked, (share,)), Table("largest box and sphere that are proved", best)
+
+    def data(self) -> Table:
+        """Every node: its position, the share of each limit that is used there, and whether it is inside all."""
+        grid = np.stack(np.meshgrid(*self.nodes, indexing="ij"), -1).reshape(-1, 3)
+        places = (Column(name, grid[:, k], "m") for k, name in enumerate("xyz"))
+        uses = (Column(kind, self.uses[..., k].ravel()) for k, kind in enumerate(KINDS))
+        inside = Column("inside", self.reachable.ravel())
+        return Table(f"workspace of {self.machine.name}", (*places, *uses, inside))
 
     def largest_box(self, around: ArrayLike | None = None) -> Box:
         """The box of proved cells with the largest volume: anywhere, or with the position `around` (3,) m in it.

@@ -7,21 +7,27 @@ bounds are tight.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from kinematics.array import Array, frozen
+from kinematics.result import Result
+from kinematics.table import Column, Table
 from planner.actuation import ActuatorPath
 from planner.continuity import JUMP, STATES, ends, gaps, jumps, place_at
 from planner.enclosure import Cells, bounds, enclose
 from planner.limits.limit import Limit, order_of
 from planner.limits.resonance import Resonance
-from planner.place import Place
+from planner.place import Place, where_columns
 from planner.stays import stays
 from planner.steadiness import CONSTANT, claimed, unsteadiness
 from planner.trajectory import Trajectory
 from planner.walk import walk
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 TOLERANCE = 1e-6
 """A limit holds when its proven bound is at most 1 + TOLERANCE: room for the solvers' own tolerance."""
@@ -40,7 +46,7 @@ TOGETHER = 1024
 
 
 @dataclass(frozen=True, slots=True)
-class Certificate:
+class Certificate(Result):
     """worst: proven upper bound of value/limit over continuous time, per limit; where: the place of each.
 
     use       per limit, the proven bound over each time piece of the trajectory (M,); worst is its maximum
@@ -53,9 +59,19 @@ class Certificate:
     use: dict[str, Array] = field(repr=False)
     attained: dict[str, Array] = field(repr=False)
 
-    def __str__(self) -> str:
-        lines = [f"  {name:<17} ≤ {value:.9f}  at {self.where[name]}" for name, value in self.worst.items()]
-        return "\n".join(["the certificate holds" if self.holds else "THE CERTIFICATE DOES NOT HOLD", *lines])
+    def tables(self) -> tuple[Table, ...]:
+        """The worst proven use of each limit, and where."""
+        head = "the certificate holds" if self.holds else "THE CERTIFICATE DOES NOT HOLD"
+        ratios = Column("bound", [*self.worst.values()], form=".7f", up=True)
+        where = where_columns([self.where[name] for name in self.worst])
+        names = Column("limit", [*self.worst])
+        return (Table(f"{head}: value/limit, bounded over continuous time", (names, ratios, *where)),)
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """The worst proven use of each limit; planner.plots.limit_use shows that of a plan over time."""
+        from kinematics.bars import bars
+
+        return bars([*self.worst], [*self.worst.values()], "bound of value/limit", ax, 1.0)
 
 
 @dataclass(frozen=True, slots=True)

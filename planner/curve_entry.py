@@ -3,12 +3,6 @@
     [[segment]]
     curve = { x = "r*cos(t)", y = "r*sin(t)", z = 25, from = 0, to = "2*pi", constants = { r = 15 } }
 
-x, y, z     formulas of t (planner.formula), or numbers, in the unit that `length` declares for the file's numbers
-rx, ry, rz  the same of the orientation, Rx · Ry · Rz, in the unit that `angle` declares; none: it is kept, and where
-            only some are given the others are 0
-from, to    where t begins and ends: numbers, or formulas without t; it may also run downwards
-constants   names of numbers, for all of them
-
 t is a number without a unit, and sin, cos and tan take radians, whatever the file declares. The equations must begin
 where the path stands, and be smooth.
 """
@@ -30,7 +24,7 @@ def _constants(given: dict[str, float]) -> dict[str, float]:
     try:
         check_names(given)
     except MotionError as no:
-        raise wrong(str(no)) from None
+        raise wrong(no) from None
     return given
 
 
@@ -53,7 +47,7 @@ def _of_t(declared: str, unit: str) -> PlainValidator:
         try:
             formula(text, info.data.get("constants", {}), SX.sym("t"))
         except MotionError as no:
-            raise wrong(str(no)) from None
+            raise wrong(no) from None
         scales = info.context or {}
         if declared not in scales:
             raise wrong(f'values without a unit: add the line {declared} = "{unit}" at the top')
@@ -66,7 +60,7 @@ def _without_t(value: object, info: ValidationInfo) -> float:
     try:
         return constant(_text(value), info.data.get("constants", {}))
     except MotionError as no:
-        raise wrong(str(no)) from None
+        raise wrong(no) from None
 
 
 Length = Annotated[tuple[str, float], _of_t("length", "mm")]
@@ -75,6 +69,14 @@ Bound = Annotated[float, PlainValidator(_without_t)]
 
 
 class CurveTable(Table):
+    """A curve by equations.
+
+    x, y, z     formulas of t, or numbers, in the unit of `length`
+    rx, ry, rz  likewise of the orientation, Rx · Ry · Rz, in the unit of `angle`; 0 where some are given, else kept
+    from, to    where t begins and ends: numbers, or formulas without t
+    constants   names of numbers, for all of them
+    """
+
     # first: the others are read with them
     constants: Annotated[dict[str, Number], AfterValidator(_constants)] = Field(default_factory=dict)
     x: Length

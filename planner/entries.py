@@ -2,7 +2,7 @@
 
 from itertools import pairwise
 from math import dist
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, ClassVar, Self
 
 from pydantic import AfterValidator, Field, model_validator
 from scipy.spatial.transform import RigidTransform, Rotation
@@ -54,7 +54,11 @@ PositionAndAngles = tuple[Coordinate, Coordinate, Coordinate, PlainAngle, PlainA
 
 
 class PoseTable(Table):
-    """A frame in another: moved by `to`, then turned by `rotate`."""
+    """A frame in another: moved by `to`, then turned by `rotate`.
+
+    to      moved by
+    rotate  then turned by θx, θy, θz about the moving axes in turn
+    """
 
     to: Position = (0.0, 0.0, 0.0)
     rotate: Orientation = (0.0, 0.0, 0.0)
@@ -65,11 +69,26 @@ class PoseTable(Table):
 
 
 class LineTable(Table):
+    """A straight line.
+
+    to      where it ends
+    rotate  orientation at its end, θx, θy, θz about the moving axes in turn; kept if not stated
+    """
+
     to: Position
     rotate: Orientation | None = None
 
 
 class ArcTable(Table):
+    """A circular arc from where the path stands.
+
+    centre  of the circle
+    normal  of its plane
+    angle   signed, right hand about the normal; any number of turns
+    rise    along the normal in all: a helix
+    rotate  orientation at its end; kept if not stated
+    """
+
     centre: Position
     normal: Direction
     angle: Annotated[PlainAngle, AfterValidator(not_zero)]
@@ -78,6 +97,12 @@ class ArcTable(Table):
 
 
 class SplineTable(Table):
+    """A smooth curve through points.
+
+    through  the points, from where the path stands
+    rotate   an orientation for each point; kept if not stated
+    """
+
     through: Annotated[tuple[Position, ...], AfterValidator(_distinct)]
     rotate: tuple[Orientation, ...] | None = None
 
@@ -90,10 +115,21 @@ class SplineTable(Table):
 
 
 class TurnTo(Table):
+    """A rotation on the spot.
+
+    to  orientation, θx, θy, θz about the moving axes in turn, the shorter way
+    """
+
     to: Orientation
 
 
 class TurnBy(Table):
+    """A rotation on the spot.
+
+    about  axis
+    angle  signed, right hand about it; any number of turns
+    """
+
     about: Direction
     angle: Annotated[PlainAngle, AfterValidator(not_zero)]
 
@@ -145,8 +181,26 @@ SegmentEntry = Annotated[
 
 
 class ProgramFile(File):
-    """A program's TOML, key by key."""
+    """A program's TOML, key by key.
 
+    machine        that it is for, unless a command names another
+    length         unit of plain numbers that are lengths
+    angle          unit of plain numbers that are angles
+    frame          what coordinates are relative to
+    duration       that the whole is to take, as smoothly as it can; as little as it can if not stated
+    start          first pose: x, y, z, or x, y, z, θx, θy, θz; home if not stated
+    speed          cap of every segment that states none
+    acceleration   cap of every segment that states none
+    angular_speed  cap of every segment that states none
+    tool           the tool's frame in the platform's: coordinates and speeds are the tool's then
+    work           the frame in which coordinates are given
+    repeat         how often the segments are run
+    start_speed    tool speed at the beginning
+    end_speed      tool speed at the end
+    segment        the way, one after the other
+    """
+
+    what: ClassVar[str] = "program"
     machine: str | None = None
     length: Annotated[str, unit_of("m")] | None = None
     angle: Annotated[str, unit_of("rad")] | None = None

@@ -40,6 +40,13 @@ Name = Annotated[str, AfterValidator(_named)]
 
 
 class BlendTable(Table):
+    """A join that is rounded.
+
+    blend  by how much the path may leave the corner
+    angle  by how much the orientation may; if not stated, what turns points at the machine's characteristic length by
+           as much
+    """
+
     blend: Annotated[float, Unit("m", above=0, plain="length")]
     angle: Annotated[float, Unit("rad", above=0, plain="angle")] | None = None
 
@@ -48,11 +55,23 @@ JoinEntry = Annotated[Literal["stop", "through"] | BlendTable, chosen(_join_type
 
 
 class TriggerTable(Table):
+    """An event along a segment.
+
+    name  of the output line or event
+    at    share of the segment, from 0 to 1
+    """
+
     name: Name
     at: Annotated[float, Field(ge=0, le=1)] = 1.0
 
 
 class FreeTable(Table):
+    """Orientation that is left free.
+
+    yaw   whether the turn about the tool's z axis is free
+    tilt  by how much that axis may lean
+    """
+
     yaw: bool = False
     tilt: Annotated[float, Unit("rad", least=0, most=1.57, plain="angle")] = 0.0
 
@@ -64,7 +83,12 @@ TriggerEntry = Annotated[Name | TriggerTable, chosen(_trigger_type)]
 
 
 class Entry(Table):
-    """What every segment that moves has."""
+    """What every segment that moves has.
+
+    join           to the next segment
+    angular_speed  cap of the platform's turning
+    trigger        an event along it
+    """
 
     join: JoinEntry = "stop"
     angular_speed: AngularSpeed | None = None
@@ -85,7 +109,13 @@ class Entry(Table):
 
 
 class Drawn(Entry):
-    """What every segment that moves the tool has beside it."""
+    """What every segment that moves the tool has beside it.
+
+    speed           cap of the tool's speed
+    acceleration    cap of the tool's acceleration
+    speed_constant  exactly this speed, between ramps
+    free            what of the orientation is chosen for time
+    """
 
     speed: ToolSpeed | None = None
     acceleration: ToolAcceleration | None = None

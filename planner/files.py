@@ -6,6 +6,7 @@ from pathlib import Path
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics.document import read
+from kinematics.errors import Fault, FileError, MotionError
 from kinematics.pose import Pose
 from kinematics.registry import find, presets
 from kinematics.schema import build, declared
@@ -22,7 +23,10 @@ def load_program(name_or_path: str | PathLike[str]) -> Program:
     Raises FileError with every fault of the file; MotionError for an unknown name, with the nearest and all known ones.
     """
     source = find("planner", "program", name_or_path)
-    document = read(source)
+    try:
+        document = read(source)
+    except FileError as error:
+        raise _elsewhere(Path(source.name), error) from None
     model = build(document, ProgramFile, plain=declared(document.data, PLAIN_UNITS))
     segments = [entry.segment(document.line(("segment", n))) for n, entry in enumerate(model.segment)]
     return Program(
@@ -40,7 +44,19 @@ def load_program(name_or_path: str | PathLike[str]) -> Program:
         repeat=model.repeat,
         start_speed=model.start_speed,
         end_speed=model.end_speed,
+        file=document.file,
     )
+
+
+def _elsewhere(path: Path, error: FileError) -> FileError:
+    """The error, with what to do where the file's suffix is that of a format that programs are imported from."""
+    from planner.sources.registry import source_name
+
+    try:
+        told = f"by its suffix it is {source_name(path)}: make a program of it by pulsepath import"
+    except MotionError:
+        return error
+    return FileError(error.file, [*error.faults, Fault("", told, error.faults[-1].line)])
 
 
 def program_names() -> tuple[str, ...]:

@@ -16,8 +16,8 @@ from functools import reduce
 
 import casadi as ca
 
-from kinematics.errors import MotionError
-from kinematics.registry import nearest
+from kinematics.errors import BadValue, MotionError
+from kinematics.registry import closest, nearest
 from kinematics.units import shown
 
 LONGEST = 500
@@ -89,12 +89,16 @@ def formula(text: str, constants: Mapping[str, float], t: ca.SX | None = None) -
             warnings.simplefilter("ignore")  # of the parser, about what is no formula anyway
             tree = ast.parse(text, mode="eval").body
     except (SyntaxError, ValueError, RecursionError, MemoryError):
-        raise MotionError(f'{shown(text)} is no formula: write e.g. "15*cos(t)"') from None
+        opened, closed = text.count("("), text.count(")")
+        paired = "" if opened == closed else f", with {opened} ( and {closed} )"
+        raise MotionError(f'{shown(text)} is no formula{paired}: write e.g. "15*cos(t)"') from None
     known = {"pi": ca.SX(math.pi), **{name: ca.SX(value) for name, value in constants.items()}}
     if t is not None:
         known["t"] = t
     try:
         return _built(tree, text, known, 0)
+    except BadValue as no:
+        raise BadValue(f"{shown(text)}: {no}", allowed=no.allowed, nearest=no.nearest) from None
     except MotionError as no:
         raise MotionError(f"{shown(text)}: {no}") from None
 
@@ -124,7 +128,9 @@ def _built(node: ast.expr, text: str, known: Mapping[str, ca.SX], depth: int) ->
         case ast.Name(id=name):
             if name not in known:
                 where = " here" if name in ("t", *_FUNCTIONS) else nearest(name, [*known, *_FUNCTIONS])
-                raise MotionError(f"{name} has no meaning{where}; it knows {', '.join(known)}")
+                near = "" if name in KNOWN else closest(name, [*known, *_FUNCTIONS])
+                told = f"{name} has no meaning{where}; it knows {', '.join(known)}"
+                raise BadValue(told, allowed=", ".join(known), nearest=near)
             made = known[name]
         case ast.UnaryOp(op=ast.UAdd() | ast.USub(), operand=operand):
             inner = _built(operand, text, known, depth + 1)
@@ -138,9 +144,8 @@ def _built(node: ast.expr, text: str, known: Mapping[str, ca.SX], depth: int) ->
             values = [_built(argument, text, known, depth + 1) for argument in arguments]
             made = reduce(function, values) if name in _MANY else function(*values)
         case ast.Call(func=ast.Name(id=name)):
-            raise MotionError(
-                f"{name[:40]}(…) is not known{nearest(name, _FUNCTIONS)}; there are {', '.join(_FUNCTIONS)}"
-            )
+            told = f"{name[:40]}(…) is not known{nearest(name, _FUNCTIONS)}; there are {', '.join(_FUNCTIONS)}"
+            raise BadValue(told, allowed=", ".join(_FUNCTIONS), nearest=closest(name, _FUNCTIONS))
         case _:
             raise MotionError(
                 f"{_source(node, text)}: not for formulas, which have numbers, names, + - * / ** and functions"

@@ -1,9 +1,11 @@
 """Where along a plan something happens, and the refusal that names it."""
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from kinematics.errors import MotionError
+from kinematics.errors import MotionError, OutOfReach
+from kinematics.table import Column
 from kinematics.units import apart
 
 
@@ -31,6 +33,19 @@ class Place:
         return ", ".join(parts)
 
 
+def where_columns(places: "Sequence[Place]") -> tuple[Column, ...]:
+    """Whose limit, segment, distance and time of places, as far as any of them tells."""
+    units = "m" if any(place.segment is not None for place in places) else ""
+    columns = (
+        Column("at", [place.axis or None for place in places]),
+        Column("segment", [place.segment for place in places]),
+        Column("repetition", [place.repetition for place in places]),
+        Column("s", [place.s for place in places], units, "human", ".3f" if units else ".6g"),
+        Column("t", [place.t for place in places], "s", form=".4f"),
+    )
+    return tuple(column for column in columns if any(value is not None for value in column.values))
+
+
 class Infeasible(MotionError):
     """The motion asked for cannot keep a limit: kind, axis, place, value and limit in a unit, and what to change."""
 
@@ -38,11 +53,34 @@ class Infeasible(MotionError):
         self, kind: str, axis: str, place: Place | None, value: float, limit: float, unit: str, remedy: str
     ) -> None:
         self.kind, self.axis, self.place = kind, axis, place
-        self.value, self.limit, self.unit, self.remedy = value, limit, unit, remedy
+        self.value, self.limit, self.unit = value, limit, unit
+        self._remedy = remedy
+        self._more: Callable[[], object] | None = None
         where = "" if place is None else f" at {place}"
         who = f"{axis} " if axis and (place is None or not place.axis) else ""
         reached, allowed = apart(value, limit)
-        super().__init__(f"{who}{kind} {reached} {unit} is beyond {allowed} {unit}{where}; {remedy}")
+        super().__init__(f"{who}{kind} {reached} {unit} is beyond {allowed} {unit}{where}")
+
+    def __str__(self) -> str:
+        return f"{self.args[0]}; {self.remedy}"
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """With its remedy worked out: what does that need not be known where it is sent."""
+        self.remedy  # noqa: B018
+        return super().__reduce__()
+
+    @property
+    def remedy(self) -> str:
+        """What to change, and by how much."""
+        if self._more is not None:
+            self._remedy, self._more = f"{self._remedy}; {self._more()}", None
+        return self._remedy
+
+    def advising(self, more: Callable[[], object]) -> "Infeasible":
+        """With more to its remedy, which is worked out when it is read: that may take a second."""
+        advised = Infeasible(self.kind, self.axis, self.place, self.value, self.limit, self.unit, self.remedy)
+        advised._more = more
+        return advised
 
     @property
     def relaxation(self) -> float:
@@ -51,6 +89,23 @@ class Infeasible(MotionError):
         ∞ where the limit is 0: an end of travel at home, which no factor moves.
         """
         return self.value / self.limit if self.limit else float("inf")
+
+
+class LostPath(OutOfReach):
+    """A path that leaves what the actuators reach or hold, and more to its remedy, worked out when it is read."""
+
+    def __init__(self, told: str, more: Callable[[], object]) -> None:
+        self._more: Callable[[], object] | None = more
+        super().__init__(told)
+
+    def __str__(self) -> str:
+        if self._more is not None:
+            self.args, self._more = (f"{self.args[0]}; {self._more()}",), None
+        return str(self.args[0])
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        str(self)
+        return super().__reduce__()
 
 
 class ConstantRefused(Infeasible):

@@ -1,42 +1,58 @@
 """The main job, top to bottom: program -> path -> limits -> certified motion -> pulses."""
 
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from functools import partial
+from os import PathLike
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from kinematics.errors import MotionError
+from kinematics.errors import MotionError, OutOfReach
 from kinematics.machine import Machine
+from kinematics.result import Result
+from kinematics.table import Table
 from planner.actuation import MachinePath, actuate
 from planner.certify import Certificate
 from planner.course import course
 from planner.duration import within
 from planner.limits import Limit, limits_of, usual_order
+from planner.limits.clearance import Clearance
+from planner.limits.holding import Holding
+from planner.limits.tilt import Tilt
+from planner.limits.travel import Travel
 from planner.orientation import oriented
 from planner.parallel import Progress, silent
-from planner.place import Infeasible
+from planner.path.join import blend_tables
+from planner.place import Infeasible, LostPath
 from planner.program import Program
-from planner.pulses import Motion, PulseSchedule, RealisedPath, Rule, find_rule, generate, realised
+from planner.pulses import Motion, PulseSchedule, RealisedPath, Rule, find_rule, generate, realised, schedule_tables
 from planner.pulses.compensate import counted
-from planner.solve import fastest
+from planner.solve import fastest, timed
 from planner.standing import Standing, standing
 from planner.steadiness import CONSTANT, Stretch, stretches
 from planner.timing.floor import left_out
 from planner.trajectory import Trajectory
-from planner.triggers import Triggered, triggered
+from planner.triggers import Triggered, trigger_tables, triggered
+
+GEOMETRIC = tuple(limit.name for limit in (Travel, Tilt, Clearance, Holding))
+"""Limits that the path alone breaks."""
 
 if TYPE_CHECKING:
     from mpl_toolkits.mplot3d import Axes3D
 
+    from planner.export.format import Exported
+
 
 @dataclass(frozen=True, slots=True)
-class Plan:
+class Plan(Result):
     """A program on a machine: the path in the actuators, the fastest motion, its proof, and the pulses that make it.
 
-    counted: the motion, or where axes ask for compensation what their motors make of it, which the pulses count
-    order (2: to acceleration, 3: to jerk); rounds of solving until the proof held; methods: the solver of each run
-    lower_estimate: s, about the least that any motion within the limits on speed and acceleration takes, with the
-    constant speeds that are asked for; stated_duration: s, what was asked for instead of the fastest, if anything
+    counted          the motion, or where axes ask for compensation what their motors make of it, which the pulses count
+    order            2: to acceleration, 3: to jerk
+    rounds, methods  of solving until the proof held; the solver of each run
+    lower_estimate   s, about the least that any motion within the limits on speed and acceleration takes, with the
+                     constant speeds that are asked for
+    stated_duration  s, what was asked for instead of the fastest, if anything
     """
 
     program: Program
@@ -77,6 +93,33 @@ class Plan:
         """How far the pose that the pulses stand for is from the planned one; stride k looks at every k-th interval."""
         return realised(self, stride=stride)
 
+    def export(self, format: str, path: str | PathLike[str], *, force: bool = False, **options: Any) -> "Exported":
+        """Write it in a format of `planner.export.formats`, and tell how far what the file holds is from the plan.
+
+        options: the fields of the format's dataclass, in SI units. force: replace a file that is there.
+        Raises MotionError for an unknown format or option, a file that is there, and what the format cannot hold.
+        """
+        from planner.export.written import written
+
+        return written(self, format, path, force, options)
+
+    def tables(self) -> tuple[Table, ...]:
+        """How long it takes, what is proved of it, its blends, its pulses and its triggers."""
+        stated = None if self.stated_duration is None else "as stated"
+        title = f"{self.program.name} on {self.machine.name}, order {self.order}"
+        units = {axis.name: axis.unit for axis in self.machine.axes}
+        return (
+            timed(title, self.trajectory.duration, self.lower_estimate, stated),
+            *self.certificate.tables(),
+            *blend_tables(self.path.blends),
+            *schedule_tables.tables(self.pulses, units),
+            *trigger_tables(self.triggers, self.path.names),
+        )
+
+    def data(self) -> Table:
+        """The motion over time; `certificate` and `pulses` have data of their own."""
+        return self.trajectory.data()
+
     def plot(self, ax: "Axes3D | None" = None) -> "Axes3D":
         """The path in space, coloured by speed; planner.plots has the other figures of a plan."""
         from planner.plots import path_in_space
@@ -113,12 +156,15 @@ def plan(
         raise MotionError(f"duration {duration} s must be positive and finite")
     rule = find_rule(rule) if isinstance(rule, str) else rule
     program = oriented(program, machine, order)
-    whole = course(program, machine, order)
-    path, limits = whole.path, whole.limits
-    if duration is None:
-        solution = fastest(path, limits, order, progress)
-    else:
-        solution = within(path, limits, machine.axes, order, duration, progress)
+    try:
+        whole = course(program, machine, order)
+        path, limits = whole.path, whole.limits
+        if duration is None:
+            solution = fastest(path, limits, order, progress)
+        else:
+            solution = within(path, limits, machine.axes, order, duration, progress)
+    except (Infeasible, OutOfReach) as no:
+        raise _advised(no, program, machine, order) from None
     motors, pulses = _pulses(solution.trajectory, machine, int(clock_hz), rule, progress or silent)
     return Plan(
         program,
@@ -157,5 +203,21 @@ def check(program: Program, machine: Machine) -> Standing:
 
     Raises MotionError for a path that cannot be drawn.
     """
-    path = actuate(oriented(program, machine, usual_order(machine.axes)), machine)
-    return replace(standing(path, limits_of(path, machine.axes, 2)), blends=path.blends)
+    program = oriented(program, machine, usual_order(machine.axes))
+    try:
+        path = actuate(program, machine)
+    except OutOfReach as no:
+        raise _advised(no, program, machine, 2) from None
+    found = standing(path, limits_of(path, machine.axes, 2))
+    worst = tuple(_advised(no, program, machine, 2) for no in found.violations[:1])
+    return replace(found, violations=(*worst, *found.violations[1:]), blends=path.blends)
+
+
+def _advised(no: MotionError, program: Program, machine: Machine, order: int) -> MotionError:
+    """What no timing can help, with how far the path must shrink or move; a refusal of another kind as it is."""
+    from planner.refit import refit
+
+    more = partial(refit, program, machine, order)
+    if isinstance(no, Infeasible):
+        return no.advising(more) if no.kind in GEOMETRIC else no
+    return LostPath(str(no), more)

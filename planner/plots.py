@@ -1,11 +1,10 @@
 """Figures of a plan: each function draws on `ax`, or on a figure of its own, and returns the axes."""
 
 from itertools import groupby
-from typing import Any, Literal, cast
+from typing import Any, Literal
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from matplotlib.patches import StepPatch
 from matplotlib.ticker import MaxNLocator
 from mpl_toolkits.mplot3d import Axes3D
@@ -13,20 +12,16 @@ from mpl_toolkits.mplot3d.art3d import Line3DCollection
 
 from kinematics.array import Array
 from kinematics.axis import Axis
+from kinematics.figure import PALETTE, line_style, new_axes, new_axes_3d
 from kinematics.pose import from_numbers
 from planner.held_back import active_limits
 from planner.plan import Plan
-from planner.pulses.rates import BINS
+from planner.pulses import schedule_plot
 from planner.pulses.realised_path import RealisedPath
 from planner.trajectory import Trajectory
+from planner.trajectory_plots import drawn
 
 Quantity = Literal["position", "speed", "acceleration", "jerk"]
-
-PALETTE = ("#0072B2", "#E69F00", "#009E73", "#D55E00", "#CC79A7", "#56B4E9", "#7F7F7F")
-"""Colours that colour-blind readers tell apart [Okabe and Ito 2008], with grey for their yellow and black."""
-DASHES = ("-", "--", "-.", ":")
-SAMPLES = 2000
-"""Instants drawn, beside the knots of the trajectory."""
 
 _UNIT = {"linear": ("mm", 1e3), "rotary": ("°", 180 / np.pi)}
 _DERIVATIVE = {"position": ("q", ""), "speed": ("qd", "/s"), "acceleration": ("qdd", "/s²"), "jerk": ("qddd", "/s³")}
@@ -34,9 +29,8 @@ _DERIVATIVE = {"position": ("q", ""), "speed": ("qd", "/s"), "acceleration": ("q
 
 def path_in_space(plan: Plan, ax: Axes3D | None = None) -> Axes3D:
     """The way of the tool (else the platform's origin) in the program's frame, coloured by its speed; its rests."""
-    if ax is None:
-        ax = cast(Axes3D, Figure(figsize=(9, 5.4), layout="constrained").add_subplot(projection="3d"))
-    state = plan.trajectory.at(instants(plan.trajectory))
+    ax = new_axes_3d(ax)
+    state = plan.trajectory.at(drawn(plan.trajectory))
     pose = from_numbers(state.tool_rate(0))
     from_home = plan.program.frame == "home"
     mover = "platform's origin" if plan.path.tool is None else "tool"
@@ -74,11 +68,11 @@ def axis_motion(
     kind = axes[0].kind if kind is None else kind
     unit, scale = _UNIT[kind]
     attribute, per = _DERIVATIVE[quantity]
-    t = instants(plan.trajectory)
+    t = drawn(plan.trajectory)
     values: Array = getattr(plan.trajectory.at(t), attribute) - (plan.machine.home_q if quantity == "position" else 0.0)
     chosen = [n for n, axis in enumerate(axes) if axis.kind == kind]
     for place, n in enumerate(chosen):
-        ax.plot(t, scale * values[:, n], label=axes[n].name, **_style(place))
+        ax.plot(t, scale * values[:, n], label=axes[n].name, **line_style(place))
     bounds = [_bounds(axes[n], quantity) for n in chosen]
     for level in sorted({bound for pair in bounds for bound in pair if np.isfinite(bound)}):
         owners = [place for place, pair in enumerate(bounds) if level in pair]
@@ -95,7 +89,7 @@ def limit_use(plan: Plan, ax: Axes | None = None, over: Literal["path", "time"] 
     s = np.append(trajectory.s, trajectory.at(trajectory.duration).s)
     edges = trajectory.knots if over == "time" else 1e3 * s
     for n, limit in enumerate(plan.limits):
-        _stairs(ax, plan.certificate.use[limit.name], edges, label=limit.name, **_style(n))
+        _stairs(ax, plan.certificate.use[limit.name], edges, label=limit.name, **line_style(n))
     ax.set_axisbelow(True)
     active = active_limits(plan)
     bands: dict[int, list[tuple[float, float]]] = {}
@@ -124,16 +118,10 @@ def limit_use(plan: Plan, ax: Axes | None = None, over: Literal["path", "time"] 
 
 
 def pulse_rate(plan: Plan, ax: Axes | None = None) -> Axes:
-    """Pulses per second of every axis over time, averaged over windows of 1/600 of the duration, and their limits."""
-    ax = new_axes(ax)
-    edges = np.linspace(0, plan.pulses.duration, BINS + 1)
-    for n, axis in enumerate(plan.pulses.axes):
-        fired, _ = np.histogram(axis.ticks / plan.pulses.clock_hz, edges)
-        ax.plot((edges[1:] + edges[:-1]) / 2, fired / np.diff(edges) / 1e3, label=axis.name, **_style(n))
+    """Pulses per second of every axis over time, as of the schedule alone, and their limits."""
+    ax = schedule_plot.pulse_rate(plan.pulses, ax)
     for rate in {axis.max_pulse_rate for axis in plan.machine.axes if axis.max_pulse_rate is not None}:
         ax.axhline(rate / 1e3, color="black", linestyle=(0, (6, 3)), linewidth=1)
-    ax.set(xlabel="time (s)", ylabel="pulse rate (1000/s)", xlim=(0, plan.pulses.duration))
-    ax.set_ylim(bottom=0)
     return ax
 
 
@@ -144,7 +132,7 @@ def realised_error(result: RealisedPath, name: str = "position", ax: Axes | None
     """
     ax = new_axes(ax)
     error = result[name]
-    _stairs(ax, 1e6 * error.series, result.edges, label=result.rule, **{**_style(0), **style})
+    _stairs(ax, 1e6 * error.series, result.edges, label=result.rule, **{**line_style(0), **style})
     _stairs(ax, 1e6 * error.bounds, result.edges, label="bound", color="black", linestyle=(0, (6, 3)))
     ax.set_axisbelow(True)
     ax.set(xlabel="time (s)", ylabel=f"{name} error (µ{error.unit})", xlim=(0, result.edges[-1]))
@@ -152,35 +140,11 @@ def realised_error(result: RealisedPath, name: str = "position", ax: Axes | None
     return ax
 
 
-def path_speed(trajectory: Trajectory, ax: Axes | None = None, **style: Any) -> Axes:
-    """The speed along the path over time; `style` goes to the line, so that two timings can share the axes."""
-    ax = new_axes(ax)
-    t = instants(trajectory)
-    ax.plot(t, 1e3 * trajectory.at(t).sd, **style)
-    ax.set(xlabel="time (s)", ylabel="speed along the path (mm/s)")
-    return ax
-
-
-def instants(trajectory: Trajectory) -> Array:
-    """Instants (N,) to draw a trajectory at: evenly spaced ones, and its knots."""
-    return np.union1d(np.linspace(0, trajectory.duration, SAMPLES), trajectory.knots)
-
-
-def new_axes(ax: Axes | None) -> Axes:
-    """`ax`, or the axes of a new figure; pyplot is not involved, so nothing is shown or kept."""
-    return Figure(figsize=(9, 3.4), layout="constrained").add_subplot() if ax is None else ax
-
-
 def _stairs(ax: Axes, values: Array, edges: Array, **style: Any) -> None:
     """What `Axes.stairs` draws, which takes longer to find the ends of every step than to draw it."""
     ax.add_artist(StepPatch(values, edges, baseline=None, fill=False, **style))  # type: ignore[arg-type]  # a float only
     ax.update_datalim([(edges[0], values.min()), (edges[-1], values.max())])
     ax.autoscale_view()
-
-
-def _style(n: int) -> dict[str, Any]:
-    """Colour and dash of the n-th line."""
-    return {"color": PALETTE[n % len(PALETTE)], "linestyle": DASHES[n // len(PALETTE) % len(DASHES)], "linewidth": 1.3}
 
 
 def _bounds(axis: Axis, quantity: Quantity) -> tuple[float, float]:

@@ -1,8 +1,10 @@
 """The program model: what the tool is asked to do, segment by segment, in SI units and in the program's own frame."""
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from math import isfinite
-from typing import Literal
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from casadi import SX
@@ -11,6 +13,8 @@ from scipy.spatial.transform import Rotation
 from kinematics.array import Array
 from kinematics.errors import MotionError
 from kinematics.pose import Pose
+from kinematics.result import Result
+from kinematics.table import Column, Table
 from planner.formula import check_names, formula
 from planner.modifiers import STOP
 from planner.modifiers import Blend as Blend
@@ -20,6 +24,9 @@ from planner.modifiers import Stop as Stop
 from planner.modifiers import Through as Through
 from planner.modifiers import Trigger as Trigger
 from planner.wanted import capped, direction, point, points, positive, repeats
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 SAME = 1e-9
 """Points nearer than this are the same (m), angles likewise (rad)."""
@@ -206,7 +213,7 @@ Frame = Literal["home", "base"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Program:
+class Program(Result):
     """A program of segments, run one after the other; coordinates are absolute in its frame.
 
     frame    "home": relative to the machine's home pose, or "base": in the machine's base frame
@@ -218,6 +225,7 @@ class Program:
     repeat   how often the segments are run, one time after the other, each from where the path stands
     duration  s that the whole is to take, as smoothly as it can; None: as little as it can
     start_speed, end_speed  tool speed (m/s) with which the motion begins and ends; 0: at rest
+    file     what it was read from, for messages; empty: it was not
     Raises MotionError for an empty program, an unknown frame, a count or a speed that is none.
     """
 
@@ -235,6 +243,7 @@ class Program:
     repeat: int = field(default=1, kw_only=True)
     start_speed: float = field(default=0.0, kw_only=True)
     end_speed: float = field(default=0.0, kw_only=True)
+    file: str = field(default="", kw_only=True)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "segments", tuple(self.segments))
@@ -252,10 +261,59 @@ class Program:
         positive(f"program {self.name}", "duration", self.duration, "s")
         capped(self, f"program {self.name}")
 
+    def tables(self) -> tuple[Table, ...]:
+        """Its segments, one a row: where each leads as far as it says so itself, its caps, join and trigger."""
+        segments = self.segments
+        ends = [_end(segment) for segment in segments]
+        caps = (("speed", "m/s"), ("acceleration", "m/s^2"), ("angular_speed", "rad/s"))
+        columns = (
+            Column("segment", range(1, len(segments) + 1)),
+            Column("kind", [type(segment).__name__.lower() for segment in segments]),
+            *(
+                Column(name, [None if end is None else float(end[k]) for end in ends], "m", "human")
+                for k, name in enumerate("xyz")
+            ),
+            *(
+                Column(name.replace("_", " "), [self.cap(segment, name) for segment in segments], unit, "human")
+                for name, unit in caps
+            ),
+            Column("rest", [segment.duration if isinstance(segment, Dwell) else None for segment in segments], "s"),
+            Column("join", [type(getattr(segment, "join", None)).__name__.lower() for segment in segments],
+                   words={"nonetype": ""}),
+            Column("trigger", [getattr(getattr(segment, "trigger", None), "name", None) for segment in segments]),
+        )  # fmt: skip
+        told = tuple(column for column in columns if any(value is not None for value in column.values))
+        again = "" if self.repeat == 1 else f", {self.repeat} times"
+        return (Table(f"{self.name}: {len(segments)} segments{again}, from {self.frame}", told),)
+
+    def files(self) -> Mapping[str, Callable[[Path], None]]:
+        """.toml: a file that `load_program` reads; .csv and .json: the table."""
+        from planner.program_writer import program_toml
+
+        return {
+            ".toml": lambda path: path.write_bytes(program_toml(self).encode()),
+            ".csv": self._csv,
+            ".json": self._json,
+        }
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """The tool's way in the program's coordinates."""
+        from planner.sources.outline import outline
+        from planner.sources.plots import path
+
+        return path(outline(self), ax, self.name)
+
     def cap(self, segment: Segment, name: str) -> float | None:
         """A segment's own cap, or the program's; None where neither says one, or the segment cannot have it."""
         own: float | None = getattr(segment, name, None)
         return getattr(self, name) if own is None and hasattr(segment, name) else own
+
+
+def _end(segment: Segment) -> Array | None:
+    """(3,) m where a segment leads, if it says so itself."""
+    if isinstance(segment, Line):
+        return segment.to
+    return segment.through[-1] if isinstance(segment, Spline) else None
 
 
 def stopping(program: Program) -> Program:

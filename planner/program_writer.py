@@ -19,43 +19,44 @@ _CAPS = {"speed": ("mm/s", 3), "acceleration": ("mm/s^2", 3), "angular_speed": (
 """Unit in which a cap is written, and its power of ten from SI."""
 
 
-def program_toml(program: Program, comment: str = "") -> str:
-    """The TOML text of a program, after the lines of a comment."""
+def program_toml(program: Program, comment: str = "", *, complete: bool = False) -> str:
+    """The TOML text of a program, after the lines of a comment; complete: with what holds where nothing is said."""
     lines = [f"# {line}".rstrip() for line in comment.splitlines()]
-    lines += ["schema = 1", *_head(program)]
+    lines += ["schema = 1", *_head(program, complete)]
     for segment in program.segments:
-        lines += ["", "[[segment]]", *_segment(segment)]
+        lines += ["", "[[segment]]", *_segment(segment, complete)]
     return "\n".join(lines) + "\n"
 
 
-def _head(program: Program) -> Iterator[str]:
+def _head(program: Program, complete: bool) -> Iterator[str]:
     if program.machine is not None:
         yield f"machine = {quoted(program.machine)}"
     yield from ('length = "mm"', 'angle = "rad"', f'frame = "{program.frame}"')
     if program.start is not None:
         yield f"start = {_list([*_millimetres(program.start.translation), *_angles(program.start.rotation)])}"
-    if program.repeat != 1:
+    if complete or program.repeat != 1:
         yield f"repeat = {program.repeat}"
     if program.duration is not None:
         yield f"duration = {quantity(program.duration, 's')}"
     yield from _caps(program)
     for name in ("start_speed", "end_speed"):
-        if getattr(program, name):
+        if complete or getattr(program, name):
             yield f"{name} = {quantity(getattr(program, name), 'mm/s', 3)}"
     for name, frame in (("tool", program.tool), ("work", program.work)):
         if frame is not None:
             yield f"{name} = {_frame(frame)}"
 
 
-def _segment(segment: Segment) -> Iterator[str]:
+def _segment(segment: Segment, complete: bool) -> Iterator[str]:
     if isinstance(segment, Dwell):
         yield f"dwell = {quantity(segment.duration, 's')}"
         return
     yield from _SHAPES[type(segment)](segment)
     yield from _caps(segment)
-    if getattr(segment, "speed_constant", False):
-        yield "speed_constant = true"
-    if not isinstance(segment.join, Stop):
+    constant: bool | None = getattr(segment, "speed_constant", None)  # None: a turn, which has no speed to keep
+    if constant or (complete and constant is not None):
+        yield f"speed_constant = {str(constant).lower()}"
+    if complete or not isinstance(segment.join, Stop):
         yield f"join = {_join(segment.join)}"
     if segment.trigger is not None:
         yield f"trigger = {{ name = {quoted(segment.trigger.name)}, at = {segment.trigger.at!r} }}"
@@ -123,7 +124,7 @@ def _caps(of: Program | Segment) -> Iterator[str]:
 
 def _join(join: object) -> str:
     if not isinstance(join, Blend):
-        return '"through"'
+        return '"stop"' if isinstance(join, Stop) else '"through"'
     angle = "" if join.angle is None else f", angle = {join.angle!r}"
     return f"{{ blend = {decimal(join.tolerance, 3)}{angle} }}"
 

@@ -4,11 +4,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import chain, pairwise
-from typing import NoReturn
+from typing import TYPE_CHECKING, NoReturn
 
 import numpy as np
 
 from kinematics.errors import MotionError
+from kinematics.result import Result
+from kinematics.table import Column, Table
 from planner.actuation import ActuatorPath
 from planner.certify import TOLERANCE, Certificate, Known, certify
 from planner.limits.limit import Limit
@@ -20,12 +22,15 @@ from planner.timing.problem import Run
 from planner.timing.profile import Profile
 from planner.trajectory import Trajectory
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
 # Runs that are proved together: what one of them takes is more than handing it to another process.
 PART = 8
 
 
 @dataclass(frozen=True, slots=True)
-class Solution:
+class Solution(Result):
     """A trajectory and the proof that it respects every limit.
 
     order; rounds: how often it was solved until the proof held; methods: the solver that gave each run's motion
@@ -46,9 +51,30 @@ class Solution:
         """How far the duration is above the estimate of its lower bound, as a share of that."""
         return self.trajectory.duration / self.lower_estimate - 1
 
-    def __str__(self) -> str:
-        solvers = ", ".join(sorted(set(self.methods)))
-        return f"{self.trajectory.duration:.6f} s at order {self.order}, by {solvers}; {self.certificate}"
+    def tables(self) -> tuple[Table, ...]:
+        """How long it takes, and how long about it must; its certificate."""
+        title = f"motion at order {self.order}, by {', '.join(sorted(set(self.methods)))}"
+        return timed(title, self.trajectory.duration, self.lower_estimate), *self.certificate.tables()
+
+    def data(self) -> Table:
+        """The motion over time."""
+        return self.trajectory.data()
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """The speed along the path over time."""
+        return self.trajectory.plot(ax)
+
+
+def timed(title: str, duration: float, least: float, note: str | None = None) -> Table:
+    """What a motion takes, and the estimate of the least that any would; note: what there is to say of the first."""
+    return Table(
+        title,
+        (
+            Column("what", ["duration", "lower bound, estimated"]),
+            Column("time", [duration, least], "s", form=".6f"),
+            Column("note", [note, f"the duration is {100 * (duration / least - 1):.2f} % above it"]),
+        ),
+    )
 
 
 def fastest(path: ActuatorPath, limits: Sequence[Limit], order: int, progress: Progress | None = None) -> Solution:

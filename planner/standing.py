@@ -2,25 +2,31 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from kinematics.errors import MotionError, OutOfReach
+from kinematics.result import Result
+from kinematics.table import Column, Table
 from planner.actuation import ActuatorPath, MachinePath
 from planner.certify import TOLERANCE, along_path
 from planner.control import singular
 from planner.limits.limit import Limit
-from planner.path.join import Blended
-from planner.place import Infeasible, Place
+from planner.path.join import Blended, blend_tables
+from planner.place import Infeasible, Place, where_columns
 from planner.trajectory import State, Trajectory
 from planner.walk import walk
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 # Points of a part of the path that are looked at for the worst place.
 POINTS = 65
 
 
 @dataclass(frozen=True, slots=True)
-class Standing:
+class Standing(Result):
     """Every violation, the worst first, and of each limit the largest use that is proved, and where.
 
     blends: what became of the program's joins that ask for one
@@ -29,6 +35,26 @@ class Standing:
     violations: tuple[MotionError, ...]
     largest: dict[str, tuple[float, Place]]
     blends: tuple[Blended, ...] = ()
+
+    def tables(self) -> tuple[Table, ...]:
+        """The largest use of each limit and where, the violations below; the blends."""
+        uses = Table(
+            "largest use of each limit, proved along the path",
+            (
+                Column("limit", [*self.largest]),
+                Column("bound", [use for use, _ in self.largest.values()], form=".7f", up=True),
+                *where_columns([place for _, place in self.largest.values()]),
+            ),
+            tuple(map(str, self.violations)),
+        )
+        return uses, *blend_tables(self.blends)
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """The largest use of each limit."""
+        from kinematics.bars import bars
+
+        uses = [use for use, _ in self.largest.values()]
+        return bars([*self.largest], uses, "bound of value/limit along the path", ax, 1.0)
 
 
 def standing(path: ActuatorPath, limits: Sequence[Limit]) -> Standing:

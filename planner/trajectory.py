@@ -1,16 +1,25 @@
 """A motion in time: s(t) in closed-form pieces along an actuator path."""
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from kinematics.array import Array, frozen
 from kinematics.clearance import Bodies
 from kinematics.errors import MotionError
 from kinematics.expression import Expression
 from kinematics.pose import Pose, from_numbers
+from kinematics.result import Result
+from kinematics.table import Column, Table
 from planner.actuation import ActuatorPath
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +85,7 @@ class State:
 
 
 @dataclass(frozen=True, slots=True)
-class Trajectory:
+class Trajectory(Result):
     """s(t) = s + v τ + a τ²/2 + j τ³/6 with τ = t - knots[k] on piece k, which runs inside path piece `piece[k]`.
 
     knots  (M+1,) s, from 0 to the duration; never decreasing
@@ -100,11 +109,46 @@ class Trajectory:
     def duration(self) -> float:
         return float(self.knots[-1])
 
+    def tables(self) -> tuple[Table, ...]:
+        """Between what each axis moves, and the largest of its derivatives that is seen."""
+        from planner.series import axis_units, instants
+
+        seen, units = self.at(instants(self)), axis_units(self.path)
+        rates = (("speed", seen.qd, "/s"), ("acceleration", seen.qdd, "/s^2"), ("jerk", seen.qddd, "/s^3"))
+        names = Column("axis", self.path.names)
+        ends = (Column(name, of(seen.q, axis=0), units, "human") for name, of in (("from", np.min), ("to", np.max)))
+        most = (
+            Column(name, np.abs(values).max(0), [f"{unit}{per}" if unit else "" for unit in units], "human")
+            for name, values, per in rates
+        )
+        title = f"motion of {self.duration:.6f} s; the largest that is seen every millisecond"
+        return (Table(title, (names, *ends, *most)),)
+
+    def data(self) -> Table:
+        """The motion every millisecond: distance, pose, and the axes with their derivatives."""
+        from planner.series import headings, instants, rows
+
+        values = rows(self, instants(self))
+        columns = (Column(name, values[:, k], unit) for k, (name, unit) in enumerate(headings(self.path)))
+        return Table(f"motion of {self.duration:.6f} s", tuple(columns))
+
+    def files(self) -> Mapping[str, Callable[[Path], None]]:
+        """.csv: `data()` in 12 digits; .json: the closed-form pieces, exact."""
+        from planner.export import motion_json, trajectory_csv
+
+        return {".csv": partial(trajectory_csv.write, self), ".json": partial(motion_json.write, self)}
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """The speed along the path over time."""
+        from planner.trajectory_plots import path_speed
+
+        return path_speed(self, ax)
+
     def locate(self, t: Array) -> np.ndarray:
         """Index of the time piece of each instant; a knot belongs to the piece that it starts."""
         return np.clip(np.searchsorted(self.knots, t, side="right") - 1, 0, len(self.s) - 1)
 
-    def at(self, t: float | Array) -> State:
+    def at(self, t: ArrayLike) -> State:
         """The state at t; before 0 and after the duration the motion rests at its ends.
 
         q̇ = q′ ṡ;  q̈ = q′ s̈ + q″ ṡ²;  q⃛ = q′ s⃛ + 3 q″ ṡ s̈ + q‴ ṡ³.

@@ -1,5 +1,6 @@
 """Triggers: when a motion comes by the positions that its program marks, and what every axis has counted by then."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -7,9 +8,10 @@ import numpy as np
 
 from kinematics.array import Array, frozen
 from kinematics.pose import Pose
+from kinematics.table import Column, Table
 from planner.actuation import MachinePath, points_of
 from planner.path.way import way
-from planner.place import Place
+from planner.place import Place, where_columns
 from planner.program import SAME, Dwell, Program
 from planner.pulses import PulseSchedule
 from planner.trajectory import Trajectory
@@ -35,6 +37,16 @@ class Triggered:
         """s from the start of the motion."""
         assert self.where.t is not None  # every trigger has one
         return self.where.t
+
+
+def trigger_tables(events: "Sequence[Triggered]", axes: Sequence[str]) -> tuple[Table, ...]:
+    """When and where each event is, and the counts of the axes by then; no table where there is none."""
+    if not events:
+        return ()
+    counts = (Column(f"count {name}", [int(event.counts[k]) for event in events]) for k, name in enumerate(axes))
+    name, time = Column("name", [event.name for event in events]), [event.time for event in events]
+    where = (column for column in where_columns([event.where for event in events]) if column.name != "t")
+    return (Table("triggers", (name, *where, Column("t", time, "s", form=".7f"), *counts)),)
 
 
 def triggered(

@@ -23,6 +23,7 @@ from kinematics.pose import column
 from planner.path.free import CONTROLS, DEGREE, NUMBERS
 from planner.path.shape import Piece, Shape
 from planner.program import Free
+from planner.timing.patience import Patience
 
 Objective = Literal["time", "tilt", "feasible"]
 # Grid intervals of a segment, closer together towards its ends.
@@ -35,7 +36,7 @@ CALM = 1e-4
 MOVING = 1e-8
 # Room inside a cone, for the solver's tolerance.
 HAIR = 1e-6
-ITERATIONS = 300
+ITERATIONS, EVALUATIONS = 300, 30_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,7 +145,8 @@ def _solve(
             cost += duration * unit / whole
     cost += CALM * ca.sumsqr(controls) / len(parts)
     joined = [row for k, _ in enumerate(pairwise(parts)) for row in _continued(parts, joints[k + 1], controls, k)]
-    rows, equal = ca.vertcat(*below), ca.vertcat(*joined)
+    patience = Patience(EVALUATIONS)
+    rows, equal = ca.vertcat(*below) + patience(slack), ca.vertcat(*joined)
     timed = objective == "time"
     x = ca.vertcat(chosen, slack, *([*speeds, passed] if timed else []))
     fastest = np.concatenate([np.full((INTERVALS - 1) * len(parts), np.inf), most[most > MOVING]])[
@@ -162,13 +164,14 @@ def _solve(
             "show_eval_warnings": False,
         },
     )
-    found = solver(
-        x0=np.concatenate([start.T.ravel()[open_] / size, [0.0 if timed else 1.0], np.minimum(0.01, fastest / 2)]),
-        lbx=np.concatenate([-high[open_] / size, [0.0 if timed else -np.inf], np.full(len(fastest), MOVING)]),
-        ubx=np.concatenate([high[open_] / size, [0.0 if timed else np.inf], fastest]),
-        lbg=np.concatenate([np.full(rows.numel(), -np.inf), np.zeros(equal.numel())]),
-        ubg=np.zeros(rows.numel() + equal.numel()),
-    )
+    with patience.asked():
+        found = solver(
+            x0=np.concatenate([start.T.ravel()[open_] / size, [0.0 if timed else 1.0], np.minimum(0.01, fastest / 2)]),
+            lbx=np.concatenate([-high[open_] / size, [0.0 if timed else -np.inf], np.full(len(fastest), MOVING)]),
+            ubx=np.concatenate([high[open_] / size, [0.0 if timed else np.inf], fastest]),
+            lbg=np.concatenate([np.full(rows.numel(), -np.inf), np.zeros(equal.numel())]),
+            ubg=np.zeros(rows.numel() + equal.numel()),
+        )
     answer = np.zeros(high.size)
     answer[open_] = np.asarray(found["x"]).ravel()[: len(open_)] * size
     if not (solver.stats()["success"] and np.isfinite(answer).all()):

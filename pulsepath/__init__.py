@@ -14,8 +14,10 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
+    from benchmarks.compare import Comparison, compare, verdict_of
     from benchmarks.report import write_report
-    from controllers import Metrics, Tracking, evaluate, find_law, law_names, track
+    from benchmarks.sweep import Grid, read_setting, settings_of, sweep
+    from controllers import Metrics, Rig, Tracking, evaluate, find_law, law_names, load_rig, rig_names, track
     from kinematics import (
         Actuator,
         ActuatorNeed,
@@ -66,6 +68,7 @@ if TYPE_CHECKING:
         cylinder,
         error_budget,
         forces,
+        foreseen_errors,
         joint_circle,
         joint_need,
         load_actuators,
@@ -137,6 +140,7 @@ __all__ = [
     "Calibration",
     "Certificate",
     "Classical",
+    "Comparison",
     "Curve",
     "Deflection",
     "Disc",
@@ -146,6 +150,7 @@ __all__ = [
     "Forces",
     "Forward",
     "Free",
+    "Grid",
     "Hexapod",
     "Infeasible",
     "Joint",
@@ -173,6 +178,7 @@ __all__ = [
     "PulseSchedule",
     "Quantization",
     "RealisedPath",
+    "Rig",
     "Selection",
     "Slide",
     "Solution",
@@ -197,11 +203,13 @@ __all__ = [
     "calibration_parts",
     "check",
     "classical",
+    "compare",
     "cylinder",
     "error_budget",
     "evaluate",
     "find_law",
     "forces",
+    "foreseen_errors",
     "import_program",
     "joint_circle",
     "joint_need",
@@ -212,6 +220,7 @@ __all__ = [
     "load_measurements",
     "load_positions",
     "load_program",
+    "load_rig",
     "machine_names",
     "machine_toml",
     "measured_positions",
@@ -221,19 +230,24 @@ __all__ = [
     "plan",
     "plan_many",
     "program_names",
+    "read_setting",
     "read_urdf",
     "realised",
+    "rig_names",
     "save_positions",
     "select_parts",
+    "settings_of",
     "size_stepper",
+    "sweep",
     "time_optimal",
     "track",
+    "verdict_of",
     "whole_poses",
     "workspace",
     "write_report",
 ]
 
-_FLOORS = ("kinematics", "planner", "controllers", "benchmarks.report")
+_FLOORS = ("kinematics", "planner", "controllers", "benchmarks.report", "benchmarks.sweep", "benchmarks.compare")
 
 
 def __getattr__(name: str) -> Any:

@@ -1,5 +1,16 @@
 """`python -m pulsepath`: the command line."""
 
-from pulsepath.cli import main
+import signal
 
-main()
+
+def main() -> None:
+    """Run it. Before the commands have loaded, and after they are done, Ctrl-C ends the process and says nothing."""
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # else it is ignored, and stays so
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+    from pulsepath.cli import main
+
+    main(prog_name="pulsepath")
+
+
+if __name__ == "__main__":
+    main()

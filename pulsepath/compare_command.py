@@ -6,7 +6,10 @@ from typing import TYPE_CHECKING
 
 import click
 
+from pulsepath import known_names
 from pulsepath.exits import INFEASIBLE
+from pulsepath.intent import writes
+from pulsepath.known_names import completing
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -20,7 +23,7 @@ SEVEN = ("1", "2", "3", "4", "5", "6", "7")
 
 
 @click.command()
-@click.argument("rig", required=False)
+@click.argument("rig", required=False, shell_complete=completing(known_names.rigs, files=True))
 @click.option("--out", type=click.Path(path_type=Path), required=True, metavar="DIR", help="Directory to write.")
 @click.option(
     "--law",
@@ -28,6 +31,7 @@ SEVEN = ("1", "2", "3", "4", "5", "6", "7")
     multiple=True,
     metavar="LAW",
     help='Over its own gains, or with given ones as "6:gain=0.7"; may be repeated. Default: the seven published.',
+    shell_complete=completing(known_names.laws),
 )
 @click.option("--task", "tasks", multiple=True, metavar="TASK", help="Of the rig; may be repeated. Default: all.")
 @click.option("--seeds", type=click.IntRange(min=1), default=1, show_default=True, help="Runs of each by chance.")
@@ -63,11 +67,16 @@ def compare(
     force: bool,
     as_json: bool,
 ) -> None:
-    """Compare tracking laws and their gains on RIG, a preset's name or a TOML file (default: servo-rig).
+    """Compare tracking laws and their gains on RIG.
+
+    RIG is the name of a bundled one, or a TOML file; servo-rig if it is not given.
 
     Every law is run over its gains on every task, with inertia and friction as stated and 30 % off, and the runs are
     saved in DIR: those that are there already are not run again, and `--from DIR` compares them later.
+
+    Example: pulsepath compare servo-rig --law 3 --law 6 --out out/laws
     """
+    writes(out / "compare.json", kept="" if saved else f"runs that are done are kept in {out}, for the next time")
     from benchmarks.compare import compare as compared
     from benchmarks.compare import read_condition
     from benchmarks.sweep import load_runs
@@ -117,6 +126,7 @@ def _run(
     from benchmarks.sweep import Grid, described, read_setting, settings_of, sweep
     from kinematics import MotionError
     from pulsepath.progress import step
+    from pulsepath.talk import note
 
     settings = [
         setting for law in laws or SEVEN for setting in ([read_setting(law)] if ":" in law else settings_of(law))
@@ -129,4 +139,4 @@ def _run(
     for condition in asked:
         condition.check(facts)
     with step(f"running {rig.name}") as tell:
-        return sweep(grid, rig, out, address=address, progress=tell, tell=lambda text: click.echo(text, err=True))
+        return sweep(grid, rig, out, address=address, progress=tell, tell=note)

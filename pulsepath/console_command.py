@@ -6,12 +6,20 @@ from pathlib import Path
 
 import click
 
+from pulsepath import known_names
 from pulsepath.ending import Ended, ending
 from pulsepath.exits import BAD_INPUT
+from pulsepath.known_names import completing
 
 
 @click.command()
-@click.option("--machine", metavar="MACHINE", required=True, help="Preset or file.")
+@click.option(
+    "--machine",
+    metavar="MACHINE",
+    required=True,
+    help="Preset or file.",
+    shell_complete=completing(known_names.machines, files=True),
+)
 @click.option("--serial", metavar="PORT", help="Take remote commands from a serial line (needs the extra: serial).")
 @click.option("--baud", type=click.IntRange(110, 115200), default=9600, show_default=True, help="Of the serial line.")
 @click.option(
@@ -25,7 +33,9 @@ from pulsepath.exits import BAD_INPUT
 def console(
     machine: str, serial: str | None, baud: int, tcp: int | None, listen: str | None, state: Path | None, fast: bool
 ) -> None:
-    """Drive MACHINE on the virtual card from the keyboard, a pipe, a serial line or a socket.
+    """Drive MACHINE on the virtual card by typed lines.
+
+    They come from the keyboard, a pipe, a serial line or a socket.
 
     \b
     JOG X CW                 one axis slowly, until a key, STOP, or the end of its travel
@@ -39,6 +49,8 @@ def console(
     On a remote line, in mode REM: P X + 100 Y - 40 Z + 80 and a carriage return, answered by DONE after the motion.
 
     STOP during a MOVE ramps each axis down by itself: the tool leaves its line.
+
+    Example: pulsepath console --machine traverser --fast
 
     Exit codes: 0 done, 2 bad input, also a refused line of a script, 3 internal error, 130 interrupted, 143 asked
     to end, 129 hung up: the motion is stopped, the registers are saved.

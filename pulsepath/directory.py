@@ -2,12 +2,13 @@
 
 import json
 import os
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 from kinematics.errors import MotionError
-from kinematics.staging import OLD, clear, staging
+from kinematics.held import held
+from kinematics.staging import OLD, clear, staged, staging
 
 RECORD, KIND = "plan.json", "pulsepath plan"
 """The file by which a directory that `plan` wrote is known, and what it says it is."""
@@ -39,6 +40,27 @@ def is_ours(directory: Path, kind: str = KIND) -> bool:
     return isinstance(record, dict) and record.get("kind") == kind
 
 
+def write_files(folder: Path, files: Mapping[str, bytes], force: bool) -> None:
+    """Write files into a directory, which may be there already: all of them, or none.
+
+    Raises MotionError where one is there already, unless `force` replaces it.
+    """
+    for target in (folder / name for name in files):
+        if os.path.lexists(target) and not force:
+            raise MotionError(f"{target} exists; give --force to replace it, or another directory")
+    created = [each for each in (folder.absolute(), *folder.absolute().parents) if not each.exists()]
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with ExitStack() as all_or_none:
+            for name, content in files.items():
+                all_or_none.enter_context(staged(folder / name)).write_bytes(content)
+    except BaseException:
+        for each in created:
+            with suppress(OSError):
+                each.rmdir()
+        raise
+
+
 @contextmanager
 def replacing(target: Path, force: bool, kind: str = KIND) -> Iterator[Path]:
     """A new directory to fill, which becomes `target` when the block ends well.
@@ -57,9 +79,10 @@ def replacing(target: Path, force: bool, kind: str = KIND) -> Iterator[Path]:
             new = made / "new"
             new.mkdir()
             yield new
-            if place.exists():
-                place.rename(made / OLD)  # until the new one is there: else it returns
-            new.rename(place)
+            with held():
+                if place.exists():
+                    place.rename(made / OLD)  # until the new one is there: else it returns
+                new.rename(place)
     except BaseException:
         for parent in created:
             with suppress(OSError):

@@ -7,6 +7,7 @@ from types import FrameType
 from typing import Any
 
 NAMES = ("SIGINT", "SIGTERM", "SIGHUP")
+"""As in kinematics.held, which would load all of kinematics here."""
 
 
 class Ended(KeyboardInterrupt):
@@ -18,9 +19,10 @@ class Ended(KeyboardInterrupt):
 
 
 @contextmanager
-def ending() -> Iterator[None]:
+def ending(last: bool = False) -> Iterator[None]:
     """Within, each of the signals raises Ended, the first time: what then brings things in order is not broken off.
 
+    last  whether the process ends after it: then a second one is ignored until it has
     One that is ignored already, as by nohup, stays so.
     """
     kept: dict[signal.Signals, Any] = {}
@@ -36,6 +38,10 @@ def ending() -> Iterator[None]:
                 kept[number] = before
                 signal.signal(number, end)
         yield
+    except Ended:
+        if last:
+            kept.clear()
+        raise
     finally:
         for number, before in kept.items():
             signal.signal(number, before)

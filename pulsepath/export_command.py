@@ -5,7 +5,10 @@ from typing import Any
 
 import click
 
+from pulsepath import known_names
 from pulsepath.format_command import FormatCommand
+from pulsepath.intent import writes
+from pulsepath.known_names import completing
 
 
 class Export(FormatCommand):
@@ -16,14 +19,23 @@ class Export(FormatCommand):
 
 @click.command(cls=Export)
 @click.argument("directory", metavar="DIR", type=click.Path(path_type=Path))
-@click.option("--format", "name", required=True, metavar="FORMAT", help="One of those below.")
+@click.option(
+    "--format",
+    "name",
+    required=True,
+    metavar="FORMAT",
+    help="One of those below.",
+    shell_complete=completing(known_names.exports),
+)
 @click.option("--out", type=click.Path(path_type=Path), metavar="FILE", help="Default: DIR/FORMAT with its suffix.")
 @click.option("--force", is_flag=True, help="Replace FILE.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON instead of text.")
 def export(directory: Path, name: str, out: Path | None, force: bool, as_json: bool, **given: Any) -> None:
-    """Write the plan in DIR in another format, and say how far what it holds is from the plan.
+    """Write the plan in DIR in another format.
 
-    Options in brackets belong to the formats that are named there.
+    It is told how far what is written is from the plan. Options in brackets belong to the formats that are named there.
+
+    Example: pulsepath export out/circle --format vcd
     """
     from kinematics import MotionError
     from kinematics.staging import staged
@@ -36,6 +48,7 @@ def export(directory: Path, name: str, out: Path | None, force: bool, as_json: b
     target = out or directory / f"{name}{find_format(name).suffix}"
     if target.exists() and not force:
         raise MotionError(f"{target} exists; give --force to replace it")
+    writes(target)
     format_ = EXPORTS.make(name, given)
     planned = plan_directory.read(directory)
     with step("firing the pulses") as tell:

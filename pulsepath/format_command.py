@@ -11,6 +11,8 @@ class FormatCommand(click.Command):
     formats: ClassVar[Literal["EXPORTS", "IMPORTS"]]
 
     def get_params(self, ctx: click.Context) -> list[click.Parameter]:
+        if ctx.resilient_parsing:  # while a shell completes, which must not wait for all formats to load
+            return super().get_params(ctx)
         from pulsepath import format_options
 
         own = getattr(format_options, self.formats).options()

@@ -5,7 +5,10 @@ from typing import Any
 
 import click
 
+from pulsepath import known_names
 from pulsepath.format_command import FormatCommand
+from pulsepath.intent import writes
+from pulsepath.known_names import completing
 
 FIGURES = (".png", ".svg", ".pdf")
 
@@ -19,7 +22,13 @@ class Import(FormatCommand):
 @click.command("import", cls=Import)
 @click.argument("file", type=click.Path(path_type=Path))
 @click.option("--out", type=click.Path(path_type=Path), required=True, metavar="PROGRAM", help="TOML file to write.")
-@click.option("--format", "name", metavar="FORMAT", help="One of those below. Default: what the suffix of FILE says.")
+@click.option(
+    "--format",
+    "name",
+    metavar="FORMAT",
+    help="One of those below. Default: what the suffix of FILE says.",
+    shell_complete=completing(known_names.imports),
+)
 @click.option(
     "--figure", type=click.Path(path_type=Path), metavar="IMAGE", help="PNG, SVG or PDF. Default: PROGRAM with .png."
 )
@@ -28,10 +37,15 @@ class Import(FormatCommand):
 def import_(
     file: Path, out: Path, name: str | None, figure: Path | None, force: bool, as_json: bool, **given: Any
 ) -> None:
-    """Turn FILE into a program, say what was understood of it, and draw it.
+    """Turn FILE into a program, and draw it.
 
-    Options in brackets belong to the formats that are named there.
+    It is told what was understood of it. Options in brackets belong to the formats that are named there.
+
+    Example: pulsepath import part.dxf --out part.toml
     """
+    image = figure or out.with_suffix(".png")
+    writes(out, image)
+
     import numpy as np
 
     from kinematics import MotionError
@@ -42,7 +56,6 @@ def import_(
     from pulsepath.format_options import IMPORTS
     from pulsepath.progress import step
 
-    image = figure or out.with_suffix(".png")
     if image.suffix.lower() not in FIGURES:
         raise MotionError(f"{image}: a figure is one of {', '.join(FIGURES)}; give --figure such a suffix")
     if len({path.absolute() for path in (file, out, image)}) < 3:

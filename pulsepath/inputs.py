@@ -4,11 +4,11 @@ import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from hashlib import sha256
-from importlib.resources import files
 from pathlib import Path
 
-from kinematics import Machine, MotionError, load_machine
-from kinematics.registry import find
+from kinematics import FileError, Machine, MotionError, load_machine
+from kinematics.document import read
+from kinematics.registry import beside, find
 from planner import Program, load_program
 
 
@@ -39,12 +39,17 @@ def read_inputs(program: str, machine: str | None) -> Inputs:
     which machine.
     """
     loaded = load_program(program)
-    name = _named(loaded, program) if machine is None else machine
-    driven, file = load_machine(name), find("kinematics", "machine", name)
+    try:
+        name = _named(loaded, program) if machine is None else machine
+        driven, file = load_machine(name), find("kinematics", "machine", name)
+    except MotionError as error:
+        if machine is not None or (isinstance(error, FileError) and Path(error.file).is_file()):
+            raise
+        document = read(find("planner", "program", program))
+        raise FileError(document.file, [document.fault(("machine",), error)]) from error
     content = file.read_bytes()
     urdf = tomllib.loads(content.decode()).get("geometry", {}).get("urdf")
-    folder = file.parent if isinstance(file, Path) else files("kinematics") / "presets"
-    companions = {} if urdf is None else {urdf: (folder / urdf).read_bytes()}
+    companions = {} if urdf is None else {urdf: (beside("kinematics", file) / urdf).read_bytes()}
     return Inputs(loaded, driven, find("planner", "program", program).read_bytes(), content, companions)
 
 

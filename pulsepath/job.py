@@ -1,6 +1,6 @@
 """All that the command `plan` finds out about a program on a machine."""
 
-import sys
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache, partial
@@ -14,6 +14,7 @@ from planner.orientation import oriented
 from planner.pulses import RealisedPath
 from pulsepath.progress import step
 from pulsepath.second_work import Seen, seen, timed, timed_ahead
+from pulsepath.talk import detail, note
 
 LOOKED = 25_000
 """Intervals between pulses at which the realised path is looked at: well below a second, and within 2 % in its RMS."""
@@ -56,19 +57,27 @@ def run(
 ) -> Job:
     """Plan, prove and compare, in the other process as well. Raises as `planner.plan`."""
     for field in unkept(machine):
-        print(f"note: {machine.name} states {field} but no masses, so no plan can keep it", file=sys.stderr)
+        note(f"note: {machine.name} states {field} but no masses, so no plan can keep it")
     with step(f"planning {program.name} on {machine.name}") as tell:
         program = oriented(program, machine, usual_order(machine.axes) if order is None else order)
         timing = other.start(partial(timed_ahead, program, machine))
         planned = plan(program, machine, order=order, clock_hz=clock_hz, duration=duration, rule=rule, progress=tell)
     look = partial(seen, planned, figures)
     looking = other.start(look)
+    detail(_how(planned))
     realised = _followed(planned)
     with step("timing the path classically"):
         found = timing.result(partial(timed, planned))
-    for note in found.notes:
-        print(note, file=sys.stderr)
+    for line in found.notes:
+        note(line)
     return Job(planned, found.classical, found.others, realised, cache(partial(looking.result, look)), figures)
+
+
+def _how(planned: Plan) -> str:
+    """How the motion was found."""
+    runs = ", ".join(f"{count} by {method}" for method, count in Counter(planned.methods).items())
+    near = "" if planned.gap is None else f"; {100 * planned.gap:.3f} % above an estimate of the least time"
+    return f"order {planned.order}, rounds of solving: {planned.rounds}, runs between stops: {runs}{near}"
 
 
 def _followed(planned: Plan) -> RealisedPath | None:
@@ -77,5 +86,5 @@ def _followed(planned: Plan) -> RealisedPath | None:
         with step("following the path that the pulses make"):
             return planned.realised(stride=max(1, planned.pulses.total // LOOKED))
     except MotionError as error:
-        print(f"the path of the pulses is not known: {error}", file=sys.stderr)
+        note(f"the path of the pulses is not known: {error}")
         return None

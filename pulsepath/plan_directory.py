@@ -1,7 +1,6 @@
 """What `plan` leaves behind: the record, the motion, the pulses, the report, and the files they were made from."""
 
 import json
-import sys
 from dataclasses import dataclass, replace
 from hashlib import sha256
 from pathlib import Path
@@ -19,6 +18,7 @@ from pulsepath.progress import step
 from pulsepath.pulse_record import of_pulse_file
 from pulsepath.record import as_json, of_plan
 from pulsepath.second_work import LAWS
+from pulsepath.talk import note
 
 CERTIFICATE = "certificate.json"
 """What the check of the pulse file found: beside it."""
@@ -56,7 +56,7 @@ def write(folder: Path, job: Job, inputs: Inputs) -> PulseCheck:
     for name, content in inputs.companions.items():
         (folder / name).write_bytes(content)
     motion_json.write(plan.trajectory, folder / MOTION)
-    trajectory_csv.write(plan, folder / TRAJECTORY)
+    trajectory_csv.write(plan.trajectory, folder / TRAJECTORY)
     axes = plan.machine.axes
     wiring, timing = [axis.direction for axis in axes], [axis.timing for axis in axes]
     with step(f"writing {plan.pulses.total} pulses") as tell:
@@ -81,7 +81,7 @@ def _report(page: Path, job: Job, verdict: PulseCheck) -> None:
     with step(f"tracking it under laws {' and '.join(LAWS)}"):
         seen = job.seen()
     if seen.note:
-        print(seen.note, file=sys.stderr)
+        note(seen.note)
     with step("writing the report"):
         write_report(
             job.plan,

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from pulsepath.exits import Commands
+from pulsepath.commands import Commands
 
 if TYPE_CHECKING:
     from planner.sources.position_list import PositionList
@@ -59,10 +59,14 @@ class Edits(Commands):
 @click.option("--json", "as_json", is_flag=True, help="Print JSON instead of a table.")
 @click.pass_context
 def positions(context: click.Context, file: Path, as_json: bool) -> None:
-    """Show the poses in FILE, or change them: a CSV file, or one of the three-armed machine.
+    """Show the poses in FILE, or change them.
+
+    FILE is a CSV file, or one of the three-armed machine.
 
     A POSE is "10 mm, 0 mm, 25 mm", and three angles after that if it is turned. Run a list, or a part of it, by
     "pulsepath import FILE --first 2 --last 5 --out PROGRAM".
+
+    Example: pulsepath positions poses.csv record "10 mm, 0 mm, 25 mm"
     """
     context.obj = Listed(file, as_json)
     if context.invoked_subcommand is None:
@@ -73,7 +77,10 @@ def positions(context: click.Context, file: Path, as_json: bool) -> None:
 @click.argument("pose")
 @click.pass_obj
 def record(to: Listed, pose: str) -> None:
-    """Put POSE at the end; a file that is not there yet is begun."""
+    """Put POSE at the end; a file that is not there yet is begun.
+
+    Example: pulsepath positions poses.csv record "10 mm, 0 mm, 25 mm, 0 deg, 0 deg, 5 deg"
+    """
     import numpy as np
 
     from planner.sources.placed import six
@@ -88,7 +95,10 @@ def record(to: Listed, pose: str) -> None:
 @click.argument("pose")
 @click.pass_obj
 def insert(to: Listed, number: int, pose: str) -> None:
-    """Put POSE in, so that it gets NUMBER."""
+    """Put POSE in, so that it gets NUMBER.
+
+    Example: pulsepath positions poses.csv insert 2 "5 mm, 0 mm, 25 mm"
+    """
     from planner.sources.placed import six
 
     to.write(to.read().insert(number, six(pose, "pose")))
@@ -99,7 +109,10 @@ def insert(to: Listed, number: int, pose: str) -> None:
 @click.argument("last", type=int, required=False)
 @click.pass_obj
 def remove(of: Listed, first: int, last: int | None) -> None:
-    """Take out pose FIRST, or all from FIRST to LAST."""
+    """Take out pose FIRST, or all from FIRST to LAST.
+
+    Example: pulsepath positions poses.csv remove 3 5
+    """
     of.write(of.read().remove(first, last))
 
 
@@ -111,9 +124,12 @@ def remove(of: Listed, first: int, last: int | None) -> None:
 @click.option("--force", is_flag=True, help="Replace TARGET.")
 @click.pass_obj
 def save(of: Listed, target: Path, first: int | None, last: int | None, machine: str | None, force: bool) -> None:
-    """Save the list, or a part of it, as the file TARGET: CSV, or TXT as the three-armed machine has it.
+    """Save the list, or a part of it, as the file TARGET.
 
-    A TXT file has seven characters for a number, in mm and degrees, and poses in the base frame of MACHINE.
+    Its suffix says how: CSV, or TXT as the three-armed machine has it. A TXT file has seven characters for a number, in
+    mm and degrees, and poses in the base frame of MACHINE.
+
+    Example: pulsepath positions poses.csv save part.csv --first 2 --last 5
     """
     from kinematics import MotionError
     from kinematics.staging import write_whole

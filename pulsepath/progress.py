@@ -5,6 +5,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from time import perf_counter
 
+from pulsepath import talk
+
 EVERY = 10.0
 """s between two lines of a long step, where they are not drawn over each other."""
 COUNTED = 1000
@@ -15,7 +17,10 @@ COUNTED = 1000
 def step(what: str) -> Iterator[Callable[[int, int], None]]:
     """Tell that a step begins, and in the end how long it took; what it yields tells how much is done, of how much."""
     begin = perf_counter()
-    if sys.stderr.isatty():
+    if talk.level() == talk.QUIET:
+        yield _nothing
+        return
+    if talk.dressed(sys.stderr):
         from rich.console import Console
 
         with Console(stderr=True, markup=False).status(what) as status:
@@ -32,6 +37,10 @@ def step(what: str) -> Iterator[Callable[[int, int], None]]:
 
         yield tell
     print(f"{what}: {perf_counter() - begin:.1f} s", file=sys.stderr, flush=True)
+
+
+def _nothing(done: int, of: int) -> None:
+    """What is told of progress where all is to be quiet."""
 
 
 def _far(done: int, of: int) -> str:

@@ -155,7 +155,7 @@ def of_check(
     return {
         "feasible": not violations,
         "blends": _blends(blends),
-        "violations": [_violation(violation) for violation in violations],
+        "violations": [of_violation(violation) for violation in violations],
         "largest_use": {name: {"ratio": use, "where": _place(place)} for name, (use, place) in largest.items()},
     }
 
@@ -259,7 +259,8 @@ def _trigger(event: Triggered, axes: Sequence[Axis]) -> Record:
     }
 
 
-def _violation(violation: MotionError) -> Record:
+def of_violation(violation: MotionError) -> Record:
+    """What a path or a motion breaks: where, by how much, and the remedy."""
     if not isinstance(violation, Infeasible):
         return {"kind": "reach", "message": str(violation)}
     named = {name: getattr(violation, name) for name in ("kind", "axis", "value", "limit", "unit", "remedy")}

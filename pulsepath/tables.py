@@ -1,99 +1,83 @@
-"""The tables that the commands print."""
+"""The tables that the commands print: the results' own ones, drawn by rich."""
 
 import sys
-from collections.abc import Iterable, Iterator, Sequence
-from math import ceil, degrees, inf, isfinite
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from math import inf
+from typing import Any
 
 import click
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
-from rich.table import Table
+from rich.table import Table as Drawn
 
 from controllers import Metrics
 from kinematics import Axis, Machine
 from kinematics.axis import Magnitude, sides
 from kinematics.calibration import Calibration
-from kinematics.calibration.result import GROUPS
-from planner import Place, Standing, Triggered
+from kinematics.result import Result
+from kinematics.table import SCALES, Column, Table
+from planner import Standing
 from planner.option import options
-from planner.path.join import Blended
-from planner.pulses import RULES, PulseSchedule
+from planner.pulses import RULES
 from planner.sources.position_list import PositionList
 from pulsepath.job import Job
+from pulsepath.talk import dressed
 
 WIDTH = 110
 """Columns where the output is no terminal, which would say."""
-MICRO = {"m": "µm", "rad": "µrad"}
-HUMAN = {"m": ("mm", 1e3), "rad": ("°", degrees(1))}
 
 
-def show(tables: Iterable[Table]) -> None:
+def show(tables: Iterable[Drawn]) -> None:
     """Print tables. Names in them come from files, so nothing is taken for markup."""
-    console = Console(width=None if sys.stdout.isatty() else WIDTH, markup=False, emoji=False, highlight=False)
+    console = Console(
+        width=None if sys.stdout.isatty() else WIDTH,
+        markup=False,
+        emoji=False,
+        highlight=False,
+        force_terminal=dressed(sys.stdout),
+    )
     with console.capture() as printed:
         console.print(*tables)
     click.echo("\n".join(line.rstrip() for line in printed.get().splitlines()))
 
 
-def of_plan(job: Job) -> list[Table]:
-    """Duration and saving, the worst proven ratio of each limit and where, and the pulses of each axis."""
-    plan, certificate = job.plan, job.plan.certificate
+def of_results(*results: Result) -> list[Drawn]:
+    """What results tell of themselves."""
+    return [drawn for result in results for table in result.tables() for drawn in _drawn(table)]
+
+
+def of_plan(job: Job) -> list[Drawn]:
+    """Duration and saving, and what the plan tells of itself."""
+    plan = job.plan
     percent = 100 * job.saved / job.classical.duration
     note = "has no jerk limit" if plan.order == 3 else ""
-    times = _table(f"{plan.program.name} on {plan.machine.name}, order {plan.order}", "", "time (s)#", "")
     least = f"as stated; the fastest takes about {plan.lower_estimate:.6f} s or more"
-    times.add_row("duration", f"{plan.trajectory.duration:.6f}", "" if plan.stated_duration is None else least)
-    times.add_row("classical timing", f"{job.classical.duration:.6f}", note)
-    times.add_row("time saved", f"{job.saved:.6f}", f"{percent:.2f} %")
-    if job.others:
-        times.add_section()
+    rows = [
+        ("duration", plan.trajectory.duration, "" if plan.stated_duration is None else least),
+        ("classical timing", job.classical.duration, note),
+        ("time saved", job.saved, f"{percent:.2f} %"),
+    ]
     for other in job.others:
         off = None if other.deviation is None else f"off the path by up to {1e3 * other.deviation.distance:.3f} mm"
-        times.add_row(other.kind, f"{other.duration:.6f}", off or ("" if other.order == 3 else note))
-    limits = _table("limits, proved over continuous time", "limit", "ratio ≤#", "at", "segment#", "mm#", "s#")
-    for name, worst in certificate.worst.items():
-        limits.add_row(name, _up(worst), *_where(certificate.where[name]))
-    pulses = _table(f"pulses by the rule {plan.pulses.rule}, checked", "axis", "pulses#", "net count#", "error ≤#")
-    for axis in plan.pulses.axes:
-        pulses.add_row(axis.name, f"{len(axis)}", f"{axis.final - axis.start}", _up(axis.bound, 3))
-    pulses.add_row("all", f"{plan.pulses.total}")
-    made = [pulses, *_moves(plan.pulses, plan.machine.axes)]
-    return [times, limits, *of_blends(plan.path.blends), *made, *_triggers(plan.triggers)]
+        rows.append((other.kind, other.duration, off or ("" if other.order == 3 else note)))
+    what, times, notes = zip(*rows, strict=True)
+    first, *rest = plan.tables()
+    timed = (Column("what", what), Column("time", times, "s", form=".6f"), Column("note", notes))
+    return [drawn for table in (replace(first, columns=timed), *rest) for drawn in _drawn(table)]
 
 
-def _moves(schedule: PulseSchedule, axes: Sequence[Axis]) -> Iterator[Table]:
-    """What the drives' timing and compensation cost; no tables where they cost nothing."""
-    units = {axis.name: axis.unit for axis in axes}
-    if schedule.moves:
-        moved = _table("moved for the drives", "axis", "pulses#", "by at most (µs)#", "error (pulses)#", "(µm, µrad)#")
-        for one in schedule.moves:
-            moved.add_row(
-                one.axis, f"{one.pulses}", f"{1e6 * one.time:.3f}", _up(one.error, 4), _up(1e6 * one.length, 4)
-            )
-        yield moved
-    costs = [cost for cost in schedule.compensations if cost.kinds]
-    if costs:
-        title = "made up for: the motors while they cross the play, beside what is certified"
-        made = _table(title, "axis", "", "reversals#", "off by ≤#", "speed#", "acceleration#", "jerk#")
-        for cost in costs:
-            unit, scale = HUMAN[units[cost.axis]]
-            made.add_row(
-                cost.axis,
-                " and ".join(cost.kinds),
-                f"{cost.crossings}",
-                f"{1e6 * cost.off:.3f} {MICRO[units[cost.axis]]}",
-                _of_limit(scale * cost.speed, cost.max_speed, scale, f"{unit}/s"),
-                _of_limit(scale * cost.acceleration, cost.max_acceleration, scale, f"{unit}/s²"),
-                f"{scale * cost.jerk:.3g} {unit}/s³",
-            )
-        yield made
+def of_list(title: str, listed: Sequence[Mapping[str, Any]]) -> list[Drawn]:
+    """Records of the same keys, a row each."""
+    columns = {key: [record[key] for record in listed] for key in listed[0]}
+    texts = {
+        key: [", ".join(value) if isinstance(value, list | dict) else value for value in values]
+        for key, values in columns.items()
+    }
+    return [*_drawn(Table(title, tuple(Column(key, values) for key, values in texts.items())))]
 
 
-def _of_limit(value: float, limit: float | None, scale: float, unit: str) -> str:
-    return f"{value:.3f} {unit}" if limit is None else f"{value:.3f} of {scale * limit:.3f} {unit}"
-
-
-def of_rules() -> list[Table]:
+def of_rules() -> list[Drawn]:
     """The firing rules, each with its options and their defaults."""
     rules = _table("firing rules", "rule", "option", "default#", "")
     for name, rule in RULES.items():
@@ -104,76 +88,28 @@ def of_rules() -> list[Table]:
     return [rules]
 
 
-def of_blends(blends: Sequence[Blended]) -> list[Table]:
-    """How far each blend leaves the corner, and what it could not have; no table where there is none."""
-    if not blends:
-        return []
-    table = _table("blends", "after segment#", "tolerance (µm)#", "deviation (µm)#", "angle (µrad)#", "reach (mm)#", "")
-    for blend in blends:
-        if blend.stop:
-            table.add_row(f"{blend.segment}", f"{1e6 * blend.tolerance:.4g}", "", "", "", f"stops: {blend.stop}")
-            continue
-        figures = (1e6 * blend.tolerance, 1e6 * blend.deviation, 1e6 * blend.turned, 1e3 * blend.reach)
-        halves = " and ".join(map(str, blend.half_of))
-        short = f"half of segment {halves}" if blend.half_of else ""
-        table.add_row(f"{blend.segment}", *(f"{figure:.4g}" for figure in figures), short)
-    return [table]
-
-
-def _triggers(events: Sequence[Triggered]) -> list[Table]:
-    if not events:
-        return []
-    table = _table("triggers", "name", "segment#", "mm#", "s#", "counts")
-    for event in events:
-        _, segment, distance, _ = _where(event.where)
-        table.add_row(event.name, segment, distance, f"{event.time:.7f}", " ".join(map(str, event.counts)))
-    return [table]
-
-
-def of_check(found: Standing) -> list[Table]:
+def of_check(found: Standing) -> list[Drawn]:
     """How near a path comes to each limit, and its blends."""
-    table = _table("largest use of each limit, proved along the path", "limit", "ratio ≤#", "at", "segment#", "mm#")
-    for name, (use, place) in found.largest.items():
-        table.add_row(name, _up(use), *_where(place)[:3])
-    return [table, *of_blends(found.blends)]
+    return of_results(found)
 
 
-def of_tracking(metrics: Iterable[Metrics]) -> list[Table]:
+def of_tracking(metrics: Iterable[Metrics]) -> list[Drawn]:
     """Errors of each axis and in space, one table per law."""
-    tables = []
-    for law in metrics:
-        table = _table(law.law, "error", "RMS#", "P95#", "max#", "unit", "segment#", "mm#", "s#")
-        for series in law.series:
-            figures = (f"{1e6 * value:.3f}" for value in (series.rms, series.p95, series.max))
-            table.add_row(series.name, *figures, MICRO[series.unit], *_where(series.where)[1:])
-        tables.append(table)
-    return tables
+    return [drawn for law in metrics for drawn in _drawn(law.tables()[0])]
 
 
-def of_calibration(found: Calibration) -> list[Table]:
+def of_calibration(found: Calibration) -> list[Drawn]:
     """Errors before and after, the parameters with their standard errors, and the observability."""
-    errors = _table("RMS per component at the fitted poses", "error", "before#", "after#", "left out#", "unit")
-    for group in GROUPS:
-        figures = [1e6 * found.rms(stage, group) for stage in (found.before, found.after, found.left_out)]
-        if isfinite(figures[0]):
-            shown = (f"{figure:.3f}" if isfinite(figure) else "not fitted" for figure in figures)
-            errors.add_row(group, *shown, MICRO["m" if group == "position" else "rad"])
-    parameters = _table("parameters", "", "nominal#", "identified#", "standard error#", "unit")
-    for one in found.parameters:
-        unit, scale = HUMAN[one.unit] if one.unit else ("", 1.0)
-        values = (f"{scale * value:.6f}" for value in (one.nominal, one.value))
-        error = (
-            f"{scale * one.error:.6f}" if isfinite(one.error) else "not seen apart" if one.error == inf else "unknown"
-        )
-        parameters.add_row(one.name, *values, error, unit)
-    observed = found.observability
-    title = f"{observed.rank} of {len(found.parameters)} combinations of parameters seen"
-    seen = _table(title, *(f"{name}#" for name in observed.indices))
-    seen.add_row(*(f"{value:.4g}" for value in observed.indices.values()))
-    return [errors, parameters, seen]
+    return of_results(found)
 
 
-def of_machines(machines: Iterable[Machine]) -> list[Table]:
+def of_positions(listed: PositionList, file: str) -> list[Drawn]:
+    """Each pose by its number."""
+    (table,) = listed.tables()
+    return list(_drawn(replace(table, title=f"{file}: {table.title}")))
+
+
+def of_machines(machines: Iterable[Machine]) -> list[Drawn]:
     """Axes, travel and limits of each machine; axes that share them share a row."""
     head = ("machine!", "axes", "freedom", "travel!", "pulse!", "speed!", "acceleration!", "jerk!")
     table = _table("bundled machines", *head)
@@ -188,7 +124,7 @@ def of_machines(machines: Iterable[Machine]) -> list[Table]:
 
 
 def _limits(axis: Axis) -> tuple[str, ...]:
-    unit, scale = HUMAN[axis.unit]
+    unit, scale = SCALES["human"][axis.unit]
     low, high = axis.travel
     travel = "unlimited" if high == inf else f"{scale * low:g} … {scale * high:g} {unit}"
     pulse = f"{1e6 * axis.pulse:g} µm" if axis.unit == "m" else f"{scale * axis.pulse:.4g} {unit}"
@@ -203,23 +139,9 @@ def _bound(bound: Magnitude | None, scale: float, unit: str) -> str:
     return f"{' / '.join(f'{scale * side:g}' for side in dict.fromkeys(sides(bound)))} {unit}"
 
 
-def of_positions(listed: PositionList, file: str) -> list[Table]:
-    """Each pose by its number."""
-    meaning = "·".join(f"R{axis}" for axis in listed.order)
-    table = _table(
-        f"{file}: {len(listed)} poses from {listed.frame}, {meaning}",
-        "pose#", *(f"{name} (mm)#" for name in "xyz"), *(f"θ{name} (°)#" for name in "xyz"),
-    )  # fmt: skip
-    for number, pose in enumerate(listed.poses.tolist(), 1):
-        table.add_row(
-            str(number), *(f"{1e3 * value:.6g}" for value in pose[:3]), *(f"{degrees(angle):.6g}" for angle in pose[3:])
-        )
-    return [table]
-
-
-def _table(title: str, *columns: str) -> Table:
+def _table(title: str, *columns: str) -> Drawn:
     """A table; a column whose name ends in # holds numbers, one that ends in ! is never broken."""
-    table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, pad_edge=False)
+    table = Drawn(title=title, title_justify="left", box=SIMPLE_HEAD, pad_edge=False)
     for name in columns:
         table.add_column(
             name.rstrip("#!"), justify="right" if name.endswith("#") else "left", no_wrap=name.endswith("!")
@@ -227,13 +149,10 @@ def _table(title: str, *columns: str) -> Table:
     return table
 
 
-def _where(place: Place) -> Sequence[str]:
-    """Axis, segment, distance (mm) and time (s) of a place."""
-    again = "" if place.repetition is None else f" (rep. {place.repetition})"
-    segment = "" if place.segment is None else f"{place.segment}{again}"
-    return place.axis, segment, f"{1e3 * place.s:.3f}", "" if place.t is None else f"{place.t:.4f}"
-
-
-def _up(ratio: float, digits: int = 7) -> str:
-    """A bound, rounded up, so that the text is a bound too."""
-    return f"{ceil(ratio * 10**digits) / 10**digits:.{digits}f}" if ratio < inf else "∞"
+def _drawn(table: Table) -> Iterable[Drawn]:
+    """A table with its notes below."""
+    made = _table(table.title, *(f"{column.title}{'#' if column.numeric else ''}" for column in table.read))
+    for row in table.cells():
+        made.add_row(*row)
+    made.caption, made.caption_justify = "\n".join(table.notes) or None, "left"
+    yield made

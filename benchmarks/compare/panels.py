@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from planner.plots import PALETTE
+from kinematics.figure import PALETTE
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

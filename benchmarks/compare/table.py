@@ -6,13 +6,18 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import exp, inf, isfinite, log
 from statistics import fmean
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from benchmarks.sweep import Result, Runs, Setting, read_setting
 from benchmarks.sweep.cell import NOMINAL
 from kinematics.errors import MotionError
+from kinematics.result import Result as Shown
+from kinematics.table import Column, Table
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 RANK = "contour_rms"
 """The figure by which settings are compared."""
@@ -81,13 +86,18 @@ class Row:
     against: Against | None
 
     @property
+    def worst(self) -> float:
+        """The largest RMS contour error of all rigs and seeds, m or rad; infinite where it is unstable on any."""
+        return inf if self.unstable or self.spread is None else self.spread[1]
+
+    @property
     def stable(self) -> bool:
         """On every rig and seed."""
         return not self.unstable
 
 
 @dataclass(frozen=True, slots=True)
-class Comparison:
+class Comparison(Shown):
     """All rows, setting by setting, and what they were made of.
 
     ranked  the tasks by which settings are ranked: those that no stable run stays on to less than the floor. On the
@@ -99,6 +109,32 @@ class Comparison:
     rows: tuple[Row, ...]
     tasks: tuple[str, ...]
     ranked: tuple[str, ...]
+
+    def tables(self) -> tuple[Table, ...]:
+        """Every row: the error to the path, over the baseline's, and the runs that did not hold."""
+        rows, against = self.rows, [row.against for row in self.rows]
+        ratios = (
+            Column(name, [None if one is None else getattr(one, field) for one in against], form=".3f")
+            for name, field in (("ratio", "ratio"), ("least", "least"), ("most", "largest"), ("mark", "mark"))
+        )
+        columns = (
+            Column("setting", [row.entry.setting.text for row in rows]),
+            Column("path", [row.task for row in rows]),
+            Column("contour RMS", [row.figures.get("contour_rms") for row in rows], "m or rad", "micro", ".3f"),
+            *ratios,
+            Column("runs", [row.runs for row in rows]),
+            Column("unstable", [row.unstable for row in rows]),
+            Column("failed", [len(row.failures) for row in rows]),
+        )
+        return (Table(f"settings, and their errors over those of {self.baseline.setting.text}", columns),)
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """The mean ratio of each setting to the baseline, of those that hold on every path."""
+        from kinematics.bars import bars
+
+        ratios = {entry.setting.text: self.mean_ratio(entry) for entry in self.entries}
+        held = {name: ratio for name, ratio in ratios.items() if isfinite(ratio)}
+        return bars([*held], [*held.values()], "RMS contour error over the baseline's, mean over paths", ax, 1.0)
 
     @property
     def entries(self) -> tuple[Entry, ...]:

@@ -10,13 +10,8 @@ from benchmarks.peers.case import Answer, Case, circle, spline, straight
 from benchmarks.peers.copp_adapter import copp
 from benchmarks.peers.ours import certified, general, ipopt, second
 from benchmarks.peers.ruckig_adapter import ruckig
+from benchmarks.peers.table import HEADER, cells, verdicts
 
-HEADER = (
-    "case", "order", "method", "intervals", "first call (s)", "again (s)", "duration (s)",
-    "speed", "acceleration", "jerk", "duration slowed to hold (s)", "remark",
-)  # fmt: skip
-# How near to the best certified duration counts as close.
-CLOSE = 1e-3
 MARKS = {
     "ours": ("o", "C0"), "toppra": ("s", "C1"), "copp-py": ("^", "C2"), "ruckig": ("D", "C3"), "IPOPT": ("x", "C4"),
 }  # fmt: skip
@@ -38,42 +33,6 @@ def _curved(case: Case) -> Iterator[Answer]:
     yield certified(case, 3)
     yield ipopt(case)
     yield from copp(case, 3)
-
-
-def cells(a: Answer) -> list[str]:
-    intervals = "" if a.intervals is None else str(a.intervals)
-    numbers = [f"{a.first:.4f}", f"{a.again:.4f}", f"{a.duration:.6f}", *(f"{use:.6f}" for use in a.worst)]
-    return [a.case, str(a.order), a.method, intervals, *numbers, f"{a.feasible:.6f}", a.note]
-
-
-def verdicts(found: Sequence[Answer]) -> Iterator[str]:
-    """Per curved case, how fast the peers come within a thousandth of the best order-3 motion that holds."""
-    for name in dict.fromkeys(a.case for a in found):
-        third = [a for a in found if a.case == name and a.order == 3]
-        ours, peers = third[0], [a for a in third if a.method.startswith("copp")]
-        durations = [a.feasible for a in third if a.feasible == a.feasible]
-        if not peers or not durations:
-            continue
-        best = min(durations)
-        yield (
-            f"{name}, order 3: best known {best:.6f} s; ours {100 * (ours.feasible / best - 1):.3f} % above it; "
-            f"building the problem, once per process: {max(0.0, ours.first - ours.again):.3f} s"
-        )
-        near = [a for a in peers if a.feasible <= best * (1 + CLOSE)]
-        if near:
-            fastest = min(near, key=lambda a: a.again)
-            yield (
-                f"  copp-py's fastest within {CLOSE:.1%}: {fastest.again:.3f} s ({fastest.method}, "
-                f"{fastest.intervals} intervals); ours with certificate {ours.again:.3f} s, "
-                f"{ours.again / fastest.again:.2f} of it"
-            )
-        else:
-            closest = min((a for a in peers if a.feasible == a.feasible), key=lambda a: a.feasible, default=None)
-            if closest is not None:
-                yield (
-                    f"  no copp-py run within {CLOSE:.1%}; the closest {100 * (closest.feasible / best - 1):.3f} % "
-                    f"above, in {closest.again:.3f} s; ours with certificate {ours.again:.3f} s"
-                )
 
 
 def figure(found: Sequence[Answer], path: Path) -> None:

@@ -20,7 +20,7 @@ rig. One thing has changed since: the range of the card's speed registers, 100 0
 was missing; *speeds that are not rounded to registers* is the rig as it was before. The second part shows what each
 assumption decides, the semantics of the motion card above all: one is changed at a time. A law is judged at the best
 gain of its grid on the thesis' straight line (5 s, 41 samples), by its RMS tracking error in space unless something
-else is said.
+else is said. The laws' equations: [tracking laws](theory/laws.md); the drives': [drives and cards](theory/drives.md).
 """
 
 

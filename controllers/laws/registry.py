@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import replace
-from difflib import get_close_matches
 from functools import partial
 
 from controllers.laws.closed_error import ClosedError, ClosedErrorSpeed
@@ -16,6 +15,7 @@ from controllers.laws.open_velocity import OpenVelocity
 from controllers.laws.predictive import Predictive
 from controllers.rig import Rig
 from kinematics.errors import MotionError
+from kinematics.registry import nearest
 
 LAWS: dict[tuple[str, str], Callable[..., Law]] = {
     ("1", "open-velocity"): OpenVelocity,
@@ -49,12 +49,11 @@ def find_law(name: str, rig: Rig | None = None, **gains: Gain) -> Law:
             own = make().grid
             for gain in gains:
                 if gain not in own:
-                    raise MotionError(f"law {name} has no gain {gain!r}: choose among {', '.join(own) or 'none'}")
+                    near = nearest(gain, own)
+                    raise MotionError(f"law {name} has no gain {gain!r}{near}: choose among {', '.join(own) or 'none'}")
             law = make(**gains)
             if rig is not None and isinstance(law, Feedforward | Predictive):
                 return replace(law, axes=nominal(rig))
             return law
     choices = [word for known in LAWS for word in known]
-    nearest = get_close_matches(name, choices, 1)
-    hint = f"; did you mean {nearest[0]!r}?" if nearest else ""
-    raise MotionError(f"law {name!r} is not known: choose among {', '.join(choices)}{hint}")
+    raise MotionError(f"law {name!r} is not known{nearest(name, choices)}: choose among {', '.join(choices)}")

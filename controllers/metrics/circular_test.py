@@ -9,7 +9,8 @@ import numpy as np
 
 from kinematics.array import Array, frozen, unit_vectors
 from kinematics.errors import MotionError
-from kinematics.text_table import aligned
+from kinematics.result import Result
+from kinematics.table import Column, Table
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -64,7 +65,7 @@ class Roundness:
 
 
 @dataclass(frozen=True, slots=True)
-class CircularTest:
+class CircularTest(Result):
     """A full turn in each direction, in the style of ISO 230-4; a simulation certifies nothing.
 
     ccw, cw   counter-clockwise and clockwise, seen against the normal
@@ -100,10 +101,22 @@ class CircularTest:
 
         return circular_test(self, ax)
 
-    def __str__(self) -> str:
+    def tables(self) -> tuple[Table, ...]:
+        """Every figure."""
         about = f"ISO-style, diameter {2e3 * self.circle.radius:.6g} mm at {1e3 * self.circle.feed:.6g} mm/s"
-        rows = [(name, f"{1e6 * value:.3f}") for name, value in self.figures().items()]
-        return aligned((f"{about}, least-squares centres", "µm"), rows)
+        figures = self.figures()
+        columns = (Column("figure", [*figures]), Column("value", [*figures.values()], "m", "micro", ".3f"))
+        return (Table(f"{about}, least-squares centres", columns),)
+
+    def data(self) -> Table:
+        """The radial deviation of both turns over the angle."""
+        turns = {"ccw": self.ccw, "cw": self.cw}
+        columns = (
+            Column("turn", [name for name, turn in turns.items() for _ in turn.angle]),
+            Column("angle", np.concatenate([turn.angle for turn in turns.values()]), "rad"),
+            Column("deviation", np.concatenate([turn.deviation for turn in turns.values()]), "m"),
+        )
+        return Table("ISO-style circular test: deviation from the programmed radius", columns)
 
 
 def full_turn(points: Array, circle: Circle, sense: int) -> Array:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -18,6 +19,11 @@ from controllers.simulate import Runs
 from controllers.task import Task
 from kinematics.array import Array
 from kinematics.errors import MotionError
+from kinematics.result import Result
+from kinematics.table import Column, Table
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 STATIONS = 50
 """Along the path, evenly: the standard asks for 10 at least."""
@@ -26,7 +32,7 @@ STEADY = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
-class IsoStyle:
+class IsoStyle(Result):
     """Path, pose and velocity accuracy of n cycles, in the style of ISO 9283; no velocity where none is held."""
 
     path: PathAccuracy
@@ -38,8 +44,18 @@ class IsoStyle:
         none = VelocityAccuracy(self.path.cycles, *[np.nan] * 4)
         return self.path.figures() | self.pose.figures() | (self.velocity or none).figures()
 
-    def __str__(self) -> str:
-        return "\n".join(str(part) for part in (self.path, self.pose, self.velocity) if part is not None)
+    def tables(self) -> tuple[Table, ...]:
+        """Of the path, of its end, and of the speed where one is held."""
+        return tuple(table for part in (self.path, self.pose, self.velocity) if part for table in part.tables())
+
+    def data(self) -> Table:
+        """Every figure by its name: m, rad, m/s, and % of the speed."""
+        figures = self.figures()
+        return Table("ISO-style", (Column("figure", [*figures]), Column("value", [*figures.values()])))
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Accuracy and repeatability of the path, station by station."""
+        return self.path.plot(ax)
 
 
 def iso_style(runs: Runs, task: Task, rigs: Sequence[Rig], *, stations: int = STATIONS) -> IsoStyle:

@@ -13,14 +13,16 @@ from controllers.metrics.figures import FIGURES
 from controllers.metrics.series import ErrorSeries
 from controllers.metrics.vibration import Vibration
 from kinematics.array import Array
-from kinematics.text_table import aligned
+from kinematics.result import Result
+from kinematics.table import Column, Table
+from planner.place import where_columns
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
 @dataclass(frozen=True, slots=True)
-class Metrics:
+class Metrics(Result):
     """The errors of one tracked motion at instants t (N,), s, settling included, and what it cost.
 
     following    actual − planned of each axis, m or rad
@@ -111,26 +113,33 @@ class Metrics:
 
         return contour_error(self, ax)
 
-    def __str__(self) -> str:
-        rows = [
+    def tables(self) -> tuple[Table, ...]:
+        """The errors of each axis and in space; what they cost the drives."""
+        units = [series.unit for series in self.series]
+        errors = Table(
+            self.law,
             (
-                series.name,
-                *(f"{value * 1e6:.3f}" for value in (series.rms, series.p95, series.max)),
-                f"µ{series.unit}",
-                str(series.where),
-            )
-            for series in self.series
-        ]
+                Column("error", [series.name for series in self.series]),
+                *(
+                    Column(title, [getattr(series, title.lower()) for series in self.series], units, "micro", ".3f")
+                    for title in ("RMS", "P95", "max")
+                ),
+                *where_columns([series.where for series in self.series]),
+            ),
+        )
         figures = self.figures()
         costs = [
-            (figure.name, f"{figures[figure.name]:.4g}", figure.unit, figure.meaning)
+            figure
             for figure in FIGURES[[figure.name for figure in FIGURES].index("settling") :]
             if np.isfinite(figures[figure.name]) or figure.name == "end_time"
         ]
-        return "\n".join(
-            [
-                self.law,
-                aligned(("", "RMS", "P95", "max", "", "where"), rows),
-                aligned(("", "", "", "largest of the axes"), costs),
-            ]
+        cost = Table(
+            "what it cost, the largest of the axes",
+            (
+                Column("figure", [figure.name for figure in costs]),
+                Column("value", [figures[figure.name] for figure in costs], form=".4g"),
+                Column("unit", [figure.unit for figure in costs]),
+                Column("meaning", [figure.meaning for figure in costs]),
+            ),
         )
+        return errors, cost

@@ -8,17 +8,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from controllers.metrics.pose_accuracy import angle_figures, spread
+from controllers.metrics.pose_accuracy import angle_figures, figures_table, spread
 from kinematics.array import Array, frozen
 from kinematics.errors import MotionError
-from kinematics.text_table import aligned
+from kinematics.result import Result
+from kinematics.table import Column, Table
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
 @dataclass(frozen=True, slots=True)
-class PathAccuracy:
+class PathAccuracy(Result):
     """AT and RT of n cycles at m stations, in the style of ISO 9283; a simulation certifies nothing.
 
     offset  (m,) m, ‖x̄ᵢ − x_cᵢ‖;  band (m,) m, l̄ᵢ + 3 S_lᵢ
@@ -55,9 +56,19 @@ class PathAccuracy:
 
         return path_accuracy(self, ax)
 
-    def __str__(self) -> str:
-        rows = [(name, f"{1e6 * value:.3f}") for name, value in self.figures().items() if np.isfinite(value)]
-        return aligned((f"ISO-style, {self.cycles} cycles, {len(self.offset)} stations", "µm or µrad"), rows)
+    def tables(self) -> tuple[Table, ...]:
+        """The figures that are known."""
+        title = f"ISO-style, {self.cycles} cycles, {len(self.offset)} stations"
+        return (figures_table(title, self.figures()),)
+
+    def data(self) -> Table:
+        """Offset and repeatability station by station."""
+        columns = (
+            Column("station", range(1, len(self.offset) + 1)),
+            Column("accuracy", self.offset, "m"),
+            Column("repeatability", self.band, "m"),
+        )
+        return Table("ISO-style path accuracy", columns)
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from kinematics.array import Array, frozen
 from kinematics.errors import MotionError
-from kinematics.text_table import aligned
+from kinematics.result import Result
+from kinematics.table import Column, Table
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 
 @dataclass(frozen=True, slots=True)
-class PoseAccuracy:
+class PoseAccuracy(Result):
     """AP and RP of n arrivals in one commanded pose, in the style of ISO 9283; a simulation certifies nothing.
 
     accuracy       AP = ‖x̄ − x_c‖, m
@@ -34,9 +40,24 @@ class PoseAccuracy:
             **angle_figures("pose", self.turn, self.turn_band),
         }
 
-    def __str__(self) -> str:
-        rows = [(name, f"{1e6 * value:.3f}") for name, value in self.figures().items() if np.isfinite(value)]
-        return aligned((f"ISO-style, {self.cycles} arrivals", "µm or µrad"), rows)
+    def tables(self) -> tuple[Table, ...]:
+        """The figures that are known."""
+        return (figures_table(f"ISO-style, {self.cycles} arrivals", self.figures()),)
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Accuracy and repeatability."""
+        from kinematics.bars import bars
+
+        figures = [1e6 * self.accuracy, 1e6 * self.repeatability]
+        return bars(["accuracy", "repeatability"], figures, "ISO-style pose accuracy (µm)", ax)
+
+
+def figures_table(title: str, figures: Mapping[str, float]) -> Table:
+    """Figures in m or, of angles, in rad; those that are not known are left out."""
+    known = {name: value for name, value in figures.items() if np.isfinite(value)}
+    units = ["m" if name.endswith(("accuracy", "repeatability")) else "rad" for name in known]
+    columns = (Column("figure", [*known]), Column("value", [*known.values()], units, "micro", ".3f"))
+    return Table(title, columns)
 
 
 def pose_accuracy(points: Array, commanded: Array, turned: Array | None = None) -> PoseAccuracy:

@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from kinematics.array import Array
 from kinematics.errors import MotionError
-from kinematics.text_table import aligned
+from kinematics.result import Result
+from kinematics.table import Column, Table
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 
 @dataclass(frozen=True, slots=True)
-class VelocityAccuracy:
+class VelocityAccuracy(Result):
     """AV, RV, FV of n cycles at one commanded speed, in the style of ISO 9283; a simulation certifies nothing.
 
     commanded      v_c, m/s
@@ -35,13 +40,26 @@ class VelocityAccuracy:
             "velocity_fluctuation": self.fluctuation,
         }
 
-    def __str__(self) -> str:
-        rows = [
-            ("accuracy", f"{self.accuracy:.4f}", "%"),
-            ("repeatability", f"{self.repeatability:.4f}", "%"),
-            ("fluctuation", f"{1e3 * self.fluctuation:.4f}", "mm/s"),
-        ]
-        return aligned((f"ISO-style, {self.cycles} cycles at {1e3 * self.commanded:.6g} mm/s", "", ""), rows)
+    def tables(self) -> tuple[Table, ...]:
+        """Accuracy, repeatability and fluctuation."""
+        columns = (
+            Column("figure", ["accuracy", "repeatability", "fluctuation"]),
+            Column(
+                "value",
+                [self.accuracy, self.repeatability, self.fluctuation],
+                ["%", "%", "m/s"],
+                "human",
+                ".4f",
+            ),
+        )
+        return (Table(f"ISO-style, {self.cycles} cycles at {1e3 * self.commanded:.6g} mm/s", columns),)
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """All three as shares of the commanded speed."""
+        from kinematics.bars import bars
+
+        shares = [self.accuracy, self.repeatability, 100 * self.fluctuation / self.commanded]
+        return bars(["accuracy", "repeatability", "fluctuation"], shares, "% of the commanded speed", ax)
 
 
 def velocity_accuracy(speeds: Array, commanded: float) -> VelocityAccuracy:

@@ -18,6 +18,7 @@ the whole pose is measured.) For fully measured poses the legs decouple into eig
 """
 
 from kinematics.calibration.fit import calibrate
+from kinematics.calibration.foreseen import foreseen_errors
 from kinematics.calibration.measurements import Measurements, Noise, measured_positions, whole_poses
 from kinematics.calibration.observability import Observability
 from kinematics.calibration.parameters import DEFAULT, PARTS, calibration_parts
@@ -33,6 +34,7 @@ __all__ = [
     "Observability",
     "calibrate",
     "calibration_parts",
+    "foreseen_errors",
     "measured_positions",
     "whole_poses",
 ]

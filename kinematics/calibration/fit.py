@@ -14,7 +14,7 @@ from kinematics.calibration.observability import Observability, observe
 from kinematics.calibration.parameters import DEFAULT, Free, Full, free, full, selection
 from kinematics.calibration.prediction import Prediction
 from kinematics.calibration.reach import reachable
-from kinematics.calibration.result import Calibration, Estimate
+from kinematics.calibration.result import Calibration, Estimate, widening
 from kinematics.calibration.search import least_errors
 from kinematics.errors import MotionError
 from kinematics.machine import Machine
@@ -57,7 +57,7 @@ def calibrate(
             f"({', '.join(parts)}); measure more poses, or free fewer parameters"
         )
     prediction, select = Prediction.of(machine, vector, measured), selection(vector, parameters)
-    weights = _weights(measured.noise or Noise(1.0, 1.0 / machine.characteristic_length))
+    weights = weights_of(machine, measured)
     before, _ = prediction.at(vector.nominal)
 
     framed = np.array(vector.nominal)
@@ -68,7 +68,7 @@ def calibrate(
 
     degrees = int(chosen.sum()) - found.rank
     scale = _size(after, weights, chosen) / sqrt(degrees) if degrees else nan
-    widened = scale if measured.noise is None else max(1.0, 0.0 if degrees == 0 else scale)
+    widened = widening(measured.noise, scale)
     known = np.where(measured.seen, 1.0, np.nan)
     return Calibration(
         machine=calibrated(prediction, theta),
@@ -135,7 +135,9 @@ def _size(errors: Array, weights: Array, chosen: np.ndarray) -> float:
     return float(np.linalg.norm((errors * weights)[chosen]))
 
 
-def _weights(noise: Noise) -> Array:
+def weights_of(machine: Machine, measured: Measurements) -> Array:
+    """(8,) 1 / the noise of each component; where it is not stated, a radian counts as the machine's own length."""
+    noise = measured.noise or Noise(1.0, 1.0 / machine.characteristic_length)
     return np.array([1 / noise.position] * 3 + [1 / noise.rotation] * 5)
 
 

@@ -1,7 +1,7 @@
 """Measurement files: the schema of their TOML, and the measurements that one holds."""
 
 from os import PathLike
-from typing import Annotated, Any, Literal, NamedTuple, Self
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
 
 import numpy as np
 from pydantic import AfterValidator, Field, model_validator
@@ -131,14 +131,23 @@ Spread = tuple[SpreadLength, SpreadLength, SpreadLength, SpreadAngle, SpreadAngl
 
 
 class Repeated(Table):
-    """Where a figure was published, and of how many repetitions it is the mean."""
+    """Where a figure was published, and of how many repetitions it is the mean.
+
+    table  where it was published
+    n      repetitions that it is the mean of
+    """
 
     table: str | None = None
     n: Annotated[int, Field(ge=1)] | None = None
 
 
 class DirectionPose(Repeated):
-    """A pose with the direction of the platform's z axis, as its error from what was commanded."""
+    """A pose with the direction of the platform's z axis, as its error from what was commanded.
+
+    desired  x, y, z and direction angles α, β, γ of the platform's z axis
+    error    desired − measured
+    spread   largest deviation of repetitions from their mean
+    """
 
     desired: PlaceAndAxis
     error: Error
@@ -159,7 +168,11 @@ class DirectionPose(Repeated):
 
 
 class WholePose(Repeated):
-    """A pose as position and rotation, or its position alone."""
+    """A pose as position and rotation, or its position alone.
+
+    commanded  x, y, z, θx, θy, θz from home
+    measured   the same, or x, y, z alone
+    """
 
     commanded: PlaceAndTurn
     measured: Annotated[tuple[float, ...], chosen(_six_or_three)]
@@ -174,7 +187,14 @@ class WholePose(Repeated):
 
 
 class TurnedAxis(Repeated):
-    """The direction of the platform's z axis after a turn θ."""
+    """The direction of the platform's z axis after a turn θ.
+
+    theta    θx, θy, θz of the turn
+    desired  direction angles of z after it
+    error    desired − measured
+    spread   largest deviation of repetitions from their mean
+    at       the position of the turn
+    """
 
     theta: Angles
     desired: Angles
@@ -199,7 +219,12 @@ class TurnedAxis(Repeated):
 
 
 class InitialPose(Repeated):
-    """What was measured at home: error = measured − desired; the errors of the poses have it taken out already."""
+    """What was measured at home: error = measured − desired; the errors of the poses have it taken out already.
+
+    desired  of home
+    error    measured − desired
+    spread   largest deviation of repetitions from their mean
+    """
 
     desired: PlaceAndAxis
     error: Error
@@ -207,7 +232,11 @@ class InitialPose(Repeated):
 
 
 class NoiseTable(Table):
-    """Standard deviation of one component of a position and of a rotation."""
+    """Standard deviation of one component of a position and of a rotation.
+
+    position  of one component
+    rotation  of one component
+    """
 
     position: Annotated[float, Unit("m", above=0, like="5 um")]
     rotation: Annotated[float, Unit("rad", above=0, like="20 urad")]
@@ -217,8 +246,18 @@ PoseTable = Annotated[DirectionPose | WholePose, either(DirectionPose, WholePose
 
 
 class MeasurementFile(File):
-    """A measurement file's TOML, key by key."""
+    """A measurement file's TOML, key by key.
 
+    length    unit of plain numbers that are lengths; mm if not stated
+    angle     unit of plain angles; deg if not stated
+    error     unit of plain lengths in errors; um if not stated
+    noise     standard deviation; estimated if not stated
+    initial   what was measured at home
+    pose      poses that parameters are fitted to
+    rotation  turns that are checks: nothing is fitted to them
+    """
+
+    what: ClassVar[str] = "measurement file"
     version: Literal[1] = Field(1, alias="schema")
     length: Annotated[str, unit_of("m")] | None = None
     angle: Annotated[str, unit_of("rad")] | None = None

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -10,6 +11,11 @@ from scipy.spatial.transform import RigidTransform
 from kinematics.array import Array, finite, frozen
 from kinematics.errors import MotionError
 from kinematics.pose import Pose, numbers
+from kinematics.result import Result
+from kinematics.table import Column, Table
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 COMPONENTS = ("x", "y", "z", "rx", "ry", "rz", "axis u", "axis v")
 """Errors of a pose: position and turn in the measuring frame; where only the platform's z axis is known, its turn about
@@ -39,7 +45,7 @@ class Noise:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Measurements:
+class Measurements(Result):
     """N poses relative to the machine's home pose, as in programs in the frame "home": commanded, and measured.
 
     seen    (N, 8) bool, by COMPONENTS: what was measured; of the rest `measured` holds anything
@@ -83,6 +89,31 @@ class Measurements:
 
     def __len__(self) -> int:
         return len(self.labels)
+
+    def tables(self) -> tuple[Table, ...]:
+        """Each pose as it was commanded and measured, as far as it was; what is fitted to."""
+        columns = [Column("pose", self.labels)]
+        for what, pose in (("commanded", self.commanded), ("measured", self.measured)):
+            values = np.column_stack([pose.translation, pose.rotation.as_euler("XYZ", suppress_warnings=True)])
+            known = self.seen[:, :6] if what == "measured" else np.ones_like(self.seen[:, :6])
+            for k, name in enumerate(COMPONENTS[:6]):
+                shown = [
+                    value if there else None
+                    for value, there in zip(values[:, k].tolist(), known[:, k].tolist(), strict=True)
+                ]
+                if any(value is not None for value in shown):
+                    columns.append(Column(f"{what} {name}", shown, "m" if k < 3 else "rad", "human", ".4f"))
+        columns.append(Column("fitted", self.fit))
+        return (Table(f"{self.name}: {len(self)} poses from home", tuple(columns), self.notes),)
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """How far the measured position of each pose is from the commanded one."""
+        from kinematics.bars import bars
+
+        off = np.linalg.norm(self.measured.translation - self.commanded.translation, axis=1)
+        known = np.asarray(self.seen[:, POSITION].all(1))
+        names = [label for label, there in zip(self.labels, known.tolist(), strict=True) if there]
+        return bars(names, (1e6 * off[known]).tolist(), "measured − commanded position (µm)", ax)
 
 
 def whole_poses(

@@ -2,10 +2,10 @@
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from kinematics.array import Array
 from kinematics.calibration.result import GROUPS, Calibration, known_group
+from kinematics.figure import new_axes
 
 COLORS = {"before": "#D55E00", "after": "#0072B2", "left out": "#009E73"}
 """Colours that colour-blind readers tell apart [Okabe and Ito 2008]."""
@@ -18,7 +18,7 @@ _NAME = {"position": "position", "rotation": "rotation", "axis": "direction of t
 def errors_by_pose(calibration: Calibration, ax: Axes | None = None, group: str = "position") -> Axes:
     """Root mean square of each pose's errors in a group: before, after, and left out of the fit."""
     known_group(group)
-    ax = Figure(figsize=(9, 3.6), layout="constrained").add_subplot() if ax is None else ax
+    ax = new_axes(ax, (9, 3.6))
     stages = {"before": calibration.before, "after": calibration.after, "left out": calibration.left_out}
     sizes = {name: np.maximum(_per_pose(errors[:, GROUPS[group]]), LEAST) for name, errors in stages.items()}
     known = np.isfinite(sizes["before"])
@@ -39,7 +39,7 @@ def errors_by_pose(calibration: Calibration, ax: Axes | None = None, group: str 
 
 def singular_values(calibration: Calibration, ax: Axes | None = None) -> Axes:
     """The singular values of the identification Jacobian: a combination of parameters each, the last seen worst."""
-    ax = Figure(figsize=(9, 3.0), layout="constrained").add_subplot() if ax is None else ax
+    ax = new_axes(ax, (9, 3.0))
     values = calibration.observability.singular
     shown = values[: calibration.observability.rank]
     ax.semilogy(np.arange(1, len(shown) + 1), shown, "o-", color=COLORS["after"], markersize=4)

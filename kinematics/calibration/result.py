@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kinematics.array import Array
-from kinematics.calibration.measurements import AXIS, COMPONENTS, POSITION, ROTATION, Measurements
+from kinematics.calibration.measurements import AXIS, COMPONENTS, POSITION, ROTATION, Measurements, Noise
 from kinematics.calibration.observability import Observability
 from kinematics.errors import MotionError
 from kinematics.machine import Machine
 from kinematics.pose import Pose
 from kinematics.registry import nearest
-from kinematics.text_table import aligned
+from kinematics.result import Result
+from kinematics.table import Column, Table
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -27,6 +28,13 @@ def known_group(name: str) -> str:
     if name not in GROUPS:
         raise MotionError(f'calibration: no group "{name}"{nearest(str(name), GROUPS)}; groups: {", ".join(GROUPS)}')
     return name
+
+
+def widening(noise: Noise | None, scale: float) -> float:
+    """What standard errors of a noise are multiplied by: see `calibrate`. scale NaN: there are no data to spare."""
+    if noise is None:
+        return scale
+    return 1.0 if np.isnan(scale) else max(1.0, scale)
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +52,7 @@ class Estimate:
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Calibration:
+class Calibration(Result):
     """The calibrated machine, the parameters, and the errors (N, 8), predicted − measured, NaN where not measured.
 
     machine     calibrated; its home is the pose at zero counts, so that offsets need no place of their own. Estimates
@@ -82,28 +90,34 @@ class Calibration:
         known = chosen[np.isfinite(chosen)]
         return float(np.sqrt(np.mean(known**2))) if known.size else np.nan
 
-    def __str__(self) -> str:
-        """Errors before and after, the parameters with their standard errors, and what the data show of them."""
-        stages = (self.before, self.after, self.left_out)
-        errors = [
-            [
-                group,
-                *(f"{1e6 * self.rms(stage, group):.3f}" for stage in stages),
-                "µm" if group == "position" else "µrad",
-            ]
-            for group in GROUPS
-            if np.isfinite(self.rms(self.before, group))
-        ]
-        rows = [[p.name, *(f"{value:.9g}" for value in (p.nominal, p.value, p.error)), p.unit] for p in self.parameters]
-        return "\n".join(
-            [
-                f"calibration of {self.nominal.name} by {', '.join(self.parts)}: RMS per component",
-                aligned(["error", "before", "after", "left out", "unit"], errors),
-                aligned(["parameter", "nominal", "value", "standard error", "unit"], rows),
-                f"{self.observability.rank} of {len(self.parameters)} combinations of parameters seen",
-                *(f"left out: {reason}" for reason in self.skipped),
-            ]
+    def tables(self) -> tuple[Table, ...]:
+        """The parameters with their standard errors, the errors before and after, and what the data show."""
+        stages = {"before": self.before, "after": self.after, "left out": self.left_out}
+        groups = [group for group in GROUPS if np.isfinite(self.rms(self.before, group))]
+        units = ["m" if group == "position" else "rad" for group in groups]
+        rms = (
+            Column(stage, [self.rms(of, group) for group in groups], units, "micro", ".3f", words={"nan": "not fitted"})
+            for stage, of in stages.items()
         )
+        errors = Table(
+            f"calibration of {self.nominal.name} by {', '.join(self.parts)}: RMS per component at the fitted poses",
+            (Column("error", groups), *rms),
+            tuple(f"left out: {reason}" for reason in self.skipped),
+        )
+        own, unknown = [one.unit for one in self.parameters], {"inf": "not seen apart", "nan": "unknown"}
+        parameters = (
+            Column("parameter", self.names),
+            Column("nominal", [one.nominal for one in self.parameters], own, "human", ".6f"),
+            Column("identified", [one.value for one in self.parameters], own, "human", ".6f"),
+            Column("standard error", [one.error for one in self.parameters], own, "human", ".6f", words=unknown),
+        )
+        seen = f"{self.observability.rank} of {len(self.parameters)} combinations of parameters seen"
+        indices = (Column(name, [value], form=".4g") for name, value in self.observability.indices.items())
+        return errors, Table("parameters", parameters), Table(seen, tuple(indices))
+
+    def data(self) -> Table:
+        """The parameters."""
+        return self.tables()[1]
 
     def __repr__(self) -> str:
         return f"<Calibration of {self.nominal.name}: {len(self.parameters)} parameters>"

@@ -2,14 +2,14 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import AfterValidator, AllowInfNan, Field, PlainValidator, ValidationInfo
 
 from kinematics.axis import Axis, Magnitude
 from kinematics.document import Key
-from kinematics.errors import MotionError
-from kinematics.registry import nearest
+from kinematics.errors import BadValue, MotionError
+from kinematics.registry import closest, nearest
 from kinematics.schema import File, Table, chosen, wrong
 from kinematics.step_timing import StepTiming, find_drive
 from kinematics.units import Angle, Length, Unit, shown
@@ -78,7 +78,7 @@ def _timing(value: object, info: ValidationInfo) -> StepTiming:
         try:
             return find_drive(value)
         except MotionError as error:
-            raise wrong(str(error)) from None
+            raise wrong(error) from None
     table = TimingTable.model_validate(value, strict=True, context=info.context)
     return StepTiming(**table.model_dump(exclude_none=True))
 
@@ -91,6 +91,7 @@ class Input(Table):
 
     pulse_factor     what a calibration found a pulse to be, over what is stated
     electronic_gear  (n, d): the drive makes n/d steps of each pulse, and a pulse is so much longer
+    drive  instead of `pulse`: the drive that makes it
     """
 
     direction: Annotated[int, AfterValidator(_sign)] | None = None
@@ -104,13 +105,25 @@ class Input(Table):
 
 
 class MachineFile(File):
-    """What every kind's file has: wiring says which card drives an axis, and which of the card's axes it is."""
+    """What every kind's file has.
 
+    kind      what it is
+    geometry  how it is built
+    axes      what all axes have
+    axis      `[[axis]]` tables by `name`: what one has of its own
+    wiring    by axis: which card drives it, and which of the card's axes it is, from 0
+    """
+
+    what: ClassVar[str] = "machine file"
     wiring: dict[str, tuple[str, Annotated[int, Field(ge=0)]]] = Field(default_factory=dict)
 
 
 class LinearDrive(Table):
-    """A stepper on a screw: one pulse moves lead / steps."""
+    """A stepper on a screw: one pulse moves lead / steps.
+
+    steps  pulses for one turn of the motor
+    lead   travel for one turn of the screw
+    """
 
     steps: Steps
     lead: Annotated[float, Unit("m", above=0)]
@@ -121,7 +134,10 @@ class LinearDrive(Table):
 
 
 class LinearAxis(Input):
-    """Travel, wiring and limits of a linear axis, as far as the file states them; an absent limit is none."""
+    """Travel, wiring and limits of a linear axis, as far as the file states them; an absent limit is none.
+
+    max_force  that the actuator bears; kept where the file states masses, friction or a wrench
+    """
 
     travel: Annotated[tuple[Length, Length], AfterValidator(_rising)] | None = None
     pulse: Annotated[float, Unit("m", above=0)] | None = None
@@ -152,7 +168,11 @@ class LinearAxis(Input):
 
 
 class RotaryDrive(Table):
-    """A stepper behind a gear: one pulse turns 1/(steps · gear) of a revolution."""
+    """A stepper behind a gear: one pulse turns 1/(steps · gear) of a revolution.
+
+    steps  pulses for one turn of the motor
+    gear   turns of the motor for one of the axis
+    """
 
     steps: Steps
     gear: Annotated[float, Field(gt=0)] = 1.0
@@ -206,11 +226,6 @@ def axes(
     names: Sequence[str], defaults: Mapping[str, AxisTable], overrides: Sequence[Any], file: MachineFile
 ) -> list[Axis]:
     """The axes by name: what all of their kind have, and what each has of its own (a `drive` gives its pulse)."""
-    unknown = [name for name in file.wiring if name not in names]
-    if unknown:
-        raise MotionError(
-            f"[wiring] {shown(unknown[0])} is no axis{nearest(unknown[0], names)}; axes: {', '.join(names)}"
-        )
     own = {override.name: _stated(override) for override in overrides}
     kinds = {LinearAxis: "linear", RotaryAxis: "rotary"}
     made = []
@@ -247,6 +262,16 @@ def one_pulse(data: Mapping[str, Any]) -> Iterator[tuple[Key, str]]:
             yield (*key, "drive"), "pulse and drive exclude each other: give one"
         if needed and not given:
             yield (*key, "pulse"), 'missing: write e.g. "0.75 um", or a drive with its steps'
+
+
+def wired_axes(names: Sequence[str], data: Mapping[str, Any]) -> Iterator[tuple[Key, MotionError]]:
+    """Every key of [wiring] that is none of the axes' names; of no names nothing is known."""
+    wiring = data.get("wiring")
+    for name in wiring if isinstance(wiring, dict) and names else ():
+        if name not in names:
+            known = ", ".join(names)
+            told = f"{shown(name)} is no axis{nearest(name, names)}; axes: {known}"
+            yield ("wiring", name), BadValue(told, allowed=known, nearest=closest(name, names))
 
 
 def named_once(data: Mapping[str, Any], array: str = "axis") -> Iterator[tuple[Key, str]]:

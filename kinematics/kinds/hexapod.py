@@ -35,7 +35,15 @@ class SixLegs(Platforms):
 
 
 class JointCircles(SixLegs):
-    """Joint centres in pairs on a circle of each platform; heights along z in the platform's own frame."""
+    """Joint centres in pairs on a circle of each platform; heights along z in the platform's own frame.
+
+    base_radius      of the circle of the base joints
+    base_gap         angle between the two closest joints
+    base_height      of the circle above the base frame's origin
+    platform_radius  of the circle of the platform joints
+    platform_gap     angle between the two closest joints
+    platform_height  of the circle above the platform frame's origin
+    """
 
     base_radius: Radius
     base_gap: Gap
@@ -52,7 +60,11 @@ class JointCircles(SixLegs):
 
 
 class JointPoints(SixLegs):
-    """Joint centres one by one, each in the frame of its platform."""
+    """Joint centres one by one, each in the frame of its platform.
+
+    base_joints      centres in the base frame, leg by leg
+    platform_joints  centres in the platform's frame
+    """
 
     base_joints: SixPoints
     platform_joints: SixPoints

@@ -31,7 +31,13 @@ Tilt = Annotated[float, Unit("rad", above=0, most=pi)]
 
 
 class Plate(Table):
-    """A platform's disc, in the platform's own frame."""
+    """A platform's disc, in the platform's own frame.
+
+    radius     of the disc
+    thickness  of the disc
+    centre     half-way up its thickness
+    normal     its axis
+    """
 
     radius: Radius
     thickness: Thickness
@@ -44,7 +50,18 @@ class Plate(Table):
 
 
 class Platforms(Table):
-    """What the geometry of a machine with legs has however its joints are given; `rests` says how many axes."""
+    """What the geometry of a machine with legs has however its joints are given; `rests` says how many axes.
+
+    home           the pose from which travel and pulses count
+    base_rest      the axis against which tilt of the base joints counts: one, or one for each; in the base frame, its z
+                   if not stated
+    platform_rest  the same of the platform joints, in the platform's frame
+    max_tilt       of a joint from its rest axis: one angle, or two (base, platform)
+    leg_radius     of a leg, a round bar: states that legs take up room
+    leg_ends       how far the bar's ends stay from the joint centres
+    base_disc      the base plate, as what takes up room
+    platform_disc  the platform's plate
+    """
 
     home: Home
     base_rest: tuple[Any, ...] | None = None

@@ -15,6 +15,16 @@ NAMES = ("a", "b")
 
 
 class Geometry(Table):
+    """How a linkage is built.
+
+    base_a  joint of actuator a in the plane
+    base_b  joint of actuator b
+    offset  from the actuators' common joint to the point
+    angle   at that joint, from actuator a to the point
+    home    the pose from which travel and pulses count
+    near    lengths that say which of home's are meant; the longer a if not stated
+    """
+
     base_a: tuple[Length, Length]
     base_b: tuple[Length, Length]
     offset: Annotated[float, Unit("m", least=0)]

@@ -26,7 +26,12 @@ def _moments(value: object) -> Any:
 
 
 class Mass(Table):
-    """A body in the frame of its part; inertia about the centre of mass: its moments about the axes, or all nine."""
+    """A body in the frame of its part.
+
+    mass     of the body
+    centre   its centre of mass
+    inertia  about the centre of mass: the moments about the axes, or all nine in rows
+    """
 
     mass: Annotated[float, Unit("kg", least=0)]
     centre: Point = (0.0, 0.0, 0.0)
@@ -49,7 +54,11 @@ Bodied = Annotated[Mass, AfterValidator(_possible)]
 
 
 class Carried(Mass):
-    """The platform (or tool), and what pushes on it from outside at its origin, in the base frame."""
+    """The platform (or tool), and what pushes on it from outside at its origin, in the base frame.
+
+    force   that pushes on the platform's origin, in the base frame
+    moment  likewise
+    """
 
     mass: Annotated[float, Unit("kg", least=0)] = 0.0
     force: tuple[Push, Push, Push] = (0.0, 0.0, 0.0)
@@ -57,7 +66,12 @@ class Carried(Mass):
 
 
 class Legs(Table):
-    """The two parts of every leg: barrel in a frame at the base joint, rod at the platform joint, z along the leg."""
+    """The two parts of every leg: barrel in a frame at the base joint, rod at the platform joint, z along the leg.
+
+    barrel      what turns about the base joint
+    rod         what also slides, up to the platform joint
+    first_axis  the axis of the base joint that stands still in the base frame; chosen if not stated
+    """
 
     barrel: Bodied
     rod: Bodied
@@ -65,7 +79,12 @@ class Legs(Table):
 
 
 class LoadedFile(MachineFile):
-    """What every machine's file may say of its masses; gravity points down a base that stands upright."""
+    """What every machine's file may say of its masses; gravity points down a base that stands upright.
+
+    platform  what the platform (or tool) weighs and bears
+    gravity   its acceleration, in the base frame
+    legs      what the legs weigh
+    """
 
     platform: Annotated[Carried, AfterValidator(_possible)] | None = None
     gravity: tuple[Pull, Pull, Pull] = GRAVITY

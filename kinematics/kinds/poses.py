@@ -10,7 +10,11 @@ Point = tuple[Length, Length, Length]
 
 
 class Home(Table):
-    """The pose from which travel and pulses count: a position, turned by θx, θy, θz about the moving axes in turn."""
+    """The pose from which travel and pulses count: a position, turned by θx, θy, θz about the moving axes in turn.
+
+    to      the platform's origin in the base frame
+    rotate  θx, θy, θz about the moving axes in turn
+    """
 
     to: Point
     rotate: tuple[Angle, Angle, Angle] = (0.0, 0.0, 0.0)

@@ -15,6 +15,13 @@ SLIDES, ROTARY = ("X", "Y", "Z"), "R"
 
 
 class Geometry(Table):
+    """How a traverser is built.
+
+    home        the pose from which travel and pulses count
+    directions  of the slides X, Y and Z in the base frame; the base axes if not stated
+    length      that counts as one radian where lengths and angles meet
+    """
+
     home: Home
     directions: tuple[Direction, Direction, Direction] | None = None
     length: Annotated[float, Unit("m", above=0)] = 0.1

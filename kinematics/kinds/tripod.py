@@ -14,7 +14,12 @@ ARMS = tuple(f"arm{n}" for n in range(1, 4))
 
 
 class Geometry(Platforms):
-    """Joint centres one by one, each in the frame of its platform; tool: its centre in the plate's frame."""
+    """Joint centres one by one, each in the frame of its platform; tool: its centre in the plate's frame.
+
+    base_joints      centres in the base frame, arm by arm
+    platform_joints  centres in the plate's frame
+    tool             the tool's centre, in the plate's frame
+    """
 
     base_rest: Annotated[tuple[Any, ...], rests(3)] | None = None
     platform_rest: Annotated[tuple[Any, ...], rests(3)] | None = None

@@ -2,10 +2,13 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 from weakref import WeakKeyDictionary
 
 from kinematics.axis import Axis
 from kinematics.errors import MotionError
+from kinematics.result import Result
+from kinematics.table import Column, Table
 from planner.actuation import MachinePath, actuate
 from planner.baselines.along import Along
 from planner.baselines.between import Deviation, deviation, independent, moves, synchronised
@@ -19,6 +22,9 @@ from planner.solve import proved
 from planner.timing.shapes import QUARTER_SINE, S_CURVE, TRAPEZOID
 from planner.trajectory import Trajectory
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
 # Along the path: one profile of speed for each run from rest to rest.
 ALONG = {shapes.name: shapes for shapes in (TRAPEZOID, S_CURVE, QUARTER_SINE)}
 # Between poses: every axis on its own from the end of one segment to the end of the next.
@@ -27,7 +33,7 @@ KINDS = (*ALONG, *BETWEEN)
 
 
 @dataclass(frozen=True, slots=True)
-class Classical:
+class Classical(Result):
     """A classical motion of a kind, and its own proof.
 
     order      to which its proof goes: 2 where its acceleration steps, so that no jerk limit could hold
@@ -43,6 +49,25 @@ class Classical:
     @property
     def duration(self) -> float:
         return self.trajectory.duration
+
+    def tables(self) -> tuple[Table, ...]:
+        """How long it takes, how far it leaves the path, and its certificate."""
+        off = 0.0 if self.deviation is None else self.deviation.distance
+        columns = (
+            Column("timing", [self.kind]),
+            Column("order", [self.order]),
+            Column("duration", [self.duration], "s", form=".6f"),
+            Column("off the path", [off], "m", "human", ".3f"),
+        )
+        return Table("classical timing", columns), *self.certificate.tables()
+
+    def data(self) -> Table:
+        """The motion over time."""
+        return self.trajectory.data()
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """The speed along the path over time."""
+        return self.trajectory.plot(ax)
 
 
 def classical(plan: Plan | Course, kind: str = "trapezoid") -> Classical:

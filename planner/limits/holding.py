@@ -18,7 +18,10 @@ class Holding(AxisLimit):
         self.machine, self.units = machine, force_units(machine)
 
     def remedy(self, over: float, unit: str) -> str:
-        return f"the machine cannot hold itself still there: take {over:.4g} {unit} off the axis, or move the path"
+        return (
+            f"the machine cannot hold itself still there: take {over:.4g} {unit} off the axis, or give it a max_force "
+            "that is so much larger"
+        )
 
     def value(self, motion: Motion) -> Quantity:
         values = motion.evaluate(self.machine.holding_map.expression, motion.pose_rate(0), motion.q)

@@ -1,12 +1,13 @@
 """From a program to the pieces of its path: frames, tool, arcs from where the path stands, turns, dwells, joins."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics.array import Array, frozen
-from kinematics.errors import MotionError
+from kinematics.errors import Fault, FileError, MotionError
 from kinematics.machine import Machine
 from kinematics.pose import Pose
 from planner.path.arc import arc
@@ -54,16 +55,18 @@ def chain(program: Program, machine: Machine) -> Chain:
 def draw(program: Program, machine: Machine) -> tuple[list[list[Piece]], list[Join], Array]:
     """The tool's pieces of every segment that moves, repetition after repetition, and the joins at their ends.
 
-    dwells (S+1,) s at the start and at the ends. Raises MotionError naming the segment that cannot be drawn.
+    dwells (S+1,) s at the start and at the ends. Raises MotionError naming the segments that cannot be drawn, of a
+    program from a file FileError with their lines: all up to the first that does not say itself where it ends.
     """
     _refuse_lever(program, machine)
     _refuse_end_speed("start_speed", program.start_speed, program.segments[0], 1)
     _refuse_end_speed("end_speed", program.end_speed, program.segments[-1], len(program.segments))
-    here = program.start if program.start is not None else _default_start(program, machine)
+    here = program.start if program.start is not None else default_start(program, machine)
     frame = machine.home if program.frame == "home" else RigidTransform.identity()
     if program.work is not None:
         frame = frame * program.work
     drawn: list[list[Piece]] = []
+    faults: list[tuple[int, MotionError]] = []
     joins: list[Join] = []
     dwells = [0.0]
     for repetition in range(1, program.repeat + 1):
@@ -72,25 +75,61 @@ def draw(program: Program, machine: Machine) -> tuple[list[list[Piece]], list[Jo
                 dwells[-1] += segment.duration
                 continue
             try:
-                there = _end(segment, number, here)
+                there = _end(segment, here)
                 own = _pieces(segment, number, here, there, frame, machine.characteristic_length)
             except MotionError as wrong:
-                raise _again(wrong, repetition) if repetition > 1 else wrong from None
+                faults.append((number, _again(wrong, repetition) if repetition > 1 else wrong))
+                onward = _onward(segment, here)
+                if onward is None or repetition > 1:
+                    raise _undrawn(program, faults) from None
+                here = onward
+                continue
             drawn.append([_finished(piece, segment, program, repetition) for piece in _freed(own, segment)])
             joins.append(segment.join)
             dwells.append(0.0)
             here = there
+        if faults:
+            raise _undrawn(program, faults)
     if not drawn:
-        raise MotionError(f"program {program.name}: nothing moves; add a line, an arc, a spline or a turn")
+        told = f"program {program.name}: nothing moves; add a line, an arc, a spline or a turn"
+        raise FileError(program.file, [Fault("segment", told, 1)]) if program.file else MotionError(told)
     return drawn, joins, frozen(dwells)
 
 
-def _default_start(program: Program, machine: Machine) -> Pose:
+def default_start(program: Program, machine: Machine) -> Pose:
     """Where the machine's home pose has the tool, in the work frame."""
     start = RigidTransform.identity() if program.frame == "home" else machine.home
     if program.tool is not None:
         start = start * program.tool
     return start if program.work is None else program.work.inv() * start
+
+
+def _onward(segment: Moving, here: Pose) -> Pose | None:
+    """Where the path goes on behind a segment that cannot be drawn, as far as it says that itself."""
+    match segment:
+        case Line():
+            position, turned = np.asarray(segment.to, float), segment.rotate
+        case Spline():
+            position, turned = segment.through[-1], None if segment.rotate is None else segment.rotate[-1]
+        case Turn(to=Rotation() as turned):
+            position = here.translation
+        case _:
+            return None
+    return RigidTransform.from_components(position, here.rotation if turned is None else turned)
+
+
+def _undrawn(program: Program, faults: Sequence[tuple[int, MotionError]]) -> MotionError:
+    """Everything that is wrong with the segments of a program: of its file, if it is from one."""
+    named = [(number, program.segments[number - 1], str(wrong)) for number, wrong in faults]
+    if not program.file:
+        return MotionError("\n".join(f"{_name(segment, number)}: {told}" for number, segment, told in named))
+    return FileError(
+        program.file,
+        [
+            Fault(f"segment[{number}].{type(segment).__name__.lower()}", told, segment.line_number)
+            for number, segment, told in named
+        ],
+    )
 
 
 def _again(wrong: MotionError, repetition: int) -> MotionError:
@@ -147,7 +186,7 @@ def _name(segment: Segment, number: int) -> str:
     return f"segment {number}, {type(segment).__name__.lower()}{line_number}"
 
 
-def _end(segment: Moving, number: int, here: Pose) -> Pose:
+def _end(segment: Moving, here: Pose) -> Pose:
     """The pose at a segment's end, in the program's frame."""
     match segment:
         case Turn():
@@ -159,34 +198,30 @@ def _end(segment: Moving, number: int, here: Pose) -> Pose:
             position = np.asarray(segment.to, float)
             if np.linalg.norm(position - here.translation) <= SAME:
                 raise MotionError(
-                    f"{_name(segment, number)}: it ends where it starts, at {_mm(position)}; "
-                    "leave it out, or use turn to rotate on the spot"
+                    f"it ends where it starts, at {_mm(position)}; leave it out, or use turn to rotate on the spot"
                 )
         case Arc():
-            position = _arc_end(segment, number, here)
+            position = _arc_end(segment, here)
         case Spline():
             position = segment.through[-1]
             if np.linalg.norm(segment.through[0] - here.translation) <= SAME:
                 raise MotionError(
-                    f"{_name(segment, number)}: point 1 is where the path stands already, at {_mm(here.translation)}; "
+                    f"point 1 is where the path stands already, at {_mm(here.translation)}; "
                     "leave it out: a spline starts there by itself"
                 )
         case Curve():
-            return _curve_end(segment, number, here)
+            return _curve_end(segment, here)
     rotation = here.rotation if segment.rotate is None else segment.rotate
     return RigidTransform.from_components(position, rotation if rotation.single else rotation[-1])
 
 
-def _curve_end(segment: Curve, number: int, here: Pose) -> Pose:
+def _curve_end(segment: Curve, here: Pose) -> Pose:
     """Where its equations end, which must begin where the path stands."""
-    try:
-        first, last = ends(segment)
-    except MotionError as no:
-        raise MotionError(f"{_name(segment, number)}: {no}") from None
+    first, last = ends(segment)
     away = first.translation - here.translation
     if np.linalg.norm(away) > SAME:
         raise MotionError(
-            f"{_name(segment, number)}: its equations begin at {_mm(first.translation)}, "
+            f"its equations begin at {_mm(first.translation)}, "
             f"{np.linalg.norm(away) * 1e3:.6g} mm from where the path stands, {_mm(here.translation)}; "
             "lead there by a line before it"
         )
@@ -196,25 +231,22 @@ def _curve_end(segment: Curve, number: int, here: Pose) -> Pose:
         if angle > SAME:
             wanted = ", ".join(f"{each:.6g}" for each in first.rotation.as_euler("XYZ", degrees=True))
             raise MotionError(
-                f"{_name(segment, number)}: its equations begin turned [{wanted}]°, {np.degrees(angle):.6g}° from how "
+                f"its equations begin turned [{wanted}]°, {np.degrees(angle):.6g}° from how "
                 "the path stands; turn there before it"
             )
         rotation = last.rotation * first.rotation.inv() * here.rotation
     return RigidTransform.from_components(here.translation + (last.translation - first.translation), rotation)
 
 
-def _arc_end(segment: Arc, number: int, here: Pose) -> Array:
+def _arc_end(segment: Arc, here: Pose) -> Array:
     centre, normal = np.asarray(segment.centre, float), _unit(segment.normal)
     u = here.translation - centre
     radius, height = float(np.linalg.norm(u)), float(u @ normal)
     if radius <= SAME:
-        raise MotionError(
-            f"{_name(segment, number)}: the path stands on the arc's centre {_mm(centre)}; "
-            "the centre must lie beside it"
-        )
+        raise MotionError(f"the path stands on the arc's centre {_mm(centre)}; the centre must lie beside it")
     if abs(height) > IN_PLANE * radius + SAME:
         raise MotionError(
-            f"{_name(segment, number)}: the path stands {abs(height) * 1e3:.4g} mm out of the plane "
+            f"the path stands {abs(height) * 1e3:.4g} mm out of the plane "
             f"through the centre {_mm(centre)}, at {_mm(here.translation)}; "
             f"move the centre by {_mm(height * normal)} or correct the normal"
         )
@@ -231,7 +263,7 @@ def _pieces(segment: Moving, number: int, here: Pose, there: Pose, frame: Pose, 
                 return [turn(start, axis, segment.angle, characteristic, number)]
             angle = turn_angle(start, end)
             if angle <= SAME:
-                raise MotionError(f"{_name(segment, number)}: the orientation is reached already; leave it out")
+                raise MotionError("the orientation is reached already; leave it out")
             return [line(start, end, angle * characteristic, number)]
         case Line():
             length = float(np.linalg.norm(end.translation - start.translation))
@@ -241,16 +273,10 @@ def _pieces(segment: Moving, number: int, here: Pose, there: Pose, frame: Pose, 
             normal = frame.rotation.apply(_unit(segment.normal))
             return [arc(start, centre, normal, segment.angle, end.rotation, number, segment.rise)]
         case Curve():
-            try:
-                return curve(start, segment, frame, number)
-            except MotionError as no:
-                raise MotionError(f"{_name(segment, number)}: {no}") from None
+            return curve(start, segment, frame, number)
         case Spline():
             turned = None if segment.rotate is None else frame.rotation * segment.rotate
-            try:
-                return spline(start, frame.apply(segment.through), turned, number)
-            except MotionError as no:
-                raise MotionError(f"{_name(segment, number)}: {no}") from None
+            return spline(start, frame.apply(segment.through), turned, number)
 
 
 def _unit(vector: object) -> Array:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from kinematics.array import Array, frozen
+from kinematics.table import Column, Table
 from planner.path.blend import LOWEST, rounded
 from planner.path.shape import Piece
 from planner.program import Blend, Join, Stop
@@ -46,6 +47,27 @@ class Blended:
     def used(self) -> float:
         """The share of the tolerance that it uses."""
         return max(self.deviation / self.tolerance, self.turned / self.angle)
+
+
+def blend_tables(blends: "Sequence[Blended]") -> tuple[Table, ...]:
+    """How far each blend leaves the corner, and what it could not have; no table where there is none."""
+    if not blends:
+        return ()
+    figures = (
+        ("tolerance", [blend.tolerance for blend in blends], "m", "micro"),
+        ("deviation", [None if blend.stop else blend.deviation for blend in blends], "m", "micro"),
+        ("angle", [None if blend.stop else blend.turned for blend in blends], "rad", "micro"),
+        ("reach", [None if blend.stop else blend.reach for blend in blends], "m", "human"),
+    )
+    columns = (Column(name, values, unit, scale, ".4g") for name, values, unit, scale in figures)  # type: ignore[arg-type]
+    after = Column("after segment", [blend.segment for blend in blends])
+    return (Table("blends", (after, *columns, Column("note", [_note(blend) for blend in blends]))),)
+
+
+def _note(blend: Blended) -> str:
+    if blend.stop:
+        return f"stops: {blend.stop}"
+    return f"half of segment {' and '.join(map(str, blend.half_of))}" if blend.half_of else ""
 
 
 def join(

@@ -55,10 +55,12 @@ def _refuse_rate(pulses: AxisPulses, axis: Axis, motion: Motion, clock_hz: int) 
     steps = np.where(np.diff(pulses.direction) == 0, np.diff(pulses.ticks), np.iinfo(np.int64).max)
     if not len(steps) or steps.min() >= np.floor(clock_hz / axis.pulse_rate):
         return
+    rate = clock_hz / float(steps.min())
     t = float(pulses.ticks[int(np.argmin(steps))]) / clock_hz
     place = Place(float(motion.at(np.array([t])).s[0]), t=t, axis=axis.name)
     remedy = (
-        f"that is with {' and '.join(axis.compensate)} made up for: slow {axis.name} there, or let planner.plan make "
-        "the motion, which keeps the rate of the motor behind its screw"
+        f"that is with {' and '.join(axis.compensate)} made up for: slow {axis.name} there to "
+        f"{100 * axis.pulse_rate / rate:.4g} % or less, or let planner.plan make the motion, which keeps the rate of "
+        "the motor behind its screw"
     )
-    raise Infeasible("pulse rate", axis.name, place, clock_hz / float(steps.min()), axis.pulse_rate, "1/s", remedy)
+    raise Infeasible("pulse rate", axis.name, place, rate, axis.pulse_rate, "1/s", remedy)

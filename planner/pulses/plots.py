@@ -6,8 +6,8 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from kinematics.array import Array
+from kinematics.figure import PALETTE, new_axes
 from kinematics.machine import Machine
-from planner.plots import PALETTE, new_axes
 from planner.pulses.errors import axis_errors, space_errors
 from planner.pulses.motion import Motion
 from planner.pulses.schedule import PulseSchedule

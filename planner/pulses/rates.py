@@ -12,8 +12,6 @@ from planner.pulses.pieces import Pieces
 from planner.pulses.stretches import window
 
 PARTS = 8  # of each piece: the bound's excess falls with their square
-BINS = 600
-"""Windows of time over which figures average pulse rates."""
 
 
 def largest(pieces: Pieces, axis: int, times: int) -> tuple[float, float]:

@@ -7,8 +7,9 @@ import numpy as np
 
 from kinematics.array import Array
 from kinematics.errors import MotionError
-from kinematics.text_table import aligned
-from planner.place import Place
+from kinematics.result import Result
+from kinematics.table import Column, Table
+from planner.place import Place, where_columns
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -43,7 +44,7 @@ class RealisedError:
 
 
 @dataclass(frozen=True, slots=True)
-class RealisedPath:
+class RealisedPath(Result):
     """How far the pose to which the integer counts lead the machine is from the planned pose.
 
     rule      of firing that made the pulses
@@ -78,15 +79,32 @@ class RealisedPath:
 
         return realised_error(self, ax=ax)
 
-    def __str__(self) -> str:
+    def tables(self) -> tuple[Table, ...]:
+        """Each error, its bound, and where it is largest."""
         every = "each" if self.stride == 1 else f"one in {self.stride}"
-        rows = [
-            [e.name, *(f"{1e6 * v:.4f}" for v in (e.rms, e.max, e.bound)), f"{e.share:.3f}", f"µ{e.unit}", str(e.where)]
-            for e in self.errors
-        ]
-        header = ["error", "RMS", "largest", "bound", "of bound", "unit", "largest at"]
-        return (
+        title = (
             f"realised path of the {self.mover} of {self.machine}, rule {self.rule}: {self.instants} instants, "
-            f"{every} just after and just before a pulse\n{aligned(header, rows)}"
-            + "".join(f"\nin error and bound, {text}" for text in self.mechanics)
+            f"{every} just after and just before a pulse"
         )
+        units = [error.unit for error in self.errors]
+        figures = (("RMS", "rms"), ("largest", "max"), ("bound", "bound"))
+        columns = (
+            Column("error", [error.name for error in self.errors]),
+            *(
+                Column(name, [getattr(error, field) for error in self.errors], units, "micro", ".4f")
+                for name, field in figures
+            ),
+            Column("of bound", [error.share for error in self.errors], form=".3f"),
+            *where_columns([error.where for error in self.errors]),
+        )
+        return (Table(title, columns, tuple(f"in error and bound, {text}" for text in self.mechanics)),)
+
+    def data(self) -> Table:
+        """The largest of each error in windows of time, and its bound."""
+        ends = (Column("from", self.edges[:-1], "s"), Column("to", self.edges[1:], "s"))
+        series = (
+            Column(f"{error.name}{of}", values, error.unit)
+            for error in self.errors
+            for of, values in (("", error.series), (" bound", error.bounds))
+        )
+        return Table(f"realised path of {self.machine}", (*ends, *series))

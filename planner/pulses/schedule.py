@@ -1,15 +1,28 @@
 """A pulse schedule: for every axis the clock ticks at which it is stepped, and which way."""
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from kinematics.array import frozen
 from kinematics.errors import MotionError
+from kinematics.result import Result
+from kinematics.table import Table
+from planner.pulses import schedule_tables
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 Ticks = NDArray[np.int64]
 Signs = NDArray[np.int8]
+BINS = 600
+"""Windows of time over which figures average pulse rates."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,7 +115,7 @@ class Compensation:
 
 
 @dataclass(frozen=True, slots=True)
-class PulseSchedule:
+class PulseSchedule(Result):
     """The pulses of every axis on one clock (clock_hz ticks per second); the motion ends at `duration` (s).
 
     rule   the firing rule that made them, with its options as `planner.pulses.find_rule` reads them
@@ -121,6 +134,29 @@ class PulseSchedule:
         object.__setattr__(self, "axes", tuple(self.axes))
         if not (self.clock_hz > 0 and self.clock_hz == int(self.clock_hz)):
             raise MotionError(f"clock {self.clock_hz} Hz: must be a positive whole number of ticks per second")
+
+    def tables(self) -> tuple[Table, ...]:
+        """The pulses of each axis; what the drives' timing and the compensation cost, where they cost anything."""
+        return tuple(schedule_tables.tables(self, {}))
+
+    def data(self) -> Table:
+        """Every pulse."""
+        return schedule_tables.every_pulse(self)
+
+    def files(self) -> Mapping[str, Callable[[Path], None]]:
+        """.npz: exact, as `export` writes it; .csv: every pulse; .json: the tables."""
+        # a plugged format: what proves schedules must not come to import what formats import
+        return {
+            ".npz": partial(import_module("planner.export.npz").write, self),
+            ".csv": self._csv,
+            ".json": self._json,
+        }
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """Pulse rates over time."""
+        from planner.pulses.schedule_plot import pulse_rate
+
+        return pulse_rate(self, ax)
 
     def counts(self, t: ArrayLike) -> Ticks:
         """(N, axes) the counts at the instants t (s); a pulse counts from its own instant, ticks / clock_hz, on."""

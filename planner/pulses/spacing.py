@@ -104,7 +104,9 @@ def _refusal(
     else:
         limit = timing.rate
         remedy = (
-            f"its drive takes {timing.rate:.4g} pulses/s one way: slow the motion there, use a longer pulse, or a "
-            "finer clock"
+            f"its drive takes {timing.rate:.4g} pulses/s one way, so no pulse sooner than {1e6 * least:.4g} us after "
+            f"another, and one comes after {1e6 * time:.4g}: "
+            f"slow the motion there to {100 * time / least:.4g} % or less, "
+            f"use a pulse {at_least(least / max(time, 1 / clock_hz))} times as long, or a rule that fires no faster"
         )
     return Infeasible(what, axis.name, place, 1 / max(time, 1 / clock_hz), limit, "1/s", remedy)

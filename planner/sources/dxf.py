@@ -24,7 +24,8 @@ from kinematics.errors import MotionError
 from planner.program import Blend, Line, Program, Stop, Through
 from planner.sources.chains import chained
 from planner.sources.cutting import Cutting, program_of
-from planner.sources.dxf_file import drawing, refuse_unknown
+from planner.sources.dxf_file import HANDLE, drawing, refuse_unknown
+from planner.sources.dxf_lines import line_of
 from planner.sources.dxf_shapes import Shapes
 from planner.sources.faults import Faults
 from planner.sources.placed import placed
@@ -85,16 +86,18 @@ class Dxf:
         faults = Faults(str(path))
         found = drawing(path, self)
         shapes = Shapes(found.metres, self.deviation)
-        refuse_unknown([entity for entity in found.entities if not shapes.knows(entity)], faults)
+        refuse_unknown(path, [entity for entity in found.entities if not shapes.knows(entity)], faults)
         parts: list[Chain] = []
         for entity in found.entities:
             if shapes.knows(entity):
                 try:
                     parts += shapes.strokes(entity)
                 except MotionError as wrong:
-                    faults.add(f"{entity.dxftype()} {entity.dxf.handle}: {wrong}")
+                    named = f"{entity.dxftype()} {entity.dxf.handle}"
+                    faults.add(str(wrong), line_of(path, HANDLE, str(entity.dxf.handle)), named)
                 except Exception as wrong:  # what ezdxf comes upon in an entity that it has read
-                    faults.add(f"{entity.dxftype()} {entity.dxf.handle}: broken: {wrong}")
+                    named = f"{entity.dxftype()} {entity.dxf.handle}"
+                    faults.add(f"broken: {wrong}", line_of(path, HANDLE, str(entity.dxf.handle)), named)
         kept, short = _long_enough(parts, self.tolerance)
         if not faults and not kept:
             faults.add("nothing to run: it has no lines and no curves on these layers, none longer than the tolerance")

@@ -1,5 +1,6 @@
 """A DXF file as ezdxf reads it: its entities in model space, the layers that count, and its unit."""
 
+import re
 from collections import Counter, defaultdict
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from kinematics.errors import Fault, FileError, MotionError
 from kinematics.registry import nearest
 from kinematics.units import shown
+from planner.sources.dxf_lines import line_of
 from planner.sources.faults import Faults
 from planner.sources.texts import bytes_of
 
@@ -20,6 +22,8 @@ METRES = {
 }  # fmt: skip
 """m of the units that $INSUNITS can name."""
 LAST_CODE = 24
+HANDLE, VARIABLE = 5, 9
+"""Group codes."""
 HANDLES = 1000
 """Entities of a kind and layer that are named one by one."""
 
@@ -49,7 +53,10 @@ def drawing(path: Path, options: "Dxf") -> Drawing:
         )
     except Exception as error:  # whatever its parser comes upon
         told = str(error).removeprefix(f"{type(error).__name__}: ").replace(str(path), "it").replace("File 'it'", "it")
-        raise FileError(str(path), [Fault("", f"not a DXF file that can be read: {shown(told)}")]) from None
+        line = int(at[1]) if (at := re.search(r"near line: (\d+)", told)) else raw.count(b"\n") if raw else 1
+        more = "" if told.endswith("is not a DXF file.") else "; what follows is not looked at"
+        message = f"not a DXF file that can be read: {shown(told)}{more}"
+        raise FileError(str(path), [Fault("", message, line if more else 1)]) from None
     warnings = [f"{count} entities of layout {shown(name)} are not read" for name, count in papers.items() if count]
     metres = _metres(path, document.units if b"$INSUNITS" in raw else 0, options.length, warnings)
     taken = _taken(path, entities, layers, options, warnings)
@@ -64,7 +71,9 @@ def _metres(path: Path, code: int, length: str | None, warnings: list[str]) -> f
     if length is None:
         if said is None:
             told = "states no unit ($INSUNITS)" if not code else f"states unit {code} ($INSUNITS), which is not known"
-            raise FileError(str(path), [Fault("", f'the drawing {told}; give the option length, e.g. "mm"')])
+            line = line_of(path, VARIABLE, "$INSUNITS") or 1
+            told = f'the drawing {told}; give the option length, e.g. "mm"'
+            raise FileError(str(path), [Fault("$INSUNITS", told, line)])
         return said
     given = unit_value(length, "m")
     if said is not None and said != given:
@@ -101,8 +110,8 @@ def layer_of(entity: Any) -> str:
     return str(entity.dxf.layer if entity.dxf.hasattr("layer") else entity.graphic_properties().get("layer", "0"))
 
 
-def refuse_unknown(entities: list[Any], faults: Faults) -> None:
-    """One fault for each kind and layer of entities that are not supported, with the handles of them all."""
+def refuse_unknown(path: Path, entities: list[Any], faults: Faults) -> None:
+    """One fault for each kind and layer of entities that are not supported: line of the first, handles of them all."""
     groups = defaultdict(list)
     for entity in entities:
         groups[entity.dxftype(), layer_of(entity)].append(str(entity.dxf.handle))
@@ -112,5 +121,6 @@ def refuse_unknown(entities: list[Any], faults: Faults) -> None:
         faults.add(
             f"{kind} is not supported: {remedy}, or skip its layer; handle{'s' * (len(handles) > 1)} "
             f"{', '.join(handles[:HANDLES])}{more}",
-            key=f"layer {shown(layer)}",
+            line_of(path, HANDLE, handles[0]),
+            f"layer {shown(layer)}",
         )

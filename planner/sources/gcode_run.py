@@ -14,7 +14,7 @@ from kinematics.pose import Pose
 from planner.program import SAME, Arc, Blend, Dwell, Join, Line, Segment, Stop, Through, Turn
 from planner.sources.faults import Faults
 from planner.sources.gcode_arc import by_centre, by_radius
-from planner.sources.gcode_ignored import Offsets, ignored
+from planner.sources.gcode_ignored import Offsets, ignorable, ignored
 from planner.sources.gcode_words import LARGEST, Words, column_of
 
 if TYPE_CHECKING:
@@ -112,7 +112,9 @@ class Run:
                 self.left_out[word] += 1
                 silent.append((letter, value))
             else:
-                raise Wrong(given + text, f"{given}{text[:20]} is not supported; take it out, or edit the program")
+                word = f"{letter}{value:g}"
+                remedy = f', or leave it out by the option ignore="{word}"' if ignorable(word) else ""
+                raise Wrong(given + text, f"{given}{text[:20]} is not supported; take it out{remedy}")
         if silent:
             self.offsets.block(silent)
             if ("G", 80.0) in silent:

@@ -69,6 +69,8 @@ def _odd(line: str) -> tuple[int, str]:
         return at + 1, f"{shown(rest)}: parameters and expressions are not supported; write their numbers"
     if rest[0] == "%":
         return at + 1, "% stands alone on its line, before the program and after it"
+    if re.match(r"[GM][Oo]", rest, re.IGNORECASE):
+        return at + 1, f"{shown(rest)} is no word: write {rest[0]}0 with a zero"
     if rest[0].isascii() and rest[0].isalpha():
         return at + 1, f"{shown(rest)} is no word: a letter, then a number as 12, -0.5 or .25"
     return at + 1, f"{shown(rest)}: nothing that stands here begins a word"

@@ -41,23 +41,25 @@ def read_kmitl(path: Path, text: str, unit: float, machine: str) -> PositionList
 def _positions(text: str, unit: float, faults: Faults) -> PositionList:
     """Positions in the machine's base frame (ASSUMPTION: the source's own offset ZOS is 0), R = Ry · Rz · Rx."""
     poses: dict[int, dict[str, float]] = {}
+    begins: dict[int, int] = {}
     for number, line in enumerate(text.split("\n"), 1):
         found = _POLAR.fullmatch(line.strip()) if line.strip() else None
         if found is None:
             if line.strip():
                 faults.add(f'{shown(line)}: not a line of a position list, as "Polar1____cex 15.0000"', number)
             continue
+        begins.setdefault(int(found[1]), number)
         pose = poses.setdefault(int(found[1]), {})
         if found[2] in pose:
             faults.add(f"{found[2]} of position {found[1]} stands twice", number)
         pose[found[2]] = float(found[3])
     for n, nth in enumerate(sorted(poses), 1):
         if n != nth:
-            faults.add(f"position {n} is missing: {nth} follows {n - 1}")
+            faults.add(f"position {n} is missing: {nth} follows {n - 1}", begins[nth])
             break
     for nth, pose in sorted(poses.items()):
         if left := [key for key in ASKED if key not in pose]:
-            faults.add(f"position {nth} has no {', '.join(left)}")
+            faults.add(f"position {nth} has no {', '.join(left)}", begins[nth])
     faults.refuse()
     values = np.array([[pose[key] for key in ASKED] for _, pose in sorted(poses.items())])
     return PositionList(values * ([unit] * 3 + [np.pi / 180] * 3), "yzx", "base")

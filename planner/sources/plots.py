@@ -1,15 +1,17 @@
 """The figure of an imported program: flat where it lies in a plane of the axes, else in space."""
 
+from itertools import pairwise
 from typing import cast
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
-from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from mpl_toolkits.mplot3d import Axes3D
 from mpl_toolkits.mplot3d.art3d import Line3DCollection
 
+from kinematics.array import Array
+from kinematics.figure import new_axes, new_axes_3d
 from planner.sources.outline import Outline
 
 FLAT = 1e-2
@@ -24,8 +26,7 @@ def path(outline: Outline, ax: Axes | None = None, title: str = "") -> Axes:
     thin = [k for k in range(3) if extent[k] <= FLAT * extent.max()]
     shown = [k for k in range(3) if k != thin[-1]] if thin else [0, 1, 2]
     if ax is None:
-        figure = Figure(figsize=(7.5, 5.4), layout="constrained")
-        ax = figure.add_subplot() if thin else figure.add_subplot(projection="3d")
+        ax = (new_axes if thin else new_axes_3d)(None, (7.5, 5.4))
     strokes = [1e3 * stroke[:, shown] for stroke in outline.strokes]
     order = np.arange(len(strokes), dtype=float) + 1
     drawn = (LineCollection if thin else Line3DCollection)(strokes, cmap="viridis", linewidths=1.5)
@@ -52,3 +53,11 @@ def path(outline: Outline, ax: Axes | None = None, title: str = "") -> Axes:
     if root is not None and len(strokes) > 1:
         root.colorbar(drawn, ax=ax, label="segment", shrink=0.7, pad=0.1 if not thin else 0.02)
     return ax
+
+
+def positions(points: Array, ax: Axes | None = None, title: str = "") -> Axes:
+    """Positions (N, 3) in m, joined in their order by straight lines."""
+    strokes = tuple(np.stack([a, b]) for a, b in pairwise(points))
+    low, high = (of(points, axis=0, initial=0.0) if not len(points) else of(points, axis=0) for of in (np.min, np.max))
+    length = sum(float(np.linalg.norm(b - a)) for a, b in strokes)
+    return path(Outline(strokes, low, high, length), ax, title)

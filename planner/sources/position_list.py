@@ -1,7 +1,9 @@
 """Position lists: the poses that an operator records one by one, to be run all, or from one to another."""
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Literal
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -9,7 +11,12 @@ from scipy.spatial.transform import Rotation
 
 from kinematics.array import Array, finite, frozen
 from kinematics.errors import MotionError
+from kinematics.result import Result
+from kinematics.table import Column, Table
 from planner.program import Frame
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 Order = Literal["xyz", "yzx"]
 """How three angles combine: Rx · Ry · Rz, or Ry · Rz · Rx as [KMITL 2005] has it."""
@@ -18,7 +25,7 @@ FARTHEST = 1e5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class PositionList:
+class PositionList(Result):
     """Poses, numbered from 1. Every method returns a new list.
 
     poses  (N, 6) x, y, z in m, θx, θy, θz in rad
@@ -47,6 +54,28 @@ class PositionList:
         """The N orientations."""
         axes = ["XYZ".index(letter) for letter in self.order.upper()]
         return Rotation.from_euler(self.order.upper(), self.poses[:, 3:][:, axes])
+
+    def tables(self) -> tuple[Table, ...]:
+        """Each pose by its number."""
+        meaning = "·".join(f"R{axis}" for axis in self.order)
+        columns = (
+            Column("pose", range(1, len(self) + 1)),
+            *(Column(name, self.poses[:, k], "m", "human") for k, name in enumerate("xyz")),
+            *(Column(f"θ{name}", self.poses[:, 3 + k], "rad", "human") for k, name in enumerate("xyz")),
+        )
+        return (Table(f"{len(self)} poses from {self.frame}, {meaning}", columns),)
+
+    def files(self) -> Mapping[str, Callable[[Path], None]]:
+        """.csv: a list that `load_positions` reads, in mm and degrees; .json: the table."""
+        from planner.sources.positions_csv import positions_csv
+
+        return {".csv": lambda path: path.write_bytes(positions_csv(self).encode()), ".json": self._json}
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """The positions in their order, joined by straight lines."""
+        from planner.sources.plots import positions
+
+        return positions(self.poses[:, :3], ax, f"{len(self)} poses from {self.frame}")
 
     def record(self, pose: ArrayLike) -> "PositionList":
         """With one more pose at the end."""

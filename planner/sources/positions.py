@@ -85,6 +85,6 @@ class Positions:
             join = Blend(self.blend) if self.blend is not None else Stop() if self.join == "stop" else Through()
             segments, more = through(run, start, join, self.speed)
         if not segments:
-            raise FileError(str(path), [Fault("", "nothing moves: its poses are all where the motion begins")])
+            raise FileError(str(path), [Fault("", "nothing moves: its poses are all where the motion begins", 1)])
         program = Program(segments, run.frame, first, name=path.stem, tool=tool)
         return Imported(program, {"poses": len(run)}, (*told, *more))

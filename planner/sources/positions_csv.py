@@ -16,16 +16,17 @@ from pathlib import Path
 
 import numpy as np
 
-from kinematics.errors import MotionError
-from kinematics.registry import nearest
+from kinematics.errors import BadValue, MotionError
+from kinematics.registry import closest, nearest
 from kinematics.staging import write_whole
 from kinematics.toml_text import decimal
 from kinematics.units import shown, unit_value
 from planner.sources.faults import Faults
 from planner.sources.position_list import FARTHEST, PositionList
 
+NAMES = ("x", "y", "z", "rx", "ry", "rz")
 COLUMNS = {
-    **{name: k for k, name in enumerate(("x", "y", "z", "rx", "ry", "rz"))},
+    **{name: k for k, name in enumerate(NAMES)},
     **{f"{word}{axis}": 3 + k for word in ("θ", "theta", "theta_") for k, axis in enumerate("xyz")},
 }
 """Place of a column's name in a pose."""
@@ -79,11 +80,17 @@ def _columns(
 ) -> list[tuple[int, float]]:
     """Place in a pose and SI value of the unit, column by column."""
     columns: list[tuple[int, float]] = []
+    if all(_NUMBER.fullmatch(cell.strip()) for cell in names):
+        faults.add('no header: the first line names the columns and their units, as "x [mm], y [mm], z [mm]"', number)
+        return columns
     for cell in names:
         found = _COLUMN.fullmatch(cell)
         name = found[1].lower() if found else ""
         if found is None or name not in COLUMNS:
-            faults.add(f"column {shown(cell.strip())}{nearest(name, COLUMNS)}; known are {', '.join(COLUMNS)}", number)
+            known = ", ".join(COLUMNS)
+            told = f"column {shown(cell.strip())}{nearest(name, COLUMNS)}; known are {known}"
+            no = BadValue(told, allowed=known, nearest=closest(name, COLUMNS))
+            faults.add(no, number, value=cell.strip())
             continue
         place = COLUMNS[name]
         unit = found[2] or (length if place < 3 else angle)
@@ -97,7 +104,7 @@ def _columns(
             try:
                 columns.append((place, unit_value(unit, "m" if place < 3 else "rad")))
             except MotionError as error:
-                faults.add(f"column {name}: {error}", number)
+                faults.add(error, number, f"column {name}", cell.strip())
     return columns
 
 
@@ -108,10 +115,12 @@ def _pose(number: int, cells: list[str], columns: list[tuple[int, float]], fault
         return pose
     for cell, (place, unit) in zip(cells, columns, strict=True):
         text = cell.strip()
+        name = NAMES[place]
         if not _NUMBER.fullmatch(text):
-            faults.add(f"{shown(text)} is not a number", number)
+            faults.add(f"{shown(text)} is not a number", number, f"column {name}", text)
         elif not abs(float(text) * unit) <= FARTHEST:
-            faults.add(f"{shown(text)} is out of all bounds", number)
+            allowed = f"at most {FARTHEST / unit:g} of its unit either way"
+            faults.add(BadValue(f"{shown(text)} must be {allowed}", allowed=allowed), number, f"column {name}", text)
         else:
             pose[place] = float(text) * unit
     return pose

@@ -1,18 +1,23 @@
 """The plug point of the formats that programs come in: what each says of itself, and what it makes of a file."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar, Protocol
+from typing import TYPE_CHECKING, ClassVar, Protocol
 
+from kinematics.result import Result
+from kinematics.table import Column, Table
 from planner.option import option as option
 from planner.program import Program
 from planner.sources.outline import Outline, outline
 from planner.sources.tidy import tidy
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
 
 @dataclass(frozen=True, slots=True)
-class Imported:
+class Imported(Result):
     """What a file was understood to be; what rounding left of zeros in its program is taken away.
 
     entities  how many of each kind, in the format's own words: {"G1": 120, "G2": 8}
@@ -30,6 +35,19 @@ class Imported:
     def outline(self) -> Outline:
         """Where the tool goes, in the program's frame: its extents and its length, and what there is to draw."""
         return outline(self.program)
+
+    def tables(self) -> tuple[Table, ...]:
+        """How many of each kind were read, and the warnings; the segments that became of them."""
+        read = (Column("read", [*self.entities]), Column("times", [*self.entities.values()]))
+        return Table(f"{self.program.name}: what was read", read, tuple(self.warnings)), *self.program.tables()
+
+    def files(self) -> Mapping[str, Callable[[Path], None]]:
+        """.toml: the program; .csv and .json: the tables."""
+        return {**self.program.files(), ".csv": self._csv, ".json": self._json}
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """The tool's way in the program's coordinates."""
+        return self.program.plot(ax)
 
 
 class Source(Protocol):

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from kinematics.errors import Fault, FileError
+from kinematics import text_file
 
 MAX_BYTES = 64 * 2**20
 """Size of the largest file that is read."""
@@ -10,20 +10,15 @@ MAX_BYTES = 64 * 2**20
 
 def bytes_of(path: Path) -> bytes:
     """All of a file. Raises FileError for one that is missing, unreadable or too large."""
-    try:
-        with path.open("rb") as stream:
-            raw = stream.read(MAX_BYTES + 1)
-    except (OSError, ValueError) as error:  # ValueError: a path that no file can have
-        raise FileError(str(path), [Fault("", getattr(error, "strerror", None) or str(error))]) from None
-    if len(raw) > MAX_BYTES:
-        raise FileError(str(path), [Fault("", f"larger than {MAX_BYTES >> 20} MB")])
-    return raw
+    return text_file.bytes_of(path, MAX_BYTES)
 
 
 def text_of(path: Path) -> str:
     """The text, line ends as \\n; bytes that are not UTF-8 stand in it as lone surrogates, for its reader to refuse.
 
-    Raises FileError for a file that is missing, unreadable or too large.
+    Raises FileError for a file that is missing, unreadable, too large or UTF-16.
     """
-    text = bytes_of(path).decode("utf-8", "surrogateescape").removeprefix("\ufeff")
+    raw = bytes_of(path)
+    text_file.refuse_utf16(str(path), raw)
+    text = raw.decode("utf-8", "surrogateescape").removeprefix("\ufeff")
     return text.replace("\r\n", "\n").replace("\r", "\n")

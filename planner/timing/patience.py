@@ -1,13 +1,12 @@
 """An end to a solve that would not end by itself."""
 
-import signal
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from threading import current_thread, main_thread
-from types import FrameType
 from typing import Any
 
 import casadi as ca
+
+from kinematics.held import Held, held
 
 
 class Patience(ca.Callback):
@@ -19,27 +18,15 @@ class Patience(ca.Callback):
 
     def __init__(self, most: int) -> None:
         ca.Callback.__init__(self)
-        self.most, self.used, self.interrupted = most, 0, False
+        self.most, self.used, self._signals = most, 0, Held()
         self.construct("patience", {})
 
     @contextmanager
     def asked(self) -> Iterator[None]:
-        """One solve. Ctrl-C ends it at its next evaluation, by KeyboardInterrupt: CasADi would print it and go on."""
-        self.used, self.interrupted = 0, False
-        usual = signal.getsignal(signal.SIGINT) is signal.default_int_handler
-        if not usual or current_thread() is not main_thread():  # ignored, or another's to handle
+        """One solve. Ctrl-C ends it at its next evaluation: CasADi would print it and go on."""
+        with held() as signals:
+            self.used, self._signals = 0, signals
             yield
-            return
-        signal.signal(signal.SIGINT, self._interrupt)
-        try:
-            yield
-        finally:
-            signal.signal(signal.SIGINT, signal.default_int_handler)
-            if self.interrupted:
-                raise KeyboardInterrupt
-
-    def _interrupt(self, number: int, frame: FrameType | None) -> None:
-        self.interrupted = True
 
     def get_n_in(self) -> int:
         return 1
@@ -49,7 +36,7 @@ class Patience(ca.Callback):
 
     def eval(self, arguments: object) -> list[float]:
         self.used += 1
-        return [float("nan") if self.interrupted or self.used > self.most else 0.0]
+        return [float("nan") if self._signals.came is not None or self.used > self.most else 0.0]
 
     def has_jacobian(self) -> bool:
         return True

@@ -130,6 +130,7 @@ def test_marks_follow_from_paired_ratios(comparison):
     assert row.against.least == pytest.approx(0.4)
     assert row.against.largest == pytest.approx(0.4 * 1.05**4)
     assert row.spread == pytest.approx((40e-6 * 0.8 * 1.05**4, 40e-6 * 1.2 * 1.05**3))
+    assert row.worst == row.spread[1]
 
 
 def test_a_mark_needs_every_rig(tmp_path):
@@ -207,6 +208,7 @@ def test_failures_stay_rows_and_are_never_best(comparison):
     assert dead.failures == (("inertia +30 %", "refused: too fast"),)
     assert not dead.stable
     assert (wild.away, wild.unstable) == (5, 5)
+    assert wild.worst == inf
     assert comparison.row(Entry(0, WORSE), "there").stable
 
 

@@ -127,9 +127,9 @@ def test_faults_of_tasks_are_told_with_the_others(load):
     with pytest.raises(FileError) as refusal:
         load(broken)
     told = {fault.key: fault.message for fault in refusal.value.faults}
-    assert set(told) == {"servo.speed_lop", "servo.speed_loop", "task[1]", "task[2]"}
-    assert 'nearest is "arm-line"' in told["task[1]"]
-    assert 'nearest is "shoulder"' in told["task[2]"]
+    assert set(told) == {"servo.speed_lop", "servo.speed_loop", "task[1].program", "task[2].sine.axes[2]"}
+    assert 'nearest is "arm-line"' in told["task[1].program"]
+    assert 'nearest is "shoulder"' in told["task[2].sine.axes[2]"]
     lines = [fault.line for fault in refusal.value.faults]
     assert lines == sorted(lines)
 
@@ -142,9 +142,9 @@ def test_faults_of_tasks_are_told_with_the_others(load):
         (('gear = { ratio = 74, play = "2 arcmin" }', ""), "servo.gear", "missing: write e.g. { ratio = 74 }"),
         (("gear = { ratio", 'screw = { lead = "2 mm" }\ngear = { ratio'), "servo.screw", "is rotary: give a gear"),
         (("[servo]", "[stepper]"), "axis[1].servo.gear", "missing"),
-        (('program = "arm-line"', 'program = "arm-lin"'), "task[1]", 'nearest is "arm-line"'),
+        (('program = "arm-line"', 'program = "arm-lin"'), "task[1].program", 'nearest is "arm-line"'),
         (('ramp = "1 s"', 'ramp = "3 s"'), "task[1]", "does not fit twice"),
-        (('"yaw", "shoulder"', '"yaw", "sholder"'), "task[2]", 'nearest is "shoulder"'),
+        (('"yaw", "shoulder"', '"yaw", "sholder"'), "task[2].sine.axes[2]", 'nearest is "shoulder"'),
         (('timer = "counter"', 'timer = "clock"'), "host.timer", "is not"),
     ],
 )

@@ -5,9 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from controllers import find_law, load_rig, track
 from controllers.drives.stepper_axes import stepper_axes
 from controllers.stepper import Stepper
+from kinematics import load_machine
 from kinematics.errors import MotionError
+from planner import Line, Program, plan
 
 STEP = 2 * np.pi / 200
 PLAIN = Stepper(((0.0, 0.4), (20.0, 0.4), (100.0, 0.1)), STEP, inertia=2e-5)
@@ -127,3 +130,15 @@ def test_curves_of_different_lengths_share_a_batch():
 def test_impossible_steppers_are_refused(change, words):
     with pytest.raises(MotionError, match=words):
         replace(PLAIN, **change)
+
+
+def test_track_takes_a_stepper_for_all_axes_or_one_each():
+    machine = load_machine("hexapod")
+    stepper = load_rig("hexapod-steppers").drives[0]
+    motion = plan(Program((Line(to=np.array([0, 0, 1e-3])),)), machine).trajectory
+    one, each = (
+        track(motion, machine, find_law("3"), servo=given, settle=0.0, period=1e-3)
+        for given in (stepper, [stepper] * 6)
+    )
+    np.testing.assert_array_equal(one.actual, each.actual)
+    assert np.ptp(one.actual[:, 0]) > 0.5e-3

@@ -209,7 +209,7 @@ def test_a_link_of_no_length_is_refused():
     [
         ("<robot", NAMES, "t", "urdf"),
         (BENT, ("yaw", "shoulder", "wrist"), "t", r"wrist.*yaw, shoulder, elbow"),
-        (BENT, NAMES, "gripper", "no frame 'gripper'"),
+        (BENT, NAMES, "gripper", 'no frame "gripper"'),
         (BENT, ("yaw", "elbow", "shoulder"), "t", "do not follow each other"),
         (BENT, ("yaw", "shoulder", "shoulder"), "t", "three joints that turn"),
         (BENT, NAMES, "b", "'b' is carried by 'shoulder'"),

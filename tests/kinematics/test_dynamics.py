@@ -257,8 +257,8 @@ def test_a_twist_off_the_freedom_and_a_singular_pose_are_refused():
 def test_a_figure_and_a_table(spectrum):
     hexapod = load_machine("hexapod")
     found = forces(hexapod, spectrum.smooth(hexapod, 0.02, 0.1), platform=PLATFORM)
-    ax = found.plot(spectrum.t)
+    ax = found.plot(t=spectrum.t)
     assert [line.get_label() for line in ax.get_lines()][:6] == [axis.name for axis in hexapod.axes]
     assert ax.get_lines()[2].get_ydata() == pytest.approx(found.force[:, 2])
-    assert str(found).splitlines()[3].split()[:2] == ["leg3", f"{found.force[:, 2].min():.6g}"]
+    assert str(found).splitlines()[4].split()[:2] == ["leg3", f"{found.force[:, 2].min():.6g}"]
     assert found.use == pytest.approx(np.abs(found.force).max(0) / 220)

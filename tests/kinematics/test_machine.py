@@ -1,10 +1,12 @@
 """What every machine does, whatever its kind."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from kinematics import OutOfReach, machine_names
+from kinematics import MotionError, OutOfReach, forces, load_machine, machine_names, motion_of_poses
 from kinematics.freedom import COMPONENTS, columns
 
 
@@ -71,3 +73,36 @@ def test_what_is_held_is_refused_and_what_follows_is_ignored(machine):
         else:
             with pytest.raises(OutOfReach, match=f"holds {name}: pose 0 has {name}"):
                 machine.inverse(moved)
+
+
+def test_other_actuators_on_the_same_machine():
+    """Home, tilts and room stay, so every pose has the same coordinates; a rotor is felt by the new machine alone."""
+    machine = load_machine("hexapod")
+    pose = machine.home * RigidTransform.from_translation([0.005, 0.0, 0.02])
+    before = machine.loaded
+    axes = [replace(axis, max_speed=0.04, reflected=0.2, travel=(0.0, 0.06)) for axis in machine.axes]
+    other = machine.driven_by(axes)
+    assert other.axes == tuple(axes)
+    assert machine.axes[0].max_speed == 0.02
+    np.testing.assert_array_equal(other.inverse(pose), machine.inverse(pose))
+    assert other.check(pose).tilt == pytest.approx(machine.check(pose).tilt)
+    assert not before
+    assert not machine.loaded
+    assert other.loaded
+    accelerated = motion_of_poses(other, pose, np.zeros((1, 6)), np.array([[0, 0, 1.0, 0, 0, 0]]))
+    qdd = machine.jacobian(pose) @ [0, 0, 1, 0, 0, 0]  # at rest, q̈ = J ν̇
+    assert forces(other, accelerated).force[0] == pytest.approx(0.2 * qdd)
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        (lambda axes: axes[:5], "5 axes; a hexapod has 6"),
+        (lambda axes: axes[::-1], "its axes are called leg1, .*, not leg6, .*; keep their names"),
+        (lambda axes: [replace(axis, kind="rotary") for axis in axes], "leg1 is rotary; a hexapod has a linear one"),
+    ],
+)
+def test_actuators_that_are_not_the_machines(change, told):
+    machine = load_machine("hexapod")
+    with pytest.raises(MotionError, match=told):
+        machine.driven_by(change(machine.axes))

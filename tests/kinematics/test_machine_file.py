@@ -249,7 +249,7 @@ def test_every_fault_is_reported_in_one_pass(load):
 @pytest.mark.parametrize(
     ("text", "line", "key", "phrase"),
     [
-        ("schema = 1\n", None, "kind", "missing; kinds: "),
+        ("schema = 1\n", 1, "kind", "missing; kinds: "),
         ('schema = 1\nkind = "hexpod"\n', 2, "kind", '"hexpod" is no kind of machine, nearest is "hexapod"'),
         ("schema = 1\nkind = [1]\n", 2, "kind", "is no kind of machine"),
         (with_geometry('home = { to = ["0 m", "0 m", "1 m"] }'), None, "geometry", "incomplete: give base_radius, "),

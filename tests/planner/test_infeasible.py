@@ -22,6 +22,12 @@ def machine(hexapod, stroke=STROKE, tilt=None):
     return Hexapod(hexapod.base, hexapod.platform, axes=axes, home=hexapod.home, max_tilt=tilt, name="own")
 
 
+@pytest.fixture(autouse=True)
+def impatient(monkeypatch):
+    """How far a path must shrink or move is test_remedies' matter, and takes its time."""
+    monkeypatch.setattr("planner.refit.PATIENCE", 0.0)
+
+
 def named(no, kind, axes):
     assert no.kind == kind
     assert no.axis in axes

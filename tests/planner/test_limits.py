@@ -250,7 +250,7 @@ def test_slowness_brings_a_motion_to_the_limit(falling_limit, motion, excess):
         value = falling_limit.value(motion.state)
         return falling_limit.use(value, value, motion.trajectory.piece).max()
 
-    power = {Acceleration: 2, ToolAcceleration: 2, Jerk: 3}.get(type(falling_limit), 1)
+    power = min(term.per_time for term in falling_limit.terms)
     quick = motion.slowed((used(motion) / excess) ** (1 / power))
     assert used(quick) == pytest.approx(excess, rel=1e-12)
     k = falling_limit.slowness(used(quick))

@@ -133,8 +133,8 @@ def test_units_stand_in_the_header_or_in_options(write):
     [
         ("", "no header"), ("x [mm]\n", "no pose"), ("x [mm], q [mm]\n1,2\n", ":1: column \"q \\[mm\\]\""),
         ("x [mm], x [mm]\n1,2\n", "stands twice"), ("x [deg]\n1\n", "not convertible"),
-        ("x [mm]\nnan\n", ':2: "nan" is not'),
-        ("x [mm]\n1\ninf\n", ':3: "inf" is not'), ("x [mm]\n1e300\n", "out of all bounds"),
+        ("x [mm]\nnan\n", ':2: column x: "nan" is not'),
+        ("x [mm]\n1\ninf\n", ':3: column x: "inf" is not'), ("x [mm]\n1e300\n", "must be at most 1e.08"),
         ("x [mm]\n1,2\n", "2 entries for 1"),
         ("x [mm]\n1_0\n", "is not a number"), ("x [mm];y [mm]\n1,5;2\n", '"1,5" is not a number'),
         ("# frame = moon\nx [mm]\n1\n", ':1: "# frame = moon"'), ("# hello\nx [mm]\n1\n", "before the header"),

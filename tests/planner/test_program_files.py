@@ -349,9 +349,9 @@ def test_every_fault_is_reported_in_one_pass(load):
 @pytest.mark.parametrize(
     ("text", "line", "key", "phrase"),
     [
-        (TOP, None, "segment", "missing: a program needs at least one [[segment]]"),
+        (TOP, 1, "segment", "missing: a program needs at least one [[segment]]"),
         (TOP + "segment = []\n", 4, "segment", "empty: a program needs at least one [[segment]]"),
-        (CIRCLE.replace("schema = 1", ""), None, "schema", "missing: write schema = 1"),
+        (CIRCLE.replace("schema = 1", ""), 1, "schema", "missing: write schema = 1"),
         (CIRCLE.replace('length = "mm"', 'length = "MM"'), 4, "length", 'nearest is "mm"'),
         (CIRCLE.replace('angle = "deg"', 'angle = "mm"'), 5, "angle", "not convertible to deg"),
     ],

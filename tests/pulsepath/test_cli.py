@@ -90,7 +90,8 @@ trigger = { name = "half", at = 0.5 }
 def test_triggers_repetitions_and_constant_speeds_are_told(call, tmp_path, program):
     done = call("plan", program(MARKED), "--order", "2", "--out", tmp_path / "o")
     assert done.exit_code == 0
-    assert "1 (rep. 2)" in done.stdout
+    told = [line.split() for line in done.stdout.splitlines() if line.strip().startswith("top")]
+    assert [row[1:3] for row in told] == [["1", "1"], ["1", "2"]]  # segment, repetition
     record = json.loads((tmp_path / "o" / "plan.json").read_text())
     assert record["lower_bound"]["leaves_out"] == []
     names = [(event["name"], event["where"]["segment"], event["where"]["repetition"]) for event in record["triggers"]]
@@ -164,7 +165,7 @@ BAD = {
     "empty": ("", ["program.toml", "segment"]),
     "arc out of its plane": (
         LINE + "[[segment]]\narc = { centre = [5, 0, 12], normal = [0, 0, 1], angle = 90 }\n",
-        ["segment 2", "2 mm out of the plane", "centre"],
+        ["segment[2].arc", "2 mm out of the plane", "centre"],
     ),
     "two faults at once": ("frame = 3\n" + LINE + "sped = 3\n", ["frame", "sped"]),
     "not TOML": ("[[segment\n", ["program.toml:5", "TOML"]),

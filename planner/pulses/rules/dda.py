@@ -79,7 +79,7 @@ class Dda:
         rates = abs(vectors) * self.pulses_per_count / apart
         for axis in axes:
             if axis.max_pulse_rate is not None and self.rate > axis.max_pulse_rate:
-                remedy = "send the pulses of a count no faster"
+                remedy = f"send the pulses of a count at {axis.max_pulse_rate:.10g} 1/s or less"
                 raise Infeasible("pulse rate", axis.name, None, self.rate, axis.max_pulse_rate, "1/s", remedy)
         worst, k = map(int, np.unravel_index(rates.argmax(), rates.shape))
         highest = float(rates[worst, k])

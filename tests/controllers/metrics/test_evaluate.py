@@ -28,7 +28,8 @@ def as_if(trajectory, machine, moved):
     t = np.linspace(0, trajectory.duration, 400)
     state = trajectory.at(t)
     actual = machine.inverse(moved(state.pose))
-    return Tracking("as if", 5e-3, t, state.q, state.q, actual, np.zeros(6, int))
+    axes = tuple((axis.name, axis.unit) for axis in machine.axes)
+    return Tracking("as if", 5e-3, t, state.q, state.q, actual, np.zeros(6, int), axes)
 
 
 def test_no_error_where_there_is_none(circle_trip, hexapod):

@@ -1,0 +1,85 @@
+"""Docstrings as pages: ours are plain text with mathematical signs, which reST would take for markup.
+
+A paragraph stays one, with names in `quotes` set as code; lines that begin with a dash become a list; names with their
+meaning two spaces or more behind them become definitions; whatever is set in by itself, as equations are, stays as it
+stands.
+"""
+
+import re
+from collections.abc import Iterator
+from textwrap import dedent
+from typing import Any
+
+from sphinx.application import Sphinx
+
+# What reST would read something into; names in single quotes are put back afterwards.
+_MARKUP = re.compile(r"([\\*|_])")
+_CODE = re.compile(r"`([^`]+)`")
+_TERM = re.compile(r"(\S.*?) {2,}(\S.*)")
+# What signatures spell out, and how the code calls it.
+_ALIASES = (
+    (r"~?numpy\.ndarray\[tuple\[~?typing\.Any, \.\.\.\], ~?numpy\.dtype\[~?numpy\.float64\]\]", "Array"),
+    (r"~?numpy\.ndarray\[tuple\[~?typing\.Any, \.\.\.\], ~?numpy\.dtype\[~?numpy\.(\w+)\]\]", r"ndarray[\1]"),
+    (r"~?numpy\._typing\._array_like\._Buffer \| .*?_NestedSequence\[complex \| bytes \| str\]", "ArrayLike"),
+    (r"~?scipy\.spatial\.transform\._rigid_transform\.RigidTransform", "~pulsepath.Pose"),
+)
+OPTIONS = {"members": True, "member-order": "bysource"}
+
+
+def as_rest(text: str) -> str:
+    """The reST that shows a docstring as it was written."""
+    return "\n\n".join("\n".join(_block(part)) for part in re.split(r"\n\s*\n", dedent(text).strip("\n")))
+
+
+def _block(part: str) -> Iterator[str]:
+    lines = part.splitlines()
+    if all(line.startswith(" ") for line in lines):
+        yield from ["::", "", *("   " + line for line in dedent(part).splitlines())]
+    elif lines[0].startswith("- "):
+        for line in lines:
+            yield _escaped(line) if line.startswith("- ") else "  " + _escaped(line.strip())
+    elif all(line.startswith(" ") or _TERM.fullmatch(line) for line in lines):
+        for line in lines:
+            found = None if line.startswith(" ") else _TERM.fullmatch(line)
+            if found:
+                yield from [_escaped(found[1]), "    " + _escaped(found[2])]
+            else:
+                yield "    " + _escaped(line.strip())
+    elif any(line.startswith(" ") for line in lines):
+        yield from ["::", "", *("   " + line for line in lines)]
+    else:
+        yield from (_escaped(line) for line in lines)
+
+
+def _escaped(line: str) -> str:
+    parts = _CODE.split(line)
+    return "".join(
+        f"``{part}``" if n % 2 else _MARKUP.sub(r"\\\1", part).replace("`", r"\`") for n, part in enumerate(parts)
+    )
+
+
+def _docstring(app: Sphinx, what: str, name: str, obj: Any, options: Any, lines: list[str]) -> None:
+    lines[:] = [*as_rest("\n".join(lines)).splitlines(), ""]
+
+
+def _signature(
+    app: Sphinx, what: str, name: str, obj: Any, options: Any, signature: str | None, returns: str | None
+) -> tuple[str | None, str | None]:
+    return _plain(signature), _plain(returns)
+
+
+def _plain(signature: str | None) -> str | None:
+    for spelled, name in _ALIASES:
+        signature = signature and re.sub(spelled, name, signature)
+    return signature
+
+
+def setup(app: Sphinx) -> dict[str, Any]:
+    """For conf.py: extensions = ["docstrings"], which brings autodoc."""
+    app.setup_extension("sphinx.ext.autodoc")
+    app.config.autodoc_default_options = OPTIONS
+    app.config.autodoc_typehints_format = "short"
+    app.config.python_maximum_signature_line_length = 100
+    app.connect("autodoc-process-docstring", _docstring)
+    app.connect("autodoc-process-signature", _signature)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}

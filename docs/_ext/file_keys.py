@@ -1,0 +1,146 @@
+"""Tables of a file's keys, made from its schema: {file-keys} module:Table, with :told: classes that say what keys mean.
+
+What a key takes comes from its annotation; what it means from the docstrings of its table and of the classes told of,
+in which a line reads `key  meaning`. A key that nothing explains is a warning, and so ends the build.
+"""
+
+import re
+from collections.abc import Iterator
+from importlib import import_module
+from inspect import cleandoc
+from types import NoneType, UnionType
+from typing import Annotated, Any, Literal, Union, get_args, get_origin
+
+from docutils import nodes
+from docutils.parsers.rst import directives
+from pydantic import PlainValidator
+from pydantic_core import PydanticUndefined
+from sphinx.application import Sphinx
+from sphinx.util import logging
+from sphinx.util.docutils import SphinxDirective
+
+from kinematics.schema import Table
+from kinematics.units import Unit, describe, everyday
+
+LINE = re.compile(r"^((?:\w+, )*\w+) {2,}(\S.*(?:\n {3,}\S.*)*)", re.MULTILINE)
+PROBES: tuple[Any, ...] = (0.0, {}, (), ((),), "", (0.0,) * 3, (0.0,) * 6)
+"""Values of every shape, by which a validator that goes by the shape tells what it takes."""
+
+
+def named(path: str) -> Any:
+    module, _, name = path.partition(":")
+    return getattr(import_module(module), name)
+
+
+def meanings(told: Any) -> dict[str, str]:
+    """Key -> meaning, from the lines of a docstring and of those it inherits."""
+    found: dict[str, str] = {}
+    for part in reversed(getattr(told, "__mro__", (told,))):
+        for keys, text in LINE.findall(cleandoc(part.__doc__ or "")):
+            found |= dict.fromkeys(keys.split(", "), " ".join(text.split()))
+    return found
+
+
+def takes(kind: Any, metadata: tuple[Any, ...] = ()) -> str:
+    """What values an annotation accepts, in words."""
+    for mark in metadata:
+        if isinstance(mark, Unit):
+            return quantity(mark)
+    if get_origin(kind) is Annotated:
+        return takes(get_args(kind)[0], kind.__metadata__)
+    if get_origin(kind) in (Union, UnionType):
+        if any(isinstance(part, type) and issubclass(part, Table) for part in get_args(kind)):
+            return " or ".join(dict.fromkeys(takes(part) for part in get_args(kind) if part is not NoneType))
+        if not any(isinstance(mark, PlainValidator) for mark in metadata):
+            return " or ".join(dict.fromkeys(takes(part) for part in get_args(kind) if part is not NoneType))
+    for mark in metadata:
+        if isinstance(mark, PlainValidator) and (choices := list(dict.fromkeys(probed(mark)))):
+            return ", or ".join(choices)
+    if get_origin(kind) is Literal:
+        return " or ".join(f"`{value!r}`".replace("'", '"') for value in get_args(kind))
+    if get_origin(kind) is tuple:
+        parts = get_args(kind)
+        if parts[-1] is Ellipsis:
+            return f"array of {takes(parts[0])}"
+        same = len(set(map(takes, parts))) == 1
+        return f"{len(parts)} × {takes(parts[0])}" if same else f"[{', '.join(map(takes, parts))}]"
+    if get_origin(kind) is dict:
+        return f"table of {takes(get_args(kind)[1])}"
+    if isinstance(kind, type) and issubclass(kind, Table):
+        return "table"
+    return {float: "number", int: "whole number", str: "text", bool: "`true` or `false`"}.get(kind, "")
+
+
+def probed(mark: PlainValidator) -> Iterator[str]:
+    """What the types are that `kinematics.schema.chosen` picks for values of every shape."""
+    cells = dict(zip(mark.func.__code__.co_freevars, mark.func.__closure__ or (), strict=True))  # type: ignore[union-attr]
+    for probe in PROBES if "pick" in cells else ():
+        try:
+            kind = cells["pick"].cell_contents(probe)
+        except Exception:  # a shape that it refuses
+            continue
+        if said := takes(kind):
+            yield said
+
+
+def quantity(unit: Unit) -> str:
+    bounds = (("above", unit.above), ("at least", unit.least), ("at most", unit.most))
+    near = everyday(unit.unit)
+    said = [f"{word} {describe(bound, near) if bound else 0}" for word, bound in bounds if abs(bound) < 1e9]
+    text = " ".join(['quantity, as `"', unit.like or f"20 {near}", '"`']).replace('`" ', '`"').replace(' "`', '"`')
+    return text + (f", or number of `{unit.plain}`" if unit.plain else "") + (f"; {', '.join(said)}" if said else "")
+
+
+def unit_in(kind: Any, metadata: tuple[Any, ...] = ()) -> Unit | None:
+    """The unit of an annotation, or of the numbers of its array; None where there is none."""
+    marks = (*metadata, *getattr(kind, "__metadata__", ()))
+    inner = (unit_in(part) for part in get_args(kind))
+    return next((mark for mark in marks if isinstance(mark, Unit)), None) or next(filter(None, inner), None)
+
+
+def default(field: Any) -> str:
+    if field.is_required():
+        return "**needed**"
+    value = field.default
+    if value is PydanticUndefined or value is None or value == () or isinstance(value, Table):
+        return ""
+    unit = unit_in(field.annotation, tuple(field.metadata))
+    if unit is not None:
+        near = everyday(unit.unit)
+        values = [describe(each, near) if each else "0" for each in (value if isinstance(value, tuple) else (value,))]
+        return ", ".join(values if len(set(values)) > 1 else values[:1])
+    if isinstance(value, tuple):
+        return f"`{[int(each) for each in value]}`"
+    return f"`{str(value).lower() if isinstance(value, bool) else value!r}`".replace("'", '"')
+
+
+class FileKeys(SphinxDirective):
+    """The table of one schema."""
+
+    required_arguments = 1
+    option_spec = {"told": directives.unchanged, "without": directives.unchanged}  # noqa: RUF012
+
+    def run(self) -> list[nodes.Node]:
+        table = named(self.arguments[0])
+        told: dict[str, str] = {}
+        for path in reversed(self.options.get("told", "").split()):
+            told |= meanings(named(path))
+        told |= meanings(table)
+        left_out = self.options.get("without", "").split()
+        rows = ["| key | takes | default | what it is |", "| --- | --- | --- | --- |"]
+        for name, field in table.model_fields.items():
+            key = field.alias or name
+            if key in left_out:
+                continue
+            if key not in told:
+                logging.getLogger(__name__).warning(
+                    "%s: nothing says what %s is", table, key, location=self.get_location()
+                )
+            cells = (f"`{key}`", takes(field.annotation, tuple(field.metadata)), default(field), told.get(key, ""))
+            rows.append(f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in cells)} |")
+        return self.parse_text_to_nodes("\n".join(rows))
+
+
+def setup(app: Sphinx) -> dict[str, bool]:
+    app.add_directive("file-keys", FileKeys)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}

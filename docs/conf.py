@@ -1,0 +1,35 @@
+"""The site: `python -m sphinx -W docs out/docs`, or `make docs`. It needs no network, to be built or to be read."""
+
+import sys
+from pathlib import Path
+
+HERE = Path(__file__).parent
+sys.path[:0] = [str(HERE.parent), str(HERE / "_ext")]
+
+from pulsepath import __version__  # noqa: E402
+
+project = "pulsepath"
+author = "the pulsepath authors"
+copyright = author
+release = version = __version__
+
+extensions = ["myst_parser", "docstrings", "drawn_math", "file_keys", "command_line", "extras"]
+myst_enable_extensions = ["attrs_inline", "colon_fence", "deflist", "dollarmath"]
+myst_heading_anchors = 3
+exclude_patterns = ["examples"]
+
+html_theme = "pydata_sphinx_theme"
+html_title = "pulsepath"
+html_static_path = ["_static"]
+html_css_files = ["site.css"]
+html_copy_source = False
+html_show_sourcelink = False
+html_math_renderer = "drawn"
+html_sidebars = {"installing": [], "tutorial": [], "conventions": [], "peers": []}
+html_theme_options = {
+    "header_links_before_dropdown": 7,
+    "show_prev_next": True,
+    "footer_start": ["copyright"],
+    "footer_end": [],
+    "secondary_sidebar_items": ["page-toc"],
+}

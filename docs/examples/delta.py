@@ -1,0 +1,90 @@
+"""A linear delta: carriages on three upright rails, and rods to a platform that never turns."""
+
+from collections.abc import Iterable
+from importlib.resources.abc import Traversable
+from pathlib import Path
+from typing import Annotated, Literal
+
+import casadi as ca
+import numpy as np
+
+from kinematics.array import POSITIVE, finite, frozen
+from kinematics.axis import Axis
+from kinematics.kinds.axes import LinearAxis, LinearDefaults, axes
+from kinematics.kinds.masses import LoadedFile
+from kinematics.kinds.poses import Home
+from kinematics.load import Load
+from kinematics.machine import Machine
+from kinematics.pose import Pose
+from kinematics.schema import Table
+from kinematics.units import Unit
+
+NAMES = ("a", "b", "c")
+
+
+class Delta(Machine):
+    """q_i = z + √(L² − |p − r_i|²): the height of a carriage.
+
+    p = (x, y), r_i its rail, L the length of the rods. The rails stand on a circle about the base's
+    z axis, the first on x. radius (m): that of the rails less that of the platform's joints, since
+    only the difference counts.
+    """
+
+    freedom = ("x", "y", "z")
+    sorts = ("linear", "linear", "linear")
+
+    def __init__(
+        self,
+        radius: float,
+        rod: float,
+        *,
+        axes: Iterable[Axis],
+        home: Pose,
+        name: str = "delta",
+        load: Load | None = None,
+    ) -> None:
+        self.radius = float(finite(radius, f"machine {name}: radius", (), unit="m", least=POSITIVE))
+        self.rod = float(finite(rod, f"machine {name}: rod", (), unit="m", least=POSITIVE))
+        angles = np.arange(3) * 2 * np.pi / 3
+        self.rails = frozen(self.radius * np.stack([np.cos(angles), np.sin(angles)], 1))
+        self.characteristic_length = self.radius
+        super().__init__(name, axes, home, load=load)
+
+    def expression(self, position: ca.SX, rotation: ca.SX, near: ca.SX) -> ca.SX:
+        over = [ca.sqrt(self.rod**2 - ca.sumsqr(position[:2] - rail)) for rail in self.rails]
+        heights: ca.SX = position[2] + ca.vertcat(*over)
+        return heights
+
+
+class Geometry(Table):
+    """How a delta is built.
+
+    radius  of the rails' circle, less that of the platform's joints
+    rod     length of a rod between its joint centres
+    home    the pose from which travel and pulses count
+    """
+
+    radius: Annotated[float, Unit("m", above=0)]
+    rod: Annotated[float, Unit("m", above=0)]
+    home: Home
+
+
+class Own(LinearAxis):
+    """What one carriage has of its own."""
+
+    name: Literal["a", "b", "c"]
+
+
+class DeltaFile(LoadedFile):
+    """A delta, key by key."""
+
+    kind: Literal["delta"]
+    geometry: Geometry
+    axes: LinearDefaults
+    axis: tuple[Own, ...] = ()
+
+
+def delta(file: DeltaFile, name: str, folder: Path | Traversable) -> Delta:
+    geometry = file.geometry
+    carriages = axes(NAMES, dict.fromkeys(NAMES, file.axes), file.axis, file)
+    return Delta(geometry.radius, geometry.rod, axes=carriages, home=geometry.home.pose, name=name, load=file.load())

@@ -1,0 +1,58 @@
+"""Figures that a notebook shows without pyplot: the axes, and the figure they are on, as the value of a cell."""
+
+from __future__ import annotations
+
+from io import BytesIO
+from typing import Any, cast
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from mpl_toolkits.mplot3d import Axes3D
+
+PALETTE = ("#0072B2", "#E69F00", "#009E73", "#D55E00", "#CC79A7", "#56B4E9", "#7F7F7F")
+"""Colours that colour-blind readers tell apart [Okabe and Ito 2008], with grey for their yellow and black."""
+DASHES = ("-", "--", "-.", ":")
+
+
+class NotebookFigure(Figure):
+    """A figure that draws itself where it is the value of a cell; pyplot does not know it, so it is shown once."""
+
+    def _repr_png_(self) -> bytes:
+        buffer = BytesIO()
+        self.savefig(buffer, format="png", bbox_inches="tight")
+        return buffer.getvalue()
+
+
+class _Shown:
+    """Axes that show the figure they are on."""
+
+    def _repr_png_(self) -> bytes | None:
+        root = cast(Axes, self).get_figure(root=True)
+        return root._repr_png_() if isinstance(root, NotebookFigure) else None
+
+
+class NotebookAxes(_Shown, Axes):
+    """Axes, flat."""
+
+
+class NotebookAxes3D(_Shown, Axes3D):  # type: ignore[misc]  # mpl_toolkits comes without types
+    """Axes in space."""
+
+
+def new_axes(ax: Axes | None, size: tuple[float, float] = (9, 3.4)) -> Axes:
+    """`ax`, or the axes of a new figure of so many inches."""
+    return _new(size).add_subplot(axes_class=NotebookAxes) if ax is None else ax
+
+
+def new_axes_3d(ax: Axes3D | None, size: tuple[float, float] = (9, 5.4)) -> Axes3D:
+    """The same in space."""
+    return cast(Axes3D, _new(size).add_subplot(axes_class=NotebookAxes3D)) if ax is None else ax
+
+
+def line_style(n: int) -> dict[str, Any]:
+    """Colour and dash of the n-th line."""
+    return {"color": PALETTE[n % len(PALETTE)], "linestyle": DASHES[n // len(PALETTE) % len(DASHES)], "linewidth": 1.3}
+
+
+def _new(size: tuple[float, float]) -> Figure:
+    return NotebookFigure(figsize=size, layout="constrained")

@@ -1,0 +1,27 @@
+"""A plan written in a format, by the format's name."""
+
+from collections.abc import Mapping
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from kinematics.errors import MotionError
+from kinematics.staging import staged
+from planner.export.format import Exported, Source
+from planner.export.formats import find_format
+
+if TYPE_CHECKING:
+    from planner.plan import Plan
+
+
+def written(plan: "Plan", name: str, path: str | PathLike[str], force: bool, options: Mapping[str, Any]) -> Exported:
+    """What `Plan.export` does; the file is there whole or not at all."""
+    kind, target = find_format(name), Path(path)
+    try:
+        format_ = kind(**options)
+    except TypeError as error:
+        raise MotionError(f"format {name}: {error}") from None
+    if target.exists() and not force:
+        raise MotionError(f"{target} exists; give force=True to replace it, or another path")
+    with staged(target) as file:
+        return format_.write(Source(plan.program.name, plan.machine, plan.trajectory, plan.pulses), file)

@@ -1,0 +1,147 @@
+"""What would bring a path back within its machine: the largest scale about its start, of its way or of its angles, and
+the least move along an axis.
+
+All by bisection on the geometric limits at many places of the changed program's path, which is quick; what is advised
+is proved as the check proves it.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from itertools import pairwise
+from math import floor
+from time import perf_counter
+
+import numpy as np
+
+from kinematics.array import Array
+from kinematics.errors import MotionError
+from kinematics.machine import Machine
+from kinematics.units import at_least
+from planner.actuation import actuate
+from planner.certify import TOLERANCE
+from planner.limits import limits_of
+from planner.path.chain import default_start
+from planner.program import Curve, Program
+from planner.reshaped import leads_away, moved, scaled, turns, unturned
+from planner.standing import standing
+from planner.walk import walk
+
+# s after which nothing more is looked for: a refusal is not to take longer than a plan.
+PATIENCE = 10.0
+# Shares and moves (m) that are tried before bisecting between one that holds and the one before it.
+SHARES = (1.0, *np.linspace(0.95, 0.05, 19).tolist())
+MOVES = (0.0, *(4e-4 * 2.0 ** np.arange(9)).tolist())
+HALVINGS = 10
+# What does not prove as it is told is taken so much further, so often.
+FURTHER, TIMES = 1e-3, 4
+# Places of a part of a path that are looked at.
+LOOKED = np.linspace(0.0, 1.0, 9)
+WAYS = tuple((sign + name, float(f"{sign}1") * np.eye(3)[k]) for k, name in enumerate("xyz") for sign in "+-")
+
+Made = Callable[[float], Program]
+"""The program changed by so much."""
+
+
+@dataclass(frozen=True, slots=True)
+class Refit:
+    """scale: the largest about the start that holds, as a share; move: the least (m) and its way, "+x" to "-z".
+
+    turn: the largest scale of its angles, from the start's orientation. None: none was found.
+    """
+
+    scale: float | None = None
+    turn: float | None = None
+    move: tuple[float, str] | None = None
+
+    def __str__(self) -> str:
+        told = [] if self.scale is None else [f"scaled to <= {self.scale * 100:.1f} % about its start"]
+        told += [] if self.turn is None else [f"with its angles scaled to <= {self.turn * 100:.1f} %"]
+        told += [] if self.move is None else [f"moved by >= {self.move[0] * 1e3:g} mm along {self.move[1]}"]
+        if told:
+            return f"the path fits the machine {', or '.join(told)}"
+        most = f"no scale down to {SHARES[-1] * 100:g} % and no move of up to {MOVES[-1] * 1e3:g} mm along an axis"
+        return f"{most} was found to bring the path into the machine"
+
+
+def refit(program: Program, machine: Machine, order: int) -> Refit:
+    """For a program whose path breaks a geometric limit, is out of reach or meets a singular pose.
+
+    A scale of the way keeps orientations, and one of the angles the way; a move takes the start with it only where the
+    program states one and does not lead away from it by a line or a spline. Equations are moved where no scale helps.
+    """
+    search = _Search(machine, order, perf_counter() + PATIENCE)
+    begin = default_start(program, machine) if program.start is None else program.start
+    start = begin.translation
+    scale = search.share(lambda share: scaled(program, start, share))
+    turn = search.share(lambda share: unturned(program, share)) if turns(program) else None
+    best: tuple[float, str] | None = None
+    # every move of equations is another expression, to be differentiated anew
+    costly = scale is not None and any(isinstance(segment, Curve) for segment in program.segments)
+    movable = not costly and (program.start is not None or leads_away(program))
+    for name, way in WAYS if movable else ():
+        found = search.move(partial(_along, program, way), np.inf if best is None else best[0])
+        if found is not None:
+            best = found, name
+    return Refit(scale, turn, best)
+
+
+def _along(program: Program, way: Array, size: float) -> Program:
+    return moved(program, size * way)
+
+
+@dataclass(frozen=True, slots=True)
+class _Search:
+    """Sizes of changes with which a program's path fits a machine; after `until` (of perf_counter) none is found."""
+
+    machine: Machine
+    order: int
+    until: float
+
+    def share(self, made: Made) -> float | None:
+        """The largest share, in tenths of a per cent."""
+        found = self._first(SHARES, made)
+        told = [] if found is None else [round(floor(found * 1e3) / 1e3 - n * FURTHER, 3) for n in range(TIMES)]
+        return next((share for share in told if share > 0 and self._proves(made(share))), None)
+
+    def move(self, made: Made, below: float) -> float | None:
+        """The least move (m) below another, in three digits of mm."""
+        found = self._first([size for size in MOVES if size < below], made)
+        told = [] if found is None else [at_least(found * (1 + n * FURTHER) * 1e3, 3) for n in range(TIMES)]
+        sizes = (float(size) / 1e3 for size in told)
+        return next((size for size in sizes if size < below and self._proves(made(size))), None)
+
+    def _first(self, sizes: Sequence[float], made: Made) -> float | None:
+        """The first size that holds, bisected towards the one before it; the first of all is known not to."""
+        for before, size in pairwise(sizes):
+            if self._fits(made, size):
+                bad, good = before, size
+                for _ in range(HALVINGS):
+                    middle = (bad + good) / 2
+                    bad, good = (bad, middle) if self._fits(made, middle) else (middle, good)
+                return good
+        return None
+
+    def _fits(self, made: Made, size: float) -> bool:
+        """Whether no geometric limit is broken at the places that are looked at."""
+        if perf_counter() > self.until:
+            return False
+        try:
+            path = actuate(made(size), self.machine)
+            along = walk(path)
+            part = np.repeat(np.arange(len(along.s)), len(LOOKED))
+            state = along.within(part, np.tile(LOOKED, len(along.s)) * np.diff(along.knots)[part])
+            if not np.isfinite(state.q).all():
+                return False
+            geometric = [limit for limit in limits_of(path, self.machine.axes, self.order) if limit.geometric]
+            values = [(limit, limit.value(state)) for limit in geometric]
+            return all(limit.use(value, value, state.piece).max() <= 1 + TOLERANCE for limit, value in values)
+        except MotionError:
+            return False
+
+    def _proves(self, program: Program) -> bool:
+        try:
+            path = actuate(program, self.machine)
+            return not standing(path, limits_of(path, self.machine.axes, self.order)).violations
+        except MotionError:
+            return False

@@ -1,0 +1,73 @@
+"""`pulsepath calibrate`: a machine as its measurements say it is, and a report."""
+
+from pathlib import Path
+from typing import Literal
+
+import click
+
+from pulsepath import known_names
+from pulsepath.intent import writes
+from pulsepath.known_names import completing
+from pulsepath.options import json_option
+
+
+@click.command()
+@click.argument("machine", shell_complete=completing(known_names.machines, files=True))
+@click.argument("measurements", shell_complete=completing(known_names.measurements, files=True))
+@click.option("--out", type=click.Path(path_type=Path), required=True, metavar="DIR", help="Directory to write.")
+@click.option(
+    "--model",
+    default="factor,frame-yaw",
+    show_default=True,
+    metavar="PARTS",
+    help="What to identify, of: factor, factors (one per axis), offsets, joints, frame, frame-yaw.",
+)
+@click.option(
+    "--use",
+    type=click.Choice(["position", "all"]),
+    help="What of the measurements to fit. Default: positions and rotations, not directions of an axis.",
+)
+@click.option("--force", is_flag=True, help="Replace DIR, if an earlier calibration is in it.")
+@json_option
+def calibrate(
+    machine: str,
+    measurements: str,
+    out: Path,
+    model: str,
+    use: Literal["position", "all"] | None,
+    force: bool,
+    as_json: bool,
+) -> None:
+    """Identify MACHINE from MEASUREMENTS of its poses.
+
+    Writes the calibrated machine and a report into DIR. MEASUREMENTS is a TOML file, or the name of a bundled one: cmm.
+
+    Example: pulsepath calibrate hexapod cmm --out out/calibrated
+    """
+    writes(out)
+    from kinematics import load_machine
+    from kinematics.calibration import calibrate as identify
+    from kinematics.calibration.measurement_file import load_measurements
+    from kinematics.registry import find
+    from pulsepath import calibration_directory, record, tables
+    from pulsepath.directory import CALIBRATION_KIND, refuse_overwrite, replacing
+    from pulsepath.progress import step
+    from pulsepath.talk import detail
+
+    refuse_overwrite(out, force, CALIBRATION_KIND)
+    nominal, measured = load_machine(machine), load_measurements(measurements)
+    sources = {
+        "machine": find("kinematics", "machine", machine).read_bytes(),
+        "measurements": find("kinematics.calibration", "measurement file", measurements).read_bytes(),
+    }
+    with step(f"identifying {nominal.name} from {len(measured)} measurements"):
+        found = identify(nominal, measured, [part.strip() for part in model.split(",")], use=use)
+    detail(f"{len(found.parameters)} parameters, {found.observability.rank} combinations of them seen")
+    with replacing(out, force, CALIBRATION_KIND) as folder, step("writing the files"):
+        calibration_directory.write(folder, found, sources)
+    report = str(out / calibration_directory.REPORT)
+    if as_json:
+        click.echo(record.as_json({**calibration_directory.record(found, sources), "report": report}), nl=False)
+    else:
+        tables.show(tables.of_calibration(found))
+        click.echo(f"machine: {out / calibration_directory.MACHINE}\nreport: {report}")

@@ -1,0 +1,85 @@
+"""The group of commands: what all of them share, and how each ends."""
+
+import os
+import sys
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import click
+
+from pulsepath import talk
+from pulsepath.ending import Ended, ending
+from pulsepath.exits import INTERRUPTED, JSON, TRACEBACK, told
+from pulsepath.intent import interrupted
+
+OTHERS = "Others"
+
+
+class Commands(click.Group):
+    """Commands that take -q and -v, and whose errors become exit codes; click's own usage errors exit with 2.
+
+    sections  titles of the commands' list, and the names under each; those that are in none come last
+    """
+
+    def __init__(self, *args: Any, sections: Mapping[str, Sequence[str]] | None = None, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        self.sections = dict(sections or {})
+        self.params.extend(talk.options())
+
+    def add_command(self, cmd: click.Command, name: str | None = None) -> None:
+        if not isinstance(cmd, Commands):
+            cmd.params.extend(talk.options())
+        super().add_command(cmd, name)
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        listed = {name for names in self.sections.values() for name in names}
+        others = [name for name in self.list_commands(ctx) if name not in listed]
+        sections = {**self.sections, OTHERS if self.sections else "Commands": others}
+        width = max(map(len, self.commands), default=0)
+        for title, names in sections.items():
+            known = {name: self.commands[name] for name in names if name in self.commands}
+            if known:
+                with formatter.section(title):
+                    short = formatter.width - 6 - width
+                    formatter.write_dl([(f"{n:<{width}}", cmd.get_short_help_str(short)) for n, cmd in known.items()])
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        ctx.meta[JSON] = ctx.meta.get(JSON, False) or "--json" in args
+        return super().parse_args(ctx, args)
+
+    def invoke(self, ctx: click.Context) -> Any:
+        if ctx.parent is not None:  # of a group within the group
+            return super().invoke(ctx)
+        _replace_what_the_terminal_cannot_show()
+        try:
+            with ending(last=True):
+                result = super().invoke(ctx)
+                sys.stdout.flush()
+                return result
+        except (click.exceptions.Exit, click.ClickException):
+            raise
+        except KeyboardInterrupt as end:
+            click.echo(interrupted(ctx), err=True)
+            ctx.exit(end.code if isinstance(end, Ended) else INTERRUPTED)
+        except BrokenPipeError:
+            # the reader has seen enough; what is still buffered must not fail when the interpreter ends
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            ctx.exit(0)
+        except Exception as error:  # every kind of failure ends here
+            if os.environ.get(TRACEBACK) == "1":
+                raise
+            code, message = told(error)
+            if ctx.meta[JSON]:
+                from pulsepath.error_record import of_error
+
+                click.echo(of_error(error, code), nl=False)
+            click.echo(message, err=True)
+            ctx.exit(code)
+
+
+def _replace_what_the_terminal_cannot_show() -> None:
+    """≤ and µ must not end a command on a terminal that has no such letters."""
+    for stream in (sys.stdout, sys.stderr):
+        reconfigure = getattr(stream, "reconfigure", None)
+        if reconfigure is not None:
+            reconfigure(errors="replace")

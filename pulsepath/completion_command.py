@@ -1,0 +1,29 @@
+"""`pulsepath completion`: what makes a shell complete commands, options and names."""
+
+import click
+
+SHELLS = ("bash", "zsh", "fish")
+VARIABLE = "_PULSEPATH_COMPLETE"
+
+
+@click.command(
+    epilog="""\b
+    Example of each shell, to be done once:
+      pulsepath completion bash > ~/.local/share/bash-completion/completions/pulsepath
+      pulsepath completion zsh > "${fpath[1]}/_pulsepath"
+      pulsepath completion fish > ~/.config/fish/completions/pulsepath.fish
+    """
+)
+@click.argument("shell", type=click.Choice(SHELLS))
+def completion(shell: str) -> None:
+    """Print the script by which SHELL completes.
+
+    Commands, options, presets, formats, laws and firing rules are completed, and names of files.
+    """
+    from click.shell_completion import get_completion_class
+
+    made = get_completion_class(shell)
+    if made is None:  # click has all three
+        raise click.UsageError(f"no completion for {shell}")
+    root = click.get_current_context().find_root().command
+    click.echo(made(root, {}, "pulsepath", VARIABLE).source())

@@ -1,0 +1,40 @@
+"""An error as data: what `--json` prints on stdout where a command refuses."""
+
+from typing import Any
+
+from kinematics.errors import Fault, FileError, MotionError, OutOfReach
+from kinematics.units import shown
+from planner.place import Infeasible
+from pulsepath.exits import INTERNAL
+from pulsepath.record import SCHEMA, as_json, of_violation
+
+KINDS = {FileError: "file", Infeasible: "infeasible", OutOfReach: "reach", MotionError: "input", OSError: "input"}
+"""What went wrong, the most special first."""
+
+
+def of_error(error: Exception, code: int) -> str:
+    """JSON text: the exit code, the message, the faults of a file, and what an infeasible plan breaks and would keep.
+
+    A fault has its file, line (from 1) and key, the value as it is written, what is allowed there and the nearest valid
+    name, null for what it has not.
+    """
+    known = (name for each, name in KINDS.items() if isinstance(error, each))
+    kind = "internal" if code == INTERNAL else next(known, "input")
+    told: dict[str, Any] = {"exit_code": code, "kind": kind, "message": str(error)}
+    match error:
+        case FileError():
+            told["faults"] = [{"file": error.file, **_fault(fault)} for fault in error.faults]
+        case Infeasible():
+            told["violation"] = of_violation(error)
+    return as_json({"schema": SCHEMA, "error": told})
+
+
+def _fault(fault: Fault) -> dict[str, Any]:
+    return {
+        "line": fault.line,
+        "key": fault.key or None,
+        "value": None if fault.value is None else shown(fault.value),
+        "allowed": fault.allowed or None,
+        "nearest": fault.nearest or None,
+        "message": fault.message,
+    }

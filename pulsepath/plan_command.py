@@ -1,0 +1,118 @@
+"""`pulsepath plan`: the fastest motion of a program, proved, with its pulses and a report, in a directory."""
+
+from pathlib import Path
+
+import click
+
+from pulsepath import known_names
+from pulsepath.intent import writes
+from pulsepath.known_names import completing
+from pulsepath.options import dump_option, json_option, machine_option, program_argument
+
+
+@click.command()
+@program_argument
+@machine_option
+@click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="Directory to write.")
+@click.option(
+    "--order",
+    type=click.Choice(["2", "3"]),
+    help="2: speed and acceleration; 3: and jerk. Default: 3 if the machine limits jerk.",
+)
+@click.option(
+    "--clock-hz", type=click.IntRange(min=1), default=10_000_000, show_default=True, help="Ticks/s of pulses."
+)
+@click.option(
+    "--duration", metavar="TIME", help='As "12 s": not the fastest motion, but the smoothest that takes so long.'
+)
+@click.option(
+    "--rule",
+    default="nearest",
+    shell_complete=completing(known_names.rules),
+    show_default=True,
+    metavar="RULE",
+    help='When pulses fire; "pulsepath rules" lists them. With options as sampled:period=50us.',
+)
+@click.option(
+    "--figures/--no-figures",
+    default=True,
+    show_default=True,
+    help="Pictures in the report; without them it has its text and all its tables, and is there sooner.",
+)
+@dump_option
+@click.option("--force", is_flag=True, help="Replace DIR, if an earlier plan is in it.")
+@json_option
+def plan(
+    program: str,
+    machine: str | None,
+    out: Path | None,
+    order: str | None,
+    clock_hz: int,
+    duration: str | None,
+    rule: str,
+    figures: bool,
+    dumped: Path | None,
+    force: bool,
+    as_json: bool,
+) -> None:
+    """Plan PROGRAM: motion, pulses and report go into DIR.
+
+    The motion is the fastest that the machine's limits allow, proved to keep every one of them.
+
+    Example: pulsepath plan circle --out out/circle
+    """
+    if dumped is not None:
+        _dump(dumped, program, machine, order, clock_hz, duration, rule, force, as_json)
+        return
+    if out is None:
+        raise click.UsageError("Missing option '--out'.", click.get_current_context())
+    writes(out)
+    from pulsepath.second import second
+    from pulsepath.seldom import seldom_collected
+
+    # before what is slow to load, so that both processes load at once
+    with seldom_collected(), second(figures) as other:
+        from kinematics.units import quantity
+        from pulsepath import plan_directory, record, tables
+        from pulsepath.directory import refuse_overwrite, replacing
+        from pulsepath.inputs import read_inputs
+        from pulsepath.job import run
+
+        refuse_overwrite(out, force)
+        seconds = None if duration is None else quantity(duration, "s")
+        inputs = read_inputs(program, machine)
+        kind = None if order is None else int(order)
+        with replacing(out, force) as folder:  # where nothing can be written, that is said before the work
+            job = run(inputs.program, inputs.machine, kind, clock_hz, seconds, rule, other, figures)
+            verdict = plan_directory.write(folder, job, inputs)
+    report = str(out / plan_directory.REPORT)
+    if as_json:
+        click.echo(record.as_json({**record.of_plan(job, inputs, verdict), "report": report}), nl=False)
+    else:
+        tables.show(tables.of_plan(job))
+        click.echo(f"report: {report}")
+
+
+def _dump(
+    folder: Path,
+    program: str,
+    machine: str | None,
+    order: str | None,
+    clock_hz: int,
+    duration: str | None,
+    rule: str,
+    force: bool,
+    as_json: bool,
+) -> None:
+    from planner.limits import usual_order
+    from planner.pulses import find_rule
+    from pulsepath.dump import dump
+    from pulsepath.inputs import read_inputs
+
+    inputs = read_inputs(program, machine)
+    find_rule(rule)  # refuses what is none
+    chosen = usual_order(inputs.machine.axes) if order is None else int(order)
+    options: dict[str, int | str] = {"order": chosen, "clock-hz": clock_hz, "rule": rule}
+    if duration is not None:
+        options["duration"] = duration
+    dump(folder, inputs, "plan", options, force, as_json)

@@ -1,0 +1,109 @@
+"""Runs a page of docs/: what a reader would type and write, in order, in one directory, against what the page shows.
+
+- A fence whose first line is a comment that names a file ("# part.toml", "; part.nc") is that file; so is the file of
+  a `literalinclude` of docs/examples.
+- Any other ```python fence is run; all of a page share their names. A ```text fence right after it is what it prints.
+- A ```console fence holds commands, each after "$ ", and what they print; a comment "# exit code 1" says how one ends.
+  A command that shows nothing may print anything.
+- Of a command that fails, errors are shown as well; how far it is, which goes to the standard error, never is.
+- "..." stands for any text, and runs of spaces are alike, as in doctest.
+"""
+
+import contextlib
+import doctest
+import io
+import os
+import re
+import shlex
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from click.testing import CliRunner
+
+DOCS = Path(__file__).parents[2] / "docs"
+FENCE = re.compile(r"^(?P<ticks>`{3,})(?P<info>[^\n`]*)\n(?P<body>.*?)^(?P=ticks)[ ]*$", re.MULTILINE | re.DOTALL)
+FILE = re.compile(r"(?:#|;|//) (?P<name>[\w.-]+\.\w+)\n")
+LOOSE = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
+PROGRESS = re.compile(r"^.*(?:…|: [\d.]+ s)\n", re.MULTILINE)
+EXIT = re.compile(r"\s+# exit code (\d)$")
+
+
+@dataclass(frozen=True)
+class Fence:
+    """A fenced block: its language, text and line, and whether only blank lines part it from the last."""
+
+    language: str
+    body: str
+    line: int
+    adjacent: bool
+
+
+def fences(text: str) -> list[Fence]:
+    found, end = [], 0
+    for match in FENCE.finditer(text):
+        gap = text[end : match.start()]
+        found.append(
+            Fence(match["info"].strip(), match["body"], text.count("\n", 0, match.start()) + 1, not gap.strip())
+        )
+        end = match.end()
+    return found
+
+
+def run(page: Path) -> int:
+    """Run a page in the current directory; how many blocks were run or written. Raises AssertionError where it lies."""
+    names: dict[str, Any] = {"__name__": "page"}
+    blocks, count = fences(page.read_text(encoding="utf-8")), 0
+    for fence, after in zip(blocks, [*blocks[1:], None], strict=True):
+        where = f"{page.name}:{fence.line}"
+        named = FILE.match(fence.body)
+        if fence.language.startswith("{literalinclude}"):
+            source = page.parent / fence.language.split()[1]
+            if "examples" in source.parts:
+                Path(source.name).write_bytes(source.read_bytes())
+        elif named:
+            Path(named["name"]).write_text(fence.body, encoding="utf-8")
+        elif fence.language == "python":
+            printed = io.StringIO()
+            with contextlib.redirect_stdout(printed):
+                exec(compile(fence.body, where, "exec"), names)  # noqa: S102 (the text is our own)
+            if after is not None and after.language == "text" and after.adjacent:
+                agree(where, after.body, printed.getvalue())
+        elif fence.language == "console":
+            console(where, fence.body)
+        else:
+            continue
+        count += 1
+    return count
+
+
+def console(where: str, text: str) -> None:
+    for part in re.split(r"^\$ ", text, flags=re.MULTILINE)[1:]:
+        command, _, shown = part.partition("\n")
+        told = EXIT.search(command)
+        words = shlex.split(EXIT.sub("", command), comments=True)
+        code, printed, complained = pulsepath(words) if words[0] == "pulsepath" else other(words)
+        assert code == (int(told[1]) if told else 0), f"{where}: {command}\nended with {code}\n{printed}{complained}"
+        if shown.strip():
+            agree(f"{where}: {command}", shown, printed + complained if code else printed)
+
+
+def pulsepath(words: list[str]) -> tuple[int, str, str]:
+    from pulsepath.cli import main
+
+    done = CliRunner().invoke(main, words[1:], prog_name="pulsepath")
+    return done.exit_code, done.stdout, PROGRESS.sub("", done.stderr)
+
+
+def other(words: list[str]) -> tuple[int, str, str]:
+    words = [sys.executable if words[0] == "python" else words[0], *words[1:]]
+    paths = {"PYTHONPATH": str(DOCS.parent)}
+    done = subprocess.run(words, capture_output=True, text=True, encoding="utf-8", env=os.environ | paths)
+    return done.returncode, done.stdout, done.stderr
+
+
+def agree(where: str, wanted: str, got: str) -> None:
+    if not doctest.OutputChecker().check_output(wanted, got, LOOSE):
+        raise AssertionError(f"{where}\nthe page shows\n{wanted}\nand there is\n{got}")

@@ -1,0 +1,84 @@
+"""The pages of docs/ build into a site without a warning, and the site needs no network."""
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory):
+    """The site, built with every warning an error."""
+    folder = tmp_path_factory.mktemp("docs")
+    options = ["-W", "--keep-going", "-q", "-d", folder / "trees"]
+    command = [sys.executable, "-m", "sphinx", *options, "docs", folder / "site"]
+    run = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
+    assert run.returncode == 0, run.stderr
+    return folder / "site"
+
+
+def test_the_site_fetches_nothing(site):
+    """Scripts, styles, fonts and pictures are all its own: only what a reader clicks on leads away."""
+    pages = list(site.rglob("*.html"))
+    assert len(pages) > 20
+    for page in pages:
+        tags = re.findall(r"<(?:script|link|img|iframe|source|object)\b[^>]*>", page.read_text(encoding="utf-8"))
+        assert [tag for tag in tags if re.search(r"""(?:src|href|data)=["']?(?:https?:)?//""", tag)] == [], page
+    for style in (site / "_static").rglob("*.css"):
+        assert not re.search(r"(?:url\(|@import )\s*[\"']?(?:https?:)?//", style.read_text(encoding="utf-8")), style
+
+
+def test_every_command_and_every_key_is_there(site):
+    from kinematics.kinds.axes import LinearDefaults
+    from planner.entries import ProgramFile
+    from pulsepath.cli import main
+
+    commands = (site / "reference" / "commands.html").read_text(encoding="utf-8")
+    for name in main.commands:
+        assert f">pulsepath {name}<" in commands
+    files = (site / "reference" / "files.html").read_text(encoding="utf-8")
+    for table in (LinearDefaults, ProgramFile):
+        for name, field in table.model_fields.items():
+            assert f'<span class="pre">{field.alias or name}</span>' in files
+
+
+def test_formulas_are_drawn_into_the_page(monkeypatch):
+    monkeypatch.syspath_prepend(str(ROOT / "docs" / "_ext"))
+    from drawn_math import drawn
+
+    wide, narrow = drawn(r"\frac{a}{b} \le \lVert \dot q \rVert"), drawn("a")
+    assert wide.startswith("<svg")
+    assert wide.count("<path") == 1
+    width = [float(re.search(r"width:([\d.]+)em", svg)[1]) for svg in (wide, narrow)]
+    assert width[0] > 3 * width[1] > 0
+    assert 'aria-label="a &lt; b"' in drawn("a < b")
+    with pytest.raises(ValueError, match="nonsense"):
+        drawn(r"\nonsense{a}")
+
+
+def test_a_key_takes_what_its_annotation_says(monkeypatch):
+    monkeypatch.syspath_prepend(str(ROOT / "docs" / "_ext"))
+    from file_keys import default, meanings, takes
+
+    from kinematics.kinds.axes import LinearDefaults
+    from kinematics.kinds.masses import LoadedFile
+    from planner.entry import Drawn
+
+    def of(table, key):
+        field = table.model_fields[key]
+        return takes(field.annotation, tuple(field.metadata))
+
+    assert of(LinearDefaults, "pulse") == 'quantity, as `"20 mm"`; above 0'
+    # one number, or one for each way
+    assert of(LinearDefaults, "max_speed") == (
+        'quantity, as `"20 mm/s"`; above 0, or 2 × quantity, as `"20 mm/s"`; above 0'
+    )
+    assert of(Drawn, "join") == '`"stop"` or `"through"` or table'
+    assert of(LoadedFile, "gravity") == '3 × quantity, as `"20 mm/s^2"`'
+    assert default(LoadedFile.model_fields["gravity"]) == "0, 0, -9806.65 mm/s^2"
+    assert default(LinearDefaults.model_fields["travel"]) == "**needed**"
+    assert meanings(Drawn) == meanings(Drawn) | {"speed": "cap of the tool's speed", "trigger": "an event along it"}

@@ -1,0 +1,50 @@
+"""The notebooks, run: `python -m tests.notebooks.run out/notebooks` writes them with their figures as .ipynb files."""
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from nbformat import NotebookNode
+
+ROOT = Path(__file__).parents[2]
+NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.py"))
+LONGEST = 60.0
+"""s that a cell may take before it is given up."""
+
+
+def executed(path: Path, *, slower: float = 1.0, last: str = "") -> "NotebookNode":
+    """A notebook after all its cells have run in a kernel of this Python, from the top of this source tree.
+
+    last: one more cell, behind its own. Raises CellExecutionError where a cell raises.
+    """
+    import jupytext
+    from nbclient import NotebookClient
+    from nbformat.v4 import new_code_cell
+
+    notebook = jupytext.read(path)
+    if last:
+        notebook.cells.append(new_code_cell(last))
+    client = NotebookClient(
+        notebook,
+        timeout=LONGEST * slower,
+        kernel_name="python3",
+        resources={"metadata": {"path": str(ROOT)}},
+    )
+    client.execute()
+    return notebook
+
+
+def main(folder: Path) -> None:
+    """Write every notebook, executed, into a folder."""
+    import nbformat
+
+    folder.mkdir(parents=True, exist_ok=True)
+    for path in NOTEBOOKS:
+        target = folder / f"{path.stem}.ipynb"
+        nbformat.write(executed(path), target)
+        print(target)
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))

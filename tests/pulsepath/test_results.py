@@ -1,0 +1,284 @@
+"""Every result prints itself, draws itself, becomes a data frame and is saved: one walk over all their classes."""
+
+import json
+import subprocess
+import sys
+from functools import cache
+from html.parser import HTMLParser
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.interpolate import CubicSpline
+
+import pulsepath as pp
+from benchmarks.compare.table import Against, Comparison, Entry, Row
+from benchmarks.sweep.cell import Setting
+from controllers.metrics.circular_test import Circle, circular_test
+from controllers.metrics.iso_style import IsoStyle
+from controllers.metrics.path_accuracy import PathAccuracy
+from controllers.metrics.pose_accuracy import PoseAccuracy
+from controllers.metrics.velocity_accuracy import VelocityAccuracy
+from kinematics.result import Result
+from planner.sources.source import Imported
+
+NAME = "<b>"
+"""Of the machine: nothing of it may reach a page as markup."""
+
+
+@cache
+def machine():
+    return pp.load_machine("hexapod").called(NAME)
+
+
+@cache
+def plan():
+    return pp.plan(pp.load_program("bare-circle"), machine())
+
+
+@cache
+def tracking():
+    return pp.track(plan(), machine(), pp.find_law("6"), period=1e-2)
+
+
+@cache
+def solution():
+    path = CubicSpline([0, 0.5, 1], [[0, 0], [0.3, -0.2], [0.1, 0.4]])
+    return pp.time_optimal(path, max_speed=1.0, max_acceleration=[5.0, 4.0])
+
+
+def forces():
+    motion = pp.motion_of_axes(machine(), plan().trajectory.at(np.linspace(0, 1, 5)))
+    return pp.forces(machine(), motion, platform=pp.Body(1.0))
+
+
+def round_trip():
+    circle = Circle((0, 0, 0), (0, 0, 1), 15e-3, 0.02)
+    angle = np.linspace(0, 2 * np.pi, 2000)
+    way = np.column_stack([15.001e-3 * np.cos(angle), 15e-3 * np.sin(angle), 0 * angle])
+    return circular_test(way, way[::-1], circle)
+
+
+def sizing():
+    return pp.size_stepper(
+        pp.Slide(mass=1.0),
+        pp.Leadscrew(lead=2e-3, diameter=8e-3, length=0.3, efficiency=0.4),
+        pp.StepMotor(step=np.deg2rad(1.8), inertia=1e-6),
+        pp.Traverse(travel=0.2, time=10.0, accuracy=1e-4, ramp=0.5),
+    )
+
+
+def comparison():
+    entry = Entry(0, Setting("6", (("gain", 0.7),)))
+    row = Row(entry, "<i>", 2, {"contour_rms": 1.5e-6}, (1e-6, 2e-6), (), 0, 0, Against(0.5, 0.4, 0.6))
+    return Comparison((), entry, (row,), ("<i>",), ("<i>",))
+
+
+PATH = PathAccuracy(3, np.array([1e-6, 2e-6]), np.array([3e-6, 4e-6]))
+POSE = PoseAccuracy(3, 1e-6, 2e-6)
+SPEED = VelocityAccuracy(3, 0.02, 0.1, 0.2, 1e-4)
+MAKERS = {
+    "Plan": plan,
+    "Trajectory": lambda: plan().trajectory,
+    "Certificate": lambda: plan().certificate,
+    "PulseSchedule": lambda: plan().pulses,
+    "RealisedPath": lambda: plan().realised(stride=200),
+    "Solution": solution,
+    "Standing": lambda: pp.check(plan().program, machine()),
+    "Classical": lambda: pp.classical(plan()),
+    "Program": lambda: plan().program,
+    "PositionList": lambda: pp.PositionList([[0, 0, 0.01, 0, 0, 0], [0, 0.01, 0.01, 0, 0, 0.1]]),
+    "Imported": lambda: Imported(plan().program, {"G1": 3}, ("<i>",)),
+    "Hexapod": machine,
+    "Tripod": lambda: pp.load_machine("tripod"),
+    "Linkage": lambda: pp.load_machine("linkage"),
+    "Traverser": lambda: pp.load_machine("traverser"),
+    "Arm": lambda: pp.load_machine("arm"),
+    "Margins": lambda: machine().check(machine().home),
+    "Forward": lambda: machine().forward(machine().home_q),
+    "Workspace": lambda: pp.workspace(machine(), x=(-0.02, 0.02), y=(-0.02, 0.02), z=0.26, cells=6),
+    "Forces": forces,
+    "Budget": lambda: pp.error_budget(machine(), machine().home, [pp.Quantization()]),
+    "Selection": lambda: pp.select_parts(pp.load_actuators(), pp.ActuatorNeed(stroke=0.04)),
+    "ActuatorNeed": lambda: pp.ActuatorNeed(stroke=0.04, precision=1e-6),
+    "JointNeed": lambda: pp.JointNeed(tilt=0.1),
+    "StepperSizing": sizing,
+    "Measurements": lambda: pp.load_measurements("cmm"),
+    "Calibration": lambda: pp.calibrate(pp.load_machine("hexapod"), pp.load_measurements("cmm")),
+    "Tracking": tracking,
+    "Metrics": lambda: pp.evaluate(tracking(), plan(), machine()),
+    "PathAccuracy": lambda: PATH,
+    "PoseAccuracy": lambda: POSE,
+    "VelocityAccuracy": lambda: SPEED,
+    "IsoStyle": lambda: IsoStyle(PATH, POSE, SPEED),
+    "CircularTest": round_trip,
+    "Comparison": comparison,
+}  # fmt: skip
+
+
+def concrete(kind):
+    """What is made of it; `Legged` is what two machines share."""
+    for one in kind.__subclasses__():
+        if not one.__abstractmethods__ and not one.__name__.startswith("_") and one.__name__ != "Legged":
+            yield one
+        yield from concrete(one)
+
+
+def test_the_walk_meets_every_class():
+    ours = {one.__name__ for one in concrete(Result) if one.__module__.split(".")[0] in FLOORS}
+    assert ours == set(MAKERS)
+
+
+FLOORS = {"kinematics", "planner", "controllers", "benchmarks", "pulsepath"}
+
+
+@pytest.fixture(params=MAKERS)
+def result(request):
+    return made(request.param)
+
+
+@cache
+def made(name):
+    return MAKERS[name]()
+
+
+class Page(HTMLParser):
+    """The cells of a page, its tags closed in the order in which they were opened."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.open, self.cells, self.tags = [], [], set()
+        self.feed(text)
+        assert not self.open
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.add(tag)
+        self.open.append(tag)
+        if tag in ("td", "th"):
+            self.cells.append("")
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        if self.open and self.open[-1] in ("td", "th"):
+            self.cells[-1] += data
+
+
+def test_text_page_and_tables_tell_the_same(result):
+    text, page = str(result), Page(result._repr_html_())
+    cells = iter(page.cells)
+    for table in result.tables():
+        assert [next(cells) for _ in table.read] == [column.title for column in table.read]
+        for row in table.cells()[:30]:  # of longer ones what is in the middle is left out
+            for cell in row:
+                assert cell in text
+                assert next(cells) == cell
+        if len(table) > 30:
+            cells = iter(page.cells[len(page.cells) :])
+    assert page.tags <= {"table", "caption", "thead", "tbody", "tr", "th", "td", "div"}  # neither <b> nor <i>
+
+
+def test_frames_hold_the_raw_values_under_their_units(result):
+    frame, table = result.to_pandas(), result.data()
+    assert list(frame.columns) == [column.heading for column in table.full]
+    assert len(frame) == len(table)
+    for column in table.full:
+        assert all(map(same, frame[column.heading].tolist(), column.raw))
+
+
+def same(one, other):
+    """Exactly; what is not there is NaN in a column of numbers."""
+    missing = one is None or one != one
+    return (other is None or other != other) if missing else one == other
+
+
+def test_what_is_saved_reads_back_equal_and_is_not_overwritten(result, tmp_path):
+    for suffix in result.files():
+        place = tmp_path / f"a{suffix}"
+        if type(result).__name__ in ("Arm", "Traverser") and suffix == ".toml":
+            continue  # machine files cannot say these: `machine_toml` tells why, tested with it
+        result.save(place)
+        before = place.read_bytes()
+        with pytest.raises(pp.MotionError, match="force"):
+            result.save(place)
+        result.save(place, force=True)
+        assert place.read_bytes() == before
+    assert not list(tmp_path.glob(".*"))  # nothing is left of what was staged
+    if type(result).__name__ != "PositionList":  # whose CSV is a list for operators
+        read = pd.read_csv(tmp_path / "a.csv", dtype=str, keep_default_na=False)
+        exact = 1e-11 if type(result).__name__ == "Trajectory" else 0  # twelve digits
+        for column in result.data().full:
+            for text, value in zip(read[column.heading], column.raw, strict=True):
+                if isinstance(value, float):
+                    assert same(float(text), value) or abs(float(text) - value) <= exact * abs(value)
+                else:
+                    assert text == ("" if value is None else str(value))
+    if ".json" in result.files() and type(result).__name__ != "Trajectory":
+        told = json.loads((tmp_path / "a.json").read_text())
+        assert told["result"] == type(result).__name__
+        rows = [row for table in told["tables"] for row in table["rows"]]
+        assert len(rows) == sum(map(len, result.tables()))
+
+
+def test_unknown_suffixes_are_refused_with_the_known_ones(result, tmp_path):
+    with pytest.raises(pp.MotionError, match=r"no suffix.*\.json"):
+        result.save(tmp_path / "a.xlsx")
+    assert not list(tmp_path.iterdir())
+
+
+def test_figures_show_themselves_once_and_without_pyplot(result):
+    from matplotlib.figure import Figure
+
+    ax = result.plot()
+    assert ax._repr_png_().startswith(b"\x89PNG")
+    assert ax.get_figure(root=True)._repr_png_().startswith(b"\x89PNG")
+    given = Figure().add_subplot(projection="3d" if ax.name == "3d" else None)
+    assert result.plot(given) is given
+    assert not hasattr(given, "_repr_png_")  # who made it shows it
+
+
+def test_pandas_missing_says_what_brings_it(monkeypatch):
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    with pytest.raises(pp.MotionError, match=r"pip install 'pulsepath\[notebooks\]'"):
+        POSE.to_pandas()
+
+
+def test_nothing_of_it_imports_pyplot_or_pandas():
+    code = (
+        "import sys, pulsepath as pp; m = pp.load_machine('hexapod'); str(m); m._repr_html_(); m.plot()._repr_png_();"
+        "assert not {'matplotlib.pyplot', 'pandas'} & set(sys.modules)"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_a_notebook_shows_tables_and_each_figure_once(tmp_path):
+    nbformat, nbclient = pytest.importorskip("nbformat"), pytest.importorskip("nbclient")
+    cells = ["import pulsepath as pp\nm = pp.load_machine('hexapod')\nm", "m.plot()", "ax = m.plot()\nax.figure"]
+    cells += ["import matplotlib.pyplot as plt\nfig, ax = plt.subplots()\nm.check(m.home).plot(ax);", "m.plot()"]
+    book = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(cell) for cell in cells])
+    nbclient.NotebookClient(book, timeout=120, kernel_name="python3").execute()
+    kinds = [[sorted(output["data"]) for output in cell["outputs"]] for cell in book.cells]
+    assert kinds[0] == [["text/html", "text/plain"]]
+    assert kinds[1] == kinds[2] == kinds[3] == kinds[4] == [["image/png", "text/plain"]]
+
+
+def test_a_position_list_is_read_back(tmp_path):
+    listed = MAKERS["PositionList"]()
+    listed.save(tmp_path / "a.csv")
+    np.testing.assert_allclose(pp.load_positions(tmp_path / "a.csv").poses, listed.poses, rtol=1e-15)
+
+
+def test_a_schedule_a_program_and_a_machine_are_read_back(tmp_path):
+    from planner.export import npz
+
+    plan().pulses.save(tmp_path / "a.npz")
+    held = npz.read(tmp_path / "a.npz")
+    for one, other in zip(held.axes, plan().pulses.axes, strict=True):
+        np.testing.assert_array_equal(one.ticks, other.ticks)
+        np.testing.assert_array_equal(one.direction, other.direction)
+    plan().program.save(tmp_path / "a.toml")
+    again = pp.load_program(tmp_path / "a.toml")
+    assert [type(one) for one in again.segments] == [type(one) for one in plan().program.segments]
+    machine().save(tmp_path / "m.toml")
+    np.testing.assert_allclose(pp.load_machine(tmp_path / "m.toml").home_q, machine().home_q, rtol=1e-14)
