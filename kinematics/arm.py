@@ -14,8 +14,9 @@ from kinematics.axis import Axis
 from kinematics.body import Body
 from kinematics.errors import MotionError
 from kinematics.expression import Expression
+from kinematics.kind import side
 from kinematics.load import Load
-from kinematics.machine import Machine, side
+from kinematics.machine import Machine
 from kinematics.pose import Pose, column
 from kinematics.skeleton import Bar, Pivot, Skeleton
 from kinematics.traverser import nearest_turn

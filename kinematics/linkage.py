@@ -9,8 +9,9 @@ from numpy.typing import ArrayLike
 from kinematics.array import POSITIVE, Array, finite, frozen
 from kinematics.axis import Axis
 from kinematics.errors import MotionError, OutOfReach
+from kinematics.kind import side
 from kinematics.load import Load
-from kinematics.machine import Machine, side
+from kinematics.machine import Machine
 from kinematics.pose import Pose
 from kinematics.skeleton import Bar, Pivot, Skeleton
 

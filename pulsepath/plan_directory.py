@@ -18,6 +18,8 @@ from pulsepath.job import Defect, Job
 from pulsepath.progress import step
 from pulsepath.pulse_record import of_pulse_file
 from pulsepath.record import as_json, of_plan
+from pulsepath.second_work import LAWS
+from pulsepath.talk import note
 
 CERTIFICATE = "certificate.json"
 """What the check of the pulse file found: beside it."""
@@ -53,7 +55,6 @@ def write(folder: Path, job: Job, inputs: Inputs) -> PulseCheck:
 
     Raises Defect where they fail it.
     """
-    from benchmarks.report import write_report
     from planner.export import pulse_csv, trajectory_csv, trigger_csv
 
     plan = job.plan
@@ -74,11 +75,31 @@ def write(folder: Path, job: Job, inputs: Inputs) -> PulseCheck:
     (folder / CERTIFICATE).write_text(as_json(of_pulse_file(folder / PULSES, plan, verdict)), encoding="utf-8")
     if plan.triggers:
         trigger_csv.write(plan, folder / TRIGGERS)
-    page = folder / REPORT
-    with step("writing the report"):
-        write_report(plan, job.classical, job.metrics, page, verdict=verdict, others=job.others, realised=job.realised)
+    _report(folder / REPORT, job, verdict)
     (folder / RECORD).write_text(as_json(of_plan(job, inputs, verdict)), encoding="utf-8")
     return verdict
+
+
+def _report(page: Path, job: Job, verdict: PulseCheck) -> None:
+    from benchmarks.report import draw_axes, draw_compared, write_report
+
+    with step("writing the report"):
+        drawn = draw_axes(job.plan) | draw_compared(job.plan, job.classical, job.realised) if job.figures else {}
+    with step(f"tracking it under laws {' and '.join(LAWS)}"):
+        seen = job.seen()
+    if seen.note:
+        note(seen.note)
+    with step("writing the report"):
+        write_report(
+            job.plan,
+            job.classical,
+            seen.metrics,
+            page,
+            verdict=verdict,
+            others=job.others,
+            realised=job.realised,
+            figures={**seen.figures, **drawn},
+        )
 
 
 def read(folder: Path) -> Planned:

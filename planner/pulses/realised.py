@@ -7,7 +7,7 @@ from typing import Protocol
 
 import numpy as np
 
-from kinematics.array import Array, frozen
+from kinematics.array import Array, distinct, frozen
 from kinematics.axis import Axis
 from kinematics.errors import MotionError
 from kinematics.freedom import COMPONENTS
@@ -122,7 +122,7 @@ def _intervals(
         inside = grid[np.searchsorted(grid, lo) : np.searchsorted(grid, hi)]
         spans = [slice(*np.searchsorted(axis.ticks, (lo, hi))) for axis in schedule.axes]
         fired = [axis.ticks[span] for axis, span in zip(schedule.axes, spans, strict=True)]
-        edges = np.unique(np.concatenate([[lo, hi], inside, *fired]))
+        edges = distinct(np.array([lo, hi]), inside, *fired)
         every = np.arange((-seen) % stride, len(edges) - 1, stride)
         here = np.union1d(every, np.searchsorted(edges, inside))  # each window has its first interval at least
         seen += len(edges) - 1
