@@ -13,7 +13,7 @@ author = "the pulsepath authors"
 copyright = author
 release = version = __version__
 
-extensions = ["myst_parser", "docstrings", "drawn_math", "file_keys", "command_line", "extras"]
+extensions = ["myst_parser", "docstrings", "drawn_math", "file_keys", "command_line", "extras", "notebook_pages"]
 myst_enable_extensions = ["attrs_inline", "colon_fence", "deflist", "dollarmath"]
 myst_heading_anchors = 3
 exclude_patterns = ["examples"]
