@@ -32,6 +32,15 @@ def test_the_site_fetches_nothing(site):
         assert not re.search(r"(?:url\(|@import )\s*[\"']?(?:https?:)?//", style.read_text(encoding="utf-8")), style
 
 
+def test_what_docstrings_set_in_columns_is_set_as_such(site):
+    """A name with two spaces behind it, in a paragraph, is a list of meanings that was run together."""
+    for page in (site / "api").glob("*.html"):
+        article = page.read_text(encoding="utf-8").partition("<article")[2].partition("</article>")[0]
+        for paragraph in re.findall(r"<p>(.*?)</p>", article, re.DOTALL):
+            text = re.sub(r"<[^>]+>", "", paragraph)
+            assert not re.search(r"^\w[\w, ]* {2,}\w", text, re.MULTILINE), (page.name, text)
+
+
 def test_every_command_and_every_key_is_there(site):
     from kinematics.kinds.axes import LinearDefaults
     from planner.entries import ProgramFile
