@@ -10,8 +10,8 @@ USABLE := import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 11))
 demo: $(READY)
 	$(BIN)/python -m pulsepath plan circle --machine hexapod --out out/demo --force
 
-# the pages as a site: out/docs/index.html
-docs: $(READY)
+# the pages as a site: out/docs/index.html; the notebooks are run for it
+docs: notebooks
 	$(BIN)/python -m sphinx -W --keep-going -q docs out/docs
 
 # executed, with their figures; the sources are notebooks/*.py

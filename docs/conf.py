@@ -13,7 +13,7 @@ author = "the pulsepath authors"
 copyright = author
 release = version = __version__
 
-extensions = ["myst_parser", "docstrings", "drawn_math", "file_keys", "command_line", "extras"]
+extensions = ["myst_parser", "docstrings", "drawn_math", "file_keys", "command_line", "extras", "notebook_pages"]
 myst_enable_extensions = ["attrs_inline", "colon_fence", "deflist", "dollarmath"]
 myst_heading_anchors = 3
 exclude_patterns = ["examples"]
@@ -21,15 +21,17 @@ exclude_patterns = ["examples"]
 html_theme = "pydata_sphinx_theme"
 html_title = "pulsepath"
 html_static_path = ["_static"]
+templates_path = ["_templates"]
 html_css_files = ["site.css"]
 html_copy_source = False
 html_show_sourcelink = False
 html_math_renderer = "drawn"
-html_sidebars = {"installing": [], "tutorial": [], "conventions": [], "peers": []}
+html_sidebars = {"installing": [], "tutorial": [], "help": [], "changelog": []}
 html_theme_options = {
-    "header_links_before_dropdown": 7,
+    "header_links_before_dropdown": 9,
+    "navbar_align": "left",
     "show_prev_next": True,
     "footer_start": ["copyright"],
-    "footer_end": [],
+    "footer_end": ["licence"],
     "secondary_sidebar_items": ["page-toc"],
 }

@@ -15,7 +15,8 @@ from sphinx.application import Sphinx
 # What reST would read something into; names in single quotes are put back afterwards.
 _MARKUP = re.compile(r"([\\*|_])")
 _CODE = re.compile(r"`([^`]+)`")
-_TERM = re.compile(r"(\S.*?) {2,}(\S.*)")
+_TERM = re.compile(r"([\w*][\w.*]*(?:,? [\w.*]+)*) {2,}(\S.*)")
+_LONGEST = re.compile(r"^(\w[\w, ]*\w) $")
 # What signatures spell out, and how the code calls it.
 _ALIASES = (
     (r"~?numpy\.ndarray\[tuple\[~?typing\.Any, \.\.\.\], ~?numpy\.dtype\[~?numpy\.float64\]\]", "Array"),
@@ -33,6 +34,10 @@ def as_rest(text: str) -> str:
 
 def _block(part: str) -> Iterator[str]:
     lines = part.splitlines()
+    columns = {found.start(2) for line in lines if (found := _TERM.fullmatch(line))}
+    if len(columns) == 1:  # the longest name has but one space behind it
+        (column,) = columns
+        lines = [_LONGEST.sub(r"\1  ", line[:column]) + line[column:] for line in lines]
     if all(line.startswith(" ") for line in lines):
         yield from ["::", "", *("   " + line for line in dedent(part).splitlines())]
     elif lines[0].startswith("- "):
@@ -45,6 +50,10 @@ def _block(part: str) -> Iterator[str]:
                 yield from [_escaped(found[1]), "    " + _escaped(found[2])]
             else:
                 yield "    " + _escaped(line.strip())
+    elif any(map(_TERM.fullmatch, lines)):  # with a sentence right above or below
+        told = [line.startswith(" ") or _TERM.fullmatch(line) is not None for line in lines]
+        end = told.index(not told[0])
+        yield from [*_block("\n".join(lines[:end])), "", *_block("\n".join(lines[end:]))]
     elif any(line.startswith(" ") for line in lines):
         yield from ["::", "", *("   " + line for line in lines)]
     else:

@@ -32,6 +32,15 @@ def test_the_site_fetches_nothing(site):
         assert not re.search(r"(?:url\(|@import )\s*[\"']?(?:https?:)?//", style.read_text(encoding="utf-8")), style
 
 
+def test_what_docstrings_set_in_columns_is_set_as_such(site):
+    """A name with two spaces behind it, in a paragraph, is a list of meanings that was run together."""
+    for page in (site / "api").glob("*.html"):
+        article = page.read_text(encoding="utf-8").partition("<article")[2].partition("</article>")[0]
+        for paragraph in re.findall(r"<p>(.*?)</p>", article, re.DOTALL):
+            text = re.sub(r"<[^>]+>", "", paragraph)
+            assert not re.search(r"^\w[\w, ]* {2,}\w", text, re.MULTILINE), (page.name, text)
+
+
 def test_every_command_and_every_key_is_there(site):
     from kinematics.kinds.axes import LinearDefaults
     from planner.entries import ProgramFile
@@ -44,6 +53,46 @@ def test_every_command_and_every_key_is_there(site):
     for table in (LinearDefaults, ProgramFile):
         for name, field in table.model_fields.items():
             assert f'<span class="pre">{field.alias or name}</span>' in files
+
+
+def test_notebooks_are_pages_that_show_what_very_these_cells_showed(monkeypatch, tmp_path):
+    monkeypatch.syspath_prepend(str(ROOT / "docs" / "_ext"))
+    import jupytext
+    import nbformat
+    from nbformat.v4 import new_output
+    from notebook_pages import BARE, page
+
+    ran = jupytext.read(ROOT / "notebooks" / "1_first_plan.py")
+    cells = [cell for cell in ran.cells if cell.cell_type == "code"]
+    cells[0].outputs = [
+        new_output("stream", text="one\n"),
+        new_output("stream", text="two\n"),
+        new_output("display_data", {"image/png": "QUJD", "text/plain": "<Figure>"}),
+        new_output("execute_result", {"text/html": "<table></table>", "text/plain": "a table"}),
+        new_output("execute_result", {"text/plain": "<a value>"}),
+    ]
+    nbformat.write(ran, tmp_path / "1_first_plan.ipynb")
+    text = page("1_first_plan", tmp_path)
+    assert text.startswith("# A first plan\n")
+    assert BARE not in text
+    assert "```text\none\ntwo\n```" in text
+    assert "data:image/png;base64,QUJD" in text
+    assert "<table></table>" in text
+    assert "<a value>" in text
+    assert "<Figure>" not in text
+    assert "](4_what_limits_the_speed.md)" in text  # the page, not the file
+    cells[1].source += "\nprint(1)"  # other cells were run
+    nbformat.write(ran, tmp_path / "1_first_plan.ipynb")
+    assert BARE in page("1_first_plan", tmp_path)
+    assert "QUJD" not in page("1_first_plan", tmp_path)
+    assert BARE in page("1_first_plan", tmp_path / "nowhere")
+
+
+def test_every_notebook_has_its_page(site):
+    for notebook in (ROOT / "notebooks").glob("*.py"):
+        page = (site / "notebooks" / f"{notebook.stem}.html").read_text(encoding="utf-8")
+        assert ">The answer<" in page
+        assert (ROOT / "docs" / "notebooks" / "index.md").read_text("utf-8").count(f"({notebook.stem}.md)") == 1
 
 
 def test_formulas_are_drawn_into_the_page(monkeypatch):

@@ -1,4 +1,6 @@
-"""Equations of the theory pages that have a small numeric check, run."""
+"""Equations of the theory pages that have a small numeric check, run; and the files that the pages name, looked up."""
+
+import re
 
 import numpy as np
 import pytest
@@ -10,8 +12,22 @@ from planner import time_optimal
 from planner.enclosure import _control
 from planner.path.blend import overlap
 from planner.timing.passes import largest_speeds
+from tests.docs.pages import DOCS
 
 INTERVALS = 1000
+CODE = re.compile(r"`([\w/]+\.py|[a-z_]+(?:/[a-z_]+)*/)`")
+
+
+def test_every_file_that_a_page_names_is_there():
+    """With its path, or as its name alone."""
+    root = DOCS.parent
+    floors = [root / name for name in ("kinematics", "planner", "controllers", "benchmarks", "pulsepath", "tests")]
+    names = {path.name for floor in floors for path in floor.rglob("*.py")}
+    told = [
+        (page.name, name) for page in (DOCS / "theory").glob("*.md") for name in CODE.findall(page.read_text("utf-8"))
+    ]
+    assert len(told) > 50
+    assert [(page, name) for page, name in told if not ((root / name).exists() or name in names)] == []
 
 
 def timed(case, *, both_ends):
