@@ -29,6 +29,8 @@ SCALES: dict[str, dict[str, tuple[str, float]]] = {
 """What is read instead of an SI unit, and how many of it make one."""
 ROWS = 60
 """Rows that text and HTML show of a longer table: its first and its last."""
+WHOLE = 2.0**53
+"""From here on all floats are whole numbers: there is nothing to round."""
 GAP = "…"
 
 
@@ -110,8 +112,8 @@ class Column:
         if not isfinite(number):
             return "–" if isnan(number) else "∞" if number > 0 else "−∞"
         if self.up:
-            fine = 10 ** int(self.form[1:-1])
-            number = ceil(number * fine) / fine
+            fine = 10.0 ** int(self.form[1:-1])
+            number = ceil(number * fine) / fine if abs(number) < WHOLE else number
         return format(number + 0.0, self.form)  # no −0
 
 

@@ -91,7 +91,9 @@ class RealisedPath(Result):
         columns = (
             Column("error", [error.name for error in self.errors]),
             *(
-                Column(name, [getattr(error, field) for error in self.errors], units, "micro", ".4f")
+                Column(
+                    name, [getattr(error, field) for error in self.errors], units, "micro", ".4f", up=field == "bound"
+                )
                 for name, field in figures
             ),
             Column("of bound", [error.share for error in self.errors], form=".3f"),

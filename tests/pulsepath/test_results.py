@@ -179,6 +179,13 @@ def test_text_page_and_tables_tell_the_same(result):
     assert page.tags <= {"table", "caption", "thead", "tbody", "tr", "th", "td", "div"}  # neither <b> nor <i>
 
 
+def test_what_is_called_a_bound_is_one_as_it_is_read(result):
+    for table in result.tables():
+        for column in table.columns:
+            if "≤" in column.name or column.name in ("bound", "worst"):
+                assert column.up, (table.title, column.name)
+
+
 def test_frames_hold_the_raw_values_under_their_units(result):
     frame, table = result.to_pandas(), result.data()
     assert list(frame.columns) == [column.heading for column in table.full]
