@@ -243,6 +243,29 @@ def test_figures_show_themselves_once_and_without_pyplot(result):
     given = Figure().add_subplot(projection="3d" if ax.name == "3d" else None)
     assert result.plot(given) is given
     assert not hasattr(given, "_repr_png_")  # who made it shows it
+    other = Figure().add_subplot(projection=None if ax.name == "3d" else "3d")
+    with pytest.raises(pp.MotionError, match="flat"):
+        result.plot(other)
+
+
+def test_names_are_drawn_as_they_stand():
+    """Between dollars matplotlib sets maths, and raises where it is none."""
+    name = r"5$ \x $6"
+    program = pp.Program((pp.Line(to=np.array([0, 0, 0.01])),), name=name)
+    one = program.plot()
+    assert one._repr_png_()
+    odd = machine().called(name)
+    assert odd.plot()._repr_png_()
+    assert pp.error_budget(odd, odd.home, [pp.Quantization(name=name)]).plot()._repr_png_()
+
+
+def test_bars_of_one_name_lie_beside_each_other_and_twice_the_same_way_up():
+    budget = pp.error_budget(machine(), machine().home, [pp.Quantization(), pp.Quantization(pulses=1.0)])
+    ax = budget.plot()
+    assert len({patch.get_y() for patch in ax.patches if patch.get_height() < 0.5}) == 3
+    ax = budget.plot(ax)
+    low, high = ax.get_ylim()
+    assert low > high  # the first on top
 
 
 def test_pandas_missing_says_what_brings_it(monkeypatch):
