@@ -4,6 +4,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from kinematics.array import Array
+from kinematics.calibration.observability import Observability
 from kinematics.calibration.result import GROUPS, Calibration, known_group
 from kinematics.figure import literal, new_axes
 
@@ -39,11 +40,11 @@ def errors_by_pose(calibration: Calibration, ax: Axes | None = None, group: str 
     return ax
 
 
-def singular_values(calibration: Calibration, ax: Axes | None = None) -> Axes:
+def singular_values(observability: Observability, ax: Axes | None = None) -> Axes:
     """The singular values of the identification Jacobian: a combination of parameters each, the last seen worst."""
     ax = new_axes(ax, (9, 3.0))
-    values = calibration.observability.singular
-    shown = values[: calibration.observability.rank]
+    values = observability.singular
+    shown = values[: observability.rank]
     ax.semilogy(np.arange(1, len(shown) + 1), shown, "o-", color=COLORS["after"], markersize=4)
     ax.set(xlabel="combination of parameters", ylabel="singular value", xlim=(0.5, len(values) + 0.5))
     return ax

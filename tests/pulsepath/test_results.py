@@ -5,6 +5,7 @@ import subprocess
 import sys
 from functools import cache
 from html.parser import HTMLParser
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -13,7 +14,10 @@ from scipy.interpolate import CubicSpline
 
 import pulsepath as pp
 from benchmarks.compare.table import Against, Comparison, Entry, Row
-from benchmarks.sweep.cell import Setting
+from benchmarks.compare.verdict import Margin, Verdict
+from benchmarks.sweep.cell import Cell, Setting
+from benchmarks.sweep.result import Result as Run
+from benchmarks.sweep.store import Runs
 from controllers.metrics.circular_test import Circle, circular_test
 from controllers.metrics.iso_style import IsoStyle
 from controllers.metrics.path_accuracy import PathAccuracy
@@ -74,6 +78,13 @@ def comparison():
     return Comparison((), entry, (row,), ("<i>",), ("<i>",))
 
 
+def runs():
+    cells = [Cell(Setting("6", (("gain", gain),)), "line") for gain in (0.5, 0.7)]
+    record = {"axes": {"a": "m"}, "tasks": {"line": {"unit": "m"}}}
+    done = {"contour_rms": 1.5e-6, "following_max.a": 3e-6, "end_time": np.inf}
+    return Runs(Path("<i>"), record, {"0": Run(cells[0], done), "1": Run(cells[1], failure="<b>")})
+
+
 PATH = PathAccuracy(3, np.array([1e-6, 2e-6]), np.array([3e-6, 4e-6]))
 POSE = PoseAccuracy(3, 1e-6, 2e-6)
 SPEED = VelocityAccuracy(3, 0.02, 0.1, 0.2, 1e-4)
@@ -113,6 +124,9 @@ MAKERS = {
     "IsoStyle": lambda: IsoStyle(PATH, POSE, SPEED),
     "CircularTest": round_trip,
     "Comparison": comparison,
+    "Verdict": lambda: Verdict(comparison().baseline, 0.5, (Margin("gain", 0.7, None, 1.4),), "<i>"),
+    "Runs": runs,
+    "Observability": lambda: made("Calibration").observability,
 }  # fmt: skip
 
 
@@ -177,6 +191,14 @@ def test_text_page_and_tables_tell_the_same(result):
         if len(table) > 30:
             cells = iter(page.cells[len(page.cells) :])
     assert page.tags <= {"table", "caption", "thead", "tbody", "tr", "th", "td", "div"}  # neither <b> nor <i>
+
+
+def test_a_frame_of_runs_has_every_figure_of_every_run():
+    frame = runs().to_pandas()
+    assert [*frame.columns[4:-1]] == ["contour_rms [m]", "following_max.a [m]", "end_time [s]"]
+    assert frame["contour_rms [m]"][0] == 1.5e-6
+    assert np.isnan(frame["contour_rms [m]"][1])
+    assert frame["failure"][1] == "<b>"
 
 
 def test_what_is_called_a_bound_is_one_as_it_is_read(result):
