@@ -208,6 +208,14 @@ def test_what_is_called_a_bound_is_one_as_it_is_read(result):
                 assert column.up, (table.title, column.name)
 
 
+def test_where_there_is_no_page_the_tables_are_shown_and_a_repr_is_short(result):
+    formatters = pytest.importorskip("IPython.core.formatters")
+    formats, _ = formatters.DisplayFormatter().format(result)
+    assert formats["text/plain"] == str(result)
+    assert formats["text/html"] == result._repr_html_()
+    assert len(repr(result)) < 5000
+
+
 def test_frames_hold_the_raw_values_under_their_units(result):
     frame, table = result.to_pandas(), result.data()
     assert list(frame.columns) == [column.heading for column in table.full]
@@ -260,6 +268,7 @@ def test_figures_show_themselves_once_and_without_pyplot(result):
     from matplotlib.figure import Figure
 
     ax = result.plot()
+    assert len(ax.lines) < 2 or ax.get_legend() is not None or ax.name == "3d"
     assert ax._repr_png_().startswith(b"\x89PNG")
     assert ax.get_figure(root=True)._repr_png_().startswith(b"\x89PNG")
     given = Figure().add_subplot(projection="3d" if ax.name == "3d" else None)
