@@ -142,9 +142,9 @@ for name, off in tracked.items():
 
 # %% [markdown]
 # Lag makes a circle too small. Being late alone would not: the platform would stand elsewhere on the circle. But a
-# drive whose position loop has the gain *K* does not the full swing of a sine of ω rad/s, only $1/\sqrt{1 +
-# (\omega/K)^2}$ of it. The speed along the circle is nearly constant, so the radius falls by nearly the same amount
-# all around.
+# drive whose position loop has the gain *K* does not do the full swing of a sine of ω rad/s, only a share of it,
+# $1/\sqrt{1 + (\omega/K)^2}$. The speed along the circle is nearly constant, so the radius falls by nearly the same
+# amount all around.
 
 # %%
 moments = np.arange(len(legs["open loop"])) * 1e-3
@@ -210,8 +210,9 @@ bars = {
 }
 sizes = [1e6 * np.linalg.norm(off, axis=1) for off in bars.values()]
 at = np.arange(len(bars))
-right.barh(at - 0.2, [np.sqrt((size**2).mean()) for size in sizes], 0.38, label="RMS", color="#0072B2")
-right.barh(at + 0.2, [size.max() for size in sizes], 0.38, label="largest", color="#E69F00")
+right.plot([np.sqrt((size**2).mean()) for size in sizes], at, "o", label="RMS", color="#0072B2")
+right.plot([size.max() for size in sizes], at, "D", label="largest", color="#E69F00", fillstyle="none")
+right.grid(axis="y", linewidth=0.5)
 right.set_yticks(at, list(bars))
 right.invert_yaxis()
 right.set(xlabel="path error (µm)", xscale="log", title="contributions and their sums")

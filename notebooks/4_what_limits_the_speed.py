@@ -166,8 +166,8 @@ plt.show()
 few, most = 100 * used_up["speed"].min(), 100 * used_up["speed"].max()
 print(
     f"Speed holds the circle back {100 * share['speed']:.0f} % of the time: that of every leg in turn, each for "
-    f"{few:.0f} to {most:.0f} %.\n1 % more of it saves {-value['max_speed']:.2f} %. Legs {enough:.2f} times as fast bring "
-    f"{duration:.2f} s down to {least:.2f} s;\nto go below, acceleration and jerk must rise as well."
+    f"{few:.0f} to {most:.0f} %.\n1 % more of it saves {-value['max_speed']:.2f} %. Legs {enough:.2f} times as fast "
+    f"bring {duration:.2f} s down to {least:.2f} s;\nto go below, acceleration and jerk must rise as well."
 )
 assert min(value, key=lambda name: value[name]) == "max_speed"
 

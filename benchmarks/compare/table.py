@@ -130,7 +130,7 @@ class Comparison(Shown):
         columns = (
             Column("setting", [row.entry.setting.text for row in rows]),
             Column("path", [row.task for row in rows]),
-            *(Column(name, values, units, "micro", ".3f") for name, values in errors.items()),
+            *(Column(name, values, units, "micro", ".4g") for name, values in errors.items()),
             *ratios,
             Column("peak torque", [row.figures.get("torque_peak") for row in rows], form=".3f"),
             Column("runs", [row.runs for row in rows]),
