@@ -216,7 +216,7 @@ right.grid(axis="y", linewidth=0.5)
 right.set_yticks(at, list(bars))
 right.invert_yaxis()
 right.set(xlabel="path error (µm)", xscale="log", title="contributions and their sums")
-right.legend(frameon=False, loc="upper right")
+right.legend(frameon=False, loc="center left")
 figure.legend(*left.get_legend_handles_labels(), loc="outside lower center", ncols=5, frameon=False)
 plt.show()
 
