@@ -34,7 +34,12 @@ def png(*axes: "Axes", colours: int | None = None) -> bytes:
     figure: Figure | None = axes[0].get_figure(root=True)
     buffer = BytesIO()
     if figure is not None:
-        figure.savefig(buffer, format="png", dpi=DPI if colours is None else SMALL_DPI)
+        dpi = DPI if colours is None else SMALL_DPI
+        figure.set_dpi(dpi)
+        if (engine := figure.get_layout_engine()) is not None:
+            engine.execute(figure)  # saving would draw all of it once for that
+            figure.set_layout_engine("none")
+        figure.savefig(buffer, format="png", dpi=dpi)
     return buffer.getvalue() if colours is None else _reduced(buffer, colours)
 
 

@@ -1,6 +1,6 @@
 """The report of a plan: one HTML page that holds everything it shows, and its figures as PNG files beside it."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import cycle
 from math import isfinite
 from pathlib import Path
@@ -12,9 +12,11 @@ from benchmarks.page import grouped, png, render, style
 from controllers.metrics import Metrics
 from planner.baselines import Classical
 from planner.certify import CROSSING
+from planner.held_back import ACTIVE, active_limits
 from planner.limits import Limit
 from planner.plan import Plan
 from planner.pulses import PulseCheck, RealisedPath
+from planner.pulses.schedule import BINS
 from planner.steadiness import CONSTANT, STEADY
 
 if TYPE_CHECKING:
@@ -32,6 +34,7 @@ def write_report(
     verdict: PulseCheck,
     others: Sequence[Classical] = (),
     realised: RealisedPath | None = None,
+    figures: Mapping[str, bytes] | None = None,
 ) -> None:
     """Write the page to `path` and its figures to `figures/*.png` beside it.
 
@@ -40,12 +43,13 @@ def write_report(
     verdict    of the independent check of the plan's pulses
     others     further classical timings, for the table
     realised   the path that the pulses make; None: the page has no such part
+    figures    as `draw` gives them, any of them, or none; None: they are drawn here
     """
-    figures = draw(plan, classical, metrics, realised)
+    figures = draw(plan, classical, metrics, realised) if figures is None else figures
     path.write_text(_page(plan, classical, metrics, verdict, others, realised, figures), encoding="utf-8")
     folder = path.parent / "figures"
-    folder.mkdir(exist_ok=True)
     for name, image in figures.items():
+        folder.mkdir(exist_ok=True)
         (folder / f"{name}.png").write_bytes(image)
 
 
@@ -84,18 +88,36 @@ def draw(
     plan: Plan, classical: Classical, metrics: Sequence[Metrics], realised: RealisedPath | None = None
 ) -> dict[str, bytes]:
     """Every figure of the page as a PNG, by name."""
-    from planner.plots import path_in_space, pulse_rate
+    return draw_axes(plan) | draw_path(plan) | draw_compared(plan, classical, realised) | draw_tracking(metrics)
+
+
+def draw_axes(plan: Plan) -> dict[str, bytes]:
+    """The figures of what the axes do."""
+    from planner.plots import pulse_rate
 
     with style():
-        figures = {
-            "path": png(path_in_space(plan)),
-            "axes": png(*_axes(plan)),
-            "limits": png(*_limits(plan)),
-            "pulses": png(_with_legend(pulse_rate(plan))),
-            "classical": png(_classical(plan, classical)),
-        }
-        figures |= {"realised": png(*_realised(realised))} if realised else {}
-        return figures | ({"tracking": png(*_tracking(metrics))} if metrics else {})
+        return {"axes": png(*_axes(plan)), "pulses": png(_with_legend(pulse_rate(plan)))}
+
+
+def draw_path(plan: Plan) -> dict[str, bytes]:
+    """The figures of the path, and of the limits along it."""
+    from planner.plots import path_in_space
+
+    with style():
+        return {"path": png(path_in_space(plan)), "limits": png(*_limits(plan))}
+
+
+def draw_compared(plan: Plan, classical: Classical, realised: RealisedPath | None) -> dict[str, bytes]:
+    """The figures of the classical timing, and of the path of the pulses."""
+    with style():
+        figures = {"classical": png(_classical(plan, classical))}
+        return figures | ({"realised": png(*_realised(realised))} if realised else {})
+
+
+def draw_tracking(metrics: Sequence[Metrics]) -> dict[str, bytes]:
+    """The figure of the laws' errors, if there are any."""
+    with style():
+        return {"tracking": png(*_tracking(metrics))} if metrics else {}
 
 
 def _axes(plan: Plan) -> "list[Axes]":
@@ -177,11 +199,8 @@ def _page(
     verdict: PulseCheck,
     others: Sequence[Classical],
     realised: RealisedPath | None,
-    figures: dict[str, bytes],
+    figures: Mapping[str, bytes],
 ) -> str:
-    from planner.plots import ACTIVE
-    from planner.pulses.schedule_plot import BINS
-
     return render(
         "report.html.j2",
         figures,
@@ -222,8 +241,6 @@ def _allowed(limit: Limit) -> str:
 
 def _active_time(plan: Plan) -> Iterator[tuple[str, float]]:
     """For how many seconds each limit that timing can help holds the motion back, and for how many none does."""
-    from planner.plots import active_limits
-
     active, lengths = active_limits(plan), np.diff(plan.trajectory.knots)
     for n, limit in enumerate(plan.limits):
         if not limit.geometric:

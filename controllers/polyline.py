@@ -87,9 +87,9 @@ def nearest_in_order(y: Array, s_reference: Array, reach: Array, line: Polyline)
     lanes = np.arange(runs)
     for k, point in enumerate(y):
         counts = np.maximum(stop[k] - edge, 1)
-        starts = np.cumsum(counts) - counts
-        lane = np.repeat(lanes, counts)
-        at = np.arange(len(lane)) + np.repeat(edge - starts, counts)
+        starts = counts.cumsum() - counts
+        lane = lanes.repeat(counts)
+        at = np.arange(len(lane)) + (edge - starts).repeat(counts)
         offset = point[lane] - line.r[at]
         least = np.zeros(len(lane))
         least[starts] = share
@@ -98,8 +98,8 @@ def nearest_in_order(y: Array, s_reference: Array, reach: Array, line: Polyline)
         distance = np.sqrt((offset**2).sum(1))
         smallest = np.minimum.reduceat(distance, starts)
         for found, bound in ((best, smallest), (first, smallest + alike)):
-            hits = np.flatnonzero(distance <= np.repeat(bound, counts))
-            chosen = hits[np.searchsorted(hits, starts)]
+            hits = (distance <= bound.repeat(counts)).nonzero()[0]
+            chosen = hits[hits.searchsorted(starts)]
             edge, share = at[chosen], u[chosen]
             found[0][k], found[1][k] = edge, share
     return (first[0].ravel(), first[1].ravel()), (best[0].ravel(), best[1].ravel())

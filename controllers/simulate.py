@@ -14,6 +14,7 @@ from controllers.card import PCI_8132, Card, at_rest, send
 from controllers.drives.bank import bank
 from controllers.host import instants
 from controllers.laws.law import Feedback, Law, Reference
+from controllers.laws.side_by_side import SideBySide
 from controllers.recorder import Recorder
 from controllers.rig import Drive, Rig
 from controllers.servo import leg_servo
@@ -259,16 +260,42 @@ def track(
     card    one model; as many cards of it as the axes need
     period  s between the instants that are kept; None: every sample of the drives
     """
+    return _tracked(plan, machine, law, [law], servo=servo, card=card, dt=dt, settle=settle, period=period)[0]
+
+
+def track_each(
+    plan: Motion | Planned, machine: Machine, laws: Sequence[Law], *, period: float | None = None
+) -> tuple[Tracking, ...]:
+    """The same under each of several laws, in the time of one. Raises MotionError for laws that are no `SideBySide`."""
+    return _tracked(plan, machine, SideBySide(tuple(laws)), laws, period=period)
+
+
+def _tracked(
+    plan: Motion | Planned,
+    machine: Machine,
+    law: Law,
+    laws: Sequence[Law],
+    *,
+    servo: Drive | Sequence[Drive] | None = None,
+    card: Card = PCI_8132,
+    dt: float = HOST_STEP,
+    settle: float = SETTLE,
+    period: float | None,
+) -> tuple[Tracking, ...]:
+    """law: that of the batch, of which every run is called by its own of `laws`."""
     motion = motion_of(plan)
     rig = Rig(machine, tuple(_per_axis(servo, machine)), card)
     if not 0 < dt < float("inf"):
         raise MotionError(f"track: the host's step {dt * 1e3:g} ms must be above zero")
-    runs = simulate(sample(motion, machine, dt), law, [rig], settle=settle, period=period)
+    runs = simulate(sample(motion, machine, dt), law, [rig] * len(laws), settle=settle, period=period)
     pulse = np.array([axis.pulse for axis in machine.axes])
     planned = motion.at(np.minimum(runs.t, motion.duration)).q
-    command, actual = (machine.home_q + of[:, 0] * pulse for of in (runs.command, runs.actual))
+    command, actual = (machine.home_q + of * pulse for of in (runs.command, runs.actual))
     axes = tuple((axis.name, axis.unit) for axis in machine.axes)
-    return Tracking(law.name, dt, runs.t, planned, command, actual, runs.pulses[0], axes)
+    return tuple(
+        Tracking(own.name, dt, runs.t, planned, command[:, b], actual[:, b], runs.pulses[b], axes)
+        for b, own in enumerate(laws)
+    )
 
 
 def _per_axis(servo: Drive | Sequence[Drive] | None, machine: Machine) -> list[Drive]:

@@ -14,9 +14,11 @@ from kinematics.axis import Axis
 from kinematics.body import Body
 from kinematics.errors import MotionError
 from kinematics.expression import Expression
+from kinematics.kind import side
 from kinematics.load import Load
-from kinematics.machine import Machine, side
+from kinematics.machine import Machine
 from kinematics.pose import Pose, column
+from kinematics.skeleton import Bar, Pivot, Skeleton
 from kinematics.traverser import nearest_turn
 
 # How far (m, or sine of an angle) joints may lie off the form that the closed inverse needs.
@@ -140,6 +142,20 @@ class Arm(Machine):
         tool = column(place + turned @ ca.DM(self.joints.tool), turned @ ca.DM(self.joints.tool_rotation))
         links = zip(self.joints.links, frames, strict=False)
         return ((self.load.platform, tool), *((Body(*link), column(*frame)) for link, frame in links))
+
+    def skeleton(self, position: ca.SX, rotation: ca.SX, q: ca.SX) -> Skeleton:
+        """The column up to the shoulder's height, and every link from its joint to the next, or to the tool."""
+        yaw, shoulder, elbow = self.joints.points
+        foot, top = (ca.DM([yaw[0], yaw[1], height]) for height in (0.0, shoulder[2]))
+        hinge, bend, tip = (
+            place + turned @ ca.DM(end)
+            for (place, turned), end in zip(self._turned(q), (shoulder, elbow, self.joints.tool), strict=True)
+        )
+        first, second, third = (axis.name for axis in self.axes)
+        bars = [Bar("link", foot, top, first), Bar("link", hinge, bend, second), Bar("link", bend, tip, third)]
+        if np.hypot(*(shoulder - yaw)[:2]) > STRAIGHT:
+            bars.insert(1, Bar("link", top, hinge, first))
+        return Skeleton(tuple(bars), (Pivot(top), Pivot(hinge), Pivot(bend)))
 
     def pose_of(self, q: Array) -> Pose:
         """The tool's pose at joint angles (N, 3) or (3,): the product of the joints' turns."""

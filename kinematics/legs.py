@@ -18,6 +18,7 @@ from kinematics.leg_frames import home_frames, leg_rotation
 from kinematics.load import Load
 from kinematics.machine import Machine
 from kinematics.pose import Pose, column, numbers
+from kinematics.skeleton import Bar, Pivot, Skeleton, ring
 
 # Share of the machine's size up to which joint centres are the same point: the rounding of computed geometry.
 SAME = 1e-9
@@ -89,6 +90,17 @@ class Legged(Machine):
                 turned = leg_rotation(vector, frame[:, 0])
                 found += [(leg.barrel, column(ca.SX(ca.DM(base)), turned)), (leg.rod, column(vector + base, turned))]
         return tuple(found)
+
+    def skeleton(self, position: ca.SX, rotation: ca.SX, q: ca.SX) -> Skeleton:
+        """Legs between the rings of their joints, and the way from the platform's middle to its origin."""
+        base = [ca.SX(ca.DM(b)) for b in self.base]
+        top = [b + leg for b, leg in zip(base, self._legs(position, rotation), strict=True)]
+        legs = [Bar("actuator", a, b, axis.name) for a, b, axis in zip(base, top, self.axes, strict=True)]
+        frame = [Bar("frame", base[i], base[j]) for i, j in ring(self.base)]
+        platform = [Bar("platform", top[i], top[j]) for i, j in ring(self.platform)]
+        middle = position + rotation @ ca.DM(self.platform.mean(0))
+        pivots = (Pivot(at, name) for at, name in zip(base + top, self.tilt_names, strict=True))
+        return Skeleton((*legs, *frame, *platform, Bar("platform", middle, position)), tuple(pivots))
 
     def tilts(self, position: ca.SX, rotation: ca.SX) -> ca.SX:
         """cos of the angle between leg and rest axis: base joints first, then platform joints, each in its frame."""

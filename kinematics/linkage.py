@@ -9,9 +9,11 @@ from numpy.typing import ArrayLike
 from kinematics.array import POSITIVE, Array, finite, frozen
 from kinematics.axis import Axis
 from kinematics.errors import MotionError, OutOfReach
+from kinematics.kind import side
 from kinematics.load import Load
-from kinematics.machine import Machine, side
+from kinematics.machine import Machine
 from kinematics.pose import Pose
+from kinematics.skeleton import Bar, Pivot, Skeleton
 
 
 class Linkage(Machine):
@@ -90,6 +92,20 @@ class Linkage(Machine):
         theta = ca.vertcat(ca.horzcat(u[0], -u[1], 0), ca.horzcat(u[1], u[0], 0), ca.horzcat(0, 0, 1))
         turned: ca.SX = theta @ self._at_home
         return position, turned
+
+    def skeleton(self, position: ca.SX, rotation: ca.SX, q: ca.SX) -> Skeleton:
+        """Both actuators from the base to J, and the arm from there to P, which actuator a turns."""
+        length, direction = self._joint(position, q)
+        a, b = (ca.DM([*base, 0.0]) for base in (self.base_a, self.base_b))
+        joint = ca.vertcat(self.base_a + length * direction, 0.0)
+        first, second = (axis.name for axis in self.axes)
+        bars = (
+            Bar("actuator", a, joint, first),
+            Bar("actuator", b, joint, second),
+            Bar("frame", a, b),
+            Bar("platform", joint, position),
+        )
+        return Skeleton(bars, (Pivot(a), Pivot(b), Pivot(joint)))
 
     def realised(self, q: ArrayLike, side: int | None = None) -> Array:
         """P (N, 2) of coordinates q (N, 2), (2,) of one, in closed form: θ from the law of cosines at a.

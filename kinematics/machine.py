@@ -1,12 +1,10 @@
 """What a machine is: its inverse map as one expression, and everything that follows from it."""
 
-from abc import abstractmethod
-from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from copy import copy
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar, Self
+from typing import TYPE_CHECKING, Self
 
 import casadi as ca
 import numpy as np
@@ -14,19 +12,20 @@ from numpy.typing import ArrayLike
 
 from kinematics.array import Array, finite, frozen
 from kinematics.axis import Axis
-from kinematics.body import Body
-from kinematics.clearance import Bodies
 from kinematics.errors import MotionError, OutOfReach
 from kinematics.expression import Expression
 from kinematics.forward import Forward, solve
-from kinematics.freedom import COMPONENTS, refuse
+from kinematics.freedom import refuse
+from kinematics.given import bearing, driven
+from kinematics.kind import Kind
 from kinematics.load import Load
 from kinematics.machine_tables import axes_table
 from kinematics.margins import Margins, measure
-from kinematics.pose import Pose, checked, column, symbols
+from kinematics.pose import Pose, checked, column, numbers, symbols
 from kinematics.rates import rates
 from kinematics.regular import cell_map
 from kinematics.result import Result
+from kinematics.skeleton import Skeleton, skeleton_map
 from kinematics.table import Table
 from kinematics.virtual_work import Balance, force_map, holding_map, loaded
 
@@ -34,32 +33,11 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
-def side(x: ca.SX) -> ca.SX:
-    """1 or −1, never 0: the sign by which `near` chooses."""
-    return ca.sign(2 * ca.sign(x) + 1)
-
-
-class Machine(Result):
+class Machine(Kind, Result):
     """A machine of n axes that carries a platform (or tool).
 
-    A kind of machine states its map from pose to actuator coordinates once, symbolically, in `expression`; numeric
-    evaluation, Jacobian, path derivatives, guaranteed enclosures and optimisation all come from that.
-
-    freedom   which of x y z rx ry rz it controls, as many as it has axes
-    follows   which go along with them: ignored by the inverse map, filled in by `forward`; all others are held at home
-    branched  whether a pose has several coordinates (turns, elbows), among which `near` chooses
-    lengths   whether coordinates are distances: none is below 0, and not all belong to a pose
-    sorts     "linear" or "rotary" of each axis; empty: whichever it is
+    Its kind states the inverse map once; all else here follows from that: see `kinematics.kind`.
     """
-
-    freedom: ClassVar[tuple[str, ...]] = COMPONENTS
-    follows: ClassVar[tuple[str, ...]] = ()
-    branched: ClassVar[bool] = False
-    lengths: ClassVar[bool] = False
-    sorts: ClassVar[tuple[str, ...]] = ()
-    legs: ClassVar[int] = 0
-    characteristic_length: float
-    """m that count as one radian where lengths and angles meet, as in the path parameter of a pure turn."""
 
     def __init__(
         self,
@@ -73,65 +51,14 @@ class Machine(Result):
         if not isinstance(name, str) or not name:
             raise MotionError(f"a machine needs a name, a text that is not empty, not {name!r}")
         checked(name, "home", home, single=True)
-        self.name, self.axes, self.home = name, self._driven(name, axes), home
-        self.load = self._bearing(Load() if load is None else load)
+        self.name, self.axes, self.home = name, driven(self, name, axes), home
+        self.load = bearing(self, self.name, Load() if load is None else load)
         self.home_q: Array = frozen(self.inverse(home, np.zeros(len(self.axes)) if near is None else near))
-
-    def _driven(self, name: str, given: Iterable[Axis]) -> tuple[Axis, ...]:
-        """As many axes as there are freedoms, each of its sort, no two with the same name or the same driver."""
-        kind, count = type(self).__name__.lower(), len(self.freedom)
-        axes = tuple(given) if isinstance(given, Iterable) else (given,)
-        strange = [axis for axis in axes if not isinstance(axis, Axis)]
-        if strange:
-            raise MotionError(f"machine {name}: axes must be {count} of Axis, not {strange[0]!r:.100}")
-        if len(axes) != count:
-            raise MotionError(f"machine {name}: {len(axes)} axes; a {kind} has {count}, for {', '.join(self.freedom)}")
-        for axis, sort in zip(axes, self.sorts, strict=False):
-            if axis.kind != sort:
-                raise MotionError(f"machine {name}: axis {axis.name} is {axis.kind}; a {kind} has a {sort} one there")
-        if len({axis.name for axis in axes}) < count:
-            raise MotionError(
-                f"machine {name}: two axes have the same name; names tell the limits of one from another's"
-            )
-        wired = Counter((axis.card, axis.channel) for axis in axes if axis.card is not None)
-        for (card, channel), times in wired.items():
-            if times > 1:
-                both = " and ".join(axis.name for axis in axes if (axis.card, axis.channel) == (card, channel))
-                raise MotionError(
-                    f"machine {name}: {both} are both on channel {channel} of card {card}; give each one of its own"
-                )
-        return axes
-
-    @abstractmethod
-    def expression(self, position: ca.SX, rotation: ca.SX, near: ca.SX) -> ca.SX:
-        """Actuator coordinates (n,) at position (3) and rotation (3, 3) of the platform frame in the base frame.
-
-        near (n,) chooses where `branched`; others ignore it.
-        """
-
-    def carried(self, position: ca.SX, rotation: ca.SX, q: ca.SX) -> tuple[ca.SX, ca.SX]:
-        """The pose with what `follows` filled in from the coordinates."""
-        return position, rotation
-
-    def alternatives(self, near: Array) -> list[Array]:
-        """Coordinates near which a pose's are looked for, in turn, where there are none near (n,)."""
-        return []
-
-    def tilts(self, position: ca.SX, rotation: ca.SX) -> ca.SX:
-        """Cosine of each joint's angle from its rest axis (m,); none by default."""
-        return ca.SX(0, 1)
-
-    tilt_names: tuple[str, ...] = ()
-    max_tilt: Array = frozen([])
-    """(m,) rad, one per joint of `tilts`."""
-
-    bodies: Bodies | None = None
-    """What takes up room, so that its clearance can be measured; nothing by default."""
 
     def carrying(self, load: Load) -> Self:
         """The same machine with another load."""
         other = copy(self)
-        other.load = self._bearing(load)
+        other.load = bearing(self, self.name, load)
         other._forget("force_map", "holding_map", "loaded")
         return other
 
@@ -141,7 +68,7 @@ class Machine(Result):
         Raises MotionError for axes that are not as many, or not called as the machine's own.
         """
         other, names = copy(self), tuple(axis.name for axis in self.axes)
-        other.axes = self._driven(self.name, axes)
+        other.axes = driven(self, self.name, axes)
         given = tuple(axis.name for axis in other.axes)
         if given != names:
             raise MotionError(
@@ -160,23 +87,6 @@ class Machine(Result):
         """What a copy must not take over, since what it is made from has changed."""
         for name in maps:
             self.__dict__.pop(name, None)
-
-    def _bearing(self, load: Load) -> Load:
-        """A load that fits the machine. Raises MotionError for legs that it has not."""
-        if load.legs and self.legs == 0:
-            raise MotionError(f"machine {self.name} has no legs that could have masses")
-        if len(load.legs) not in (0, 1, self.legs):
-            raise MotionError(
-                f"machine {self.name}: {len(load.legs)} legs with masses; give one for all, or {self.legs}"
-            )
-        return load
-
-    def moved(self, position: ca.SX, rotation: ca.SX, q: ca.SX) -> tuple[tuple[Body, ca.SX], ...]:
-        """The bodies that move, the platform first, each with the twelve numbers of its frame.
-
-        The pose has what follows filled in; q belongs to it.
-        """
-        return ((self.load.platform, column(*self.carried(position, rotation, q))),)
 
     def symbolic(self, x: ca.SX, near: ca.SX) -> ca.SX:
         """Coordinates (n,) of pose numbers (12), to be composed with whatever they depend on."""
@@ -208,6 +118,17 @@ class Machine(Result):
         """Pose numbers (12) -> cosines of the joints' tilts (m)."""
         x = ca.SX.sym("x", 12)
         return Expression("tilts", x, self.tilts(*symbols(x)))
+
+    @property
+    def parts(self) -> Skeleton:
+        """The skeleton at home: which bars and pivots there are. Not kept: CasADi's symbols go to no other process."""
+        x, q = (ca.SX(ca.DM(values)) for values in (numbers(self.home)[0], self.home_q))
+        return self.skeleton(*self.carried(*symbols(x), q), q)
+
+    @cached_property
+    def skeleton_map(self) -> Expression:
+        """x (12), q (n) -> the points of the skeleton: see `kinematics.skeleton.place`."""
+        return skeleton_map(self)
 
     @cached_property
     def rates_map(self) -> Expression:

@@ -12,6 +12,7 @@ from kinematics.errors import MotionError
 from kinematics.load import Load
 from kinematics.machine import Machine
 from kinematics.pose import Pose, checked
+from kinematics.skeleton import Bar, Pivot, Skeleton, Sort
 
 # Sine of the angle between two slides below which they count as one.
 PARALLEL = 1e-6
@@ -51,6 +52,25 @@ class Traverser(Machine):
     def expression(self, position: ca.SX, rotation: ca.SX, near: ca.SX) -> ca.SX:
         turn = rotation @ self._held.T
         return ca.vertcat(np.linalg.inv(self.directions.T) @ position, nearest_turn(turn[1, 0], turn[0, 0], near[3]))
+
+    def skeleton(self, position: ca.SX, rotation: ca.SX, q: ca.SX) -> Skeleton:
+        """A rail for each slide, as long as its travel, and a hand as long as the lever that shows the turn.
+
+        ASSUMPTION, for the drawing alone: X carries Y, and Y carries Z; coordinates do not depend on it.
+        """
+        *slides, rotary = self.axes
+        ways = [ca.DM(direction) for direction in self.directions]
+        carriages = [sum((q[i] * ways[i] for i in range(k)), ca.SX.zeros(3)) for k in range(len(slides) + 1)]
+        rails, pivots = [], []
+        for k, axis in enumerate(slides):
+            # a slide whose travel has no end is drawn from its zero to where it is
+            low, high = (self.home_q[k] + end for end in axis.travel)
+            low, high = (low, high) if np.isfinite([low, high]).all() else (0.0, q[k])
+            sort: Sort = "link" if k else "frame"
+            rails.append(Bar(sort, carriages[k] + low * ways[k], carriages[k] + high * ways[k], axis.name))
+            pivots.append(Pivot(carriages[k + 1]))
+        hand = rotation[:, 0] * self.characteristic_length
+        return Skeleton((*rails, Bar("link", position, position + hand, rotary.name)), tuple(pivots))
 
 
 def nearest_turn(sine: ca.SX, cosine: ca.SX, near: ca.SX) -> ca.SX:

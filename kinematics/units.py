@@ -270,12 +270,33 @@ def _registry() -> "UnitRegistry[Decimal]":
     return UnitRegistry(_DEFINITIONS.strip().splitlines(), non_int_type=Decimal, on_redefinition="raise")
 
 
-@cache
+# What pint says of the units that most files use alone: to load and start it takes longer than to read such a file.
+_LENGTHS = {"m": "1", "mm": "0.001", "um": "0.000001", "in": "0.0254"}
+_ANGLES = {"rad": "1", "deg": "0.01745329251994329576923690768"}
+_RATES = {"": "", "/s": " / [time]", "/s^2": " / [time] ** 2", "/s^3": " / [time] ** 3"}
+USUAL = {
+    f"{unit}{per}": (Decimal(factor), f"[{kind}]{rate}")
+    for kind, units in (("length", _LENGTHS), ("angle", _ANGLES))
+    for unit, factor in units.items()
+    for per, rate in _RATES.items()
+} | {
+    "s": (Decimal(1), "[time]"),
+    "1/s": (Decimal(1), "1 / [time]"),
+    "N": (Decimal(1), "[mass] * [length] / [time] ** 2"),
+}
+
+
 def _factor(unit: str, like: str = "") -> tuple[Decimal, str]:
     """(how many SI units one `unit` is, its dimension). MotionError names an unknown unit and the nearest known one.
 
     like  a unit of the dimension that is wanted: of a single unit, the nearest is sought among those of that dimension
     """
+    return USUAL[unit] if unit in USUAL else by_pint(unit, like)
+
+
+@cache
+def by_pint(unit: str, like: str = "") -> tuple[Decimal, str]:
+    """The same of any unit."""
     from pint.errors import UndefinedUnitError
 
     registry = _registry()

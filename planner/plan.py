@@ -13,6 +13,7 @@ from kinematics.result import Result
 from kinematics.table import Table
 from planner.actuation import MachinePath, actuate
 from planner.certify import Certificate
+from planner.course import course
 from planner.duration import within
 from planner.limits import Limit, limits_of, usual_order
 from planner.limits.clearance import Clearance
@@ -156,8 +157,8 @@ def plan(
     rule = find_rule(rule) if isinstance(rule, str) else rule
     program = oriented(program, machine, order)
     try:
-        path = actuate(program, machine)
-        limits = limits_of(path, machine.axes, order)
+        whole = course(program, machine, order)
+        path, limits = whole.path, whole.limits
         if duration is None:
             solution = fastest(path, limits, order, progress)
         else:

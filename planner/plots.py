@@ -5,6 +5,7 @@ from typing import Any, Literal
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.patches import StepPatch
 from matplotlib.ticker import MaxNLocator
 from mpl_toolkits.mplot3d import Axes3D
 from mpl_toolkits.mplot3d.art3d import Line3DCollection
@@ -13,6 +14,7 @@ from kinematics.array import Array
 from kinematics.axis import Axis
 from kinematics.figure import PALETTE, line_style, literal, new_axes, new_axes_3d
 from kinematics.pose import from_numbers
+from planner.held_back import active_limits
 from planner.plan import Plan
 from planner.pulses import schedule_plot
 from planner.pulses.realised_path import RealisedPath
@@ -21,8 +23,6 @@ from planner.trajectory_plots import drawn
 
 Quantity = Literal["position", "speed", "acceleration", "jerk"]
 
-ACTIVE = 0.99
-"""The share of a limit from which on it holds the motion back."""
 _UNIT = {"linear": ("mm", 1e3), "rotary": ("°", 180 / np.pi)}
 _DERIVATIVE = {"position": ("q", ""), "speed": ("qd", "/s"), "acceleration": ("qdd", "/s²"), "jerk": ("qddd", "/s³")}
 
@@ -89,14 +89,17 @@ def limit_use(plan: Plan, ax: Axes | None = None, over: Literal["path", "time"] 
     s = np.append(trajectory.s, trajectory.at(trajectory.duration).s)
     edges = trajectory.knots if over == "time" else 1e3 * s
     for n, limit in enumerate(plan.limits):
-        ax.stairs(plan.certificate.use[limit.name], edges, label=limit.name, baseline=None, **line_style(n))
+        _stairs(ax, plan.certificate.use[limit.name], edges, label=limit.name, **line_style(n))
     ax.set_axisbelow(True)
     active = active_limits(plan)
+    bands: dict[int, list[tuple[float, float]]] = {}
     for owner, run in groupby(range(len(active)), key=lambda k: int(active[k])):
         pieces = list(run)
-        color = "#E8E8E8" if owner < 0 else PALETTE[owner % len(PALETTE)]
         low, high = edges[pieces[0]], edges[pieces[-1] + 1]
-        ax.broken_barh([(low, high - low)], (1.06, 0.12), facecolor=color, linewidth=0)
+        bands.setdefault(owner, []).append((low, high - low))
+    for owner, spans in bands.items():
+        color = "#E8E8E8" if owner < 0 else PALETTE[owner % len(PALETTE)]
+        ax.broken_barh(spans, (1.06, 0.12), facecolor=color, linewidth=0)
     for edge, number in _segments(trajectory, edges):
         ax.axvline(edge, color="#B0B0B0", linewidth=0.8, zorder=0)
         ax.annotate(
@@ -114,15 +117,6 @@ def limit_use(plan: Plan, ax: Axes | None = None, over: Literal["path", "time"] 
     return ax
 
 
-def active_limits(plan: Plan) -> np.ndarray:
-    """(M,) for each time piece the index in `plan.limits` of the limit that holds the motion back; −1 where none does.
-
-    It is the most used one from 99 % on. Geometric limits, which no timing can help, hold nothing back.
-    """
-    use = np.stack([plan.certificate.use[limit.name] * (not limit.geometric) for limit in plan.limits])
-    return np.where(use.max(0) >= ACTIVE, use.argmax(0), -1)
-
-
 def pulse_rate(plan: Plan, ax: Axes | None = None) -> Axes:
     """Pulses per second of every axis over time, as of the schedule alone, and their limits."""
     ax = schedule_plot.pulse_rate(plan.pulses, ax)
@@ -138,12 +132,19 @@ def realised_error(result: RealisedPath, name: str = "position", ax: Axes | None
     """
     ax = new_axes(ax)
     error = result[name]
-    ax.stairs(1e6 * error.series, result.edges, label=result.rule, baseline=None, **{**line_style(0), **style})
-    ax.stairs(1e6 * error.bounds, result.edges, label="bound", baseline=None, color="black", linestyle=(0, (6, 3)))
+    _stairs(ax, 1e6 * error.series, result.edges, label=result.rule, **{**line_style(0), **style})
+    _stairs(ax, 1e6 * error.bounds, result.edges, label="bound", color="black", linestyle=(0, (6, 3)))
     ax.set_axisbelow(True)
     ax.set(xlabel="time (s)", ylabel=f"{name} error (µ{error.unit})", xlim=(0, result.edges[-1]))
     ax.set_ylim(bottom=0)
     return ax
+
+
+def _stairs(ax: Axes, values: Array, edges: Array, **style: Any) -> None:
+    """What `Axes.stairs` draws, which takes longer to find the ends of every step than to draw it."""
+    ax.add_artist(StepPatch(values, edges, baseline=None, fill=False, **style))  # type: ignore[arg-type]  # a float only
+    ax.update_datalim([(edges[0], values.min()), (edges[-1], values.max())])
+    ax.autoscale_view()
 
 
 def _bounds(axis: Axis, quantity: Quantity) -> tuple[float, float]:

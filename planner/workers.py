@@ -13,6 +13,7 @@ from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
+from multiprocessing.process import BaseProcess
 from traceback import format_exc
 from types import ModuleType
 from typing import Any
@@ -25,6 +26,9 @@ REPLACED = 16
 ENDING = 2.0
 
 _CONTEXT = multiprocessing.get_context("spawn")
+
+Started = tuple[BaseProcess, Connection]
+"""A process that does `serve`, and this end of its pipe."""
 
 
 class Elsewhere(Exception):
@@ -54,7 +58,7 @@ def served(packed: bytes, tasks: Sequence[Any], count: int) -> Generator[tuple[i
 
     packed  the pickled function that does a task
     """
-    workers = [_Worker() for _ in range(count)]
+    workers = [Worker() for _ in range(count)]
     todo, lost, spare = deque(range(len(tasks))), Counter[int](), REPLACED
     finished: list[tuple[int, Outcome]] = []
     try:
@@ -81,7 +85,7 @@ def served(packed: bytes, tasks: Sequence[Any], count: int) -> Generator[tuple[i
                         todo.appendleft(n)
                     if spare and todo:
                         spare -= 1
-                        workers.append(_Worker())
+                        workers.append(Worker())
                     continue
                 if outcome.error is not None:
                     todo = deque(k for k in todo if k < n)
@@ -95,16 +99,11 @@ def served(packed: bytes, tasks: Sequence[Any], count: int) -> Generator[tuple[i
             worker.end()
 
 
-class _Worker:
+class Worker:
     """A process, this end of its pipe, and the number of the task that it is busy with."""
 
-    def __init__(self) -> None:
-        self.pipe, other = _CONTEXT.Pipe()
-        # its work goes through the pipe too: what a process is started with, Python cannot send to one that is killed
-        self.process = _CONTEXT.Process(target=_serve, args=(other,), daemon=True)
-        with main_hidden():
-            self.process.start()
-        other.close()
+    def __init__(self, started: Started | None = None) -> None:
+        self.process, self.pipe = _started() if started is None else started
         self.busy: int | None = None
         self._told = False
 
@@ -119,6 +118,10 @@ class _Worker:
             self.pipe.send_bytes(message)
         except OSError:
             pass
+
+    def wait(self) -> None:
+        """Until its task is done, or the process is dead."""
+        wait([self.pipe, self.process.sentinel])
 
     def ready(self) -> bool:
         """Whether its task is done, or the process is dead."""
@@ -148,7 +151,17 @@ class _Worker:
         self.process.join()
 
 
-def _serve(pipe: Connection) -> None:
+def _started() -> Started:
+    pipe, other = _CONTEXT.Pipe()
+    # its work goes through the pipe too: what a process is started with, Python cannot send to one that is killed
+    process = _CONTEXT.Process(target=serve, args=(other,), daemon=True)
+    with main_hidden():
+        process.start()
+    other.close()
+    return process, pipe
+
+
+def serve(pipe: Connection) -> None:
     """In a process: do tasks until there are no more."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # a terminal's Ctrl-C reaches every process; the first one ends all
     try:

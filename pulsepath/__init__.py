@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
+    from benchmarks.animation import animate, four_views, save_four_views
     from benchmarks.compare import Comparison, compare, verdict_of
     from benchmarks.report import write_report
     from benchmarks.sweep import Grid, read_setting, settings_of, sweep
@@ -201,6 +202,7 @@ __all__ = [
     "Turn",
     "Workspace",
     "actuator_need",
+    "animate",
     "calibrate",
     "calibration_parts",
     "check",
@@ -212,6 +214,7 @@ __all__ = [
     "find_law",
     "forces",
     "foreseen_errors",
+    "four_views",
     "import_program",
     "joint_circle",
     "joint_need",
@@ -236,6 +239,7 @@ __all__ = [
     "read_urdf",
     "realised",
     "rig_names",
+    "save_four_views",
     "save_positions",
     "select_parts",
     "settings_of",
@@ -249,7 +253,15 @@ __all__ = [
     "write_report",
 ]
 
-_FLOORS = ("kinematics", "planner", "controllers", "benchmarks.report", "benchmarks.sweep", "benchmarks.compare")
+_FLOORS = (
+    "kinematics",
+    "planner",
+    "controllers",
+    "benchmarks.report",
+    "benchmarks.sweep",
+    "benchmarks.compare",
+    "benchmarks.animation",
+)
 
 
 def __getattr__(name: str) -> Any:

@@ -17,6 +17,7 @@ from pulsepath.lists_command import laws, machines, programs, rigs, rules
 from pulsepath.plan_command import plan
 from pulsepath.positions_command import positions
 from pulsepath.track_command import track
+from pulsepath.view_command import view
 
 SECTIONS = {
     "Plan": ("init", "check", "plan", "view", "export"),
@@ -46,6 +47,7 @@ def main() -> None:
 main.add_command(init)
 main.add_command(plan)
 main.add_command(check)
+main.add_command(view)
 main.add_command(export)
 main.add_command(import_)
 main.add_command(positions)

@@ -1,21 +1,21 @@
 """All that the command `plan` finds out about a program on a machine."""
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache, partial
 
-from controllers import Metrics, evaluate, find_law, track
-from controllers.metrics.evaluate import PERIOD
 from kinematics import Machine, MotionError
 from planner import Plan, Program, plan
-from planner.baselines import KINDS, Classical, classical
-from planner.limits import unkept
+from planner.baselines import Classical
+from planner.beside import NOTHING, Beside
+from planner.limits import unkept, usual_order
+from planner.orientation import oriented
 from planner.pulses import RealisedPath
 from pulsepath.progress import step
+from pulsepath.second_work import Seen, seen, timed, timed_ahead
 from pulsepath.talk import detail, note
 
-LAWS = ("3", "6")
-"""Tracking laws that the report compares: open and closed loop."""
 LOOKED = 25_000
 """Intervals between pulses at which the realised path is looked at: well below a second, and within 2 % in its RMS."""
 
@@ -29,13 +29,15 @@ class Job:
     """A plan, the classical timing of its path, the path of its pulses, and the errors of the laws.
 
     others: the other classical timings, as far as the program and the machine allow them
+    seen: waits for the errors of the laws, and for some figures if the report is to have any
     """
 
     plan: Plan
     classical: Classical
     others: tuple[Classical, ...]
     realised: RealisedPath | None
-    metrics: tuple[Metrics, ...]
+    seen: Callable[[], Seen]
+    figures: bool
 
     @property
     def saved(self) -> float:
@@ -50,16 +52,25 @@ def run(
     clock_hz: int,
     duration: float | None = None,
     rule: str = "nearest",
+    other: Beside = NOTHING,
+    figures: bool = True,
 ) -> Job:
-    """Plan, prove and compare. Raises as `planner.plan`."""
+    """Plan, prove and compare, in the other process as well. Raises as `planner.plan`."""
     for field in unkept(machine):
         note(f"note: {machine.name} states {field} but no masses, so no plan can keep it")
     with step(f"planning {program.name} on {machine.name}") as tell:
+        program = oriented(program, machine, usual_order(machine.axes) if order is None else order)
+        timing = other.start(partial(timed_ahead, program, machine))
         planned = plan(program, machine, order=order, clock_hz=clock_hz, duration=duration, rule=rule, progress=tell)
+    look = partial(seen, planned, figures)
+    looking = other.start(look)
     detail(_how(planned))
+    realised = _followed(planned)
     with step("timing the path classically"):
-        baseline, others = classical(planned), tuple(_others(planned))
-    return Job(planned, baseline, others, _followed(planned), _tracked(planned, machine))
+        found = timing.result(partial(timed, planned))
+    for line in found.notes:
+        note(line)
+    return Job(planned, found.classical, found.others, realised, cache(partial(looking.result, look)), figures)
 
 
 def _how(planned: Plan) -> str:
@@ -67,14 +78,6 @@ def _how(planned: Plan) -> str:
     runs = ", ".join(f"{count} by {method}" for method, count in Counter(planned.methods).items())
     near = "" if planned.gap is None else f"; {100 * planned.gap:.3f} % above an estimate of the least time"
     return f"order {planned.order}, rounds of solving: {planned.rounds}, runs between stops: {runs}{near}"
-
-
-def _others(planned: Plan) -> Iterator[Classical]:
-    for kind in KINDS[1:]:
-        try:
-            yield classical(planned, kind)
-        except MotionError as error:
-            note(f"no {kind} timing: {error}")
 
 
 def _followed(planned: Plan) -> RealisedPath | None:
@@ -85,15 +88,3 @@ def _followed(planned: Plan) -> RealisedPath | None:
     except MotionError as error:
         note(f"the path of the pulses is not known: {error}")
         return None
-
-
-def _tracked(planned: Plan, machine: Machine) -> tuple[Metrics, ...]:
-    """Errors of each law; none where the emulated hardware cannot run the motion, which is no fault of the plan."""
-    try:
-        with step(f"tracking it under laws {' and '.join(LAWS)}"):
-            return tuple(
-                evaluate(track(planned, machine, find_law(law), period=PERIOD), planned, machine) for law in LAWS
-            )
-    except MotionError as error:
-        note(f"not tracked: {error}")
-        return ()

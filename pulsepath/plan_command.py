@@ -33,6 +33,12 @@ from pulsepath.options import dump_option, json_option, machine_option, program_
     metavar="RULE",
     help='When pulses fire; "pulsepath rules" lists them. With options as sampled:period=50us.',
 )
+@click.option(
+    "--figures/--no-figures",
+    default=True,
+    show_default=True,
+    help="Pictures in the report; without them it has its text and all its tables, and is there sooner.",
+)
 @dump_option
 @click.option("--force", is_flag=True, help="Replace DIR, if an earlier plan is in it.")
 @json_option
@@ -44,6 +50,7 @@ def plan(
     clock_hz: int,
     duration: str | None,
     rule: str,
+    figures: bool,
     dumped: Path | None,
     force: bool,
     as_json: bool,
@@ -60,18 +67,24 @@ def plan(
     if out is None:
         raise click.UsageError("Missing option '--out'.", click.get_current_context())
     writes(out)
-    from kinematics.units import quantity
-    from pulsepath import plan_directory, record, tables
-    from pulsepath.directory import refuse_overwrite, replacing
-    from pulsepath.inputs import read_inputs
-    from pulsepath.job import run
+    from pulsepath.second import second
+    from pulsepath.seldom import seldom_collected
 
-    refuse_overwrite(out, force)
-    seconds = None if duration is None else quantity(duration, "s")
-    inputs = read_inputs(program, machine)
-    with replacing(out, force) as folder:  # where nothing can be written, that is said before the work
-        job = run(inputs.program, inputs.machine, None if order is None else int(order), clock_hz, seconds, rule)
-        verdict = plan_directory.write(folder, job, inputs)
+    # before what is slow to load, so that both processes load at once
+    with seldom_collected(), second(figures) as other:
+        from kinematics.units import quantity
+        from pulsepath import plan_directory, record, tables
+        from pulsepath.directory import refuse_overwrite, replacing
+        from pulsepath.inputs import read_inputs
+        from pulsepath.job import run
+
+        refuse_overwrite(out, force)
+        seconds = None if duration is None else quantity(duration, "s")
+        inputs = read_inputs(program, machine)
+        kind = None if order is None else int(order)
+        with replacing(out, force) as folder:  # where nothing can be written, that is said before the work
+            job = run(inputs.program, inputs.machine, kind, clock_hz, seconds, rule, other, figures)
+            verdict = plan_directory.write(folder, job, inputs)
     report = str(out / plan_directory.REPORT)
     if as_json:
         click.echo(record.as_json({**record.of_plan(job, inputs, verdict), "report": report}), nl=False)

@@ -9,6 +9,7 @@ from kinematics import Machine, MotionError, load_machine
 from planner import Program, Trajectory, load_program
 from planner.actuation import actuate
 from planner.export import motion_json
+from planner.limits import Limit, limits_of
 from planner.parallel import Progress, silent
 from planner.pulses import PulseCheck, PulseSchedule, check_file, generate
 from pulsepath.directory import RECORD, is_ours
@@ -17,6 +18,8 @@ from pulsepath.job import Defect, Job
 from pulsepath.progress import step
 from pulsepath.pulse_record import of_pulse_file
 from pulsepath.record import as_json, of_plan
+from pulsepath.second_work import LAWS
+from pulsepath.talk import note
 
 CERTIFICATE = "certificate.json"
 """What the check of the pulse file found: beside it."""
@@ -28,13 +31,19 @@ SOURCES = {"program": "program.toml", "machine": "machine.toml"}
 
 @dataclass(frozen=True, slots=True)
 class Planned:
-    """A plan taken up again: its motion, exactly as it was proved, and the clock and the rule of its pulses."""
+    """A plan taken up again: its motion, exactly as proved; clock and rule of its pulses, order of its limits."""
 
     program: Program
     machine: Machine
     trajectory: Trajectory
     clock_hz: int
     rule: str
+    order: int
+
+    @property
+    def limits(self) -> tuple[Limit, ...]:
+        """Those that the motion was proved to keep."""
+        return limits_of(self.trajectory.path, self.machine.axes, self.order)
 
     def pulses(self, progress: Progress = silent) -> PulseSchedule:
         """The pulses, made again from the motion."""
@@ -46,7 +55,6 @@ def write(folder: Path, job: Job, inputs: Inputs) -> PulseCheck:
 
     Raises Defect where they fail it.
     """
-    from benchmarks.report import write_report
     from planner.export import pulse_csv, trajectory_csv, trigger_csv
 
     plan = job.plan
@@ -67,11 +75,31 @@ def write(folder: Path, job: Job, inputs: Inputs) -> PulseCheck:
     (folder / CERTIFICATE).write_text(as_json(of_pulse_file(folder / PULSES, plan, verdict)), encoding="utf-8")
     if plan.triggers:
         trigger_csv.write(plan, folder / TRIGGERS)
-    page = folder / REPORT
-    with step("writing the report"):
-        write_report(plan, job.classical, job.metrics, page, verdict=verdict, others=job.others, realised=job.realised)
+    _report(folder / REPORT, job, verdict)
     (folder / RECORD).write_text(as_json(of_plan(job, inputs, verdict)), encoding="utf-8")
     return verdict
+
+
+def _report(page: Path, job: Job, verdict: PulseCheck) -> None:
+    from benchmarks.report import draw_axes, draw_compared, write_report
+
+    with step("writing the report"):
+        drawn = draw_axes(job.plan) | draw_compared(job.plan, job.classical, job.realised) if job.figures else {}
+    with step(f"tracking it under laws {' and '.join(LAWS)}"):
+        seen = job.seen()
+    if seen.note:
+        note(seen.note)
+    with step("writing the report"):
+        write_report(
+            job.plan,
+            job.classical,
+            seen.metrics,
+            page,
+            verdict=verdict,
+            others=job.others,
+            realised=job.realised,
+            figures={**seen.figures, **drawn},
+        )
 
 
 def read(folder: Path) -> Planned:
@@ -83,6 +111,9 @@ def read(folder: Path) -> Planned:
     clock, rule = (record.get("pulses", {}).get(what) for what in ("clock_hz", "rule"))
     if not isinstance(clock, int) or clock <= 0 or not isinstance(rule, str):
         raise MotionError(f"{folder / RECORD} names no clock or no rule of its pulses: plan it again")
+    order = record.get("order")
+    if order not in (2, 3):
+        raise MotionError(f"{folder / RECORD} names no order, 2 or 3, of its limits: plan it again")
     for what, name in SOURCES.items():
         content = (folder / name).read_bytes()
         if sha256(content).hexdigest() != digests.get(what):
@@ -91,4 +122,5 @@ def read(folder: Path) -> Planned:
     # the files here are copies, by whose names nobody knows what was planned
     program = replace(program, name=str(record.get("program") or program.name))
     machine = machine.called(str(record.get("machine") or machine.name))
-    return Planned(program, machine, motion_json.read(folder / MOTION, actuate(program, machine)), clock, rule)
+    trajectory = motion_json.read(folder / MOTION, actuate(program, machine))
+    return Planned(program, machine, trajectory, clock, rule, order)

@@ -7,8 +7,8 @@ from benchmarks.compare.gain_figures import gains, pareto
 from controllers.plots import circular_test, contour_error, following_error, path_accuracy, tracking_error
 from kinematics.calibration.plots import errors_by_pose, singular_values
 from kinematics.plots import force, position_error, reach
+from planner.held_back import active_limits
 from planner.plots import (
-    active_limits,
     axis_motion,
     limit_use,
     path_in_space,

@@ -131,6 +131,8 @@ class Command(ABC):
 
 def lanewise(command: object, *names: str) -> None:
     """Make fields of a frozen command arrays of one shape, that of their lanes."""
-    fields = np.broadcast_arrays(*(np.atleast_1d(np.asarray(getattr(command, name), float)) for name in names))
+    fields = [np.atleast_1d(np.asarray(getattr(command, name), np.float64)) for name in names]
+    if any(field.shape != fields[0].shape for field in fields):
+        fields = [np.array(field) for field in np.broadcast_arrays(*fields)]
     for name, field in zip(names, fields, strict=True):
-        object.__setattr__(command, name, frozen(np.array(field)))
+        object.__setattr__(command, name, frozen(field))

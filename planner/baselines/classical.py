@@ -1,7 +1,9 @@
 """What a classical timing would take for the same program: the baseline of every saving that is quoted."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
+from weakref import WeakKeyDictionary
 
 from kinematics.axis import Axis
 from kinematics.errors import MotionError
@@ -11,7 +13,8 @@ from planner.actuation import MachinePath, actuate
 from planner.baselines.along import Along
 from planner.baselines.between import Deviation, deviation, independent, moves, synchronised
 from planner.certify import Certificate, certify
-from planner.limits import limits_of
+from planner.course import Course
+from planner.limits import Limit, limits_of
 from planner.limits.travel import Travel
 from planner.plan import Plan
 from planner.program import stopping
@@ -67,8 +70,8 @@ class Classical(Result):
         return self.trajectory.plot(ax)
 
 
-def classical(plan: Plan, kind: str = "trapezoid") -> Classical:
-    """The classical timing of a plan's program, as fast as its kind can be within the same limits.
+def classical(plan: Plan | Course, kind: str = "trapezoid") -> Classical:
+    """The classical timing of a program, planned or not yet, as fast as its kind can be within the same limits.
 
     Along the path: "trapezoid", "s-curve" (seven pieces of constant jerk) and "quarter-sine", in arc length, each run
     the quickest of its kind, scaled until certified; all but the s-curve at order 2, since their accelerations step.
@@ -84,17 +87,37 @@ def classical(plan: Plan, kind: str = "trapezoid") -> Classical:
     shapes = ALONG[kind]
     if shapes.order == 3 and all(axis.max_jerk is None for axis in plan.machine.axes):
         raise MotionError(f"classical timing {kind}: no axis states a jerk limit; state one, or choose another kind")
-    path = _path(plan)
-    limits = limits_of(path, _axes(plan), shapes.order)
+    path, standing = _stopping(plan)
+    limits = _with(standing, limits_of(path, _axes(plan), shapes.order))
     solution = proved(path, limits, shapes.order, Along(shapes))
     return Classical(kind, shapes.order, solution.trajectory, solution.certificate)
 
 
-def _path(plan: Plan) -> MachinePath:
-    return actuate(replace(stopping(plan.program), start_speed=0.0, end_speed=0.0), plan.machine)
+_STOPPED: WeakKeyDictionary[MachinePath, tuple[MachinePath, tuple[Limit, ...]]] = WeakKeyDictionary()
 
 
-def _axes(plan: Plan) -> list[Axis]:
+def _stopping(plan: Plan | Course) -> tuple[MachinePath, tuple[Limit, ...]]:
+    """The path with a stop at every join, and what no timing can help along it.
+
+    It is one path for all kinds, and the plan's own if that stops so, since what place alone asks is proved once for
+    each path.
+    """
+    if plan.path.stops(2).all() and plan.path.end_speeds == (0.0, 0.0):
+        return plan.path, tuple(limit for limit in plan.limits if limit.geometric)
+    if plan.path not in _STOPPED:
+        path = actuate(replace(stopping(plan.program), start_speed=0.0, end_speed=0.0), plan.machine)
+        limits = limits_of(path, plan.machine.axes, 2)
+        _STOPPED[plan.path] = path, tuple(limit for limit in limits if limit.geometric)
+    return _STOPPED[plan.path]
+
+
+def _with(standing: Sequence[Limit], limits: Sequence[Limit]) -> tuple[Limit, ...]:
+    """The limits, those that no timing can help as they stand already."""
+    known = {limit.name: limit for limit in standing}
+    return tuple(known.get(limit.name, limit) for limit in limits)
+
+
+def _axes(plan: Plan | Course) -> list[Axis]:
     # classical timings know no way round a resonance band: what a timed crossing would cost them is left out
     return [
         replace(axis, resonance=None, resonance_time=None) if axis.resonance_time else axis
@@ -102,8 +125,8 @@ def _axes(plan: Plan) -> list[Axis]:
     ]
 
 
-def _between(plan: Plan, kind: str) -> Classical:
-    machine, path, axes = plan.machine, _path(plan), _axes(plan)
+def _between(plan: Plan | Course, kind: str) -> Classical:
+    machine, (path, _), axes = plan.machine, _stopping(plan), _axes(plan)
     trajectory, begins = moves(path, axes, BETWEEN[kind])
     travel = Travel(machine.axes, machine.home_q)
     limits = [*limits_of(trajectory.path, axes, 2), *([travel] if (travel.bounds < float("inf")).any() else [])]

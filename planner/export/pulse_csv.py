@@ -22,6 +22,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from kinematics.array import distinct
 from kinematics.errors import MotionError
 from kinematics.step_timing import StepTiming, whole
 from planner.export.format import Exported, Source, option
@@ -118,7 +119,7 @@ def rows(schedule: PulseSchedule, wiring: Sequence[int], high: int) -> Iterator[
         edges = [np.zeros(int(lo == 0), np.int64)]
         for axis, (falling, rising, fallen, risen) in zip(schedule.axes, spans, strict=True):
             edges += [axis.ticks[rising:risen], axis.ticks[falling:fallen] + high]
-        instants = np.unique(np.concatenate(edges))
+        instants = distinct(*edges)
         levels = np.zeros((len(instants), 2 * len(wiring)), np.uint8)
         for k, (axis, (falling, _, _, risen)) in enumerate(zip(schedule.axes, spans, strict=True)):
             if not len(axis):

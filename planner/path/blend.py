@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, partial
 from typing import TypeVar
 
 import casadi as ca
@@ -53,17 +53,17 @@ def _shape(first: Shape, second: Shape) -> Shape:
     so the blend meets its neighbours with three continuous derivatives, whatever they are. Between lines it is the
     polynomial of degree 7 that does so.
     """
+    return Shape(f"blend_{first.name}_{second.name}", 15 + first.size + second.size, partial(_motion, first, second))
 
-    def motion(s: ca.SX, parameters: ca.SX) -> tuple[ca.SX, ca.SX]:
-        reach, from_a, from_b, position, rows, of_a, of_b = ca.vertsplit(
-            parameters, np.cumsum([0, 1, 1, 1, 3, 9, first.size, second.size]).tolist()
-        )
-        a, b = overlap(s, reach)
-        p_a, r_a = first.motion(from_a + a, of_a)
-        p_b, r_b = second.motion(from_b + b, of_b)
-        return p_a + p_b - position, r_a @ ca.reshape(rows, 3, 3) @ r_b  # the rows, read as columns: R_Jᵀ
 
-    return Shape(f"blend_{first.name}_{second.name}", 15 + first.size + second.size, motion)
+def _motion(first: Shape, second: Shape, s: ca.SX, parameters: ca.SX) -> tuple[ca.SX, ca.SX]:
+    reach, from_a, from_b, position, rows, of_a, of_b = ca.vertsplit(
+        parameters, np.cumsum([0, 1, 1, 1, 3, 9, first.size, second.size]).tolist()
+    )
+    a, b = overlap(s, reach)
+    p_a, r_a = first.motion(from_a + a, of_a)
+    p_b, r_b = second.motion(from_b + b, of_b)
+    return p_a + p_b - position, r_a @ ca.reshape(rows, 3, 3) @ r_b  # the rows, read as columns: R_Jᵀ
 
 
 def overlap(s: Numbers, reach: Numbers | float) -> tuple[Numbers, Numbers]:

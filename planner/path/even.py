@@ -163,16 +163,16 @@ def _conditions(inner: Array) -> Array:
 @cache
 def _even(shape: Shape) -> Shape:
     """u(s) = Σ c_k (s/h − 1)^k: the half length h and the coefficients are further parameters."""
+    return Shape(f"{shape.name}_even", shape.size + 2 + DEGREE, partial(_motion, shape))
 
-    def motion(s: ca.SX, parameters: ca.SX) -> tuple[ca.SX, ca.SX]:
-        own, half, powers = ca.vertsplit(parameters, [0, shape.size, shape.size + 1, shape.size + 2 + DEGREE])
-        x = s / half - 1
-        u = powers[DEGREE]
-        for k in reversed(range(DEGREE)):
-            u = u * x + powers[k]
-        return shape.motion(u, own)
 
-    return Shape(f"{shape.name}_even", shape.size + 2 + DEGREE, motion)
+def _motion(shape: Shape, s: ca.SX, parameters: ca.SX) -> tuple[ca.SX, ca.SX]:
+    own, half, powers = ca.vertsplit(parameters, [0, shape.size, shape.size + 1, shape.size + 2 + DEGREE])
+    x = s / half - 1
+    u = powers[DEGREE]
+    for k in reversed(range(DEGREE)):
+        u = u * x + powers[k]
+    return shape.motion(u, own)
 
 
 def _rates(piece: Piece, u: Array) -> Array:

@@ -1,7 +1,7 @@
 """Orientation left free along a segment: a turn about the tool's own axis, and a tilt of that axis within a cone."""
 
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from math import comb
 
 import casadi as ca
@@ -30,14 +30,14 @@ def freed(piece: Piece, controls: Array, offset: float, length: float) -> Piece:
 @cache
 def _freed(shape: Shape) -> Shape:
     """R = R_0(s) Rx(α(u)) Ry(β(u)) Rz(ψ(u)) with u = (s + offset)/length."""
+    return Shape(f"{shape.name}_freed", 2 + NUMBERS + shape.size, partial(_motion, shape))
 
-    def motion(s: ca.SX, parameters: ca.SX) -> tuple[ca.SX, ca.SX]:
-        offset, length, controls, own = ca.vertsplit(parameters, [0, 1, 2, 2 + NUMBERS, 2 + NUMBERS + shape.size])
-        position, rotation = shape.motion(s, own)
-        alpha, beta, psi = ca.vertsplit(ca.reshape(controls, DEGREE + 1, 3).T @ bernstein((s + offset) / length))
-        return position, rotation @ _about(0, alpha) @ _about(1, beta) @ _about(2, psi)
 
-    return Shape(f"{shape.name}_freed", 2 + NUMBERS + shape.size, motion)
+def _motion(shape: Shape, s: ca.SX, parameters: ca.SX) -> tuple[ca.SX, ca.SX]:
+    offset, length, controls, own = ca.vertsplit(parameters, [0, 1, 2, 2 + NUMBERS, 2 + NUMBERS + shape.size])
+    position, rotation = shape.motion(s, own)
+    alpha, beta, psi = ca.vertsplit(ca.reshape(controls, DEGREE + 1, 3).T @ bernstein((s + offset) / length))
+    return position, rotation @ _about(0, alpha) @ _about(1, beta) @ _about(2, psi)
 
 
 def bernstein(u: ca.SX) -> ca.SX:

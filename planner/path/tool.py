@@ -1,7 +1,7 @@
 """The tool: where it sits on the platform, and the platform's path that takes the tool along its own."""
 
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 
 import casadi as ca
 import numpy as np
@@ -21,14 +21,14 @@ def carrying(piece: Piece, tool: Pose) -> Piece:
 @cache
 def _carrying(shape: Shape) -> Shape:
     """The tool's inverse is twelve more parameters, so that all tools share one expression."""
+    return Shape(f"{shape.name}_by_tool", shape.size + 12, partial(_motion, shape))
 
-    def motion(s: ca.SX, parameters: ca.SX) -> tuple[ca.SX, ca.SX]:
-        own, back = ca.vertsplit(parameters, [0, shape.size, shape.size + 12])
-        position, rotation = shape.motion(s, own)
-        offset, turn = symbols(back)
-        return position + rotation @ offset, rotation @ turn
 
-    return Shape(f"{shape.name}_by_tool", shape.size + 12, motion)
+def _motion(shape: Shape, s: ca.SX, parameters: ca.SX) -> tuple[ca.SX, ca.SX]:
+    own, back = ca.vertsplit(parameters, [0, shape.size, shape.size + 12])
+    position, rotation = shape.motion(s, own)
+    offset, turn = symbols(back)
+    return position + rotation @ offset, rotation @ turn
 
 
 def tool_map(tool: Pose) -> Expression:

@@ -7,28 +7,26 @@ from typing import Protocol
 
 import numpy as np
 
-from kinematics.array import Array, frozen
+from kinematics.array import Array, distinct, frozen
 from kinematics.axis import Axis
 from kinematics.errors import MotionError
 from kinematics.freedom import COMPONENTS
 from kinematics.machine import Machine
-from kinematics.pose import from_numbers, numbers
 from kinematics.sensitivity import sensitivity
 from planner.place import Place
 from planner.pulses.axes_away import axes_away
 from planner.pulses.compensate import Compensated
 from planner.pulses.mechanics import carried, screw, told
 from planner.pulses.motion import Motion
+from planner.pulses.reached import poses
 from planner.pulses.realised_path import RealisedError, RealisedPath
-from planner.pulses.schedule import PulseSchedule, Ticks
+from planner.pulses.schedule import PulseSchedule
 from planner.trajectory import State, Trajectory
 
 BLOCK = 1 << 12
 """Pulses per axis gone through together, so that memory stays bounded."""
 WINDOWS = 1000
 """Windows of time whose largest errors are kept."""
-REACHED = 1e-9
-"""m or rad: residual of a pose that has been found."""
 # Which components make up each row of the table after the six of their own.
 SPACE = {"position": slice(0, 3), "orientation": slice(3, 6)}
 
@@ -68,8 +66,8 @@ def realised(plan: Planned, pulses: PulseSchedule | None = None, *, stride: int 
     grid = np.linspace(0.0, _end(schedule), WINDOWS + 1)
     found = _Found(np.zeros((WINDOWS, 8)), np.zeros(WINDOWS), np.zeros((WINDOWS, 8)), np.zeros(8), np.zeros(8))
     instants = 0
-    for begin, end, counts, q in _intervals(schedule, machine.axes, grid, stride):
-        instants += _compare(found, plan, schedule, grid, begin, end, counts, q)
+    for begin, end, q in _intervals(schedule, machine.axes, grid, stride):
+        instants += _compare(found, plan, schedule, grid, begin, end, q)
     bounds = _bounds(plan, schedule, behind, grid / schedule.clock_hz)
     rms = np.sqrt((found.square / found.time[:, None]).mean(0))
     moving = [*(machine.freedom + machine.follows), *SPACE]
@@ -114,8 +112,8 @@ def _end(schedule: PulseSchedule) -> float:
 
 def _intervals(
     schedule: PulseSchedule, driven: Sequence[Axis], grid: Array, stride: int
-) -> Iterator[tuple[Array, Array, Ticks, Array]]:
-    """Begin and end (M,) in ticks of what lies between edges, pulses or the grid's; counts and coordinates (M, n)."""
+) -> Iterator[tuple[Array, Array, Array]]:
+    """Begin and end (M,) in ticks of what lies between edges, pulses or the grid's; coordinates (M, n)."""
     marks = np.unique(np.concatenate([[0], *(axis.ticks[BLOCK::BLOCK] for axis in schedule.axes)])).astype(float)
     counts = np.array([axis.start for axis in schedule.axes])
     pushed = [axis.start * axis.pulse for axis in schedule.axes]
@@ -124,19 +122,19 @@ def _intervals(
         inside = grid[np.searchsorted(grid, lo) : np.searchsorted(grid, hi)]
         spans = [slice(*np.searchsorted(axis.ticks, (lo, hi))) for axis in schedule.axes]
         fired = [axis.ticks[span] for axis, span in zip(schedule.axes, spans, strict=True)]
-        edges = np.unique(np.concatenate([[lo, hi], inside, *fired]))
+        edges = distinct(np.array([lo, hi]), inside, *fired)
         every = np.arange((-seen) % stride, len(edges) - 1, stride)
         here = np.union1d(every, np.searchsorted(edges, inside))  # each window has its first interval at least
         seen += len(edges) - 1
-        after, q = np.empty((len(here), len(counts)), np.int64), np.empty((len(here), len(counts)))
+        q = np.empty((len(here), len(counts)))
         for k, (axis, span) in enumerate(zip(schedule.axes, spans, strict=True)):
             running = np.concatenate(([counts[k]], counts[k] + np.cumsum(axis.direction[span], dtype=np.int64)))
             pushes = carried(running * axis.pulse, driven[k], pushed[k])
             at = np.searchsorted(fired[k], edges[here], side="right")
-            after[:, k], q[:, k] = running[at], axis.home + screw(pushes[at], driven[k])
+            q[:, k] = axis.home + screw(pushes[at], driven[k])
             counts[k], pushed[k] = running[-1], pushes[-1]
         if len(here):
-            yield edges[here], edges[here + 1], after, q
+            yield edges[here], edges[here + 1], q
 
 
 def _compare(
@@ -146,7 +144,6 @@ def _compare(
     grid: Array,
     begin: Array,
     end: Array,
-    counts: Ticks,
     q: Array,
 ) -> int:
     """Add the errors of some intervals to what has been found; how many instants that were."""
@@ -154,15 +151,7 @@ def _compare(
     ticks, where = np.unique(np.concatenate([begin, end]), return_inverse=True)
     planned = _numbers(plan.trajectory.at(ticks / schedule.clock_hz))
     first, last = np.split(where, 2)
-    forward = machine.forward(q, from_numbers(planned[first]), certify=False)
-    lost = ~(forward.residual <= REACHED * max(1.0, float(abs(q).max())))
-    if lost.any():
-        k = int(np.argmax(lost))
-        raise MotionError(
-            f"machine {machine.name}: the counts {counts[k].tolist()} at t = {begin[k] / schedule.clock_hz:.6g} s "
-            "stand for no pose; the pulses are not of this motion, or it comes too near to the end of its reach"
-        )
-    reached = numbers(forward.pose)
+    reached = poses(machine, q, begin / schedule.clock_hz, planned[first])
     if path.tool is not None:
         reached, planned = path.tool(reached), path.tool(planned)
     before, after = (_errors(reached, planned[ends]) for ends in (first, last))

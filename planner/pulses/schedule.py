@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
 Ticks = NDArray[np.int64]
 Signs = NDArray[np.int8]
+BINS = 600
+"""Windows of time over which figures average pulse rates."""
 
 
 @dataclass(frozen=True, slots=True)

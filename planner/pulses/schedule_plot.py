@@ -4,10 +4,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from kinematics.figure import line_style, literal, new_axes
-from planner.pulses.schedule import PulseSchedule
-
-BINS = 600
-"""Windows of time over which pulse rates are averaged."""
+from planner.pulses.schedule import BINS, PulseSchedule
 
 
 def pulse_rate(schedule: PulseSchedule, ax: Axes | None = None) -> Axes:

@@ -16,7 +16,8 @@ from controllers.plots import contour_error, following_error
 from kinematics import load_machine
 from planner import load_program, plan
 from planner.baselines import classical
-from planner.plots import active_limits, axis_motion, limit_use, path_in_space, pulse_rate
+from planner.held_back import active_limits
+from planner.plots import axis_motion, limit_use, path_in_space, pulse_rate
 from planner.pulses import check
 
 FIGURES = {"path", "axes", "limits", "pulses", "realised", "tracking", "classical"}

@@ -10,7 +10,18 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from kinematics.errors import MotionError
-from kinematics.units import MAX_LENGTH, Unit, apart, describe, everyday, quantity, shown, unit_value
+from kinematics.units import (
+    MAX_LENGTH,
+    USUAL,
+    Unit,
+    apart,
+    by_pint,
+    describe,
+    everyday,
+    quantity,
+    shown,
+    unit_value,
+)
 
 
 @pytest.mark.parametrize(
@@ -214,3 +225,13 @@ def test_neighbours_read_apart_and_equals_do_not(value, digits):
 )
 def test_numbers_have_the_digits_that_tell_them_apart(values, texts):
     assert apart(*values) == texts
+
+
+@pytest.mark.parametrize("unit", sorted(USUAL))
+def test_what_is_known_without_pint_is_what_pint_says(unit):
+    assert by_pint(unit) == USUAL[unit]
+
+
+def test_the_usual_units_are_read_without_pint():
+    code = "import sys, kinematics.units as u; u.quantity('2.5 mm/s', 'm/s'); assert 'pint' not in sys.modules"
+    subprocess.run([sys.executable, "-c", code], check=True)

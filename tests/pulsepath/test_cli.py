@@ -87,10 +87,7 @@ trigger = { name = "half", at = 0.5 }
 """
 
 
-def test_triggers_repetitions_and_constant_speeds_are_told(call, tmp_path, program, monkeypatch):
-    import pulsepath.job
-
-    monkeypatch.setattr(pulsepath.job, "_tracked", lambda *_: ())  # of no interest here
+def test_triggers_repetitions_and_constant_speeds_are_told(call, tmp_path, program):
     done = call("plan", program(MARKED), "--order", "2", "--out", tmp_path / "o")
     assert done.exit_code == 0
     told = [line.split() for line in done.stdout.splitlines() if line.strip().startswith("top")]

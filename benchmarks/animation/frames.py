@@ -1,0 +1,163 @@
+"""What an animation shows: the machine at even instants of a plan, how near it is to its limits, and both paths."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+
+from benchmarks.animation.nearest import Nearest, nearest, tilt_use
+from kinematics.array import Array, frozen
+from kinematics.errors import MotionError
+from kinematics.machine import Machine
+from kinematics.skeleton import Bar, Pivot, Placed, place
+from planner.limits import Limit
+from planner.program import Program
+from planner.pulses import PulseSchedule
+from planner.pulses.reached import reached
+from planner.trajectory import State, Trajectory
+
+ALONG = 1200
+"""Instants at which both paths are drawn, evenly in time."""
+SHOWN = 0.04
+"""Share of the path's size that the largest error of the pulses is drawn as, at most, if nothing else is asked for."""
+FLAT = 1e-6
+"""Share of its size up to which a machine lies in one plane."""
+
+
+class Animated(Protocol):
+    """What can be shown: a plan is one, and so is what `DrawnPlan` holds."""
+
+    @property
+    def program(self) -> Program: ...
+    @property
+    def machine(self) -> Machine: ...
+    @property
+    def trajectory(self) -> Trajectory: ...
+    @property
+    def limits(self) -> tuple[Limit, ...]: ...
+    @property
+    def pulses(self) -> PulseSchedule: ...
+
+
+@dataclass(frozen=True, slots=True)
+class DrawnPlan:
+    """A plan that was taken up again, as far as it is shown."""
+
+    program: Program
+    machine: Machine
+    trajectory: Trajectory
+    limits: tuple[Limit, ...]
+    pulses: PulseSchedule
+
+
+@dataclass(frozen=True)
+class Frames:
+    """The machine at instants t (N,) s, everything in the base frame, m.
+
+    bars, pivots  what the skeleton consists of;  placed: where they are
+    tool          (N, 3) its place: the platform's origin's where there is none
+    nearest, tilt how near every axis, the tool and each pivot (N, pivots) are to their limits
+    planned       (M, 3) the path of the tool, evenly in time
+    errors        (M, 3) by how much the pulses' path is off there; None where counts stand for no pose
+    magnified     how many times the errors are drawn
+    """
+
+    program: str
+    machine: str
+    t: Array
+    bars: tuple[Bar, ...]
+    pivots: tuple[Pivot, ...]
+    placed: Placed
+    tool: Array
+    nearest: Nearest
+    tilt: Array
+    planned: Array
+    errors: Array | None
+    magnified: float
+
+    def use_of(self, owners: Sequence[str]) -> Array:
+        """(N, owners) the use of each one's nearest limit; NaN for those that none concerns, as "" is."""
+        known = self.nearest
+        found = [known.use[:, known.owners.index(owner)] if owner in known.owners else np.nan for owner in owners]
+        return np.stack([np.broadcast_to(use, self.t.shape) for use in found], 1)
+
+    @cached_property
+    def realised(self) -> Array | None:
+        """(M, 3) the path that the pulses make, its errors magnified."""
+        return None if self.errors is None else self.planned + self.magnified * self.errors
+
+    @cached_property
+    def box(self) -> Array:
+        """(2, 3) the least and the greatest of all that is drawn."""
+        drawn = [self.placed.bars.reshape(-1, 3), self.placed.pivots.reshape(-1, 3), self.planned]
+        points = np.concatenate(drawn)
+        return np.stack([points.min(0), points.max(0)])
+
+    @property
+    def flat(self) -> bool:
+        """Whether all of it lies in one plane, z = constant."""
+        return bool(np.ptp(self.box[:, 2]) <= FLAT * self.size)
+
+    @property
+    def size(self) -> float:
+        """m of the box's diagonal."""
+        return float(np.linalg.norm(self.box[1] - self.box[0]))
+
+
+def frames_of(plan: Animated, t: Array, magnified: float | None = None) -> Frames:
+    """The frames at instants t (N,) s; magnified: as `magnification` chooses by default, 1 is true scale."""
+    machine = plan.machine
+    state = plan.trajectory.at(t)
+    x = _numbers(state)
+    parts = machine.parts
+    along = np.linspace(0.0, plan.trajectory.duration, ALONG)
+    wanted = _numbers(plan.trajectory.at(along))
+    planned = _tool(plan, wanted)
+    try:
+        errors = _tool(plan, reached(machine, plan.pulses, along, wanted)) - planned
+    except MotionError:  # singular on the way: `plan` tells it too
+        errors = None
+    return Frames(
+        plan.program.name,
+        machine.name,
+        frozen(t),
+        parts.bars,
+        parts.pivots,
+        place(machine, x, state.q),
+        frozen(_tool(plan, x)),
+        nearest(plan.limits, state, [axis.name for axis in machine.axes]),
+        tilt_use(plan.limits, state, [pivot.name for pivot in parts.pivots]),
+        frozen(planned),
+        None if errors is None else frozen(errors),
+        magnification(planned, errors) if magnified is None else magnified,
+    )
+
+
+def even(trajectory: Trajectory, count: int) -> Array:
+    """(count,) instants from the start of a motion to its end, evenly."""
+    return np.linspace(0.0, trajectory.duration, count)
+
+
+def magnification(planned: Array, errors: Array | None) -> float:
+    """1, 2 or 5 times a power of ten that draws the largest error at most SHOWN of the path's size; 1 at least."""
+    largest = 0.0 if errors is None else float(np.linalg.norm(errors, axis=1).max())
+    if largest == 0.0:
+        return 1.0
+    room = SHOWN * float(np.linalg.norm(np.ptp(planned, axis=0))) / largest
+    steps = [step * 10.0**power for power in range(12) for step in (1, 2, 5)]
+    return max([step for step in steps if step <= room], default=1.0)
+
+
+def _tool(plan: Animated, x: Array) -> Array:
+    """(N, 3) its place at the platform's pose numbers."""
+    tool = plan.trajectory.path.tool
+    return (x if tool is None else tool(x))[:, :3]
+
+
+def _numbers(state: State) -> Array:
+    x = state.path.pose_numbers(state.s, state.piece)
+    if x is None:
+        raise MotionError("this motion has no machine, so there is nothing to draw")
+    return x

@@ -1,0 +1,130 @@
+"""Still images for papers: a machine at one instant of a plan, from above, in front, aside and in space."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from benchmarks.animation.frames import Animated, Frames, frames_of
+from benchmarks.animation.look import PLANNED, RAMP, REALISED, VIEWS, View, rgb
+from benchmarks.animation.nearest import TOOL
+from kinematics.array import Array
+from kinematics.errors import MotionError
+from kinematics.skeleton import Sort
+from kinematics.staging import staged
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+WIDTHS: dict[Sort, float] = {"frame": 1.4, "actuator": 2.6, "link": 3.4, "platform": 2.0}
+"""Points."""
+USE, TILTED = "use of the nearest limit", "; joints: of their tilt"
+FORMATS = (".pdf", ".png", ".svg")
+DPI, IN_LINE = 200, 4
+
+
+def save_four_views(
+    plan: Animated, path: str | Path, t: float | None = None, *, magnify: float | None = None, force: bool = False
+) -> Path:
+    """Write `four_views` to a file, .pdf, .png or .svg. Raises MotionError for one that exists, unless `force`."""
+    target = Path(path)
+    if target.suffix.lower() not in FORMATS:
+        raise MotionError(f"{target}: still images are {', '.join(FORMATS)}; give a name that ends so")
+    if target.exists() and not force:
+        raise MotionError(f"{target} exists; give force=True to replace it")
+    figure = four_views(plan, t, magnify=magnify)[0].get_figure(root=True)
+    with staged(target) as file:
+        if figure is not None:
+            figure.savefig(file, dpi=DPI)
+    return target
+
+
+def four_views(plan: Animated, t: float | None = None, *, magnify: float | None = None) -> "tuple[Axes, ...]":
+    """Axes of the views top, front, side and 3-D of one figure, each with equal scales; coordinates of the base frame.
+
+    t: s from the start; None: half of the motion. magnify as in `animate`. Raises MotionError for t out of the motion.
+    """
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import LinearSegmentedColormap
+    from matplotlib.figure import Figure
+
+    duration = plan.trajectory.duration
+    when = duration / 2 if t is None else float(t)
+    if not 0 <= when <= duration:
+        raise MotionError(f"t = {when:.6g} s is not within the motion, which lasts from 0 to {duration:.6g} s")
+    frames = frames_of(plan, np.array([when]), magnify)
+    figure = Figure(figsize=(9, 8), layout="constrained")
+    axes = tuple(
+        figure.add_subplot(2, 2, n, **({} if view.parallel else {"projection": "3d"}))
+        for n, view in enumerate(VIEWS, 1)
+    )
+    for ax, view in zip(axes, VIEWS, strict=True):
+        _draw(ax, frames, view)
+    ramp = LinearSegmentedColormap.from_list("use", RAMP)
+    bar = figure.colorbar(
+        ScalarMappable(cmap=ramp),
+        ax=list(axes),
+        shrink=0.5,
+        aspect=30,
+        label=USE + TILTED * bool(np.isfinite(frames.tilt).any()),
+    )
+    bar.set_ticks([0, 0.25, 0.5, 0.75, 1], labels=["0", "25 %", "50 %", "75 %", "100 %"])
+    handles, labels = axes[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=3, frameon=False)
+    figure.suptitle(f"{frames.program} on {frames.machine} at {when:.3f} s\n{_told(frames)}", fontsize="small")
+    return axes
+
+
+def _draw(ax: Any, frames: Frames, view: View) -> None:
+    """One view: bars from the farthest to the nearest, joints, the tool, and both paths, in mm."""
+    from matplotlib.ticker import MaxNLocator
+
+    shown = _plane(view) if view.parallel else np.eye(3)
+    colours = rgb(frames.use_of([bar.axis for bar in frames.bars])[0]) / 255
+    marks = rgb(np.append(frames.tilt[0], frames.use_of([TOOL])[0])) / 255
+    depth = frames.placed.bars[0].mean(1) @ view.back
+    for k in np.argsort(depth):
+        ax.plot(
+            *(1e3 * frames.placed.bars[0, k] @ shown).T,
+            color=colours[k],
+            linewidth=WIDTHS[frames.bars[k].sort],
+            solid_capstyle="round",
+        )
+    pivots = 1e3 * frames.placed.pivots[0] @ shown
+    flat = {} if view.parallel else {"depthshade": False}
+    ax.scatter(*pivots.T, s=22, color=marks[:-1], edgecolor="white", linewidth=0.5, zorder=3, **flat)
+    if frames.realised is not None:
+        ax.plot(*(1e3 * frames.realised @ shown).T, color=REALISED, linewidth=0.7, zorder=4, label=_path(frames))
+    ax.plot(*(1e3 * frames.planned @ shown).T, color=PLANNED, linewidth=0.7, zorder=5, label="path planned")
+    ax.scatter(
+        *(1e3 * frames.tool[:1] @ shown).T, s=30, color=marks[-1:], edgecolor="black", zorder=6, label="tool", **flat
+    )
+    ax.set_title(view.name)
+    ax.set_aspect("equal", **({"adjustable": "datalim"} if view.parallel else {}))
+    names = ["xyz"[int(np.argmax(axis))] for axis in shown.T]
+    for way, name in zip("xyz", names, strict=False):
+        ax.set(**{f"{way}label": f"{name} (mm)"})
+    if not view.parallel:
+        for name in names:
+            getattr(ax, f"{name}axis").set_major_locator(MaxNLocator(4))
+        if frames.flat:
+            ax.set_zticks([1e3 * frames.box[0, 2]])
+        x, y, z = view.back
+        ax.view_init(elev=np.rad2deg(np.arcsin(z)), azim=np.rad2deg(np.arctan2(y, x)))
+
+
+def _plane(view: View) -> Array:
+    """(3, 2) what points are multiplied by to lie in the picture."""
+    return np.stack([view.right, view.up], 1)
+
+
+def _path(frames: Frames) -> str:
+    return "path of the pulses" + ("" if frames.magnified == 1 else f", error × {frames.magnified:g}")
+
+
+def _told(frames: Frames) -> str:
+    """Every axis, and the tool, with its nearest limit; some in a line."""
+    known = frames.nearest
+    said = zip(known.owners, known.which[0], known.use[0], strict=True)
+    told = [f"{owner}: {known.limits[n]} {100 * use:.0f} %" for owner, n, use in said if n >= 0]
+    return "\n".join("    ".join(told[k : k + IN_LINE]) for k in range(0, len(told), IN_LINE))

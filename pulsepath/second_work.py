@@ -1,0 +1,67 @@
+"""What the command `plan` leaves to its second process: the classical timings, the errors of the laws, some figures."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from controllers import Metrics, find_law
+from controllers.metrics.evaluate import PERIOD, evaluate_each
+from controllers.simulate import track_each
+from kinematics import Machine, MotionError
+from planner import Plan, Program
+from planner.baselines import KINDS, Classical, classical
+from planner.course import Course, course
+
+LAWS = ("3", "6")
+"""Tracking laws that the report compares: open and closed loop."""
+
+
+@dataclass(frozen=True, slots=True)
+class Timed:
+    """The classical timing of a path, the others that the program and the machine allow, and why there are no more."""
+
+    classical: Classical
+    others: tuple[Classical, ...]
+    notes: tuple[str, ...]
+
+
+def timed(course: Course | Plan) -> Timed:
+    """Every classical timing along a course. Raises as `planner.classical`, of the first of them."""
+    found, notes = [classical(course)], []
+    for kind in KINDS[1:]:
+        try:
+            found.append(classical(course, kind))
+        except MotionError as error:
+            notes.append(f"no {kind} timing: {error}")
+    return Timed(found[0], tuple(found[1:]), tuple(notes))
+
+
+def timed_ahead(program: Program, machine: Machine) -> Timed:
+    """The same while the plan is being made."""
+    return timed(course(program, machine, 2))
+
+
+@dataclass(frozen=True, slots=True)
+class Seen:
+    """Of a plan: the errors of each law, and some of the figures; note: why there are no errors."""
+
+    metrics: tuple[Metrics, ...]
+    figures: Mapping[str, bytes]
+    note: str = ""
+
+
+def seen(plan: Plan, figures: bool) -> Seen:
+    """No errors where the emulated hardware cannot run the motion, which is no fault of the plan."""
+    try:
+        metrics, note = _tracked(plan), ""
+    except MotionError as error:
+        metrics, note = (), f"not tracked: {error}"
+    if not figures:
+        return Seen(metrics, {}, note)
+    from benchmarks.report import draw_path, draw_tracking
+
+    return Seen(metrics, draw_path(plan) | draw_tracking(metrics), note)
+
+
+def _tracked(plan: Plan) -> tuple[Metrics, ...]:
+    laws = [find_law(law) for law in LAWS]
+    return evaluate_each(track_each(plan, plan.machine, laws, period=PERIOD), plan, plan.machine)

@@ -1,0 +1,130 @@
+"""`pulsepath view`: the machine moving along a plan, in a browser, in a file, or as still images."""
+
+import sys
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from pulsepath.ending import Ended, ending
+from pulsepath.exits import INTERRUPTED
+from pulsepath.intent import writes
+from pulsepath.options import json_option
+
+if TYPE_CHECKING:
+    from benchmarks.animation.frames import DrawnPlan
+
+
+@click.command()
+@click.argument("directory", metavar="DIR", type=click.Path(path_type=Path))
+@click.option("--html", type=click.Path(path_type=Path), metavar="FILE", help="Write the page instead of showing it.")
+@click.option(
+    "--stills",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Write the four views at one instant: .pdf, .png or .svg.",
+)
+@click.option("--at", metavar="TIME", help='Of the still images, as "1.2 s". Default: half of the motion.')
+@click.option("--frames", type=click.IntRange(min=2), default=240, show_default=True, help="Of the animation.")
+@click.option(
+    "--magnify",
+    type=click.FloatRange(min=0, min_open=True),
+    metavar="FACTOR",
+    help="How many times to draw the error of the pulses' path; 1: true scale. Default: so that it can be seen.",
+)
+@click.option(
+    "--port", type=click.IntRange(0, 65535), default=0, metavar="PORT", help="To show it on. Default: a free one."
+)
+@click.option("--no-browser", is_flag=True, help="Open none: print the address alone.")
+@click.option("--force", is_flag=True, help="Replace FILE.")
+@json_option
+def view(
+    directory: Path,
+    html: Path | None,
+    stills: Path | None,
+    at: str | None,
+    frames: int,
+    magnify: float | None,
+    port: int,
+    no_browser: bool,
+    force: bool,
+    as_json: bool,
+) -> None:
+    """Show the machine moving along the plan in DIR, in 3-D and at real time.
+
+    Without --html and --stills, the page is served on loopback (127.0.0.1) alone until Ctrl-C. It needs no network.
+
+    Example: pulsepath view out/circle --html circle.html
+    """
+    targets = [target for target in (stills, html) if target is not None]
+    writes(*targets)
+    from kinematics import MotionError
+    from kinematics.staging import write_whole
+    from kinematics.units import quantity
+    from pulsepath import record
+    from pulsepath.progress import step
+
+    if at is not None and stills is None:
+        raise MotionError("--at is the instant of the still images: give --stills FILE as well")
+    for target in targets:
+        if target.exists() and not force:
+            raise MotionError(f"{target} exists; give --force to replace it")
+    when = None if at is None else quantity(at, "s")
+    plan = _taken_up(directory)
+    told: dict[str, Any] = {"program": plan.program.name, "machine": plan.machine.name}
+    if stills is not None:
+        from benchmarks.animation import save_four_views
+
+        with step(f"drawing {stills}"):
+            save_four_views(plan, stills, when, magnify=magnify, force=force)
+        told["stills"] = str(stills)
+    if html is not None or stills is None:
+        from benchmarks.animation.animate import document
+
+        with step(f"drawing {frames} frames"):
+            page = document(plan, frames, magnify)
+        if html is None:
+            _show(page, port, no_browser, told, as_json)
+            return
+        write_whole(html, page)
+        told |= {"html": str(html), "frames": frames, "bytes": html.stat().st_size}
+    if as_json:
+        click.echo(record.as_json(told), nl=False)
+    else:
+        for target in targets:
+            click.echo(str(target))
+
+
+def _taken_up(directory: Path) -> "DrawnPlan":
+    from benchmarks.animation.frames import DrawnPlan
+    from pulsepath import plan_directory
+    from pulsepath.progress import step
+
+    planned = plan_directory.read(directory)
+    with step("firing the pulses") as tell:
+        pulses = planned.pulses(tell)
+    return DrawnPlan(planned.program, planned.machine, planned.trajectory, planned.limits, pulses)
+
+
+def _show(page: str, port: int, no_browser: bool, told: dict[str, Any], as_json: bool) -> None:
+    """Serve a page until Ctrl-C, which is how this ends well."""
+    import webbrowser
+
+    from pulsepath import record, talk
+    from pulsepath.page_server import served
+
+    with ending():
+        try:
+            with served(page, port) as address:
+                click.echo(record.as_json(told | {"address": address}) if as_json else address, nl=not as_json)
+                sys.stdout.flush()
+                talk.note("Ctrl-C ends it")
+                if not no_browser:
+                    webbrowser.open(address)
+                while True:
+                    time.sleep(3600)
+        except Ended as end:
+            talk.note("no longer shown")
+            if end.code != INTERRUPTED:
+                click.get_current_context().exit(end.code)
