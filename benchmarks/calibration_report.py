@@ -41,7 +41,7 @@ def draw(calibration: Calibration) -> dict[str, bytes]:
     with style():
         groups = [group for group in GROUPS if np.isfinite(calibration.rms(calibration.before, group))]
         figures = {group: png(calibration.plot(group=group)) for group in groups}
-        return figures | {"singular": png(singular_values(calibration))}
+        return figures | {"singular": png(singular_values(calibration.observability))}
 
 
 def stages(calibration: Calibration) -> dict[str, tuple[float, float, float]]:

@@ -10,7 +10,7 @@ from controllers.metrics.circular_test import CircularTest
 from controllers.metrics.path_accuracy import PathAccuracy
 from controllers.simulate import Tracking
 from kinematics.array import Array
-from kinematics.figure import PALETTE, line_style, new_axes
+from kinematics.figure import PALETTE, line_style, literal, new_axes
 
 _UNIT = {"m": ("µm", 1e6), "rad": ("mrad", 1e3)}
 
@@ -30,7 +30,7 @@ def following_error(metrics: Metrics, ax: Axes | None = None) -> Axes:
     ax = new_axes(ax)
     same = [series for series in metrics.following if series.unit == metrics.following[0].unit]
     for n, series in enumerate(same):
-        _over_time(metrics, series, ax, label=series.name, color=PALETTE[n % len(PALETTE)])
+        _over_time(metrics, series, ax, label=literal(series.name), color=PALETTE[n % len(PALETTE)])
     ax.set_ylabel(f"following error ({_UNIT[same[0].unit][0]})")
     return ax
 
@@ -43,7 +43,7 @@ def tracked(tracking: Tracking, ax: Axes | None = None) -> Axes:
     for k, (name, other) in enumerate(tracking.axes):
         if other == own:
             error = tracking.actual[:, k] - tracking.reference[:, k]
-            ax.plot(tracking.t, scale * error, label=name, **line_style(k))
+            ax.plot(tracking.t, scale * error, label=literal(name), **line_style(k))
     ax.set(xlabel="time (s)", ylabel=f"following error ({unit})", xlim=(tracking.t[0], tracking.t[-1]))
     ax.legend(frameon=False, loc="center left", bbox_to_anchor=(1, 0.5))
     return ax

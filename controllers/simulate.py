@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 from math import ceil
 from typing import TYPE_CHECKING, Protocol
@@ -55,10 +55,10 @@ class Tracking(Result):
 
     law: str
     dt: float
-    t: Array
-    reference: Array
-    command: Array
-    actual: Array
+    t: Array = field(repr=False)
+    reference: Array = field(repr=False)
+    command: Array = field(repr=False)
+    actual: Array = field(repr=False)
     pulses: np.ndarray
     axes: tuple[tuple[str, str], ...]
 

@@ -69,7 +69,7 @@ class Budget(Result):
         return len(self.total.bias)
 
     def tables(self) -> tuple[Table, ...]:
-        """Per source and component, standard deviation and worst case, the largest over the poses."""
+        """Per source and component, standard deviation and worst case, the largest over the poses, rounded upwards."""
         most = partial(np.max, axis=0)
         rows = [
             (part.name, what, *values)
@@ -84,7 +84,7 @@ class Budget(Result):
         poses = f"the largest over {len(self)} poses" if len(self) > 1 else "at one pose"
         source, figure, *values = zip(*rows, strict=True)
         components = (
-            Column(name, value, "m" if k < 3 else "rad", "micro", ".3f")
+            Column(name, value, "m" if k < 3 else "rad", "micro", ".3f", up=True)
             for k, (name, value) in enumerate(zip(COMPONENTS, values, strict=True))
         )
         title = f"error budget of {self.machine}, {poses}"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -38,7 +38,7 @@ class Forces(Result):
     """
 
     machine: Machine
-    motion: Motion
+    motion: Motion = field(repr=False)
     force: Array
 
     def __post_init__(self) -> None:

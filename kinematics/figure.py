@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Iterable
 from io import BytesIO
 from typing import Any, cast
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d import Axes3D
+
+from kinematics.errors import MotionError
 
 PALETTE = ("#0072B2", "#E69F00", "#009E73", "#D55E00", "#CC79A7", "#56B4E9", "#7F7F7F")
 """Colours that colour-blind readers tell apart [Okabe and Ito 2008], with grey for their yellow and black."""
@@ -40,18 +44,44 @@ class NotebookAxes3D(_Shown, Axes3D):  # type: ignore[misc]  # mpl_toolkits come
 
 
 def new_axes(ax: Axes | None, size: tuple[float, float] = (9, 3.4)) -> Axes:
-    """`ax`, or the axes of a new figure of so many inches."""
+    """`ax`, or the axes of a new figure of so many inches. Raises MotionError for axes in space."""
+    if isinstance(ax, Axes3D):
+        raise MotionError("this figure is flat, and its axes are in space; give others: plt.subplots(), or none")
     return _new(size).add_subplot(axes_class=NotebookAxes) if ax is None else ax
 
 
 def new_axes_3d(ax: Axes3D | None, size: tuple[float, float] = (9, 5.4)) -> Axes3D:
-    """The same in space."""
+    """The same in space. Raises MotionError for flat axes."""
+    if ax is not None and not isinstance(ax, Axes3D):
+        raise MotionError(
+            "this figure is in space, and its axes are flat; give others: "
+            'plt.subplots(subplot_kw={"projection": "3d"}), or none'
+        )
     return cast(Axes3D, _new(size).add_subplot(axes_class=NotebookAxes3D)) if ax is None else ax
 
 
 def line_style(n: int) -> dict[str, Any]:
     """Colour and dash of the n-th line."""
     return {"color": PALETTE[n % len(PALETTE)], "linestyle": DASHES[n // len(PALETTE) % len(DASHES)], "linewidth": 1.3}
+
+
+def literal(text: str) -> str:
+    """A name as it stands: between two dollars matplotlib would read it as maths."""
+    return text.replace("$", r"\$")
+
+
+def distinct(names: Iterable[str]) -> list[str]:
+    """Names, literal, the second of a name with its number: bars of one name would lie upon each other."""
+    told, met = [], Counter[str]()
+    for name in names:
+        met[name] += 1
+        told.append(literal(name if met[name] == 1 else f"{name} ({met[name]})"))
+    return told
+
+
+def top_down(ax: Axes) -> None:
+    """The first at the top, however often something is drawn."""
+    ax.yaxis.set_inverted(True)
 
 
 def _new(size: tuple[float, float]) -> Figure:

@@ -14,7 +14,7 @@ from kinematics.accuracy import Budget, Contribution
 from kinematics.array import Array
 from kinematics.containment import KINDS
 from kinematics.errors import MotionError
-from kinematics.figure import PALETTE, new_axes, new_axes_3d
+from kinematics.figure import PALETTE, distinct, literal, new_axes, new_axes_3d, top_down
 from kinematics.legs import Legged
 from kinematics.workspace import Box, Workspace
 
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 COLOURS = dict(zip(KINDS, ("#0072B2", "#E69F00", "#009E73"), strict=True))
 """Of the limits, told apart by colour-blind readers too [Okabe and Ito 2008]."""
 BOX, SPHERE = "#D55E00", "#CC79A7"
+_UNIT = {"linear": "mm", "rotary": "°"}
 SHOWN = 0.3
 """Share of max_force from which the limit is drawn: below, it would flatten the curves."""
 
@@ -33,6 +34,7 @@ SHOWN = 0.3
 def reach(workspace: Workspace, ax: Axes | None = None) -> Axes:
     """Where the machine can go: what is proved, every limit's border, and the largest box and sphere in there.
 
+    The end of reach, as far as the grid tells, is where no coordinates lead any further, whatever the limits.
     A plane is drawn as a map, a volume as the body of its proved cells. Raises MotionError for a line.
     """
     free = [k for k in range(3) if len(workspace.nodes[k]) > 1]
@@ -45,17 +47,20 @@ def reach(workspace: Workspace, ax: Axes | None = None) -> Axes:
         return body
     i, j = free
     x, y = (1e3 * workspace.nodes[k] for k in free)
-    if ax is None:
-        height = float(np.clip(5 * np.ptp(y) / np.ptp(x), 2.4, 8))
-        ax = new_axes(ax, (7.5, height))
+    ax = new_axes(ax, (7.5, float(np.clip(5 * np.ptp(y) / np.ptp(x), 2.4, 8))))
     held = next(k for k in range(3) if k not in free)
     proved = np.squeeze(workspace.proved, held)
     ax.pcolormesh(x, y, np.where(proved, 1.0, np.nan).T, cmap="Greys", vmin=0, vmax=6)
+    uses = np.squeeze(workspace.uses, held)
+    nowhere = np.isinf(uses).all(-1)
     for entry, (kind, colour) in enumerate(COLOURS.items()):
-        use = np.minimum(np.squeeze(workspace.uses[..., entry], held), 1e3)
+        use = np.ma.masked_array(np.minimum(uses[..., entry], 1e3), nowhere)
         if use.min() < 1 < use.max():
             ax.contour(x, y, use.T, [1.0], colors=[colour])
-        ax.plot([], [], color=colour, label=f"{kind} limit")
+            ax.plot([], [], color=colour, label=f"{kind} limit")
+    if nowhere.any() and not nowhere.all():
+        ax.contour(x, y, nowhere.T.astype(float), [0.5], colors=["grey"], linestyles=[":"])
+        ax.plot([], [], color="grey", linestyle=":", label="end of reach")
     if proved.any():
         box, sphere = workspace.largest_box(), workspace.largest_sphere()
         ax.add_patch(
@@ -120,7 +125,7 @@ def _size(box: Box, free: list[int]) -> str:
 def _title(workspace: Workspace, where: str) -> str:
     angles = workspace.rotation.as_euler("XYZ", degrees=True)
     turn = ", ".join(f"{angle + 0.0:.4g}" for angle in angles.round(9))
-    return f"Reach of {workspace.machine.name} at θ = ({turn})°{where}"
+    return f"Reach of {literal(workspace.machine.name)} at θ = ({turn})°{where}"
 
 
 def position_error(budget: Budget, ax: Axes | None = None) -> Axes:
@@ -130,18 +135,23 @@ def position_error(budget: Budget, ax: Axes | None = None) -> Axes:
     if len(budget) > 1:
         for part in parts:
             heavy = part is budget.total
-            ax.plot(1e6 * _rms(part), label=part.name, color="black" if heavy else None, linewidth=2 if heavy else 1.2)
+            ax.plot(
+                1e6 * _rms(part),
+                label=literal(part.name),
+                color="black" if heavy else None,
+                linewidth=2 if heavy else 1.2,
+            )
         ax.set(xlabel="pose", ylabel="RMS position error (µm)", xlim=(0, len(budget) - 1))
         ax.set_ylim(bottom=0)
         ax.legend(frameon=False, loc="center left", bbox_to_anchor=(1, 0.5))
     else:
-        names = [part.name for part in parts]
+        names = distinct(part.name for part in parts)
         ax.barh(names, [1e6 * np.linalg.norm(part.worst[0, :3]) for part in parts], color="lightgrey", label="bound")
         ax.barh(names, [1e6 * _rms(part)[0] for part in parts], height=0.4, label="RMS")
-        ax.invert_yaxis()
+        top_down(ax)
         ax.set(xlabel="position error (µm)")
         ax.legend(frameon=False)
-    ax.set_title(f"Error budget of {budget.machine}")
+    ax.set_title(f"Error budget of {literal(budget.machine)}")
     return ax
 
 
@@ -156,7 +166,7 @@ def force(forces: Forces, t: Array | None, ax: Axes | None = None) -> Axes:
     ax = new_axes(ax, (7, 4))
     when = np.arange(len(forces.force)) if t is None else t
     for axis, row in zip(forces.machine.axes, forces.force.T, strict=True):
-        ax.plot(when, row, label=axis.name, linewidth=1.2)
+        ax.plot(when, row, label=literal(axis.name), linewidth=1.2)
     limits, use = [axis.max_force for axis in forces.machine.axes if axis.max_force is not None], forces.use.max()
     if use > SHOWN:
         for sign in (1, -1):
@@ -165,7 +175,7 @@ def force(forces: Forces, t: Array | None, ax: Axes | None = None) -> Axes:
     ax.set(xlabel="instant" if t is None else "time (s)", ylabel=", ".join(sorted(units)))
     ax.legend(frameon=False, loc="center left", bbox_to_anchor=(1, 0.5))
     told = f", at most {100 * use:.0f} % of what they may give" if limits else ""
-    ax.set_title(f"Actuator forces of {forces.machine.name}{told}")
+    ax.set_title(f"Actuator forces of {literal(forces.machine.name)}{told}")
     return ax
 
 
@@ -192,13 +202,13 @@ def at_home(machine: Machine, ax: Axes | None = None) -> Axes:
         endless = not np.isfinite(high)
         ax.barh(row, 2 if endless else scale * (high - low), left=-1 if endless else scale * low, color=PALETTE[row])
     named = [
-        f"{axis.name} ({'mm' if axis.kind == 'linear' else '°'}{'' if np.isfinite(axis.travel[1]) else ', unlimited'})"
+        f"{literal(axis.name)} ({_UNIT[axis.kind]}{'' if np.isfinite(axis.travel[1]) else ', unlimited'})"
         for axis in machine.axes
     ]
     ax.set_yticks(range(len(named)), named)
-    ax.invert_yaxis()
+    top_down(ax)
     ax.axvline(0.0, color="black", linewidth=0.8)
-    ax.set(xlabel="travel from home", title=machine.name)
+    ax.set(xlabel="travel from home", title=literal(machine.name))
     return ax
 
 
@@ -206,11 +216,11 @@ def _legs(machine: Legged, ax: Axes3D | None) -> Axes:
     ax = new_axes_3d(ax, (7, 5.5))
     base, platform = 1e3 * machine.base, 1e3 * machine.home.apply(machine.platform)
     for n, (axis, low, high) in enumerate(zip(machine.axes, base, platform, strict=True)):
-        ax.plot(*np.stack([low, high], 1), color=PALETTE[n % len(PALETTE)], linewidth=2.5, label=axis.name)
+        ax.plot(*np.stack([low, high], 1), color=PALETTE[n % len(PALETTE)], linewidth=2.5, label=literal(axis.name))
     for joints in (base, platform):
         round_ = np.argsort(np.arctan2(*(joints - joints.mean(0))[:, 1::-1].T))
         ax.plot(*joints[[*round_, round_[0]]].T, color="black", linewidth=1)
-    ax.set(xlabel="x (mm)", ylabel="y (mm)", zlabel="z (mm)", title=f"{machine.name} at home")
+    ax.set(xlabel="x (mm)", ylabel="y (mm)", zlabel="z (mm)", title=f"{literal(machine.name)} at home")
     ax.set_aspect("equal")
     ax.legend(loc="upper left", frameon=False, fontsize="small")
     return cast(Axes, ax)

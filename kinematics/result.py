@@ -48,6 +48,13 @@ class Result(ABC):
     def __str__(self) -> str:
         return "\n\n".join(map(str, self.tables()))
 
+    def _repr_mimebundle_(self, **_: Any) -> dict[str, str]:
+        """In IPython, and beside a notebook's HTML, the tables instead of the fields.
+
+        `_repr_pretty_` would not do: IPython prefers the __repr__ that a dataclass gets.
+        """
+        return {"text/plain": str(self)}
+
     def _repr_html_(self) -> str:
         return "".join(table._repr_html_() for table in self.tables())
 

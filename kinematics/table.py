@@ -29,6 +29,8 @@ SCALES: dict[str, dict[str, tuple[str, float]]] = {
 """What is read instead of an SI unit, and how many of it make one."""
 ROWS = 60
 """Rows that text and HTML show of a longer table: its first and its last."""
+WHOLE = 2.0**53
+"""From here on all floats are whole numbers: there is nothing to round."""
 GAP = "…"
 
 
@@ -110,8 +112,8 @@ class Column:
         if not isfinite(number):
             return "–" if isnan(number) else "∞" if number > 0 else "−∞"
         if self.up:
-            fine = 10 ** int(self.form[1:-1])
-            number = ceil(number * fine) / fine
+            fine = 10.0 ** int(self.form[1:-1])
+            number = ceil(number * fine) / fine if abs(number) < WHOLE else number
         return format(number + 0.0, self.form)  # no −0
 
 
@@ -172,8 +174,8 @@ class Table:
         return "\n".join([*filter(None, [self.title]), *(line.rstrip() for line in lines), *self.notes])
 
     def _repr_html_(self) -> str:
-        """In the notebook's own colours, dark or light: nothing is set but lines and alignment."""
-        aligned = [f"text-align:{'right' if column.numeric else 'left'}" for column in self.read]
+        """In the notebook's own colours, dark or light: nothing is set but lines, alignment and room."""
+        aligned = [f"text-align:{'right' if column.numeric else 'left'};padding:0.1em 0.6em" for column in self.read]
         head = "".join(
             f'<th style="{style};border-bottom:1px solid currentColor">{escape(column.title)}</th>'
             for style, column in zip(aligned, self.read, strict=True)
@@ -184,9 +186,11 @@ class Table:
             + "</tr>"
             for row in self._read
         )
+        # a title is as wide as it is: a narrow table would break it
         return (
             '<table style="color:inherit;border-collapse:collapse;font-variant-numeric:tabular-nums">'
-            f'<caption style="caption-side:top;text-align:left;color:inherit">{escape(self.title)}</caption>'
+            '<caption style="caption-side:top;text-align:left;color:inherit;white-space:nowrap">'
+            f"{escape(self.title)}</caption>"
             f"<thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
             + "".join(f"<div>{escape(note)}</div>" for note in self.notes)
         )

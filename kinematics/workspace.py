@@ -9,7 +9,7 @@ being the largest depends on the grid.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from numbers import Integral
 from typing import TYPE_CHECKING
 
@@ -70,8 +70,8 @@ class Workspace(Result):
     machine: Machine
     rotation: Rotation
     nodes: tuple[Array, Array, Array]
-    uses: Array
-    proved: np.ndarray
+    uses: Array = field(repr=False)
+    proved: np.ndarray = field(repr=False)
 
     @property
     def reachable(self) -> np.ndarray:

@@ -68,13 +68,14 @@ plan.plot()
 
 # %% [markdown]
 # Results print as tables, draw themselves by `.plot()`, become data frames by `.to_pandas()`, files by `.save(path)`.
-# The state at any time is exact: it comes from closed formulas, not from samples.
+# The state at any time is exact: it comes from closed formulas, not from samples. Its pose is in the machine's base
+# frame; programs count from home.
 
 # %%
 state = plan.trajectory.at([0.5, 1.0, 1.5])
 for t, pose, speed in zip(state.t, state.pose.translation, state.qd[:, 0], strict=True):
     x, y, z = 1e3 * pose
-    print(f"t = {t:.1f} s: platform at ({x:7.3f}, {y:7.3f}, {z:7.3f}) mm, leg 1 at {1e3 * speed:+6.2f} mm/s")
+    print(f"t = {t:.1f} s: platform at ({x:7.3f}, {y:7.3f}, {z:7.3f}) mm, leg 1 runs at {1e3 * speed:+6.2f} mm/s")
 
 # %% [markdown]
 # ## Reading the certificate
@@ -88,7 +89,7 @@ plan.certificate
 
 # %% [markdown]
 # The same over time: which limit is used how much. The band on top has the colour of the limit that holds the motion
-# back at that moment. Practically all the time one does, which is what makes the motion the fastest.
+# back at that moment. Practically all the time one does, as it must where a motion is the fastest.
 
 # %%
 figure, ax = plt.subplots(figsize=(9, 3.8), layout="constrained")
@@ -113,7 +114,8 @@ met = {
     "jerk": np.abs(looked.qddd).max() / 4.0,
 }
 for name, value in met.items():
-    print(f"{name:<13} met {value:.9f}  proved ≤ {plan.certificate.worst[name]:.9f}")
+    proved = np.ceil(1e9 * plan.certificate.worst[name]) / 1e9  # a bound is rounded upwards
+    print(f"{name:<13} met {value:.9f}  proved ≤ {proved:.9f}")
     assert value <= plan.certificate.worst[name]
 
 # %% [markdown]
@@ -165,10 +167,10 @@ except pp.Infeasible as refusal:
 # ## The answer
 
 # %%
-worst = max(plan.certificate.worst[name] for name in met)
+beyond = 1e6 * max(max(plan.certificate.worst[name] for name in met) - 1, 0)
 print(
     f"The hexapod runs this path in {plan.trajectory.duration:.3f} s. Proved: no leg exceeds a limit of speed,\n"
-    f"acceleration or jerk by more than {1e6 * max(worst - 1, 0):.1f} millionths at any instant; the motors get "
+    f"acceleration or jerk by more than {np.ceil(10 * beyond) / 10:.1f} millionths at any instant; the motors get "
     f"{pulses.total} pulses."
 )
 assert plan.certificate.holds

@@ -61,7 +61,7 @@ plt.show()
 #
 # Each setting runs on the rig as stated, and with inertia and friction 30 % higher and lower, which the drives do not
 # know of. Runs are kept in a folder and never made twice. The last settings are feedforward from a model of the drive,
-# without and with making up for the play of the gears.
+# with and without making up for the play of the gears.
 
 # %%
 texts = [
@@ -77,15 +77,18 @@ comparison = pp.compare([runs], baseline="6:gain=0.7")
 print(f"{len(runs.results)} runs of {len(settings)} settings, on rigs: {', '.join(runs.record['variations'])}")
 
 # %%
-print(f"{'RMS contour error, µm':<52}{'as stated':>10}{'best rig':>10}{'worst rig':>10}  peak torque")
-for row in comparison.rows:
-    stated, torque = row.figures["contour_rms"], row.figures["torque_peak"]
-    label = comparison.label(row.entry)
-    print(f"{label:<52}{1e6 * stated:10.0f}{1e6 * row.spread[0]:10.0f}{1e6 * row.worst:10.0f}{100 * torque:10.1f} %")
+comparison
+
+# %% [markdown]
+# The ratio is that of the errors to those of the baseline on the same rigs: its geometric mean, the least and the most.
+# Torque is a share of its limit. Every single run, with all that is known of it, is a row of a frame.
+
+# %%
+runs.to_pandas()[["setting", "rig", "contour_rms [m]", "lag_rms [m]", "torque_rms"]].head()
 
 # %% [markdown]
 # The same as a figure: the line is the rig as stated, the bars span all rigs. A law whose bars are short does not care
-# much what it is told about the load.
+# much what the load is.
 
 # %%
 plots.gains(comparison)[0].figure
@@ -104,7 +107,7 @@ for row in best.values():
     print(f"{row.entry.setting.label:<50} worst rig {1e6 * row.worst:5.0f} µm")
 
 # %%
-print(pp.verdict_of(comparison).text)
+pp.verdict_of(comparison)
 
 # %% [markdown]
 # ## On a path it was not chosen on

@@ -24,7 +24,6 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import pulsepath as pp
-from pulsepath import plots
 
 machine = pp.load_machine("hexapod")
 data = pp.load_measurements("cmm")
@@ -91,11 +90,10 @@ except pp.MotionError as refusal:
 # apart; a small one means that it is hardly seen. The usual indices sum them up: more is better.
 
 # %%
-for name, value in calibration.observability.indices.items():
-    print(f"{name}: {value:.4f}")
+calibration.observability
 
 # %%
-plots.singular_values(calibration)
+calibration.observability.plot()
 
 # %%
 factor = calibration["factor"]

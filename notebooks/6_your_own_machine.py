@@ -60,7 +60,8 @@ with TemporaryDirectory() as folder:
     file = Path(folder, "small.toml")
     file.write_text(TEXT)
     small = pp.load_machine(file)
-print(small, "legs at home:", np.round(1e3 * small.home_q, 3), "mm")
+print("legs at home:", np.round(1e3 * small.home_q, 3), "mm")
+small
 
 # %% [markdown]
 # Where can it go? Everything grey is proved: every position in it is within travel and tilt.

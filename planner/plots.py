@@ -12,7 +12,7 @@ from mpl_toolkits.mplot3d.art3d import Line3DCollection
 
 from kinematics.array import Array
 from kinematics.axis import Axis
-from kinematics.figure import PALETTE, line_style, new_axes, new_axes_3d
+from kinematics.figure import PALETTE, line_style, literal, new_axes, new_axes_3d
 from kinematics.pose import from_numbers
 from planner.held_back import active_limits
 from planner.plan import Plan
@@ -72,7 +72,7 @@ def axis_motion(
     values: Array = getattr(plan.trajectory.at(t), attribute) - (plan.machine.home_q if quantity == "position" else 0.0)
     chosen = [n for n, axis in enumerate(axes) if axis.kind == kind]
     for place, n in enumerate(chosen):
-        ax.plot(t, scale * values[:, n], label=axes[n].name, **line_style(place))
+        ax.plot(t, scale * values[:, n], label=literal(axes[n].name), **line_style(place))
     bounds = [_bounds(axes[n], quantity) for n in chosen]
     for level in sorted({bound for pair in bounds for bound in pair if np.isfinite(bound)}):
         owners = [place for place, pair in enumerate(bounds) if level in pair]

@@ -1,7 +1,7 @@
 """A motion in time: s(t) in closed-form pieces along an actuator path."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -93,13 +93,13 @@ class Trajectory(Result):
     piece  (M,) index of the path piece
     """
 
-    path: ActuatorPath
+    path: ActuatorPath = field(repr=False)
     knots: Array
-    s: Array
-    v: Array
-    a: Array
-    j: Array
-    piece: np.ndarray
+    s: Array = field(repr=False)
+    v: Array = field(repr=False)
+    a: Array = field(repr=False)
+    j: Array = field(repr=False)
+    piece: np.ndarray = field(repr=False)
 
     def __post_init__(self) -> None:
         for name in ("knots", "s", "v", "a", "j", "piece"):

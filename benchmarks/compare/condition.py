@@ -10,7 +10,8 @@ from math import inf
 from typing import Any
 
 from benchmarks.compare.shown import shown
-from benchmarks.compare.table import Comparison, Entry, unit_of
+from benchmarks.compare.table import Comparison, Entry
+from benchmarks.sweep.figure_unit import unit_of
 from controllers.metrics import FIGURES
 from kinematics.errors import MotionError
 from kinematics.registry import nearest

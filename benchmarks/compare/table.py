@@ -12,6 +12,7 @@ import numpy as np
 
 from benchmarks.sweep import Result, Runs, Setting, read_setting
 from benchmarks.sweep.cell import NOMINAL
+from benchmarks.sweep.figure_unit import unit_of
 from kinematics.errors import MotionError
 from kinematics.result import Result as Shown
 from kinematics.table import Column, Table
@@ -111,8 +112,17 @@ class Comparison(Shown):
     ranked: tuple[str, ...]
 
     def tables(self) -> tuple[Table, ...]:
-        """Every row: the error to the path, over the baseline's, and the runs that did not hold."""
+        """Every row: the error to the path on all rigs, over the baseline's, and the runs that did not hold.
+
+        The worst rig's is infinite where a run is unstable.
+        """
         rows, against = self.rows, [row.against for row in self.rows]
+        units = [self.unit(RANK, row.task) for row in rows] if self.sources else ["m or rad"] * len(rows)
+        errors: dict[str, list[float | None]] = {
+            "contour RMS": [row.figures.get(RANK) for row in rows],
+            "best rig": [row.spread and row.spread[0] for row in rows],
+            "worst rig": [row.worst for row in rows],
+        }
         ratios = (
             Column(name, [None if one is None else getattr(one, field) for one in against], form=".3f")
             for name, field in (("ratio", "ratio"), ("least", "least"), ("most", "largest"), ("mark", "mark"))
@@ -120,8 +130,9 @@ class Comparison(Shown):
         columns = (
             Column("setting", [row.entry.setting.text for row in rows]),
             Column("path", [row.task for row in rows]),
-            Column("contour RMS", [row.figures.get("contour_rms") for row in rows], "m or rad", "micro", ".3f"),
+            *(Column(name, values, units, "micro", ".4g") for name, values in errors.items()),
             *ratios,
+            Column("peak torque", [row.figures.get("torque_peak") for row in rows], form=".3f"),
             Column("runs", [row.runs for row in rows]),
             Column("unstable", [row.unstable for row in rows]),
             Column("failed", [len(row.failures) for row in rows]),
@@ -170,17 +181,6 @@ class Comparison(Shown):
     def unit(self, figure: str, task: str) -> str:
         """SI unit of a figure on a path; empty for shares, and where axes of two kinds have it."""
         return unit_of(figure, task, next(of.record for of in self.sources if task in of.record["tasks"]))
-
-
-def unit_of(figure: str, task: str, record: Mapping[str, Any]) -> str:
-    """SI unit of a figure on a path of recorded runs; empty for shares, and where axes of two kinds have it."""
-    from controllers.metrics import FIGURES
-
-    name, _, axis = figure.partition(".")
-    unit = next((one.unit for one in FIGURES if one.name == name), "")
-    kinds = {record["axes"].get(axis)} if axis else set(record["axes"].values())
-    own = kinds.pop() if len(kinds) == 1 else ""
-    return unit.replace("path", record["tasks"][task]["unit"]).replace("axis", own or "").removeprefix("1")
 
 
 def compare(sources: Sequence[Runs], baseline: str | None = None) -> Comparison:

@@ -4,10 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import inf, isfinite
+from typing import TYPE_CHECKING
 
 from benchmarks.compare.shown import shown
 from benchmarks.compare.table import RANK, Comparison, Entry
 from benchmarks.sweep import Setting
+from kinematics.result import Result
+from kinematics.table import Column, Table
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +39,7 @@ class Margin:
 
 
 @dataclass(frozen=True, slots=True)
-class Verdict:
+class Verdict(Result):
     """The best setting other than the baseline; None where none holds on every path and rig.
 
     ratio  of its RMS contour error to the baseline's: geometric mean over paths, rigs and seeds
@@ -43,6 +49,30 @@ class Verdict:
     ratio: float
     margins: tuple[Margin, ...]
     text: str
+
+    def tables(self) -> tuple[Table, ...]:
+        """The best setting and, below, what it gains and costs; how far each of its gains may rise."""
+        best = (
+            Column("best setting", [None if self.best is None else self.best.setting.text], words={"None": "none"}),
+            Column("RMS contour error over the baseline's", [self.ratio], form=".3f"),
+        )
+        margins = (
+            Column("gain", [margin.gain for margin in self.margins]),
+            Column("value", [margin.value for margin in self.margins]),
+            Column("unstable from", [margin.edge for margin in self.margins], words={"None": "none tried"}),
+            Column("tried up to", [margin.up_to for margin in self.margins]),
+        )
+        first = Table("verdict", best, (self.text,))
+        return (first, Table("margins", margins)) if self.margins else (first,)
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """How many times its value each gain may have: to where it is unstable, or to the highest that was tried."""
+        from kinematics.bars import bars
+
+        ends = [margin.up_to if margin.edge is None else margin.edge for margin in self.margins]
+        named = [f"{one.gain}{', tried' if one.edge is None else ', unstable'}" for one in self.margins]
+        shares = [end / margin.value for end, margin in zip(ends, self.margins, strict=True)]
+        return bars(named, shares, "times the gain", ax, 1.0)
 
     @property
     def gains(self) -> str:

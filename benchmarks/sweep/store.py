@@ -4,14 +4,20 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from zipfile import BadZipFile
 
+from benchmarks.sweep.figure_unit import unit_of
 from benchmarks.sweep.result import Result, Series
 from kinematics.errors import MotionError
+from kinematics.result import Result as Shown
 from kinematics.staging import write_whole
+from kinematics.table import Column, Table
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 CELLS, RECORD, KIND = "cells", "runs.json", "pulsepath runs"
 
@@ -41,16 +47,59 @@ class Store:
 
 
 @dataclass(frozen=True, slots=True)
-class Runs:
+class Runs(Shown):
     """Saved runs that belong together, by the names of their files, and the record of how they were made."""
 
     folder: Path
-    record: Mapping[str, Any]
-    results: Mapping[str, Result]
+    record: Mapping[str, Any] = field(repr=False)
+    results: Mapping[str, Result] = field(repr=False)
 
     @property
     def name(self) -> str:
         return self.folder.resolve().name
+
+    def tables(self) -> tuple[Table, ...]:
+        """A row for each run: its error to the path, and why it failed if it did; `benchmarks.compare` ranks them."""
+        return (self._table(("contour_rms", "contour_max", "tracking_rms", "end_time", "torque_peak")),)
+
+    def data(self) -> Table:
+        """A row for each run, with every figure of it."""
+        return self._table(tuple(dict.fromkeys(name for one in self.results.values() for name in one.figures)))
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """The largest RMS contour error of each setting over its rigs and seeds, on paths of the first one's unit."""
+        from kinematics.bars import bars
+
+        runs = [one for one in self.results.values() if one.figures]
+        units = [unit_of("contour_rms", one.cell.task, self.record) for one in runs]
+        largest: dict[str, float] = {}
+        for one, unit in zip(runs, units, strict=True):
+            if unit == units[0]:
+                name, error = f"{one.cell.setting.label}, {one.cell.task}", one.figures["contour_rms"]
+                largest[name] = max(largest.get(name, 0.0), 1e6 * error)
+        unit = units[0] if units else "m"
+        return bars([*largest], [*largest.values()], f"largest RMS contour error (µ{unit})", ax)
+
+    def _table(self, figures: Sequence[str]) -> Table:
+        runs = [*self.results.values()]
+        cells = [one.cell for one in runs]
+        columns = (
+            Column("setting", [cell.setting.text for cell in cells]),
+            Column("path", [cell.task for cell in cells]),
+            Column("rig", [cell.variation.name for cell in cells]),
+            Column("seed", [cell.seed for cell in cells]),
+            *(
+                Column(
+                    name,
+                    [one.figures.get(name) for one in runs],
+                    [unit_of(name, cell.task, self.record) for cell in cells],
+                    "human",
+                )
+                for name in figures
+            ),
+            Column("failure", [one.failure for one in runs]),
+        )
+        return Table(f"{len(runs)} runs of {self.name}", columns)
 
     def series(self, key: str) -> Series | None:
         """How a run went over time, read from its file; None of one that failed."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -47,8 +47,8 @@ class Roundness:
     circular  G = max r − min r about its centre, m
     """
 
-    angle: Array
-    deviation: Array
+    angle: Array = field(repr=False)
+    deviation: Array = field(repr=False)
     centre: Array
     radius: float
     circular: float

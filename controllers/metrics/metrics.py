@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -40,7 +40,7 @@ class Metrics(Result):
     """
 
     law: str
-    t: Array
+    t: Array = field(repr=False)
     following: tuple[ErrorSeries, ...]
     tracking: ErrorSeries
     lag: ErrorSeries
@@ -49,8 +49,8 @@ class Metrics(Result):
     ending: Ending
     vibration: Vibration
     pulse: Array
-    planned: Array
-    attained: Array
+    planned: Array = field(repr=False)
+    attained: Array = field(repr=False)
     effort: Effort | None = None
     lost_steps: Array | None = None
 
@@ -111,7 +111,9 @@ class Metrics(Result):
         """The contour error over time; controllers.plots has the other figures."""
         from controllers.plots import contour_error
 
-        return contour_error(self, ax)
+        ax = contour_error(self, ax)
+        ax.legend(frameon=False)
+        return ax
 
     def tables(self) -> tuple[Table, ...]:
         """The errors of each axis and in space; what they cost the drives."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -16,7 +16,7 @@ class ErrorSeries:
 
     name: str
     unit: str
-    value: Array
+    value: Array = field(repr=False)
     where: Place
     """Where the magnitude is largest."""
 

@@ -1,7 +1,7 @@
 """Measured poses: what was commanded, what was measured of it, and how well."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -55,12 +55,12 @@ class Measurements(Result):
     notes   what the file leaves open, and what was taken for it
     """
 
-    commanded: Pose
-    measured: Pose
-    seen: np.ndarray
+    commanded: Pose = field(repr=False)
+    measured: Pose = field(repr=False)
+    seen: np.ndarray = field(repr=False)
     labels: tuple[str, ...]
     fit: np.ndarray
-    spread: Array
+    spread: Array = field(repr=False)
     noise: Noise | None = None
     name: str = "measurements"
     notes: tuple[str, ...] = ()

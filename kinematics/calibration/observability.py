@@ -13,11 +13,17 @@ More is better; all are 0 where a combination of parameters is not shown at all.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from kinematics.array import Array, frozen
 from kinematics.errors import MotionError
+from kinematics.result import Result
+from kinematics.table import Column, Table
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 BLIND = 1e-9
 """σ / σ_1 below which a combination has no effect: far above the rounding of the Jacobian, below any measurement."""
@@ -26,13 +32,29 @@ SHOWN = 0.05
 
 
 @dataclass(frozen=True, slots=True)
-class Observability:
+class Observability(Result):
     """singular (m,) σ falling; scale (m,) 1 / length of the columns; combinations (m, m) of scaled columns, in rows."""
 
     singular: Array
     scale: Array
     combinations: Array
     poses: int
+
+    def tables(self) -> tuple[Table, ...]:
+        """The indices: more is better."""
+        seen = f"{self.rank} of {len(self.singular)} combinations of parameters seen"
+        return (Table(seen, tuple(Column(name, [value], form=".4g") for name, value in self.indices.items())),)
+
+    def data(self) -> Table:
+        """The singular value of each combination, the last seen worst."""
+        numbered = Column("combination", range(1, len(self.singular) + 1))
+        return Table("singular values of the identification Jacobian", (numbered, Column("σ", self.singular)))
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """The singular value of each combination that is seen."""
+        from kinematics.calibration.plots import singular_values
+
+        return singular_values(self, ax)
 
     @property
     def rank(self) -> int:

@@ -4,8 +4,9 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from kinematics.array import Array
+from kinematics.calibration.observability import Observability
 from kinematics.calibration.result import GROUPS, Calibration, known_group
-from kinematics.figure import new_axes
+from kinematics.figure import literal, new_axes
 
 COLORS = {"before": "#D55E00", "after": "#0072B2", "left out": "#009E73"}
 """Colours that colour-blind readers tell apart [Okabe and Ito 2008]."""
@@ -27,7 +28,9 @@ def errors_by_pose(calibration: Calibration, ax: Axes | None = None, group: str 
     for n, (name, size) in enumerate(sizes.items()):
         ax.bar(at + 0.27 * (n - 1), size[known], 0.25, color=COLORS[name], label=name)
     crowded = len(labels) > 12
-    ax.set_xticks(at, [str(k + 1) if crowded else label.replace(" (", "\n(") for k, label in enumerate(labels)])
+    ax.set_xticks(
+        at, [str(k + 1) if crowded else literal(label).replace(" (", "\n(") for k, label in enumerate(labels)]
+    )
     ax.set(ylabel=f"RMS per component ({_UNIT[group]})", yscale="log")
     ax.set_title(f"Errors of the {_NAME[group]}", loc="left")
     ax.tick_params(axis="x", labelsize=6 if crowded else 9, rotation=90 if len(labels) > 24 else 0)
@@ -37,11 +40,11 @@ def errors_by_pose(calibration: Calibration, ax: Axes | None = None, group: str 
     return ax
 
 
-def singular_values(calibration: Calibration, ax: Axes | None = None) -> Axes:
+def singular_values(observability: Observability, ax: Axes | None = None) -> Axes:
     """The singular values of the identification Jacobian: a combination of parameters each, the last seen worst."""
     ax = new_axes(ax, (9, 3.0))
-    values = calibration.observability.singular
-    shown = values[: calibration.observability.rank]
+    values = observability.singular
+    shown = values[: observability.rank]
     ax.semilogy(np.arange(1, len(shown) + 1), shown, "o-", color=COLORS["after"], markersize=4)
     ax.set(xlabel="combination of parameters", ylabel="singular value", xlim=(0.5, len(values) + 0.5))
     return ax

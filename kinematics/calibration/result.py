@@ -111,9 +111,7 @@ class Calibration(Result):
             Column("identified", [one.value for one in self.parameters], own, "human", ".6f"),
             Column("standard error", [one.error for one in self.parameters], own, "human", ".6f", words=unknown),
         )
-        seen = f"{self.observability.rank} of {len(self.parameters)} combinations of parameters seen"
-        indices = (Column(name, [value], form=".4g") for name, value in self.observability.indices.items())
-        return errors, Table("parameters", parameters), Table(seen, tuple(indices))
+        return errors, Table("parameters", parameters), *self.observability.tables()
 
     def data(self) -> Table:
         """The parameters."""

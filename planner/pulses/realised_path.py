@@ -1,6 +1,6 @@
 """How far the path that pulses make is from the planned one: what `planner.pulses.realised` finds."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -33,8 +33,8 @@ class RealisedError:
     max: float
     where: Place
     bound: float
-    series: Array
-    bounds: Array
+    series: Array = field(repr=False)
+    bounds: Array = field(repr=False)
 
     @property
     def share(self) -> float:
@@ -61,7 +61,7 @@ class RealisedPath(Result):
     mover: str
     instants: int
     stride: int
-    edges: Array
+    edges: Array = field(repr=False)
     errors: tuple[RealisedError, ...]
     mechanics: tuple[str, ...] = ()
 
@@ -77,7 +77,9 @@ class RealisedPath(Result):
         """The error in space over time and its bound; planner.plots.realised_error has the other errors."""
         from planner.plots import realised_error
 
-        return realised_error(self, ax=ax)
+        ax = realised_error(self, ax=ax)
+        ax.legend(frameon=False, loc="lower center")
+        return ax
 
     def tables(self) -> tuple[Table, ...]:
         """Each error, its bound, and where it is largest."""
@@ -91,7 +93,9 @@ class RealisedPath(Result):
         columns = (
             Column("error", [error.name for error in self.errors]),
             *(
-                Column(name, [getattr(error, field) for error in self.errors], units, "micro", ".4f")
+                Column(
+                    name, [getattr(error, field) for error in self.errors], units, "micro", ".4f", up=field == "bound"
+                )
                 for name, field in figures
             ),
             Column("of bound", [error.share for error in self.errors], form=".3f"),

@@ -156,7 +156,9 @@ class PulseSchedule(Result):
         """Pulse rates over time."""
         from planner.pulses.schedule_plot import pulse_rate
 
-        return pulse_rate(self, ax)
+        ax = pulse_rate(self, ax)
+        ax.legend(frameon=False, loc="center left", bbox_to_anchor=(1, 0.5))
+        return ax
 
     def counts(self, t: ArrayLike) -> Ticks:
         """(N, axes) the counts at the instants t (s); a pulse counts from its own instant, ticks / clock_hz, on."""

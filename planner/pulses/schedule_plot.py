@@ -3,7 +3,7 @@
 import numpy as np
 from matplotlib.axes import Axes
 
-from kinematics.figure import line_style, new_axes
+from kinematics.figure import line_style, literal, new_axes
 from planner.pulses.schedule import BINS, PulseSchedule
 
 
@@ -13,7 +13,7 @@ def pulse_rate(schedule: PulseSchedule, ax: Axes | None = None) -> Axes:
     edges = np.linspace(0, schedule.duration, BINS + 1)
     for n, axis in enumerate(schedule.axes):
         fired, _ = np.histogram(axis.ticks / schedule.clock_hz, edges)
-        ax.plot((edges[1:] + edges[:-1]) / 2, fired / np.diff(edges) / 1e3, label=axis.name, **line_style(n))
+        ax.plot((edges[1:] + edges[:-1]) / 2, fired / np.diff(edges) / 1e3, label=literal(axis.name), **line_style(n))
     ax.set(xlabel="time (s)", ylabel="pulse rate (1000/s)", xlim=(0, schedule.duration))
     ax.set_ylim(bottom=0)
     return ax

@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from planner.pulses.schedule import PulseSchedule
 
 EITHER = "m or rad"
+BESIDE = "of the counts at all times, and what the axis moves in one tick of the clock beside"
 
 
 def tables(schedule: "PulseSchedule", units: Mapping[str, str]) -> Iterator[Table]:
@@ -24,7 +25,7 @@ def tables(schedule: "PulseSchedule", units: Mapping[str, str]) -> Iterator[Tabl
             Column("net count", [axis.final - axis.start for axis in axes]),
             Column("error ≤", [axis.bound for axis in axes], "pulses", form=".3f", up=True),
         ),
-        (f"{schedule.total} pulses of all axes",),
+        (f"{schedule.total} pulses of all axes", f"error: {BESIDE}"),
     )
     if moved := schedule.moves:
         yield Table(
@@ -56,7 +57,7 @@ def tables(schedule: "PulseSchedule", units: Mapping[str, str]) -> Iterator[Tabl
                 Column("axis", [cost.axis for cost in costs]),
                 Column("kinds", [" and ".join(cost.kinds) for cost in costs]),
                 Column("reversals", [cost.crossings for cost in costs]),
-                Column("off by ≤", [cost.off for cost in costs], own, "micro", ".3f"),
+                Column("off by ≤", [cost.off for cost in costs], own, "micro", ".3f", up=True),
             ),
         )
         yield Table(

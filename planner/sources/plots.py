@@ -11,7 +11,7 @@ from mpl_toolkits.mplot3d import Axes3D
 from mpl_toolkits.mplot3d.art3d import Line3DCollection
 
 from kinematics.array import Array
-from kinematics.figure import new_axes, new_axes_3d
+from kinematics.figure import literal, new_axes, new_axes_3d
 from planner.sources.outline import Outline
 
 FLAT = 1e-2
@@ -25,8 +25,7 @@ def path(outline: Outline, ax: Axes | None = None, title: str = "") -> Axes:
     extent = outline.high - outline.low
     thin = [k for k in range(3) if extent[k] <= FLAT * extent.max()]
     shown = [k for k in range(3) if k != thin[-1]] if thin else [0, 1, 2]
-    if ax is None:
-        ax = (new_axes if thin else new_axes_3d)(None, (7.5, 5.4))
+    ax = new_axes(ax, (7.5, 5.4)) if thin else new_axes_3d(cast("Axes3D | None", ax), (7.5, 5.4))
     strokes = [1e3 * stroke[:, shown] for stroke in outline.strokes]
     order = np.arange(len(strokes), dtype=float) + 1
     drawn = (LineCollection if thin else Line3DCollection)(strokes, cmap="viridis", linewidths=1.5)
@@ -48,7 +47,7 @@ def path(outline: Outline, ax: Axes | None = None, title: str = "") -> Axes:
         middle = 0.5e3 * (outline.low[k] + outline.high[k])
         ax.set(**{f"{'xyz'[place]}lim": (middle - half, middle + half), f"{'xyz'[place]}label": f"{'xyz'[k]} (mm)"})
     ax.set_aspect("equal")
-    ax.set_title(title or f"{len(strokes)} segments, {1e3 * outline.length:.6g} mm")
+    ax.set_title(literal(title) or f"{len(strokes)} segments, {1e3 * outline.length:.6g} mm")
     root = ax.get_figure(root=True)
     if root is not None and len(strokes) > 1:
         root.colorbar(drawn, ax=ax, label="segment", shrink=0.7, pad=0.1 if not thin else 0.02)

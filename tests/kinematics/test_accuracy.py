@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from kinematics import Axis, Hexapod, Machine, MotionError, OutOfReach
+from kinematics import Axis, Hexapod, Machine, MotionError, OutOfReach, load_machine
 from kinematics.accuracy import error_budget
 from kinematics.error_sources import Backlash, LeadError, PulseLength, Quantization, Temperature
 from kinematics.linkage import Linkage
@@ -322,3 +322,12 @@ def test_backlash_is_the_axes_own_where_none_is_given(preset):
     expected = np.abs(np.linalg.inv(machine.jacobian(machine.home))[:, 1]) * gap / 2
     np.testing.assert_allclose(part.worst[0], expected, rtol=1e-12)
     assert not error_budget(preset, preset.home, [Backlash()]).total.worst.any()
+
+
+def test_the_worst_case_is_a_bound_as_it_is_read():
+    hexapod = load_machine("hexapod")
+    budget = error_budget(hexapod, hexapod.home, [Quantization()])
+    (table,) = budget.tables()
+    shown = {row[0] + row[1]: row[2:] for row in table.cells()}
+    worst = 1e6 * budget.total.worst[0]
+    assert all(0 <= float(text) - value < 1e-3 for text, value in zip(shown["totalworst"], worst, strict=True))

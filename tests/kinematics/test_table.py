@@ -26,6 +26,7 @@ def test_text_is_scaled_and_aligned():
 
 def test_a_bound_is_rounded_upwards():
     assert Column("x", [1.00000001, 1.0, 0.5], form=".7f", up=True).cell(0) == "1.0000001"
+    assert float(Column("x", [1e305], form=".7f", up=True).cell(0)) == 1e305  # times 1e7 it is no float
 
 
 def test_rows_with_units_of_their_own_are_followed_by_a_column_of_them():

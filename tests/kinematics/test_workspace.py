@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from matplotlib.contour import ContourSet
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics import Axis, Hexapod, Machine, MotionError, OutOfReach
@@ -323,3 +324,23 @@ def test_refusals(preset, reaches):
         reaches[2].contains([0, 0, np.nan], [0, 0, 0.2])
     with pytest.raises(OutOfReach, match="holds z: high"):
         workspace(table, cells=4).contains([0, 0, 0], [0, 0, 0.1])
+
+
+class Swing(Gantry):
+    """A slide along z behind a rod of 1 m, and two slides: it ends where the rod lies flat."""
+
+    def expression(self, position, rotation, near):
+        return ca.vertcat(position[:2], position[2] + ca.sqrt(1 - ca.sumsqr(position[:2])))
+
+
+def test_a_figure_shows_the_limits_that_there_are_and_where_reach_ends():
+    axes = [Axis("x", travel=(-9, 9)), Axis("y", travel=(-9, 9)), Axis("rod", travel=(-0.5, 9))]
+    swing = Swing("swing", axes, RigidTransform.identity())
+    ax = workspace(swing, x=(-1.5, 1.5), y=(-1.5, 1.5), z=0.0, cells=60).plot()
+    told = ax.get_legend_handles_labels()[1]
+    assert [text for text in told if "largest" not in text] == ["travel limit", "end of reach"]  # no tilt, no bodies
+    borders = [drawn for drawn in ax.collections if isinstance(drawn, ContourSet)]
+    travel, end = (np.concatenate([path.vertices for path in border.get_paths()]) for border in borders)
+    # where the rod stands half a metre up, drawn between nodes; and to a cell, whose side is 50 mm
+    assert np.linalg.norm(travel, axis=1) == pytest.approx(1e3 * np.sqrt(0.75), abs=25)
+    assert np.linalg.norm(end, axis=1) == pytest.approx(1e3, abs=50)

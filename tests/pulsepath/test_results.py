@@ -5,6 +5,7 @@ import subprocess
 import sys
 from functools import cache
 from html.parser import HTMLParser
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -13,7 +14,10 @@ from scipy.interpolate import CubicSpline
 
 import pulsepath as pp
 from benchmarks.compare.table import Against, Comparison, Entry, Row
-from benchmarks.sweep.cell import Setting
+from benchmarks.compare.verdict import Margin, Verdict
+from benchmarks.sweep.cell import Cell, Setting
+from benchmarks.sweep.result import Result as Run
+from benchmarks.sweep.store import Runs
 from controllers.metrics.circular_test import Circle, circular_test
 from controllers.metrics.iso_style import IsoStyle
 from controllers.metrics.path_accuracy import PathAccuracy
@@ -74,6 +78,13 @@ def comparison():
     return Comparison((), entry, (row,), ("<i>",), ("<i>",))
 
 
+def runs():
+    cells = [Cell(Setting("6", (("gain", gain),)), "line") for gain in (0.5, 0.7)]
+    record = {"axes": {"a": "m"}, "tasks": {"line": {"unit": "m"}}}
+    done = {"contour_rms": 1.5e-6, "following_max.a": 3e-6, "end_time": np.inf}
+    return Runs(Path("<i>"), record, {"0": Run(cells[0], done), "1": Run(cells[1], failure="<b>")})
+
+
 PATH = PathAccuracy(3, np.array([1e-6, 2e-6]), np.array([3e-6, 4e-6]))
 POSE = PoseAccuracy(3, 1e-6, 2e-6)
 SPEED = VelocityAccuracy(3, 0.02, 0.1, 0.2, 1e-4)
@@ -113,6 +124,9 @@ MAKERS = {
     "IsoStyle": lambda: IsoStyle(PATH, POSE, SPEED),
     "CircularTest": round_trip,
     "Comparison": comparison,
+    "Verdict": lambda: Verdict(comparison().baseline, 0.5, (Margin("gain", 0.7, None, 1.4),), "<i>"),
+    "Runs": runs,
+    "Observability": lambda: made("Calibration").observability,
 }  # fmt: skip
 
 
@@ -179,6 +193,29 @@ def test_text_page_and_tables_tell_the_same(result):
     assert page.tags <= {"table", "caption", "thead", "tbody", "tr", "th", "td", "div"}  # neither <b> nor <i>
 
 
+def test_a_frame_of_runs_has_every_figure_of_every_run():
+    frame = runs().to_pandas()
+    assert [*frame.columns[4:-1]] == ["contour_rms [m]", "following_max.a [m]", "end_time [s]"]
+    assert frame["contour_rms [m]"][0] == 1.5e-6
+    assert np.isnan(frame["contour_rms [m]"][1])
+    assert frame["failure"][1] == "<b>"
+
+
+def test_what_is_called_a_bound_is_one_as_it_is_read(result):
+    for table in result.tables():
+        for column in table.columns:
+            if "≤" in column.name or column.name in ("bound", "worst"):
+                assert column.up, (table.title, column.name)
+
+
+def test_where_there_is_no_page_the_tables_are_shown_and_a_repr_is_short(result):
+    formatters = pytest.importorskip("IPython.core.formatters")
+    formats, _ = formatters.DisplayFormatter().format(result)
+    assert formats["text/plain"] == str(result)
+    assert formats["text/html"] == result._repr_html_()
+    assert len(repr(result)) < 5000
+
+
 def test_frames_hold_the_raw_values_under_their_units(result):
     frame, table = result.to_pandas(), result.data()
     assert list(frame.columns) == [column.heading for column in table.full]
@@ -231,11 +268,35 @@ def test_figures_show_themselves_once_and_without_pyplot(result):
     from matplotlib.figure import Figure
 
     ax = result.plot()
+    assert len(ax.lines) < 2 or ax.get_legend() is not None or ax.name == "3d"
     assert ax._repr_png_().startswith(b"\x89PNG")
     assert ax.get_figure(root=True)._repr_png_().startswith(b"\x89PNG")
     given = Figure().add_subplot(projection="3d" if ax.name == "3d" else None)
     assert result.plot(given) is given
     assert not hasattr(given, "_repr_png_")  # who made it shows it
+    other = Figure().add_subplot(projection=None if ax.name == "3d" else "3d")
+    with pytest.raises(pp.MotionError, match="flat"):
+        result.plot(other)
+
+
+def test_names_are_drawn_as_they_stand():
+    """Between dollars matplotlib sets maths, and raises where it is none."""
+    name = r"5$ \x $6"
+    program = pp.Program((pp.Line(to=np.array([0, 0, 0.01])),), name=name)
+    one = program.plot()
+    assert one._repr_png_()
+    odd = machine().called(name)
+    assert odd.plot()._repr_png_()
+    assert pp.error_budget(odd, odd.home, [pp.Quantization(name=name)]).plot()._repr_png_()
+
+
+def test_bars_of_one_name_lie_beside_each_other_and_twice_the_same_way_up():
+    budget = pp.error_budget(machine(), machine().home, [pp.Quantization(), pp.Quantization(pulses=1.0)])
+    ax = budget.plot()
+    assert len({patch.get_y() for patch in ax.patches if patch.get_height() < 0.5}) == 3
+    ax = budget.plot(ax)
+    low, high = ax.get_ylim()
+    assert low > high  # the first on top
 
 
 def test_pandas_missing_says_what_brings_it(monkeypatch):
