@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from hashlib import sha256
 from pathlib import Path
 
-from kinematics import FileError, Machine, MotionError, load_machine
+from kinematics import FileError, Machine, MotionError, NotInstalled, load_machine
 from kinematics.document import read
 from kinematics.registry import beside, find
 from planner import Program, load_program
@@ -42,6 +42,8 @@ def read_inputs(program: str, machine: str | None) -> Inputs:
     try:
         name = _named(loaded, program) if machine is None else machine
         driven, file = load_machine(name), find("kinematics", "machine", name)
+    except NotInstalled:  # which is no fault of the file
+        raise
     except MotionError as error:
         if machine is not None or (isinstance(error, FileError) and Path(error.file).is_file()):
             raise

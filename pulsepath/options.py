@@ -14,7 +14,7 @@ dump_option = click.option(
     "dumped",
     type=click.Path(path_type=Path, file_okay=False),
     metavar="DIR",
-    help="Write machine and program with all defaults there, print the options, and do nothing else.",
+    help="Write machine and program with all defaults there (-: print them), print the options, and do nothing else.",
 )
 json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON instead of tables.")
 machine_option = click.option(

@@ -440,7 +440,7 @@ def test_machines(call):
 
 @pytest.mark.parametrize("options", [[], ["--json"]])
 def test_a_reader_that_closes_early_is_no_error(options):
-    command = [sys.executable, "-m", "pulsepath", "machines", *options]
+    command = [sys.executable, "-m", "pulsepath", "rules", *options]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
         process.stdout.close()
         assert process.stderr.read() == b""
