@@ -16,7 +16,7 @@ from kinematics.array import Array, finite, frozen
 from kinematics.axis import Axis
 from kinematics.body import Body
 from kinematics.clearance import Bodies
-from kinematics.errors import MotionError, OutOfReach
+from kinematics.errors import BadValue, MotionError, OutOfReach
 from kinematics.expression import Expression
 from kinematics.forward import Forward, solve
 from kinematics.freedom import COMPONENTS, refuse
@@ -96,9 +96,11 @@ class Machine(Result):
         wired = Counter((axis.card, axis.channel) for axis in axes if axis.card is not None)
         for (card, channel), times in wired.items():
             if times > 1:
-                both = " and ".join(axis.name for axis in axes if (axis.card, axis.channel) == (card, channel))
-                raise MotionError(
-                    f"machine {name}: {both} are both on channel {channel} of card {card}; give each one of its own"
+                both = [axis.name for axis in axes if (axis.card, axis.channel) == (card, channel)]
+                raise BadValue(
+                    f"machine {name}: {' and '.join(both)} are both on channel {channel} of card {card}; "
+                    "give each one of its own",
+                    key=(both[-1],),
                 )
         return axes
 
