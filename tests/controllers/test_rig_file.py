@@ -158,6 +158,7 @@ def test_what_is_wrong_is_named(load, change, key, words):
 def test_unknown_names_are_told_with_the_nearest():
     with pytest.raises(MotionError, match='nearest is "servo-rig"'):
         load_rig("servorig")
+    pytest.importorskip("pinocchio")
     with pytest.raises(MotionError, match='nearest is "circle"'):
         load_rig("servo-rig").task("circel")
 
