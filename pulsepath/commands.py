@@ -3,6 +3,7 @@
 import os
 import sys
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import click
@@ -87,10 +88,10 @@ def _as_data(ctx: click.Context, error: Exception, code: int) -> None:
 
 
 def _open_what_is_closed() -> None:
-    """Streams that a shell closed, as by >&-, are as from and to /dev/null: and no file that is opened is taken for one."""
+    """Streams that a shell closed, as by >&-, lead to /dev/null: so no file that is opened is taken for one."""
     for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
         if getattr(sys, name) is None:
-            setattr(sys, name, open(os.devnull, mode, encoding="utf-8"))  # noqa: SIM115  # as long as the process
+            setattr(sys, name, Path(os.devnull).open(mode, encoding="utf-8"))  # as long as the process runs
 
 
 def _replace_what_the_terminal_cannot_show() -> None:

@@ -242,7 +242,9 @@ def test_usage_errors_as_data(call, arguments, told):
 def test_a_stream_that_is_closed_is_no_error(tmp_path, arguments):
     command = f"{sys.executable} -m pulsepath {arguments}"
     environment = {**os.environ, "PYTHONPATH": str(ROOT), "XDG_STATE_HOME": str(tmp_path)}
-    run = subprocess.run(["sh", "-c", command], capture_output=True, text=True, env=environment, cwd=tmp_path, check=False)
+    run = subprocess.run(
+        ["sh", "-c", command], capture_output=True, text=True, env=environment, cwd=tmp_path, check=False
+    )
     assert run.returncode == 0
     assert "internal error" not in run.stderr
 
