@@ -91,7 +91,7 @@ def _open_what_is_closed() -> None:
     """Streams that a shell closed, as by >&-, lead to /dev/null: so no file that is opened is taken for one."""
     for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
         if getattr(sys, name) is None:
-            setattr(sys, name, Path(os.devnull).open(mode, encoding="utf-8"))  # as long as the process runs
+            setattr(sys, name, Path(os.devnull).open(mode, encoding="utf-8"))  # noqa: SIM115  # to the end
 
 
 def _replace_what_the_terminal_cannot_show() -> None:
