@@ -18,7 +18,7 @@ RECORDS = {KIND: RECORD, CALIBRATION_KIND: CALIBRATION}
 
 
 def refuse_overwrite(target: Path, force: bool, kind: str = KIND) -> None:
-    """Raise MotionError unless the target can be made: absent, an empty directory, or, with `force`, one of its kind."""
+    """Raise MotionError unless the target can be made: absent, or an empty directory; with `force`, one of its kind."""
     _refuse_file_above(target)
     if not os.path.lexists(target):
         return
