@@ -207,11 +207,11 @@ def _drives_complete(
                 yield (*place, key), f"missing: {_example(kind, key)}"
         if other in given:
             other_way.setdefault(((*place, other), f"{axis.kind}: give a {wanted} instead"), []).append(axis.name)
-    for key, of in undriven.items():
+    for at, of in undriven.items():
         many = f"{_named(of)} need{'s' if len(of) == 1 else ''} one drive, [{'] or ['.join(KINDS)}]"
-        yield key, f"{many}: {'both are stated' if key and key[-1] in KINDS else 'neither is stated'}"
-    for (key, told), of in other_way.items():
-        yield key, f"{_named(of)} {'is' if len(of) == 1 else 'are'} {told}"
+        yield at, f"{many}: {'both are stated' if at and at[-1] in KINDS else 'neither is stated'}"
+    for (at, instead), of in other_way.items():
+        yield at, f"{_named(of)} {'is' if len(of) == 1 else 'are'} {instead}"
 
 
 def _named(axes: Sequence[str]) -> str:

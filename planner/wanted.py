@@ -37,9 +37,7 @@ def points(segment: str, name: str, value: ArrayLike) -> Array:
 
 
 def direction(segment: str, name: str, value: ArrayLike) -> Array:
-    """A unit vector (3,) of one of any length; of one that is a unit vector to rounding, itself: so that it is kept by a
-    file that it was written to.
-    """
+    """A unit vector (3,) of one of any length; of one that is a unit vector to rounding, itself: so files keep it."""
     given = point(segment, name, value)
     largest = np.abs(given).max()
     if largest == 0:
