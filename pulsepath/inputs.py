@@ -62,6 +62,9 @@ def _with_machine(error: FileError, source: str) -> FileError:
     """The faults of a program, and that the machine which it names is not to be found: all in one pass."""
     try:
         document = read(find("planner", "program", source))
+    except FileError:  # of no text, or no TOML: it names nothing
+        return error
+    try:
         named = document.data.get("machine")
         if isinstance(named, str):
             load_machine(_named(named, source))
