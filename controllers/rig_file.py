@@ -1,6 +1,6 @@
 """Rig files: the schema of a rig's TOML, and the rig that one describes."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from importlib.resources.abc import Traversable
@@ -189,11 +189,14 @@ def _drives_complete(
             told = f"{shown(name)} is no axis of {machine.name}{nearest(name, names)}; axes: {', '.join(names)}"
             yield (*at, "name"), BadValue(told, allowed=", ".join(names), nearest=closest(name, names))
     missing = set()
+    undriven: dict[Key, list[str]] = {}
+    other_way: dict[tuple[Key, str], list[str]] = {}
     for axis in machine.axes:
         at, own = entries.get(axis.name, ((), {}))
         kind = _kind(data, own)
         if not kind:
-            yield at, f"axis {axis.name} needs one drive: [{'] or ['.join(KINDS)}]"
+            both = [key for key in KINDS if key in (own if any(key in own for key in KINDS) else data)]
+            undriven.setdefault((*at, *both[1:2]), []).append(axis.name)
             continue
         given = {key for table in (data.get(kind), own.get(kind)) if isinstance(table, dict) for key in table}
         place: Key = (*at, kind) if kind in own else (kind,)
@@ -203,7 +206,16 @@ def _drives_complete(
                 missing.add((place, key))
                 yield (*place, key), f"missing: {_example(kind, key)}"
         if other in given:
-            yield (*place, other), f"axis {axis.name} is {axis.kind}: give a {wanted} instead"
+            other_way.setdefault(((*place, other), f"{axis.kind}: give a {wanted} instead"), []).append(axis.name)
+    for at, of in undriven.items():
+        many = f"{_named(of)} need{'s' if len(of) == 1 else ''} one drive, [{'] or ['.join(KINDS)}]"
+        yield at, f"{many}: {'both are stated' if at and at[-1] in KINDS else 'neither is stated'}"
+    for (at, instead), of in other_way.items():
+        yield at, f"{_named(of)} {'is' if len(of) == 1 else 'are'} {instead}"
+
+
+def _named(axes: Sequence[str]) -> str:
+    return f"ax{'i' if len(axes) == 1 else 'e'}s {', '.join(axes)}"
 
 
 def _example(kind: str, key: str) -> str:

@@ -7,7 +7,7 @@ from numbers import Integral
 from typing import Literal
 
 from kinematics.array import LARGEST, POSITIVE, finite, plain
-from kinematics.errors import MotionError
+from kinematics.errors import BadValue, MotionError
 from kinematics.step_timing import StepTiming
 
 Magnitude = float | tuple[float, float]
@@ -105,7 +105,8 @@ class Axis:
                 "rising and apart"
             )
         if self.resonance_time is not None and self.resonance is None:
-            raise MotionError(f"axis {self.name}: resonance_time without resonance; give the bands that it crosses")
+            told = f"axis {self.name}: resonance_time without resonance; give the bands that it crosses"
+            raise BadValue(told, key=(self.name, "resonance_time"))
         self._numbers("torque_speed", (None, 2), least=0.0, none="no curve")
         self._numbers("lead_error", (None, 2), none="no error")
         for field in ("torque_speed", "lead_error"):
@@ -119,9 +120,10 @@ class Axis:
             if kind not in COMPENSATED:
                 raise MotionError(f"axis {self.name}: compensate {kind!r} is none of {', '.join(COMPENSATED)}")
         if min(self._slopes()) <= 0:
-            raise MotionError(
+            raise BadValue(
                 f"axis {self.name}: its lead error falls by more than the way between two points: "
-                "nothing that it counts leads through there; mend the table"
+                "nothing that it counts leads through there; mend the table",
+                key=(self.name, "lead_error"),
             )
         if self.timing is not None and not isinstance(self.timing, StepTiming):
             raise MotionError(f"axis {self.name}: timing must be a StepTiming, or None, not {self.timing!r:.100}")

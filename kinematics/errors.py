@@ -70,3 +70,7 @@ class NotInstalled(MotionError):
 
 class OutOfReach(MotionError):
     """No actuator coordinates exist for a pose (or no pose for actuator coordinates)."""
+
+
+class NotFree(OutOfReach):
+    """A pose that is off home in a component that its machine does not move: no scale of the others helps."""

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from kinematics.array import Array
-from kinematics.errors import OutOfReach
+from kinematics.errors import NotFree
 from kinematics.pose import numbers
 
 if TYPE_CHECKING:
@@ -45,7 +45,7 @@ def deviations(machine: Machine, x: Array) -> Array:
 
 
 def refuse(machine: Machine, x: Array, name_of: Callable[[int], str] = "pose {}".format) -> None:
-    """Raise OutOfReach, naming the component, for the first of N poses that leaves the machine's freedom."""
+    """Raise NotFree, naming the component, for the first of N poses that leaves the machine's freedom."""
     held = [k for k, name in enumerate(COMPONENTS) if name not in machine.freedom + machine.follows]
     if not held or not len(x):
         return
@@ -57,7 +57,7 @@ def refuse(machine: Machine, x: Array, name_of: Callable[[int], str] = "pose {}"
         entry = int(np.argmax(np.abs(off[pose]) * size))  # what is furthest off, at the machine's size
         name = COMPONENTS[held[entry]]
         value = f"{off[pose, entry] * 1e3:.6g} mm" if held[entry] < 3 else f"{np.rad2deg(off[pose, entry]):.6g} deg"
-        raise OutOfReach(
+        raise NotFree(
             f"machine {machine.name} holds {name}: {name_of(pose)} has {name} {value} off home; "
-            f"it moves {', '.join(machine.freedom)} only"
+            f"it moves {', '.join(machine.freedom)} only; leave {name} as it is at home"
         )

@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Iterable
 
 from kinematics.axis import Axis
-from kinematics.errors import MotionError
+from kinematics.errors import BadValue, MotionError
 from kinematics.kind import Kind
 from kinematics.load import Load
 
@@ -26,9 +26,11 @@ def driven(of: Kind, name: str, given: Iterable[Axis]) -> tuple[Axis, ...]:
     wired = Counter((axis.card, axis.channel) for axis in axes if axis.card is not None)
     for (card, channel), times in wired.items():
         if times > 1:
-            both = " and ".join(axis.name for axis in axes if (axis.card, axis.channel) == (card, channel))
-            raise MotionError(
-                f"machine {name}: {both} are both on channel {channel} of card {card}; give each one of its own"
+            both = [axis.name for axis in axes if (axis.card, axis.channel) == (card, channel)]
+            raise BadValue(
+                f"machine {name}: {' and '.join(both)} are both on channel {channel} of card {card}; "
+                "give each one of its own",
+                key=(both[-1],),
             )
     return axes
 

@@ -12,7 +12,7 @@ from kinematics.array import POSITIVE, Array, finite, frozen, unit_vectors
 from kinematics.axis import Axis
 from kinematics.body import Body
 from kinematics.clearance import Bodies, Disc
-from kinematics.errors import MotionError
+from kinematics.errors import BadValue, MotionError
 from kinematics.freedom import scaled_jacobian
 from kinematics.leg_frames import home_frames, leg_rotation
 from kinematics.load import Load
@@ -68,10 +68,13 @@ class Legged(Machine):
         legs = tuple(axis.name for axis in self.axes)
         self.tilt_names = tuple(f"{leg} {end} joint" for end in ("base", "platform") for leg in legs)
         _refuse_coincident(self, legs)
+        shapes = {"leg_ends": leg_ends, "base_disc": base_disc, "platform_disc": platform_disc}
         if leg_radius is not None:
             self.bodies = Bodies(self.base, self.platform, legs, leg_radius, leg_ends, base_disc, platform_disc)
-        elif any(given is not None for given in (leg_ends, base_disc, platform_disc)):
-            raise MotionError(f"machine {name}: leg_ends and discs say nothing without leg_radius; state it")
+        elif any(given is not None for given in shapes.values()):
+            first = next(k for k, given in shapes.items() if given is not None)
+            told = f"machine {name}: {first} says nothing without leg_radius; state it"
+            raise BadValue(told, key=(first,))
 
     def _legs(self, position: ca.SX, rotation: ca.SX) -> list[ca.SX]:
         """The vectors from base joint to platform joint, in the base frame."""
@@ -152,7 +155,8 @@ def _refuse_coincident(machine: Legged, legs: Sequence[str]) -> None:
         # the rates of legs that no motion of the platform has
         share = np.abs(left[:, stretch <= SINGULAR * stretch[0]]).max(1)
         idle = ", ".join(leg for leg, part in zip(legs, share, strict=True) if part > np.sqrt(SINGULAR))
-        raise MotionError(
+        raise BadValue(
             f"{told} home is singular (conditioning {stretch[-1] / stretch[0]:.1g}): {idle} together leave a motion of "
-            "the platform free; put their joints elsewhere, or choose another home"
+            "the platform free; put their joints elsewhere, or choose another home",
+            key=("home",),
         )

@@ -1,12 +1,12 @@
 """Machine files: the schema of each kind's TOML, and the machine that one describes."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Any
 
-from kinematics.document import read
+from kinematics.document import Key, read
 from kinematics.errors import BadValue, FileError, MotionError, NotInstalled
 from kinematics.kinds.arm import ArmFile, arm, joints_of, of_a_joint
 from kinematics.kinds.axes import MachineFile, named_once, one_pulse, wired_axes
@@ -45,7 +45,17 @@ def read_machine(source: Path | Traversable) -> Machine:
     except NotInstalled:  # which is no fault of the file
         raise
     except MotionError as error:  # what only the whole machine shows, such as a home pose out of reach
-        raise FileError(document.file, [document.fault(("geometry",), str(error))]) from error
+        raise FileError(document.file, [document.fault(_place(document.data, error), str(error))]) from error
+
+
+def _place(data: Mapping[str, Any], error: MotionError) -> Key:
+    """Where the file says what its machine refuses: the table that has the error's key, an axis' own one first."""
+    *of, name = getattr(error, "key", ()) or ("geometry",)
+    own = [("axis", n) for n, table in enumerate(data.get("axis", ())) if table.get("name") in of]
+    tables: list[tuple[Key, Any]] = [(place, data["axis"][place[1]]) for place in own]
+    tables += [((key,), data.get(key)) for key in ("axes", "rotary", "geometry", "wiring")]
+    places = ((*place, name) for place, table in tables if isinstance(table, dict) and name in table)
+    return next(places, ("geometry",))
 
 
 KINDS: dict[str, tuple[type[File], Callable[[Any, str, Path | Traversable], Machine], Sequence[str]]] = {

@@ -63,7 +63,7 @@ class Table(BaseModel):
                 if not isinstance(value, dict) and shown(value) not in str(told):
                     told = BadValue(f"{shown(value)}: {told}", allowed=told.allowed, nearest=told.nearest)
             case "extra_forbidden":
-                message = f"unknown key{nearest(last, keys)}; valid keys: {', '.join(keys)}"
+                message = f"{_UNKNOWN}{nearest(last, keys)}; valid keys: {', '.join(keys)}"
                 told = BadValue(message, allowed=", ".join(keys), nearest=closest(last, keys))
             case "missing" if last in keys:
                 example = keys[last].description or _example(last, keys[last].annotation, keys[last].metadata)
@@ -95,6 +95,7 @@ class Table(BaseModel):
         return {"type": wrong(told, "explained"), "loc": error["loc"], "input": value}
 
 
+_UNKNOWN = "unknown key"
 _BOUNDS = {
     "greater_than": "above",
     "greater_than_equal": "at least",
@@ -136,10 +137,19 @@ def build(document: Document, model: type[Model], *rules: Rule, plain: Mapping[s
     try:
         made = model.model_validate(document.data, context=plain)
     except ValidationError as error:
-        faults += [document.fault(e["loc"], BadValue(**e["ctx"])) for e in error.errors()]
+        faults += [document.fault(e["loc"], _belonging(e["loc"], BadValue(**e["ctx"]), model)) for e in error.errors()]
     if faults:
         raise FileError(document.file, sorted(faults, key=lambda fault: fault.line or 0))
     return made
+
+
+def _belonging(key: Key, told: BadValue, model: type[File]) -> BadValue:
+    """Of a key that stands in a table and belongs above all of them, that; else what was told."""
+    top = {field.alias or name for name, field in model.model_fields.items()}
+    if len(key) == 1 or key[-1] not in top or not str(told).startswith(_UNKNOWN):
+        return told
+    message = f"{_UNKNOWN} in this table: it belongs at the top of the file, above the first [table]"
+    return BadValue(message, allowed=told.allowed, nearest=told.nearest)
 
 
 def refuse_mistaken(document: Document, what: str) -> None:

@@ -39,7 +39,10 @@ def staging(place: Path) -> Iterator[Path]:
 def _made(place: Path) -> tuple[Path, int | None]:
     """A new hidden directory beside a place, and its lock; None where this system has none: no run will clear it."""
     while True:
-        made = Path(mkdtemp(prefix=f".{place.name}-", suffix=SUFFIX, dir=place.parent))
+        try:
+            made = Path(mkdtemp(prefix=f".{place.name}-", suffix=SUFFIX, dir=place.parent))
+        except OSError as error:  # told of the place that was asked for
+            raise OSError(error.errno, error.strerror, str(place)) from None
         try:
             return made, _lock(made)
         except (BlockingIOError, FileNotFoundError):

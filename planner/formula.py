@@ -74,6 +74,9 @@ _OPERATORS: dict[type[ast.operator], Callable[[ca.SX, ca.SX], ca.SX]] = {
 }
 
 
+_PRODUCT = re.compile(r"(?<![\w.])([\d.]+) *([A-Za-z]\w*)")
+
+
 def formula(text: str, constants: Mapping[str, float], t: ca.SX | None = None) -> ca.SX:
     """The expression of a formula, of t where it is given; else it may not stand in it.
 
@@ -82,7 +85,8 @@ def formula(text: str, constants: Mapping[str, float], t: ca.SX | None = None) -
     if len(text) > LONGEST:
         raise MotionError(f"{shown(text)}: {len(text)} characters; a formula has at most {LONGEST}")
     if odd := _ODD.search(text):
-        raise MotionError(f"{shown(text)}: {shown(odd[0])} may not stand in a formula")
+        instead = ": write ** for a power" if odd[0] == "^" else ""
+        raise MotionError(f"{shown(text)}: {shown(odd[0])} may not stand in a formula{instead}")
     text = text.strip()
     try:
         with warnings.catch_warnings():
@@ -91,6 +95,8 @@ def formula(text: str, constants: Mapping[str, float], t: ca.SX | None = None) -
     except (SyntaxError, ValueError, RecursionError, MemoryError):
         opened, closed = text.count("("), text.count(")")
         paired = "" if opened == closed else f", with {opened} ( and {closed} )"
+        if product := _PRODUCT.search(text):
+            paired += f": a product is written {product[1]}*{product[2]}"
         raise MotionError(f'{shown(text)} is no formula{paired}: write e.g. "15*cos(t)"') from None
     known = {"pi": ca.SX(math.pi), **{name: ca.SX(value) for name, value in constants.items()}}
     if t is not None:

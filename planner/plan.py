@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from kinematics.errors import MotionError, OutOfReach
+from kinematics.errors import MotionError, NotFree, OutOfReach
 from kinematics.machine import Machine
 from kinematics.result import Result
 from kinematics.table import Table
@@ -217,6 +217,8 @@ def _advised(no: MotionError, program: Program, machine: Machine, order: int) ->
     """What no timing can help, with how far the path must shrink or move; a refusal of another kind as it is."""
     from planner.refit import refit
 
+    if isinstance(no, NotFree):
+        return no
     more = partial(refit, program, machine, order)
     if isinstance(no, Infeasible):
         return no.advising(more) if no.kind in GEOMETRIC else no

@@ -48,11 +48,13 @@ class Refit:
     """scale: the largest about the start that holds, as a share; move: the least (m) and its way, "+x" to "-z".
 
     turn: the largest scale of its angles, from the start's orientation. None: none was found.
+    home: what the machine breaks at home, as `Margins.worst` tells it, if it does: then its file is at fault
     """
 
     scale: float | None = None
     turn: float | None = None
     move: tuple[float, str] | None = None
+    home: str = ""
 
     def __str__(self) -> str:
         told = [] if self.scale is None else [f"scaled to <= {self.scale * 100:.1f} % about its start"]
@@ -60,6 +62,8 @@ class Refit:
         told += [] if self.move is None else [f"moved by >= {self.move[0] * 1e3:g} mm along {self.move[1]}"]
         if told:
             return f"the path fits the machine {', or '.join(told)}"
+        if self.home:
+            return f"the machine is beyond a limit at home already ({self.home}): mend its geometry, home or limits"
         most = f"no scale down to {SHARES[-1] * 100:g} % and no move of up to {MOVES[-1] * 1e3:g} mm along an axis"
         return f"{most} was found to bring the path into the machine"
 
@@ -83,7 +87,8 @@ def refit(program: Program, machine: Machine, order: int) -> Refit:
         found = search.move(partial(_along, program, way), np.inf if best is None else best[0])
         if found is not None:
             best = found, name
-    return Refit(scale, turn, best)
+    at_home = machine.check(machine.home)
+    return Refit(scale, turn, best, "" if at_home.ok.all() else at_home.worst())
 
 
 def _along(program: Program, way: Array, size: float) -> Program:

@@ -216,7 +216,12 @@ def _refuse_resonance(path: ActuatorPath, limits: Sequence[Limit], run: Run, spe
 
 
 def refuse(path: ActuatorPath, limits: Sequence[Limit], s: Array, piece: np.ndarray, speed: float) -> None:
-    """Raise Infeasible where the speed breaks a limit: with what is possible at the place that allows the least."""
+    """Raise Infeasible where the speed breaks a limit: with what is possible at the place that allows the least.
+
+    Geometric limits are no speed's: they were proved before, and one that is used up, as by a home at an end of travel,
+    is beyond 1 by rounding.
+    """
+    limits = [limit for limit in limits if not limit.geometric]
     over = _use(path, limits, s, piece, np.full(len(s), speed)).max(0) > 1 + TOLERANCE
     if not over.any():
         return

@@ -10,6 +10,8 @@ from kinematics.errors import MotionError
 
 CAPS = {"speed": "m/s", "acceleration": "m/s²", "angular_speed": "rad/s"}
 """What segments may cap, as far as they have it, and its unit."""
+ROUNDING = 4 * float(np.finfo(float).eps)
+"""By which an entry of a unit vector may be off: of a norm of three squares and the division by it, twice."""
 
 
 def point(segment: str, name: str, value: ArrayLike) -> Array:
@@ -35,13 +37,14 @@ def points(segment: str, name: str, value: ArrayLike) -> Array:
 
 
 def direction(segment: str, name: str, value: ArrayLike) -> Array:
-    """A unit vector (3,) of one of any length."""
+    """A unit vector (3,) of one of any length; of one that is a unit vector to rounding, itself: so files keep it."""
     given = point(segment, name, value)
     largest = np.abs(given).max()
     if largest == 0:
         raise MotionError(f"{segment}: {name} is zero; give the direction about which it turns, e.g. [0, 0, 1]")
     scaled = given / largest  # the norm of very large or very small vectors would overflow
-    return frozen(scaled / np.linalg.norm(scaled))
+    unit = scaled / np.linalg.norm(scaled)
+    return frozen(given if np.abs(given - unit).max() <= ROUNDING else unit)
 
 
 def positive(segment: str, name: str, value: float | None, unit: str) -> None:

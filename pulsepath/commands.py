@@ -3,6 +3,7 @@
 import os
 import sys
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import click
@@ -50,13 +51,17 @@ class Commands(click.Group):
     def invoke(self, ctx: click.Context) -> Any:
         if ctx.parent is not None:  # of a group within the group
             return super().invoke(ctx)
+        _open_what_is_closed()
         _replace_what_the_terminal_cannot_show()
         try:
             with ending(last=True):
                 result = super().invoke(ctx)
                 sys.stdout.flush()
                 return result
-        except (click.exceptions.Exit, click.ClickException):
+        except click.exceptions.Exit:
+            raise
+        except click.ClickException as error:
+            _as_data(ctx, error, error.exit_code)
             raise
         except KeyboardInterrupt as end:
             click.echo(interrupted(ctx), err=True)
@@ -69,12 +74,24 @@ class Commands(click.Group):
             if os.environ.get(TRACEBACK) == "1":
                 raise
             code, message = told(error)
-            if ctx.meta[JSON]:
-                from pulsepath.error_record import of_error
-
-                click.echo(of_error(error, code), nl=False)
+            _as_data(ctx, error, code)
             click.echo(message, err=True)
             ctx.exit(code)
+
+
+def _as_data(ctx: click.Context, error: Exception, code: int) -> None:
+    """The error on stdout, where JSON is asked for."""
+    if ctx.meta[JSON]:
+        from pulsepath.error_record import of_error
+
+        click.echo(of_error(error, code), nl=False)
+
+
+def _open_what_is_closed() -> None:
+    """Streams that a shell closed, as by >&-, lead to /dev/null: so no file that is opened is taken for one."""
+    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
+        if getattr(sys, name) is None:
+            setattr(sys, name, Path(os.devnull).open(mode, encoding="utf-8"))  # noqa: SIM115  # to the end
 
 
 def _replace_what_the_terminal_cannot_show() -> None:

@@ -18,7 +18,8 @@ RECORDS = {KIND: RECORD, CALIBRATION_KIND: CALIBRATION}
 
 
 def refuse_overwrite(target: Path, force: bool, kind: str = KIND) -> None:
-    """Raise MotionError unless the target is absent or an empty directory, or, with `force`, one of its kind."""
+    """Raise MotionError unless the target can be made: absent, or an empty directory; with `force`, one of its kind."""
+    _refuse_file_above(target)
     if not os.path.lexists(target):
         return
     if not target.is_dir():
@@ -29,6 +30,13 @@ def refuse_overwrite(target: Path, force: bool, kind: str = KIND) -> None:
         raise MotionError(f"{target} exists and is not empty; give another --out, or --force to replace it")
     if not is_ours(target, kind):
         raise MotionError(f"{target} was not written by {kind}, so --force does not replace it; give another")
+
+
+def _refuse_file_above(target: Path) -> None:
+    """Raise MotionError where one of the folders that a path leads through is a file."""
+    above = next((parent for parent in target.parents if os.path.lexists(parent)), None)
+    if above is not None and not above.is_dir():
+        raise MotionError(f"{target}: {above} is a file, not a directory; give another")
 
 
 def is_ours(directory: Path, kind: str = KIND) -> bool:
@@ -45,6 +53,7 @@ def write_files(folder: Path, files: Mapping[str, bytes], force: bool) -> None:
 
     Raises MotionError where one is there already, unless `force` replaces it.
     """
+    _refuse_file_above(folder / "any")
     for target in (folder / name for name in files):
         if os.path.lexists(target) and not force:
             raise MotionError(f"{target} exists; give --force to replace it, or another directory")

@@ -15,6 +15,7 @@ from pulsepath.directory import write_files
 from pulsepath.inputs import Inputs
 
 MACHINE, PROGRAM = "machine.toml", "program.toml"
+STDOUT = Path("-")
 
 
 def dump(
@@ -22,6 +23,7 @@ def dump(
 ) -> None:
     """Write machine and program with every default filled in; print the options as TOML, and the command for it all.
 
+    folder   - : print machine and program as well, and write nothing
     options  by their names on the command line, without dashes; a machine that names files beside it, as an arm does,
     stays as its file has it
     """
@@ -32,15 +34,32 @@ def dump(
         machine = machine_toml(inputs.machine, f"The machine {inputs.machine.name}, as {told}.", complete=True).encode()
     own = replace(inputs.program, machine=MACHINE)
     program = program_toml(own, f"The program {inputs.program.name}, as {told}.", complete=True).encode()
-    write_files(folder, {MACHINE: machine, PROGRAM: program, **inputs.companions}, force)
+    files = {MACHINE: machine, PROGRAM: program, **inputs.companions}
+    if folder == STDOUT:
+        _print(files, options, as_json)
+        return
+    write_files(folder, files, force)
     flags = [word for name, value in options.items() for word in (f"--{name}", str(value))]
     out = ["--out", str(folder / "plan")] if command == "plan" else []
     again = join(["pulsepath", command, str(folder / PROGRAM), *flags, *out])
     if as_json:
-        files = {"machine": str(folder / MACHINE), "program": str(folder / PROGRAM)}
-        click.echo(record.as_json({"options": dict(options), **files, "command": again}), nl=False)
+        paths = {"machine": str(folder / MACHINE), "program": str(folder / PROGRAM)}
+        click.echo(record.as_json({"options": dict(options), **paths, "command": again}), nl=False)
     else:
-        click.echo("[options]")
-        for name, value in options.items():
-            click.echo(f"{name} = {toml(value)}")
+        click.echo(_text(options))
         click.echo(f"# {folder / MACHINE} and {folder / PROGRAM}: give them back by\n# {again}")
+
+
+def _print(files: Mapping[str, bytes], options: Mapping[str, int | str], as_json: bool) -> None:
+    """Files one after the other, each under a line of its name, and the options."""
+    texts = {name: content.decode() for name, content in files.items()}
+    if as_json:
+        click.echo(record.as_json({"options": dict(options), "files": texts}), nl=False)
+        return
+    for name, text in texts.items():
+        click.echo(f"# ----- {name}\n{text}")
+    click.echo(f"# ----- options\n{_text(options)}")
+
+
+def _text(options: Mapping[str, int | str]) -> str:
+    return "\n".join(["[options]", *(f"{name} = {toml(value)}" for name, value in options.items())])

@@ -2,6 +2,8 @@
 
 from typing import Any
 
+import click
+
 from kinematics.errors import Fault, FileError, MotionError, OutOfReach
 from kinematics.units import shown
 from planner.place import Infeasible
@@ -20,13 +22,18 @@ def of_error(error: Exception, code: int) -> str:
     """
     known = (name for each, name in KINDS.items() if isinstance(error, each))
     kind = "internal" if code == INTERNAL else next(known, "input")
-    told: dict[str, Any] = {"exit_code": code, "kind": kind, "message": str(error)}
+    told: dict[str, Any] = {"exit_code": code, "kind": kind, "message": _message(error)}
     match error:
         case FileError():
             told["faults"] = [{"file": error.file, **_fault(fault)} for fault in error.faults]
         case Infeasible():
             told["violation"] = of_violation(error)
     return as_json({"schema": SCHEMA, "error": told})
+
+
+def _message(error: Exception) -> str:
+    """As it is printed; of the command line's own errors, with the option."""
+    return error.format_message() if isinstance(error, click.ClickException) else str(error)
 
 
 def _fault(fault: Fault) -> dict[str, Any]:

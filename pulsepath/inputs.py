@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from hashlib import sha256
 from pathlib import Path
 
-from kinematics import FileError, Machine, MotionError, load_machine
+from kinematics import Fault, FileError, Machine, MotionError, NotInstalled, load_machine
 from kinematics.document import read
 from kinematics.registry import beside, find
 from planner import Program, load_program
@@ -38,10 +38,15 @@ def read_inputs(program: str, machine: str | None) -> Inputs:
     A path in the program counts from the program's own folder. Raises FileError or MotionError, also where neither says
     which machine.
     """
-    loaded = load_program(program)
     try:
-        name = _named(loaded, program) if machine is None else machine
+        loaded = load_program(program)
+    except FileError as error:
+        raise error if machine is not None else _with_machine(error, program) from None
+    try:
+        name = _named(loaded.machine, program) if machine is None else machine
         driven, file = load_machine(name), find("kinematics", "machine", name)
+    except NotInstalled:  # which is no fault of the file
+        raise
     except MotionError as error:
         if machine is not None or (isinstance(error, FileError) and Path(error.file).is_file()):
             raise
@@ -53,8 +58,36 @@ def read_inputs(program: str, machine: str | None) -> Inputs:
     return Inputs(loaded, driven, find("planner", "program", program).read_bytes(), content, companions)
 
 
-def _named(program: Program, source: str) -> str:
-    if program.machine is None:
-        raise MotionError(f'program {program.name} names no machine; give --machine, or write machine = "…" in it')
-    is_path = find("kinematics", "machine", program.machine) == Path(program.machine)
-    return str(Path(source).parent / program.machine) if is_path else program.machine
+def _with_machine(error: FileError, source: str) -> FileError:
+    """The faults of a program, and that the machine which it names is not to be found: all in one pass."""
+    try:
+        document = read(find("planner", "program", source))
+    except FileError:  # of no text, or no TOML: it names nothing
+        return error
+    try:
+        named = document.data.get("machine")
+        if isinstance(named, str):
+            load_machine(_named(named, source))
+    except FileError as no:
+        if Path(no.file).is_file():  # which has faults of its own
+            return error
+        reason: MotionError = no
+    except NotInstalled:
+        return error
+    except MotionError as no:
+        reason = no
+    else:
+        return error
+    return FileError(error.file, sorted((*error.faults, document.fault(("machine",), reason)), key=_line))
+
+
+def _line(fault: Fault) -> int:
+    return fault.line or 0
+
+
+def _named(machine: str | None, source: str) -> str:
+    if machine is None:
+        name = Path(source).stem
+        raise MotionError(f'program {name} names no machine; give --machine, or write machine = "…" in it')
+    is_path = find("kinematics", "machine", machine) == Path(machine)
+    return str(Path(source).parent / machine) if is_path else machine

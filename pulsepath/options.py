@@ -1,5 +1,6 @@
 """Arguments and options that several commands share."""
 
+from math import inf
 from pathlib import Path
 
 import click
@@ -13,7 +14,7 @@ dump_option = click.option(
     "dumped",
     type=click.Path(path_type=Path, file_okay=False),
     metavar="DIR",
-    help="Write machine and program with all defaults there, print the options, and do nothing else.",
+    help="Write machine and program with all defaults there (-: print them), print the options, and do nothing else.",
 )
 json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON instead of tables.")
 machine_option = click.option(
@@ -22,3 +23,14 @@ machine_option = click.option(
     help="Preset or file; default: the one the program names.",
     shell_complete=completing(known_names.machines, files=True),
 )
+
+
+def quantity_of(flag: str, text: str, unit: str, above: float = -inf) -> float:
+    """The SI value of a quantity that an option gives. Raises BadValue, which names the option."""
+    from kinematics.errors import BadValue
+    from kinematics.units import Unit
+
+    try:
+        return Unit(unit, above=above).read(text, {})
+    except BadValue as error:
+        raise BadValue(f"option {flag}: {error}", allowed=error.allowed, nearest=error.nearest) from None

@@ -7,7 +7,7 @@ import click
 from pulsepath import known_names
 from pulsepath.intent import writes
 from pulsepath.known_names import completing
-from pulsepath.options import dump_option, json_option, machine_option, program_argument
+from pulsepath.options import dump_option, json_option, machine_option, program_argument, quantity_of
 
 
 @click.command()
@@ -72,14 +72,13 @@ def plan(
 
     # before what is slow to load, so that both processes load at once
     with seldom_collected(), second(figures) as other:
-        from kinematics.units import quantity
         from pulsepath import plan_directory, record, tables
         from pulsepath.directory import refuse_overwrite, replacing
         from pulsepath.inputs import read_inputs
         from pulsepath.job import run
 
         refuse_overwrite(out, force)
-        seconds = None if duration is None else quantity(duration, "s")
+        seconds = None if duration is None else quantity_of("--duration", duration, "s", above=0.0)
         inputs = read_inputs(program, machine)
         kind = None if order is None else int(order)
         with replacing(out, force) as folder:  # where nothing can be written, that is said before the work
@@ -114,5 +113,6 @@ def _dump(
     chosen = usual_order(inputs.machine.axes) if order is None else int(order)
     options: dict[str, int | str] = {"order": chosen, "clock-hz": clock_hz, "rule": rule}
     if duration is not None:
+        quantity_of("--duration", duration, "s", above=0.0)
         options["duration"] = duration
     dump(folder, inputs, "plan", options, force, as_json)

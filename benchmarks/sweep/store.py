@@ -112,7 +112,8 @@ def load_runs(folder: Path) -> Runs:
     try:
         record = json.loads((folder / RECORD).read_bytes())
     except (OSError, ValueError) as error:
-        raise MotionError(f"{folder} holds no saved runs ({RECORD}: {error}); {hint}") from None
+        told = getattr(error, "strerror", None) or error
+        raise MotionError(f"{folder} holds no saved runs ({RECORD}: {told}); {hint}") from None
     if not isinstance(record, dict) or record.get("kind") != KIND:
         raise MotionError(f"{folder / RECORD} is no record of saved runs; {hint}")
     store, results = Store(folder), {}

@@ -56,6 +56,9 @@ def load_measurements(name_or_path: str | PathLike[str]) -> Measurements:
             for name, entry in entries
             if isinstance(entry, TurnedAxis) and "at" not in entry.model_fields_set
         ),
+        lines=tuple(
+            document.line((kind, k)) for kind in ("pose", "rotation") for k in range(len(getattr(model, kind)))
+        ),
     )
 
 

@@ -53,6 +53,7 @@ class Measurements(Result):
     noise   None: not stated, so it is estimated from the residuals
     spread  (N, 8) m and rad, largest deviation of repetitions from their mean; NaN: not stated
     notes   what the file leaves open, and what was taken for it
+    lines   of the file, for messages: where each pose stands in it; empty: of no file
     """
 
     commanded: Pose = field(repr=False)
@@ -64,6 +65,7 @@ class Measurements(Result):
     noise: Noise | None = None
     name: str = "measurements"
     notes: tuple[str, ...] = ()
+    lines: tuple[int | None, ...] = ()
 
     def __post_init__(self) -> None:
         for pose, what in ((self.commanded, "commanded"), (self.measured, "measured")):
@@ -174,4 +176,5 @@ def taken(data: Measurements, rows: Sequence[int]) -> Measurements:
         fit=data.fit[chosen],
         spread=data.spread[chosen],
         labels=tuple(data.labels[k] for k in chosen),
+        lines=tuple(data.lines[k] for k in chosen) if data.lines else (),
     )

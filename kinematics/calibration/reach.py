@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from kinematics.calibration.measurements import Measurements, taken
-from kinematics.errors import MotionError, OutOfReach
+from kinematics.errors import Fault, FileError, OutOfReach
 from kinematics.freedom import square_jacobian
 from kinematics.machine import Machine
 from kinematics.margins import travel_use
@@ -21,8 +21,8 @@ and lengths of the nominal machine are not those of the real one. More than that
 def reachable(machine: Machine, measured: Measurements) -> tuple[Measurements, tuple[str, ...]]:
     """The measurements without the checks that the machine cannot be sent to, and why each of those is left out.
 
-    Raises MotionError for the first fitted pose that it cannot be sent to: out of reach, of travel or of its freedom,
-    or singular.
+    Raises FileError with every fitted pose that it cannot be sent to: out of reach, of travel or of its freedom, or
+    singular.
     """
     commanded = machine.home * measured.commanded
     if _obstacle(machine, commanded, "") is None:
@@ -30,12 +30,11 @@ def reachable(machine: Machine, measured: Measurements) -> tuple[Measurements, t
     obstacles = {
         k: told for k, label in enumerate(measured.labels) if (told := _obstacle(machine, commanded[k], label))
     }
-    for k, told in obstacles.items():
-        if measured.fit[k]:
-            raise MotionError(
-                f"{measured.name}: {told}; check the file's units, signs and frame (poses count from home), or leave "
-                "that pose out"
-            )
+    remedy = "check the file's units, signs and frame (poses count from home), or leave that pose out"
+    lines = measured.lines or (None,) * len(measured)
+    faults = [Fault("", f"{told}; {remedy}", lines[k]) for k, told in obstacles.items() if measured.fit[k]]
+    if faults:
+        raise FileError(measured.name, faults)
     kept = [k for k in range(len(measured)) if k not in obstacles]
     return taken(measured, kept), tuple(obstacles.values())
 

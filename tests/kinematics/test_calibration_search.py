@@ -182,10 +182,11 @@ def test_poses_off_the_machine_are_told_by_file_and_label_and_only_if_fitted():
     (skipped,) = found.skipped
     assert "rotation 1 (6.4): machine tripod holds ry: it has ry -6.99" in skipped
     with pytest.raises(
-        MotionError, match=r"cmm\.toml: pose 1 \(6\.2\): machine linkage holds z: it has z 10 mm"
+        MotionError, match=r"cmm\.toml:13: pose 1 \(6\.2\): machine linkage holds z: it has z 10 mm"
     ) as raised:
         calibrate(load_machine("linkage"), data)
     assert not isinstance(raised.value, OutOfReach)  # bad input, not an infeasible job
+    assert len(raised.value.faults) == int(data.fit.sum())  # every table of theirs leads up
     with pytest.raises(MotionError, match=r"rotation 1 \(6\.4\): machine tripod holds ry"):
         calibrate(tripod, replace(data, fit=np.ones(9, bool)))
 

@@ -141,3 +141,16 @@ def test_a_constant_speed_needs_a_speed():
         Line([0, 0, 0.01], speed_constant=True)
     with pytest.raises(MotionError, match="give speed as well"):
         Arc([0, 0, 0.01], [0, 0, 1], 1, speed_constant=True)
+
+
+def test_an_end_of_travel_at_home_is_not_blamed_for_a_speed(hexapod):
+    """All legs stand at an end of their travel at home, to rounding: what stops the speed is the legs' own."""
+    asked = Program((Line([0, 0, 0.025], speed=0.08, speed_constant=True),))
+    with pytest.raises(Infeasible) as refusal:
+        plan(asked, hexapod, order=2)
+    assert refusal.value.kind == "speed"
+    found = re.search(r"there it could be ([\d.]+) mm/s", str(refusal.value))
+    # a leg is slower than the tool by its slope on the path, which is above 0.9
+    assert 20 < float(found[1]) < 20 / 0.9
+    proved = re.search(r"([\d.]+) mm/s was found to hold", str(refusal.value))
+    assert plan(Program((replace(asked.segments[0], speed=float(proved[1]) / 1e3),)), hexapod, order=2)

@@ -72,3 +72,10 @@ def test_what_is_free_keeps_the_sign_of_its_determinant(hexapod):
     assert len(changes)
     assert found is not None
     assert found[0] == pytest.approx(s[changes[0]], abs=2e-3 * path.breaks[-1])
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(("machine", "far"), [("hexapod", [0, 0, 25.0]), ("linkage", [0, -0.7, 0])])
+def test_metres_for_millimetres_are_refused_without_a_warning(machine, far):
+    (told, *_) = check(Program([Line(far)]), load_machine(machine)).violations
+    assert "segment 1" in str(told)

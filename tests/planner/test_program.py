@@ -5,6 +5,8 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from kinematics.errors import MotionError
@@ -61,3 +63,11 @@ def test_nonsense_is_refused_with_its_name(make, phrase):
     with pytest.raises(MotionError) as refusal:
         make()
     assert phrase in str(refusal.value)
+
+
+@given(st.lists(st.floats(-1e9, 1e9).filter(lambda x: x == 0 or abs(x) > 1e-9), min_size=3, max_size=3).filter(any))
+def test_a_normal_that_was_brought_to_length_one_stays_as_it_is(normal):
+    once = Arc([0, 0, 1], normal, 1.0).normal
+    assert np.linalg.norm(once) == pytest.approx(1.0, abs=1e-15)
+    assert Arc([0, 0, 1], once, 1.0).normal.tolist() == once.tolist()
+    assert Arc([0, 0, 1], [0, -0.6, 0.8], 1.0).normal.tolist() == [0, -0.6, 0.8]

@@ -234,3 +234,20 @@ def test_the_rate_of_bursts_that_an_axis_takes():
         generate(motion, [axis], [0.0], rule="dda")
     rate = number(r"send the pulses of a count at (\S+) 1/s or less", no.value)
     generate(motion, [axis], [0.0], rule=f"dda:rate={rate} 1/s,spacing=0.1s,pulses_per_count=10")
+
+
+def test_a_machine_beyond_a_limit_at_home_is_told_so(hexapod):
+    axes = [replace(axis, travel=(0.005, 0.03)) for axis in hexapod.axes]
+    short = Hexapod(hexapod.base, hexapod.platform, axes=axes, home=hexapod.home)
+    told = str(refused(Program([Line([0, 0, 0.06])]), short))
+    assert "beyond a limit at home already (leg" in told
+    assert "travel: 140.0% of its limit" in told  # 17.5 mm from the middle of a range of 25 mm
+
+
+@pytest.mark.parametrize(
+    ("machine", "segment", "name"),
+    [("tripod", Turn(Rotation.from_euler("y", 5, degrees=True)), "ry"), ("linkage", Line([0, 0.01, 0.01]), "z")],
+)
+def test_a_component_that_the_machine_does_not_move_is_to_be_left_as_it_is(machine, segment, name):
+    told = str(refused(Program([segment]), load_machine(machine)))
+    assert told.endswith(f"only; leave {name} as it is at home")

@@ -1,10 +1,12 @@
 """The commands: what they write and print, and how each bad call ends."""
 
 import json
+import os
 import re
 import subprocess
 import sys
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -23,6 +25,7 @@ FILES = {
     "report.html",
     "trajectory.csv",
 }
+ROOT = Path(__file__).parents[2]
 HEAD = 'schema = 1\nmachine = "hexapod"\nlength = "mm"\nangle = "deg"\n'
 LINE = "[[segment]]\nline = { to = [0, 0, 10] }\n"
 
@@ -213,6 +216,34 @@ def test_usage_errors(call, arguments):
     done = call(*arguments)
     assert done.exit_code == 2
     assert "Usage" in done.stderr
+    assert done.stdout == ""
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (["plan"], "Missing argument 'PROGRAM'."),
+        (["plan", "circle"], "Missing option '--out'."),
+        (["plan", "circle", "--out", "o", "--order", "4"], "Invalid value for '--order': '4' is not one of '2', '3'."),
+    ],
+)
+def test_usage_errors_as_data(call, arguments, told):
+    done = call(*arguments, "--json")
+    assert done.exit_code == 2
+    assert json.loads(done.stdout)["error"] == {"exit_code": 2, "kind": "input", "message": told}
+    assert told in done.stderr
+
+
+@pytest.mark.skipif(os.name != "posix", reason="asks a POSIX shell to close streams")
+@pytest.mark.parametrize("arguments", ["machines >&-", "machines 2>&-", "console --machine traverser --fast <&-"])
+def test_a_stream_that_is_closed_is_no_error(tmp_path, arguments):
+    command = f"{sys.executable} -m pulsepath {arguments}"
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "XDG_STATE_HOME": str(tmp_path)}
+    run = subprocess.run(
+        ["sh", "-c", command], capture_output=True, text=True, env=environment, cwd=tmp_path, check=False
+    )
+    assert run.returncode == 0
+    assert "internal error" not in run.stderr
 
 
 def stroke(z):
@@ -408,7 +439,7 @@ def test_machines(call):
 
 @pytest.mark.parametrize("options", [[], ["--json"]])
 def test_a_reader_that_closes_early_is_no_error(options):
-    command = [sys.executable, "-m", "pulsepath", "machines", *options]
+    command = [sys.executable, "-m", "pulsepath", "rules", *options]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
         process.stdout.close()
         assert process.stderr.read() == b""

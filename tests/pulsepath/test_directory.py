@@ -4,7 +4,7 @@ import pytest
 
 from kinematics import MotionError
 from kinematics.staging import write_whole
-from pulsepath.directory import KIND, is_ours, replacing
+from pulsepath.directory import KIND, is_ours, replacing, write_files
 
 
 def fill(folder, text):
@@ -139,3 +139,19 @@ def test_a_file_is_written_whole(tmp_path):
     with pytest.raises(UnicodeEncodeError):
         write_whole(tmp_path / "track.json", "third \udc00")
     assert tree(tmp_path) == {"track.json": b"second"}
+
+
+def test_a_file_on_the_way_is_named(tmp_path):
+    (tmp_path / "file").touch()
+    target = tmp_path / "file" / "a" / "out"
+    with pytest.raises(MotionError, match="file is a file, not a directory"), replacing(target, force=False):
+        pass
+    with pytest.raises(MotionError, match="file is a file, not a directory"):
+        write_files(target, {"x": b""}, force=False)
+
+
+def test_what_cannot_be_made_is_told_by_its_own_name(tmp_path):
+    place = tmp_path / "nowhere" / "out.csv"
+    with pytest.raises(OSError, match="No such file") as refusal:
+        write_whole(place, "x")
+    assert refusal.value.filename == str(place)

@@ -37,8 +37,6 @@ def test_the_machine_is_the_same(call, tmp_path, machine):
 @pytest.mark.parametrize("program", program_names())
 def test_the_path_is_the_same(call, tmp_path, program):
     inputs = read_inputs(program, None)
-    if inputs.machine.name == "arm":
-        pytest.importorskip("pinocchio")
     done = call("plan", program, "--dump-config", tmp_path, "--json")
     assert done.exit_code == 0
     again = read_inputs(str(tmp_path / "program.toml"), None)
@@ -69,6 +67,20 @@ def test_the_options_as_they_come_out(call, tmp_path):
     for file in ("machine.toml", "program.toml"):
         first, second = ((tmp_path / folder / file).read_text().splitlines()[1:] for folder in "ef")
         assert first == second
+
+
+def test_all_of_it_on_stdout(call, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    done = call("plan", "circle", "--dump-config", "-")
+    assert done.exit_code == 0
+    assert list(tmp_path.iterdir()) == []
+    _, machine, program, options = done.stdout.split("# ----- ")
+    assert call("plan", "circle", "--dump-config", "d").exit_code == 0
+    for name, text in (("machine.toml", machine), ("program.toml", program)):
+        assert text == f"{name}\n{(tmp_path / 'd' / name).read_text()}\n"
+    assert tomllib.loads(options.partition("\n")[2])["options"]["order"] == 3
+    told = json.loads(call("check", "circle", "--dump-config", "-", "--json").stdout)
+    assert tomllib.loads(told["files"]["program.toml"])["machine"] == "machine.toml"
 
 
 def test_nothing_is_replaced_and_bad_options_are_refused(call, tmp_path):

@@ -2,10 +2,10 @@
 
 import ast
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
-from time import perf_counter
 
 import pytest
 
@@ -32,16 +32,21 @@ def test_importing_the_package_loads_nothing_slow():
     assert "numpy" in loaded_after("import pulsepath as pp; pp.Axis")
 
 
+@pytest.mark.skipif(os.name != "posix", reason="asks the system what its children cost")
 def test_help_within_150_ms_of_a_bare_interpreter():
-    def fastest(*arguments):
+    """Of CPU time, which the children alone use: on the wall it is that, and what else the computer does."""
+    import resource
+
+    def least(*arguments):
         def once():
-            begin = perf_counter()
+            before = resource.getrusage(resource.RUSAGE_CHILDREN)
             subprocess.run([sys.executable, *arguments], capture_output=True, check=True)
-            return perf_counter() - begin
+            after = resource.getrusage(resource.RUSAGE_CHILDREN)
+            return after.ru_utime - before.ru_utime + after.ru_stime - before.ru_stime
 
         return min(once() for _ in range(5))
 
-    assert fastest("-m", "pulsepath", "--help") - fastest("-c", "pass") < 0.150
+    assert least("-m", "pulsepath", "--help") - least("-c", "pass") < 0.150
 
 
 def test_every_name_resolves_to_what_the_type_checker_is_told():
