@@ -12,10 +12,8 @@ from hypothesis import strategies as st
 from kinematics.errors import MotionError
 from kinematics.units import (
     MAX_LENGTH,
-    USUAL,
     Unit,
     apart,
-    by_pint,
     describe,
     everyday,
     quantity,
@@ -130,7 +128,7 @@ def test_what_is_no_quantity_is_refused_with_the_reason(text, unit, reason):
     ],
 )
 def test_hostile_text_never_reaches_pint(text, monkeypatch):
-    monkeypatch.setattr("kinematics.units._factor", lambda unit: pytest.fail(f"pint would be handed {unit!r}"))
+    monkeypatch.setattr("kinematics.units.in_si", lambda unit: pytest.fail(f"pint would be handed {unit!r}"))
     with pytest.raises(MotionError) as refusal:
         quantity(text, "m")
     assert len(str(refusal.value)) < 400
@@ -225,13 +223,3 @@ def test_neighbours_read_apart_and_equals_do_not(value, digits):
 )
 def test_numbers_have_the_digits_that_tell_them_apart(values, texts):
     assert apart(*values) == texts
-
-
-@pytest.mark.parametrize("unit", sorted(USUAL))
-def test_what_is_known_without_pint_is_what_pint_says(unit):
-    assert by_pint(unit) == USUAL[unit]
-
-
-def test_the_usual_units_are_read_without_pint():
-    code = "import sys, kinematics.units as u; u.quantity('2.5 mm/s', 'm/s'); assert 'pint' not in sys.modules"
-    subprocess.run([sys.executable, "-c", code], check=True)
