@@ -71,7 +71,8 @@ def four_views(plan: Animated, t: float | None = None, *, magnify: float | None 
     bar.set_ticks([0, 0.25, 0.5, 0.75, 1], labels=["0", "25 %", "50 %", "75 %", "100 %"])
     handles, labels = axes[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=3, frameon=False)
-    figure.suptitle(f"{frames.program} on {frames.machine} at {when:.3f} s\n{_told(frames)}", fontsize="small")
+    title = f"{frames.program} on {frames.machine} at {when:.3f} s\n{_told(frames)}"
+    figure.suptitle(title, fontsize="small", parse_math=False)  # names are no formulas
     return axes
 
 

@@ -6,6 +6,7 @@ import shutil
 import subprocess
 from base64 import b64decode
 from dataclasses import replace
+from html import unescape
 
 import msgspec
 import numpy as np
@@ -249,6 +250,13 @@ def test_the_page_says_what_it_draws(shown, page):
 def test_names_are_no_markup(circle):
     named = replace(circle, program=replace(circle.program, name="</script><b>"))
     assert "</script><b>" not in document(named, 2)
+
+
+def test_names_are_no_formulas(circle, tmp_path):
+    name = r"at $5$ or {\bad $x_{$"
+    named = replace(circle, program=replace(circle.program, name=name))
+    file = save_four_views(named, tmp_path / "views.svg")
+    assert name in unescape(file.read_text(encoding="utf-8"))
 
 
 def test_a_path_that_counts_do_not_tell_is_left_out(circle, monkeypatch):
