@@ -15,7 +15,7 @@ import zstandard
 
 from benchmarks.animation import animate, four_views, save_four_views
 from benchmarks.animation.animate import document
-from benchmarks.animation.frames import SHOWN, even, frames_of, magnification
+from benchmarks.animation.frames import ALONG, MOST, SHOWN, even, frames_of, instants, magnification
 from benchmarks.animation.look import RAMP, VIEWS, rgb, rgb_of
 from benchmarks.animation.nearest import nearest, tilt_use
 from benchmarks.animation.page import POLICY
@@ -223,6 +223,39 @@ def test_paths_are_the_planned_one_and_that_of_the_pulses(shown):
     np.testing.assert_allclose(frames.realised - frames.planned, frames.magnified * frames.errors, atol=1e-12)
     true = frames_of(shown, even(shown.trajectory, 2), 1.0)
     np.testing.assert_array_equal(true.realised, true.planned + true.errors)
+
+
+def test_a_tool_aside_is_joined_to_the_platform(circle, tmp_path):
+    """From the platform's origin, which is the tool's without one, to the tool: 60 mm along the platform's own z."""
+    file = tmp_path / "held.toml"
+    text = 'schema = 1\nlength = "mm"\nangle = "deg"\ntool = { to = [0, 0, 60] }\n[[segment]]\n'
+    file.write_text(text + "line = { to = [5, 0, 85], rotate = [2, 0, 0] }\n")
+    held = plan(load_program(str(file)), circle.machine, order=2)
+    t = even(held.trajectory, 5)
+    frames, pose = frames_of(held, t), held.trajectory.at(t).pose
+    assert len(frames.bars) == len(circle.machine.parts.bars) + 1 == frames.placed.bars.shape[1]
+    assert frames.bars[-1].sort == "platform"
+    np.testing.assert_allclose(frames.placed.bars[:, -1, 1], frames.tool, atol=1e-15)
+    np.testing.assert_allclose(frames.placed.bars[:, -1, 1], pose.apply([0, 0, 0.06]), atol=1e-12)
+    np.testing.assert_allclose(frames.placed.bars[:, -1, 0], pose.translation, atol=1e-12)
+    assert len(four_views(held)) == 4
+    assert len(frames_of(circle, t).bars) == len(circle.machine.parts.bars)
+
+
+def test_paths_of_long_motions_are_drawn_at_more_instants(tmp_path):
+    """Small circles one after the other: no chord leaves them by more than 1 % of their radius."""
+    file = tmp_path / "round.toml"
+    turns = "[[segment]]\narc = { centre = [0, 0, 0], normal = [0, 0, 1], angle = 21600 }\n"
+    file.write_text('schema = 1\nlength = "mm"\nangle = "deg"\nstart = [6, 0, 0]\n' + turns)
+    round_ = plan(load_program(str(file)), load_machine("linkage"), order=2)
+    assert 12 < round_.trajectory.duration < 60
+    frames = frames_of(round_, even(round_.trajectory, 240))
+    middle = (frames.planned[1:] + frames.planned[:-1]) / 2
+    home = load_machine("linkage").home.translation
+    radius = np.linalg.norm(middle - home, axis=1)
+    assert radius.min() > 0.99 * 0.006
+    assert [instants(seconds) for seconds in (0.5, 12.0, 20.0, 3600.0)] == [ALONG, ALONG, 2000, MOST]
+    assert len(document(round_).encode()) <= SIZE
 
 
 def test_errors_are_magnified_by_round_numbers_and_never_made_less():
