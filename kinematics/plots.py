@@ -79,7 +79,7 @@ def reach(workspace: Workspace, ax: Axes | None = None) -> Axes:
             )
         )
     ax.set(xlabel=f"{'xyz'[i]} (mm)", ylabel=f"{'xyz'[j]} (mm)", aspect="equal")
-    ax.set_title(_title(workspace, f", {'xyz'[held]} = {1e3 * workspace.nodes[held][0]:.4g} mm"), parse_math=False)
+    ax.set_title(_title(workspace, f", {'xyz'[held]} = {1e3 * workspace.nodes[held][0]:.4g} mm"))
     ax.legend(loc="upper left", bbox_to_anchor=(1, 1), frameon=False, fontsize="small")
     return ax
 
@@ -103,7 +103,7 @@ def _body(workspace: Workspace, ax: Axes3D | None) -> Axes3D:
     ax.set(xlabel="x (mm)", ylabel="y (mm)", zlabel="z (mm)")
     ax.zaxis.set_major_locator(MaxNLocator(3))
     ax.set_aspect("equal")
-    ax.set_title(_title(workspace, ""), parse_math=False)
+    ax.set_title(_title(workspace, ""))
     return ax
 
 
@@ -141,7 +141,7 @@ def position_error(budget: Budget, ax: Axes | None = None) -> Axes:
         ax.invert_yaxis()
         ax.set(xlabel="position error (µm)")
         ax.legend(frameon=False)
-    ax.set_title(f"Error budget of {budget.machine}", parse_math=False)
+    ax.set_title(f"Error budget of {budget.machine}")
     return ax
 
 
@@ -165,7 +165,7 @@ def force(forces: Forces, t: Array | None, ax: Axes | None = None) -> Axes:
     ax.set(xlabel="instant" if t is None else "time (s)", ylabel=", ".join(sorted(units)))
     ax.legend(frameon=False, loc="center left", bbox_to_anchor=(1, 0.5))
     told = f", at most {100 * use:.0f} % of what they may give" if limits else ""
-    ax.set_title(f"Actuator forces of {forces.machine.name}{told}", parse_math=False)
+    ax.set_title(f"Actuator forces of {forces.machine.name}{told}")
     return ax
 
 
@@ -198,8 +198,7 @@ def at_home(machine: Machine, ax: Axes | None = None) -> Axes:
     ax.set_yticks(range(len(named)), named)
     ax.invert_yaxis()
     ax.axvline(0.0, color="black", linewidth=0.8)
-    ax.set(xlabel="travel from home")
-    ax.set_title(machine.name, parse_math=False)
+    ax.set(xlabel="travel from home", title=machine.name)
     return ax
 
 
@@ -211,8 +210,7 @@ def _legs(machine: Legged, ax: Axes3D | None) -> Axes:
     for joints in (base, platform):
         round_ = np.argsort(np.arctan2(*(joints - joints.mean(0))[:, 1::-1].T))
         ax.plot(*joints[[*round_, round_[0]]].T, color="black", linewidth=1)
-    ax.set(xlabel="x (mm)", ylabel="y (mm)", zlabel="z (mm)")
-    ax.set_title(f"{machine.name} at home", parse_math=False)
+    ax.set(xlabel="x (mm)", ylabel="y (mm)", zlabel="z (mm)", title=f"{machine.name} at home")
     ax.set_aspect("equal")
     ax.legend(loc="upper left", frameon=False, fontsize="small")
     return cast(Axes, ax)

@@ -1,4 +1,7 @@
-"""Quantities of files and messages: text with a unit on the outside, SI numbers inside."""
+"""Quantities of files and messages: text with a unit on the outside, SI numbers inside.
+
+Angles are a dimension of their own here, so "10 deg/s" is no pulse rate and "3000 1/s" no angular speed.
+"""
 
 import re
 from collections.abc import Mapping
@@ -8,7 +11,7 @@ from math import ceil, floor, inf, isfinite, log10
 from typing import TYPE_CHECKING, Annotated, Any
 
 from kinematics.errors import BadValue, MotionError
-from kinematics.known_units import in_si
+from kinematics.unit_table import factor
 
 if TYPE_CHECKING:
     from pydantic_core import CoreSchema
@@ -24,6 +27,8 @@ _NUMBER = re.compile(rf"[+-]?(?:{_DECIMAL}|(?:nan|inf(?:inity)?)(?![a-z]))", re.
 _FACTOR = r"[A-Za-zµ°]+(?:(?:\^|\*\*)-?[1-9])?"
 # how people write units that are none here
 _SLIPS = str.maketrans({"\\": "/", "²": "^2", "³": "^3", "·": "*", "×": "*"})
+_POWER = re.compile(r"([a-z])([2-9])(?![a-z0-9])")
+_COMMA = re.compile(r"[+-]?\d+,\d")
 _UNIT = re.compile(rf"(?:1 ?/ ?)?{_FACTOR}(?:(?: ?[*/] ?| ){_FACTOR})*")
 
 _EVERYDAY = {
@@ -65,7 +70,7 @@ def unit_value(name: object, unit: str) -> float:
 
 def describe(value: float, unit: str) -> str:
     """An SI value in the unit asked for, for messages: describe(0.0508, "mm") is "50.8 mm"."""
-    return f"{value / float(in_si(unit)[0]):.6g} {unit}"
+    return f"{value / float(factor(unit)[0]):.6g} {unit}"
 
 
 def at_least(value: float, digits: int = 4) -> str:
@@ -198,6 +203,8 @@ def _parse(text: object, unit: str) -> float:
     if len(text) > MAX_LENGTH:
         raise BadValue(f"longer than {MAX_LENGTH} characters")
     stripped = text.strip().replace("μ", "µ")
+    if _COMMA.match(stripped):
+        raise BadValue("a comma in a number: decimals follow a point, and thousands have no sign")
     number = _NUMBER.match(stripped)
     if number is None:
         raise BadValue("does not begin with a number")
@@ -207,13 +214,13 @@ def _parse(text: object, unit: str) -> float:
     if not tail:
         raise BadValue("a number without a unit")
     if not _UNIT.fullmatch(tail):
-        meant = tail.translate(_SLIPS)
+        meant = _POWER.sub(r"\1^\2", tail.translate(_SLIPS))
         like = meant if _UNIT.fullmatch(meant) else ""
         raise BadValue(f"{shown(tail)} is not a unit" + (f', nearest is "{like}"' if like else ""), nearest=like)
-    (factor, dimension), (_, wanted) = in_si(tail, unit), in_si(unit)
+    (scale, dimension), (_, wanted) = factor(tail, unit), factor(unit)
     if dimension != wanted:
         raise BadValue(f"not convertible to {everyday(unit)}")
-    result = float(value * factor)
+    result = float(value * scale)
     if not isfinite(result):
         raise BadValue("too large for a number")
     return result

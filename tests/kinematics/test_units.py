@@ -10,16 +10,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from kinematics.errors import MotionError
-from kinematics.units import (
-    MAX_LENGTH,
-    Unit,
-    apart,
-    describe,
-    everyday,
-    quantity,
-    shown,
-    unit_value,
-)
+from kinematics.units import MAX_LENGTH, Unit, apart, describe, everyday, quantity, shown, unit_value
 
 
 @pytest.mark.parametrize(
@@ -128,7 +119,7 @@ def test_what_is_no_quantity_is_refused_with_the_reason(text, unit, reason):
     ],
 )
 def test_hostile_text_never_reaches_pint(text, monkeypatch):
-    monkeypatch.setattr("kinematics.units.in_si", lambda unit: pytest.fail(f"pint would be handed {unit!r}"))
+    monkeypatch.setattr("kinematics.units.factor", lambda unit: pytest.fail(f"pint would be handed {unit!r}"))
     with pytest.raises(MotionError) as refusal:
         quantity(text, "m")
     assert len(str(refusal.value)) < 400
@@ -223,3 +214,19 @@ def test_neighbours_read_apart_and_equals_do_not(value, digits):
 )
 def test_numbers_have_the_digits_that_tell_them_apart(values, texts):
     assert apart(*values) == texts
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "told"),
+    [
+        ("149,5 mm", "m", "a comma in a number: decimals follow a point"),
+        ("1,200 mm", "m", "thousands have no sign"),
+        ("225 mm/s2", "m/s^2", 'nearest is "mm/s^2"'),
+        ("4000 mm/s3", "m/s^3", 'nearest is "mm/s^3"'),
+        ("2 kg m2", "kg m^2", 'nearest is "kg m^2"'),
+    ],
+)
+def test_habits_of_writing_are_told_what_is_written_here(text, unit, told):
+    with pytest.raises(MotionError) as refusal:
+        quantity(text, unit)
+    assert told in str(refusal.value)

@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from kinematics.known_units import USUAL, by_pint
+from kinematics.unit_table import USUAL, by_pint
 
 
 @pytest.mark.parametrize("unit", sorted(USUAL))

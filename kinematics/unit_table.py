@@ -1,7 +1,4 @@
-"""The units that are known: how many SI units one of each is, and of what dimension.
-
-Angles are a dimension of their own here, so "10 deg/s" is no pulse rate and "3000 1/s" no angular speed.
-"""
+"""The units that files know: what each is in SI, and the nearest one to a mistaken name."""
 
 from decimal import Decimal
 from functools import cache
@@ -65,9 +62,9 @@ _LENGTHS = {"m": "1", "mm": "0.001", "um": "0.000001", "in": "0.0254"}
 _ANGLES = {"rad": "1", "deg": "0.01745329251994329576923690768"}
 _RATES = {"": "", "/s": " / [time]", "/s^2": " / [time] ** 2", "/s^3": " / [time] ** 3"}
 USUAL = {
-    f"{unit}{per}": (Decimal(factor), f"[{kind}]{rate}")
+    f"{unit}{per}": (Decimal(size), f"[{kind}]{rate}")
     for kind, units in (("length", _LENGTHS), ("angle", _ANGLES))
-    for unit, factor in units.items()
+    for unit, size in units.items()
     for per, rate in _RATES.items()
 } | {
     "s": (Decimal(1), "[time]"),
@@ -76,7 +73,7 @@ USUAL = {
 }
 
 
-def in_si(unit: str, like: str = "") -> tuple[Decimal, str]:
+def factor(unit: str, like: str = "") -> tuple[Decimal, str]:
     """(how many SI units one `unit` is, its dimension). MotionError names an unknown unit and the nearest known one.
 
     like  a unit of the dimension that is wanted: of a single unit, the nearest is sought among those of that dimension
@@ -96,7 +93,7 @@ def by_pint(unit: str, like: str = "") -> tuple[Decimal, str]:
         unknown = error.unit_names if isinstance(error.unit_names, str) else next(iter(error.unit_names))
         known = _unit_names()
         if like and unknown == unit:
-            alike = [name for name in known if in_si(name)[1] == in_si(like)[1]]
+            alike = [name for name in known if factor(name)[1] == factor(like)[1]]
             known = tuple(alike) if closest(unknown, alike) else known
         told = f'unknown unit "{unknown}"{nearest(unknown, known)}'
         raise BadValue(told, nearest=closest(unknown, known)) from None
