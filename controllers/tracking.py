@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -45,10 +45,10 @@ class Tracking(Result):
 
     law: str
     dt: float
-    t: Array
-    reference: Array
-    command: Array
-    actual: Array
+    t: Array = field(repr=False)
+    reference: Array = field(repr=False)
+    command: Array = field(repr=False)
+    actual: Array = field(repr=False)
     pulses: np.ndarray
     axes: tuple[tuple[str, str], ...]
 
