@@ -7,6 +7,7 @@ import subprocess
 from base64 import b64decode
 from dataclasses import replace
 from html import unescape
+from importlib.resources import files
 
 import msgspec
 import numpy as np
@@ -335,6 +336,19 @@ def test_stills_are_four_axes_with_equal_scales(shown):
     limits = [np.diff(getattr(axes[3], f"get_{way}lim3d")())[0] for way in "xyz"]
     np.testing.assert_allclose(limits / max(limits), axes[3]._box_aspect / max(axes[3]._box_aspect), rtol=1e-6)
     assert [ax.get_xlabel()[0] + ax.get_ylabel()[0] for ax in axes[:3]] == ["xy", "xz", "yz"]
+
+
+@pytest.mark.parametrize("scale", [1e-4, 1.0])
+def test_a_flat_machine_is_flat_in_space_whatever_its_size(scale, tmp_path):
+    """The linkage, and one of 40 µm: every quantity of its file that has mm in it, times the scale."""
+    preset = files("kinematics") / "presets" / "linkage.toml"
+    text = re.sub(r'"(-?[\d.]+) mm', lambda found: f'"{scale * float(found[1]):.9g} mm', preset.read_text("utf-8"))
+    machine, program = tmp_path / "flat.toml", tmp_path / "way.toml"
+    machine.write_text(text, encoding="utf-8")
+    program.write_text(f'schema = 1\nlength = "mm"\n[[segment]]\nline = {{ to = [{40 * scale}, 0, 0] }}\n')
+    space = four_views(plan(load_program(str(program)), load_machine(str(machine)), order=2))[3]
+    wide, deep, high = (np.diff(getattr(space, f"get_{way}lim3d")())[0] for way in "xyz")
+    assert 0 < high < 0.01 * min(wide, deep)
 
 
 def test_stills_show_the_instant_asked_for(circle):
