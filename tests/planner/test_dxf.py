@@ -627,7 +627,7 @@ def test_without_ezdxf_the_extra_is_named(sheet, monkeypatch):
     space.add_line((0, 0), (1, 1))
     read()
     monkeypatch.setitem(sys.modules, "ezdxf.filemanagement", None)
-    with pytest.raises(MotionError, match=r'pip install "pulsepath\[cad\]"'):
+    with pytest.raises(MotionError, match=r"pip install 'pulsepath\[cad\]'"):
         import_program("part.dxf")
 
 

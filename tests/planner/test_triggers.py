@@ -123,7 +123,7 @@ def test_a_repeated_program_is_the_program_written_out(marked, hexapod):
 
 def test_a_segment_without_length_in_a_repetition_is_named(hexapod):
     segments = (Line([0.01, 0, 0], line_number=7), Arc([0, 0, 0], [0, 0, 1], 2 * np.pi))
-    with pytest.raises(MotionError, match=r"repetition 2: segment 1, line \(line 7\): it ends where it starts.*start"):
+    with pytest.raises(MotionError, match=r"segment 1, line \(line 7\): repetition 2: it ends where it starts.*start"):
         actuate(Program(segments, repeat=2), hexapod)
     assert len(actuate(Program(segments), hexapod).breaks) == 3
 

@@ -32,11 +32,8 @@ def test_quiet_still_tells_errors(call):
 @pytest.mark.parametrize("where", ["before", "after"])
 def test_verbose_says_how(call, tmp_path, where, monkeypatch, job):
     monkeypatch.setattr("pulsepath.job.plan", lambda *_, **__: job.plan)
-    monkeypatch.setattr("pulsepath.job._others", lambda _: ())
     monkeypatch.setattr("pulsepath.job._followed", lambda *_: None)
-    monkeypatch.setattr("pulsepath.job._tracked", lambda *_: ())
-    monkeypatch.setattr("benchmarks.report.write_report", lambda *args, **_: args[3].write_text(""))
-    arguments = ["plan", "bare-circle", "--out", tmp_path / "o", "--json"]
+    arguments = ["plan", "bare-circle", "--out", tmp_path / "o", "--no-figures", "--json"]
     done = call(*(["--verbose", *arguments] if where == "before" else [*arguments, "-v"]))
     assert done.exit_code == 0
     assert "order 3, rounds of solving: " in done.stderr
