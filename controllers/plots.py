@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from controllers.metrics import ErrorSeries, Metrics
 from controllers.metrics.circular_test import CircularTest
 from controllers.metrics.path_accuracy import PathAccuracy
-from controllers.simulate import Tracking
+from controllers.tracking import Tracking
 from kinematics.array import Array
 from kinematics.figure import PALETTE, line_style, literal, new_axes
 

@@ -1,7 +1,7 @@
 """One page served on loopback, to this computer's browsers alone."""
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from threading import Thread
@@ -31,7 +31,8 @@ def served(page: str, port: int = 0) -> Iterator[str]:
                 self.send_header("Content-Type", "text/html; charset=utf-8")
                 self.send_header("Content-Length", str(len(content)))
                 self.end_headers()
-                self.wfile.write(content)
+                with suppress(ConnectionError):  # a browser that has left
+                    self.wfile.write(content)
 
         def log_message(self, format: str, *args: object) -> None:
             pass

@@ -3,11 +3,14 @@
 import multiprocessing
 import os
 import signal
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib import import_module
+from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
+from types import ModuleType
 from typing import TYPE_CHECKING
 
 from pulsepath.seldom import seldom_collected
@@ -33,13 +36,41 @@ def _cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def _started(figures: bool) -> tuple[BaseProcess, Connection]:
+def _started(figures: bool) -> tuple[BaseProcess, Connection] | None:
+    """None where the system has no room for one more, which is no reason not to go on."""
     context = multiprocessing.get_context("spawn")
-    pipe, other = context.Pipe()
+    try:
+        pipe, other = context.Pipe()
+    except OSError:
+        return None
     process = context.Process(target=_serve, args=(other, figures), daemon=True)
-    process.start()
-    other.close()
+    with other:
+        try:
+            with _apart():
+                process.start()
+        except OSError:
+            pipe.close()
+            return None
     return process, pipe
+
+
+@contextmanager
+def _apart() -> Iterator[None]:
+    """Around the start of a process: it runs no script of the caller again, and no Ctrl-C before it can ignore it.
+
+    The first is as in planner.workers, which is slow to load.
+    """
+    main = sys.modules["__main__"]
+    if hasattr(signal, "pthread_sigmask"):  # what is held off here is held off in what is started
+        resource_tracker.ensure_running()  # else started with the process, when it would let Ctrl-C in again
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    sys.modules["__main__"] = ModuleType("__main__")
+    try:
+        yield
+    finally:
+        sys.modules["__main__"] = main
+        if hasattr(signal, "pthread_sigmask"):
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _serve(pipe: Connection, figures: bool) -> None:

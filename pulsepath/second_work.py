@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from controllers import Metrics, find_law
 from controllers.metrics.evaluate import PERIOD, evaluate_each
-from controllers.simulate import track_each
+from controllers.tracking import track_each
 from kinematics import Machine, MotionError
 from planner import Plan, Program
 from planner.baselines import KINDS, Classical, classical

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol
 
+import casadi as ca
 import numpy as np
 
 from benchmarks.animation.nearest import Nearest, nearest, tilt_use
@@ -18,8 +19,9 @@ from planner.pulses import PulseSchedule
 from planner.pulses.reached import reached
 from planner.trajectory import State, Trajectory
 
-ALONG = 1200
-"""Instants at which both paths are drawn, evenly in time."""
+ALONG, RATE, MOST = 1200, 100.0, 6000
+"""Instants at which both paths are drawn, evenly in time: at least; 1/s of a motion that lasts longer; at most, so that
+the page stays small."""
 SHOWN = 0.04
 """Share of the path's size that the largest error of the pulses is drawn as, at most, if nothing else is asked for."""
 FLAT = 1e-6
@@ -56,7 +58,7 @@ class DrawnPlan:
 class Frames:
     """The machine at instants t (N,) s, everything in the base frame, m.
 
-    bars, pivots  what the skeleton consists of;  placed: where they are
+    bars, pivots  what the skeleton consists of, and the tool's shank;  placed: where they are
     tool          (N, 3) its place: the platform's origin's where there is none
     nearest, tilt how near every axis, the tool and each pivot (N, pivots) are to their limits
     planned       (M, 3) the path of the tool, evenly in time
@@ -111,24 +113,25 @@ def frames_of(plan: Animated, t: Array, magnified: float | None = None) -> Frame
     machine = plan.machine
     state = plan.trajectory.at(t)
     x = _numbers(state)
-    parts = machine.parts
-    along = np.linspace(0.0, plan.trajectory.duration, ALONG)
+    along = even(plan.trajectory, instants(plan.trajectory.duration))
     wanted = _numbers(plan.trajectory.at(along))
     planned = _tool(plan, wanted)
     try:
         errors = _tool(plan, reached(machine, plan.pulses, along, wanted)) - planned
     except MotionError:  # singular on the way: `plan` tells it too
         errors = None
+    pivots, tool = machine.parts.pivots, _tool(plan, x)
+    bars, placed = _with_tool(plan, place(machine, x, state.q), x[:, :3], tool)
     return Frames(
         plan.program.name,
         machine.name,
         frozen(t),
-        parts.bars,
-        parts.pivots,
-        place(machine, x, state.q),
-        frozen(_tool(plan, x)),
+        bars,
+        pivots,
+        placed,
+        frozen(tool),
         nearest(plan.limits, state, [axis.name for axis in machine.axes]),
-        tilt_use(plan.limits, state, [pivot.name for pivot in parts.pivots]),
+        tilt_use(plan.limits, state, [pivot.name for pivot in pivots]),
         frozen(planned),
         None if errors is None else frozen(errors),
         magnification(planned, errors) if magnified is None else magnified,
@@ -140,6 +143,11 @@ def even(trajectory: Trajectory, count: int) -> Array:
     return np.linspace(0.0, trajectory.duration, count)
 
 
+def instants(duration: float) -> int:
+    """At how many instants the paths of a motion of `duration` s are drawn."""
+    return int(np.clip(RATE * duration, ALONG, MOST))
+
+
 def magnification(planned: Array, errors: Array | None) -> float:
     """1, 2 or 5 times a power of ten that draws the largest error at most SHOWN of the path's size; 1 at least."""
     largest = 0.0 if errors is None else float(np.linalg.norm(errors, axis=1).max())
@@ -148,6 +156,19 @@ def magnification(planned: Array, errors: Array | None) -> float:
     room = SHOWN * float(np.linalg.norm(np.ptp(planned, axis=0))) / largest
     steps = [step * 10.0**power for power in range(12) for step in (1, 2, 5)]
     return max([step for step in steps if step <= room], default=1.0)
+
+
+def _with_tool(plan: Animated, placed: Placed, origin: Array, tip: Array) -> tuple[tuple[Bar, ...], Placed]:
+    """The machine's bars, and one from the platform's origin to the tool's where that lies elsewhere, both (N, 3)."""
+    bars, tool = plan.machine.parts.bars, plan.trajectory.path.tool
+    if tool is None or not (tip != origin).any():
+        return bars, placed
+    x = ca.SX.sym("x", 12)
+    shank = np.stack([origin, tip], 1)[:, None]
+    return (
+        (*bars, Bar("platform", x[:3], tool.function(x)[:3])),
+        Placed(frozen(np.concatenate([placed.bars, shank], 1)), placed.pivots),
+    )
 
 
 def _tool(plan: Animated, x: Array) -> Array:

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.animation.frames import ALONG, Frames
+from benchmarks.animation.frames import Frames
 from benchmarks.animation.look import PLAIN, PLANNED, RAMP, REALISED, VIEWS, View, rgb_of
 from benchmarks.animation.scene import CLOCK, HOLD, recorded
 from benchmarks.page import render
@@ -58,7 +58,7 @@ def _overlay(frames: Frames) -> str:
         magnified=None if errors is None else frames.magnified,
         times=f"{frames.magnified:g}",
         largest="" if errors is None else f"{errors:.3g} µm",
-        along=ALONG,
+        along=len(frames.planned),
         count=len(frames.t),
         step=f"{1e3 * seconds / (len(frames.t) - 1):.3g} ms",
         hold=HOLD,

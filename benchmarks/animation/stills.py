@@ -21,6 +21,8 @@ WIDTHS: dict[Sort, float] = {"frame": 1.4, "actuator": 2.6, "link": 3.4, "platfo
 USE, TILTED = "use of the nearest limit", "; joints: of their tilt"
 FORMATS = (".pdf", ".png", ".svg")
 DPI, IN_LINE = 200, 4
+THIN = 1e-3
+"""Share of a flat machine's size that is drawn above and below it in space."""
 
 
 def save_four_views(
@@ -71,7 +73,8 @@ def four_views(plan: Animated, t: float | None = None, *, magnify: float | None 
     bar.set_ticks([0, 0.25, 0.5, 0.75, 1], labels=["0", "25 %", "50 %", "75 %", "100 %"])
     handles, labels = axes[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=3, frameon=False)
-    figure.suptitle(f"{frames.program} on {frames.machine} at {when:.3f} s\n{_told(frames)}", fontsize="small")
+    title = f"{frames.program} on {frames.machine} at {when:.3f} s\n{_told(frames)}"
+    figure.suptitle(title, fontsize="small", parse_math=False)  # names are no formulas
     return axes
 
 
@@ -100,15 +103,17 @@ def _draw(ax: Any, frames: Frames, view: View) -> None:
         *(1e3 * frames.tool[:1] @ shown).T, s=30, color=marks[-1:], edgecolor="black", zorder=6, label="tool", **flat
     )
     ax.set_title(view.name)
+    if not view.parallel and frames.flat:  # matplotlib's own room for no height at all is in mm
+        height = 1e3 * frames.box[0, 2]
+        ax.set(zlim=height + 1e3 * THIN * frames.size * np.array([-1, 1]), zticks=[height])
     ax.set_aspect("equal", **({"adjustable": "datalim"} if view.parallel else {}))
     names = ["xyz"[int(np.argmax(axis))] for axis in shown.T]
     for way, name in zip("xyz", names, strict=False):
         ax.set(**{f"{way}label": f"{name} (mm)"})
     if not view.parallel:
         for name in names:
-            getattr(ax, f"{name}axis").set_major_locator(MaxNLocator(4))
-        if frames.flat:
-            ax.set_zticks([1e3 * frames.box[0, 2]])
+            if not (frames.flat and name == "z"):
+                getattr(ax, f"{name}axis").set_major_locator(MaxNLocator(4))
         x, y, z = view.back
         ax.view_init(elev=np.rad2deg(np.arcsin(z)), azim=np.rad2deg(np.arctan2(y, x)))
 

@@ -16,9 +16,10 @@ from controllers.metrics.series import ErrorSeries
 from controllers.metrics.space import space_errors
 from controllers.metrics.vibration import Vibration, vibrations
 from controllers.rig import Rig
-from controllers.simulate import Planned as Plan
-from controllers.simulate import Runs, Tracking, motion_of
+from controllers.simulate import Runs
 from controllers.task import Task
+from controllers.tracking import Planned as Plan
+from controllers.tracking import Tracking, motion_of
 from kinematics.array import Array, frozen
 from planner.pulses.motion import Motion
 

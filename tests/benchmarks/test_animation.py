@@ -6,6 +6,8 @@ import shutil
 import subprocess
 from base64 import b64decode
 from dataclasses import replace
+from html import unescape
+from importlib.resources import files
 
 import msgspec
 import numpy as np
@@ -14,7 +16,7 @@ import zstandard
 
 from benchmarks.animation import animate, four_views, save_four_views
 from benchmarks.animation.animate import document
-from benchmarks.animation.frames import SHOWN, even, frames_of, magnification
+from benchmarks.animation.frames import ALONG, MOST, SHOWN, even, frames_of, instants, magnification
 from benchmarks.animation.look import RAMP, VIEWS, rgb, rgb_of
 from benchmarks.animation.nearest import nearest, tilt_use
 from benchmarks.animation.page import POLICY
@@ -224,6 +226,39 @@ def test_paths_are_the_planned_one_and_that_of_the_pulses(shown):
     np.testing.assert_array_equal(true.realised, true.planned + true.errors)
 
 
+def test_a_tool_aside_is_joined_to_the_platform(circle, tmp_path):
+    """From the platform's origin, which is the tool's without one, to the tool: 60 mm along the platform's own z."""
+    file = tmp_path / "held.toml"
+    text = 'schema = 1\nlength = "mm"\nangle = "deg"\ntool = { to = [0, 0, 60] }\n[[segment]]\n'
+    file.write_text(text + "line = { to = [5, 0, 85], rotate = [2, 0, 0] }\n")
+    held = plan(load_program(str(file)), circle.machine, order=2)
+    t = even(held.trajectory, 5)
+    frames, pose = frames_of(held, t), held.trajectory.at(t).pose
+    assert len(frames.bars) == len(circle.machine.parts.bars) + 1 == frames.placed.bars.shape[1]
+    assert frames.bars[-1].sort == "platform"
+    np.testing.assert_allclose(frames.placed.bars[:, -1, 1], frames.tool, atol=1e-15)
+    np.testing.assert_allclose(frames.placed.bars[:, -1, 1], pose.apply([0, 0, 0.06]), atol=1e-12)
+    np.testing.assert_allclose(frames.placed.bars[:, -1, 0], pose.translation, atol=1e-12)
+    assert len(four_views(held)) == 4
+    assert len(frames_of(circle, t).bars) == len(circle.machine.parts.bars)
+
+
+def test_paths_of_long_motions_are_drawn_at_more_instants(tmp_path):
+    """Small circles one after the other: no chord leaves them by more than 1 % of their radius."""
+    file = tmp_path / "round.toml"
+    turns = "[[segment]]\narc = { centre = [0, 0, 0], normal = [0, 0, 1], angle = 21600 }\n"
+    file.write_text('schema = 1\nlength = "mm"\nangle = "deg"\nstart = [6, 0, 0]\n' + turns)
+    round_ = plan(load_program(str(file)), load_machine("linkage"), order=2)
+    assert 12 < round_.trajectory.duration < 60
+    frames = frames_of(round_, even(round_.trajectory, 240))
+    middle = (frames.planned[1:] + frames.planned[:-1]) / 2
+    home = load_machine("linkage").home.translation
+    radius = np.linalg.norm(middle - home, axis=1)
+    assert radius.min() > 0.99 * 0.006
+    assert [instants(seconds) for seconds in (0.5, 12.0, 20.0, 3600.0)] == [ALONG, ALONG, 2000, MOST]
+    assert len(document(round_).encode()) <= SIZE
+
+
 def test_errors_are_magnified_by_round_numbers_and_never_made_less():
     planned = np.array([[0, 0, 0], [0.1, 0, 0]])
     for error, factor in [(1e-6, 2000.0), (3.9e-6, 1000.0), (1.0, 1.0), (0.0, 1.0)]:
@@ -249,6 +284,13 @@ def test_the_page_says_what_it_draws(shown, page):
 def test_names_are_no_markup(circle):
     named = replace(circle, program=replace(circle.program, name="</script><b>"))
     assert "</script><b>" not in document(named, 2)
+
+
+def test_names_are_no_formulas(circle, tmp_path):
+    name = r"at $5$ or {\bad $x_{$"
+    named = replace(circle, program=replace(circle.program, name=name))
+    file = save_four_views(named, tmp_path / "views.svg")
+    assert name in unescape(file.read_text(encoding="utf-8"))
 
 
 def test_a_path_that_counts_do_not_tell_is_left_out(circle, monkeypatch):
@@ -294,6 +336,19 @@ def test_stills_are_four_axes_with_equal_scales(shown):
     limits = [np.diff(getattr(axes[3], f"get_{way}lim3d")())[0] for way in "xyz"]
     np.testing.assert_allclose(limits / max(limits), axes[3]._box_aspect / max(axes[3]._box_aspect), rtol=1e-6)
     assert [ax.get_xlabel()[0] + ax.get_ylabel()[0] for ax in axes[:3]] == ["xy", "xz", "yz"]
+
+
+@pytest.mark.parametrize("scale", [1e-4, 1.0])
+def test_a_flat_machine_is_flat_in_space_whatever_its_size(scale, tmp_path):
+    """The linkage, and one of 40 µm: every quantity of its file that has mm in it, times the scale."""
+    preset = files("kinematics") / "presets" / "linkage.toml"
+    text = re.sub(r'"(-?[\d.]+) mm', lambda found: f'"{scale * float(found[1]):.9g} mm', preset.read_text("utf-8"))
+    machine, program = tmp_path / "flat.toml", tmp_path / "way.toml"
+    machine.write_text(text, encoding="utf-8")
+    program.write_text(f'schema = 1\nlength = "mm"\n[[segment]]\nline = {{ to = [{40 * scale}, 0, 0] }}\n')
+    space = four_views(plan(load_program(str(program)), load_machine(str(machine)), order=2))[3]
+    wide, deep, high = (np.diff(getattr(space, f"get_{way}lim3d")())[0] for way in "xyz")
+    assert 0 < high < 0.01 * min(wide, deep)
 
 
 def test_stills_show_the_instant_asked_for(circle):

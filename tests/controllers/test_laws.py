@@ -8,7 +8,8 @@ from controllers.laws.closed_position import ClosedPosition
 from controllers.laws.law import Feedback, Reference
 from controllers.laws.open_position import OpenPosition
 from controllers.laws.registry import LAWS, find_law, law_names
-from controllers.simulate import SETTLE, track
+from controllers.simulate import SETTLE
+from controllers.tracking import track
 from kinematics.errors import MotionError
 
 PULSE = 0.75e-6

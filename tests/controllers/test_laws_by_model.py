@@ -21,7 +21,7 @@ from controllers.laws.registry import find_law
 from controllers.laws.response import friction_response, response
 from controllers.rig import Rig, load_rig
 from controllers.servo import leg_servo
-from controllers.simulate import track
+from controllers.tracking import track
 from kinematics.errors import MotionError
 
 PULSE = 0.75e-6

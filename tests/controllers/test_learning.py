@@ -11,8 +11,9 @@ from controllers.laws.nominal import nominal
 from controllers.learning import TAIL, learn, modelled
 from controllers.rig import Rig
 from controllers.servo import leg_servo
-from controllers.simulate import sample, track
+from controllers.simulate import sample
 from controllers.task import Task
+from controllers.tracking import track
 from kinematics.errors import MotionError
 
 PULSE = 0.75e-6

@@ -4,6 +4,7 @@ import json
 import os
 import signal
 import socket
+import struct
 import subprocess
 import sys
 from urllib.error import HTTPError
@@ -12,6 +13,7 @@ from urllib.request import Request, urlopen
 import pytest
 
 from benchmarks.animation.animate import document
+from pulsepath.page_server import served
 
 
 def test_the_page_is_that_of_the_plan(call, plan, job, tmp_path):
@@ -129,3 +131,18 @@ def test_a_port_that_is_taken_is_told(call, plan):
     assert done.exit_code == 2
     assert f"127.0.0.1 port {port}" in done.stderr
     assert "another --port" in done.stderr
+
+
+def test_a_browser_that_leaves_early_is_nobodys_fault(capsys):
+    """It takes a little of a page that no buffer holds, and resets the connection."""
+    with served("x" * 20_000_000) as address:
+        port = int(address.rstrip("/").rsplit(":", 1)[1])
+        with socket.socket() as visitor:
+            visitor.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 2000)
+            visitor.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+            visitor.connect(("127.0.0.1", port))
+            visitor.sendall(b"GET / HTTP/1.1\r\nHost: localhost\r\n\r\n")
+            visitor.recv(100)
+        with urlopen(address, timeout=10) as answer:  # the next one is served
+            assert len(answer.read()) == 20_000_000
+    assert capsys.readouterr().err == ""

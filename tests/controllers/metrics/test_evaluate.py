@@ -10,7 +10,7 @@ from scipy.spatial.transform import RigidTransform
 from controllers.laws.open_position import OpenPosition
 from controllers.metrics import ErrorSeries, evaluate
 from controllers.servo import leg_servo
-from controllers.simulate import Tracking, track
+from controllers.tracking import Tracking, track
 from kinematics.axis import Axis
 from kinematics.errors import MotionError
 from planner.place import Place

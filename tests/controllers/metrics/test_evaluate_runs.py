@@ -11,8 +11,9 @@ from controllers.laws.registry import find_law
 from controllers.metrics import FIGURES, evaluate, evaluate_runs, iso_style
 from controllers.motions import Sine
 from controllers.rig import assumed_rig, load_rig
-from controllers.simulate import Runs, Tracking, sample, simulate
+from controllers.simulate import Runs, sample, simulate
 from controllers.task import Task
+from controllers.tracking import Tracking
 from kinematics.errors import MotionError
 
 SETTLE = 0.25
