@@ -4,7 +4,7 @@ import sys
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from math import inf
-from typing import Any
+from typing import Any, Literal
 
 import click
 from rich.box import SIMPLE_HEAD
@@ -38,7 +38,13 @@ def show(tables: Iterable[Drawn]) -> None:
         force_terminal=dressed(sys.stdout),
     )
     with console.capture() as printed:
-        console.print(*tables)
+        for table in tables:  # rich would break what stands over and under a table to the table's width
+            over, under = table.title, table.caption
+            table.title = table.caption = None
+            console.print(over, style="table.title")
+            console.print(table)
+            if under:
+                console.print(under, style="table.caption")
     click.echo("\n".join(line.rstrip() for line in printed.get().splitlines()))
 
 
@@ -141,11 +147,10 @@ def _bound(bound: Magnitude | None, scale: float, unit: str) -> str:
 
 def _table(title: str, *columns: str) -> Drawn:
     """A table; a column whose name ends in # holds numbers, one that ends in ! is never broken."""
-    table = Drawn(title=title, title_justify="left", box=SIMPLE_HEAD, pad_edge=False)
+    table = Drawn(title=title, box=SIMPLE_HEAD, pad_edge=False)
     for name in columns:
-        table.add_column(
-            name.rstrip("#!"), justify="right" if name.endswith("#") else "left", no_wrap=name.endswith("!")
-        )
+        side: Literal["left", "right"] = "right" if name.endswith("#") else "left"
+        table.add_column(name.rstrip("#!"), justify=side, no_wrap=name.endswith("!"), overflow="fold")
     return table
 
 
@@ -154,5 +159,5 @@ def _drawn(table: Table) -> Iterable[Drawn]:
     made = _table(table.title, *(f"{column.title}{'#' if column.numeric else ''}" for column in table.read))
     for row in table.cells():
         made.add_row(*row)
-    made.caption, made.caption_justify = "\n".join(table.notes) or None, "left"
+    made.caption = "\n".join(table.notes) or None
     yield made

@@ -18,7 +18,7 @@ def tables(schedule: "PulseSchedule", units: Mapping[str, str]) -> Iterator[Tabl
     """units: m or rad by axis, where it is known. What costs nothing has no table."""
     axes = schedule.axes
     yield Table(
-        f"pulses by the rule {schedule.rule}, on a clock of {schedule.clock_hz:g} Hz",
+        f"pulses by the rule {schedule.rule}, on a clock of {schedule.clock_hz / 1e6:g} MHz",
         (
             Column("axis", [axis.name for axis in axes]),
             Column("pulses", [len(axis) for axis in axes]),
