@@ -1,13 +1,17 @@
 """Signals that end a program in good order: Ctrl-C, the system's request to end, a terminal that hangs up."""
 
 import signal
+from _thread import interrupt_main
 from collections.abc import Iterator
 from contextlib import contextmanager
+from threading import Timer
 from types import FrameType
 from typing import Any
 
 NAMES = ("SIGINT", "SIGTERM", "SIGHUP")
 """As in kinematics.held, which would load all of kinematics here."""
+SOON = 0.002
+"""s until a signal is given again that would have been lost."""
 
 
 class Ended(KeyboardInterrupt):
@@ -27,7 +31,12 @@ def ending(last: bool = False) -> Iterator[None]:
     """
     kept: dict[signal.Signals, Any] = {}
 
-    def end(number: int, _: FrameType | None) -> None:
+    def end(number: int, where: FrameType | None) -> None:
+        if _swallowed(where):
+            again = Timer(SOON, interrupt_main, (number,))
+            again.daemon = True
+            again.start()
+            return
         for each in kept:
             signal.signal(each, signal.SIG_IGN)
         raise Ended(number)
@@ -45,3 +54,12 @@ def ending(last: bool = False) -> Iterator[None]:
     finally:
         for number, before in kept.items():
             signal.signal(number, before)
+
+
+def _swallowed(where: FrameType | None) -> bool:
+    """Whether what is raised in a frame would be lost: CasADi calls Python to convert arguments, and clears errors."""
+    while where is not None:
+        if where.f_globals.get("__name__") == "casadi.casadi":
+            return True
+        where = where.f_back
+    return False

@@ -1,6 +1,7 @@
 """The notebooks, run: `python -m tests.notebooks.run out/notebooks` writes them with their figures as .ipynb files."""
 
 import sys
+from math import ceil
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -27,7 +28,7 @@ def executed(path: Path, *, slower: float = 1.0, last: str = "") -> "NotebookNod
         notebook.cells.append(new_code_cell(last))
     client = NotebookClient(
         notebook,
-        timeout=LONGEST * slower,
+        timeout=ceil(LONGEST * slower),
         kernel_name="python3",
         resources={"metadata": {"path": str(ROOT)}},
     )

@@ -6,8 +6,12 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import suppress
 
+import casadi
 import pytest
+
+from pulsepath.ending import Ended, ending
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="a process there cannot be sent these signals")
 
@@ -105,3 +109,22 @@ def test_after_it_is_written_that_is_said(call, tmp_path, monkeypatch):
     assert done.exit_code == 130
     assert done.stderr.splitlines()[-1] == f"interrupted, after {tmp_path / 'o'} had been written"
     assert (tmp_path / "o" / "plan.json").exists()
+
+
+def test_what_casadi_would_swallow_is_given_again():
+    """It calls Python to convert what it is given, and clears whatever is raised there."""
+
+    class Late:
+        @property
+        def shape(self):
+            signal.raise_signal(signal.SIGINT)
+            raise AttributeError
+
+    def told_while_it_converts():
+        with ending():
+            with suppress(Exception):
+                casadi.sin(Late())
+            time.sleep(5)  # which it ends
+
+    with pytest.raises(Ended):
+        told_while_it_converts()
