@@ -4,7 +4,7 @@ import signal
 from _thread import interrupt_main
 from collections.abc import Iterator
 from contextlib import contextmanager
-from threading import Timer
+from threading import Timer, main_thread
 from types import FrameType
 from typing import Any
 
@@ -30,12 +30,14 @@ def ending(last: bool = False) -> Iterator[None]:
     One that is ignored already, as by nohup, stays so.
     """
     kept: dict[signal.Signals, Any] = {}
+    later: list[Timer] = []
 
     def end(number: int, where: FrameType | None) -> None:
         if _swallowed(where):
-            again = Timer(SOON, interrupt_main, (number,))
-            again.daemon = True
-            again.start()
+            if not any(timer.is_alive() for timer in later):
+                later.append(Timer(SOON, _give, (signal.Signals(number),)))
+                later[-1].daemon = True
+                later[-1].start()
             return
         for each in kept:
             signal.signal(each, signal.SIG_IGN)
@@ -52,8 +54,18 @@ def ending(last: bool = False) -> Iterator[None]:
             kept.clear()
         raise
     finally:
+        for timer in later:
+            timer.cancel()
         for number, before in kept.items():
             signal.signal(number, before)
+
+
+def _give(number: signal.Signals) -> None:
+    """A signal to the main thread, which wakes where the system can send it to that thread alone."""
+    if hasattr(signal, "pthread_kill"):
+        signal.pthread_kill(main_thread().ident or 0, number)
+    else:
+        interrupt_main(number)
 
 
 def _swallowed(where: FrameType | None) -> bool:
