@@ -5,7 +5,7 @@ READY := .venv/.ready
 CANDIDATES := python3.13 python3.12 python3.11 python3
 USABLE := import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 11))
 
-.PHONY: demo docs notebooks test clean
+.PHONY: demo docs notebooks test pythons clean
 
 demo: $(READY)
 	$(BIN)/python -m pulsepath plan circle --machine hexapod --out out/demo --force
@@ -26,6 +26,10 @@ test: $(READY)
 	$(BIN)/mypy
 	$(BIN)/mypy --no-strict-optional --follow-imports=silent notebooks/*.py
 	$(BIN)/pytest -n 2
+
+# all tests on the other Pythons from 3.11 to 3.13 that are here
+pythons: $(READY)
+	.ci/pythons
 
 $(READY): pyproject.toml
 	@$(BIN)/python -m pip --version >/dev/null 2>&1 || { \
