@@ -3,6 +3,7 @@
 import re
 
 import pytest
+from nbclient.exceptions import CellExecutionError
 
 from tests.notebooks.run import NOTEBOOKS, ROOT, executed
 from tests.pace import slowness
@@ -18,7 +19,12 @@ NUMBER = re.compile(r"\d+(?:\.\d+)?")
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 def test_it_runs_and_is_as_it_should_be(path):
     """One test for each, since running it takes the time."""
-    notebook = executed(path, slower=slowness(), last=CPU)
+    try:
+        notebook = executed(path, slower=slowness(), last=CPU)
+    except CellExecutionError as failed:
+        if failed.ename == "NotInstalled":  # raised in the kernel, so tests/conftest.py cannot see it
+            pytest.skip(failed.evalue)
+        raise
     runs_quickly_without_warnings(notebook)
     asks_answers_and_goes_on(notebook)
     states_only_numbers_of_its_cells(notebook)
