@@ -248,8 +248,11 @@ class Machine(Kind, Result):
         """.toml: a file that `load_machine` reads, where `machine_toml` can; .csv and .json: the table."""
         from kinematics.machine_writer import machine_toml
 
-        toml = lambda path: path.write_bytes(machine_toml(self).encode())  # noqa: E731
-        return {".toml": toml, ".csv": self._csv, ".json": self._json}
+        return {
+            ".toml": lambda path: path.write_bytes(machine_toml(self).encode()),
+            ".csv": self._csv,
+            ".json": self._json,
+        }
 
     def plot(self, ax: "Axes | None" = None) -> "Axes":
         """Its legs in the home pose; of machines without legs, the travel of each axis."""

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 UNITS = {"stroke": "mm", "speed": "mm/s", "force": "N", "precision": "um", "tilt": "deg"}
 """The unit in which a property is shown."""
-SI = {"stroke": "m", "speed": "m/s", "force": "N", "precision": "m", "tilt": "rad"}
+SI = {"tilt": "rad", "stroke": "m", "speed": "m/s", "force": "N", "precision": "m"}
 
 
 class _Need(Result):
@@ -33,9 +33,14 @@ class _Need(Result):
 
     __slots__ = ()
 
+    def asked(self) -> dict[str, float]:
+        """The properties that matter, SI, by name."""
+        stated = ((name, getattr(self, name, None)) for name in SI)
+        return {name: value for name, value in stated if value is not None}
+
     def tables(self) -> tuple[Table, ...]:
         """What is asked for; what does not matter is left out."""
-        wanted = asked(self)  # type: ignore[arg-type]  # of the two that there are
+        wanted = self.asked()
         units = [SI[name] for name in wanted]
         columns = (Column("property", [*wanted]), Column("needed", [*wanted.values()], units, "human"))
         return (Table(f"{type(self).__name__.removesuffix('Need').lower()} that is needed", columns),)
@@ -44,7 +49,7 @@ class _Need(Result):
         """What is asked for, in the units of `UNITS`."""
         from kinematics.bars import bars
 
-        wanted = asked(self)  # type: ignore[arg-type]
+        wanted = self.asked()
         shown = [value / unit_value(UNITS[name], SI[name]) for name, value in wanted.items()]
         return bars([f"{name} ({UNITS[name]})" for name in wanted], shown, "needed", ax)
 
@@ -138,13 +143,7 @@ def joint_need(machine: Machine, pose: Pose, force: ArrayLike | None = None) -> 
     return JointNeed(tilt or None, None if force is None else float(np.abs(finite(force, "force")).max()) or None)
 
 
-def asked(need: ActuatorNeed | JointNeed) -> dict[str, float]:
-    """The properties that matter, SI, by name."""
-    values = {field.name: getattr(need, field.name) for field in fields(need)}
-    return {name: value for name, value in values.items() if value is not None}
-
-
 def _checked(need: ActuatorNeed | JointNeed) -> None:
-    for name, value in asked(need).items():
+    for name, value in need.asked().items():
         if not finite(value, f"needed {name}", (), unit="SI units") > 0:
             raise MotionError(f"needed {name} {describe(value, UNITS[name])} must be positive and finite, or None")

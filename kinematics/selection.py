@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Generic
 
 from kinematics.catalogue import Actuator, Joint, Part
 from kinematics.errors import MotionError
-from kinematics.needs import UNITS, ActuatorNeed, JointNeed, asked
+from kinematics.needs import UNITS, ActuatorNeed, JointNeed
 from kinematics.registry import nearest
 from kinematics.result import Result
 from kinematics.sizing import ROUNDING
@@ -51,7 +51,7 @@ class Selection(Result, Generic[Part]):
 
     def tables(self) -> tuple[Table, ...]:
         """The parts in their order, then those that do not, and why."""
-        wanted = ", ".join(f"{name} {describe(value, UNITS[name])}" for name, value in asked(self.need).items())
+        wanted = ", ".join(f"{name} {describe(value, UNITS[name])}" for name, value in self.need.asked().items())
         parts: list[AnyPart] = [*(choice.part for choice in self.feasible), *(out.part for out in self.refused)]
         others = [None] * len(self.refused)
         columns = (
@@ -94,7 +94,7 @@ def select_parts(parts: Sequence[Part], need: ActuatorNeed | JointNeed, by: str 
     """
     if by not in _CRITERIA:
         raise MotionError(f'no criterion "{by}"{nearest(by, _CRITERIA)}; criteria: {", ".join(_CRITERIA)}')
-    wanted = asked(need)
+    wanted = need.asked()
     if not wanted:
         raise MotionError("selection: nothing is needed; state at least one property")
     feasible: list[Choice[Part]] = []

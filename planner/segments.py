@@ -17,14 +17,10 @@ SAME = 1e-9
 """Points nearer than this are the same (m), angles likewise (rad)."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Line:
-    """A straight line to a position.
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Moved:
+    """What every segment that moves the tool may state, besides where to.
 
-    to           (3,) m
-    rotate       orientation at its end, reached by the shortest turn in proportion to the path; None: kept
-    speed        cap of the tool speed, m/s; None: as fast as the machine can
-    join         to the next segment
     acceleration, angular_speed  caps of the tool's acceleration, m/s², and of the platform's turning, rad/s
     speed_constant  exactly this speed, outside the shortest ramps where it is begun from rest or left to rest
                 (planner.parted: where the ramps lie at other joins)
@@ -33,16 +29,29 @@ class Line:
     line_number  where it stands in its file, for messages
     """
 
+    acceleration: float | None = None
+    angular_speed: float | None = None
+    speed_constant: bool = False
+    trigger: Trigger | None = None
+    free: Free | None = None
+    line_number: int | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Line(Moved):
+    """A straight line to a position.
+
+    to           (3,) m
+    rotate       orientation at its end, reached by the shortest turn in proportion to the path; None: kept
+    speed        cap of the tool speed, m/s; None: as fast as the machine can
+    join         to the next segment
+    and what `Moved` has, as all that move the tool
+    """
+
     to: Array
     rotate: Rotation | None = None
     speed: float | None = None
     join: Join = STOP
-    acceleration: float | None = field(default=None, kw_only=True)
-    angular_speed: float | None = field(default=None, kw_only=True)
-    speed_constant: bool = field(default=False, kw_only=True)
-    trigger: Trigger | None = field(default=None, kw_only=True)
-    free: Free | None = field(default=None, kw_only=True)
-    line_number: int | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "to", point("line", "to", self.to))
@@ -50,12 +59,12 @@ class Line:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Arc:
+class Arc(Moved):
     """A circular arc from where the path stands, by a signed angle: right hand about `normal`, any number of turns.
 
     centre  (3,) m;  normal  (3,) of any length, kept as a unit vector;  angle  rad
     rise    m by which it moves along the normal in all: a helix
-    rotate, speed, join, acceleration, angular_speed, speed_constant, trigger, free, line_number  as of a line
+    rotate, speed, join  as of a line
     """
 
     centre: Array
@@ -65,12 +74,6 @@ class Arc:
     speed: float | None = None
     join: Join = STOP
     rise: float = field(default=0.0, kw_only=True)
-    acceleration: float | None = field(default=None, kw_only=True)
-    angular_speed: float | None = field(default=None, kw_only=True)
-    speed_constant: bool = field(default=False, kw_only=True)
-    trigger: Trigger | None = field(default=None, kw_only=True)
-    free: Free | None = field(default=None, kw_only=True)
-    line_number: int | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "centre", point("arc", "centre", self.centre))
@@ -83,24 +86,18 @@ class Arc:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Spline:
+class Spline(Moved):
     """A smooth curve from where the path stands through points, with four continuous derivatives and no stop inside.
 
     through  (N, 3) m, no two neighbours the same (the path's shape: planner.path.spline)
     rotate   N orientations, one at each point; None: kept
-    speed, join, acceleration, angular_speed, speed_constant, trigger, free, line_number  as of a line
+    speed, join  as of a line
     """
 
     through: Array
     rotate: Rotation | None = None
     speed: float | None = None
     join: Join = STOP
-    acceleration: float | None = field(default=None, kw_only=True)
-    angular_speed: float | None = field(default=None, kw_only=True)
-    speed_constant: bool = field(default=False, kw_only=True)
-    trigger: Trigger | None = field(default=None, kw_only=True)
-    free: Free | None = field(default=None, kw_only=True)
-    line_number: int | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
         through = points("spline", "through", self.through)
@@ -115,14 +112,14 @@ class Spline:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Curve:
+class Curve(Moved):
     """A curve by equations: x(t), y(t), z(t), and angles if it turns the tool, for t from begin to end.
 
     position     three formulas (planner.formula) that give `length` m each 1;  begin, end  of t, also downwards
     rotate       three formulas of θx, θy, θz, `angle` rad each 1, as Rx · Ry · Rz; None: the orientation is kept
     constants    names that stand for numbers in them, and the numbers
     It begins where the path stands, and must be smooth and not stand still (planner.path.curve).
-    speed, join, acceleration, angular_speed, speed_constant, trigger, free, line_number  as of a line
+    speed, join  as of a line
     """
 
     position: tuple[str, str, str]
@@ -134,12 +131,6 @@ class Curve:
     constants: tuple[tuple[str, float], ...] = field(default=(), kw_only=True)
     length: float = field(default=1.0, kw_only=True)
     angle: float = field(default=1.0, kw_only=True)
-    acceleration: float | None = field(default=None, kw_only=True)
-    angular_speed: float | None = field(default=None, kw_only=True)
-    speed_constant: bool = field(default=False, kw_only=True)
-    trigger: Trigger | None = field(default=None, kw_only=True)
-    free: Free | None = field(default=None, kw_only=True)
-    line_number: int | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "constants", tuple(dict(self.constants).items()))
@@ -161,7 +152,7 @@ class Turn:
     """A rotation on the spot: to the orientation `to`, the shorter way, or by any signed angle.
 
     about, angle  (3,) axis, right hand, kept as a unit vector, and rad: any number of turns
-    angular_speed, join, trigger, line_number  as of a line
+    angular_speed, trigger, line_number  as of what moves the tool;  join  as of a line
     """
 
     to: Rotation | None = None
