@@ -23,6 +23,13 @@ from pulsepath.known_names import completing
 @click.option("--serial", metavar="PORT", help="Take remote commands from a serial line (needs the extra: serial).")
 @click.option("--baud", type=click.IntRange(110, 115200), default=9600, show_default=True, help="Of the serial line.")
 @click.option(
+    "--parity",
+    type=click.Choice(["none", "even", "odd"]),
+    default="none",
+    show_default=True,
+    help="Of the serial line's characters, of 8 data bits and 1 stop bit; one that fails it spoils its line.",
+)
+@click.option(
     "--tcp", type=click.IntRange(0, 65535), metavar="PORT", help="Take remote commands from TCP; 0: any free port."
 )
 @click.option(
@@ -31,7 +38,14 @@ from pulsepath.known_names import completing
 @click.option("--state", type=click.Path(path_type=Path), metavar="FILE", help="Registers that outlive the session.")
 @click.option("--fast", is_flag=True, help="Motions take no time. Default: as long as they take.")
 def console(
-    machine: str, serial: str | None, baud: int, tcp: int | None, listen: str | None, state: Path | None, fast: bool
+    machine: str,
+    serial: str | None,
+    baud: int,
+    parity: str,
+    tcp: int | None,
+    listen: str | None,
+    state: Path | None,
+    fast: bool,
 ) -> None:
     """Drive MACHINE on the virtual card by typed lines.
 
@@ -39,12 +53,18 @@ def console(
 
     \b
     JOG X CW                 one axis slowly, until a key, STOP, or the end of its travel
+    HOME Y                   its register becomes 0 here; an axis whose place
+                             is not known stands at its switch then
+    HOME X AT 24 in          its slide stands 24 in from the switch
     POS X CW 100 Z CCW 20    axes by steps, together; a trapezoid each
     MOVE 0 0 25 [0 0 5]      mm and degrees from home, planned and proved
-    HOME Y                   the axis stands at home: its register becomes 0
     ACCEPT                   the last known position holds
     WHERE  STOP  HELP        and EXIT at the prompt
     REM  MAN  TEST           who drives; TEST checks commands and runs none
+
+    The rotary axis R is also θ, or THETA. Registers count from where HOME was
+    said, which may be any place of the travel; how far an axis may go is counted
+    from its switch. Before that is known, one travel's length is all it may go.
 
     On a remote line, in mode REM: P X + 100 Y - 40 Z + 80 and a carriage return, answered by DONE after the motion.
 
@@ -71,8 +91,8 @@ def console(
         session = opened(driven, register_file.read(place))
         remote: list[Transport] = []
         if serial is not None:
-            remote.append(serial_line(serial, baud))
-            _tell(f"serial line {serial} at {baud} baud")
+            remote.append(serial_line(serial, baud, parity))
+            _tell(f"serial line {serial} at {baud} baud, parity {parity}")
         if tcp is not None:
             socket = Socket(tcp, listen or LOOPBACK)
             remote.append(socket)

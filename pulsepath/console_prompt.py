@@ -136,4 +136,4 @@ def _columns() -> int:
 
 def _show(text: str) -> None:
     with suppress(OSError):  # nobody looks any more; the keyboard's end tells
-        os.write(sys.stdout.fileno(), text.encode("ascii", "replace"))
+        os.write(sys.stdout.fileno(), text.encode(sys.stdout.encoding or "ascii", "replace"))

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from itertools import takewhile
 
-from controllers.console.lines import LONGEST
+from controllers.console.lines import LONGEST, THETA
 
 ENTER, ERASE, TAB, ESCAPE, CLEAR, END = b"\r\n", b"\x08\x7f", b"\t", b"\x1b", b"\x15", b"\x04"
 UP, DOWN = "A", "B"
@@ -17,17 +17,18 @@ class Editor:
     leave  the line that Ctrl-D stands for where nothing is typed yet
     """
 
-    __slots__ = ("_escape", "_history", "_kept", "_leave", "_place", "_words", "text")
+    __slots__ = ("_begun", "_escape", "_history", "_kept", "_leave", "_place", "_words", "text")
 
     def __init__(self, words: Sequence[str] = (), leave: str = "") -> None:
         self._words, self._leave = tuple(words), leave
         self.text = self._kept = self._escape = ""
         self._history: list[str] = []
         self._place = 0
+        self._begun = b""
 
     def press(self, key: int) -> str | None:
         """With one byte from the keyboard: the line that it ends, if it does; keys without a meaning have none."""
-        byte = bytes([key])
+        byte, begun, self._begun = bytes([key]), self._begun, b""
         if self._escape or byte == ESCAPE:
             self._sequence(chr(key))
         elif byte in ENTER:
@@ -42,6 +43,10 @@ class Editor:
             return None if self.text else self._leave
         elif 0x20 <= key < 0x7F and len(self.text) <= LONGEST:
             self.text += chr(key)
+        elif begun + byte in THETA and len(self.text) <= LONGEST:
+            self.text += (begun + byte).decode()
+        elif any(theta.startswith(byte) for theta in THETA):
+            self._begun = byte
         return None
 
     def _entered(self) -> str:

@@ -14,7 +14,9 @@ from kinematics.errors import MotionError
 from kinematics.staging import write_whole
 
 KIND = "pulsepath console"
-SCHEMA = 1
+SCHEMA = 2
+EARLIER = 1
+"""Of files whose registers counted from travel's zero, which they can be told from."""
 
 
 def usual_place(machine: str) -> Path:
@@ -93,9 +95,12 @@ def read(path: Path) -> Saved | None:
         raise MotionError(
             f"{path}: {error}; remove it, and the positions are unknown, or give another --state"
         ) from None
-    if not isinstance(record, dict) or record.pop("kind", None) != KIND or record.pop("schema", None) != SCHEMA:
+    schema = record.pop("schema", None) if isinstance(record, dict) and record.pop("kind", None) == KIND else None
+    if schema not in (SCHEMA, EARLIER):
         raise MotionError(f"{path} is no register file of schema {SCHEMA}; give another --state")
     tables = {"pulses": (int, float), "registers": (int,), "homed": (bool,), "moving": (bool,)}
+    if schema == SCHEMA:
+        tables["counters"] = (int,)
     axes = record.get("pulses")
     for key, kinds in tables.items():
         table = record.get(key)
@@ -105,4 +110,6 @@ def read(path: Path) -> Saved | None:
             raise MotionError(f"{path}: {key}: {table} has wrong values; remove the file, or give another --state")
     if set(record) != {"machine", *tables} or not isinstance(record["machine"], str):
         raise MotionError(f"{path}: keys {', '.join(sorted(record))} are not those of a register file")
+    if schema == EARLIER:
+        record["counters"] = {name: count if axes[name] > 0 else -count for name, count in record["registers"].items()}
     return Saved(**record)

@@ -129,8 +129,6 @@ def _allow(session: Session, who: int, words: Words) -> None:
         return
     if who != CONSOLE and session.mode != "REM":
         raise MotionError(f"the console is in mode {session.mode}; it hands over by REM")
-    if who != CONSOLE and session.unknown():
-        raise MotionError(f"{' '.join(session.unknown())} not homed: MAN, then HOME or ACCEPT on the console")
     if who == CONSOLE and session.mode == "REM" and not isinstance(words, Switch):
         raise MotionError("the remote line has the axes; MAN takes them back")
 

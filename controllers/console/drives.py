@@ -50,6 +50,10 @@ class Drives:
         """X_a (n,), pulses of the way in which an axis comes to its speed: v²/(2 a)."""
         return np.asarray(self.speed**2 / (2 * self.acceleration))
 
+    def reach(self) -> tuple[np.ndarray, np.ndarray]:
+        """Ends of where a slide can stand: travel, and its zero, where the switch is, which may lie outside."""
+        return np.minimum(self.low, 0), np.maximum(self.high, 0)
+
     def within(self, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Ends, no farther than the counter's."""
         return np.maximum(low, COUNTER[0]), np.minimum(high, COUNTER[1])

@@ -1,7 +1,9 @@
 """From a line of text to its words, or an English diagnostic: a line that is not wholly understood does nothing.
 
 Operator [Sasidhar 1981, Appendix F]:   JOG X CW | POS X CW 100 Z CCW 20 | HOME Y | REM | MAN | TEST
+  the key θ, or THETA                   is the rotary axis R, as on its keyboard; the remote line says R
   added here:                           STOP | WHERE | ACCEPT | HELP | MOVE x y z [rx ry rz], mm and degrees from home
+                                        HOME X AT 24 in Y AT 600 mm R AT 90 deg
 Remote:                                 P X + 100 Y - 40 Z + 80
   added here:                           STOP | WHERE | MOVE …
 """
@@ -16,6 +18,8 @@ import numpy as np
 from controllers.console.words import Accept, Help, Home, Jog, Move, Position, Stop, Switch, Where, Words
 from kinematics.errors import MotionError
 
+ROTARY, KEYS = "R", ("Θ", "THETA")
+"""The rotary axis' name on the remote line, and what stands for it on the operator's [Sasidhar 1981, F.2, F.4]."""
 TURNS = {"CW": 1, "CCW": -1}
 SIGNS = {"+": 1, "-": -1}
 STEPS = re.compile(r"[0-9]{1,9}", re.ASCII)
@@ -39,7 +43,10 @@ class Misread(MotionError):
 
 def operator(line: str, names: Sequence[str]) -> Words:
     """A line of the operator, in capitals or not; names: of the axes, in capitals. Raises Misread."""
-    return _read(line.upper().split(), names, OPERATOR)
+    words = ["THETA" if word in KEYS else word for word in line.upper().split()]
+    if ROTARY in names and "THETA" not in names:
+        words = [ROTARY if word == "THETA" else word for word in words]
+    return _read(words, names, OPERATOR)
 
 
 def remote(line: str, names: Sequence[str]) -> Words:
@@ -63,11 +70,7 @@ def _read(words: list[str], names: Sequence[str], known: Sequence[str]) -> Words
                 raise Misread("JOG takes an axis and CW or CCW, as JOG X CW")
             return Jog(_axis(rest[0], names), _sign(rest[1], TURNS))
         case "HOME":
-            axes = tuple(_axis(word, names) for word in rest)
-            _once(axes, names)
-            if not axes:
-                raise Misread("HOME takes the axes that stand at home, as HOME Y")
-            return Home(axes)
+            return _home(rest, names)
         case "MOVE":
             if len(rest) not in (3, 6) or not all(NUMBER.fullmatch(word) for word in rest):
                 raise Misread("MOVE takes x y z in mm, and may take rx ry rz in degrees, as MOVE 0 0 25.5 or -1.5")
@@ -75,6 +78,24 @@ def _read(words: list[str], names: Sequence[str], known: Sequence[str]) -> Words
             return Move(np.array(numbers) * ([1e-3] * 3 + [np.pi / 180] * 3))
         case _:
             return _position(first, rest, names, TURNS if first == "POS" else SIGNS)
+
+
+def _home(rest: list[str], names: Sequence[str]) -> Home:
+    places: list[tuple[int, str | None]] = []
+    while rest:
+        axis, rest = _axis(rest[0], names), rest[1:]
+        place = None
+        if rest[:1] == ["AT"]:
+            # "24 in" and "24in"
+            count = 3 if len(rest) > 1 and NUMBER.fullmatch(rest[1]) else 2
+            if len(rest) < count or not NUMBER.match(rest[1]):
+                raise Misread(f"AT takes where the slide stands, as HOME {names[axis]} AT 24 in")
+            place, rest = " ".join(rest[1:count]).lower(), rest[count:]
+        places.append((axis, place))
+    if not places:
+        raise Misread(f"HOME takes axes, and may take where they stand, as HOME {names[0]} or HOME {names[0]} AT 24 in")
+    _once([axis for axis, _ in places], names)
+    return Home(tuple(places))
 
 
 def _position(first: str, rest: list[str], names: Sequence[str], signs: dict[str, int]) -> Position:

@@ -7,18 +7,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from controllers.card import Refused
-from controllers.console import cartesian, selftest
+from controllers.console import cartesian, homing, selftest
 from controllers.console.drives import JOG
+from controllers.console.grammar import ROTARY
 from controllers.console.motion import Motion, to
 from controllers.console.session import Session
 from controllers.console.words import Accept, Help, Home, Jog, Move, Position, Stop, Switch, Where, Words
-
-HELP = (
-    "JOG X CW (a key or STOP ends it); POS X CW 100 Z CCW 20 (steps); MOVE x y z [rx ry rz] (mm, degrees, from home); "
-    "HOME X (it stands at home: register 0); ACCEPT (the last known position); WHERE; STOP "
-    "(each axis ramps down by itself; during a MOVE the tool leaves its line); "
-    "REM, MAN, TEST (modes); the axes are "
-)
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,22 +35,20 @@ def interpret(session: Session, words: Words, t: float) -> Answer:
         case Move():
             motion = cartesian.planned(session, words, t)
             return Answer(session, "DONE") if motion is None else Answer(session, motion=motion)
-        case Home(axes):
-            counts, homed = np.array(session.counts), np.array(session.homed)
-            counts[list(axes)], homed[list(axes)] = 0, True
-            names = " ".join(session.drives.names[i] for i in axes)
-            return Answer(replace(session, counts=counts, homed=homed), f"HOME {names}: register 0")
+        case Home():
+            changed = homing.placed(session, words)
+            return Answer(changed, homing.told(changed, [axis for axis, _ in words.places]))
         case Accept():
             return _accept(session, t)
         case Switch(mode):
             changed = replace(session, mode=mode)
-            return Answer(changed, selftest.report(session) if mode == "TEST" else f"{mode}: {_about(mode)}")
+            return Answer(changed, selftest.report(session) if mode == "TEST" else f"{mode}: {_about(changed)}")
         case Stop():
             return Answer(session, f"STOPPED {session.told(t)}")
         case Where():
             return Answer(session, where(session, t))
         case Help():
-            return Answer(session, HELP + ", ".join(session.drives.names))
+            return Answer(session, _help(session))
 
 
 def where(session: Session, t: float) -> str:
@@ -70,34 +62,61 @@ def where(session: Session, t: float) -> str:
 def offer(session: Session) -> str:
     """What a restart says of the axes: their last known positions, or that none are known."""
     if session.offered is None:
-        return f"position unknown: bring {' '.join(session.drives.names)} home and say HOME"
-    counts, known = session.offered
-    listed = list(zip(session.drives.names, session.drives.signs * counts, known, strict=True))
+        names = session.drives.names
+        return (
+            f"position unknown: bring {' '.join(names)} to their switches and say HOME, or say where each stands, "
+            f"HOME {names[0]} AT {homing.example(session, 0)}"
+        )
+    last_known = session.offered
+    registers = session.drives.signs * (last_known.counts - last_known.zero)
+    listed = list(zip(session.drives.names, registers, last_known.known, strict=True))
     last = " ".join(f"{name} {register}" for name, register, is_known in listed if is_known)
     lost = " ".join(name for name, _, is_known in listed if not is_known)
     return f"last known position {last}: ACCEPT or HOME" + (f"; {lost} unknown: HOME" if lost else "")
 
 
-def _about(mode: str) -> str:
-    if mode == "REM":
-        return "the remote line moves the axes; MAN takes them back"
+def _about(session: Session) -> str:
+    if session.mode == "REM":
+        names = " ".join(session.unknown())
+        lost = f"; {names} not homed, so P knows the length of their travel alone" if names else ""
+        return f"the remote line moves the axes; MAN takes them back{lost}"
     return "the console moves the axes"
+
+
+def _help(session: Session) -> str:
+    """The commands, with examples that this machine's axes can do."""
+    drives = session.drives
+    one, other = 0, min(2, len(drives.names) - 1)
+    (a, inward), (b, onward) = ((drives.names[i], homing.inward(session, i)) for i in (one, other))
+    also = f" {b} {onward} 20" if other != one else ""
+    rotary = f"; {ROTARY} is also THETA" if ROTARY in drives.names else ""
+    return (
+        f"JOG {a} {inward} (a key or STOP ends it); POS {a} {inward} 100{also} (steps); "
+        "MOVE x y z [rx ry rz] (mm, degrees, from home); "
+        f"HOME {a} (its register is 0 here; where its place was not known, it stands at its switch); "
+        f"HOME {a} AT {homing.example(session, one)} (so far from its switch, whatever was known); "
+        "ACCEPT (the last known position); WHERE; STOP "
+        "(each axis ramps down by itself; during a MOVE the tool leaves its line); "
+        f"REM, MAN, TEST (modes); the axes are {', '.join(drives.names)}{rotary}"
+    )
 
 
 def _accept(session: Session, t: float) -> Answer:
     if session.offered is None:
         raise Refused("nothing is offered to accept: no position was saved, or an axis has moved since; say HOME")
-    counts, known = session.offered
-    known = known & ~session.homed
+    last = session.offered
+    known = last.known & ~session.homed
     changed = replace(
-        session, counts=np.where(known, counts, session.counts), homed=session.homed | known, offered=None
+        session.placed(np.flatnonzero(known).tolist(), last.counts),
+        zero=np.where(known, last.zero, session.zero),
+        offered=None,
     )
     return Answer(changed, f"ACCEPTED {changed.told(t)}")
 
 
 def _jog(session: Session, words: Jog, t: float) -> Answer:
     drives, i = session.drives, words.axis
-    low, high = _ends(session)
+    low, high = session.window()
     target = np.array(session.counts)
     target[i] = (high if words.sign * drives.signs[i] > 0 else low)[i]
     way = target - session.counts
@@ -112,12 +131,14 @@ def _position(session: Session, words: Position, t: float) -> Answer:
     drives, target = session.drives, np.array(session.counts)
     for axis, steps in words.steps:
         target[axis] += drives.signs[axis] * steps
-    low, high = _ends(session)
+    low, high = session.window()
     for i in np.flatnonzero((target < low) | (target > high)):
-        ends = sorted(int(drives.signs[i] * end[i]) for end in (low, high))
+        name, (first, last) = drives.names[i], homing.ends(session, int(i))
         known = "its travel" if session.homed[i] else "the length of its travel (not homed)"
+        elsewhere = f"; if its slide stands elsewhere, say where: HOME {name} AT {homing.example(session, int(i))}"
         raise Refused(
-            f"axis {drives.names[i]} to {drives.signs[i] * target[i]} steps is outside {ends[0]} to {ends[1]}, {known}"
+            f"axis {name} to {session.registered(target)[i]} steps is outside {first} to {last}, {known}"
+            f"{elsewhere if session.homed[i] else ''}"
         )
     if (target == session.counts).all():
         return Answer(session, "DONE")
@@ -126,12 +147,3 @@ def _position(session: Session, words: Position, t: float) -> Answer:
     if fine < 1:
         raise Refused(f"on the way {reason}; MOVE keeps clear of that if there is a line that does")
     return Answer(session, motion=motion)
-
-
-def _ends(session: Session) -> tuple[np.ndarray, np.ndarray]:
-    """Counts (n,) between which each axis may go: of one that is not homed, a travel's length either way."""
-    drives = session.drives
-    length = drives.high - drives.low
-    low = np.where(session.homed, drives.low, session.counts - length)
-    high = np.where(session.homed, drives.high, session.counts + length)
-    return drives.within(low, high)

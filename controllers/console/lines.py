@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 LONGEST = 120
 """Bytes of a line, its end left out."""
+THETA = ("θ".encode(), "Θ".encode())
+"""The one key of an operator that ASCII does not have; the remote line's language refuses it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +43,10 @@ class Partial:
 def _read(line: bytes) -> Line:
     if len(line) > LONGEST:
         return Line("", f"a line is longer than {LONGEST} characters")
-    for place, byte in enumerate(line):
+    plain = line
+    for key in THETA:
+        plain = plain.replace(key, b"T" * len(key))
+    for place, byte in enumerate(plain):
         if not (0x20 <= byte < 0x7F or byte == 0x09):
             return Line("", f"byte 0x{byte:02X} at {place + 1} of a line is no character of a command")
-    return Line(line.decode("ascii"))
+    return Line(line.decode())

@@ -17,6 +17,7 @@ from kinematics.errors import MotionError, NotInstalled
 
 LOOPBACK = "127.0.0.1"
 BAUD = (110, 115200)
+PARITIES = {"none": "N", "even": "E", "odd": "O"}
 CLIENTS = 4
 """Remote computers on the socket at a time; more are turned away."""
 AT_ONCE = 4096
@@ -91,21 +92,37 @@ def _leave_open() -> None:
     pass
 
 
-def serial_line(port: str, baud: int) -> Transport:
-    """A serial line, 8 data bits, no parity, 1 stop bit; what came before it was opened is dropped."""
+def serial_line(port: str, baud: int, parity: str = "none") -> Transport:
+    """A serial line, 8 data bits, parity "none", "even" or "odd", 1 stop bit; what came before is dropped.
+
+    With a parity, a byte that was received with a wrong one is read as 0x00, which spoils its line.
+    """
     pollable()
     try:
         import serial
     except ImportError:
         raise NotInstalled("a serial line", "pyserial", "serial") from None
+    if parity not in PARITIES:
+        raise MotionError(f'serial line {port}: parity "{parity}" is not known; there are {", ".join(PARITIES)}')
     if not BAUD[0] <= baud <= BAUD[1]:
         raise MotionError(f"serial line {port}: {baud} baud is outside {BAUD[0]} to {BAUD[1]}")
     try:
-        line = serial.Serial(port, baud, timeout=0, exclusive=True)
+        line = serial.Serial(port, baud, timeout=0, exclusive=True, parity=PARITIES[parity])
+        if parity != "none":
+            _check_parity(line.fileno())
         line.reset_input_buffer()
     except (OSError, ValueError) as error:  # SerialException is an OSError
         raise MotionError(f"serial line {port} at {baud} baud: {error}") from None
     return Once(Link(line.fileno(), line.fileno(), port, line.close))
+
+
+def _check_parity(descriptor: int) -> None:
+    """Have the system look at the parity bits that come: pyserial only sends them."""
+    import termios
+
+    settings = termios.tcgetattr(descriptor)
+    settings[0] = settings[0] & ~(termios.IGNPAR | termios.PARMRK) | termios.INPCK
+    termios.tcsetattr(descriptor, termios.TCSANOW, settings)
 
 
 class Socket(Transport):

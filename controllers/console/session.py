@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,15 +17,32 @@ from kinematics.pose import Pose
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Offered:
+    """The last known counters (n,) int64, those at which the registers were 0, and of which axes they are known."""
+
+    counts: np.ndarray
+    zero: np.ndarray
+    known: np.ndarray
+
+    def __post_init__(self) -> None:
+        for name, kind in (("counts", np.int64), ("zero", np.int64), ("known", bool)):
+            object.__setattr__(self, name, frozen(getattr(self, name), kind))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Session:
     """What the controller knows between two lines.
 
-    An axis' register counts in steps of its motor, clockwise positive, from where HOME was last said, or else from
-    where the session began. It is the wiring's count, so `signs` times the card's counter.
+    Two things are kept apart. The counter says where the slide is in its travel, in pulses from travel's zero, the
+    home switch. The register is the operator's: steps of the motor, clockwise positive, from where HOME was last said,
+    or else from where the session began; that may be any place of the travel.
 
     counts   (n,) int64, the card's counters where no motion is under way
-    homed    (n,) bool, whether zero is known to be home: only then does travel hold, else its length alone
-    offered  (n,) int64 and bool: the last known counters, and of which axes; None: nothing is offered (any more)
+    homed    (n,) bool, whether counters are known to count from travel's zero: only then do its ends hold
+    zero     (n,) int64, the counters at which the registers are 0
+    least, most  (n,) int64, between which the counters have been since the session began: of an axis whose place is
+             not known, all that was within one travel
+    offered  what a restart offers to ACCEPT; None: nothing (any more)
     motion   the one under way; jogging: whether it is a jog, which any line ends
     """
 
@@ -33,12 +51,16 @@ class Session:
     mode: Mode
     counts: np.ndarray
     homed: np.ndarray
-    offered: tuple[np.ndarray, np.ndarray] | None = None
+    zero: np.ndarray
+    least: np.ndarray
+    most: np.ndarray
+    offered: Offered | None = None
     motion: Motion | None = None
     jogging: bool = False
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "counts", frozen(self.counts, np.int64))
+        for name in ("counts", "zero", "least", "most"):
+            object.__setattr__(self, name, frozen(getattr(self, name), np.int64))
         object.__setattr__(self, "homed", frozen(self.homed, bool))
 
     def counters(self, t: float) -> np.ndarray:
@@ -47,7 +69,23 @@ class Session:
 
     def registers(self, t: float) -> np.ndarray:
         """The registers (n,), int64, at t: they follow every pulse."""
-        return np.asarray(self.drives.signs * self.counters(t))
+        return self.registered(self.counters(t))
+
+    def registered(self, counts: np.ndarray) -> np.ndarray:
+        """What the registers (n,) read where the counters do so."""
+        return np.asarray(self.drives.signs * (counts - self.zero))
+
+    def window(self) -> tuple[np.ndarray, np.ndarray]:
+        """Counters (n,) between which each axis may go: its travel's ends, where they are known.
+
+        Where they are not, as far as one travel reaches around all places at which the axis has been.
+        """
+        low, high = self.drives.reach()
+        length = high - low
+        return self.drives.within(
+            np.where(self.homed, self.drives.low, self.most - length),
+            np.where(self.homed, self.drives.high, self.least + length),
+        )
 
     def q(self) -> Array:
         """The axes' coordinates (n,) where they stand; m or rad. They hold where all are homed."""
@@ -71,7 +109,22 @@ class Session:
         """With its motion done: the registers stay where it brought them."""
         if self.motion is None:
             return self
-        return replace(self, counts=self.motion.counts(np.inf), motion=None, jogging=False)
+        counts = self.motion.counts(np.inf)  # axes whose place is not known move one way at a time
+        least, most = np.minimum(self.least, counts), np.maximum(self.most, counts)
+        return replace(self, counts=counts, least=least, most=most, motion=None, jogging=False)
+
+    def placed(self, axes: Sequence[int], counts: np.ndarray) -> Session:
+        """With axes known to stand at counters (n,) of their travel, where their registers are 0."""
+        chosen = np.isin(np.arange(len(self.counts)), axes)
+        moved = np.where(chosen, counts - self.counts, 0)
+        return replace(
+            self,
+            counts=self.counts + moved,
+            homed=self.homed | chosen,
+            zero=np.where(chosen, counts, self.zero),
+            least=self.least + moved,
+            most=self.most + moved,
+        )
 
     def told(self, t: float) -> str:
         """The registers, as "X 100 Y ?-40": a ? before what does not count from home."""
@@ -81,14 +134,18 @@ class Session:
 
 @dataclass(frozen=True, slots=True)
 class Saved:
-    """What outlives a session: registers by axis, and whether each counts from home and stood still when it was saved.
+    """What outlives a session, by axis.
 
-    pulses  m or rad per step by axis, by which a file for another machine is known
+    pulses     m or rad per step, by which a file for another machine is known
+    registers  steps, clockwise positive, from where HOME was said
+    counters   pulses from travel's zero
+    homed      whether that was known;  moving: whether the axis was moving when this was saved
     """
 
     machine: str
     pulses: dict[str, float]
     registers: dict[str, int]
+    counters: dict[str, int]
     homed: dict[str, bool]
     moving: dict[str, bool]
 
@@ -96,14 +153,17 @@ class Saved:
 def saved(session: Session, t: float) -> Saved:
     """What to save of a session at t: axes that a motion moves are moving until it has ended."""
     names, registers, known = session.drives.names, session.registers(t), session.homed
+    counters = session.counters(t)
     moves = np.zeros(len(names), bool) if session.motion is None else session.motion.moving
     if session.offered is not None:  # what has not been accepted yet can be the next time
-        last, listed = session.offered
-        registers, known = np.where(known, registers, session.drives.signs * last), known | listed
+        last = session.offered
+        registers = np.where(known, registers, session.drives.signs * (last.counts - last.zero))
+        counters, known = np.where(known, counters, last.counts), known | last.known
     return Saved(
         session.machine.name,
         {name: axis.pulse * axis.direction for name, axis in zip(names, session.machine.axes, strict=True)},
         dict(zip(names, registers.tolist(), strict=True)),
+        dict(zip(names, counters.tolist(), strict=True)),
         dict(zip(names, known.tolist(), strict=True)),
         dict(zip(names, moves.tolist(), strict=True)),
     )
@@ -116,7 +176,7 @@ def opened(machine: Machine, last: Saved | None = None) -> Session:
     """
     drives = driven(machine)
     none = np.zeros(len(drives.names), np.int64)
-    session = Session(machine, drives, "MAN", none, none)
+    session = Session(machine, drives, "MAN", none, none, none, none, none)
     if last is None:
         return session
     if last.pulses != saved(session, 0.0).pulses or last.machine != machine.name:
@@ -125,6 +185,9 @@ def opened(machine: Machine, last: Saved | None = None) -> Session:
             f"{machine.name} as it is now; give another state file, or remove it"
         )
     known = np.array([last.homed[name] and not last.moving[name] for name in drives.names])
-    counts = drives.signs * np.array([last.registers[name] for name in drives.names], np.int64)
-    known &= (counts >= drives.low) & (counts <= drives.high)
-    return replace(session, offered=(frozen(counts), frozen(known)) if known.any() else None)
+    counts, registers = (
+        np.array([of[name] for name in drives.names], np.int64) for of in (last.counters, last.registers)
+    )
+    low, high = drives.reach()
+    known &= (counts >= low) & (counts <= high)
+    return replace(session, offered=Offered(counts, counts - drives.signs * registers, known) if known.any() else None)

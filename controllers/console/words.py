@@ -37,9 +37,13 @@ class Move:
 
 @dataclass(frozen=True, slots=True)
 class Home:
-    """Axes that stand at home now: their registers become zero. Nothing moves."""
+    """Axes whose registers become zero where they stand, and what that says of their slides. Nothing moves.
 
-    axes: tuple[int, ...]
+    places  (axis, quantity) each: the slide stands there in its travel, as "24 in". None says nothing of one whose
+            place is known; one whose place is not known then stands at its switch, where travel is 0
+    """
+
+    places: tuple[tuple[int, str | None], ...]
 
 
 @dataclass(frozen=True, slots=True)

@@ -35,7 +35,9 @@ def test_a_script_runs_line_by_line_and_the_registers_survive(state):
     assert done.returncode == 2  # a line was refused
     lines = done.stdout.splitlines()
     assert lines[:3] == [
-        "HOME X Y Z R: register 0",
+        "HOME X Y Z R: register 0; X at 0 mm of its travel, 0 to 1219.2 mm, steps 0 to 76800; "
+        "Y at 0 mm of its travel, 0 to 1219.2 mm, steps 0 to 76800; "
+        "Z at 0 mm of its travel, 0 to 1828.8 mm, steps 0 to 115200; R at 0 deg",
         "DONE",
         "X 100 Y 0 Z 20 R 0 = x 1.5875 y 0.0000 z 0.3175 mm rz 0.0000 deg",
     ]

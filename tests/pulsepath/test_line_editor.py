@@ -25,6 +25,8 @@ def typed(keys, editor=None):
         (b"q\t\n", "q"),
         (b"A\xc3\xa4\x00B\n", "AB"),
         (b"A\x1b[DB\x1b[3~C\x1bOPD\n", "ABCD"),  # keys that mean nothing here
+        ("jog θ cw\n".encode(), "jog θ cw"),
+        (b"jog \xceA\xb8 \xce\xceB\n", "jog A B"),  # halves of the key, which are none
         (b"\x04", "EXIT"),
     ],
 )

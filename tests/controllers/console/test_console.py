@@ -58,7 +58,9 @@ def test_an_axis_that_is_not_homed_goes_no_farther_than_its_travel_is_long(talk)
     console.say("POS X CCW 76800")
     assert console.wait() == ["DONE"]
     assert console.say("WHERE") == ["X ?-76800 Y ?0 Z ?0 R ?0"]
-    assert console.say("HOME X") == ["HOME X: register 0"]
+    # from either end of what it has been through, no farther than one travel in all
+    assert "outside -76800 to 0" in console.say("POS X CW 76801")[0]
+    assert console.say("HOME X") == ["HOME X: register 0; X at 0 mm of its travel, 0 to 1219.2 mm, steps 0 to 76800"]
     assert "outside 0 to 76800" in console.say("POS X CCW 1")[0]
 
 
@@ -147,14 +149,20 @@ def test_modes_say_who_drives(talk):
     assert "X: 76800 steps of 1.5875e-05 m, 2400 steps/s at most after a ramp of 6000, 37.000 s: OK" in report
     at = console.registers()
     assert console.say("POS X CW 48")[0] == "TEST 0.632 s; no motion"  # 2 √(48/480)
-    assert console.say("HOME X")[0] == "TEST HOME X: register 0"
+    assert console.say("HOME X AT 24 in")[0].startswith("TEST HOME X: register 0; X at 609.6 mm")
     assert console.registers() == at
     assert console.desk.end is None
 
 
-def test_the_remote_line_moves_nothing_before_the_axes_are_homed(talk):
-    console = talk(homed=False, mode="REM")
-    assert "X Y Z R not homed" in console.say("P X + 1", REMOTE)[0]
+def test_the_remote_line_needs_no_home_but_for_a_pose(talk):
+    """[Sasidhar 1981, F.4]: REM, then P X + 100, and no word of home before it."""
+    console = talk(homed=False)
+    assert "X Y Z R not homed" in console.say("REM")[0]
+    assert console.say("P X + 100 Y - 40 Z + 80", REMOTE) == []
+    assert console.wait() == ["DONE"]
+    assert console.registers() == [100, -40, 80, 0]
+    assert "length of its travel (not homed)" in console.say("P X + 76701", REMOTE)[0]
+    assert "not homed: a pose needs all axes" in console.say("MOVE 0 0 1", REMOTE)[0]
 
 
 def test_a_client_that_vanishes_leaves_the_move_under_way(talk):

@@ -39,6 +39,14 @@ def test_a_noise_byte_spoils_its_line():
     assert read(b"P X\x00+ 1\rWHERE\r")[1][1] == Line("WHERE")
 
 
+def test_the_key_theta_passes_whole_and_no_other_byte_does():
+    whole = "POS θ CW 5 Θ\n".encode()
+    for cut in range(len(whole)):
+        assert read(whole[:cut], whole[cut:])[1] == [Line("POS θ CW 5 Θ")]
+    assert read(b"POS \xce CW 5\r")[1] == [Line("", "byte 0xCE at 5 of a line is no character of a command")]
+    assert read("POS θ CW 5 ä\r".encode())[1][0].fault.startswith("byte 0xC3 at 13")
+
+
 @given(st.lists(st.binary(max_size=200)), st.data())
 def test_lines_do_not_depend_on_how_bytes_are_cut_and_memory_is_bounded(chunks, data):
     whole = b"".join(chunks)

@@ -102,6 +102,29 @@ def test_a_serial_line_that_cannot_be_opened_is_told(wire):
         serial_line(wire[1], 100)
 
 
+@pytest.mark.parametrize(("parity", "letter"), [("none", "N"), ("even", "E"), ("odd", "O")])
+def test_parity_is_sent_and_looked_at(server, wire, monkeypatch, parity, letter):
+    """A pseudo-terminal has no parity bits; what the system is asked for can be read back, and 0x00 is what fails."""
+    import serial
+    import termios
+
+    asked = {}
+    real = serial.Serial
+    monkeypatch.setattr(serial, "Serial", lambda *args, **named: asked.update(named) or real(*args, **named))
+    here, name = wire
+    remote = server(serial_line(name, 9600, parity))
+    assert asked["parity"] == letter
+    assert bool(termios.tcgetattr(os.open(name, os.O_RDWR | os.O_NOCTTY))[0] & termios.INPCK) == (parity != "none")
+    served(remote, 0.1)
+    os.write(here, b"P X + 1\x0000\rP X + 5\r")
+    assert answered(remote, here, 2).split(b"\r\n")[:2] == [
+        b"ERROR byte 0x00 at 8 of a line is no character of a command; no motion",
+        b"DONE",
+    ]
+    with pytest.raises(MotionError, match='parity "mark" is not known; there are none, even, odd'):
+        serial_line(name, 9600, "mark")
+
+
 def test_a_socket_listens_on_loopback_alone_and_serves_several_clients(server):
     listener = Socket(0)
     assert listener.address[0] == "127.0.0.1"
