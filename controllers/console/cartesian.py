@@ -32,9 +32,7 @@ def planned(session: Session, words: Move, t: float) -> PlannedMotion | None:
     from planner.program import Line, Program, Turn
 
     if unknown := session.unknown():
-        raise Refused(
-            f"{' '.join(unknown)} not homed: a pose needs all axes' places; HOME or ACCEPT on the console first"
-        )
+        raise Refused(f"{' '.join(unknown)} not homed: a pose needs all places; HOME or ACCEPT on the console first")
     start, end = session.pose(), Rotation.from_euler("XYZ", words.pose[3:])
     there = RigidTransform.from_components(words.pose[:3], end)
     if _pulses(session, there) <= STANDS:

@@ -162,7 +162,7 @@ def test_the_remote_line_needs_no_home_but_for_a_pose(talk):
     assert console.wait() == ["DONE"]
     assert console.registers() == [100, -40, 80, 0]
     assert "length of its travel (not homed)" in console.say("P X + 76701", REMOTE)[0]
-    assert "not homed: a pose needs all axes" in console.say("MOVE 0 0 1", REMOTE)[0]
+    assert "not homed: a pose needs all places" in console.say("MOVE 0 0 1", REMOTE)[0]
 
 
 def test_a_client_that_vanishes_leaves_the_move_under_way(talk):

@@ -105,8 +105,9 @@ def test_a_serial_line_that_cannot_be_opened_is_told(wire):
 @pytest.mark.parametrize(("parity", "letter"), [("none", "N"), ("even", "E"), ("odd", "O")])
 def test_parity_is_sent_and_looked_at(server, wire, monkeypatch, parity, letter):
     """A pseudo-terminal has no parity bits; what the system is asked for can be read back, and 0x00 is what fails."""
-    import serial
     import termios
+
+    import serial
 
     asked = {}
     real = serial.Serial
