@@ -11,9 +11,9 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from kinematics.destination import Destination
 from kinematics.errors import MotionError
 from kinematics.registry import nearest
-from kinematics.staging import staged
 from kinematics.table import Table
 
 if TYPE_CHECKING:
@@ -82,9 +82,7 @@ class Result(ABC):
             raise MotionError(f"{what}: there is no folder {place.parent}; make it first")
         if place.is_dir():
             raise MotionError(f"{what}: it is a folder; give the name of a file")
-        if place.exists() and not force:
-            raise MotionError(f"{what}: it is there already; give another name, or force=True to replace it")
-        with staged(place) as file:
+        with Destination(place, force=force, remedy="give another name, or force=True to replace it").staged() as file:
             known[place.suffix](file)
 
     def _csv(self, path: Path) -> None:

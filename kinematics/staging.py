@@ -1,7 +1,7 @@
 """Where a result is made before it takes its place, and what killed runs have left there.
 
 A run makes a result beside its place, under a hidden name, and holds a lock on it that ends with the process. So a
-later run for the same place knows what no one works on any more, and removes it.
+later run that writes into the same folder knows what no one works on any more, and removes it.
 """
 
 import os
@@ -9,15 +9,18 @@ import re
 import shutil
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from tempfile import mkdtemp
 
 from kinematics.held import held
 
 SUFFIX = ".staged"
-OLD = "old"
-"""In a staged directory, what stood in the place and is about to be replaced."""
+NEW, OLD = "new", "old"
+"""In a staged directory: what is made, and what stood in the place and is about to be replaced."""
+MARK = ".pulsepath"
+"""In a staged directory, a file that says whose it is: nothing without it is ever removed, unless it is empty."""
+_NAME = re.compile(rf"\.(.+)-\w{{8}}{re.escape(SUFFIX)}")
 
 
 @contextmanager
@@ -44,11 +47,13 @@ def _made(place: Path) -> tuple[Path, int | None]:
         except OSError as error:  # told of the place that was asked for
             raise OSError(error.errno, error.strerror, str(place)) from None
         try:
-            return made, _lock(made)
+            lock = _lock(made)
         except (BlockingIOError, FileNotFoundError):
             continue  # another run took it for a dead one's before it was locked
         except OSError:
-            return made, None
+            lock = None
+        (made / MARK).touch()
+        return made, lock
 
 
 def write_whole(path: Path, content: str | bytes) -> None:
@@ -59,23 +64,40 @@ def write_whole(path: Path, content: str | bytes) -> None:
 
 @contextmanager
 def staged(path: Path) -> Iterator[Path]:
-    """A file to write beside another, which takes its place when the block ends well, and is gone when it does not."""
+    """A file to write beside another, which takes its place when the block ends well, and is gone when it does not.
+
+    For what is this program's own, since it replaces whatever is there: `kinematics.destination` has the results.
+    """
     place = path.absolute()
-    clear(place)
+    clear(place.parent)
     with staging(place) as made:
-        yield made / place.name
-        (made / place.name).replace(place)
+        yield new_file(made, place)
+        new_file(made, place).replace(place)
 
 
-def clear(place: Path) -> None:
-    """End what killed runs left for a place: only where a lock tells that they are dead."""
-    ours = re.compile(rf"\.{re.escape(place.name)}-\w{{8}}{re.escape(SUFFIX)}")
-    for left in [entry for entry in place.parent.glob(".*") if ours.fullmatch(entry.name)]:
+def new_file(made: Path, place: Path) -> Path:
+    """Where in a staged directory the file for a place is written."""
+    (made / NEW).mkdir(exist_ok=True)
+    return made / NEW / place.name
+
+
+def clear(folder: Path) -> None:
+    """End what killed runs left in a folder: only what is marked as ours, and where a lock tells that they are dead."""
+    try:
+        names = [entry.name for entry in folder.iterdir()]
+    except OSError:
+        return
+    for found in filter(None, map(_NAME.fullmatch, names)):
+        left = folder / found[0]
         try:
             lock = _lock(left)
         except OSError:
             continue
-        _end(left, place)
+        if (left / MARK).exists():
+            _end(left, folder / found[1])
+        else:
+            with suppress(OSError):
+                left.rmdir()
         os.close(lock)
 
 

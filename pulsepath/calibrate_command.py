@@ -50,21 +50,23 @@ def calibrate(
     from kinematics.calibration.measurement_file import load_measurements
     from kinematics.registry import find
     from pulsepath import calibration_directory, record, tables
-    from pulsepath.directory import CALIBRATION_KIND, refuse_overwrite, replacing
+    from pulsepath.directory import CALIBRATION_KIND, replacing
     from pulsepath.progress import step
     from pulsepath.talk import detail
 
-    refuse_overwrite(out, force, CALIBRATION_KIND)
     nominal, measured = load_machine(machine), load_measurements(measurements)
     sources = {
         "machine": find("kinematics", "machine", machine).read_bytes(),
         "measurements": find("kinematics.calibration", "measurement file", measurements).read_bytes(),
     }
-    with step(f"identifying {nominal.name} from {len(measured)} measurements"):
-        found = identify(nominal, measured, [part.strip() for part in model.split(",")], use=use)
-    detail(f"{len(found.parameters)} parameters, {found.observability.rank} combinations of them seen")
-    with replacing(out, force, CALIBRATION_KIND) as folder, step("writing the files"):
-        calibration_directory.write(folder, found, sources)
+    with replacing(
+        out, force, CALIBRATION_KIND
+    ) as folder:  # where nothing can be written, that is said before the work
+        with step(f"identifying {nominal.name} from {len(measured)} measurements"):
+            found = identify(nominal, measured, [part.strip() for part in model.split(",")], use=use)
+        detail(f"{len(found.parameters)} parameters, {found.observability.rank} combinations of them seen")
+        with step("writing the files"):
+            calibration_directory.write(folder, found, sources)
     report = str(out / calibration_directory.REPORT)
     if as_json:
         click.echo(record.as_json({**calibration_directory.record(found, sources), "report": report}), nl=False)

@@ -88,7 +88,7 @@ def compare(
     if saved and (rig or laws or tasks or address or seeds != 1):
         raise MotionError("compare: with --from nothing is run, so give no RIG, --law, --task, --seeds or --address")
     asked = [read_condition(text) for text in conditions]
-    compare_directory.refuse_overwrite(out, force)
+    to = compare_directory.destinations(out, force)
     if saved:
         runs = [load_runs(folder) for folder in saved]
         for condition, one in product(asked, runs):
@@ -97,7 +97,7 @@ def compare(
         runs = [_run(load_rig(rig or "servo-rig"), out, laws, tasks, seeds, address, baseline, asked)]
     with step("comparing"):
         found = compared(runs, baseline)
-        verdict = compare_directory.write(out, found)
+        verdict = compare_directory.write(to, found)
     met = [reason for condition in asked for reason in condition.met(found, verdict.best)]
     report = str(out / compare_directory.REPORT)
     if as_json:

@@ -3,15 +3,17 @@
 from pathlib import Path
 
 from benchmarks.compare import Comparison, Verdict
+from kinematics.destination import Destination, staged_files
 from kinematics.errors import MotionError
-from kinematics.staging import write_whole
 
 RECORD, KIND = "compare.json", "pulsepath compare"
 REPORT, TABLE = "report.html", "runs.csv"
 
 
-def refuse_overwrite(target: Path, force: bool) -> None:
-    """Raise MotionError unless a comparison may be written: nothing there but saved runs, or, with `force`, another.
+def destinations(target: Path, force: bool) -> list[Destination]:
+    """What a comparison writes: the report, its table, the record.
+
+    Raises MotionError unless it may be written: nothing there but saved runs, or, with `force`, another comparison.
 
     Saved runs may stay since each is found by the hash of what it depends on: an interrupted comparison goes on.
     """
@@ -24,18 +26,19 @@ def refuse_overwrite(target: Path, force: bool) -> None:
             raise MotionError(f"{target} holds a comparison; give another --out, or --force to replace it")
     elif target.exists() and any(target.iterdir()) and not (target / CELLS).is_dir():
         raise MotionError(f"{target} is not empty, and holds no saved runs; give another --out")
+    return [Destination(target / name, force=True) for name in (REPORT, TABLE, RECORD)]
 
 
-def write(folder: Path, comparison: Comparison) -> Verdict:
-    """Write everything, each file whole or not at all, the record last."""
+def write(to: list[Destination], comparison: Comparison) -> Verdict:
+    """Write everything: all files or none, each whole, the record last."""
     from benchmarks.compare.record import of_comparison, runs_csv
     from benchmarks.compare.report import gain_report
     from pulsepath import record
 
     verdict, page = gain_report(comparison)
-    folder.mkdir(parents=True, exist_ok=True)
-    write_whole(folder / REPORT, page)
-    write_whole(folder / TABLE, runs_csv(comparison))
     text = record.as_json({"schema": record.SCHEMA, "kind": KIND, **of_comparison(comparison, verdict)})
-    write_whole(folder / RECORD, text)
+    to[0].place.parent.mkdir(parents=True, exist_ok=True)
+    with staged_files(to) as files:
+        for file, content in zip(files, (page, runs_csv(comparison), text), strict=True):
+            file.write_bytes(content.encode())
     return verdict

@@ -1,14 +1,16 @@
 """A directory that is written whole or not at all, and never over something that is not ours."""
 
+import errno
 import json
 import os
 from collections.abc import Iterator, Mapping
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from kinematics.destination import CAME, Destination, Stamp, came, keep, staged_files, stamp
 from kinematics.errors import MotionError
 from kinematics.held import held
-from kinematics.staging import OLD, clear, staged, staging
+from kinematics.staging import NEW, OLD, clear, staging
 
 RECORD, KIND = "plan.json", "pulsepath plan"
 """The file by which a directory that `plan` wrote is known, and what it says it is."""
@@ -54,15 +56,14 @@ def write_files(folder: Path, files: Mapping[str, bytes], force: bool) -> None:
     Raises MotionError where one is there already, unless `force` replaces it.
     """
     _refuse_file_above(folder / "any")
-    for target in (folder / name for name in files):
-        if os.path.lexists(target) and not force:
-            raise MotionError(f"{target} exists; give --force to replace it, or another directory")
+    remedy = "give --force to replace it, or another directory"
+    destinations = [Destination(folder / name, force=force, remedy=remedy) for name in files]
     created = [each for each in (folder.absolute(), *folder.absolute().parents) if not each.exists()]
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        with ExitStack() as all_or_none:
-            for name, content in files.items():
-                all_or_none.enter_context(staged(folder / name)).write_bytes(content)
+        with staged_files(destinations) as staged:
+            for file, content in zip(staged, files.values(), strict=True):
+                file.write_bytes(content)
     except BaseException:
         for each in created:
             with suppress(OSError):
@@ -75,25 +76,52 @@ def replacing(target: Path, force: bool, kind: str = KIND) -> Iterator[Path]:
     """A new directory to fill, which becomes `target` when the block ends well.
 
     Whatever else happens, an interruption included, nothing of it remains and what stood there before still does. Where
-    the process is killed, the target is whole or absent, and the next run for it clears what is left beside it
-    (`kinematics.staging`).
+    the process is killed, the target is whole or absent, and the next run there clears what is left beside it
+    (`kinematics.staging`). What comes to the target while the block runs, or changes there, is left as it is: raises
+    MotionError then, and the new directory is kept under a name that the error tells.
     """
     place = target.resolve()
-    clear(place)
+    clear(place.parent)
     refuse_overwrite(target, force, kind)
+    before = _content(place)
     created = [parent for parent in place.parents if not parent.exists()]
     place.parent.mkdir(parents=True, exist_ok=True)
     try:
         with staging(place) as made:
-            new = made / "new"
+            new = made / NEW
             new.mkdir()
             yield new
             with held():
-                if place.exists():
-                    place.rename(made / OLD)  # until the new one is there: else it returns
-                new.rename(place)
+                _put(made, target, place, before)
     except BaseException:
         for parent in created:
             with suppress(OSError):
                 parent.rmdir()
         raise
+
+
+Content = frozenset[tuple[str, Stamp]]
+
+
+def _content(place: Path) -> Content:
+    """All that is in a directory, and as what; nothing where it is empty, or not there."""
+    return frozenset((str(path.relative_to(place)), stamp(path)) for path in place.rglob("*"))
+
+
+def _put(made: Path, target: Path, place: Path, before: Content) -> None:
+    """The new directory into its place, where still stands what stood there; else raises MotionError."""
+    new, old = made / NEW, made / OLD
+    if before and place.is_dir():
+        place.rename(old)  # until the new one is there: else it returns
+        if _content(old) != before:
+            with suppress(OSError):
+                old.rename(place)
+            kept = [keep(each, place) for each in (new, old) if each.exists()]
+            raise came(target, True, kept)
+    try:
+        new.rename(place)  # which replaces no file, and no directory but an empty one
+    except OSError as error:
+        if error.errno not in (*CAME, errno.EACCES) or not os.path.lexists(place):
+            raise
+        kept = [keep(each, place) for each in (new, old) if each.exists()]
+        raise came(target, bool(before), kept) from None

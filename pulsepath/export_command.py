@@ -37,8 +37,7 @@ def export(directory: Path, name: str, out: Path | None, force: bool, as_json: b
 
     Example: pulsepath export out/circle --format vcd
     """
-    from kinematics import MotionError
-    from kinematics.staging import staged
+    from kinematics.destination import Destination
     from planner.export.format import Source
     from planner.export.formats import find_format
     from pulsepath import plan_directory, record
@@ -46,14 +45,13 @@ def export(directory: Path, name: str, out: Path | None, force: bool, as_json: b
     from pulsepath.progress import step
 
     target = out or directory / f"{name}{find_format(name).suffix}"
-    if target.exists() and not force:
-        raise MotionError(f"{target} exists; give --force to replace it")
+    destination = Destination(target, force=force)
     writes(target)
     format_ = EXPORTS.make(name, given)
     planned = plan_directory.read(directory)
     with step("firing the pulses") as tell:
         pulses = planned.pulses(tell)
-    with step(f"writing {target}") as tell, staged(target) as file:
+    with step(f"writing {target}") as tell, destination.staged() as file:
         done = format_.write(Source(planned.program.name, planned.machine, planned.trajectory, pulses, tell), file)
     if as_json:
         click.echo(record.as_json(record.of_export(name, str(target), done)), nl=False)

@@ -49,7 +49,7 @@ def import_(
     import numpy as np
 
     from kinematics import MotionError
-    from kinematics.staging import staged
+    from kinematics.destination import Destination, staged_files
     from planner.program_writer import program_toml
     from planner.sources.registry import source_name
     from pulsepath import record
@@ -60,15 +60,13 @@ def import_(
         raise MotionError(f"{image}: a figure is one of {', '.join(FIGURES)}; give --figure such a suffix")
     if len({path.absolute() for path in (file, out, image)}) < 3:
         raise MotionError(f"{file}, {out} and {image} must be three different files; give another --out or --figure")
-    for target in (out, image):
-        if target.exists() and not force:
-            raise MotionError(f"{target} exists; give --force to replace it")
+    destinations = [Destination(target, force=force) for target in (out, image)]
     name = name or source_name(file)
     source = IMPORTS.make(name, given)
     with step(f"reading {file}"):
         found = source.read(file)
         way = found.outline
-    with step(f"writing {out} and {image}"), staged(image) as drawn, staged(out) as written:
+    with step(f"writing {out} and {image}"), staged_files(destinations) as (written, drawn):
         from planner.sources import plots
 
         told = f"{found.program.name}, imported from {file.name} ({name})"

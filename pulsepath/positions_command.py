@@ -9,6 +9,7 @@ import click
 from pulsepath.commands import Commands
 
 if TYPE_CHECKING:
+    from kinematics.destination import Destination
     from planner.sources.position_list import PositionList
 
 MINUS = {"ignore_unknown_options": True}
@@ -17,10 +18,11 @@ MINUS = {"ignore_unknown_options": True}
 
 @dataclass(frozen=True, slots=True)
 class Listed:
-    """The file that a command is about, and whether it prints JSON."""
+    """The file that a command is about, whether it prints JSON, and the file as it stood when the command began."""
 
     path: Path
     as_json: bool
+    destination: "Destination"
 
     def read(self) -> "PositionList":
         from planner.sources.positions import Positions
@@ -30,11 +32,11 @@ class Listed:
     def write(self, listed: "PositionList") -> None:
         """Whole or not at all. Raises MotionError for what is no CSV file by its suffix."""
         from kinematics import MotionError
-        from planner.sources.positions_csv import save_positions
+        from planner.sources.positions_csv import positions_csv
 
         if self.path.suffix.lower() != ".csv":
             raise MotionError(f'{self.path}: lists are changed as CSV; "save" it as one first')
-        save_positions(listed, self.path)
+        self.destination.write(positions_csv(listed))
         self.tell(listed)
 
     def tell(self, listed: "PositionList") -> None:
@@ -68,7 +70,9 @@ def positions(context: click.Context, file: Path, as_json: bool) -> None:
 
     Example: pulsepath positions poses.csv record "10 mm, 0 mm, 25 mm"
     """
-    context.obj = Listed(file, as_json)
+    from kinematics.destination import Destination
+
+    context.obj = Listed(file, as_json, Destination(file, force=True))  # what it changes is what it has read
     if context.invoked_subcommand is None:
         context.obj.tell(context.obj.read())
 
@@ -132,11 +136,10 @@ def save(of: Listed, target: Path, first: int | None, last: int | None, machine:
     Example: pulsepath positions poses.csv save part.csv --first 2 --last 5
     """
     from kinematics import MotionError
-    from kinematics.staging import write_whole
+    from kinematics.destination import Destination
 
-    if target.exists() and not force:
-        raise MotionError(f"{target} exists; give --force to replace it")
-    part, to = of.read().part(first, last), Listed(target, of.as_json)
+    to = Listed(target, of.as_json, Destination(target, force=force))
+    part = of.read().part(first, last)
     if target.suffix.lower() != ".txt":
         if machine is not None:
             raise MotionError(f"{target}: --machine is for TXT files; a CSV file is for any machine")
@@ -145,5 +148,5 @@ def save(of: Listed, target: Path, first: int | None, last: int | None, machine:
     from kinematics import load_machine
     from planner.export.kmitl_positions import list_text
 
-    write_whole(target, list_text(part, load_machine(machine or "tripod")))
+    to.destination.write(list_text(part, load_machine(machine or "tripod")))
     to.tell(to.read())

@@ -35,14 +35,11 @@ def track(directory: Path, laws: tuple[str, ...], force: bool, as_json: bool) ->
     from controllers import evaluate
     from controllers import track as run
     from controllers.metrics.evaluate import PERIOD
-    from kinematics import MotionError
-    from kinematics.staging import write_whole
+    from kinematics.destination import Destination
     from pulsepath import plan_directory, record, tables
     from pulsepath.progress import step
 
-    target = directory / plan_directory.TRACK
-    if target.exists() and not force:
-        raise MotionError(f"{target} exists; give --force to replace it")
+    target = Destination(directory / plan_directory.TRACK, force=force)
     chosen = [read_setting(law).made() for law in laws]
     planned = plan_directory.read(directory)
     metrics = []
@@ -51,7 +48,7 @@ def track(directory: Path, laws: tuple[str, ...], force: bool, as_json: bool) ->
             tracked = run(planned.trajectory, planned.machine, law, period=PERIOD)
             metrics.append(evaluate(tracked, planned.trajectory, planned.machine))
     text = record.as_json({"schema": record.SCHEMA, "laws": record.of_tracking(metrics)})
-    write_whole(target, text)
+    target.write(text)
     if as_json:
         click.echo(text, nl=False)
     else:

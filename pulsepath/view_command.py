@@ -60,24 +60,22 @@ def view(
     targets = [target for target in (stills, html) if target is not None]
     writes(*targets)
     from kinematics import MotionError
-    from kinematics.staging import write_whole
+    from kinematics.destination import Destination
     from kinematics.units import quantity
     from pulsepath import record
     from pulsepath.progress import step
 
     if at is not None and stills is None:
         raise MotionError("--at is the instant of the still images: give --stills FILE as well")
-    for target in targets:
-        if target.exists() and not force:
-            raise MotionError(f"{target} exists; give --force to replace it")
+    destinations = {target: Destination(target, force=force) for target in targets}
     when = None if at is None else quantity(at, "s")
     plan = _taken_up(directory)
     told: dict[str, Any] = {"program": plan.program.name, "machine": plan.machine.name}
     if stills is not None:
-        from benchmarks.animation import save_four_views
+        from benchmarks.animation.stills import write_four_views
 
         with step(f"drawing {stills}"):
-            save_four_views(plan, stills, when, magnify=magnify, force=force)
+            write_four_views(plan, destinations[stills], when, magnify)
         told["stills"] = str(stills)
     if html is not None or stills is None:
         from benchmarks.animation.animate import document
@@ -87,7 +85,7 @@ def view(
         if html is None:
             _show(page, port, no_browser, told, as_json)
             return
-        write_whole(html, page)
+        destinations[html].write(page)
         told |= {"html": str(html), "frames": frames, "bytes": html.stat().st_size}
     if as_json:
         click.echo(record.as_json(told), nl=False)

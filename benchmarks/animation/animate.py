@@ -3,8 +3,8 @@
 from pathlib import Path
 
 from benchmarks.animation.frames import Animated, even, frames_of
+from kinematics.destination import Destination
 from kinematics.errors import MotionError
-from kinematics.staging import write_whole
 
 FRAMES, MOST = 240, 5000
 """Frames by default, and so many at most: more would make pages that no one can open."""
@@ -18,11 +18,9 @@ def animate(
     frames   how many, evenly from start to end; magnify: how many times the error of the pulses' path is drawn; 1 is
              true scale, None as large as can be seen. Raises MotionError for a file that exists, unless `force`.
     """
-    target = Path(path)
-    if target.exists() and not force:
-        raise MotionError(f"{target} exists; give force=True to replace it")
-    write_whole(target, document(plan, frames, magnify))
-    return target
+    target = Destination(Path(path), force=force, remedy="give force=True to replace it")
+    target.write(document(plan, frames, magnify))
+    return target.path
 
 
 def document(plan: Animated, frames: int = FRAMES, magnify: float | None = None) -> str:

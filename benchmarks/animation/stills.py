@@ -9,9 +9,9 @@ from benchmarks.animation.frames import Animated, Frames, frames_of
 from benchmarks.animation.look import PLANNED, RAMP, REALISED, VIEWS, View, rgb
 from benchmarks.animation.nearest import TOOL
 from kinematics.array import Array
+from kinematics.destination import Destination
 from kinematics.errors import MotionError
 from kinematics.skeleton import Sort
-from kinematics.staging import staged
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -29,16 +29,19 @@ def save_four_views(
     plan: Animated, path: str | Path, t: float | None = None, *, magnify: float | None = None, force: bool = False
 ) -> Path:
     """Write `four_views` to a file, .pdf, .png or .svg. Raises MotionError for one that exists, unless `force`."""
-    target = Path(path)
-    if target.suffix.lower() not in FORMATS:
-        raise MotionError(f"{target}: still images are {', '.join(FORMATS)}; give a name that ends so")
-    if target.exists() and not force:
-        raise MotionError(f"{target} exists; give force=True to replace it")
+    target = Destination(Path(path), force=force, remedy="give force=True to replace it")
+    write_four_views(plan, target, t, magnify)
+    return target.path
+
+
+def write_four_views(plan: Animated, target: Destination, t: float | None, magnify: float | None) -> None:
+    """Write `four_views` to a file. Raises MotionError for one that no still image can be."""
+    if target.path.suffix.lower() not in FORMATS:
+        raise MotionError(f"{target.path}: still images are {', '.join(FORMATS)}; give a name that ends so")
     figure = four_views(plan, t, magnify=magnify)[0].get_figure(root=True)
-    with staged(target) as file:
+    with target.staged() as file:
         if figure is not None:
             figure.savefig(file, dpi=DPI)
-    return target
 
 
 def four_views(plan: Animated, t: float | None = None, *, magnify: float | None = None) -> "tuple[Axes, ...]":

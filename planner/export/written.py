@@ -5,8 +5,8 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from kinematics.destination import Destination
 from kinematics.errors import MotionError
-from kinematics.staging import staged
 from planner.export.format import Exported, Source
 from planner.export.formats import find_format
 
@@ -16,12 +16,11 @@ if TYPE_CHECKING:
 
 def written(plan: "Plan", name: str, path: str | PathLike[str], force: bool, options: Mapping[str, Any]) -> Exported:
     """What `Plan.export` does; the file is there whole or not at all."""
-    kind, target = find_format(name), Path(path)
+    kind = find_format(name)
     try:
         format_ = kind(**options)
     except TypeError as error:
         raise MotionError(f"format {name}: {error}") from None
-    if target.exists() and not force:
-        raise MotionError(f"{target} exists; give force=True to replace it, or another path")
-    with staged(target) as file:
+    target = Destination(Path(path), force=force, remedy="give force=True to replace it, or another path")
+    with target.staged() as file:
         return format_.write(Source(plan.program.name, plan.machine, plan.trajectory, plan.pulses), file)

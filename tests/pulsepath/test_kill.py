@@ -10,6 +10,7 @@ import time
 import pytest
 
 from kinematics import MotionError
+from kinematics.destination import Destination
 from kinematics.staging import clear
 from planner.export import npz
 from pulsepath import plan_directory
@@ -73,7 +74,7 @@ def test_directories_replaced_without_pause(tmp_path):
         left += len(names(tmp_path) - {"out"})
         for cleared in (False, True):
             if cleared:
-                clear(place)
+                clear(tmp_path)
             if cleared or place.exists():
                 number = json.loads((place / "plan.json").read_text())["number"]
                 assert {(place / f"part{part}").read_text() for part in range(5)} == {str(number)}
@@ -85,6 +86,7 @@ def test_between_the_renames_the_one_before_comes_back(tmp_path):
     """And is not replaced then by a run that was not told to."""
     place, old = tmp_path / "out", tmp_path / ".out-abcd_123.staged" / "old"
     old.mkdir(parents=True)
+    (old.parent / ".pulsepath").touch()
     (old / "plan.json").write_text(json.dumps({"kind": KIND}))
     with pytest.raises(MotionError, match="not empty"), replacing(place, force=False):
         pass
@@ -96,16 +98,29 @@ def test_what_another_run_works_on_is_left_alone(tmp_path):
     place = tmp_path / "out"
     with replacing(place, force=False):
         working = names(tmp_path)
-        clear(place)
+        clear(tmp_path)
         assert names(tmp_path) == working != set()
 
 
 def test_what_is_not_ours_is_left_alone(tmp_path):
     for name in (".out-backup", ".out-12345678", "out-12345678.staged", ".outer-12345678.staged"):
         (tmp_path / name).mkdir()
+        (tmp_path / name / "thesis.txt").touch()
     before = names(tmp_path)
-    clear(tmp_path / "out")
+    clear(tmp_path)
     assert names(tmp_path) == before
+
+
+def test_the_next_run_clears_what_is_left_of_another_target(tmp_path):
+    for name in (".other-12345678.staged", ".part.ngc-abcdefgh.staged"):
+        (tmp_path / name / "new").mkdir(parents=True)
+        (tmp_path / name / ".pulsepath").touch()
+    (tmp_path / ".empty-12345678.staged").mkdir()  # killed before it was marked
+    old = tmp_path / ".older-12345678.staged" / "old"
+    old.mkdir(parents=True)
+    (old.parent / ".pulsepath").touch()
+    Destination(tmp_path / "file").write("x")
+    assert names(tmp_path) == {"file", "older"}
 
 
 @pytest.mark.parametrize(("made", "earlier"), [("pulses.csv", False), ("report.html", True)])
@@ -122,7 +137,7 @@ def test_plan_killed_in_the_midst(tmp_path, directory, made, earlier):
     if whole:
         assert_plan(out)
     assert len(names(out.parent) - {"out"}) <= 1  # hidden: no command reads it
-    clear(out)
+    clear(out.parent)
     assert names(out.parent) == ({"out"} if whole else set())
 
 
@@ -133,10 +148,10 @@ def test_export_killed_in_the_midst(tmp_path, directory, job, earlier):
     if earlier:
         npz.write(job.plan.pulses, out)
     process = start("-m", "pulsepath", "export", directory, "--format", "npz", "--part", "3", "--out", out, "--force")
-    kill_when(process, out.parent, ".pulses.npz-*.staged/pulses.npz", random.Random(earlier).uniform(0, 0.2))
+    kill_when(process, out.parent, ".pulses.npz-*.staged/new/pulses.npz", random.Random(earlier).uniform(0, 0.2))
     whole = out.exists()
     assert whole >= earlier
     if whole:
         assert npz.read(out).total == job.plan.pulses.total
-    clear(out)
+    clear(out.parent)
     assert names(out.parent) == ({"pulses.npz"} if whole else set())

@@ -1,0 +1,151 @@
+"""Files that a user names as results: each takes its place whole, and never that of something that came meanwhile."""
+
+import errno
+import os
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager, suppress
+from itertools import count
+from pathlib import Path
+
+from kinematics.errors import MotionError
+from kinematics.held import held
+from kinematics.staging import OLD, clear, new_file, staging
+
+Stamp = tuple[int, int, int, int] | None
+"""Tells a file from another, and from itself after a change; None: there is none."""
+CAME = (errno.EEXIST, errno.ENOTEMPTY, errno.ENOTDIR, errno.EISDIR)
+"""What a rename fails with where something has come."""
+
+
+class Destination:
+    """A file to write, and what stood in its place when this was made, which is before the work begins.
+
+    Raises MotionError where something stands there, unless `force` lets it be replaced; remedy: how, for that message.
+    """
+
+    __slots__ = ("before", "path", "place")
+
+    def __init__(self, path: Path, *, force: bool = False, remedy: str = "give --force to replace it") -> None:
+        self.path, self.place = path, path.absolute()
+        self.before = stamp(self.place)
+        if self.before is not None and not force:
+            raise MotionError(f"{path} exists; {remedy}")
+        if self.place.is_dir():
+            raise MotionError(f"{path} is a directory; give the name of a file")
+
+    @contextmanager
+    def staged(self) -> Iterator[Path]:
+        """A file to write beside the place, which it takes when the block ends well. Raises as `staged_files`."""
+        with staged_files([self]) as (file,):
+            yield file
+
+    def write(self, content: str | bytes) -> None:
+        """Write all of it; text in UTF-8, its line ends as they are. Raises as `staged_files`."""
+        with self.staged() as file:
+            file.write_bytes(content.encode() if isinstance(content, str) else content)
+
+
+@contextmanager
+def staged_files(destinations: Sequence[Destination]) -> Iterator[list[Path]]:
+    """Files to write beside their places, which all of them take when the block ends well, and none when it does not.
+
+    Raises MotionError where a place is no longer as it was when its destination was made. Nothing is replaced then, and
+    what was made is kept beside, under names that the error tells.
+    """
+    with ExitStack() as stack:
+        for folder in {destination.place.parent for destination in destinations}:
+            clear(folder)
+        made = [stack.enter_context(staging(destination.place)) for destination in destinations]
+        files = [new_file(each, destination.place) for each, destination in zip(made, destinations, strict=True)]
+        yield files
+        with held():
+            _put_all(destinations, made, files)
+
+
+def _put_all(destinations: Sequence[Destination], made: Sequence[Path], files: Sequence[Path]) -> None:
+    done: list[tuple[Destination, Path, Path]] = []
+    try:
+        for each in zip(destinations, made, files, strict=True):
+            _put(*each)
+            done.append(each)
+    except OSError as error:
+        for destination, aside, file in reversed(done):
+            _take_back(destination, aside, file)
+        if not isinstance(error, FileExistsError):
+            raise
+        taken = destinations[len(done)]
+        kept = [keep(file, each.place) for each, file in zip(destinations, files, strict=True)]
+        raise came(taken.path, taken.before is not None, kept) from None
+
+
+def _put(destination: Destination, made: Path, file: Path) -> None:
+    """Raises FileExistsError where the place is not as it was."""
+    now = stamp(destination.place)
+    if now is None:
+        put_new(file, destination.place)
+    elif now != destination.before:
+        raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), str(destination.place))
+    else:
+        with suppress(OSError):  # not every file system has links; it is for `_take_back` alone
+            os.link(destination.place, made / OLD, follow_symlinks=False)
+        file.replace(destination.place)
+
+
+def _take_back(destination: Destination, made: Path, file: Path) -> None:
+    os.link(destination.place, file)
+    if (made / OLD).exists():
+        (made / OLD).replace(destination.place)
+    elif destination.before is None:
+        destination.place.unlink()
+
+
+def put_new(file: Path, place: Path) -> None:
+    """Move a file to a place where nothing is. Raises FileExistsError where something is, and leaves both."""
+    if sys.platform == "win32":
+        file.rename(place)  # which replaces nothing there
+        return
+    try:
+        os.link(file, place)
+    except FileExistsError:
+        raise
+    except OSError:  # a file system without links: a place held by an empty file of ours
+        os.close(os.open(place, os.O_CREAT | os.O_EXCL | os.O_WRONLY))
+        file.replace(place)
+    else:
+        file.unlink()
+
+
+def keep(made: Path, place: Path) -> Path:
+    """Move a file or directory that cannot take its place to a free name beside it, which is returned."""
+    for n in count():
+        kept = place.with_name(f"{place.stem}.kept{n or ''}{place.suffix}")
+        if os.path.lexists(kept):
+            continue
+        try:
+            if made.is_dir():
+                made.rename(kept)
+            else:
+                put_new(made, kept)
+        except OSError as error:
+            if error.errno not in CAME:
+                raise
+            continue
+        return kept
+    raise AssertionError  # no end of numbers
+
+
+def came(path: Path, changed: bool, kept: Sequence[Path]) -> MotionError:
+    """The error where something came, or changed, in the place of a result."""
+    how = "was changed or replaced" if changed else "was put there by something else"
+    where = " and ".join(map(str, kept))
+    return MotionError(f"{path} {how} while this ran, and is left as it is; the result is kept in {where}")
+
+
+def stamp(path: Path) -> Stamp:
+    """Of a file, directory or link, whatever it points to."""
+    try:
+        found = os.lstat(path)
+    except OSError:
+        return None
+    return found.st_dev, found.st_ino, found.st_mtime_ns, found.st_size
