@@ -8,7 +8,7 @@ from typing import Literal
 
 from kinematics.array import LARGEST, POSITIVE, finite, plain
 from kinematics.errors import BadValue, MotionError
-from kinematics.step_timing import StepTiming
+from kinematics.step_timing import StepTiming, rate_ticks
 
 Magnitude = float | tuple[float, float]
 """Of both directions, or of each: (towards smaller q, towards greater q)."""
@@ -168,6 +168,24 @@ class Axis:
         """1/s: the most pulses that the axis takes, as stated and as its drive's timing allows; ∞: any number."""
         stated = inf if self.max_pulse_rate is None else self.max_pulse_rate
         return stated if self.timing is None else min(stated, self.timing.rate)
+
+    def pulse_ticks(self, clock_hz: int, grain: int = 1) -> tuple[int, int]:
+        """Clock ticks from a pulse to the next, and to the next the other way, at least; `grain` where any will do.
+
+        grain  ticks: pulses come at whole multiples of it
+        """
+        one = grain if self.max_pulse_rate is None else rate_ticks(self.max_pulse_rate, clock_hz, grain)
+        other = one
+        if self.timing is not None:
+            straight, back = (-(-ticks // grain) * grain for ticks in self.timing.ticks(clock_hz))
+            one, other = max(one, straight), max(one, back)
+        return one, other
+
+    def held_rate(self, clock_hz: int, grain: int = 1) -> float:
+        """1/s: the most pulses that ticks of a clock, by whole grains, keep as far apart as the axis takes; ∞: any."""
+        if isinf(self.pulse_rate):
+            return inf
+        return min(self.pulse_rate, clock_hz / self.pulse_ticks(clock_hz, grain)[0])
 
     @property
     def motor_ratio(self) -> float:

@@ -9,6 +9,8 @@ from kinematics.registry import closest, nearest
 
 ROUNDING = 1e-12
 """Share of a time that decimal fractions of seconds may be off."""
+SHORTENED = 1e-3
+"""Share of its interval by which whole ticks may shorten one at a stated rate; where a tick is more, they do not."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,19 +48,26 @@ class StepTiming:
         return max(1 / self.rate, max(self.high, self.hold) + self.setup)
 
     def ticks(self, clock_hz: int) -> tuple[int, int]:
-        """Whole clock ticks from a pulse to the next, and to the next the other way, at least.
-
-        Times are rounded up. A rate is not, since pulses of just that rate lie on ticks only to one tick.
-        """
+        """Whole clock ticks from a pulse to the next, and to the next the other way, at least; times are rounded up."""
         levels = whole(self.high + self.low, clock_hz)
-        rate = 0 if self.max_rate is None else floor(clock_hz / self.max_rate * (1 + ROUNDING))
-        interval = max(levels, rate)
+        interval = levels if self.max_rate is None else max(levels, rate_ticks(self.max_rate, clock_hz))
         return interval, max(interval, whole(max(self.high, self.hold), clock_hz) + whole(self.setup, clock_hz))
 
 
 def whole(time: float, clock_hz: int) -> int:
     """Clock ticks that last at least a time (s), but for rounding."""
     return ceil(time * clock_hz * (1 - ROUNDING))
+
+
+def rate_ticks(rate: float, clock_hz: int, grain: int = 1) -> int:
+    """Clock ticks, a multiple of `grain`, from a pulse to the next at a rate (1/s), at least.
+
+    Pulses of just that rate lie on ticks only to one: it is rounded down where that is a thousandth or less, else up.
+    """
+    grains = clock_hz / (rate * grain)
+    if grains * SHORTENED >= 1:
+        return grain * floor(grains * (1 + ROUNDING))
+    return grain * max(1, ceil(grains * (1 - ROUNDING)))
 
 
 def _us(high: float, low: float, setup: float, hold: float, max_rate: float | None = None) -> StepTiming:

@@ -25,7 +25,17 @@ from planner.parallel import Progress, silent
 from planner.path.join import blend_tables
 from planner.place import Infeasible, LostPath
 from planner.program import Program
-from planner.pulses import Motion, PulseSchedule, RealisedPath, Rule, find_rule, generate, realised, schedule_tables
+from planner.pulses import (
+    Motion,
+    PulseSchedule,
+    RealisedPath,
+    Rule,
+    find_rule,
+    generate,
+    paced,
+    realised,
+    schedule_tables,
+)
 from planner.pulses.compensate import counted
 from planner.solve import fastest, timed
 from planner.standing import Standing, standing
@@ -139,7 +149,8 @@ def plan(
 ) -> Plan:
     """The fastest motion of a machine along a program, proved to respect every limit, and its pulses.
 
-    order 2 keeps speed and acceleration, 3 jerk as well; None: 3 where the machine states jerk limits.
+    order 2 keeps speed and acceleration, 3 jerk as well; None: 3 where the machine states jerk limits. The pulse rates
+    that it keeps are those that the clock's whole ticks and the rule can hold (`planner.pulses.paced`).
     duration (s): the smoothest motion that takes so long instead, as `planner.duration.within` has it; None: what the
     program states, if it does. rule: of firing, or its name and options ("sampled:period=50us"). progress is told how
     many of the runs between stops are solved, and of how many, and then how far the pulses are. Raises Infeasible
@@ -157,7 +168,7 @@ def plan(
     rule = find_rule(rule) if isinstance(rule, str) else rule
     program = oriented(program, machine, order)
     try:
-        whole = course(program, machine, order)
+        whole = course(program, machine, order, paced(machine.axes, int(clock_hz), rule))
         path, limits = whole.path, whole.limits
         if duration is None:
             solution = fastest(path, limits, order, progress)

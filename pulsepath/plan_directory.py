@@ -11,7 +11,7 @@ from planner.actuation import actuate
 from planner.export import motion_json
 from planner.limits import Limit, limits_of
 from planner.parallel import Progress, silent
-from planner.pulses import PulseCheck, PulseSchedule, check_file, generate
+from planner.pulses import PulseCheck, PulseSchedule, check_file, generate, paced
 from pulsepath.directory import RECORD, is_ours
 from pulsepath.inputs import Inputs
 from pulsepath.job import Defect, Job
@@ -43,7 +43,8 @@ class Planned:
     @property
     def limits(self) -> tuple[Limit, ...]:
         """Those that the motion was proved to keep."""
-        return limits_of(self.trajectory.path, self.machine.axes, self.order)
+        axes = paced(self.machine.axes, self.clock_hz, self.rule)
+        return limits_of(self.trajectory.path, axes, self.order)
 
     def pulses(self, progress: Progress = silent) -> PulseSchedule:
         """The pulses, made again from the motion."""

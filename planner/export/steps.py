@@ -56,8 +56,8 @@ class Steps:
         pulses, clock = source.pulses, source.pulses.clock_hz
         tolerance = floor(float(finite(self.within, "within", (), unit="s", least=0.0)) * clock + ROUNDING)
         asked = ceil(float(finite(self.least or 0.0, "least", (), unit="s", least=0.0)) * clock - ROUNDING)
-        drives = [axis.timing for axis in source.machine.axes]
-        least = [max(asked, 1, 0 if self.least is not None or d is None else d.ticks(clock)[0]) for d in drives]
+        own = [axis.pulse_ticks(clock)[0] for axis in source.machine.axes]
+        least = [max(asked, 1, 0 if self.least is not None else ticks) for ticks in own]
         queues = (
             compress(pulses.axes, tolerance, least[0])
             if len(set(least)) == 1
@@ -124,11 +124,12 @@ def _compare(source: Source, path: Path, commands: int) -> Exported:
         if not np.array_equal(direction, axis.direction):
             return Exported(np.inf, f"the pulses: axis {axis.name} has others")
         back = np.diff(ticks)[np.diff(direction) != 0]
-        if driven.timing is not None and len(back) and back.min() < driven.timing.ticks(pulses.clock_hz)[1]:
-            closest, taken = apart(1e6 * back.min() / pulses.clock_hz, 1e6 * driven.timing.reversal, digits=4)
+        needed = driven.pulse_ticks(pulses.clock_hz)[1]
+        if len(back) and back.min() < needed:
+            closest, taken = apart(1e6 * back.min() / pulses.clock_hz, 1e6 * needed / pulses.clock_hz, digits=4)
             raise MotionError(
-                f"steps: axis {axis.name}: a reversal within {closest} us, and its drive "
-                f"takes {taken} us; give a shorter --within"
+                f"steps: axis {axis.name}: a reversal within {closest} us, and it takes {taken} us; "
+                "give a shorter --within"
             )
         nth = np.arange(len(ticks))
         late = max(late, int(abs(ticks - axis.ticks).max(initial=0)))

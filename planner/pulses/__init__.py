@@ -3,7 +3,7 @@
 from planner.pulses.check import check
 from planner.pulses.compress import compress
 from planner.pulses.file_check import check_file
-from planner.pulses.generate import generate
+from planner.pulses.generate import generate, paced
 from planner.pulses.motion import Motion, MotionState
 from planner.pulses.realised import realised
 from planner.pulses.realised_path import RealisedError, RealisedPath
@@ -32,5 +32,6 @@ __all__ = [
     "decompress",
     "find_rule",
     "generate",
+    "paced",
     "realised",
 ]

@@ -47,12 +47,12 @@ def check_file(path: str | PathLike[str], plan: Planned, progress: Progress = si
     found = check_parts(stated, pulses(), plan.counted, machine.axes, machine.home_q)
     axes = []
     for one, times, axis in zip(found.axes, lined, machine.axes, strict=True):
-        short = tuple(_short(times, axis, 1 / stated.clock_hz))
+        short = tuple(_short(times, axis))
         axes.append(replace(one, lines=times, faults=one.faults + short, fault_count=one.fault_count + len(short)))
     return PulseCheck(tuple(axes))
 
 
-def _short(times: LineTimes, axis: Axis, tick: float) -> Iterator[PulseFault]:
+def _short(times: LineTimes, axis: Axis) -> Iterator[PulseFault]:
     """What a drive would not see."""
     asked = axis.timing
     if asked is None:
@@ -62,6 +62,3 @@ def _short(times: LineTimes, axis: Axis, tick: float) -> Iterator[PulseFault]:
         if least < needed - ROUNDING:
             seen, wanted = apart(1e6 * least, 1e6 * needed, digits=4)
             yield PulseFault(axis.name, 0, f"{name}: {seen} us, and its drive needs {wanted}")
-    if asked.max_rate is not None and times.interval < 1 / asked.max_rate - tick - ROUNDING:
-        rate, most = apart(1 / times.interval, asked.max_rate)
-        yield PulseFault(axis.name, 0, f"rate: {rate} pulses/s, and its drive takes {most}")

@@ -9,12 +9,12 @@ from numpy.typing import ArrayLike
 from kinematics.axis import Axis
 from kinematics.errors import MotionError
 from planner.parallel import Progress, silent
-from planner.place import Infeasible, Place
+from planner.place import Infeasible
 from planner.pulses.compensate import Compensated, counted
 from planner.pulses.counter import refuse_counter
 from planner.pulses.motion import Motion
 from planner.pulses.rules import Rule, find_rule
-from planner.pulses.schedule import AxisPulses, PulseSchedule
+from planner.pulses.schedule import PulseSchedule
 from planner.pulses.spacing import spaced
 
 
@@ -41,26 +41,37 @@ def generate(
         raise MotionError(f"{given}: give one of each per axis")
     rule = find_rule(rule) if isinstance(rule, str) else rule
     motion = trajectory if isinstance(trajectory, Compensated) else counted(trajectory, machine_axes, home)
-    schedule = spaced(rule.fire(motion, machine_axes, home, clock_hz, progress), motion, machine_axes)
+    fired = rule.fire(motion, machine_axes, home, clock_hz, progress)
+    try:
+        schedule = spaced(fired, motion, machine_axes, rule.grain(clock_hz))
+    except Infeasible as no:
+        raise _of_motor(no, machine_axes) from None
     for pulses, axis in zip(schedule.axes, machine_axes, strict=True):
         if axis.card is not None:
             refuse_counter(pulses, axis)
-        if axis.compensate:
-            _refuse_rate(pulses, axis, trajectory, clock_hz)
     return replace(schedule, compensations=motion.costs) if isinstance(motion, Compensated) else schedule
 
 
-def _refuse_rate(pulses: AxisPulses, axis: Axis, motion: Motion, clock_hz: int) -> None:
-    """Raise Infeasible for a motion whose motors take more pulses than their axis: one that no plan has held to it."""
-    steps = np.where(np.diff(pulses.direction) == 0, np.diff(pulses.ticks), np.iinfo(np.int64).max)
-    if not len(steps) or steps.min() >= np.floor(clock_hz / axis.pulse_rate):
-        return
-    rate = clock_hz / float(steps.min())
-    t = float(pulses.ticks[int(np.argmin(steps))]) / clock_hz
-    place = Place(float(motion.at(np.array([t])).s[0]), t=t, axis=axis.name)
-    remedy = (
-        f"that is with {' and '.join(axis.compensate)} made up for: slow {axis.name} there to "
-        f"{100 * axis.pulse_rate / rate:.4g} % or less, or let planner.plan make the motion, which keeps the rate of "
-        "the motor behind its screw"
+def paced(axes: Sequence[Axis], clock_hz: int, rule: str | Rule = "nearest") -> tuple[Axis, ...]:
+    """The axes with the pulse rates that a motion has to keep, for the rule's pulses to be as far apart as they state.
+
+    Times of pulses are whole ticks of the clock (and of the rule's own): a drive that takes a pulse every 3.8 us takes
+    one every 4 us on a clock of 1 MHz. Raises MotionError for a clock that the rule cannot run on.
+    """
+    rule = find_rule(rule) if isinstance(rule, str) else rule
+    return tuple(
+        axis if rate >= axis.pulse_rate else replace(axis, max_pulse_rate=rate)
+        for axis, rate in zip(axes, rule.rates(axes, clock_hz), strict=True)
     )
-    raise Infeasible("pulse rate", axis.name, place, rate, axis.pulse_rate, "1/s", remedy)
+
+
+def _of_motor(no: Infeasible, axes: Sequence[Axis]) -> Infeasible:
+    """A refusal of spacing; of an axis that makes up for its screw it says so: a plan keeps the rate of the motor."""
+    made_up = next((axis.compensate for axis in axes if axis.name == no.axis), ())
+    if not made_up:
+        return no
+    remedy = (
+        f"that is with {' and '.join(made_up)} made up for: {no.remedy}; or let planner.plan make the motion, which "
+        "keeps the rate of the motor behind its screw"
+    )
+    return Infeasible(no.kind, no.axis, no.place, no.value, no.limit, no.unit, remedy)

@@ -1,4 +1,4 @@
-"""Room for the drive: pulses that fall closer together than its inputs take are moved apart, by the least that does."""
+"""Room between pulses: those closer together than their axis takes are moved apart, by the least that does."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 
 from kinematics.array import Array
-from kinematics.axis import Axis
-from kinematics.step_timing import StepTiming, whole
+from kinematics.axis import Axis, sides
+from kinematics.step_timing import whole
 from kinematics.units import at_least
 from planner.place import Infeasible, Place
 from planner.pulses.motion import Motion
@@ -19,19 +19,25 @@ MOST = 0.5
 LOOKED = 9
 
 
-def spaced(schedule: PulseSchedule, motion: Motion, axes: Sequence[Axis]) -> PulseSchedule:
-    """The schedule with the pulses of every axis as far apart as its `timing` asks, those the other way farther.
+# s from a pulse to the next one the other way of an axis that states a speed alone: a STEP of 2 µs, and a low as long.
+USUAL = 4e-6
 
-    The largest shift is the least possible: with G the sum of the gaps needed up to each pulse and y = t - G, the new
-    y is half-way between the largest before and the smallest after, the monotone sequence nearest to y in its worst
-    entry. Raises Infeasible where a count would be off by more than half a pulse beyond its bound.
+
+def spaced(schedule: PulseSchedule, motion: Motion, axes: Sequence[Axis], grain: int = 1) -> PulseSchedule:
+    """The schedule with the pulses of every axis as far apart as its pulse rate and its `timing` ask.
+
+    Those the other way may have to be farther; where an axis states a speed alone, these are 4 µs apart, or as pulses
+    at that speed are. grain: ticks, of which all pulses of an axis stay whole multiples apart. The largest shift
+    is the least possible: with G the sum of the gaps needed up to each pulse and y = t - G, the new y is half-way
+    between the largest before and the smallest after, the monotone sequence nearest to y in its worst entry. Raises
+    Infeasible where a count would be off by more than half a pulse beyond its bound.
     """
     kept, moves = [], list(schedule.moves)
     for k, (pulses, axis) in enumerate(zip(schedule.axes, axes, strict=True)):
-        if axis.timing is None or not len(pulses):
+        if not len(pulses):
             kept.append(pulses)
             continue
-        ticks = _apart(pulses, axis.timing, schedule)
+        ticks = _apart(pulses, axis, schedule, grain)
         late = np.flatnonzero(ticks != pulses.ticks)
         if not len(late):
             kept.append(pulses)
@@ -40,7 +46,7 @@ def spaced(schedule: PulseSchedule, motion: Motion, axes: Sequence[Axis]) -> Pul
         worst = int(np.argmax(error))
         t = float(pulses.ticks[late[worst]]) / schedule.clock_hz
         if error[worst] > MOST:
-            raise _refusal(motion, axis, axis.timing, pulses, int(late[worst]), schedule.clock_hz)
+            raise _refusal(motion, axis, pulses, int(late[worst]), schedule.clock_hz, grain)
         farthest = float(abs(ticks - pulses.ticks).max()) / schedule.clock_hz
         widened = float(error[worst])
         moves.append(Moved(axis.name, len(late), farthest, widened, t, widened * axis.pulse))
@@ -48,18 +54,30 @@ def spaced(schedule: PulseSchedule, motion: Motion, axes: Sequence[Axis]) -> Pul
     return replace(schedule, axes=tuple(kept), moves=tuple(moves))
 
 
-def _apart(pulses: AxisPulses, timing: StepTiming, schedule: PulseSchedule) -> Ticks:
-    clock = schedule.clock_hz
-    straight, back = timing.ticks(clock)
-    setup = whole(timing.setup, clock)
-    turns = pulses.direction[1:] != pulses.direction[:-1]
-    needed = np.concatenate([[0], np.cumsum(np.where(turns, back, straight))])
-    free = pulses.ticks - needed
+def _apart(pulses: AxisPulses, axis: Axis, schedule: PulseSchedule, grain: int) -> Ticks:
+    gaps, setup = _needed(pulses, axis, schedule.clock_hz, grain)
+    if pulses.ticks[0] >= setup and (np.diff(pulses.ticks) >= gaps).all():
+        return pulses.ticks
+    offset = int(pulses.ticks[0]) % grain
+    needed = np.concatenate([[0], np.cumsum(gaps)]) // grain
+    free = (pulses.ticks - offset) // grain - needed
     before = np.maximum.accumulate(free)
     after = np.minimum.accumulate(free[::-1])[::-1]
-    last = int(schedule.duration * clock) - needed[-1]  # before the first pulse DIR is set up, after the end is none
-    ticks: Ticks = np.clip((before + after) // 2, setup, max(last, setup)) + needed
+    # before the first pulse DIR is set up, after the end is none
+    first = -(-(setup - offset) // grain)
+    last = (int(schedule.duration * schedule.clock_hz) - offset) // grain - needed[-1]
+    ticks: Ticks = (np.clip((before + after) // 2, first, max(last, first)) + needed) * grain + offset
     return ticks
+
+
+def _needed(pulses: AxisPulses, axis: Axis, clock_hz: int, grain: int) -> tuple[Ticks, int]:
+    """(N-1,) ticks from each pulse to the next, at least; and from the start, when DIR is set, to the first."""
+    straight, back = axis.pulse_ticks(clock_hz, grain)
+    turns = pulses.direction[1:] != pulses.direction[:-1]
+    if axis.max_pulse_rate is None and axis.timing is None and axis.max_speed is not None:
+        least = whole(min(USUAL, axis.pulse / max(sides(axis.max_speed))), clock_hz)
+        back = max(back, -(-least // grain) * grain)
+    return np.where(turns, back, straight), whole(axis.timing.setup, clock_hz) if axis.timing is not None else 0
 
 
 def _travel(
@@ -74,37 +92,35 @@ def _travel(
     return travel
 
 
-def _refusal(
-    motion: Motion, axis: Axis, timing: StepTiming, pulses: AxisPulses, which: int, clock_hz: int
-) -> Infeasible:
-    """What the drive's inputs cannot take: where, how fast, and what would."""
-    straight, back = timing.ticks(clock_hz)
+def _refusal(motion: Motion, axis: Axis, pulses: AxisPulses, which: int, clock_hz: int, grain: int) -> Infeasible:
+    """What an axis cannot take: where, how fast, and what it would."""
     # of the times up to each pulse, the first from when DIR is set, the one too short that is nearest to the one moved
+    gaps, setup = _needed(pulses, axis, clock_hz, grain)
     turns = np.concatenate([[False], pulses.direction[1:] != pulses.direction[:-1]])
-    had = np.diff(pulses.ticks, prepend=0)
-    needed = np.where(turns, back, straight)
-    needed[0] = whole(timing.setup, clock_hz)
+    had, needed = np.diff(pulses.ticks, prepend=0), np.concatenate([[setup], gaps])
     short = np.flatnonzero(had < needed)
     first = int(short[np.argmin(abs(short - which))])
     t, time, least = float(pulses.ticks[first]) / clock_hz, had[first] / clock_hz, needed[first] / clock_hz
     place = Place(float(motion.at(np.array([min(t, motion.duration)])).s[0]), t=t, axis=axis.name)
-    what, limit = "drive timing", 1 / least
+    who = "it" if axis.timing is None else "its drive"
+    what, limit = "pulse rate" if axis.timing is None else "drive timing", 1 / least
     if first == 0:
         what = "direction set-up before the first pulse"
         remedy = (
-            f"its drive needs DIR {1e6 * timing.setup:.4g} us before STEP, and the first pulse is due after "
+            f"its drive needs DIR {1e6 * least:.4g} us before STEP, and the first pulse is due after "
             f"{1e6 * time:.4g}: let the program begin with a dwell of {at_least(least - time + 1 / clock_hz)} s"
         )
     elif turns[first]:
-        what, limit = "drive timing at a reversal", 1 / timing.reversal
+        what += " at a reversal"
         remedy = (
-            f"its drive needs {1e6 * timing.reversal:.4g} us from a pulse to the next one the other way: let the axis "
-            f"rest there for {at_least(timing.reversal)} s (a dwell), use a longer pulse, or hysteresis at reversals"
+            f"{who} needs {1e6 * least:.4g} us from a pulse to the next one the other way: let the axis "
+            f"rest there for {at_least(least)} s (a dwell), use a longer pulse, or hysteresis at reversals "
+            '(rule "nearest:hysteresis=0.2")'
         )
     else:
-        limit = timing.rate
+        limit = min(limit, axis.pulse_rate)
         remedy = (
-            f"its drive takes {timing.rate:.4g} pulses/s one way, so no pulse sooner than {1e6 * least:.4g} us after "
+            f"{who} takes {limit:.4g} pulses/s one way, so no pulse sooner than {1e6 * least:.4g} us after "
             f"another, and one comes after {1e6 * time:.4g}: "
             f"slow the motion there to {100 * time / least:.4g} % or less, "
             f"use a pulse {at_least(least / max(time, 1 / clock_hz))} times as long, or a rule that fires no faster"

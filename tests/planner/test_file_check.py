@@ -52,7 +52,7 @@ def test_an_honest_file_holds(plan, text, tmp_path):
         (StepTiming(1e-6, 1e-3, 0, 0), "low:"),
         (StepTiming(1e-6, 1e-6, 0.1, 0), "setup:"),
         (StepTiming(1e-6, 1e-6, 0, 0.1), "hold:"),
-        (StepTiming(1e-6, 1e-6, 0, 0, 100.0), "rate:"),
+        (StepTiming(1e-6, 1e-6, 0, 0, 100.0), "spacing:"),
     ],
 )
 def test_what_another_drive_would_not_see_is_a_fault(plan, text, tmp_path, timing, told):

@@ -231,7 +231,7 @@ def test_the_pulse_that_a_drive_can_take():
 def test_the_rate_of_bursts_that_an_axis_takes():
     motion, axis = steps(20.0), Axis("x", pulse=1e-6, max_pulse_rate=2400.0)
     with pytest.raises(Infeasible) as no:
-        generate(motion, [axis], [0.0], rule="dda")
+        generate(motion, [axis], [0.0], rule="dda:rate=100kHz")
     rate = number(r"send the pulses of a count at (\S+) 1/s or less", no.value)
     generate(motion, [axis], [0.0], rule=f"dda:rate={rate} 1/s,spacing=0.1s,pulses_per_count=10")
 

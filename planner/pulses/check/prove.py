@@ -11,6 +11,7 @@ from kinematics.axis import Axis
 from kinematics.errors import MotionError
 from planner.pulses.check.band import check_band, check_between
 from planner.pulses.check.behind import Behind, behind
+from planner.pulses.check.gaps import Gaps
 from planner.pulses.check.samples import HALF_TICK, ROUNDING
 from planner.pulses.check.search import Search
 from planner.pulses.check.standards import standard
@@ -39,6 +40,8 @@ def check(
     - |count - x| ≤ bound + one tick's travel before, between and after the pulses. Between the samples too: an interval
       δ is halved until x is monotone in it, or max|count - x| + max|ẍ| δ²/8 is within the bound, with the motion's jerk
       taken to be largest at the ends of intervals (an eighth of a knot interval, or less).
+    - No pulse comes sooner after another than its axis' pulse rate and its drive take it, where machine_axes are given,
+      the other way neither (`planner.pulses.check.gaps`).
     - The ticks rise; the start and final counts are the motion's, and so is the duration.
     - Names, pulses and homes are the machine's, where machine_axes and home_q (n,) are given.
     - Where the motion is that of motors which make up for play and screws, and machine_axes are given, the counts are
@@ -68,11 +71,12 @@ def check_parts(
     carried: dict[int, Search] = {}
     if isinstance(trajectory, MotorMotion) and machine_axes is not None:
         carried = {search.k: search for search in behind(stated, trajectory.planned, machine_axes, grid)}
+    gaps = [None] * width if machine_axes is None else [Gaps.of(axis) for axis in machine_axes]
     for search in searches:
         _check_identity(search, machine_axes, home_q)
     for part in parts:
-        for search, axis in zip(searches, part.axes, strict=True):
-            _add(search, carried.get(search.k), axis)
+        for search, axis, gap in zip(searches, part.axes, gaps, strict=True):
+            _add(search, carried.get(search.k), axis, gap)
     return PulseCheck(tuple(_concluded(search, carried.get(search.k)) for search in searches))
 
 
@@ -84,9 +88,9 @@ def _grid(motion: Motion) -> Array:
     return np.unique(np.concatenate((inside.ravel(), np.nextafter(hi, lo), throughout)))
 
 
-def _add(search: Search, carried: Search | None, part: AxisPulses) -> None:
+def _add(search: Search, carried: Search | None, part: AxisPulses, gaps: Gaps | None) -> None:
     """Go through the pulses of a part, block by block."""
-    _check_order(search, part)
+    _check_order(search, part, gaps)
     done = search.pulses - len(part)
     for lo in range(0, len(part) if search.ordered else 0, BLOCK):
         ticks, direction = part.ticks[lo : lo + BLOCK], part.direction[lo : lo + BLOCK]
@@ -141,8 +145,9 @@ def _check_identity(search: Search, machine_axes: Sequence[Axis] | None, home_q:
             search.report("home", nowhere, "{:+.9g} from the machine's", np.array([off]))
 
 
-def _check_order(search: Search, part: AxisPulses) -> None:
-    """The ticks rise, from 0 to the end, and every direction is one."""
+def _check_order(search: Search, part: AxisPulses, gaps: Gaps | None) -> None:
+    """The ticks rise, from 0 to the end, as far apart as the axis takes them, and every direction is one."""
+    way = search.way
     last = search.motion.duration / search.tick
     for lo in range(0, len(part), BLOCK):
         ticks, direction = part.ticks[lo : lo + BLOCK], part.direction[lo : lo + BLOCK]
@@ -153,6 +158,9 @@ def _check_order(search: Search, part: AxisPulses) -> None:
         search.report("outside", outside, "the motion ends at tick {:.1f}", np.full(len(outside), last))
         neither = abs(direction) != 1
         search.report("direction", ticks[neither], "{} is neither +1 nor -1", direction[neither])
+        if gaps is not None:
+            gaps.check(search, ticks, direction, way)
+        way = int(direction[-1])
         search.closest = min(search.closest, float(steps.min()) if len(steps) else np.inf)
         search.latest, search.pulses = int(ticks[-1]), search.pulses + len(ticks)
 

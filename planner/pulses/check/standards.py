@@ -10,7 +10,7 @@ from planner.pulses.schedule import PulseSchedule
 
 REACHED = 0.002  # pulses before a whole count where `floor` counts it as reached
 PERIOD, TIMER = 2e-5, 2e6  # s and 1/s: what `sampled` and `timer` do where they state nothing else
-SPACING, COUNT, RATE = 1e-2, 50, 1e5  # and `dda`: s, pulses, 1/s
+SPACING, COUNT = 1e-2, 50  # and `dda`: s and pulses; it always states its rate
 SAME = 1e-9  # of a bound
 
 
@@ -34,7 +34,7 @@ def standard(schedule: PulseSchedule, k: int, motion: Motion) -> Standard:
         return Crossings(0.5, grain=round(schedule.clock_hz / stated.get("clock", TIMER)))
     if name == "sampled" and bound >= 0.5:
         return Looks(round(stated.get("period", PERIOD) * schedule.clock_hz))
-    if name == "dda" and bound >= 0.5:
+    if name == "dda" and bound >= 0.5 and "rate" in stated:
         count = round(stated.get("pulses_per_count", COUNT))
-        return Listed.of(motion, k, schedule, stated.get("spacing", SPACING), count, stated.get("rate", RATE))
+        return Listed.of(motion, k, schedule, stated.get("spacing", SPACING), count, stated["rate"])
     return Loose()

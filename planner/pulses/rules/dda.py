@@ -1,9 +1,9 @@
 """The firing rule `dda`: counts of many pulses between listed points, spread by a digital differential analyser."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import ceil
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,15 +11,18 @@ from numpy.typing import ArrayLike
 from kinematics.array import Array
 from kinematics.axis import Axis
 from kinematics.errors import MotionError
-from kinematics.units import apart
+from kinematics.units import apart, at_least
 from planner.option import option
 from planner.parallel import Progress
 from planner.place import Infeasible
 from planner.pulses.motion import Motion
 from planner.pulses.pieces import FINE, Pieces, fit
 from planner.pulses.rates import jumps, largest, too_fast
-from planner.pulses.rules.rule import told
+from planner.pulses.rules.rule import held_rates, told
 from planner.pulses.schedule import AxisPulses, PulseSchedule, Signs, Ticks
+
+USUAL = 1e5
+"""1/s: the rate of bursts where no axis states what it takes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,27 +37,49 @@ class Dda:
       count of the points, half a pulse of the start, and the chord between the points (of which speeds that jump, as
       where the error of a screw bends, take a quarter of the spacing). So is the final count off, but where the motion
       ends a whole number of counts from its start.
-    Assumption: the source prints no burst rate (its loops take what they take); no axis may need a faster one.
+    Assumption: the source prints no burst rate (its loops take what they take). Unless one is given it is the highest
+    that all axes take, and axes that state one are planned 2·pulses_per_count/spacing slower: rounded to whole counts,
+    a move between two points may ask for up to that much more.
     """
 
     name: ClassVar[str] = "dda"
     spacing: float = option(1e-2, "the longest time between two listed points", "s")
     pulses_per_count: int = option(50, "pulses that are sent for each count")
-    rate: float = option(1e5, "of the pulses of a count", "1/s")
+    rate: float | None = option(None, "of the pulses of a count; default: as all axes take it, else 100 kHz", "1/s")
 
     def __post_init__(self) -> None:
         whole = isinstance(self.pulses_per_count, int) and self.pulses_per_count >= 1
-        if not (0 < self.spacing < np.inf and 0 < self.rate < np.inf and whole):
+        if not (0 < self.spacing < np.inf and (self.rate is None or 0 < self.rate < np.inf) and whole):
             raise MotionError(
                 f"spacing {self.spacing!r} s, rate {self.rate!r} 1/s and {self.pulses_per_count!r} pulses per count "
                 "must be positive, the last a whole number, e.g. 10 ms, 100 kHz and 50"
             )
 
+    def grain(self, clock_hz: int) -> int:
+        return 1
+
+    def rates(self, axes: Sequence[Axis], clock_hz: int) -> list[float]:
+        held = held_rates(axes, clock_hz)
+        if self.rate is not None:
+            return held
+        most = self._burst_rate(axes, clock_hz) - 2 * self.pulses_per_count / self.spacing
+        if most <= 0 and min(held) < np.inf:
+            slowest = axes[int(np.argmin(held))]
+            raise MotionError(
+                f"axis {slowest.name} takes {slowest.pulse_rate:.6g} pulses/s: not the two counts of "
+                f"{self.pulses_per_count} pulses that may fall between two points {self.spacing:g} s apart; give rule "
+                f"dda a spacing above {2e3 * self.pulses_per_count / slowest.pulse_rate:.4g} ms, as in "
+                f'"dda:spacing={at_least(8e3 * self.pulses_per_count / slowest.pulse_rate)} ms", or fewer '
+                "pulses_per_count"
+            )
+        return [rate if rate == np.inf else min(rate, most) for rate in held]
+
     def fire(self, motion: Motion, axes: Sequence[Axis], home: Array, clock_hz: int, tell: Progress) -> PulseSchedule:
         """Raises Infeasible for bursts that no step has time for or no axis takes, MotionError where no clock does."""
-        if self.rate > clock_hz:
-            rate, most = apart(self.rate, clock_hz)
-            raise MotionError(f"rate {rate} 1/s must be at most the clock's {most} Hz")
+        rate = self._burst_rate(axes, clock_hz)
+        if rate > clock_hz:
+            given, most = apart(rate, clock_hz)
+            raise MotionError(f"rate {given} 1/s must be at most the clock's {most} Hz")
         pulse = np.array([axis.pulse for axis in axes])
         moves = max(1, int(np.ceil(motion.duration / self.spacing)))
         gap = motion.duration / moves
@@ -62,7 +87,7 @@ class Dda:
         start = np.ceil(x[0] - 0.5).astype(np.int64)
         vectors = np.diff(np.rint((x - x[0]) / self.pulses_per_count).astype(np.int64), axis=0)
         most = abs(vectors).max(axis=1)
-        self._refuse(motion, axes, vectors, gap)
+        self._refuse(motion, axes, vectors, gap, rate, clock_hz)
         nth = np.arange(most.sum()) - np.repeat(np.cumsum(most) - most, most)
         began = (np.repeat(np.arange(moves), most) + nth / np.repeat(most, most)) * gap
         steps = dda(vectors)
@@ -70,27 +95,46 @@ class Dda:
         fired = []
         for k, axis in enumerate(axes):
             bound = 1.5 * self.pulses_per_count + 0.5 + _sagitta(pieces, k, gap) / axis.pulse
-            ticks, sign = self._bursts(began, steps[:, k], clock_hz)
+            ticks, sign = self._bursts(began, steps[:, k], rate, clock_hz)
             fired.append(AxisPulses(axis.name, ticks, sign, int(start[k]), axis.pulse, float(home[k]), bound))
             tell(k + 1, len(axes))
-        return PulseSchedule(clock_hz, tuple(fired), motion.duration, told(self))
+        return PulseSchedule(clock_hz, tuple(fired), motion.duration, told(replace(self, rate=rate)))
 
-    def _refuse(self, motion: Motion, axes: Sequence[Axis], vectors: Ticks, apart: float) -> None:
-        rates = abs(vectors) * self.pulses_per_count / apart
+    def _burst_rate(self, axes: Sequence[Axis], clock_hz: int) -> float:
+        """1/s: the rate given, or the highest that all axes take, or where none states one the usual."""
+        held = self.rate or min(held_rates(axes, clock_hz), default=np.inf)
+        return held if held < np.inf else min(USUAL, clock_hz)
+
+    def _refuse(
+        self, motion: Motion, axes: Sequence[Axis], vectors: Ticks, gap: float, rate: float, clock_hz: int
+    ) -> None:
+        rates = abs(vectors) * self.pulses_per_count / gap
         for axis in axes:
-            if axis.max_pulse_rate is not None and self.rate > axis.max_pulse_rate:
-                remedy = f"send the pulses of a count at {axis.max_pulse_rate:.10g} 1/s or less"
-                raise Infeasible("pulse rate", axis.name, None, self.rate, axis.max_pulse_rate, "1/s", remedy)
+            if rate > axis.pulse_rate:
+                slower = axis.held_rate(clock_hz)
+                remedy = f"send the pulses of a count at {slower:.10g} 1/s or less{self._called(rate=slower)}"
+                raise Infeasible("pulse rate", axis.name, None, rate, axis.pulse_rate, "1/s", remedy)
         worst, k = map(int, np.unravel_index(rates.argmax(), rates.shape))
         highest = float(rates[worst, k])
-        if highest > self.rate:
-            remedy = f"slow the motion, send a count's pulses at {ceil(highest)} 1/s or more, or fewer of them"
-            raise too_fast(motion, axes[k], worst * apart, highest, self.rate, remedy)
+        if highest > rate:
+            faster, wider = ceil(highest), 4 * self.spacing
+            help_ = (
+                f"send a count's pulses at {faster} 1/s or more{self._called(rate=float(faster))}"
+                if faster <= min(axis.pulse_rate for axis in axes)
+                else f"list points {1e3 * wider:g} ms apart{self._called(spacing=wider)}"
+            )
+            raise too_fast(
+                motion, axes[k], worst * gap, highest, rate, f"slow the motion, {help_}, or fewer of them for a count"
+            )
 
-    def _bursts(self, began: Array, steps: Signs, clock_hz: int) -> tuple[Ticks, Signs]:
+    def _called(self, **changed: Any) -> str:
+        """This rule with other options, as the command line and `find_rule` take it."""
+        return f' (rule "{told(replace(self, **changed))}")'
+
+    def _bursts(self, began: Array, steps: Signs, rate: float, clock_hz: int) -> tuple[Ticks, Signs]:
         """Ticks and directions of one axis from when its steps began (s)."""
         counted = np.flatnonzero(steps)
-        within = np.arange(self.pulses_per_count) / self.rate
+        within = np.arange(self.pulses_per_count) / rate
         ticks = np.floor((began[counted, None] + within) * clock_hz + 0.5).astype(np.int64)
         return ticks.ravel(), np.repeat(steps[counted], self.pulses_per_count)
 

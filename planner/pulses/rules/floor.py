@@ -9,7 +9,7 @@ from kinematics.axis import Axis
 from planner.parallel import Progress
 from planner.pulses.levels import COARSE, Levels, cross
 from planner.pulses.motion import Motion
-from planner.pulses.rules.rule import told
+from planner.pulses.rules.rule import held_rates, told
 from planner.pulses.schedule import PulseSchedule
 
 REACHED = 2 * COARSE  # pulses before a whole count where it counts as reached: more than rounding may take
@@ -26,6 +26,12 @@ class Floor:
     """
 
     name: ClassVar[str] = "floor"
+
+    def grain(self, clock_hz: int) -> int:
+        return 1
+
+    def rates(self, axes: Sequence[Axis], clock_hz: int) -> list[float]:
+        return held_rates(axes, clock_hz)
 
     def fire(self, motion: Motion, axes: Sequence[Axis], home: Array, clock_hz: int, tell: Progress) -> PulseSchedule:
         """Raises as `planner.pulses.levels.cross` does."""

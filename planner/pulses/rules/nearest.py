@@ -11,7 +11,7 @@ from planner.option import option
 from planner.parallel import Progress
 from planner.pulses.levels import Levels, cross
 from planner.pulses.motion import Motion
-from planner.pulses.rules.rule import told
+from planner.pulses.rules.rule import held_rates, told
 from planner.pulses.schedule import PulseSchedule
 
 
@@ -32,6 +32,12 @@ class Nearest:
     def __post_init__(self) -> None:
         if not 0 <= self.hysteresis < 0.5:
             raise MotionError(f"hysteresis {self.hysteresis!r} pulses: must be from 0 to below 0.5, e.g. 0.2")
+
+    def grain(self, clock_hz: int) -> int:
+        return 1
+
+    def rates(self, axes: Sequence[Axis], clock_hz: int) -> list[float]:
+        return held_rates(axes, clock_hz)
 
     def fire(self, motion: Motion, axes: Sequence[Axis], home: Array, clock_hz: int, tell: Progress) -> PulseSchedule:
         """Raises as `planner.pulses.levels.cross` does."""

@@ -19,10 +19,24 @@ class Rule(Protocol):
 
     @property
     def name(self) -> str: ...
+    def grain(self, clock_hz: int, /) -> int:
+        """Ticks between the instants at which it can fire. Raises MotionError for a clock that it cannot run on."""
+
+    def rates(self, axes: Sequence[Axis], clock_hz: int, /) -> list[float]:
+        """(n,) 1/s: the pulses that a motion may need of each axis, for it to fire none sooner than the axis takes it.
+
+        ∞ of an axis that states no rate.
+        """
+
     def fire(
         self, motion: Motion, axes: Sequence[Axis], home: Array, clock_hz: int, tell: Progress, /
     ) -> PulseSchedule:
         """The pulses of every axis; home (n,): the axis positions from which they count; tell: how far they are."""
+
+
+def held_rates(axes: Sequence[Axis], clock_hz: int, grain: int = 1) -> list[float]:
+    """`Rule.rates` of a rule that fires on whole grains of ticks where the motion asks for it."""
+    return [axis.held_rate(clock_hz, grain) for axis in axes]
 
 
 def told(rule: Rule) -> str:

@@ -15,7 +15,7 @@ from planner.pulses.levels import BLOCK
 from planner.pulses.motion import Motion
 from planner.pulses.pieces import FINE, fit
 from planner.pulses.rates import largest, too_fast
-from planner.pulses.rules.rule import told
+from planner.pulses.rules.rule import held_rates, told
 from planner.pulses.schedule import AxisPulses, PulseSchedule, Ticks
 
 
@@ -34,6 +34,18 @@ class Sampled:
     def __post_init__(self) -> None:
         if not 0 < self.period < np.inf:
             raise MotionError(f"period {self.period!r} s: must be positive, e.g. 20 us")
+
+    def grain(self, clock_hz: int) -> int:
+        period = round(self.period * clock_hz)
+        if not (period >= 1 and abs(period / clock_hz - self.period) <= 1e-9 * self.period):
+            raise MotionError(
+                f"period {self.period!r} s is {self.period * clock_hz!r} ticks of {clock_hz} Hz: must be a whole "
+                f"number, e.g. {1e6 * max(period, 1) / clock_hz!r} us"
+            )
+        return period
+
+    def rates(self, axes: Sequence[Axis], clock_hz: int) -> list[float]:
+        return held_rates(axes, clock_hz, self.grain(clock_hz))
 
     def fire(self, motion: Motion, axes: Sequence[Axis], home: Array, clock_hz: int, tell: Progress) -> PulseSchedule:
         """Raises Infeasible for an axis faster than a pulse a period, MotionError for a period of no whole ticks."""
@@ -58,12 +70,7 @@ class Sampled:
 
     def _counts(self, motion: Motion, home: Array, pulse: Array, clock_hz: int, tell: Progress) -> tuple[Ticks, Ticks]:
         """The instants (N,) in ticks, and the counts (N+1, axes) before the first and after each."""
-        period = round(self.period * clock_hz)
-        if not (period >= 1 and abs(period / clock_hz - self.period) <= 1e-9 * self.period):
-            raise MotionError(
-                f"period {self.period!r} s is {self.period * clock_hz!r} ticks of {clock_hz} Hz: must be a whole "
-                f"number, e.g. {1e6 * max(period, 1) / clock_hz!r} us"
-            )
+        period = self.grain(clock_hz)
         end = round(motion.duration * clock_hz)
         ticks = np.arange(end % period, end + 1, period, dtype=np.int64)
         x = np.empty((len(ticks) + 1, len(pulse)))

@@ -16,7 +16,7 @@ from planner.pulses.levels import Levels, cross
 from planner.pulses.motion import Motion
 from planner.pulses.pieces import FINE, fit
 from planner.pulses.rates import largest, too_fast
-from planner.pulses.rules.rule import told
+from planner.pulses.rules.rule import held_rates, told
 from planner.pulses.schedule import AxisPulses, PulseSchedule, Ticks
 
 MOST = (1 << 16) - 1  # the greatest count of an Intel 8253
@@ -44,13 +44,20 @@ class Timer:
         if not (0 < self.clock < np.inf and self.clock == int(self.clock)):
             raise MotionError(f"timer clock {self.clock!r} Hz: must be a positive whole number, e.g. 2 MHz")
 
-    def fire(self, motion: Motion, axes: Sequence[Axis], home: Array, clock_hz: int, tell: Progress) -> PulseSchedule:
-        """Raises as `planner.pulses.levels.cross`, MotionError for a timer clock that does not divide the pulses'."""
+    def grain(self, clock_hz: int) -> int:
         timer = int(self.clock)
         if clock_hz % timer:
             raise MotionError(
                 f"timer clock {timer} Hz does not divide the {clock_hz} Hz of the pulses; use one that does"
             )
+        return clock_hz // timer
+
+    def rates(self, axes: Sequence[Axis], clock_hz: int) -> list[float]:
+        return held_rates(axes, clock_hz, self.grain(clock_hz))
+
+    def fire(self, motion: Motion, axes: Sequence[Axis], home: Array, clock_hz: int, tell: Progress) -> PulseSchedule:
+        """Raises as `planner.pulses.levels.cross`, MotionError for a timer clock that does not divide the pulses'."""
+        grain, timer = self.grain(clock_hz), int(self.clock)
         pieces = fit(motion, np.array([FINE * axis.pulse for axis in axes]))
         last = int(np.floor(motion.duration * timer))
         crossings = cross(motion, axes, home, timer, Levels(0.5), tell)
@@ -61,7 +68,7 @@ class Timer:
             if (counts[-1:] <= counts[-2:-1]).any():
                 raise too_fast(motion, axis, t, speed / axis.pulse, timer, "use a faster timer clock")
             bound = 0.5 + speed / axis.pulse / timer
-            fired.append(replace(crossed, ticks=counts * (clock_hz // timer), bound=bound))
+            fired.append(replace(crossed, ticks=counts * grain, bound=bound))
         return PulseSchedule(clock_hz, tuple(fired), motion.duration, told(self))
 
 
