@@ -70,7 +70,7 @@ class AxisPulses:
 
 @dataclass(frozen=True, slots=True)
 class Moved:
-    """What the timing of its drive cost an axis.
+    """What keeping its pulses as far apart as it takes them cost an axis.
 
     pulses  how many were moved
     time    s, the farthest
@@ -119,7 +119,7 @@ class PulseSchedule(Result):
     """The pulses of every axis on one clock (clock_hz ticks per second); the motion ends at `duration` (s).
 
     rule   the firing rule that made them, with its options as `planner.pulses.find_rule` reads them
-    moves  what the timing of the drives cost
+    moves  what keeping pulses apart cost
     compensations  of the axes that ask for one: they count in the motors' coordinates
     """
 
@@ -136,7 +136,7 @@ class PulseSchedule(Result):
             raise MotionError(f"clock {self.clock_hz} Hz: must be a positive whole number of ticks per second")
 
     def tables(self) -> tuple[Table, ...]:
-        """The pulses of each axis; what the drives' timing and the compensation cost, where they cost anything."""
+        """The pulses of each axis; what keeping them apart and the compensation cost, if anything."""
         return tuple(schedule_tables.tables(self, {}))
 
     def data(self) -> Table:

@@ -29,7 +29,7 @@ def tables(schedule: "PulseSchedule", units: Mapping[str, str]) -> Iterator[Tabl
     )
     if moved := schedule.moves:
         yield Table(
-            "moved for the drives",
+            "moved apart, as the axes take them",
             (
                 Column("axis", [one.axis for one in moved]),
                 Column("pulses", [one.pulses for one in moved]),

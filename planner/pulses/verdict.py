@@ -37,7 +37,7 @@ class AxisCheck:
     """The findings on one axis.
 
     time_error         ticks, largest |pulse - where its rule has it| (the true crossing, a look, a listed step), but of
-                       pulses that were moved for their drive; inf where the motion crosses no level there; None under
+                       pulses that were moved apart; inf where the motion crosses no level there; None under
                        a rule or bound of which nothing else is known
     position_error     pulses, largest |count - (q - home)/pulse| beyond the bound + one tick's travel; 0 within
     smallest_interval  s between two pulses; inf with fewer than two

@@ -18,7 +18,7 @@ class Looks:
     """Every pulse at a look, towards x, which is ½ or more from the count; after each look it is no farther than ½.
 
     Looks are a period (ticks) apart, and the last at the end of the motion. With those two there is no other schedule,
-    but where x is half-way to rounding. Pulses that were moved for their drive are late for as many looks as their
+    but where x is half-way to rounding. Pulses that were moved apart are late for as many looks as their
     largest shift holds, at most; within that number another pulse may be late unseen.
     """
 

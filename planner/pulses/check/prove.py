@@ -190,7 +190,7 @@ def _check_motion(search: Search, ticks: Ticks, direction: Signs, first: int) ->
 
 
 def _check_moved(search: Search) -> None:
-    """As many pulses were moved for their drive as is stated."""
+    """As many pulses were moved apart as is stated."""
     stated = sum(one.pulses for one in search.schedule.moves if one.axis == search.axis.name)
     least, most = search.moved
     if not least <= stated <= most and stated:
