@@ -24,9 +24,10 @@ class Home(Command):
                  is one);
     4. zero      there it stops dead, and the counter is set to 0.
 
-    The cards' documents name the switch, the index and thirteen modes, not their steps: this is one mode, assumed, with
-    a switch that stays closed beyond its edge and no delay between the steps. A channel that begins on the switch skips
-    1 and 2. Takes no change on the fly; soft limits do not hold.
+    The cards' documents name the switch, the index and thirteen modes, not their steps: this is one of our own, for any
+    card; `HomeMode` has the numbered ones as they are remembered. Assumed: a switch that stays closed beyond its edge,
+    and no delay between the steps. A channel that begins on the switch skips 1 and 2. Takes no change on the fly; soft
+    limits do not hold.
 
     switch     (…) whole pulses by the coordinates of power-up (`Profile.zero`), where the switch closes
     direction  (…) +1 or −1, where it lies
@@ -70,15 +71,17 @@ class Home(Command):
         behind = np.zeros(now.due.shape)
         if self.index is not None and self.index_spacing is not None:
             behind = np.mod((np.rint(self.switch) - np.rint(self.index)) * sign, self.index_spacing)
-        approach = _approach(now, (edge - now.position) * sign, sign, v0, v1, tacc)
+        out = approach(now, (edge - now.position) * sign, sign, v0, v1, tacc)
         place = edge - sign * behind
-        back = trapezoid(approach.end, approach.target, place, creep, creep, 0.0, 0.0)
+        back = trapezoid(out.end, out.target, place, creep, creep, 0.0, 0.0)
         there = replace(standstill(np.zeros(now.due.shape)), begin=back.end, zero=zero + place)
-        return (*(replace(lock(move), zero=zero) for move in (approach, back)), there)
+        return (*(replace(lock(move), zero=zero) for move in (out, back)), there)
 
 
-def _approach(now: Channels, distance: Array, sign: Array, v0: Array, v1: Array, tacc: float) -> Profile:
-    """Up to the switch and, beyond it, down to the start speed; nothing in lanes that are on it."""
+def approach(
+    now: Channels, distance: Array, sign: Array, v0: Array, v1: Array, tacc: float, *, dead: bool = False
+) -> Profile:
+    """Up to a switch, and beyond it down to the start speed, or `dead` on it; nothing in lanes that are on it."""
     open_ = distance > 0
     way = np.where(open_, distance, 0.0)
     rate = (v1 - v0) / (tacc or 1.0)
@@ -86,8 +89,8 @@ def _approach(now: Channels, distance: Array, sign: Array, v0: Array, v1: Array,
     top = np.where(short, np.sqrt(np.maximum(v0 * v0 + 2 * way * rate, 0.0)), v1)
     up = np.where(short, 2 * way / (v0 + top), tacc)
     held = np.where(short, 0.0, (way - (v0 + v1) / 2 * tacc) / v1)
-    down = np.where(open_, up, 0.0)
+    down = np.where(open_ & (not dead), up, 0.0)
     lengths = np.stack((np.where(open_, up, 0.0), np.where(open_, held, 0.0), down))
     speeds, rates = np.stack((v0, top, top)) * sign, np.stack((rate, np.zeros_like(rate), -rate)) * sign
-    target = now.position + sign * (way + np.where(open_, (v0 + top) / 2 * up, 0.0))
+    target = now.position + sign * (way + np.where(open_, (v0 + top) / 2 * down, 0.0))
     return Profile(now.begin, now.position, target, lengths, speeds, rates)

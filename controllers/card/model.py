@@ -3,16 +3,28 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 
 from kinematics.array import Array
 from kinematics.errors import MotionError
+from kinematics.registry import nearest
 from planner.pulses.counter import COUNTER
 
 SPEED_STEPS = 65535
 """Largest value of the 16-bit speed registers; the smallest is 1."""
+
+OutputMode = Literal[
+    "OUT_FALLING_DIR_HIGH",
+    "OUT_RISING_DIR_HIGH",
+    "OUT_FALLING_DIR_LOW",
+    "OUT_RISING_DIR_LOW",
+    "CW_CCW_FALLING",
+    "CW_CCW_RISING",
+]
+"""Modes of a channel's two output lines, see `controllers.card.output.OUTPUT_MODES`."""
+MODES = get_args(OutputMode)
 
 
 class Refused(MotionError):
@@ -31,6 +43,7 @@ class Card:
                       "commanded", or the "current" one where it leads the same way
     short_moves       what a move keeps that is too short for its ramps, as it lowers its top speed: "keep rate" and
                       shorten the ramps, or "keep time" of the ramps and lower the rate
+    current_speed     how the host reads a channel's output rate: "signed" by its direction, or its "magnitude" alone
     speed_range       pulses/s, the top of the speed registers as the host sets their multiplier: commanded speeds are
                       rounded to steps of speed_range/65535, of which one is the least, and none goes beyond it. None:
                       the least speed is a step of the card's whole range, and speeds are not rounded
@@ -43,6 +56,8 @@ class Card:
                       moves; the target of an absolute move is a number of 28 bits in any case)
     soft_limits       (lowest, highest) position of each channel, pulses; None: no limits
     at_soft_limit     "refuse" a command that would pass one, or "stop" dead there; a velocity move is stopped anyway
+    output_mode       what the two lines of a channel carry: pulse and direction, or a line for each direction
+    home_modes        whether the card has numbered modes of home return (`HomeMode`)
     backlash          pulses that each channel fires beforehand when it turns round; None: none
     backlash_speed    pulses/s of these
 
@@ -56,6 +71,7 @@ class Card:
     while_moving: Literal["replace", "queue"] = "replace"
     start_from: Literal["commanded", "current"] = "commanded"
     short_moves: Literal["keep rate", "keep time"] = "keep rate"
+    current_speed: Literal["signed", "magnitude"] = "signed"
     speed_range: float | None = None
     channels: int = 4
     moves_target: bool = True
@@ -65,6 +81,8 @@ class Card:
     beyond_counter: Literal["refuse", "wrap"] = "refuse"
     soft_limits: tuple[tuple[int, int], ...] | None = None
     at_soft_limit: Literal["refuse", "stop"] = "refuse"
+    output_mode: OutputMode = "OUT_RISING_DIR_HIGH"
+    home_modes: bool = True
     backlash: tuple[int, ...] | None = None
     backlash_speed: float = 1000.0
 
@@ -74,6 +92,11 @@ class Card:
                 raise MotionError(
                     f"{self.name}: {what} {speed} pulses/s must be above zero and at most {self.max_speed:.10g}"
                 )
+        if self.output_mode not in MODES:
+            raise MotionError(
+                f'{self.name}: output mode "{self.output_mode}" is not known{nearest(self.output_mode, MODES)}; modes: '
+                f"{', '.join(MODES)}"
+            )
         for low, high in self.soft_limits or ():
             if not COUNTER[0] <= low <= high <= COUNTER[1]:
                 raise MotionError(
@@ -109,5 +132,6 @@ PCI_8132 = Card(
     compares=(-(2**23), 2**23 - 1),
     compare_list=1,
     latches=(),
+    home_modes=False,
 )
 PCI_8164 = Card("PCI-8164", 6.55e6, 19_660_800)

@@ -1,4 +1,4 @@
-"""S-curve moves, absolute and relative."""
+"""S-curve moves: absolute, relative, and without a target."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from controllers.card.model import Refused
 from controllers.card.profile import Profile
 from controllers.card.steer import lock
 from controllers.card.trapezoid import planned
+from controllers.card.velocity import started
 from kinematics.array import Array
 
 
@@ -66,26 +67,89 @@ class SRMove(Command):
         return (curved(now, planned(self, now, now.after(self.distance)), self.curve_acc, self.curve_dec),)
 
 
+@dataclass(frozen=True, slots=True)
+class SVMove(Command):
+    """S-curve velocity move without a target: a `TVMove` whose ramp begins and ends with pieces of constant jerk.
+
+    `sv_move` of the 8164, `start_s_move` of the 8132, which the source calls an S profile of constant motion
+    [Sahbaz 2007, Table A.1]. The ramp takes the time and the way of the straight one, bent as those of `SAMove`.
+    Assumed: all that `TVMove` assumes of signs, stops and what begins it; and that it takes a change of speed on the
+    fly as a `TVMove` does, by a straight ramp from the speed of the instant.
+
+    start_speed, speed  (…) pulses/s, signed;  tacc  s;  curve_acc  pulses/s
+    """
+
+    start_speed: Array
+    speed: Array
+    tacc: float
+    curve_acc: float = 0.0
+
+    def __post_init__(self) -> None:
+        lanewise(self, "start_speed", "speed")
+
+    def moves(self, now: Channels) -> tuple[Profile, ...]:
+        v0, v1 = started(now, self.start_speed, self.speed)
+        tacc = now.ramp("acceleration", self.tacc)
+        _refuse_interval(now, self.curve_acc)
+        change, none = v1 - v0, np.zeros_like(v0)
+        bent = _bent(np.full_like(v0, tacc), v0, change / (tacc or 1.0), _share(self.curve_acc, np.abs(change)))
+        pieces = [part for piece in bent for part in _parted_at_rest(*piece)]
+        pieces.append((np.where(v1 == 0, 0.0, np.inf), v1, none, none))
+        lengths, speeds, rates, jerks = (np.stack(rows) for rows in zip(*pieces, strict=True))
+        return (Profile(now.begin, now.position, now.position + tacc * (v0 + v1) / 2, lengths, speeds, rates, jerks),)
+
+
 def curved(now: Channels, move: Profile, curve_acc: float, curve_dec: float) -> Profile:
     """A trapezoidal move with its ramps bent. Raises Refused for intervals that are none."""
     for curve in (curve_acc, curve_dec):
-        if not 0 <= curve < float("inf"):
-            raise Refused(f"{now.card.name}: velocity interval {curve} pulses/s of the S must be zero or more")
+        _refuse_interval(now, curve)
     low, top = registers_of(move)[:2]
-    change, none, pieces = np.abs(top - low), np.zeros_like(low), []
+    change, pieces = np.abs(top - low), []
     for length, speed, rate, curve in zip(
         move.lengths, move.speeds, move.rates, (curve_acc, 0.0, curve_dec), strict=True
     ):
-        share = np.minimum(curve / np.where(change > 0, change, 1.0), 0.5) if curve else np.full_like(change, 0.5)
-        most = rate * (1 + 2 * share)
-        bent = length * 2 * share / (1 + 2 * share)
-        jerk = np.where(bent > 0, most / np.where(bent > 0, bent, 1.0), 0.0)
-        straight = length - 2 * bent
-        rising = speed + most * bent / 2
-        pieces += [
-            (bent, speed, none, jerk),
-            (straight, rising, most, none),
-            (bent, rising + most * straight, most, -jerk),
-        ]
+        pieces += _bent(length, speed, rate, _share(curve, change))
     lengths, speeds, rates, jerks = (np.stack(rows) for rows in zip(*pieces, strict=True))
     return lock(replace(move, lengths=lengths, speeds=speeds, rates=rates, jerks=jerks))
+
+
+Pieces = tuple[Array, Array, Array, Array]
+"""Length, speed, rate and jerk of a piece, lane by lane."""
+
+
+def _refuse_interval(now: Channels, curve: float) -> None:
+    if not 0 <= curve < float("inf"):
+        raise Refused(f"{now.card.name}: velocity interval {curve} pulses/s of the S must be zero or more")
+
+
+def _share(curve: float, change: Array) -> Array:
+    """The part of a change of speed that is bent at either end of a ramp."""
+    return np.minimum(curve / np.where(change > 0, change, 1.0), 0.5) if curve else np.full_like(change, 0.5)
+
+
+def _bent(length: Array, speed: Array, rate: Array, share: Array) -> list[Pieces]:
+    """A straight ramp as three pieces of the same time and way: the rate rises, holds, and falls."""
+    none = np.zeros_like(speed)
+    most = rate * (1 + 2 * share)
+    bent = length * 2 * share / (1 + 2 * share)
+    jerk = np.where(bent > 0, most / np.where(bent > 0, bent, 1.0), 0.0)
+    straight = length - 2 * bent
+    rising = speed + most * bent / 2
+    return [
+        (bent, speed, none, jerk),
+        (straight, rising, most, none),
+        (bent, rising + most * straight, most, -jerk),
+    ]
+
+
+def _parted_at_rest(length: Array, speed: Array, rate: Array, jerk: Array) -> tuple[Pieces, Pieces]:
+    """A piece in two, where its speed passes zero: there τ = −2 v/(a ± √(a² − 2 j v)), of the sign of its change."""
+    last = speed + length * (rate + length * jerk / 2)
+    turns = speed * last < 0
+    root = np.sqrt(np.maximum(rate * rate - 2 * jerk * speed, 0.0))
+    slope = rate + np.where(last < speed, -root, root)
+    first = np.where(turns, np.clip(-2 * speed / np.where(turns, slope, 1.0), 0.0, length), length)
+    return (
+        (first, speed, rate, jerk),
+        (length - first, np.where(turns, 0.0, last), rate + first * jerk, jerk),
+    )

@@ -126,6 +126,16 @@ def reading(card: Card, state: CardState, t: ArrayLike) -> np.ndarray:
     return counts
 
 
+def current_speed(card: Card, state: CardState, t: float) -> Array:
+    """The output rates (…), pulses/s, that the host reads at t (s): `GetCurrentSpeed` of [Sahbaz 2007, Appendix E].
+
+    Assumed: it is the rate of the instant, zero where a move has come to its target, and not rounded to registers;
+    whether it has a sign is an option of the card.
+    """
+    rate = state.running(t).speed(t)
+    return np.abs(rate) if card.current_speed == "magnitude" else rate
+
+
 def pulse_ticks(card: Card, move: Profile, lane: int | tuple[int, ...], until: float = np.inf) -> np.ndarray:
     """Ticks (pulses,) of the card's clock at which a lane's pulses fire before `until`: `ticked` instants."""
     return ticked(card, move.pulse_times(lane, until))

@@ -34,8 +34,7 @@ class TVMove(Command):
         lanewise(self, "start_speed", "speed")
 
     def moves(self, now: Channels) -> tuple[Profile, ...]:
-        v0, v1 = now.signed("start speed", self.start_speed), now.signed("speed", self.speed)
-        v0 = np.where(now.goes_on(np.where(v1 == 0, v0, v1)), now.speed, v0)
+        v0, v1 = started(now, self.start_speed, self.speed)
         return (ramp(now.begin, now.position, v0, v1, now.ramp("acceleration", self.tacc)),)
 
 
@@ -74,6 +73,12 @@ class VChange(Command):
         up = np.where(change > 0, change, np.inf) / tacc if tacc else np.full_like(low, np.inf)
         found = steered(now, now.running.target, np.stack((low, top, up, down)), overshoots=False)
         return (merged(found, free, bound),)
+
+
+def started(now: Channels, start_speed: Array, speed: Array) -> tuple[Array, Array]:
+    """Speeds (…), signed, at which a velocity move begins and to which it leads."""
+    v0, v1 = now.signed("start speed", start_speed), now.signed("speed", speed)
+    return np.where(now.goes_on(np.where(v1 == 0, v0, v1)), now.speed, v0), v1
 
 
 def ramp(begin: Array, start: Array, v0: Array, v1: Array, tacc: float) -> Profile:

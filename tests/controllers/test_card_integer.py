@@ -18,6 +18,7 @@ from controllers.card import (
     LinearMove,
     SAMove,
     SRMove,
+    SVMove,
     TAMove,
     TRMove,
     TVMove,
@@ -109,6 +110,23 @@ def test_s_curve_moves(i, k, up, hold, down, sign):
     ramps = [v0], [v1], up / CLOCK, down / CLOCK
     for command in (SAMove([distance], *ramps), SRMove([distance], *ramps, 1e9, 1e9)):
         held(play(CARD, at_rest([0]), [(0.0, command)], 10.0).train(0), pulses)
+
+
+@given(i=steps, k=steps, up=counts, hold=counts, sign=st.sampled_from([1, -1]))
+@small
+def test_s_curve_velocity_moves(i, k, up, hold, sign):
+    """The ramp of an S-curve move, and then speed without end."""
+    v0, v1 = 200 * i, 200 * k
+    rate, half = 2 * (v1 - v0) * CLOCK // up, up // 2
+    generator = Generator()
+    pulses = [
+        *generator.run(half, sign * v0, 0, sign * rate * CLOCK // half),
+        *generator.run(half, sign * (v0 + v1) // 2, sign * rate, -sign * rate * CLOCK // half),
+        *generator.run(hold, sign * v1),
+    ]
+    command = SVMove([sign * v0], [sign * v1], up / CLOCK)
+    train = play(CARD, at_rest([0]), [(0.0, command)], (up + hold + 0.5) / CLOCK).train(0)
+    held(train, pulses)
 
 
 @given(speeds=st.lists(st.integers(-40, 40), min_size=2, max_size=5), ticks=counts, stop=counts)

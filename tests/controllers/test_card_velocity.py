@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from controllers.card import PCI_8132, Card, Refused, TAMove, TVMove, VChange, at_rest, send
+from controllers.card import PCI_8132, Card, DStop, Refused, SVMove, TAMove, TVMove, VChange, at_rest, send
 
 EXACT = 1e-6
 """Pulses: rounding of positions of up to 1e5 pulses."""
@@ -45,6 +45,44 @@ def test_pulses_of_a_change_through_zero(v0, v1, tacc):
     assert abs(len(found) - np.abs(np.diff(walk)).sum()) <= 2  # the walk may miss the two at the very turn
     assert state.pulses(until)[0] == len(found)
     assert state.counter([until])[0, 0] == pytest.approx(walk[-1], abs=1)
+
+
+@given(v0=signed, v1=signed, tacc=times, curve=st.floats(0.0, 6e3))
+def test_an_s_curve_velocity_move_takes_the_way_of_the_straight_one_and_bends_its_speed(v0, v1, tacc, curve):
+    """Through zero too: way (v0 + v1)/2 · tacc, antisymmetric in speed, no step of the rate at its ends."""
+    state = send(PCI_8132, at_rest([0]), SVMove([v0], [v1], tacc, curve), 0.0)
+    (move,) = state.moves
+    assert state.position([tacc])[0, 0] == pytest.approx((v0 + v1) / 2 * tacc, abs=EXACT)
+    assert state.position([tacc + 1.0])[0, 0] == pytest.approx((v0 + v1) / 2 * tacc + v1, abs=EXACT)
+    t = np.linspace(0.0, tacc, 41)
+    v = np.array([move.speed(float(at))[0] for at in t])
+    np.testing.assert_allclose(v + v[::-1], v0 + v1, atol=1e-6 * (abs(v0) + abs(v1)) + 1e-6)
+    assert np.all(np.diff(v) * np.sign(v1 - v0) >= -1e-6)
+    # bent by `curve` at either end, or half of the change: the rate there is 2 curve/τ within τ = 2 curve/rate
+    change = abs(v1 - v0)
+    bend = min(curve, change / 2) if curve else change / 2
+    most = (change + 2 * bend) / tacc
+    if change > 1.0:
+        assert np.abs(np.diff(v)).max() <= most * (t[1] - t[0]) * (1 + 1e-6)
+        tau = min(0.3 * 2 * bend / most, tacc)
+        jerk = most / (2 * bend / most) if bend > 1e-3 else np.inf
+        if np.isfinite(jerk):
+            assert abs(move.speed(tau)[0] - v0) == pytest.approx(jerk * tau * tau / 2, rel=1e-4, abs=1e-4)
+    # within a piece the position runs one way: the pulses are those of a walk over it
+    until = 1.5 * tacc
+    fine = np.rint(state.position(np.linspace(0.0, until, 4001))[:, 0])
+    assert abs(state.pulses(until)[0] - np.abs(np.diff(fine)).sum()) <= 2
+    assert state.pulses(until)[0] == len(move.pulse_times(0, until))
+
+
+def test_an_s_curve_velocity_move_takes_a_change_and_a_stop():
+    state = send(PCI_8132, at_rest([0]), SVMove([1000.0], [3000.0], 0.2), 0.0)
+    state = send(PCI_8132, state, VChange([1000.0], 0.1), 1.0)
+    assert state.position([1.1])[0, 0] == pytest.approx(400.0 + 0.8 * 3000.0 + 200.0, abs=EXACT)
+    state = send(PCI_8132, state, DStop(0.1), 1.1)
+    assert state.position([9.0])[0, 0] == pytest.approx(3000.0 + 50.0, abs=EXACT)
+    with pytest.raises(Refused, match=r"velocity interval -1\.0"):
+        send(PCI_8132, at_rest([0]), SVMove([1000.0], [3000.0], 0.2, -1.0), 0.0)
 
 
 def test_speed_zero_stops_and_keeps_the_share_of_a_pulse():

@@ -12,7 +12,7 @@ from planner.sources.registry import SOURCES
 from tests.docs.pages import DOCS, agree, fences, run
 
 PAGES = [
-    *(DOCS / name for name in ("tutorial.md", "conventions.md", "help.md")),
+    *(DOCS / name for name in ("tutorial.md", "conventions.md", "help.md", "api/card.md")),
     *sorted(page for page in (DOCS / "howto").glob("*.md") if page.name != "index.md"),
 ]
 TABLES = (KINDS, AXIS_LIMITS, MACHINE_LIMITS, FORMATS, SOURCES, LAWS)
