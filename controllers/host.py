@@ -1,10 +1,10 @@
-"""The host's clock: when it begins its steps."""
+"""The host: when it begins its steps, what it reads a speed from, and how it ends."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import get_args
+from typing import Literal, get_args
 
 import numpy as np
 
@@ -15,21 +15,28 @@ from kinematics.errors import MotionError
 
 @dataclass(frozen=True, slots=True)
 class Host:
-    """How the host waits until its next step.
+    """How the host waits until its next step, what it reads, and how it ends.
 
-    timer        "counter": it polls the card's counter, so step k begins at k·dt, unless a law asks for the other.
-                 "sleep": whatever the law, it calls the operating system's sleep(dt), which wakes it at the first tick
-                 of the system's timer that is dt or more away, and later still by whatever else runs. What one step is
-                 late, all later ones are too.
-    granularity  s between the timer's ticks, whose phase against the run is drawn; 0: a timer without ticks
-    jitter       s: each waking is late by a time drawn evenly from 0 to this
-    seed         of what is drawn
+    timer         "counter": it polls the card's counter, so step k begins at k·dt, unless a law asks for the other.
+                  "sleep": whatever the law, it calls the operating system's sleep(dt), which wakes it at the first tick
+                  of the system's timer that is dt or more away, and later still by whatever else runs. What one step is
+                  late, all later ones are too.
+    granularity   s between the timer's ticks, whose phase against the run is drawn; 0: a timer without ticks
+    jitter        s: each waking is late by a time drawn evenly from 0 to this
+    seed          of what is drawn
+    speed_from    what v(k − 1) of a law's feedback is: "encoder", the change of the encoders over the step that ends;
+                  "card", the card's own output rate at its end, see `Card.current_speed`. The program of [Sahbaz 2007,
+                  Appendix E] reads the rate (`GetCurrentSpeed`)
+    closing_stop  s of the decelerated stop that is sent when the last sample is reached, and nothing after it: 0.001 in
+                  the same program (`SDStop` in its last routine). None: the law is asked on, so that it may settle
     """
 
     timer: Timer = "counter"
     granularity: float = 0.0
     jitter: float = 0.0
     seed: int = 0
+    speed_from: Literal["encoder", "card"] = "encoder"
+    closing_stop: float | None = None
 
     def __post_init__(self) -> None:
         if self.timer not in get_args(Timer):
@@ -40,6 +47,10 @@ class Host:
                 raise MotionError(f"host: {name} {value} s must be zero or more")
         if self.seed < 0:
             raise MotionError(f"host: seed {self.seed} must be zero or more")
+        if self.speed_from not in ("encoder", "card"):
+            raise MotionError(f'host: speed from "{self.speed_from}" is neither "encoder" nor "card"')
+        if self.closing_stop is not None and not 0 <= self.closing_stop < float("inf"):
+            raise MotionError(f"host: closing stop {self.closing_stop} s must be zero or more")
 
 
 def instants(hosts: Sequence[Host], asked: Timer, dt: float, steps: int) -> Array:

@@ -46,6 +46,7 @@ class CardTable(Table):
     while_moving: Literal["replace", "queue"] = "replace"
     start_from: Literal["commanded", "current"] = "commanded"
     short_moves: Literal["keep rate", "keep time"] = "keep rate"
+    current_speed: Literal["signed", "magnitude"] = "signed"
     speed_range: Annotated[float, Unit("1/s", above=0, like="100000 1/s")] | None = None
 
     @property
@@ -63,6 +64,8 @@ class HostTable(Table):
     granularity: Annotated[float, Unit("s", least=0, like="10 ms")] = 0.0
     jitter: Annotated[float, Unit("s", least=0, like="2 ms")] = 0.0
     seed: Annotated[int, Field(ge=0)] = 0
+    speed_from: Literal["encoder", "card"] = "encoder"
+    closing_stop: Annotated[float, Unit("s", least=0, like="1 ms")] | None = None
 
 
 class Own(Table):

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from controllers.card import at_rest, send
+from controllers.card import DStop, at_rest, current_speed, send
 from controllers.drives.bank import bank
 from controllers.host import instants
 from controllers.laws.law import Feedback, Law, Reference
@@ -94,7 +94,8 @@ def simulate(
     Every dt by its own clock (`Rig.host`, `Law.host`) a host reads the encoders (in pulses), asks the law, and sends
     its command, which the card takes at once; a step that falls between two samples of the drives begins at the later
     of them. The drives follow the card's counters at their own sample time, of which dt must be a whole multiple where
-    a host polls the card's counter. The rigs share one machine, one model of card and the kinds of their drives.
+    a host polls the card's counter. A host with a closing stop sends that at the last sample, and is silent from then
+    on. The rigs share one machine, one model of card and the kinds of their drives.
 
     period  s between the instants that are kept, brought to whole samples of the drives; None: every sample
 
@@ -117,6 +118,8 @@ def simulate(
     every = 1 if period is None else max(round(period / h), 1)
     recorder = Recorder(int(at[-1].max()), every, pulse, lanes)
     runs, k = np.arange(len(rigs)), np.zeros(len(rigs), np.int64)
+    rates = np.array([rig.host.speed_from == "card" for rig in rigs])
+    closing = np.array([np.nan if rig.host.closing_stop is None else rig.host.closing_stop for rig in rigs])
     before, last = axes.reading(drives) / pulse, at[0]
     pulses, lost = np.empty((2, *lanes), np.int64)
     moments = np.unique(at).tolist()
@@ -127,9 +130,17 @@ def simulate(
         if due.any():
             position = axes.reading(drives) / pulse
             took = np.maximum(start - last, 1)[:, None] * h
-            here = Feedback(position, (position - before) / took, state.counter(now)[0])
-            told = law.command(int(k[0]) if (k == k[0]).all() else k, reference, here)
-            state = send(card, state, told, now, None if due.all() else due[:, None])
+            speed = (position - before) / took
+            if rates.any():
+                speed = np.where(rates[:, None], current_speed(card, state, now), speed)
+            here = Feedback(position, speed, state.counter(now)[0])
+            asked = due & ~((k >= reference.steps) & np.isfinite(closing))
+            if asked.any():
+                told = law.command(int(k[0]) if (k == k[0]).all() else k, reference, here)
+                state = send(card, state, told, now, None if asked.all() else asked[:, None])
+            ends = due & (k == reference.steps)
+            for tdec in np.unique(closing[ends & np.isfinite(closing)]).tolist():
+                state = send(card, state, DStop(tdec), now, (ends & (closing == tdec))[:, None])
             before, last, k = np.where(due[:, None], position, before), np.where(due, start, last), k + due
         block = max(BLOCK // counts.size, 1)
         for first in range(start, stop, block):

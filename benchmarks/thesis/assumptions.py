@@ -1,4 +1,9 @@
-"""What the thesis does not print, varied: the rig as stated, and rigs that differ from it by one assumption each."""
+"""What the thesis does not print, varied: the rig as stated, and rigs that differ from it by one assumption each.
+
+Of its program [Sahbaz 2007, Appendix E] three things are printed whose meaning is not: `SetContinuousMove(axis, 1)` for
+every axis before the first command, v(k − 1) read by `GetCurrentSpeed`, and `SDStop(axis, 0.001)` after the last
+sample. The last is done as printed; the others have two readings each (`READINGS`).
+"""
 
 from __future__ import annotations
 
@@ -14,6 +19,15 @@ from planner.trajectory import Trajectory
 
 TASK = "line"
 """The thesis' reference."""
+CLOSING_STOP = 1e-3
+"""s: `Tacc` of [Sahbaz 2007, Appendix E], within which its program stops the axes after the last sample."""
+QUEUED = "SetContinuousMove: commands queue behind a running move"
+UNSIGNED = "GetCurrentSpeed: the card's rate without its sign"
+BOTH = "both: commands queue, and the rate has no sign"
+STATED = "as stated"
+READINGS = (STATED, QUEUED, UNSIGNED, BOTH)
+"""Assumptions that are readings of what the program prints: a command replaces the running move, or queues behind it;
+the rate has the sign of its direction, or none."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,7 +41,12 @@ class Assumption:
 
 def assumptions(rig: Rig | None = None) -> tuple[Assumption, ...]:
     """The rig as it is stated first, then one assumption changed at a time."""
-    return tuple(_varied(rig or load_rig("servo-rig")))
+    return tuple(_varied(printed(rig or load_rig("servo-rig"))))
+
+
+def printed(rig: Rig) -> Rig:
+    """The rig under a host that reads and ends as the printed program does."""
+    return replace(rig, host=replace(rig.host, speed_from="card", closing_stop=CLOSING_STOP))
 
 
 def _varied(rig: Rig) -> Iterator[Assumption]:
@@ -36,8 +55,14 @@ def _varied(rig: Rig) -> Iterator[Assumption]:
     def other(name: str, changed: Rig, asked: Task = task) -> Assumption:
         return Assumption(name, changed, asked)
 
-    yield other("as stated", rig)
-    yield other("commands queue behind a running move", replace(rig, card=replace(rig.card, while_moving="queue")))
+    queue = replace(rig.card, while_moving="queue")
+    yield other(STATED, rig)
+    yield other(QUEUED, replace(rig, card=queue))
+    yield other(UNSIGNED, replace(rig, card=replace(rig.card, current_speed="magnitude")))
+    yield other(BOTH, replace(rig, card=replace(queue, current_speed="magnitude")))
+    encoders = replace(rig, host=replace(rig.host, speed_from="encoder"))
+    yield other("the speed of the encoders instead of the card's rate", encoders)
+    yield other("no closing stop: laws go on after the end", replace(rig, host=replace(rig.host, closing_stop=None)))
     going_on = replace(rig, card=replace(rig.card, start_from="current"))
     yield other("commands begin at the speed of the instant", going_on)
     in_time = replace(rig, card=replace(rig.card, short_moves="keep time"))

@@ -15,6 +15,9 @@ ALIKE = 1.01
 LOST = 10.0
 """Times the error of the open loop (law 3) from which a law has lost the motion, which is called unstable here."""
 
+UNCOVERED = 19
+"""Pulses by which the way of the worst axis is more than the trapezoidal rule over its 41 sampled speeds."""
+
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
@@ -78,6 +81,12 @@ def ramps_shake_less(outcome: Outcome) -> Verdict:
 
 
 def all_end_on_time(outcome: Outcome) -> Verdict:
+    over = {law: min(setting.over for setting in outcome.settings[law]) for law in "1234567"}
+    told = ", ".join(f"{law} {1e3 * abs(late):.0f}" for law, late in over.items())
+    return Verdict(max(over.values()) < outcome.assumption.task.dt, f"ms after the planned end: {told}")
+
+
+def all_arrive(outcome: Outcome) -> Verdict:
     short = {law: min(setting.short for setting in outcome.settings[law]) for law in "1234567"}
     told = ", ".join(f"{law} {pulses:.0f}" for law, pulses in short.items())
     return Verdict(max(short.values()) <= BAND, f"pulses from the goal: {told}")
@@ -157,12 +166,22 @@ FINDINGS = (
     ),
     Finding(
         "Every algorithm ends on time",
-        f"all axes are within {BAND:g} pulses (0.024°) of their goal {LATE} s after the planned end, with a law's best "
-        "gain",
+        "the closing stop, at which the thesis' program prints the time that its card has counted, is sent less than "
+        "one sample after the planned end. The thesis states no tolerance; one sample is ours",
         all_end_on_time,
-        "Every command is sent on time, which may be what the thesis means. But laws 1 and 2 have nothing that "
-        "corrects the place, 4 and 5 have lost it, and the last command of the others has no speed: the card then runs "
-        "at one step of its speed registers, so what rounding left undone creeps home.",
+        "The stop comes after the last sample whatever a law does and wherever its axes are. So where the host watches "
+        "the card's counter every law is on time by definition, and law 2 is late by what its sleeps add up to: "
+        "with a timer of 1 ms by less than a sample.",
+    ),
+    Finding(
+        "In the end the motors are where the reference is",
+        f"all axes are within {BAND:g} pulses (0.024°) of their goal {LATE} s after the planned end, with a law's best "
+        "gain. This criterion is ours: the thesis states none",
+        all_arrive,
+        "Laws 4 and 5 have lost the place, and law 2 the time. Straight ramps from sample to sample of a speed that is "
+        f"curved cover {UNCOVERED} pulses less than the motion, and in none of the other laws a later command has the "
+        "speed to make that good: the last has none, and would run at one step of the registers, 1.5 pulses/s, if the "
+        "closing stop let it. Half the gear's play, 7 pulses, comes on top: no encoder at the motor sees it.",
     ),
 )
 """What the thesis found, in its chapter 7 [Sahbaz 2007]."""

@@ -9,12 +9,12 @@ from itertools import product
 import numpy as np
 
 from benchmarks.thesis.assumptions import Assumption
+from controllers.laws.law import Reference
 from controllers.laws.registry import find_law
 from controllers.metrics.evaluate import evaluate_runs
 from controllers.simulate import Runs, sample, simulate
 from controllers.task import Task
 from kinematics.array import Array
-from kinematics.machine import Machine
 
 LAWS = ("1", "2", "3", "3t", "4", "5", "6", "7", "6r", "7r")
 """The seven, the full trapezoid a sample, and 6 and 7 with the correction in the top speed too."""
@@ -22,7 +22,7 @@ PERIOD = 1e-3
 SETTLE = 1.0
 """s that are watched after the planned end."""
 LATE = 0.5
-"""s after the planned end at which a motion that ended on time has arrived: fifteen time constants of a 30 1/s loop."""
+"""s after the planned end at which an axis that is to arrive is looked at: fifteen time constants of a 30 1/s loop."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,6 +33,8 @@ class Setting:
     figures: Mapping[str, float]
     short: float
     """Pulses by which the worst axis is from its goal `LATE` s after the planned end."""
+    over: float = 0.0
+    """s after the planned end at which the host comes to the last sample, and sends its closing stop."""
 
     @property
     def error(self) -> float:
@@ -63,20 +65,18 @@ def _settings(assumption: Assumption, number: str) -> tuple[Setting, ...]:
     cells = list(product(*grid.values()))
     columns = {gain: np.array([cell[n] for cell in cells])[:, None] for n, gain in enumerate(grid)}
     rigs = [rig] * len(cells)
-    runs = simulate(
-        sample(task.motion, rig.machine, task.dt), find_law(number, None, **columns), rigs, period=PERIOD, settle=SETTLE
-    )
+    reference = sample(task.motion, rig.machine, task.dt)
+    runs = simulate(reference, find_law(number, None, **columns), rigs, period=PERIOD, settle=SETTLE)
     found = evaluate_runs(runs, task, rigs)
-    short = _short(runs, task, rig.machine)
+    short = _short(runs, task, reference)
+    over = runs.steps[reference.steps] - task.motion.duration
     return tuple(
-        Setting(dict(zip(grid, cell, strict=True)), metrics.figures(), float(pulses))
-        for cell, metrics, pulses in zip(cells, found, short, strict=True)
+        Setting(dict(zip(grid, cell, strict=True)), metrics.figures(), float(pulses), float(late))
+        for cell, metrics, pulses, late in zip(cells, found, short, over, strict=True)
     )
 
 
-def _short(runs: Runs, task: Task, machine: Machine) -> Array:
+def _short(runs: Runs, task: Task, reference: Reference) -> Array:
     """(B,) of each run, see `Setting.short`."""
-    end = task.motion.duration
-    goal = sample(task.motion, machine, task.dt).position[-1]
-    at = int(np.searchsorted(runs.t, end + LATE))
-    return np.asarray(np.abs(runs.actual[at] - goal).max(1))
+    at = int(np.searchsorted(runs.t, task.motion.duration + LATE))
+    return np.asarray(np.abs(runs.actual[at] - reference.position[-1]).max(1))

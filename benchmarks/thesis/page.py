@@ -1,8 +1,9 @@
 """The page: each finding on the rig as stated, then under every assumption."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from benchmarks.compared import markdown
+from benchmarks.thesis.assumptions import READINGS
 from benchmarks.thesis.findings import FINDINGS, Finding
 from benchmarks.thesis.outcome import Outcome
 
@@ -21,6 +22,13 @@ was missing; *speeds that are not rounded to registers* is the rig as it was bef
 assumption decides, the semantics of the motion card above all: one is changed at a time. A law is judged at the best
 gain of its grid on the thesis' straight line (5 s, 41 samples), by its RMS tracking error in space unless something
 else is said. The laws' equations: [tracking laws](theory/laws.md); the drives': [drives and cards](theory/drives.md).
+
+The program that ran the laws is printed in the thesis' Appendix E, and is followed where it says what it does: v(k − 1)
+is `GetCurrentSpeed`, the card's own output rate and not a speed of the encoders; after the last sample every axis is
+stopped within 1 ms (`SDStop`), and nothing is sent any more. Two things it calls without saying what they do:
+`SetContinuousMove(axis, 1)`, for every axis before the first command, may make a command wait behind the running move
+or let it replace that; and the rate may be read with the sign of its direction or without. For the latter speaks that
+the program adds v(k − 1) where npuls(k + 1) < 0. As stated: it replaces, and has a sign, as Table 7.5 is written.
 """
 
 
@@ -28,6 +36,8 @@ def page(outcomes: Sequence[Outcome]) -> str:
     """Markdown; the first outcome is that of the rig as stated."""
     rows = [summary(finding, outcomes[0]) for finding in FINDINGS]
     parts = [INTRODUCTION, "## On the rig as stated", markdown(("finding", "verdict", "figure"), rows)]
+    parts += ["## Which reading of the printed program a finding needs", _readings(outcomes)]
+    parts.append("## Why")
     parts += [f"### {finding.name}\n\nJudged: {finding.judged}.\n\n{finding.because}" for finding in FINDINGS]
     parts.append("## What each assumption decides")
     parts.append(_overview(outcomes))
@@ -39,6 +49,27 @@ def summary(finding: Finding, outcome: Outcome) -> tuple[str, str, str]:
     """A finding's line of the first table."""
     verdict = finding.judge(outcome)
     return finding.name, f"**{verdict.word}**", verdict.figure
+
+
+def needed(verdicts: Mapping[str, bool]) -> str:
+    """What a finding needs, from whether it holds under each assumption, the readings among them."""
+    holds = [reading for reading in READINGS if verdicts[reading]]
+    if len(holds) == len(READINGS):
+        return "none: it holds under each"
+    if holds:
+        return "; ".join(holds)
+    others = [name for name, held in verdicts.items() if held]
+    return f"another assumption: {'; '.join(others)}" if others else "neither a reading nor another assumption helps"
+
+
+def _readings(outcomes: Sequence[Outcome]) -> str:
+    known = {outcome.assumption.name: outcome for outcome in outcomes}
+    rows = []
+    for n, finding in enumerate(FINDINGS, 1):
+        verdicts = {name: finding.judge(outcome).holds for name, outcome in known.items()}
+        rows.append((str(n), *("yes" if verdicts[reading] else "no" for reading in READINGS), needed(verdicts)))
+    text = "Findings by their number in the table above; yes: it holds. Figures are in the last part."
+    return f"{text}\n\n{markdown(('finding', *READINGS, 'reading that it needs'), rows)}"
 
 
 def _overview(outcomes: Sequence[Outcome]) -> str:

@@ -45,7 +45,9 @@ class ClosedErrorSpeed:
     [Sahbaz 2007, Table 7.5, algorithm 5]. The table is implemented. The program printed in the thesis'
     appendix differs: its first command is the table's, but later ones start at kverr(k−1), the top speed of the step
     before, instead of npuls(k); where npuls(k+1) < 0 it adds v(k−1) instead of subtracting it; and since that stands in
-    a one-line If, kverr is multiplied out for negative speeds only and stays zero for the others.
+    a one-line If, kverr is multiplied out for negative speeds only and stays zero for the others. Its v(k−1) is
+    `GetCurrentSpeed`, the card's output rate (`Host.speed_from`). If that has no sign (`Card.current_speed`), to add it
+    where npuls(k+1) < 0 is what the table means, as long as the axis runs the way it is commanded to.
 
     `gain` is kp, `speed_gain` kv.
     """

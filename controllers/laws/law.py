@@ -102,7 +102,8 @@ class Feedback:
     """What the host reads as step k begins, which is the end of step k − 1; arrays (…) as the card's lanes.
 
     position  pos(k − 1), pulses: the encoders, latched
-    speed     v(k − 1), pulses/s: the change of `position` over the step that ends here, divided by its time
+    speed     v(k − 1), pulses/s: the change of `position` over the step that ends here, divided by its time; or the
+              card's output rate now, as the host is set (`controllers.host.Host.speed_from`)
     counter   the card's own position counter, pulses
     """
 

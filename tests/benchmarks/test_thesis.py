@@ -3,13 +3,15 @@
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from benchmarks.compared import markdown
-from benchmarks.thesis.assumptions import assumptions
-from benchmarks.thesis.findings import FINDINGS
+from benchmarks.thesis.assumptions import READINGS, assumptions
+from benchmarks.thesis.findings import FINDINGS, UNCOVERED
 from benchmarks.thesis.outcome import LAWS, Outcome, Setting, outcome
-from benchmarks.thesis.page import COMMAND, summary
+from benchmarks.thesis.page import COMMAND, needed, summary
+from controllers.simulate import sample
 
 PAGE = Path(__file__).parents[2] / "docs" / "findings.md"
 
@@ -32,10 +34,35 @@ def test_the_page_covers_every_assumption_under_every_finding():
         assert text.count(f"\n| {assumption.name} |") == len(FINDINGS) + 1
 
 
+def test_the_rig_as_stated_reads_and_ends_as_the_printed_program_and_each_reading_is_run():
+    """[Sahbaz 2007, Appendix E]: GetCurrentSpeed and SDStop(axis, 0.001); SetContinuousMove has two readings."""
+    stated, *others = assumptions()
+    assert (stated.rig.host.speed_from, stated.rig.host.closing_stop) == ("card", 0.001)
+    known = {assumption.name: assumption.rig.card for assumption in (stated, *others)}
+    read = [(known[reading].while_moving, known[reading].current_speed) for reading in READINGS]
+    assert read == [("replace", "signed"), ("queue", "signed"), ("replace", "magnitude"), ("queue", "magnitude")]
+
+
+def test_what_a_finding_needs_is_said_of_the_readings_under_which_it_holds():
+    none = dict.fromkeys((*READINGS, "drives 5 ms late"), False)
+    assert needed(none) == "neither a reading nor another assumption helps"
+    assert needed(none | {"drives 5 ms late": True}) == "another assumption: drives 5 ms late"
+    assert needed(none | {READINGS[1]: True, READINGS[3]: True}) == f"{READINGS[1]}; {READINGS[3]}"
+    assert needed(none | dict.fromkeys(READINGS, True)) == "none: it holds under each"
+
+
 def test_each_assumption_changes_the_rig_or_what_it_is_asked():
     stated, *others = assumptions()
     for other in others:
         assert other.rig != stated.rig or other.task is not stated.task, other.name
+
+
+def test_the_ramps_between_samples_cover_as_much_less_than_the_motion_as_the_page_says():
+    stated = assumptions()[0]
+    reference = sample(stated.task.motion, stated.rig.machine, stated.task.dt)
+    covered = np.trapezoid(reference.speed, dx=reference.dt, axis=0)
+    short = np.abs(reference.position[-1] - reference.position[0] - covered)
+    assert short.max() == pytest.approx(UNCOVERED, abs=0.5)
 
 
 def judged(**errors):
@@ -56,8 +83,8 @@ def holds(made):
 
 
 def test_judgements_of_laws_that_are_all_alike():
-    """Nothing is better, nothing unstable, no k is best, and all end on time."""
-    assert holds(judged()) == [False, False, False, False, False, False, True]
+    """Nothing is better, nothing unstable, no k is best; all end on time, and where they should."""
+    assert holds(judged()) == [False, False, False, False, False, False, True, True]
 
 
 def test_judgements_of_laws_as_the_thesis_has_them():
@@ -69,10 +96,18 @@ def test_judgements_of_laws_as_the_thesis_has_them():
     assert holds(replace(made, settings=shaken)) == [True] * len(FINDINGS)
 
 
-def test_a_law_that_arrives_at_no_gain_is_not_on_time():
+def test_a_law_that_arrives_at_no_gain_does_not_end_where_the_reference_does():
     made = judged(law5={0.5: 1e-3, 0.7: 1e-3})
     far, near = (replace(made.settings["5"][0], short=pulses) for pulses in (11.0, 9.0))
     for settings, holds in (((far, near), True), ((far, far), False)):
         verdict = FINDINGS[-1].judge(replace(made, settings={**made.settings, "5": settings}))
         assert verdict.holds == holds
     assert "5 11" in verdict.figure
+
+
+def test_a_law_whose_host_is_a_sample_late_is_not_on_time():
+    made = judged()
+    for over, holds in ((0.124, True), (0.126, False)):
+        late = tuple(replace(setting, over=over) for setting in made.settings["2"])
+        verdict = FINDINGS[-2].judge(replace(made, settings={**made.settings, "2": late}))
+        assert (verdict.holds, f"2 {1e3 * over:.0f}," in verdict.figure) == (holds, True)

@@ -50,6 +50,9 @@ def test_what_a_host_draws_is_its_own():
         ({"granularity": -1.0}, "granularity"),
         ({"jitter": np.nan}, "jitter"),
         ({"seed": -1}, "seed"),
+        ({"speed_from": "drive"}, "neither"),
+        ({"closing_stop": -1e-3}, "closing stop"),
+        ({"closing_stop": np.nan}, "closing stop"),
     ],
 )
 def test_impossible_hosts_are_refused(host, words):

@@ -194,5 +194,10 @@ def test_a_card_is_set_as_the_file_says(load):
     options = 'start_from = "current", short_moves = "keep time"'
     card = load(TEXT.replace('speed_range = "100000 1/s"', options)).card
     assert (card.start_from, card.short_moves, card.speed_range) == ("current", "keep time", None)
+    options = 'current_speed = "magnitude", while_moving = "queue"'
+    text = TEXT.replace('speed_range = "100000 1/s"', options)
+    text = text.replace("seed = 1 }", 'seed = 1, speed_from = "card", closing_stop = "1 ms" }')
+    rig = load(text)
+    assert (rig.card.current_speed, rig.host.speed_from, rig.host.closing_stop) == ("magnitude", "card", 1e-3)
     plain = load(TEXT.replace('{ model = "PCI-8164", speed_range = "100000 1/s" }', '"PCI-8164"')).card
     assert plain.speed_range is None
