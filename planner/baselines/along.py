@@ -53,11 +53,11 @@ class Along:
     shapes: Shapes
 
     def __call__(self, path: ActuatorPath, limits: Sequence[Limit], run: Run) -> Slowed:
-        mixed = any(len({term.per_time for term in limit.terms}) > 1 for limit in limits)
-        intervals = max(INTERVALS, int(PER_RADIAN * path.turns[run.first : run.last + 1].sum())) * (
-            FINER if mixed else 1
-        )
+        intervals = max(INTERVALS, int(PER_RADIAN * path.turns[run.first : run.last + 1].sum()))
         problem = pose_problem(path, limits, *grid(path, run, intervals))
+        mixed = any(len({term.per_time for term in block.start}) > 1 for block in problem.blocks)
+        if mixed:
+            problem = pose_problem(path, limits, *grid(path, run, FINER * intervals))
         best = _quickest(self.shapes, problem)
         unit = self.shapes.draw(*best)
         breaks = path.breaks[run.first : run.last + 2]

@@ -10,6 +10,11 @@ from kinematics.array import Array
 from planner.actuation import ActuatorPath, points_of
 from planner.limits.limit import Limit, Rows, Term, order_of
 
+IDLE = 0.5
+"""Share of a limit on force up to which its rows are left out; the rest is for what happens between grid points."""
+BOUNDING = ({Term.SD}, {Term.SD2}, {Term.SDD, Term.SD2}, {Term.SDD})
+"""Terms of the rows that bound ṡ and s̈: of speed, and of acceleration."""
+
 
 @dataclass(frozen=True, slots=True)
 class Run:
@@ -149,7 +154,11 @@ def _filled(s: Array, breaks: Array, least: Array) -> Array:
 def pose_problem(
     path: ActuatorPath, limits: Sequence[Limit], s: Array, piece: np.ndarray, speeds: tuple[float, float] = (0.0, 0.0)
 ) -> Problem:
-    """Evaluate the rows of every timing limit on both sides of every grid point, in one batch."""
+    """Evaluate the rows of every timing limit on both sides of every grid point, in one batch.
+
+    Rows of loads that no motion within the others can use more than IDLE of are left out: they cost time and change
+    nothing. The certificate judges the motion by every limit all the same.
+    """
     count = len(piece)
     # an interval ends where the next one starts, unless that is on another piece
     alone = np.append(np.diff(piece) != 0, True)
@@ -163,7 +172,7 @@ def pose_problem(
         block = _block(limit.name, limit.rows(points), end)
         if block is not None:
             blocks.append(block)
-    return Problem(s, piece, tuple(blocks), speeds)
+    return Problem(s, piece, _busy(blocks), speeds)
 
 
 def _block(name: str, rows: Rows, end: np.ndarray) -> Block | None:
@@ -195,3 +204,42 @@ def _normalised(rows: Rows, points: int) -> tuple[dict[Term, Array], Array, tupl
         middle = (above - below) / 2 / half
     about = None if rows.about is None else (rows.about[0][:, binding], rows.about[1][:, binding])
     return {term: values[:, binding] / half for term, values in rows.coefficients.items()}, middle, about
+
+
+def _busy(blocks: Sequence[Block]) -> tuple[Block, ...]:
+    """The blocks without those of forces that no motion within the others can use more than IDLE of."""
+    if not any(Term.ONE in block.start for block in blocks):
+        return tuple(blocks)
+    bounds = [_bounds([getattr(block, side) for block in _bounding(blocks)]) for side in ("start", "end")]
+    return tuple(block for block in blocks if not _idle(block, bounds))
+
+
+def _bounding(blocks: Sequence[Block]) -> list[Block]:
+    return [block for block in blocks if block.about is None and set(block.start) in BOUNDING]
+
+
+def _bounds(rows: Sequence[Mapping[Term, Array]]) -> dict[Term, Array]:
+    """Largest size (N,) of each term at grid points, ∞ where no row holds it; a row's bounds are within ±2."""
+    count = len(next(iter(rows[0].values()))) if rows else 1
+    v, a = np.full(count, np.inf), np.full(count, np.inf)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        for row in rows:
+            if len(row) == 1 and Term.SDD not in row:
+                ((term, size),) = row.items()
+                v = np.fmin(v, (2 / np.abs(size).max(1)) ** (1 / term.per_time))
+        for row in rows:
+            if Term.SDD in row:
+                bent = np.abs(row[Term.SD2]) * v[:, None] ** 2 if Term.SD2 in row else 0.0
+                a = np.fmin(a, ((2 + bent) / np.abs(row[Term.SDD])).min(1))
+    return {Term.ONE: np.ones(count), Term.SD: v, Term.SD2: v**2, Term.SDD: a}
+
+
+def _idle(block: Block, bounds: Sequence[Mapping[Term, Array]]) -> bool:
+    if Term.ONE not in block.start or block.about is not None or not set(block.start) <= set(bounds[0]):
+        return False
+    most = 0.0
+    for side, size in zip((block.start, block.end), bounds, strict=True):
+        with np.errstate(invalid="ignore"):
+            terms = [np.where(rows == 0, 0.0, np.abs(rows) * size[term][:, None]) for term, rows in side.items()]
+        most = max(most, float((np.sum(terms, axis=0) / (1 - np.abs(block.middle))).max()))
+    return most <= IDLE

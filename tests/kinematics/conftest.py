@@ -11,6 +11,7 @@ from kinematics import Axis, Hexapod, load_machine
 from kinematics.document import read
 from kinematics.freedom import COMPONENTS, columns
 from kinematics.hexapod import joint_circle
+from kinematics.load import Load
 from kinematics.motion import motion_of_poses
 from kinematics.pose import from_numbers, numbers
 
@@ -87,7 +88,8 @@ def any_hexapod(request):
 
 @pytest.fixture(scope="session")
 def preset():
-    return load_machine("hexapod")
+    """The bundled hexapod without its masses: what moves it is each test's own."""
+    return load_machine("hexapod").carrying(Load())
 
 
 @pytest.fixture

@@ -8,6 +8,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics import MotionError, OutOfReach, forces, load_machine, machine_names, motion_of_poses
 from kinematics.freedom import COMPONENTS, columns
+from kinematics.load import Load
 
 
 @pytest.mark.parametrize("name", machine_names())
@@ -77,7 +78,7 @@ def test_what_is_held_is_refused_and_what_follows_is_ignored(machine):
 
 def test_other_actuators_on_the_same_machine():
     """Home, tilts and room stay, so every pose has the same coordinates; a rotor is felt by the new machine alone."""
-    machine = load_machine("hexapod")
+    machine = load_machine("hexapod").carrying(Load())
     pose = machine.home * RigidTransform.from_translation([0.005, 0.0, 0.02])
     before = machine.loaded
     axes = [replace(axis, max_speed=0.04, reflected=0.2, travel=(0.0, 0.06)) for axis in machine.axes]

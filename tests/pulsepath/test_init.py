@@ -87,7 +87,7 @@ def machine(request):
 
 def known_keys(kind):
     own = machine_keys.ROTARY if kind == "arm" else machine_keys.LINEAR
-    return [*machine_keys.HEAD, *machine_keys.GEOMETRY[kind], *own]
+    return [*machine_keys.HEAD, *machine_keys.GEOMETRY[kind], *own, *machine_keys.PLATFORM]
 
 
 def test_a_machine_file_says_every_key_of_its_schema(machine):
