@@ -10,7 +10,7 @@ import numpy as np
 
 from benchmarks.page import grouped, png, render, style
 from controllers.metrics import Metrics
-from planner.baselines import Classical
+from planner.baselines import Classical, describe_differences, missing_limits
 from planner.certify import CROSSING
 from planner.held_back import ACTIVE, active_limits
 from planner.limits import Limit
@@ -56,13 +56,16 @@ def write_report(
 def summary(plan: Plan, classical: Classical, verdict: PulseCheck) -> dict[str, str]:
     """The table that the page begins with, as it stands there."""
     saved = classical.duration - plan.trajectory.duration
-    bare, kept = ("", "speed and acceleration") if plan.order == 2 else (BARE_JERK, "speed, acceleration and jerk")
+    kept = "speed and acceleration" if plan.order == 2 else "speed, acceleration and jerk"
+    missing = missing_limits(plan, classical)
+    unlike = f"; the classical timing is without {', '.join(missing)}" if missing else ""
+    what = "; ".join([classical.kind, *describe_differences(plan, classical)])
     again = f", run {plan.program.repeat} times" if plan.program.repeat > 1 else ""
     radian = f"a pure turn counts its angle times {1e3 * plan.machine.characteristic_length:.3f} mm"
     return {
         "Duration": f"{plan.trajectory.duration:.6f} s{'' if plan.stated_duration is None else ', as stated'}",
-        "Classical timing": f"{classical.duration:.6f} s{bare}",
-        "Time saved": f"{saved:.6f} s ({100 * saved / classical.duration:.2f} %)",
+        "Classical timing": f"{classical.duration:.6f} s ({what})",
+        "Time saved": f"{saved:.6f} s ({100 * saved / classical.duration:.2f} %{unlike})",
         "Segments": f"{len(plan.program.segments)}{again}",
         "Length of the path": f"{1e3 * float(plan.path.breaks[-1]):.3f} mm ({radian})",
         "Order": f"{plan.order} ({kept})",
@@ -79,9 +82,6 @@ def _exactness(plan: Plan, verdict: PulseCheck) -> str:
         return f"largest time error {verdict.time_error:.4f} ticks"
     widest = max(axis.bound for axis in plan.pulses.axes)
     return f"within {widest:.3g} pulses, as the rule {plan.pulses.rule} states"
-
-
-BARE_JERK = " (without a jerk limit)"
 
 
 def draw(
@@ -173,7 +173,8 @@ def _classical(plan: Plan, classical: Classical) -> "Axes":
 
     (ax,) = _rows(1, 3.0)
     path_speed(plan.trajectory, ax, label=f"this plan, {plan.trajectory.duration:.4f} s", color=PALETTE[0])
-    path_speed(classical.trajectory, ax, label=f"classical, {classical.duration:.4f} s", color=PALETTE[3], linewidth=1)
+    named = f"{classical.kind}, {classical.duration:.4f} s"
+    path_speed(classical.trajectory, ax, label=named, color=PALETTE[3], linewidth=1)
     ax.set(xlim=(0, max(plan.trajectory.duration, classical.duration)), ylim=(0, None))
     return _with_legend(ax)
 
@@ -213,7 +214,8 @@ def _page(
         triggers=plan.triggers,
         summary=summary(plan, classical, verdict),
         saved=classical.duration - plan.trajectory.duration,
-        bare_jerk=BARE_JERK,
+        missing=missing_limits(plan, classical),
+        differences={one.kind: describe_differences(plan, one) for one in others},
         allowed={limit.name: _allowed(limit) for limit in plan.limits} | CLAIMS,
         active=dict(_active_time(plan)),
         active_share=ACTIVE,

@@ -7,7 +7,7 @@ from functools import cache, partial
 
 from kinematics import Machine, MotionError
 from planner import Plan, Program, plan
-from planner.baselines import Classical
+from planner.baselines import Classical, pick_baseline
 from planner.beside import NOTHING, Beside
 from planner.limits import unkept, usual_order
 from planner.orientation import oriented
@@ -28,6 +28,7 @@ class Defect(MotionError):
 class Job:
     """A plan, the classical timing of its path, the path of its pulses, and the errors of the laws.
 
+    classical: what the saving is told against, as `planner.baselines.pick_baseline` picks it
     others: the other classical timings, as far as the program and the machine allow them
     seen: waits for the errors of the laws, and for some figures if the report is to have any
     """
@@ -41,7 +42,7 @@ class Job:
 
     @property
     def saved(self) -> float:
-        """s that the plan is shorter than the classical timing; negative where that is: it has no jerk limit."""
+        """s that the plan is shorter than the classical timing; negative where that keeps fewer limits and is."""
         return self.classical.duration - self.plan.trajectory.duration
 
 
@@ -69,8 +70,10 @@ def run(
     with step("timing the path classically"):
         found = timing.result(partial(timed, planned))
     for line in found.notes:
-        note(line)
-    return Job(planned, found.classical, found.others, realised, cache(partial(looking.result, look)), figures)
+        detail(line)
+    baseline = pick_baseline(planned, found.timings)
+    others = tuple(timing for timing in found.timings if timing is not baseline)
+    return Job(planned, baseline, others, realised, cache(partial(looking.result, look)), figures)
 
 
 def _how(planned: Plan) -> str:

@@ -12,6 +12,7 @@ from controllers import Metrics
 from controllers.metrics import ErrorSeries
 from kinematics import Axis, Machine, MotionError
 from planner import Infeasible, Place, Triggered
+from planner.baselines import describe_differences, missing_limits
 from planner.export.format import Exported
 from planner.limits import unkept
 from planner.option import options
@@ -43,14 +44,18 @@ def of_plan(job: Job, inputs: Inputs, verdict: PulseCheck) -> Record:
         "stated_duration_s": plan.stated_duration,
         "path_length_m": float(plan.path.breaks[-1]),
         "classical": {
+            "kind": job.classical.kind,
             "duration_s": job.classical.duration,
             "saved_s": job.saved,
+            "leaves_out": list(missing_limits(plan, job.classical)),
             "kinds": {
                 one.kind: {
                     "duration_s": one.duration,
                     "order": one.order,
                     "certified": one.certificate.holds,
                     "deviation_m": None if one.deviation is None else one.deviation.distance,
+                    "leaves_out": list(missing_limits(plan, one)),
+                    "differences": list(describe_differences(plan, one)),
                 }
                 for one in (job.classical, *job.others)
             },

@@ -10,6 +10,7 @@ from kinematics import Machine, MotionError
 from planner import Plan, Program
 from planner.baselines import KINDS, Classical, classical
 from planner.course import Course, course
+from planner.timing.shapes import S_CURVE
 
 LAWS = ("3", "6")
 """Tracking laws that the report compares: open and closed loop."""
@@ -17,22 +18,27 @@ LAWS = ("3", "6")
 
 @dataclass(frozen=True, slots=True)
 class Timed:
-    """The classical timing of a path, the others that the program and the machine allow, and why there are no more."""
+    """The classical timings of a path that the program and the machine allow, and why there are no more."""
 
-    classical: Classical
-    others: tuple[Classical, ...]
+    timings: tuple[Classical, ...]
     notes: tuple[str, ...]
 
 
 def timed(course: Course | Plan) -> Timed:
-    """Every classical timing along a course. Raises as `planner.classical`, of the first of them."""
+    """Every classical timing along a course. Raises as `planner.classical`, of the first of them.
+
+    Without a limit of jerk an s-curve is asked for by nothing, so that none needs no excuse.
+    """
     found, notes = [classical(course)], []
+    jerk = any(axis.max_jerk is not None for axis in course.machine.axes)
     for kind in KINDS[1:]:
+        if kind == S_CURVE.name and not jerk:
+            continue
         try:
             found.append(classical(course, kind))
         except MotionError as error:
             notes.append(f"no {kind} timing: {error}")
-    return Timed(found[0], tuple(found[1:]), tuple(notes))
+    return Timed(tuple(found), tuple(notes))
 
 
 def timed_ahead(program: Program, machine: Machine) -> Timed:

@@ -17,7 +17,8 @@ from kinematics.axis import Magnitude, sides
 from kinematics.calibration import Calibration
 from kinematics.result import Result
 from kinematics.table import SCALES, Column, Table
-from planner import Standing
+from planner import Classical, Plan, Standing
+from planner.baselines import describe_differences, missing_limits
 from planner.option import options
 from planner.pulses import RULES
 from planner.sources.position_list import PositionList
@@ -57,20 +58,24 @@ def of_plan(job: Job) -> list[Drawn]:
     """Duration and saving, and what the plan tells of itself."""
     plan = job.plan
     percent = 100 * job.saved / job.classical.duration
-    note = "has no jerk limit" if plan.order == 3 else ""
+    missing = missing_limits(plan, job.classical)
+    unlike = f"; the classical timing is without {', '.join(missing)}" if missing else ""
     least = f"as stated; the fastest takes about {plan.lower_estimate:.6f} s or more"
     rows = [
         ("duration", plan.trajectory.duration, "" if plan.stated_duration is None else least),
-        ("classical timing", job.classical.duration, note),
-        ("time saved", job.saved, f"{percent:.2f} %"),
+        ("classical timing", job.classical.duration, _beside(plan, job.classical, job.classical.kind)),
+        ("time saved", job.saved, f"{percent:.2f} %{unlike}"),
     ]
-    for other in job.others:
-        off = None if other.deviation is None else f"off the path by up to {1e3 * other.deviation.distance:.3f} mm"
-        rows.append((other.kind, other.duration, off or ("" if other.order == 3 else note)))
+    rows += [(other.kind, other.duration, _beside(plan, other)) for other in job.others]
     what, times, notes = zip(*rows, strict=True)
     first, *rest = plan.tables()
     timed = (Column("what", what), Column("time", times, "s", form=".6f"), Column("note", notes))
     return [drawn for table in (replace(first, columns=timed), *rest) for drawn in _drawn(table)]
+
+
+def _beside(plan: Plan, timing: Classical, *first: str) -> str:
+    """What a classical timing is, and does otherwise than the plan."""
+    return "; ".join([*first, *describe_differences(plan, timing)])
 
 
 def of_list(title: str, listed: Sequence[Mapping[str, Any]]) -> list[Drawn]:

@@ -2,5 +2,14 @@
 
 from planner.baselines.between import Deviation
 from planner.baselines.classical import KINDS, Classical, classical
+from planner.baselines.unlike import describe_differences, missing_limits, pick_baseline
 
-__all__ = ["KINDS", "Classical", "Deviation", "classical"]
+__all__ = [
+    "KINDS",
+    "Classical",
+    "Deviation",
+    "classical",
+    "describe_differences",
+    "missing_limits",
+    "pick_baseline",
+]

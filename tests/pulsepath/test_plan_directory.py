@@ -17,9 +17,13 @@ from tests import read_lines
 def test_the_record(directory, job):
     record = json.loads((directory / "plan.json").read_text())
     assert record["duration_s"] == job.plan.trajectory.duration <= 1.2630
-    assert record["classical"]["duration_s"] - record["duration_s"] == record["classical"]["saved_s"]
+    classical = record["classical"]
+    assert classical["duration_s"] - record["duration_s"] == classical["saved_s"] > 0
+    assert (classical["kind"], classical["leaves_out"]) == ("s-curve", [])  # the one that keeps jerk as well
+    assert classical["kinds"]["trapezoid"]["leaves_out"] == ["jerk"]
+    assert classical["kinds"]["trapezoid"]["differences"] == ["without jerk"]
     limits = record["certificate"]["limits"]
-    assert set(limits) == {"speed", "acceleration", "jerk", "travel", "tilt", "clearance"}
+    assert set(limits) == {"speed", "acceleration", "jerk", "travel", "tilt", "clearance", "force", "holding force"}
     for limit in limits.values():
         assert limit["attained_ratio"] <= limit["worst_ratio"] <= 1 + 1e-6
         assert 0 <= limit["where"]["time_s"] <= record["duration_s"]

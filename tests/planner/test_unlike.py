@@ -1,0 +1,67 @@
+"""What a saving is told against: a timing under the same limits where there is one, else what it leaves out."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from kinematics import load_machine
+from planner import Blend, Line, Program, classical, plan
+from planner.baselines import describe_differences, missing_limits, pick_baseline
+
+LINE = Program([Line([0, 0, 0.02])])
+
+
+@pytest.fixture(scope="module")
+def timings(planned):
+    found = planned("bare-circle", 3)
+    return found, {kind: classical(found, kind) for kind in ("trapezoid", "s-curve", "quarter-sine")}
+
+
+def test_with_a_jerk_limit_the_saving_is_told_against_the_s_curve(timings):
+    """The only one that keeps jerk; the others are faster than the plan itself, which says nothing against it."""
+    found, every = timings
+    assert pick_baseline(found, tuple(every.values())) is every["s-curve"]
+    assert missing_limits(found, every["s-curve"]) == describe_differences(found, every["s-curve"]) == ()
+    assert found.trajectory.duration < every["s-curve"].duration
+    for kind in ("trapezoid", "quarter-sine"):
+        assert missing_limits(found, every[kind]) == ("jerk",)
+        assert describe_differences(found, every[kind]) == ("without jerk",)
+        assert every[kind].duration < found.trajectory.duration
+
+
+def test_without_one_the_quickest_is_the_baseline(planned, timings):
+    found, every = planned("bare-circle", 2), timings[1]
+    best = pick_baseline(found, tuple(every.values()))
+    assert best.duration == min(one.duration for one in every.values())
+    assert missing_limits(found, best) == ()
+    assert describe_differences(found, every["s-curve"]) == ("keeps jerk too",)
+
+
+@pytest.mark.parametrize("order", [2, 3])
+def test_a_resonance_band_that_only_the_plan_keeps_is_named(order):
+    machine = load_machine("hexapod")
+    axes = [replace(axis, resonance=((0.002, 0.015),), resonance_time=0.03) for axis in machine.axes]
+    found = plan(LINE, machine.driven_by(axes), order=order)
+    baseline = pick_baseline(found, [classical(found), *([classical(found, "s-curve")] if order == 3 else [])])
+    assert missing_limits(found, baseline) == ("resonance",)
+    assert found.trajectory.duration > baseline.duration  # the saving is negative, and this is why
+    assert "without resonance" in describe_differences(found, baseline)
+
+
+def test_moves_between_poses_say_what_they_leave(planned):
+    found = planned("circle", 3)
+    between = classical(found, "synchronised")
+    told = describe_differences(found, between)
+    assert {"jerk", "tool speed", "tilt", "clearance", "force"} <= set(missing_limits(found, between))
+    assert told[-1] == f"off the path by up to {1e3 * between.deviation.distance:.3f} mm"
+    assert pick_baseline(found, [between, classical(found)]).kind == "trapezoid"
+
+
+def test_stops_that_the_plan_does_not_make_are_named():
+    """A blend is passed by the plan, and stopped at by every classical timing."""
+    ways = [Line([0.01, 0, 0.02], join=Blend(5e-4)), Line([0.01, 0.01, 0.02])]
+    found = plan(Program(ways, start_speed=0.001), load_machine("hexapod"), order=2)
+    told = describe_differences(found, classical(found))
+    assert told == ("stops at every join", "from rest to rest")
+    assert np.all(np.array(found.path.end_speeds) == (0.001, 0.0))
