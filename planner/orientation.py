@@ -47,25 +47,39 @@ def orient(program: Program, machine: Machine, objective: Objective = "time", or
         return program
     order = usual_order(machine.axes) if order is None else order
     held = {k: np.zeros((3, DEGREE + 1)) for k in free}
-    moving = _moving(_with(program, held), machine, order)
-    known, motion = held, _motion(_with(program, held), machine, order) if objective == "time" else None
+    moving = _moving(choose(program, held), machine, order)
+    known, motion = held, _motion(choose(program, held), machine, order) if objective == "time" else None
     if motion is None:  # nothing to be kept: begin with what is feasible, if anything is
         known = _turned(program, machine, "feasible", moving, {}, held)
-        motion = _motion(_with(program, known), machine, order) if objective == "time" else None
+        motion = _motion(choose(program, known), machine, order) if objective == "time" else None
     if objective == "feasible":
-        return _with(program, known)
+        return choose(program, known)
     speeds = {} if motion is None else _speeds(motion)
     chosen = _turned(program, machine, objective, moving, speeds, known)
     if motion is not None:
-        made = _motion(_with(program, chosen), machine, order)
+        made = _motion(choose(program, chosen), machine, order)
         chosen = known if made is None else _faster(program, moving, (known, motion), (chosen, made))
-    return _with(program, chosen)
+    return choose(program, chosen)
 
 
 def oriented(program: Program, machine: Machine, order: int) -> Program:
     """The program with whatever is still open chosen for time."""
     still = any(free is not None and free.controls is None for free in map(_free, program.segments))
     return orient(program, machine, order=order) if still else program
+
+
+def choose(program: Program, choice: Choice) -> Program:
+    """The program with the orientation of free segments chosen so."""
+    segments: list[Any] = list(program.segments)
+    for k, controls in choice.items():
+        segments[k] = replace(segments[k], free=replace(segments[k].free, controls=frozen(controls)))
+    return replace(program, segments=tuple(segments))
+
+
+def choice_of(program: Program) -> Choice:
+    """What was chosen for the free segments of a program."""
+    free = {k: _free(segment) for k, segment in enumerate(program.segments)}
+    return {k: each.controls for k, each in free.items() if each is not None and each.controls is not None}
 
 
 def _free(segment: Any) -> Free | None:
@@ -80,13 +94,6 @@ def _refuse(free: Free, number: int, machine: Machine) -> None:
             f"segment {number} leaves free what machine {machine.name} does not control: {', '.join(missing)}; "
             f"it controls {', '.join(machine.freedom)}: leave free out"
         )
-
-
-def _with(program: Program, choice: Choice) -> Program:
-    segments: list[Any] = list(program.segments)
-    for k, controls in choice.items():
-        segments[k] = replace(segments[k], free=replace(segments[k].free, controls=frozen(controls)))
-    return replace(program, segments=tuple(segments))
 
 
 def _moving(program: Program, machine: Machine, order: int) -> frozenset[int]:
@@ -139,7 +146,7 @@ def _turned(
     start: Choice,
 ) -> dict[int, Array]:
     """Neighbouring free segments, each such group by itself."""
-    once, _, _ = draw(replace(_with(program, start), repeat=1), machine)
+    once, _, _ = draw(replace(choose(program, start), repeat=1), machine)
     drawn = {pieces[0].segment - 1: [_carried(piece, program) for piece in pieces] for pieces in once}
     found: dict[int, Array] = {}
     for group in _groups(list(drawn), start):

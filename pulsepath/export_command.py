@@ -9,6 +9,7 @@ from pulsepath import known_names
 from pulsepath.format_command import FormatCommand
 from pulsepath.intent import writes
 from pulsepath.known_names import completing
+from pulsepath.options import unverified_option
 
 
 class Export(FormatCommand):
@@ -28,12 +29,16 @@ class Export(FormatCommand):
     shell_complete=completing(known_names.exports),
 )
 @click.option("--out", type=click.Path(path_type=Path), metavar="FILE", help="Default: DIR/FORMAT with its suffix.")
+@unverified_option
 @click.option("--force", is_flag=True, help="Replace FILE.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON instead of text.")
-def export(directory: Path, name: str, out: Path | None, force: bool, as_json: bool, **given: Any) -> None:
+def export(
+    directory: Path, name: str, out: Path | None, unverified: bool, force: bool, as_json: bool, **given: Any
+) -> None:
     """Write the plan in DIR in another format.
 
-    It is told how far what is written is from the plan. Options in brackets belong to the formats that are named there.
+    Its files are held against their digests first, and its motion is proved again. It is told how far what is written
+    is from the plan. Options in brackets belong to the formats that are named there.
 
     Example: pulsepath export out/circle --format vcd
     """
@@ -48,16 +53,16 @@ def export(directory: Path, name: str, out: Path | None, force: bool, as_json: b
     destination = Destination(target, force=force)
     writes(target)
     format_ = EXPORTS.make(name, given)
-    planned = plan_directory.read(directory)
+    planned = plan_directory.read(directory, unverified)
     with step("firing the pulses") as tell:
         pulses = planned.pulses(tell)
     with step(f"writing {target}") as tell, destination.staged() as file:
         done = format_.write(Source(planned.program.name, planned.machine, planned.trajectory, pulses, tell), file)
     if as_json:
-        click.echo(record.as_json(record.of_export(name, str(target), done)), nl=False)
+        click.echo(record.as_json(record.of_export(name, str(target), done, planned.doubts)), nl=False)
     else:
         click.echo(f"{target}: {done.error:.3g} pulses from {done.against}")
         if made_up := sorted({kind for axis in planned.machine.axes for kind in axis.compensate}):
             click.echo(f"  positions are the motors': {' and '.join(made_up)} made up for")
-        for note in done.notes:
+        for note in (*done.notes, *(f"NOT VERIFIED: {doubt}" for doubt in planned.doubts)):
             click.echo(f"  {note}")

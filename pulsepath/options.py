@@ -17,6 +17,11 @@ dump_option = click.option(
     help="Write machine and program with all defaults there (-: print them), print the options, and do nothing else.",
 )
 json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON instead of tables.")
+unverified_option = click.option(
+    "--unverified",
+    is_flag=True,
+    help="Go on with a plan that was changed or is not proved; the output says so.",
+)
 machine_option = click.option(
     "--machine",
     metavar="MACHINE",

@@ -1,5 +1,6 @@
 """`pulsepath plan`: the fastest motion of a program, proved, with its pulses and a report, in a directory."""
 
+import json
 from pathlib import Path
 
 import click
@@ -73,7 +74,7 @@ def plan(
     # before what is slow to load, so that both processes load at once
     with seldom_collected(), second(figures) as other:
         from pulsepath import plan_directory, record, tables
-        from pulsepath.directory import refuse_overwrite, replacing
+        from pulsepath.directory import RECORD, refuse_overwrite, replacing
         from pulsepath.inputs import read_inputs
         from pulsepath.job import run
 
@@ -83,10 +84,11 @@ def plan(
         kind = None if order is None else int(order)
         with replacing(out, force) as folder:  # where nothing can be written, that is said before the work
             job = run(inputs.program, inputs.machine, kind, clock_hz, seconds, rule, other, figures)
-            verdict = plan_directory.write(folder, job, inputs)
+            plan_directory.write(folder, job, inputs)
     report = str(out / plan_directory.REPORT)
     if as_json:
-        click.echo(record.as_json({**record.of_plan(job, inputs, verdict), "report": report}), nl=False)
+        written = json.loads((out / RECORD).read_bytes())
+        click.echo(record.as_json({**written, "report": report}), nl=False)
     else:
         tables.show(tables.of_plan(job))
         click.echo(f"report: {report}")

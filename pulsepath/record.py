@@ -25,6 +25,7 @@ from pulsepath import __version__
 from pulsepath.directory import KIND
 from pulsepath.inputs import Inputs
 from pulsepath.job import Job
+from pulsepath.verification import digest_of_pulses
 
 SCHEMA = 1
 
@@ -84,6 +85,7 @@ def of_plan(job: Job, inputs: Inputs, verdict: PulseCheck) -> Record:
             "clock_hz": plan.pulses.clock_hz,
             "total": plan.pulses.total,
             "rule": plan.pulses.rule,
+            "sha256": digest_of_pulses(plan.pulses),
             "compensations": [asdict(one) for one in plan.pulses.compensations],
             "moved_for_drives": [asdict(moved) for moved in plan.pulses.moves],
             "axes": {
@@ -165,7 +167,7 @@ def of_check(
     }
 
 
-def of_export(name: str, file: str, done: Exported) -> Record:
+def of_export(name: str, file: str, done: Exported, doubts: Sequence[str] = ()) -> Record:
     """A file that was written: how far what it holds is from the plan."""
     return {
         "format": name,
@@ -173,7 +175,13 @@ def of_export(name: str, file: str, done: Exported) -> Record:
         "error_pulses": done.error,
         "against": done.against,
         "notes": list(done.notes),
+        **of_doubts(doubts),
     }
+
+
+def of_doubts(doubts: Sequence[str]) -> Record:
+    """Whether a plan that was taken up is known to be what was proved, and if not, why."""
+    return {"verified": not doubts, "doubts": list(doubts)}
 
 
 def of_import(name: str, found: Imported, way: Outline, file: str, figure: str) -> Record:

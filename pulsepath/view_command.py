@@ -10,7 +10,7 @@ import click
 from pulsepath.ending import Ended, ending
 from pulsepath.exits import INTERRUPTED
 from pulsepath.intent import writes
-from pulsepath.options import json_option
+from pulsepath.options import json_option, unverified_option
 
 if TYPE_CHECKING:
     from benchmarks.animation.frames import DrawnPlan
@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     "--port", type=click.IntRange(0, 65535), default=0, metavar="PORT", help="To show it on. Default: a free one."
 )
 @click.option("--no-browser", is_flag=True, help="Open none: print the address alone.")
+@unverified_option
 @click.option("--force", is_flag=True, help="Replace FILE.")
 @json_option
 def view(
@@ -48,6 +49,7 @@ def view(
     magnify: float | None,
     port: int,
     no_browser: bool,
+    unverified: bool,
     force: bool,
     as_json: bool,
 ) -> None:
@@ -69,8 +71,8 @@ def view(
         raise MotionError("--at is the instant of the still images: give --stills FILE as well")
     destinations = {target: Destination(target, force=force) for target in targets}
     when = None if at is None else quantity(at, "s")
-    plan = _taken_up(directory)
-    told: dict[str, Any] = {"program": plan.program.name, "machine": plan.machine.name}
+    plan, doubts = _taken_up(directory, unverified)
+    told: dict[str, Any] = {"program": plan.program.name, "machine": plan.machine.name, **record.of_doubts(doubts)}
     if stills is not None:
         from benchmarks.animation.stills import write_four_views
 
@@ -83,6 +85,8 @@ def view(
         with step(f"drawing {frames} frames"):
             page = document(plan, frames, magnify)
         if html is None:
+            for doubt in doubts:
+                click.echo(f"NOT VERIFIED: {doubt}", err=True)
             _show(page, port, no_browser, told, as_json)
             return
         destinations[html].write(page)
@@ -90,19 +94,20 @@ def view(
     if as_json:
         click.echo(record.as_json(told), nl=False)
     else:
-        for target in targets:
-            click.echo(str(target))
+        for line in (*targets, *(f"NOT VERIFIED: {doubt}" for doubt in doubts)):
+            click.echo(str(line))
 
 
-def _taken_up(directory: Path) -> "DrawnPlan":
+def _taken_up(directory: Path, unverified: bool) -> "tuple[DrawnPlan, tuple[str, ...]]":
     from benchmarks.animation.frames import DrawnPlan
     from pulsepath import plan_directory
     from pulsepath.progress import step
 
-    planned = plan_directory.read(directory)
+    planned = plan_directory.read(directory, unverified)
     with step("firing the pulses") as tell:
         pulses = planned.pulses(tell)
-    return DrawnPlan(planned.program, planned.machine, planned.trajectory, planned.limits, pulses)
+    drawn = DrawnPlan(planned.program, planned.machine, planned.trajectory, planned.limits, pulses)
+    return drawn, planned.doubts
 
 
 def _show(page: str, port: int, no_browser: bool, told: dict[str, Any], as_json: bool) -> None:

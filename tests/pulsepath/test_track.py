@@ -51,8 +51,8 @@ def test_an_earlier_result_is_replaced_only_by_force(call, plan):
     ("name", "text", "told"),
     [
         ("plan.json", "{}", "holds no plan"),
-        ("machine.toml", "# touched", "machine.toml is not the machine that the plan was made from"),
-        ("program.toml", "# touched", "program.toml is not the program that the plan was made from"),
+        ("machine.toml", "# touched", "machine.toml was changed after it was written"),
+        ("program.toml", "# touched", "program.toml was changed after it was written"),
         ("motion.json", '{"knots": [0, 1]}', "motion.json"),
         (
             "motion.json",
@@ -68,7 +68,7 @@ def test_an_earlier_result_is_replaced_only_by_force(call, plan):
 )
 def test_a_damaged_plan_is_refused(call, plan, name, text, told):
     (plan / name).write_text(text)
-    done = call("track", plan, "--law", "3")
+    done = call("track", plan, "--law", "3", *(["--unverified"] if name == "motion.json" else []))
     assert done.exit_code == 2
     assert told in done.stderr
     assert not (plan / "track.json").exists()
