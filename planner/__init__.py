@@ -10,11 +10,26 @@ from planner.many import plan_many
 from planner.orientation import orient
 from planner.place import Infeasible, Place
 from planner.plan import Plan, check, plan
-from planner.program import Arc, Blend, Curve, Dwell, Free, Line, Program, Spline, Stop, Through, Trigger, Turn
+from planner.program import (
+    Arc,
+    Blend,
+    Curve,
+    Dwell,
+    Free,
+    Line,
+    Program,
+    Spline,
+    Stop,
+    Synchronised,
+    Through,
+    Trigger,
+    Turn,
+)
 from planner.pulses import PulseSchedule, RealisedPath, realised
 from planner.solve import Solution
 from planner.sources.position_list import PositionList
 from planner.standing import Standing
+from planner.synchronise import synchronise
 from planner.trajectory import State, Trajectory
 from planner.triggers import Triggered
 
@@ -24,8 +39,9 @@ if TYPE_CHECKING:
 __all__ = [
     "Arc", "Blend", "Certificate", "Classical", "Curve", "Dwell", "Free", "Infeasible", "Line", "Place", "Plan",
     "PositionList", "Program", "PulseSchedule", "RealisedPath", "Solution", "Spline", "Standing", "State", "Stop",
-    "Through", "Trajectory", "Trigger", "Triggered", "Turn", "check", "classical", "import_program", "load_positions",
-    "load_program", "orient", "plan", "plan_many", "program_names", "realised", "save_positions", "time_optimal",
+    "Synchronised", "Through", "Trajectory", "Trigger", "Triggered", "Turn", "check", "classical", "import_program",
+    "load_positions", "load_program", "orient", "plan", "plan_many", "program_names", "realised", "save_positions",
+    "synchronise", "time_optimal",
 ]  # fmt: skip
 
 

@@ -13,7 +13,7 @@ from kinematics.schema import Direction, File, Table, chosen, either, not_zero, 
 from kinematics.units import Unit
 from planner.curve_entry import CurveEntry
 from planner.entry import AngularSpeed, Drawn, Entry, ToolAcceleration, ToolSpeed
-from planner.program import SAME, Arc, Dwell, Frame, Line, Segment, Spline, Turn
+from planner.program import SAME, Arc, Dwell, Frame, Line, Segment, Spline, Synchronised, Turn
 from planner.wanted import repeats
 
 
@@ -134,6 +134,17 @@ class TurnBy(Table):
     angle: Annotated[PlainAngle, AfterValidator(not_zero)]
 
 
+class SynchronisedTable(Table):
+    """A move from pose to pose, every axis straight to its place, all together; the tool's way is no line.
+
+    to      where it ends
+    rotate  orientation at its end, θx, θy, θz about the moving axes in turn; kept if not stated
+    """
+
+    to: Position
+    rotate: Orientation | None = None
+
+
 class LineEntry(Drawn):
     line: LineTable
 
@@ -167,6 +178,23 @@ class TurnEntry(Entry):
         return Turn(Rotation.from_euler("XYZ", self.turn.to), self.after, **said)
 
 
+class SynchronisedEntry(Entry):
+    """What it has beside it.
+
+    speed         cap of the tool's speed
+    acceleration  cap of the tool's acceleration
+    """
+
+    synchronised: SynchronisedTable
+    speed: ToolSpeed | None = None
+    acceleration: ToolAcceleration | None = None
+
+    def segment(self, line_number: int | None) -> Segment:
+        to, turned = frozen(self.synchronised.to), _rotation(self.synchronised.rotate)
+        said: dict[str, Any] = {"acceleration": self.acceleration, "angular_speed": self.angular_speed}
+        return Synchronised(to, turned, self.speed, self.after, **said, trigger=self.event, line_number=line_number)
+
+
 class DwellEntry(Table):
     dwell: Annotated[float, Unit("s", above=0)]
 
@@ -175,8 +203,8 @@ class DwellEntry(Table):
 
 
 SegmentEntry = Annotated[
-    LineEntry | ArcEntry | SplineEntry | CurveEntry | TurnEntry | DwellEntry,
-    either(LineEntry, ArcEntry, SplineEntry, CurveEntry, TurnEntry, DwellEntry),
+    LineEntry | ArcEntry | SplineEntry | CurveEntry | TurnEntry | SynchronisedEntry | DwellEntry,
+    either(LineEntry, ArcEntry, SplineEntry, CurveEntry, TurnEntry, SynchronisedEntry, DwellEntry),
 ]
 
 

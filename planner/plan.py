@@ -14,6 +14,7 @@ from kinematics.table import Table
 from planner.actuation import MachinePath, actuate
 from planner.certify import Certificate
 from planner.course import course
+from planner.departure import Departure, departure_tables, departures
 from planner.duration import within
 from planner.limits import Limit, limits_of, usual_order
 from planner.limits.clearance import Clearance
@@ -95,6 +96,11 @@ class Plan(Result):
         return triggered(self.program, self.path, self.trajectory, self.pulses)
 
     @property
+    def departures(self) -> tuple[Departure, ...]:
+        """How far the tool leaves the straight line in each synchronised move."""
+        return departures(self.path)
+
+    @property
     def constant_speeds(self) -> tuple[Stretch, ...]:
         """Where the tool runs at exactly the speeds that segments with `speed_constant` ask for, proved to STEADY."""
         return stretches(self.trajectory, self.certificate.use.get(CONSTANT, np.zeros(len(self.trajectory.s))))
@@ -122,6 +128,7 @@ class Plan(Result):
             timed(title, self.trajectory.duration, self.lower_estimate, stated),
             *self.certificate.tables(),
             *blend_tables(self.path.blends),
+            *departure_tables(self.departures),
             *schedule_tables.tables(self.pulses, units),
             *trigger_tables(self.triggers, self.path.names),
         )
@@ -221,7 +228,8 @@ def check(program: Program, machine: Machine) -> Standing:
         raise _advised(no, program, machine, 2) from None
     found = standing(path, limits_of(path, machine.axes, 2))
     worst = tuple(_advised(no, program, machine, 2) for no in found.violations[:1])
-    return replace(found, violations=(*worst, *found.violations[1:]), blends=path.blends)
+    violations = (*worst, *found.violations[1:])
+    return replace(found, violations=violations, blends=path.blends, departures=departures(path))
 
 
 def _advised(no: MotionError, program: Program, machine: Machine, order: int) -> MotionError:

@@ -24,6 +24,7 @@ from planner.segments import Dwell as Dwell
 from planner.segments import Line as Line
 from planner.segments import Segment as Segment
 from planner.segments import Spline as Spline
+from planner.segments import Synchronised as Synchronised
 from planner.segments import Turn as Turn
 from planner.wanted import capped, positive
 
@@ -70,7 +71,7 @@ class Program(Result):
         object.__setattr__(self, "segments", tuple(self.segments))
         if not self.segments:
             raise MotionError(
-                f"program {self.name} is empty: give it at least one line, arc, spline, curve, turn or dwell"
+                f"program {self.name} is empty: give it a line, arc, spline, curve, turn, synchronised move or dwell"
             )
         if self.frame not in ("home", "base"):
             raise MotionError(f'program {self.name}: frame "{self.frame}" is neither "home" nor "base"')
@@ -132,7 +133,7 @@ class Program(Result):
 
 def _end(segment: Segment) -> Array | None:
     """(3,) m where a segment leads, if it says so itself."""
-    if isinstance(segment, Line):
+    if isinstance(segment, Line | Synchronised):
         return segment.to
     return segment.through[-1] if isinstance(segment, Spline) else None
 

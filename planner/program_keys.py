@@ -53,6 +53,11 @@ SHAPES = {
         "on the spot, to an orientation; or { about = [0, 0, 1], angle = 90 }",
         '{ to = ["5 deg", "0 deg", "0 deg"] }',
     ),
+    "synchronised": Key(
+        "synchronised",
+        f"every axis straight to its place, all together: the tool's way is no line; {_TURNED}",
+        '{ to = ["10 mm", "0 mm", "25 mm"], rotate = ["0 deg", "0 deg", "3 deg"] }',
+    ),
     "dwell": Key("dwell", "a rest", '"0.2 s"'),
 }
 """What a segment is: one of these."""

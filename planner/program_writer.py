@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from kinematics.array import Array
 from kinematics.pose import Pose
 from kinematics.toml_text import decimal, quantity, quoted
-from planner.program import Arc, Blend, Curve, Dwell, Line, Program, Segment, Spline, Stop, Turn
+from planner.program import Arc, Blend, Curve, Dwell, Line, Program, Segment, Spline, Stop, Synchronised, Turn
 
 _CAPS = {"speed": ("mm/s", 3), "acceleration": ("mm/s^2", 3), "angular_speed": ("rad/s", 0)}
 """Unit in which a cap is written, and its power of ten from SI."""
@@ -106,12 +106,17 @@ def _turn(turn: Turn) -> Iterator[str]:
         yield f"turn = {{ about = {_list(map(repr, turn.about.tolist()))}, angle = {turn.angle!r} }}"
 
 
+def _synchronised(move: Synchronised) -> Iterator[str]:
+    yield f"synchronised = {{ to = {_list(_millimetres(move.to))}{_rotate(move.rotate)} }}"
+
+
 _SHAPES: dict[type, Callable[[Any], Iterator[str]]] = {
     Line: _line,
     Arc: _arc,
     Spline: _spline,
     Curve: _curve,
     Turn: _turn,
+    Synchronised: _synchronised,
 }
 
 

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics.array import Array, frozen
-from planner.program import Arc, Curve, Dwell, Line, Program, Segment, Spline, Turn
+from planner.program import Arc, Curve, Dwell, Line, Program, Segment, Spline, Synchronised, Turn
 
 
 def scaled(program: Program, start: Array, share: float) -> Program:
@@ -24,15 +24,15 @@ def moved(program: Program, shift: Array) -> Program:
 
 
 def leads_away(program: Program) -> bool:
-    """Whether the program goes from its start to a point that it states, by a line or a spline."""
+    """Whether the program goes from its start to a point that it states, by a line, a spline or a synchronised move."""
     first = next((segment for segment in program.segments if not isinstance(segment, Dwell | Turn)), None)
-    return isinstance(first, Line | Spline)
+    return isinstance(first, Line | Spline | Synchronised)
 
 
 def turns(program: Program) -> bool:
     """Whether any segment states an orientation or an angle; equations do not count."""
     return any(
-        isinstance(part, Turn) or (isinstance(part, Line | Arc | Spline) and part.rotate is not None)
+        isinstance(part, Turn) or (isinstance(part, Line | Arc | Spline | Synchronised) and part.rotate is not None)
         for part in program.segments
     )
 
@@ -51,7 +51,7 @@ def unturned(program: Program, share: float) -> Program:
                 segments.append(replace(segment, angle=share * segment.angle))
             case Turn(to=Rotation() as given):
                 segments.append(replace(segment, to=part(given)))
-            case Line() | Arc() | Spline() if segment.rotate is not None:
+            case Line() | Arc() | Spline() | Synchronised() if segment.rotate is not None:
                 segments.append(replace(segment, rotate=part(segment.rotate)))
             case _:
                 segments.append(segment)
@@ -61,7 +61,7 @@ def unturned(program: Program, share: float) -> Program:
 def _segment(segment: Segment, share: float, away: Array) -> Segment:
     """With every coordinate p taken to share · p + away."""
     match segment:
-        case Line():
+        case Line() | Synchronised():
             return replace(segment, to=frozen(share * np.asarray(segment.to) + away))
         case Arc():
             centre = frozen(share * np.asarray(segment.centre) + away)

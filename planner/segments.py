@@ -173,6 +173,30 @@ class Turn:
         capped(self, "turn")
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Synchronised:
+    """A move from pose to pose in which every axis goes straight to its place, all starting and ending together.
+
+    The point-to-point move of [Sahbaz 2007, 5.2.3]; where the tool goes between is what the machine makes of it.
+
+    to      (3,) m, and the orientation there: None: kept
+    speed, acceleration, angular_speed, trigger, join, line_number  as of a line
+    """
+
+    to: Array
+    rotate: Rotation | None = None
+    speed: float | None = None
+    join: Join = STOP
+    acceleration: float | None = field(default=None, kw_only=True)
+    angular_speed: float | None = field(default=None, kw_only=True)
+    trigger: Trigger | None = field(default=None, kw_only=True)
+    line_number: int | None = field(default=None, kw_only=True)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "to", point("synchronised", "to", self.to))
+        capped(self, "synchronised")
+
+
 @dataclass(frozen=True, slots=True)
 class Dwell:
     """A rest of `duration` (s)."""
@@ -184,4 +208,4 @@ class Dwell:
         positive("dwell", "duration", self.duration, "s")
 
 
-Segment = Line | Arc | Spline | Curve | Turn | Dwell
+Segment = Line | Arc | Spline | Curve | Turn | Synchronised | Dwell

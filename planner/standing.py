@@ -12,6 +12,7 @@ from kinematics.table import Column, Table
 from planner.actuation import ActuatorPath, MachinePath
 from planner.certify import TOLERANCE, along_path
 from planner.control import singular
+from planner.departure import Departure, departure_tables
 from planner.limits.limit import Limit
 from planner.path.join import Blended, blend_tables
 from planner.place import Infeasible, Place, where_columns
@@ -30,11 +31,13 @@ class Standing(Result):
     """Every violation, the worst first, and of each limit the largest use that is proved, and where.
 
     blends: what became of the program's joins that ask for one
+    departures: how far its synchronised moves leave the straight line
     """
 
     violations: tuple[MotionError, ...]
     largest: dict[str, tuple[float, Place]]
     blends: tuple[Blended, ...] = ()
+    departures: tuple[Departure, ...] = ()
 
     def tables(self) -> tuple[Table, ...]:
         """The largest use of each limit and where, the violations below; the blends."""
@@ -47,7 +50,7 @@ class Standing(Result):
             ),
             tuple(map(str, self.violations)),
         )
-        return uses, *blend_tables(self.blends)
+        return uses, *blend_tables(self.blends), *departure_tables(self.departures)
 
     def plot(self, ax: "Axes | None" = None) -> "Axes":
         """The largest use of each limit."""

@@ -108,6 +108,7 @@ if TYPE_CHECKING:
         Spline,
         Standing,
         Stop,
+        Synchronised,
         Through,
         Trajectory,
         Trigger,
@@ -124,6 +125,7 @@ if TYPE_CHECKING:
         program_names,
         realised,
         save_positions,
+        synchronise,
         time_optimal,
     )
 
@@ -190,6 +192,7 @@ __all__ = [
     "StepMotor",
     "StepperSizing",
     "Stop",
+    "Synchronised",
     "Temperature",
     "Through",
     "Tracking",
@@ -245,6 +248,7 @@ __all__ = [
     "settings_of",
     "size_stepper",
     "sweep",
+    "synchronise",
     "time_optimal",
     "track",
     "verdict_of",

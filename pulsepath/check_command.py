@@ -5,16 +5,18 @@ from pathlib import Path
 import click
 
 from pulsepath.exits import INFEASIBLE
+from pulsepath.motion_option import motion_option, run_as
 from pulsepath.options import dump_option, json_option, machine_option, program_argument
 
 
 @click.command()
 @program_argument
 @machine_option
+@motion_option
 @dump_option
 @click.option("--force", is_flag=True, help="Replace what --dump-config writes.")
 @json_option
-def check(program: str, machine: str | None, dumped: Path | None, force: bool, as_json: bool) -> None:
+def check(program: str, machine: str | None, motion: str, dumped: Path | None, force: bool, as_json: bool) -> None:
     """Check what no timing can help: reach, travel and tilt.
 
     Lists every violation along the path of PROGRAM, or else how near it comes to each limit.
@@ -26,13 +28,13 @@ def check(program: str, machine: str | None, dumped: Path | None, force: bool, a
     from pulsepath.dump import dump
     from pulsepath.inputs import read_inputs
 
-    inputs = read_inputs(program, machine)
+    inputs = run_as(motion, read_inputs(program, machine))
     if dumped is not None:
         dump(dumped, inputs, "check", {}, force, as_json)
         return
     found = look(inputs.program, inputs.machine)
     if as_json:
-        click.echo(record.as_json(record.of_check(found.violations, found.largest, found.blends)), nl=False)
+        click.echo(record.as_json(record.of_check(found)), nl=False)
     elif found.violations:
         click.echo("\n".join(map(str, found.violations)))
     else:

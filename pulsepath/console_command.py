@@ -57,7 +57,9 @@ def console(
                              is not known stands at its switch then
     HOME X AT 24 in          its slide stands 24 in from the switch
     POS X CW 100 Z CCW 20    axes by steps, together; a trapezoid each
-    MOVE 0 0 25 [0 0 5]      mm and degrees from home, planned and proved
+    MOVE 0 0 25 [0 0 5]      mm and degrees from home, in a straight line
+    PTP 0 0 25 [0 0 5]       the same pose, every axis straight to its place,
+                             all together; both are planned and proved
     ACCEPT                   the last known position holds
     WHERE  STOP  HELP        and EXIT at the prompt
     REM  MAN  TEST           who drives; TEST checks commands and runs none

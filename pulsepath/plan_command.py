@@ -8,6 +8,7 @@ import click
 from pulsepath import known_names
 from pulsepath.intent import writes
 from pulsepath.known_names import completing
+from pulsepath.motion_option import motion_option, run_as
 from pulsepath.options import dump_option, json_option, machine_option, program_argument, quantity_of
 
 
@@ -40,6 +41,7 @@ from pulsepath.options import dump_option, json_option, machine_option, program_
     show_default=True,
     help="Pictures in the report; without them it has its text and all its tables, and is there sooner.",
 )
+@motion_option
 @dump_option
 @click.option("--force", is_flag=True, help="Replace DIR, if an earlier plan is in it.")
 @json_option
@@ -52,6 +54,7 @@ def plan(
     duration: str | None,
     rule: str,
     figures: bool,
+    motion: str,
     dumped: Path | None,
     force: bool,
     as_json: bool,
@@ -63,7 +66,7 @@ def plan(
     Example: pulsepath plan circle --out out/circle
     """
     if dumped is not None:
-        _dump(dumped, program, machine, order, clock_hz, duration, rule, force, as_json)
+        _dump(dumped, program, machine, motion, order, clock_hz, duration, rule, force, as_json)
         return
     if out is None:
         raise click.UsageError("Missing option '--out'.", click.get_current_context())
@@ -80,7 +83,7 @@ def plan(
 
         refuse_overwrite(out, force)
         seconds = None if duration is None else quantity_of("--duration", duration, "s", above=0.0)
-        inputs = read_inputs(program, machine)
+        inputs = run_as(motion, read_inputs(program, machine))
         kind = None if order is None else int(order)
         with replacing(out, force) as folder:  # where nothing can be written, that is said before the work
             job = run(inputs.program, inputs.machine, kind, clock_hz, seconds, rule, other, figures)
@@ -98,6 +101,7 @@ def _dump(
     folder: Path,
     program: str,
     machine: str | None,
+    motion: str,
     order: str | None,
     clock_hz: int,
     duration: str | None,
@@ -110,7 +114,7 @@ def _dump(
     from pulsepath.dump import dump
     from pulsepath.inputs import read_inputs
 
-    inputs = read_inputs(program, machine)
+    inputs = run_as(motion, read_inputs(program, machine))
     find_rule(rule)  # refuses what is none
     chosen = usual_order(inputs.machine.axes) if order is None else int(order)
     options: dict[str, int | str] = {"order": chosen, "clock-hz": clock_hz, "rule": rule}

@@ -1,7 +1,7 @@
 """What the commands found, as plain data: the content of plan.json and track.json, and of `--json`."""
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict
 from importlib.metadata import PackageNotFoundError, version
 from math import isfinite
@@ -11,8 +11,9 @@ from typing import Any
 from controllers import Metrics
 from controllers.metrics import ErrorSeries
 from kinematics import Axis, Machine, MotionError
-from planner import Infeasible, Place, Triggered
+from planner import Infeasible, Place, Standing, Triggered
 from planner.baselines import describe_differences, missing_limits
+from planner.departure import Departure
 from planner.export.format import Exported
 from planner.limits import unkept
 from planner.option import options
@@ -73,6 +74,7 @@ def of_plan(job: Job, inputs: Inputs, verdict: PulseCheck) -> Record:
             },
         },
         "blends": _blends(plan.path.blends),
+        "synchronised_moves": _departures(plan.departures),
         "stated_but_not_kept": list(unkept(plan.machine)),
         "lower_bound": {
             "kind": "estimate",
@@ -155,15 +157,15 @@ def of_tracking(metrics: Iterable[Metrics]) -> Record:
     return {law.law: {series.name: _errors(series) for series in law.series} for law in metrics}
 
 
-def of_check(
-    violations: Sequence[MotionError], largest: Mapping[str, tuple[float, Place]], blends: Sequence[Blended] = ()
-) -> Record:
-    """The findings of a geometric check: what is violated, or how near the path comes to each limit; the blends."""
+def of_check(found: Standing) -> Record:
+    """The findings of a geometric check: what is violated, or how near the path comes to each limit; its joins."""
+    largest = found.largest.items()
     return {
-        "feasible": not violations,
-        "blends": _blends(blends),
-        "violations": [of_violation(violation) for violation in violations],
-        "largest_use": {name: {"ratio": use, "where": _place(place)} for name, (use, place) in largest.items()},
+        "feasible": not found.violations,
+        "blends": _blends(found.blends),
+        "synchronised_moves": _departures(found.departures),
+        "violations": [of_violation(violation) for violation in found.violations],
+        "largest_use": {name: {"ratio": use, "where": _place(place)} for name, (use, place) in largest},
     }
 
 
@@ -252,6 +254,19 @@ def _blends(blends: Sequence[Blended]) -> list[Record]:
             "stop": blend.stop or None,
         }
         for blend in blends
+    ]
+
+
+def _departures(departures: Sequence[Departure]) -> list[Record]:
+    """How far the tool leaves the straight line in synchronised moves, in space and turning, and the axes theirs."""
+    return [
+        {
+            "where": _place(one.where),
+            "off_the_line_m": one.distance,
+            "turned_off_rad": one.turned,
+            "axes_uneven_pulses": one.uneven,
+        }
+        for one in departures
     ]
 
 

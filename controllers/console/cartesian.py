@@ -1,4 +1,4 @@
-"""Cartesian words: a straight line through the planner, from where the axes stand; and poses told in its units."""
+"""Cartesian words: a line or a synchronised move through the planner, from where the axes stand; and poses told."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ TURNED = 1e-9
 
 
 def planned(session: Session, words: Move, t: float) -> PlannedMotion | None:
-    """The certified fastest motion along the line; None where the tool is there already, to the pulse.
+    """The certified fastest motion that is asked for; None where the tool is there already, to the pulse.
 
     A way of less than a pulse of every axis is none: with a turn it is a turn in place, not a line of nanometres.
     Raises Refused where an axis is not homed, and whatever the planner refuses with.
     """
     from planner.plan import plan
-    from planner.program import Line, Program, Turn
+    from planner.program import Line, Program, Synchronised, Turn
 
     if unknown := session.unknown():
         raise Refused(f"{' '.join(unknown)} not homed: a pose needs all places; HOME or ACCEPT on the console first")
@@ -39,15 +39,17 @@ def planned(session: Session, words: Move, t: float) -> PlannedMotion | None:
         return None
     facing = RigidTransform.from_components(words.pose[:3], start.rotation)
     turning = RigidTransform.from_components(start.translation, end)
-    segment: Line | Turn
-    if _pulses(session, facing) < 1 <= _pulses(session, turning):
+    segment: Line | Turn | Synchronised
+    if words.synchronised:
+        segment = Synchronised(words.pose[:3], end if _turns(session) else None)
+    elif _pulses(session, facing) < 1 <= _pulses(session, turning):
         if _pulses(session, facing) <= STANDS:
             start = facing  # so that what was rounded does not add up, turn after turn
         segment = Turn(end)
     else:
         turns = _turns(session) and (start.rotation.inv() * end).magnitude() > TURNED
         segment = Line(words.pose[:3], end if turns else None)
-    program = Program((segment,), start=start, name="MOVE")
+    program = Program((segment,), start=start, name="PTP" if words.synchronised else "MOVE")
     found = plan(program, session.machine, clock_hz=session.drives.card.clock_hz)
     begins = [axis.start for axis in found.pulses.axes]
     if begins != session.counts.tolist():

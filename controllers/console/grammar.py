@@ -3,9 +3,10 @@
 Operator [Sasidhar 1981, Appendix F]:   JOG X CW | POS X CW 100 Z CCW 20 | HOME Y | REM | MAN | TEST
   the key θ, or THETA                   is the rotary axis R, as on its keyboard; the remote line says R
   added here:                           STOP | WHERE | ACCEPT | HELP | MOVE x y z [rx ry rz], mm and degrees from home
+                                        PTP x y z [rx ry rz], synchronised [Sahbaz 2007, 5.2.3]
                                         HOME X AT 24 in Y AT 600 mm R AT 90 deg
 Remote:                                 P X + 100 Y - 40 Z + 80
-  added here:                           STOP | WHERE | MOVE …
+  added here:                           STOP | WHERE | MOVE … | PTP …
 """
 
 from __future__ import annotations
@@ -33,8 +34,8 @@ PLAIN: dict[str, Words] = {
     "MAN": Switch("MAN"),
     "TEST": Switch("TEST"),
 }
-OPERATOR = ("JOG", "POS", "MOVE", "HOME", *PLAIN)
-REMOTE = ("P", "MOVE", "STOP", "WHERE")
+OPERATOR = ("JOG", "POS", "MOVE", "PTP", "HOME", *PLAIN)
+REMOTE = ("P", "MOVE", "PTP", "STOP", "WHERE")
 
 
 class Misread(MotionError):
@@ -71,11 +72,13 @@ def _read(words: list[str], names: Sequence[str], known: Sequence[str]) -> Words
             return Jog(_axis(rest[0], names), _sign(rest[1], TURNS))
         case "HOME":
             return _home(rest, names)
-        case "MOVE":
+        case "MOVE" | "PTP":
             if len(rest) not in (3, 6) or not all(NUMBER.fullmatch(word) for word in rest):
-                raise Misread("MOVE takes x y z in mm, and may take rx ry rz in degrees, as MOVE 0 0 25.5 or -1.5")
+                raise Misread(
+                    f"{first} takes x y z in mm, and may take rx ry rz in degrees, as {first} 0 0 25.5 or -1.5"
+                )
             numbers = [float(word) for word in rest] + [0.0] * (6 - len(rest))
-            return Move(np.array(numbers) * ([1e-3] * 3 + [np.pi / 180] * 3))
+            return Move(np.array(numbers) * ([1e-3] * 3 + [np.pi / 180] * 3), first == "PTP")
         case _:
             return _position(first, rest, names, TURNS if first == "POS" else SIGNS)
 

@@ -92,7 +92,8 @@ def _help(session: Session) -> str:
     rotary = f"; {ROTARY} is also THETA" if ROTARY in drives.names else ""
     return (
         f"JOG {a} {inward} (a key or STOP ends it); POS {a} {inward} 100{also} (steps); "
-        "MOVE x y z [rx ry rz] (mm, degrees, from home); "
+        "MOVE x y z [rx ry rz] (mm, degrees, from home, in a straight line); "
+        "PTP x y z [rx ry rz] (the same pose, every axis straight to its place, all together); "
         f"HOME {a} (its register is 0 here; where its place was not known, it stands at its switch); "
         f"HOME {a} AT {homing.example(session, one)} (so far from its switch, whatever was known); "
         "ACCEPT (the last known position); WHERE; STOP "

@@ -27,9 +27,13 @@ class Position:
 
 @dataclass(frozen=True, slots=True)
 class Move:
-    """The tool along a straight line to a pose relative to home: x y z in m, turns about x y z in rad, Rx·Ry·Rz."""
+    """The tool to a pose relative to home: x y z in m, turns about x y z in rad, Rx·Ry·Rz; along a straight line.
+
+    synchronised  from point to point instead: every axis straight to its place, all together
+    """
 
     pose: Array
+    synchronised: bool = False
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "pose", frozen(self.pose, float))

@@ -57,7 +57,7 @@ class AdlinkC:
 
 
 def _lines(source: Source, made: CallList) -> Iterator[str]:
-    yield f"/* {_commented(source.name)} on {_commented(source.machine.name)}"
+    yield f"/* {commented(source.name)} on {commented(source.machine.name)}"
     yield from (f" * {_escaped(note)}" for note in made.notes)
     yield " */"
     arguments = "short axis, double pos, double start, double max, double tacc, double tdec"
@@ -69,11 +69,11 @@ def _lines(source: Source, made: CallList) -> Iterator[str]:
             now = call.time
             yield f"    wait_until({call.time:.6f});"
         numbers = call.axis, call.position, call.start, call.top, call.tacc, call.tdec
-        yield f"    DO({call.function}({', '.join(map(str, numbers))})); /* {_commented(call.name)} */"
+        yield f"    DO({call.function}({', '.join(map(str, numbers))})); /* {commented(call.name)} */"
     yield from ("    (void)wait_until;", "    return 0;", "}")
 
 
-def _commented(name: str) -> str:
+def commented(name: str) -> str:
     """A name in a comment: ASCII, in quotes, and nothing that begins or ends a comment."""
     return _escaped(dumps(name))
 

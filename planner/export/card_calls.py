@@ -65,7 +65,7 @@ def call_list(source: Source, spacing: float | None, speed_range: float | None) 
 
     Raises MotionError for an axis without a card, a count beyond the counters, a speed beyond the card or the range.
     """
-    kinds = _wired(source)
+    kinds = wired(source)
     for pulses, axis in zip(source.pulses.axes, source.machine.axes, strict=True):
         refuse_counter(pulses, axis)
     if spacing is not None:
@@ -84,7 +84,7 @@ def call_list(source: Source, spacing: float | None, speed_range: float | None) 
     return _calls(source, kinds, tried, speed_range)
 
 
-def _wired(source: Source) -> list[Kind]:
+def wired(source: Source) -> list[Kind]:
     kinds: list[Kind] = []
     names: dict[str, str | None] = {}
     for axis in source.machine.axes:

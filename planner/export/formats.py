@@ -20,6 +20,7 @@ FORMATS = {
     "kmitl-arms": "planner.export.kmitl_arms:KmitlArms",
     "kmitl-positions": "planner.export.kmitl_positions:KmitlPositions",
     "byte": "planner.export.kmitl_byte:KmitlByte",
+    "sahbaz": "planner.export.sahbaz:Sahbaz",
     "sasidhar": "planner.export.sasidhar:Sasidhar",
 }
 """Module and class by the name that the command line knows."""

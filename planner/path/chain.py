@@ -18,14 +18,15 @@ from planner.path.join import Blended, join
 from planner.path.line import line, turn, turn_angle
 from planner.path.shape import Piece, turning
 from planner.path.spline import spline
+from planner.path.synchronised import synchronised
 from planner.path.tool import carrying
-from planner.program import SAME, Arc, Curve, Dwell, Join, Line, Program, Segment, Spline, Turn
+from planner.program import SAME, Arc, Curve, Dwell, Join, Line, Program, Segment, Spline, Synchronised, Turn
 from planner.wanted import CAPS
 
 # An arc may start this share of its radius out of its plane.
 IN_PLANE = 1e-6
 
-Moving = Line | Arc | Spline | Curve | Turn
+Moving = Line | Arc | Spline | Curve | Turn | Synchronised
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,8 +76,8 @@ def draw(program: Program, machine: Machine) -> tuple[list[list[Piece]], list[Jo
                 dwells[-1] += segment.duration
                 continue
             try:
-                there = _end(segment, here)
-                own = _pieces(segment, number, here, there, frame, machine.characteristic_length)
+                there = end_of(segment, here)
+                own = _pieces(segment, number, here, there, frame, machine, program.tool)
             except MotionError as wrong:
                 faults.append((number, _again(wrong, repetition) if repetition > 1 else wrong))
                 onward = _onward(segment, here)
@@ -91,7 +92,7 @@ def draw(program: Program, machine: Machine) -> tuple[list[list[Piece]], list[Jo
         if faults:
             raise _undrawn(program, faults)
     if not drawn:
-        told = f"program {program.name}: nothing moves; add a line, an arc, a spline or a turn"
+        told = f"program {program.name}: nothing moves; add a line, an arc, a spline, a turn or a synchronised move"
         raise FileError(program.file, [Fault("segment", told, 1)]) if program.file else MotionError(told)
     return drawn, joins, frozen(dwells)
 
@@ -107,7 +108,7 @@ def default_start(program: Program, machine: Machine) -> Pose:
 def _onward(segment: Moving, here: Pose) -> Pose | None:
     """Where the path goes on behind a segment that cannot be drawn, as far as it says that itself."""
     match segment:
-        case Line():
+        case Line() | Synchronised():
             position, turned = np.asarray(segment.to, float), segment.rotate
         case Spline():
             position, turned = segment.through[-1], None if segment.rotate is None else segment.rotate[-1]
@@ -138,7 +139,7 @@ def _again(wrong: MotionError, repetition: int) -> MotionError:
 
 def _freed(pieces: list[Piece], segment: Moving) -> list[Piece]:
     """The pieces of a segment that leaves orientation free, turned as was chosen: not at all if nothing was."""
-    if isinstance(segment, Turn) or segment.free is None:
+    if isinstance(segment, Turn | Synchronised) or segment.free is None:
         return pieces
     controls = np.zeros((3, DEGREE + 1)) if segment.free.controls is None else segment.free.controls
     ends = np.concatenate([[0.0], np.cumsum([piece.length for piece in pieces])])
@@ -154,7 +155,7 @@ def _finished(piece: Piece, segment: Moving, program: Program, repetition: int) 
         tool_speed=speed,
         tool_acceleration=acceleration,
         angular_speed=angular,
-        constant=not isinstance(segment, Turn) and segment.speed_constant,
+        constant=not isinstance(segment, Turn | Synchronised) and segment.speed_constant,
         repetition=repetition if program.repeat > 1 else None,
     )
 
@@ -186,7 +187,7 @@ def _name(segment: Segment, number: int) -> str:
     return f"segment {number}, {type(segment).__name__.lower()}{line_number}"
 
 
-def _end(segment: Moving, here: Pose) -> Pose:
+def end_of(segment: Moving, here: Pose) -> Pose:
     """The pose at a segment's end, in the program's frame."""
     match segment:
         case Turn():
@@ -200,6 +201,12 @@ def _end(segment: Moving, here: Pose) -> Pose:
                 raise MotionError(
                     f"it ends where it starts, at {_mm(position)}; leave it out, or use turn to rotate on the spot"
                 )
+        case Synchronised():
+            position = np.asarray(segment.to, float)
+            turned = here.rotation if segment.rotate is None else segment.rotate
+            angle = float((here.rotation.inv() * turned).magnitude())
+            if np.linalg.norm(position - here.translation) <= SAME and angle <= SAME:
+                raise MotionError(f"it ends where it starts, at {_mm(position)}; leave it out")
         case Arc():
             position = _arc_end(segment, here)
         case Spline():
@@ -254,9 +261,13 @@ def _arc_end(segment: Arc, here: Pose) -> Array:
     return position
 
 
-def _pieces(segment: Moving, number: int, here: Pose, there: Pose, frame: Pose, characteristic: float) -> list[Piece]:
-    start, end = frame * here, frame * there
+def _pieces(
+    segment: Moving, number: int, here: Pose, there: Pose, frame: Pose, machine: Machine, tool: Pose | None
+) -> list[Piece]:
+    start, end, characteristic = frame * here, frame * there, machine.characteristic_length
     match segment:
+        case Synchronised():
+            return synchronised(machine, start, end, tool, number)
         case Turn():
             if segment.about is not None:
                 axis = start.rotation.inv().apply(frame.rotation.apply(np.array(segment.about)))

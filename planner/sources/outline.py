@@ -12,7 +12,7 @@ from planner.path.curve import curve
 from planner.path.shape import Piece
 from planner.path.spline import along
 from planner.path.way import way
-from planner.program import Arc, Curve, Line, Program, Segment, Spline
+from planner.program import Arc, Curve, Line, Program, Segment, Spline, Synchronised
 
 STEP = pi / 48
 """rad between two points of an arc: the chord is off by 5e-4 of the radius."""
@@ -76,14 +76,14 @@ def _start(program: Program) -> Array:
         return np.array(program.start.translation)
     first = program.segments[0]
     if program.frame == "base":
-        return np.array(first.to) if isinstance(first, Line) else np.zeros(3)
+        return np.array(first.to) if isinstance(first, Line | Synchronised) else np.zeros(3)
     start = RigidTransform.identity() if program.tool is None else program.tool
     return np.array((start if program.work is None else program.work.inv() * start).translation)
 
 
 def _stroke(segment: Segment, here: Array) -> tuple[Array | None, float]:
     match segment:
-        case Line():
+        case Line() | Synchronised():  # where that leads between its ends is the machine's affair
             return np.stack([here, segment.to]), float(np.linalg.norm(segment.to - here))
         case Arc():
             return _arc(segment, here)

@@ -18,8 +18,11 @@ from planner.timing.ends import TooFast
 from planner.timing.problem import Problem
 from planner.timing.profile import Profile
 
-# Share of a limit that rows may vary by, or that curvature may use, and still count as straight: rounding.
-STRAIGHT = 1e-11
+# Share of a limit that rows may vary by, or that curvature may use, and still count as straight: what is left of the
+# axes' ways where a synchronised move is drawn by a polynomial. The certificate has a hundred times as much to spare.
+STRAIGHT = 1e-8
+# Share by which a speed at an end may be beyond what its run allows: rounding.
+ROUNDING = 1e-11
 # Halvings that bring a bracket of one order of magnitude down to rounding, and doublings that may bracket at all.
 HALVINGS, DOUBLINGS = 60, 2000
 # Share of the duration below which a piece of the motion is none.
@@ -66,7 +69,7 @@ def straight(problem: Problem) -> Profile | None:
         return None
     length, (first, last) = float(problem.s[-1] - problem.s[0]), problem.speeds
     low, high, most = min(first, last), max(first, last), limits.up if last > first else limits.down
-    if high > limits.speed * (1 + STRAIGHT) or limits.way(low, high, most) > length * (1 + STRAIGHT):
+    if high > limits.speed * (1 + ROUNDING) or limits.way(low, high, most) > length * (1 + ROUNDING):
         largest = min(limits.speed, _root(lambda v: limits.way(low, v, most) - length, low))
         raise TooFast(int(last > first), high, largest)
 

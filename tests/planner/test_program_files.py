@@ -341,7 +341,7 @@ def test_every_fault_is_reported_in_one_pass(load):
         "nan: not a finite number",
         '30: a number without a unit: write e.g. "20 mm/s"',
         '"halt" is not a join: write "stop", "through" or { blend = "0.05 mm" }',
-        "line and dwell exclude each other: give line or arc or spline or curve or turn or dwell",
+        "line and dwell exclude each other: give line or arc or spline or curve or turn or synchronised or dwell",
     ):
         assert phrase in text
 

@@ -245,6 +245,30 @@ def test_the_hexapod_runs_lines_through_the_planner(talk):
     assert "not homed" in talk("hexapod", homed=False).say("MOVE 0 0 1")[0]
 
 
+def test_a_pose_is_reached_in_synchronised_legs(talk):
+    """[Sahbaz 2007, 5.2.3]: all legs start and end together, each its own share of the way at every instant."""
+    console = talk("hexapod")
+    assert console.say("PTP 4 -3 20 2 0 5") == []
+    motion = console.desk.session.motion
+    ways = np.abs(motion.counts(np.inf))
+    assert ways.min() > 1000
+    for share in (0.2, 0.5, 0.8):
+        console.wait(share * motion.end - console.t)
+        done = np.abs(motion.counts(console.t)) / ways
+        assert np.ptp(done) < 1 / ways.min() + 1e-6  # to the pulse
+        console.assert_true()
+    assert console.wait() == ["DONE"]
+    at = console.desk.session.pose()
+    assert at.translation == pytest.approx([0.004, -0.003, 0.02], abs=2e-6)
+    assert console.say("PTP 4 -3 20 2 0 5") == ["DONE"]  # it is there
+    assert console.say("PTP 0 0 250")[0].startswith("ERROR travel")
+    assert "PTP takes x y z" in console.say("PTP 1 2")[0]
+    remote = talk("hexapod", mode="REM")
+    remote.say("PTP 1 0 5", REMOTE)
+    assert remote.wait() == ["DONE"]
+    assert "not homed" in talk("hexapod", homed=False).say("PTP 0 0 1")[0]
+
+
 def test_a_turn_in_place_is_one_and_said_twice_moves_once(talk):
     console = talk("hexapod")
     machine = console.desk.session.machine

@@ -1,0 +1,147 @@
+"""Synchronised moves: every axis goes straight from its place to that of a pose, and the tool's way is what follows.
+
+The point-to-point move of [Sahbaz 2007, 5.2.3]. In space it is a curve, the forward map of a straight line in the
+axes' coordinates; no machine states that map as an expression, so it is drawn by a polynomial of pose through exact
+forward solutions, and it is measured how straight the axes then are.
+"""
+
+from dataclasses import replace
+
+import casadi as ca
+import numpy as np
+from numpy.polynomial import chebyshev
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from kinematics.array import Array, frozen
+from kinematics.errors import MotionError, OutOfReach
+from kinematics.forward import CONVERGED, settle
+from kinematics.machine import Machine
+from kinematics.pose import Pose, from_numbers, numbers
+from planner.path.line import line, turn_angle
+from planner.path.shape import Piece, Shape, turning
+
+DEGREE = 24
+"""Of the polynomial; of analytic maps each degree takes off a share of the error, some 2 to 10 times here."""
+NODES = 3 * DEGREE
+"""Forward solutions through which it goes, in the mean: more than coefficients, so that their rounding averages out."""
+STRAIGHT = 1e-12
+"""By which coordinates may leave the straight line, as a share of the largest of them (or 1 m, 1 rad)."""
+HALVINGS = 4
+"""How often a move is halved, for a polynomial each, until they are that straight."""
+LOOKED = 129
+
+
+def _motion(s: ca.SX, parameters: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """p and q polynomials of x = rate · s − 1;  R = the rotation of the quaternion q = (x, y, z, w), of any length."""
+    rate, rows = parameters[0], ca.reshape(parameters[1:], 7, DEGREE + 1)
+    x = rate * s - 1
+    value: ca.SX = rows[:, DEGREE]
+    for k in reversed(range(DEGREE)):
+        value = value * x + rows[:, k]
+    vector, w = value[3:6], value[6]
+    cross = ca.skew(vector)
+    turned = ca.SX.eye(3) + (2 * w * cross + 2 * (cross @ cross)) / (ca.dot(vector, vector) + w * w)
+    return value[:3], turned
+
+
+SYNCHRONISED = Shape("synchronised", 1 + 7 * (DEGREE + 1), _motion)
+
+
+def synchronised(machine: Machine, start: Pose, end: Pose, tool: Pose | None, segment: int) -> list[Piece]:
+    """The tool's way from start to end (base frame) on which all axes' coordinates go straight, in proportion.
+
+    Its parameter goes with the coordinates, so q′ is constant; the length is that of the tool's chord, or of its turn
+    by the machine's characteristic length, whichever is more. To an end that no coordinates reach it is a line. Raises
+    MotionError where no smooth way was found between.
+    """
+    back = RigidTransform.identity() if tool is None else tool.inv()
+    chord = float(np.linalg.norm(end.translation - start.translation))
+    length = max(chord, turn_angle(start, end) * machine.characteristic_length)
+    try:
+        first = machine.inverse(start * back, machine.home_q)
+        last = machine.inverse(end * back, first)
+    except OutOfReach:  # whoever looks at the limits says so, as of a line
+        return [line(start, end, length, segment)]
+    for count in 2 ** np.arange(HALVINGS + 1):
+        pieces = _pieces(machine, (first, last), (start * back, end * back), back.inv(), length, int(count), segment)
+        if pieces is not None:
+            return [replace(piece, turn=turning(piece)) for piece in pieces]
+    raise MotionError(
+        "the axes lead straight to its end through no smooth way of the platform: they pass a singular pose; "
+        "part the move, or use a line"
+    )
+
+
+def _pieces(
+    machine: Machine,
+    axes: tuple[Array, Array],
+    ends: tuple[Pose, Pose],
+    tool: Pose,
+    length: float,
+    count: int,
+    segment: int,
+) -> list[Piece] | None:
+    """In so many parts, between coordinates and poses of the platform; None where coordinates are not straight then."""
+    (first, last), (start, end) = axes, ends
+    angle = np.pi * (np.arange(NODES) + 0.5) / NODES
+    x = np.concatenate([[-1.0], -np.cos(angle), [1.0]])
+    shares = (np.arange(count)[:, None] + (x + 1) / 2) / count
+    poses = _followed(machine, first, last, start, end, shares.ravel())
+    if poses is None:
+        return None
+    moved = poses * tool
+    values = np.concatenate([moved.translation, _alike(moved.rotation.as_quat())], 1).reshape(count, len(x), 7)
+    pieces = []
+    for own in values:
+        numbers_ = np.concatenate([[2 * count / length], _polynomial(x, own).ravel()])
+        pieces.append(Piece(SYNCHRONISED, frozen(numbers_), length / count, segment))
+    off = straightness(machine, pieces, tool, first, last)
+    return pieces if off <= STRAIGHT * max(1.0, np.abs(first).max(), np.abs(last).max()) else None
+
+
+def straightness(machine: Machine, pieces: list[Piece], tool: Pose, first: Array, last: Array) -> float:
+    """By how much coordinates leave the straight line along pieces of equal lengths at most, m or rad."""
+    worst, back = 0.0, tool.inv()
+    for n, piece in enumerate(pieces):
+        share = np.linspace(0.0, 1.0, LOOKED)
+        x = numbers(from_numbers(piece.poses(piece.length * share)) * back)
+        wanted = first + ((n + share) / len(pieces))[:, None] * (last - first)
+        found = machine.inverse_map(machine.inputs(x, wanted))
+        worst = max(worst, float(np.abs(found - wanted).max())) if np.isfinite(found).all() else np.inf
+    return worst
+
+
+def _followed(machine: Machine, first: Array, last: Array, start: Pose, end: Pose, shares: Array) -> Pose | None:
+    """The platform's poses at shares of the way, sought from the straight motion in space; None where one is not found.
+
+    One that belongs to another assembly of the legs shows as a way that no polynomial follows.
+    """
+    turn = (start.rotation.inv() * end.rotation).as_rotvec()
+    place = start.translation + shares[:, None] * (end.translation - start.translation)
+    near = RigidTransform.from_components(place, start.rotation * Rotation.from_rotvec(shares[:, None] * turn))
+    found, residual = settle(machine, first + shares[:, None] * (last - first), numbers(near))
+    return from_numbers(found) if (residual <= CONVERGED).all() else None
+
+
+def _alike(quaternions: Array) -> Array:
+    """Each on the side of the one before it."""
+    sides = np.cumprod(np.concatenate([[1.0], np.sign((quaternions[1:] * quaternions[:-1]).sum(1))]))
+    return np.asarray(quaternions * sides[:, None])
+
+
+def _polynomial(x: Array, values: Array) -> Array:
+    """(DEGREE + 1, k) coefficients by powers of x in [−1, 1]: exact at both ends, least squares between."""
+    share = ((x + 1) / 2)[:, None]
+    chord = (1 - share) * values[0] + share * values[-1]
+    inner = x[1:-1]
+    # what is left is 0 at both ends: (1 − x²) times a polynomial
+    basis = (1 - inner**2)[:, None] * chebyshev.chebvander(inner, DEGREE - 2)
+    found = np.linalg.lstsq(basis, (values - chord)[1:-1], rcond=None)[0]
+    powers = np.zeros((DEGREE + 1, values.shape[1]))
+    for k in range(values.shape[1]):
+        inside = chebyshev.cheb2poly(found[:, k])
+        powers[: len(inside), k] += inside
+        powers[2 : 2 + len(inside), k] -= inside
+    powers[0] += (values[0] + values[-1]) / 2
+    powers[1] += (values[-1] - values[0]) / 2
+    return powers
