@@ -44,6 +44,7 @@ def export(
     """
     from kinematics.destination import Destination
     from planner.export.format import Source
+    from planner.export.format import export as write_export
     from planner.export.formats import find_format
     from pulsepath import plan_directory, record
     from pulsepath.format_options import EXPORTS
@@ -57,7 +58,8 @@ def export(
     with step("firing the pulses") as tell:
         pulses = planned.pulses(tell)
     with step(f"writing {target}") as tell, destination.staged() as file:
-        done = format_.write(Source(planned.program.name, planned.machine, planned.trajectory, pulses, tell), file)
+        source = Source(planned.program.name, planned.machine, planned.trajectory, pulses, tell)
+        done = write_export(format_, name, source, file)
     if as_json:
         click.echo(record.as_json(record.of_export(name, str(target), done, planned.doubts)), nl=False)
     else:

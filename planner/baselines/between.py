@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kinematics.array import Array
 from kinematics.axis import Axis, sides
@@ -23,6 +24,7 @@ ROUNDING = 1e-12
 # m or rad: residual of a pose that has been found.
 REACHED = 1e-6
 
+Flags = NDArray[np.bool_]
 Ramps = tuple[Array, Array]
 """Of every axis (n,): how long it speeds up, and how long it moves in all, s."""
 
@@ -101,6 +103,28 @@ def moves(
     return Trajectory(along, breaks, breaks[:-1], nothing + 1, nothing, nothing, np.arange(count)), np.array(begins)
 
 
+def move_places(begin: Array, end: Array, axes: Sequence[Axis], ramps: Callable[..., Ramps], share: Array) -> Array:
+    """(K, n) where a move from `begin` to `end` (n,) has its axes at shares (K,) of its time; raises as `moves`."""
+    speeds, acceleration = _bounds(axes, "max_speed"), _bounds(axes, "max_acceleration").min(0)
+    way = end - begin
+    if not way.any():
+        return np.tile(begin, (len(share), 1))
+    ramp, whole = ramps(np.abs(way), np.where(way > 0, speeds[1], speeds[0]), acceleration)
+    t = share[:, None] * whole.max()
+    with np.errstate(divide="ignore", invalid="ignore"):
+        top = np.where(way != 0, way / (whole - ramp), 0.0)
+        rate = np.where(way != 0, top / ramp, 0.0)
+    return np.asarray(begin + _way(t, t < ramp, t > whole - ramp, t > whole, way, ramp, whole, top, rate))
+
+
+def _way(
+    t: Array, up: Flags, down: Flags, rest: Flags, way: Array, ramp: Array, whole: Array, top: Array, rate: Array
+) -> Array:
+    left = np.maximum(whole - t, 0.0)
+    moved = np.where(up, rate * t**2 / 2, np.where(down, way - rate * left**2 / 2, top * (t - ramp / 2)))
+    return np.asarray(np.where(rest, way, moved))
+
+
 def _parabolas(times: Array, q: Array, way: Array, ramp: Array, whole: Array) -> Array:
     """(3, K, n) coefficients of each piece between the times, the highest power first: a trapezoid on every axis."""
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -109,10 +133,10 @@ def _parabolas(times: Array, q: Array, way: Array, ramp: Array, whole: Array) ->
     t, middle = times[:-1, None], (times[:-1, None] + times[1:, None]) / 2
     left = np.maximum(whole - t, 0.0)
     up, down, rest = middle < ramp, middle > whole - ramp, middle > whole
-    position = np.where(up, rate * t**2 / 2, np.where(down, way - rate * left**2 / 2, top * (t - ramp / 2)))
+    position = _way(t, up, down, rest, way, ramp, whole, top, rate)
     speed = np.where(rest, 0.0, np.where(up, rate * t, np.where(down, rate * left, top)))
     half = np.where(rest, 0.0, np.where(up, rate / 2, np.where(down, -rate / 2, 0.0)))
-    return np.stack([half, speed, q + np.where(rest, way, position)])
+    return np.stack([half, speed, q + position])
 
 
 def _ends(path: MachinePath) -> np.ndarray:
@@ -155,15 +179,15 @@ def deviation(
         if not found.residual.max() <= REACHED:
             raise MotionError(f"a move from pose to pose leads through no pose in segment {segment}")
         run, curve = found.pose.translation, drawn.translation
-        for off, places in ((_off(run, curve), np.linspace(s[0], s[-1], LOOKED)), (_off(curve, run), s)):
+        for off, places in ((off_curve(run, curve), np.linspace(s[0], s[-1], LOOKED)), (off_curve(curve, run), s)):
             k = int(np.argmax(off))
             if off[k] > worst.distance:
                 worst = Deviation(float(off[k]), Place(float(places[k]), segment))
     return worst
 
 
-def _off(points: Array, curve: Array) -> Array:
-    """Distance of points (N, 3) from a curve drawn as a polyline (M, 3)."""
+def off_curve(points: Array, curve: Array) -> Array:
+    """(N,) distance of points (N, d) from a curve drawn as a polyline (M, d)."""
     start, way = curve[:-1], np.diff(curve, axis=0)
     square = np.maximum((way**2).sum(1), np.finfo(float).tiny)
     along = np.clip(((points[:, None] - start) * way).sum(2) / square, 0.0, 1.0)

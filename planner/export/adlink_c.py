@@ -53,7 +53,8 @@ class AdlinkC:
         with path.open("w", encoding="ascii", newline="\n") as file:
             file.writelines(f"{line}\n" for line in _lines(source, made))
         against = "the motion, the calls replayed in closed form"
-        return Exported(error(source, _read(path, source)), against, made.notes)
+        calls = _read(path, source)
+        return Exported(error(source, calls), against, made.notes, len(calls))
 
 
 def _lines(source: Source, made: CallList) -> Iterator[str]:
@@ -79,7 +80,9 @@ def commented(name: str) -> str:
 
 
 def _escaped(text: str) -> str:
-    return text.encode("ascii", "backslashreplace").decode().replace("/", "\\u002f").replace("?", "\\u003f")
+    """ASCII in which no comment begins or ends, and no trigraph stands."""
+    plain = text.encode("ascii", "backslashreplace").decode()
+    return plain.replace("*/", "*\\u002f").replace("/*", "\\u002f*").replace("??", "?\\u003f")
 
 
 def _read(path: Path, source: Source) -> list[Call]:

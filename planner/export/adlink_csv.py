@@ -39,7 +39,8 @@ class AdlinkCsv:
                 move = call.position, call.start, call.top, call.tacc, call.tdec
                 table.writerow([f"{call.time:.6f}", call.name, call.function, call.axis, *move])
         against = "the motion, the calls replayed in closed form"
-        return Exported(error(source, read_calls(path)), against, made.notes)
+        calls = read_calls(path)
+        return Exported(error(source, calls), against, made.notes, len(calls))
 
 
 def read_calls(path: Path) -> list[Call]:

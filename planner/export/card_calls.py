@@ -152,7 +152,7 @@ def _notes(source: Source, calls: Sequence[Call], spacing: int, ranges: Sequence
     starts = [axis.direction * pulses.start for axis, pulses in zip(axes, source.pulses.axes, strict=True)]
     spans = ", ".join(f"{axis.name} {top:.1f}" for axis, top in zip(axes, ranges, strict=True))
     return (
-        f"{len(calls)} calls, {spacing / 1e3:g} ms apart for an axis that moves; the pulses fired are within ½ more",
+        f"{len(calls)} calls, {spacing / 1e3:g} ms apart for an axis that moves; the pulses fired are within 0.5 more",
         f"counters must stand at {', '.join(map(str, starts))} at time 0",
         f"speed ranges that were rounded to, in pulses/s: {spans}",
         "assumed of the cards: speeds are magnitudes, tacc is the time of the whole ramp, tdec = 0 stops dead",

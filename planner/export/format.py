@@ -4,6 +4,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import ClassVar, Protocol
 
+import numpy as np
+
 from kinematics.errors import MotionError
 from kinematics.machine import Machine
 from planner.option import option as option
@@ -41,11 +43,36 @@ class Exported:
     error    pulses, the largest by which any axis of the decoded file is from what was exported
     against  what it is measured against, and how, in words: "the pulses, edge by edge"
     notes    what its user has to know: a spacing that was chosen, what the format cannot hold
+    moves    how many pulses, calls, lines or segments of the decoded file move an axis
     """
 
     error: float
     against: str
     notes: tuple[str, ...] = ()
+    moves: int | None = None
+
+
+def export(format_: "Format", name: str, source: Source, path: Path) -> Exported:
+    """Write a file in a format called `name`, and what its decoded contents are from the plan.
+
+    Raises MotionError where they are another motion's, or no motion's while the plan's moves; else as the format does.
+    """
+    done = format_.write(source, path)
+    if not done.error < np.inf:
+        raise MotionError(
+            f"format {name}: what was written decodes to another motion than the plan's, held against {done.against}; "
+            "the file is not kept: report it, and use another format"
+        )
+    if done.moves == 0 and moving(source):
+        few = "keeps within half a pulse of where it begins: state a shorter pulse, or move farther"
+        told = few if not source.pulses.total else "does not show in it: choose another format"
+        raise MotionError(f"format {name}: the file would hold no move, and the plan's motion {told}")
+    return done
+
+
+def moving(source: Source) -> bool:
+    """Whether what is exported moves at all."""
+    return source.pulses.total > 0 or bool(np.ptp(source.trajectory.path.breaks) > 0)
 
 
 def refuse_compensated(source: Source, format_: str) -> None:

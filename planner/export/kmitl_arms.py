@@ -51,14 +51,16 @@ class KmitlArms:
         for n, row in enumerate(texts, FIRST):
             lines += [*(f"PointL{arm}_{n}{text}" for arm, text in enumerate(row, 1)), ""]
         path.write_text("".join(f"{line}\r\n" for line in lines), encoding="ascii", newline="")
+        held = _read(path)
         return Exported(
-            max(_errors(source, _read(path), s, piece, unit)),
+            max(_errors(source, held, s, piece, unit)),
             "the path, the DDA run from point to point",
             (
                 f"{len(s)} points, {1e3 * step:g} mm apart at most; the file holds no times",
                 f"its reader counts {COUNTS} to a unit of {1e3 * unit:g} mm: one count is "
                 f"{unit / COUNTS / source.machine.axes[0].pulse:.6g} pulses",
             ),
+            int(np.diff(held, axis=0).any(1).sum()),
         )
 
 
@@ -69,14 +71,18 @@ def _read(path: Path) -> Array:
 
 
 def _errors(source: Source, lengths: Array, s: Array, piece: np.ndarray, unit: float) -> Iterator[float]:
-    """Pulses, the largest error of each step: counts after every turn of the DDA against the path there."""
+    """Pulses, the largest error of each step: counts after every turn of the DDA against the path there.
+
+    A step of less than a count has no turn: there the path is looked at in both ends.
+    """
     pulse = np.array([axis.pulse for axis in source.machine.axes])
     home_q = source.trajectory.path.derivatives(s[:1], piece[:1])[0]
     at = np.zeros(3)
     yield 0.0
     for n, target in enumerate((lengths[1:] - lengths[0]) * COUNTS, 1):
         counts = at + dda(target - at)
-        share = np.arange(len(counts)) / max(1, len(counts) - 1)
+        counts = counts if len(counts) > 1 else np.repeat(counts, 2, axis=0)
+        share = np.arange(len(counts)) / (len(counts) - 1)
         q = source.trajectory.path.derivatives(s[n - 1] + (s[n] - s[n - 1]) * share, np.full(len(counts), piece[n]))[0]
         yield float((abs(counts * unit / COUNTS - (q - home_q)) / pulse).max())
         at = counts[-1]

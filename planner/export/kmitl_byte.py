@@ -46,6 +46,7 @@ class KmitlByte:
             error,
             "the counts after every step",
             (f"{len(steps)} bytes, {len(axes)} axes; it holds no times", f"counters must stand at {starts} before it"),
+            len(held),
         )
 
 

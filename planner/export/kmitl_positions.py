@@ -62,7 +62,9 @@ class KmitlPositions:
         if len(s) > 9:
             notes.append("the source's own reader takes numbers of one digit only: its columns are fixed")
         against = "the path, the poses joined by straight lines"
-        return Exported(_error(source, _read(path) * unit, s, piece), against, tuple(notes))
+        ends = _read(path)
+        moves = int(np.diff(ends, axis=0).any(1).sum())
+        return Exported(_error(source, ends * unit, s, piece), against, tuple(notes), moves)
 
 
 def positions_text(x: Array, angles: Array, machine: Tripod, unit: float) -> str:

@@ -43,7 +43,8 @@ class Npz:
 
     def write(self, source: Source, path: Path) -> Exported:
         write(source.pulses, path, self.part, source.tell)
-        return Exported(0.0 if same(source.pulses, parts(path)) else np.inf, "the pulses, tick for tick")
+        exact = same(source.pulses, parts(path))
+        return Exported(0.0 if exact else np.inf, "the pulses, tick for tick", moves=source.pulses.total)
 
 
 def write(schedule: PulseSchedule, path: str | PathLike[str], part: int = PART, tell: Progress = silent) -> None:

@@ -49,7 +49,8 @@ class PulseCsv:
         write(pulses, path, wiring, width=self.width, timing=timing, tell=share(source.tell, 0, 2))
         held = lines.parts(path, pulses.clock_hz, axes, source.machine.home_q, tell=share(source.tell, 1, 2))
         exact = same(pulses, (part.schedule for part in held))
-        return Exported(0.0 if exact else np.inf, "the pulses, edge by edge")
+        notes = (told_high(pulses, self.width, timing),)
+        return Exported(0.0 if exact else np.inf, "the pulses, edge by edge", notes, pulses.total)
 
 
 def write(
@@ -103,6 +104,11 @@ def high_ticks(schedule: PulseSchedule, width: float | None, timing: Sequence[St
             "to leave the closest pulses and reversals apart; choose another width, a faster clock, or a slower motion"
         )
     return high
+
+
+def told_high(schedule: PulseSchedule, width: float | None, timing: Sequence[StepTiming | None]) -> str:
+    """How long STEP is high, for the notes."""
+    return f"STEP is high for {1e6 * high_ticks(schedule, width, timing) / schedule.clock_hz:.6g} us"
 
 
 def _quoted(name: str) -> str:

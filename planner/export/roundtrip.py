@@ -32,12 +32,13 @@ def compare(
     Raises MotionError where that is more than the tolerance for which the knots were chosen.
     """
     pulse = np.array([axis.pulse for axis in axes])
-    worst, back, backs, rows = 0.0, 0.0, 0, 0
+    worst, back, backs, rows, moves = 0.0, 0.0, 0, 0, 0
     t, stated = np.empty(0), np.empty((0, 0, 0))
     for after, further in points:
         rows = len(further)
         t = np.concatenate([t[-1:], after])
         stated = np.concatenate([stated[:, -1:], further], 1) if stated.size else further
+        moves += int(np.diff(stated[0], axis=0).any(1).sum())
         for part in _parts(motion, t):
             ends = slice(part.start + 1, part.stop + 1)
             segments = Segments(t[part], t[ends], stated[:, part], stated[:, ends])
@@ -56,7 +57,7 @@ def compare(
             f"segments that run back where the motion does not, their speeds too high for their way: {backs}, by up to "
             f"{back:.3g} pulses; a smaller spacing mends that",
         )
-    return Exported(worst, f"the motion, {READ[rows]} between the points", (knots.stated(), *notes))
+    return Exported(worst, f"the motion, {READ[rows]} between the points", (knots.stated(), *notes), moves)
 
 
 def _probes(motion: Motion, start: Array, end: Array) -> int:

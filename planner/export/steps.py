@@ -139,4 +139,4 @@ def _compare(source: Source, path: Path, commands: int) -> Exported:
         f"commands: {commands}, of {pulses.total / max(commands, 1):.1f} pulses",
         f"a pulse is off by up to {1e6 * late / pulses.clock_hz:.4g} us",
     )
-    return Exported(worst, "the pulses, joined by straight lines", notes)
+    return Exported(worst, "the pulses, joined by straight lines", notes, sum(len(ticks) for ticks, _ in held))

@@ -23,7 +23,7 @@
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import ClassVar
 from urllib.parse import quote
@@ -33,7 +33,7 @@ from numpy.typing import NDArray
 
 from kinematics.errors import MotionError
 from planner.export.format import Exported, Source, option
-from planner.export.pulse_csv import high_ticks, rows
+from planner.export.pulse_csv import high_ticks, rows, told_high
 from planner.pulses.schedule import PulseSchedule, Ticks
 
 SUFFIXES = {9: "1 ns", 10: "100 ps", 11: "10 ps", 12: "1 ps", 13: "100 fs", 14: "10 fs", 15: "1 fs"}
@@ -68,7 +68,8 @@ class Vcd:
                     before, last = levels[-1:], int(times[-1])
             end = round(pulses.duration * 10**digits)
             file.write(b"#%d\n" % end if end > last else b"")
-        return _compare(pulses, wiring, path, digits)
+        told = told_high(pulses, self.width, [axis.timing for axis in axes])
+        return replace(_compare(pulses, wiring, path, digits), notes=(told, f"times in units of {SUFFIXES[digits]}"))
 
 
 def plain(name: str) -> str:
@@ -140,7 +141,7 @@ def _compare(pulses: PulseSchedule, wiring: Sequence[int], path: Path, digits: i
         ticks = rising // (scale // pulses.clock_hz) if exact else np.rint(rising / scale * pulses.clock_hz)
         direction = np.where(way[np.searchsorted(turned, rising, side="right") - 1] == 1, sign, -sign)
         same &= np.array_equal(ticks, axis.ticks) and np.array_equal(direction, axis.direction)
-    return Exported(0.0 if same else np.inf, "the pulses, edge by edge", (f"times in units of {SUFFIXES[digits]}",))
+    return Exported(0.0 if same else np.inf, "the pulses, edge by edge", moves=pulses.total)
 
 
 def _read(path: Path, lines: int) -> list[tuple[Ticks, NDArray[np.uint8]]]:

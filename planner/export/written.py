@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from kinematics.destination import Destination
 from kinematics.errors import MotionError
-from planner.export.format import Exported, Source
+from planner.export.format import Exported, Source, export
 from planner.export.formats import find_format
 
 if TYPE_CHECKING:
@@ -23,4 +23,4 @@ def written(plan: "Plan", name: str, path: str | PathLike[str], force: bool, opt
         raise MotionError(f"format {name}: {error}") from None
     target = Destination(Path(path), force=force, remedy="give force=True to replace it, or another path")
     with target.staged() as file:
-        return format_.write(Source(plan.program.name, plan.machine, plan.trajectory, plan.pulses), file)
+        return export(format_, name, Source(plan.program.name, plan.machine, plan.trajectory, plan.pulses), file)
