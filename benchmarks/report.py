@@ -10,6 +10,7 @@ import numpy as np
 
 from benchmarks.page import grouped, png, render, style
 from controllers.metrics import Metrics
+from controllers.rig import Rig
 from planner.baselines import Classical, describe_differences, missing_limits
 from planner.certify import CROSSING
 from planner.held_back import ACTIVE, active_limits
@@ -35,18 +36,24 @@ def write_report(
     others: Sequence[Classical] = (),
     realised: RealisedPath | None = None,
     figures: Mapping[str, bytes] | None = None,
+    rig: Rig | None = None,
+    untracked: str = "",
 ) -> None:
     """Write the page to `path` and its figures to `figures/*.png` beside it.
 
     classical  the baseline of the saving
-    metrics    the errors of each tracking law; none: the page has no such part
+    metrics    the errors of each tracking law; none: the page says how to get them
     verdict    of the independent check of the plan's pulses
     others     further classical timings, for the table
     realised   the path that the pulses make; None: the page has no such part
     figures    as `draw` gives them, any of them, or none; None: they are drawn here
+    rig        that the laws were run on, which the page names
+    untracked  why the page has no errors of laws, or what rig to take for them
     """
     figures = draw(plan, classical, metrics, realised) if figures is None else figures
-    path.write_text(_page(plan, classical, metrics, verdict, others, realised, figures), encoding="utf-8")
+    path.write_text(
+        _page(plan, classical, metrics, verdict, others, realised, figures, rig, untracked), encoding="utf-8"
+    )
     folder = path.parent / "figures"
     for name, image in figures.items():
         folder.mkdir(exist_ok=True)
@@ -201,6 +208,8 @@ def _page(
     others: Sequence[Classical],
     realised: RealisedPath | None,
     figures: Mapping[str, bytes],
+    rig: Rig | None,
+    untracked: str,
 ) -> str:
     return render(
         "report.html.j2",
@@ -209,6 +218,8 @@ def _page(
         classical=classical,
         others=others,
         metrics=metrics,
+        rig=rig,
+        untracked=untracked,
         verdict=verdict,
         realised=realised,
         triggers=plan.triggers,

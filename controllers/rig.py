@@ -40,6 +40,13 @@ class Rig:
                 f"rig: {len(self.drives)} drives for the {len(self.machine.axes)} axes of machine {self.machine.name}"
             )
 
+    @property
+    def about(self) -> str:
+        """Name, drives and card: "hexapod-steppers: 6 steppers, card PCI-8132"."""
+        kinds = [type(drive).__name__.lower() for drive in self.drives]
+        drives = ", ".join(f"{kinds.count(kind)} {kind}s" for kind in dict.fromkeys(kinds))
+        return f"{self.name}: {drives}, card {self.card.name}"
+
     def task(self, name: str) -> Task:
         """The task of a name. Raises MotionError with the nearest and all known ones."""
         known = {task.name: task for task in self.tasks}
@@ -50,8 +57,8 @@ class Rig:
 
 
 def assumed_rig(machine: Machine, card: Card = PCI_8132) -> Rig:
-    """The rig assumed behind a machine that states none: `leg_servo` on every axis."""
-    return Rig(machine, tuple(leg_servo(axis) for axis in machine.axes), card)
+    """`leg_servo` on every axis: an assumption, for whoever asks for it by this name."""
+    return Rig(machine, tuple(leg_servo(axis) for axis in machine.axes), card, name="assumed servos")
 
 
 def disturbed(rig: Rig, *, inertia: float = 1.0, friction: float = 1.0) -> Rig:

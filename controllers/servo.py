@@ -84,7 +84,9 @@ _MAY_BE_ZERO = ("friction", "coulomb", "play", "command_delay", "loop_delay")
 
 
 def leg_servo(axis: Axis) -> Servo:
-    """The servo assumed behind an axis that states none, normalised in the axis' coordinate.
+    """A servo to put behind an axis where one is wanted and none is known, normalised in the axis' coordinate.
+
+    An assumption, which whoever makes a rig of it states by its name: no command and no function puts it anywhere.
 
     From [Sahbaz 2007, Table 7.4]: position loop 30 1/s (Pn102), speed loop 30 Hz (Pn100), integral 30 ms (Pn101,
     printed as 3000 in units of 0.01 ms), four encoder counts per command pulse (Pn202/Pn203, 2048 × 4 counts per

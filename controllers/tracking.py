@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from os import PathLike
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from controllers.card import PCI_8132, Card
 from controllers.laws.law import Law
 from controllers.laws.side_by_side import SideBySide
-from controllers.rig import Drive, Rig
-from controllers.servo import leg_servo
+from controllers.rig import Rig
+from controllers.rig_choice import choose_rig
 from controllers.simulate import HOST_STEP, SETTLE, sample, simulate
 from kinematics.array import Array, frozen
 from kinematics.errors import MotionError
@@ -41,6 +41,8 @@ class Tracking(Result):
     reference, command, actual  (N, n) q in m or rad: planned, as pulsed by the card, and true
     pulses     (n,) int64, fired in either direction
     axes       (n,) name and unit, m or rad
+    rig        the name of what it was run on
+    lost       (n,) int64, full steps that steppers lost; servos lose none
     """
 
     law: str
@@ -51,9 +53,11 @@ class Tracking(Result):
     actual: Array = field(repr=False)
     pulses: np.ndarray
     axes: tuple[tuple[str, str], ...]
+    rig: str
+    lost: np.ndarray
 
     def __post_init__(self) -> None:
-        for name in ("t", "reference", "command", "actual", "pulses"):
+        for name in ("t", "reference", "command", "actual", "pulses", "lost"):
             object.__setattr__(self, name, frozen(getattr(self, name)))
 
     def tables(self) -> tuple[Table, ...]:
@@ -66,8 +70,10 @@ class Tracking(Result):
             Column("max", np.abs(error).max(0), units, "micro", ".3f"),
             Column("at the end", error[-1], units, "micro", ".3f"),
             Column("pulses", self.pulses),
+            Column("steps lost", self.lost),
         )
-        return (Table(f"following error under {self.law}, a command every {1e3 * self.dt:g} ms", columns),)
+        title = f"following error under {self.law} on rig {self.rig}, a command every {1e3 * self.dt:g} ms"
+        return (Table(title, columns),)
 
     def data(self) -> Table:
         """Every instant: what each axis was to do, what the card counted, and what it did."""
@@ -95,26 +101,34 @@ def track(
     machine: Machine,
     law: Law,
     *,
-    servo: Drive | Sequence[Drive] | None = None,
-    card: Card = PCI_8132,
+    rig: Rig | str | PathLike[str] | None = None,
     dt: float = HOST_STEP,
     settle: float = SETTLE,
     period: float | None = None,
 ) -> Tracking:
-    """Tracks a plan (or its trajectory) and then holds its end for `settle` seconds, see `simulate`.
+    """Tracks a plan (or its trajectory) on a rig and then holds its end for `settle` seconds, see `simulate`.
 
-    servo   drive, one for all axes or one per axis, such as a rig's; `leg_servo` by default
-    card    one model; as many cards of it as the axes need
+    rig     drives, card and host behind the machine's axes: a `Rig`, or the name or file of one. None: the one bundled
+            rig that fits the machine (`Tracking.rig` names it); nothing is assumed of a machine that none fits
+    dt      s between two commands of the host
     period  s between the instants that are kept; None: every sample of the drives
+
+    Raises MotionError where the rig does not fit the machine, and where none is given and not exactly one fits.
     """
-    return _tracked(plan, machine, law, [law], servo=servo, card=card, dt=dt, settle=settle, period=period)[0]
+    return _tracked(plan, machine, law, [law], rig=rig, dt=dt, settle=settle, period=period)[0]
 
 
 def track_each(
-    plan: Motion | Planned, machine: Machine, laws: Sequence[Law], *, period: float | None = None
+    plan: Motion | Planned,
+    machine: Machine,
+    laws: Sequence[Law],
+    *,
+    rig: Rig | str | PathLike[str] | None = None,
+    period: float | None = None,
 ) -> tuple[Tracking, ...]:
     """The same under each of several laws, in the time of one. Raises MotionError for laws that are no `SideBySide`."""
-    return _tracked(plan, machine, SideBySide(tuple(laws)), laws, period=period)
+    law = SideBySide(tuple(laws))
+    return _tracked(plan, machine, law, laws, rig=rig, dt=HOST_STEP, settle=SETTLE, period=period)
 
 
 def _tracked(
@@ -123,29 +137,33 @@ def _tracked(
     law: Law,
     laws: Sequence[Law],
     *,
-    servo: Drive | Sequence[Drive] | None = None,
-    card: Card = PCI_8132,
-    dt: float = HOST_STEP,
-    settle: float = SETTLE,
+    rig: Rig | str | PathLike[str] | None,
+    dt: float,
+    settle: float,
     period: float | None,
 ) -> tuple[Tracking, ...]:
     """law: that of the batch, of which every run is called by its own of `laws`."""
     motion = motion_of(plan)
-    rig = Rig(machine, tuple(_per_axis(servo, machine)), card)
+    chosen = choose_rig(machine, rig)
     if not 0 < dt < float("inf"):
         raise MotionError(f"track: the host's step {dt * 1e3:g} ms must be above zero")
-    runs = simulate(sample(motion, machine, dt), law, [rig] * len(laws), settle=settle, period=period)
+    runs = simulate(sample(motion, machine, dt), law, [chosen] * len(laws), settle=settle, period=period)
     pulse = np.array([axis.pulse for axis in machine.axes])
     planned = motion.at(np.minimum(runs.t, motion.duration)).q
     command, actual = (machine.home_q + of * pulse for of in (runs.command, runs.actual))
     axes = tuple((axis.name, axis.unit) for axis in machine.axes)
     return tuple(
-        Tracking(own.name, dt, runs.t, planned, command[:, b], actual[:, b], runs.pulses[b], axes)
+        Tracking(
+            own.name,
+            dt,
+            runs.t,
+            planned,
+            command[:, b],
+            actual[:, b],
+            runs.pulses[b],
+            axes,
+            chosen.name,
+            runs.lost[b],
+        )
         for b, own in enumerate(laws)
     )
-
-
-def _per_axis(servo: Drive | Sequence[Drive] | None, machine: Machine) -> list[Drive]:
-    if servo is None:
-        return [leg_servo(axis) for axis in machine.axes]
-    return [servo] * len(machine.axes) if isinstance(servo, Drive) else list(servo)

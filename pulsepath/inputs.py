@@ -5,11 +5,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from hashlib import sha256
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from kinematics import Fault, FileError, Machine, MotionError, NotInstalled, load_machine
 from kinematics.document import read
 from kinematics.registry import beside, find
 from planner import Program, load_program
+
+if TYPE_CHECKING:
+    from controllers.rig import Rig
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,6 +60,13 @@ def read_inputs(program: str, machine: str | None) -> Inputs:
     urdf = tomllib.loads(content.decode()).get("geometry", {}).get("urdf")
     companions = {} if urdf is None else {urdf: (beside("kinematics", file) / urdf).read_bytes()}
     return Inputs(loaded, driven, find("planner", "program", program).read_bytes(), content, companions)
+
+
+def read_rig(name_or_path: str | None, machine: Machine) -> "Rig | None":
+    """The rig of a preset's name or of a file behind a machine; None for none. Raises MotionError if it does not fit."""
+    from controllers.rig_choice import choose_rig
+
+    return None if name_or_path is None else choose_rig(machine, name_or_path)
 
 
 def _with_machine(error: FileError, source: str) -> FileError:

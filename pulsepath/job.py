@@ -5,6 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache, partial
 
+from controllers.rig import Rig
 from kinematics import Machine, MotionError
 from planner import Plan, Program, plan
 from planner.baselines import Classical, pick_baseline
@@ -26,11 +27,12 @@ class Defect(MotionError):
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """A plan, the classical timing of its path, the path of its pulses, and the errors of the laws.
+    """A plan, the classical timing of its path, the path of its pulses, and the errors of the laws on a rig.
 
     classical: what the saving is told against, as `planner.baselines.pick_baseline` picks it
     others: the other classical timings, as far as the program and the machine allow them
     seen: waits for the errors of the laws, and for some figures if the report is to have any
+    rig: None: the plan is not tracked
     """
 
     plan: Plan
@@ -39,6 +41,7 @@ class Job:
     realised: RealisedPath | None
     seen: Callable[[], Seen]
     figures: bool
+    rig: Rig | None
 
     @property
     def saved(self) -> float:
@@ -55,6 +58,7 @@ def run(
     rule: str = "nearest",
     other: Beside = NOTHING,
     figures: bool = True,
+    rig: Rig | None = None,
 ) -> Job:
     """Plan, prove and compare, in the other process as well. Raises as `planner.plan`."""
     for field in unkept(machine):
@@ -63,7 +67,7 @@ def run(
         program = oriented(program, machine, usual_order(machine.axes) if order is None else order)
         timing = other.start(partial(timed_ahead, program, machine))
         planned = plan(program, machine, order=order, clock_hz=clock_hz, duration=duration, rule=rule, progress=tell)
-    look = partial(seen, planned, figures)
+    look = partial(seen, planned, figures, rig)
     looking = other.start(look)
     detail(_how(planned))
     realised = _followed(planned)
@@ -73,7 +77,7 @@ def run(
         detail(line)
     baseline = pick_baseline(planned, found.timings)
     others = tuple(timing for timing in found.timings if timing is not baseline)
-    return Job(planned, baseline, others, realised, cache(partial(looking.result, look)), figures)
+    return Job(planned, baseline, others, realised, cache(partial(looking.result, look)), figures, rig)
 
 
 def _how(planned: Plan) -> str:

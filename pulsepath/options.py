@@ -8,6 +8,8 @@ import click
 from pulsepath import known_names
 from pulsepath.known_names import completing
 
+LAWS = ("3", "6")
+"""Tracking laws by default: open and closed loop."""
 program_argument = click.argument("program", shell_complete=completing(known_names.programs, files=True))
 dump_option = click.option(
     "--dump-config",

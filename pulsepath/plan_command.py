@@ -42,6 +42,12 @@ from pulsepath.options import dump_option, json_option, machine_option, program_
     help="Pictures in the report; without them it has its text and all its tables, and is there sooner.",
 )
 @motion_option
+@click.option(
+    "--rig",
+    metavar="RIG",
+    help='Track the plan on this rig too, preset or file; "pulsepath rigs" lists them. Default: it is not tracked.',
+    shell_complete=completing(known_names.rigs, files=True),
+)
 @dump_option
 @click.option("--force", is_flag=True, help="Replace DIR, if an earlier plan is in it.")
 @json_option
@@ -55,6 +61,7 @@ def plan(
     rule: str,
     figures: bool,
     motion: str,
+    rig: str | None,
     dumped: Path | None,
     force: bool,
     as_json: bool,
@@ -66,7 +73,7 @@ def plan(
     Example: pulsepath plan circle --out out/circle
     """
     if dumped is not None:
-        _dump(dumped, program, machine, motion, order, clock_hz, duration, rule, force, as_json)
+        _dump(dumped, program, machine, motion, order, clock_hz, duration, rule, rig, force, as_json)
         return
     if out is None:
         raise click.UsageError("Missing option '--out'.", click.get_current_context())
@@ -78,15 +85,16 @@ def plan(
     with seldom_collected(), second(figures) as other:
         from pulsepath import plan_directory, record, tables
         from pulsepath.directory import RECORD, refuse_overwrite, replacing
-        from pulsepath.inputs import read_inputs
+        from pulsepath.inputs import read_inputs, read_rig
         from pulsepath.job import run
 
         refuse_overwrite(out, force)
         seconds = None if duration is None else quantity_of("--duration", duration, "s", above=0.0)
         inputs = run_as(motion, read_inputs(program, machine))
         kind = None if order is None else int(order)
+        behind = read_rig(rig, inputs.machine)
         with replacing(out, force) as folder:  # where nothing can be written, that is said before the work
-            job = run(inputs.program, inputs.machine, kind, clock_hz, seconds, rule, other, figures)
+            job = run(inputs.program, inputs.machine, kind, clock_hz, seconds, rule, other, figures, behind)
             plan_directory.write(folder, job, inputs)
     report = str(out / plan_directory.REPORT)
     if as_json:
@@ -106,19 +114,23 @@ def _dump(
     clock_hz: int,
     duration: str | None,
     rule: str,
+    rig: str | None,
     force: bool,
     as_json: bool,
 ) -> None:
     from planner.limits import usual_order
     from planner.pulses import find_rule
     from pulsepath.dump import dump
-    from pulsepath.inputs import read_inputs
+    from pulsepath.inputs import read_inputs, read_rig
 
     inputs = run_as(motion, read_inputs(program, machine))
+    read_rig(rig, inputs.machine)  # refuses one that does not fit
     find_rule(rule)  # refuses what is none
     chosen = usual_order(inputs.machine.axes) if order is None else int(order)
     options: dict[str, int | str] = {"order": chosen, "clock-hz": clock_hz, "rule": rule}
     if duration is not None:
         quantity_of("--duration", duration, "s", above=0.0)
         options["duration"] = duration
+    if rig is not None:
+        options["rig"] = rig
     dump(folder, inputs, "plan", options, force, as_json)

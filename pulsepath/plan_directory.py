@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from controllers.rig_choice import rig_hint
 from kinematics import Machine, MotionError, load_machine
 from planner import Program, Trajectory, load_program
 from planner.actuation import actuate
@@ -18,10 +19,10 @@ from planner.pulses.compensate import counted
 from pulsepath.directory import RECORD, is_ours
 from pulsepath.inputs import Inputs
 from pulsepath.job import Defect, Job
+from pulsepath.options import LAWS
 from pulsepath.progress import step
 from pulsepath.pulse_record import of_pulse_file
 from pulsepath.record import as_json, of_plan
-from pulsepath.second_work import LAWS
 from pulsepath.talk import note
 from pulsepath.verification import differences, digest_of_pulses, disproof, refuse, sealed
 
@@ -108,7 +109,8 @@ def _report(page: Path, job: Job, verdict: PulseCheck) -> None:
 
     with step("writing the report"):
         drawn = draw_axes(job.plan) | draw_compared(job.plan, job.classical, job.realised) if job.figures else {}
-    with step(f"tracking it under laws {' and '.join(LAWS)}"):
+    tracked = f"tracking it under laws {' and '.join(LAWS)} on rig {job.rig.name}" if job.rig else "drawing the path"
+    with step(tracked):
         seen = job.seen()
     if seen.note:
         note(seen.note)
@@ -122,6 +124,8 @@ def _report(page: Path, job: Job, verdict: PulseCheck) -> None:
             others=job.others,
             realised=job.realised,
             figures={**seen.figures, **drawn},
+            rig=job.rig,
+            untracked=seen.note or rig_hint(job.plan.machine),
         )
 
 

@@ -8,7 +8,7 @@ from math import isfinite
 from platform import python_version
 from typing import Any
 
-from controllers import Metrics
+from controllers import Metrics, Rig
 from controllers.metrics import ErrorSeries
 from kinematics import Axis, Machine, MotionError
 from planner import Infeasible, Place, Standing, Triggered
@@ -110,6 +110,7 @@ def of_plan(job: Job, inputs: Inputs, verdict: PulseCheck) -> Record:
                 "highest_rate_hz": verdict.highest_rate,
             },
         },
+        "tracking": None if job.rig is None else of_tracking(job.rig, job.seen().metrics),
         "realised": None if job.realised is None else of_realised(job.realised),
         "constant_speeds": [
             {
@@ -152,9 +153,11 @@ def of_realised(path: RealisedPath) -> Record:
     }
 
 
-def of_tracking(metrics: Iterable[Metrics]) -> Record:
-    """Errors under each law, in m or rad."""
-    return {law.law: {series.name: _errors(series) for series in law.series} for law in metrics}
+def of_tracking(rig: Rig, metrics: Iterable[Metrics]) -> Record:
+    """The rig, and under each law the errors in m or rad, and the full steps that steppers lost."""
+    laws = {law.law: {series.name: _errors(series) for series in law.series} for law in metrics}
+    lost = {law.law: 0 if law.lost_steps is None else int(law.lost_steps.sum()) for law in metrics}
+    return {"rig": rig.name, "about": rig.about, "laws": laws, "lost_steps": lost}
 
 
 def of_check(found: Standing) -> Record:

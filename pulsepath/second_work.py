@@ -5,15 +5,14 @@ from dataclasses import dataclass
 
 from controllers import Metrics, find_law
 from controllers.metrics.evaluate import PERIOD, evaluate_each
+from controllers.rig import Rig
 from controllers.tracking import track_each
 from kinematics import Machine, MotionError
 from planner import Plan, Program
 from planner.baselines import KINDS, Classical, classical
 from planner.course import Course, course
 from planner.timing.shapes import S_CURVE
-
-LAWS = ("3", "6")
-"""Tracking laws that the report compares: open and closed loop."""
+from pulsepath.options import LAWS
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,19 +47,22 @@ def timed_ahead(program: Program, machine: Machine) -> Timed:
 
 @dataclass(frozen=True, slots=True)
 class Seen:
-    """Of a plan: the errors of each law, and some of the figures; note: why there are no errors."""
+    """Of a plan: the errors of each law on a rig, and some of the figures; note: why there are no errors."""
 
     metrics: tuple[Metrics, ...]
     figures: Mapping[str, bytes]
     note: str = ""
 
 
-def seen(plan: Plan, figures: bool) -> Seen:
-    """No errors where the emulated hardware cannot run the motion, which is no fault of the plan."""
-    try:
-        metrics, note = _tracked(plan), ""
-    except MotionError as error:
-        metrics, note = (), f"not tracked: {error}"
+def seen(plan: Plan, figures: bool, rig: Rig | None) -> Seen:
+    """No errors without a rig, nor where its card or drives cannot run the motion, which is no fault of the plan."""
+    metrics: tuple[Metrics, ...] = ()
+    note = ""
+    if rig is not None:
+        try:
+            metrics = _tracked(plan, rig)
+        except MotionError as error:
+            note = f"not tracked: {error}"
     if not figures:
         return Seen(metrics, {}, note)
     from benchmarks.report import draw_path, draw_tracking
@@ -68,6 +70,6 @@ def seen(plan: Plan, figures: bool) -> Seen:
     return Seen(metrics, draw_path(plan) | draw_tracking(metrics), note)
 
 
-def _tracked(plan: Plan) -> tuple[Metrics, ...]:
-    laws = [find_law(law) for law in LAWS]
-    return evaluate_each(track_each(plan, plan.machine, laws, period=PERIOD), plan, plan.machine)
+def _tracked(plan: Plan, rig: Rig) -> tuple[Metrics, ...]:
+    laws = [find_law(law, rig) for law in LAWS]
+    return evaluate_each(track_each(plan, plan.machine, laws, rig=rig, period=PERIOD), plan, plan.machine)

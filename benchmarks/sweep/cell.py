@@ -33,9 +33,9 @@ class Setting:
         """For tables and figures: "closed-position gain 0.7"."""
         return " ".join([self.law, *(f"{name.replace('_', ' ')} {value:g}" for name, value in self.gains)])
 
-    def made(self) -> Law:
-        """The law itself, with the axes that it assumes where no rig tells."""
-        return find_law(self.law, None, **dict(self.gains))
+    def made(self, rig: Rig | None = None) -> Law:
+        """The law itself; a law by model knows the axes of the rig, or those that it assumes where none is given."""
+        return find_law(self.law, rig, **dict(self.gains))
 
 
 def read_setting(text: str) -> Setting:

@@ -60,7 +60,8 @@ def evaluate_each(
     end = np.repeat(2 * first.t[-1:] - first.t[-2:-1], len(tracked))
     task = Task(first.law, motion_of(plan), first.dt)
     names = [each.law for each in tracked]
-    return _all(names, _Lanes(first.t, actual, end), task, machine, period, band, certify=True)
+    lanes = _Lanes(first.t, actual, end, lost=np.stack([each.lost for each in tracked]))
+    return _all(names, lanes, task, machine, period, band, certify=True)
 
 
 def evaluate_runs(

@@ -9,8 +9,8 @@ from controllers.laws.law import Feedback, Reference
 from controllers.laws.open_position import OpenPosition
 from controllers.laws.registry import LAWS, find_law, law_names
 from controllers.simulate import SETTLE
-from controllers.tracking import track
 from kinematics.errors import MotionError
+from tests.controllers.servos import track
 
 PULSE = 0.75e-6
 GAINS = (0.1, 0.5, 0.7, 0.9, 1.0)

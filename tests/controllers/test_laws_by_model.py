@@ -21,8 +21,8 @@ from controllers.laws.registry import find_law
 from controllers.laws.response import friction_response, response
 from controllers.rig import Rig, load_rig
 from controllers.servo import leg_servo
-from controllers.tracking import track
 from kinematics.errors import MotionError
+from tests.controllers.servos import track
 
 PULSE = 0.75e-6
 DT = 0.125

@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 from controllers.card import TAMove, TRMove, TVMove, VChange
 from controllers.laws.law import Feedback, Reference
 from controllers.laws.registry import LAWS, find_law
-from controllers.tracking import track
 from kinematics.errors import MotionError
+from tests.controllers.servos import track
 
 REFERENCE = Reference(0.01, [[0, 0], [10, -5], [30, -20], [40, -30]], [[0, 0], [1500, -900], [1500, -1200], [0, 0]])
 READ = Feedback(np.array([4.0, 3.0]), np.array([500.0, -300.0]), np.array([9.0, -4.0]))

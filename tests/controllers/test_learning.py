@@ -82,9 +82,7 @@ def test_a_gain_that_the_data_sheet_has_wrong_is_learned_and_taken_along(bench, 
     other = axis_motion("smooth", (9_000, 20_000, -14_000), 2.0)
     rms = [
         np.sqrt(np.mean((run.actual - run.reference) ** 2, 0))
-        for run in (
-            track(other, rig.machine, Feedforward(axes=of), dt=DT, servo=plant.drives) for of in (nominal(rig), told)
-        )
+        for run in (track(other, rig.machine, Feedforward(axes=of), dt=DT, rig=plant) for of in (nominal(rig), told))
     ]
     assert np.all(rms[1] < rms[0] / 5)
 

@@ -11,8 +11,8 @@ from controllers.laws.closed_position import ClosedPosition
 from controllers.laws.open_position import OpenPosition
 from controllers.servo import leg_servo
 from controllers.simulate import sample
-from controllers.tracking import track
 from kinematics.errors import MotionError
+from tests.controllers.servos import track
 
 PULSE = 0.75e-6
 

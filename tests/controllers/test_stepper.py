@@ -5,10 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from controllers import find_law, load_rig, track
+from controllers import evaluate, find_law, load_rig, track
 from controllers.drives.stepper_axes import stepper_axes
 from controllers.stepper import Stepper
-from kinematics import load_machine
 from kinematics.errors import MotionError
 from planner import Line, Program, plan
 
@@ -132,13 +131,14 @@ def test_impossible_steppers_are_refused(change, words):
         replace(PLAIN, **change)
 
 
-def test_track_takes_a_stepper_for_all_axes_or_one_each():
-    machine = load_machine("hexapod")
-    stepper = load_rig("hexapod-steppers").drives[0]
-    motion = plan(Program((Line(to=np.array([0, 0, 1e-3])),)), machine).trajectory
-    one, each = (
-        track(motion, machine, find_law("3"), servo=given, settle=0.0, period=1e-3)
-        for given in (stepper, [stepper] * 6)
-    )
-    np.testing.assert_array_equal(one.actual, each.actual)
-    assert np.ptp(one.actual[:, 0]) > 0.5e-3
+def test_a_plan_that_is_tracked_tells_of_lost_steps():
+    """A motor whose torque ends below the plan's speed falls behind, and the errors say why."""
+    rig = load_rig("hexapod-steppers")
+    weak = replace(rig, drives=(replace(rig.drives[0], torque_speed=((0.0, 3000.0), (5e-3, 0.0))), *rig.drives[1:]))
+    motion = plan(Program((Line(to=np.array([0, 0, 5e-3])),)), rig.machine).trajectory
+    whole, fallen = (track(motion, rig.machine, find_law("3"), rig=on, period=1e-3) for on in (rig, weak))
+    assert not whole.lost.any()
+    assert fallen.lost[0] > 0
+    assert not fallen.lost[1:].any()
+    told = evaluate(fallen, motion, rig.machine).figures()
+    assert told["lost_steps"] == told["lost_steps.leg1"] == fallen.lost[0]

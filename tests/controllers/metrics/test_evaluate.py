@@ -10,12 +10,13 @@ from scipy.spatial.transform import RigidTransform
 from controllers.laws.open_position import OpenPosition
 from controllers.metrics import ErrorSeries, evaluate
 from controllers.servo import leg_servo
-from controllers.tracking import Tracking, track
+from controllers.tracking import Tracking
 from kinematics.axis import Axis
 from kinematics.errors import MotionError
 from planner.place import Place
 from planner.polynomial import PolynomialPath
 from planner.trajectory import Trajectory
+from tests.controllers.servos import track
 
 
 @pytest.fixture(scope="module")
@@ -29,7 +30,7 @@ def as_if(trajectory, machine, moved):
     state = trajectory.at(t)
     actual = machine.inverse(moved(state.pose))
     axes = tuple((axis.name, axis.unit) for axis in machine.axes)
-    return Tracking("as if", 5e-3, t, state.q, state.q, actual, np.zeros(6, int), axes)
+    return Tracking("as if", 5e-3, t, state.q, state.q, actual, np.zeros(6, int), axes, "as if", np.zeros(6, int))
 
 
 def test_no_error_where_there_is_none(circle_trip, hexapod):

@@ -106,7 +106,8 @@ def test_poses_that_are_not_proved_are_those_that_are(circle_trip, hexapod, law)
     runs = simulate(sample(circle_trip, hexapod, task.dt), law, [rig] * 2, settle=SETTLE)
     q = hexapod.home_q + runs.actual[:, 1] * [axis.pulse for axis in hexapod.axes]
     planned = circle_trip.at(np.minimum(runs.t, circle_trip.duration)).q
-    proved = evaluate(Tracking(law.name, task.dt, runs.t, planned, q, q, runs.pulses[1], ()), circle_trip, hexapod)
+    alone = Tracking(law.name, task.dt, runs.t, planned, q, q, runs.pulses[1], (), rig.name, runs.lost[1])
+    proved = evaluate(alone, circle_trip, hexapod)
     found = evaluate_runs(runs, task, [rig] * 2, period=1e-3)[1]
     for ours, theirs in zip(found.series, proved.series, strict=True):
         # Newton leaves 1e-14 m; where the contour's nearest point jumps nothing jumps with it
