@@ -122,15 +122,19 @@ row("geometry", geometry)
 # %% [markdown]
 # ## Drives that follow late
 #
-# A tracking law tells the motion card what to do, step by step; servo drives behind it follow the card's pulses (those
-# that the library assumes where a machine states none). Law 3 sends the planned positions as they are, open loop.
-# Feedforward sends them ahead by what a nominal drive lags.
+# A tracking law tells the motion card what to do, step by step; drives behind it follow the card's pulses. The hexapod
+# has steppers, which hardly come behind (the bundled rig `hexapod-steppers`). What if its legs had servos, as the
+# thesis' other rig has? `leg_servo` is such a drive, with what is assumed of it in its documentation. Law 3 sends the
+# planned positions as they are, open loop. Feedforward sends them ahead by what a nominal drive lags.
 
 
 # %%
+servos = pp.Rig(drawn, tuple(leg_servo(axis) for axis in drawn.axes), name="legs with servos")
+
+
 def followed(motion: pp.Plan, law: str) -> np.ndarray:
     """(N, 6) what the legs do, every millisecond of the motion."""
-    tracking = pp.track(motion, drawn, pp.find_law(law), period=1e-3)
+    tracking = pp.track(motion, drawn, pp.find_law(law, servos), rig=servos, period=1e-3)
     return tracking.actual[tracking.t <= motion.trajectory.duration]
 
 

@@ -45,7 +45,7 @@ print(f"circle: {circle.motion.duration:.1f} s, a command every {1e3 * circle.dt
 figure, ax = plt.subplots(figsize=(9, 3.4), layout="constrained")
 for text, gain in (("6", 0.1), ("6", 0.7), ("6r", 0.7)):
     law = pp.find_law(text, gain=gain)
-    tracking = pp.track(circle.motion, rig.machine, law, servo=rig.drives, card=rig.card, dt=circle.dt)
+    tracking = pp.track(circle.motion, rig.machine, law, rig=rig, dt=circle.dt)
     metrics = pp.evaluate(tracking, circle.motion, rig.machine, period=5e-3)
     print(f"law {text:<3} gain {gain}: contour error {1e6 * metrics.contour.rms:5.0f} µm RMS")
     plots.contour_error(metrics, ax, label=f"law {text}, gain {gain}")

@@ -63,7 +63,7 @@ def read_inputs(program: str, machine: str | None) -> Inputs:
 
 
 def read_rig(name_or_path: str | None, machine: Machine) -> "Rig | None":
-    """The rig of a preset's name or of a file behind a machine; None for none. Raises MotionError if it does not fit."""
+    """The rig of a name or of a file, behind this machine; None for none. Raises MotionError if it does not fit."""
     from controllers.rig_choice import choose_rig
 
     return None if name_or_path is None else choose_rig(machine, name_or_path)

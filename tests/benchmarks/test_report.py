@@ -13,6 +13,7 @@ from benchmarks.page import up
 from benchmarks.report import summary, write_report
 from controllers import evaluate, find_law, track
 from controllers.plots import contour_error, following_error
+from controllers.rig import assumed_rig
 from kinematics import load_machine
 from planner import load_program, plan
 from planner.baselines import classical
@@ -68,7 +69,8 @@ def verdict(planned):
 @pytest.fixture(scope="module")
 def metrics(planned):
     machine = planned.machine
-    return [evaluate(track(planned, machine, find_law(law)), planned, machine) for law in ("3", "6")]
+    rig = assumed_rig(machine)
+    return [evaluate(track(planned, machine, find_law(law), rig=rig), planned, machine) for law in ("3", "6")]
 
 
 @pytest.fixture(scope="module")
@@ -184,9 +186,10 @@ def test_names_are_escaped(tmp_path, planned, baseline, verdict):
     text = (tmp_path / "report.html").read_text()
     assert "<script" not in text
     assert text.count("&lt;script&gt;alert(&#39;x&#39;)&lt;/script&gt; &amp; &#34;quoted&#34;") == 2
-    # and without laws, or without the pulses' path, there is no part about them
+    # and without the pulses' path there is no part about it; without laws no table, but how to come by one
     assert {"tracking", "realised"}.isdisjoint(Page(text).tables)
     assert {path.stem for path in (tmp_path / "figures").iterdir()} == FIGURES - {"tracking", "realised"}
+    assert "pulsepath track DIR --rig RIG" in text
 
 
 def test_what_was_simulated_behind_the_counts_is_told(text):

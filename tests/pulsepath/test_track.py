@@ -1,10 +1,11 @@
 """The command `track`: the errors of the plan that is in a directory, and no other."""
 
 import json
+from importlib.resources import files
 
 import pytest
 
-from controllers import evaluate, find_law, track
+from controllers import evaluate, find_law, load_rig, track
 
 
 def test_it_is_the_motion_that_was_planned(call, plan, job):
@@ -13,7 +14,8 @@ def test_it_is_the_motion_that_was_planned(call, plan, job):
     record = json.loads(done.stdout)
     assert record == json.loads((plan / "track.json").read_text())
     machine = job.plan.machine
-    expected = evaluate(track(job.plan, machine, find_law("3")), job.plan, machine)
+    expected = evaluate(track(job.plan, machine, find_law("3"), rig=load_rig("hexapod-steppers")), job.plan, machine)
+    assert record["rig"] == "hexapod-steppers"
     for series in expected.series:
         found = record["laws"][expected.law][series.name]
         assert (found["rms"], found["p95"], found["max"]) == (series.rms, series.p95, series.max)
@@ -30,6 +32,60 @@ def test_it_prints_a_table_per_law(call, plan):
         assert [float(cell) for cell in row[1:4]] == pytest.approx(
             [1e6 * errors["contour"][name] for name in ("rms", "p95", "max")], abs=5e-4
         )
+
+
+def test_the_rig_that_fits_is_taken_and_named(call, plan):
+    """Without --rig it is said which one it is; on it no law errs by as much as a servo would lag."""
+    done = call("track", plan)
+    assert done.exit_code == 0
+    assert "on rig hexapod-steppers: 6 steppers, card PCI-8132: the bundled one that fits hexapod" in done.stderr
+    found = json.loads((plan / "track.json").read_text())
+    assert (found["rig"], sorted(found["lost_steps"].values())) == ("hexapod-steppers", [0, 0])
+    assert len(found["laws"]) == 2
+    assert all(errors["contour"]["max"] < 10e-6 for errors in found["laws"].values())
+
+
+def test_a_machine_of_other_pulses_is_tracked_on_its_own_rig_alone(call, tmp_path):
+    """No bundled rig fits it: nothing is made up; a rig file that names it does."""
+    preset = (files("kinematics") / "presets" / "hexapod.toml").read_text(encoding="utf-8")
+    (tmp_path / "mine.toml").write_text(preset.replace('pulse = "0.75 um"', 'pulse = "3 um"'), encoding="utf-8")
+    steppers = (files("controllers") / "presets" / "hexapod-steppers.toml").read_text(encoding="utf-8")
+    rig = tmp_path / "rig.toml"
+    rig.write_text(steppers.replace('machine = "hexapod"', 'machine = "mine.toml"'), encoding="utf-8")
+    out = tmp_path / "out"
+    plan = ("plan", "bare-circle", "--machine", tmp_path / "mine.toml", "--out", out, "--no-figures", "--order", "2")
+    refused = call(*plan, "--rig", "hexapod-steppers")
+    assert refused.exit_code == 2
+    assert "a pulse of leg1 is 0.75 µm on it and 3 µm on the machine; no bundled rig fits" in refused.stderr
+    assert not out.exists()
+    assert call(*plan).exit_code == 0
+    assert json.loads((out / "plan.json").read_text())["tracking"] is None
+    page = (out / "report.html").read_text()
+    assert "It was not tracked." in page
+    assert "no bundled rig fits its axes" in page
+    for arguments in ([], ["--rig", "hexapod-steppers"]):
+        refused = call("track", out, *arguments)
+        assert refused.exit_code == 2
+        assert "no bundled rig fits" in refused.stderr
+        assert not (out / "track.json").exists()
+    assert call("track", out, "--rig", rig, "--law", "3").exit_code == 0
+    assert json.loads((out / "track.json").read_text())["rig"] == "rig"
+
+
+def test_a_plan_is_tracked_where_it_is_asked_for(call, tmp_path):
+    out = tmp_path / "out"
+    done = call("plan", "linkage-line", "--out", out, "--no-figures", "--order", "2", "--rig", "linkage-steppers")
+    assert done.exit_code == 0
+    tracking = json.loads((out / "plan.json").read_text())["tracking"]
+    assert tracking["rig"] == "linkage-steppers"
+    assert len(tracking["laws"]) == 2
+    assert "2 steppers, card PCI-8132" in (out / "report.html").read_text()
+    call("track", out, "--rig", "linkage-steppers")
+    later = json.loads((out / "track.json").read_text())
+    assert later["laws"].keys() == tracking["laws"].keys()
+    for law, errors in later["laws"].items():
+        for name, error in errors.items():
+            assert error["rms"] == pytest.approx(tracking["laws"][law][name]["rms"], rel=1e-9)
 
 
 def test_gains_are_given_as_compare_tells_them(call, plan):
