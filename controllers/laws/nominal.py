@@ -70,7 +70,7 @@ _MAY_BE_ZERO = ("friction", "coulomb", "delay", "play")
 
 
 def usual() -> NominalAxes:
-    """What a law by model assumes where no rig is given to it: `controllers.servo.leg_servo`, [Sahbaz 2007, Table 7.4]."""
+    """What a law by model assumes without a rig, as `controllers.servo.leg_servo`: [Sahbaz 2007, Table 7.4]."""
     return NominalAxes(*np.array([[30.0], [2 * np.pi * 30.0], [30e-3], [5.0], [0.0], [0.0], [0.0], [INF], [INF]]))
 
 

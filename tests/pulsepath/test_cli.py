@@ -209,7 +209,7 @@ def test_names_that_are_not_known(call, tmp_path, program):
         ["plan", "circle", "--out", "o", "--order", "4"],
         ["plan", "circle", "--out", "o", "--clock-hz", "0"],
         ["plan", "circle", "--out", "o", "--speed", "3"],
-        ["track", "o"],
+        ["track"],
     ],
 )
 def test_usage_errors(call, arguments):
