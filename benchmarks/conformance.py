@@ -7,7 +7,7 @@ import numpy as np
 from scipy.interpolate import PPoly
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from benchmarks.compared import Compared
+from benchmarks.compared import Compared, comparison
 from kinematics import Axis, Hexapod
 from kinematics.array import Array
 from planner import time_optimal
@@ -94,3 +94,18 @@ def pulse_count() -> Compared:
     motion = time_optimal(line, max_speed=0.1, max_acceleration=1.0).trajectory
     schedule = generate(motion, [Axis("x", pulse=1 / data["steps_per_unit"])], [0.0])
     return Compared("pulses", "", str(data["pulses"]), float(schedule.counts(np.array([motion.duration]))[0, 0]))
+
+
+def main() -> None:
+    """Print all of them."""
+    for title, rows in (
+        ("Leg length changes of the Vera Rubin Observatory's hexapod", length_changes()),
+        ("Leg lengths of the mini-tetra at home", home_lengths()),
+        ("Dietmaier's assembly modes", modes()),
+        ("Pulses of a printed position", [pulse_count()]),
+    ):
+        print(f"{title}\n\n{comparison(rows)}\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,6 +1,7 @@
-"""What the initial design of [Sahbaz 2007, chapter 2] needs of its actuators, from its printed geometry.
+"""What the initial design of [Sahbaz 2007, chapter 2] needs of its actuators: `python -m benchmarks.initial_design`.
 
-The thesis prints 47.58 mm and 54.563 N. They do not follow from this geometry; ours stand beside them.
+From its printed geometry, along its printed move with the speed of its Appendix B. The thesis prints 47.58 mm and
+54.563 N. They do not follow from this geometry; ours stand beside them.
 """
 
 import numpy as np
@@ -12,6 +13,7 @@ from kinematics.dynamics import forces
 from kinematics.hexapod import Hexapod, joint_circle
 from kinematics.motion import motion_of_poses
 from kinematics.needs import ActuatorNeed, AxisMotion, JointNeed, actuator_need, joint_need
+from kinematics.text_table import aligned
 
 PRINTED = ActuatorNeed(stroke=47.58e-3, force=54.563)
 
@@ -33,11 +35,16 @@ def machine() -> Hexapod:
 
 
 def progress(t: Array) -> tuple[Array, Array]:
-    """Share of the way and its rate (1/s) at t: a trapezoid of speed with ramps of RAMP."""
-    top = 1 / (DURATION - RAMP)
-    rate = top * np.minimum(1.0, np.minimum(t, DURATION - t) / RAMP)
-    rising, falling = top * t**2 / (2 * RAMP), 1 - top * (DURATION - t) ** 2 / (2 * RAMP)
-    share = np.where(t < RAMP, rising, np.where(t > DURATION - RAMP, falling, top * (t - RAMP / 2)))
+    """Share of the way and its rate (1/s) at t: a quarter of a sine up to V₀ and another down, of RAMP each.
+
+    ω = π/(2 t₁), V₀ = 1/(2/ω + tp − 2 t₁) [Sahbaz 2007, Appendix B].
+    """
+    omega = np.pi / (2 * RAMP)
+    top = 1 / (2 / omega + DURATION - 2 * RAMP)
+    up, down = np.minimum(t, RAMP), np.maximum(t - (DURATION - RAMP), 0.0)
+    rate = top * np.sin(omega * up) * np.cos(omega * down)
+    steady = np.clip(t - RAMP, 0.0, DURATION - 2 * RAMP)
+    share = top * ((1 - np.cos(omega * up) + np.sin(omega * down)) / omega + steady)
     return share, rate
 
 
@@ -51,3 +58,21 @@ def needs() -> tuple[ActuatorNeed, JointNeed]:
     motion = motion_of_poses(initial, pose, rate[:, None] * np.concatenate([TO - FROM, [TILT, 0, 0]]))
     force = forces(initial, motion, wrench=WRENCH).force
     return actuator_need([AxisMotion(motion.q, motion.qd, force)]), joint_need(initial, pose, force)
+
+
+def main() -> None:
+    """Print stroke, force, speed and tilt, beside print where there is one."""
+    actuator, joint = needs()
+    found = (
+        ("largest change of a leg's length", "mm", 1e3, actuator.stroke, "47.58"),
+        ("largest force of a leg", "N", 1.0, actuator.force, "54.563"),
+        ("highest speed of a leg", "mm/s", 1e3, actuator.speed, "-"),
+        ("largest tilt of a joint", "deg", np.rad2deg(1.0), joint.tilt, "-"),
+    )
+    rows = [(what, unit, f"{scale * (value or 0):.3f}", printed) for what, unit, scale, value, printed in found]
+    print(aligned(("what", "unit", "ours", "printed"), rows))
+    print("The two printed numbers do not follow from the printed geometry; the legs here have no mass.")
+
+
+if __name__ == "__main__":
+    main()

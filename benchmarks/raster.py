@@ -1,10 +1,16 @@
-"""A program of any length: a zig-zag raster of lines, half circles and stops, layer upon layer."""
+"""A program of any length: a zig-zag raster of lines, half circles and stops, layer upon layer.
 
+python -m benchmarks.raster         the file of its first 100 segments
+python -m benchmarks.raster 5000    of so many
+"""
+
+import sys
 from collections.abc import Iterator
 
 import numpy as np
 
 from planner.program import Arc, Line, Program, Segment
+from planner.program_writer import program_toml
 
 # m: the lines of a row, the way between two rows, between two layers, and of the first layer above home.
 STEP, PITCH, RISE, HEIGHT = 2e-3, 1e-3, 1e-3, 20e-3
@@ -42,3 +48,12 @@ def _segments() -> Iterator[Segment]:
             up = -up
         z += up * RISE
         yield Line(np.array([x, y, z]))
+
+
+def main() -> None:
+    """Print the program file of so many segments."""
+    print(program_toml(raster(int(sys.argv[1]) if len(sys.argv) > 1 else 100)), end="")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,9 +1,9 @@
-"""Angles and lengths that [Sahbaz 2007] prints of its hexapod, beside ours."""
+"""Angles and lengths that [Sahbaz 2007] prints of its hexapod, beside ours: `python -m benchmarks.sahbaz_geometry`."""
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from benchmarks.compared import Compared
+from benchmarks.compared import Compared, comparison
 from benchmarks.initial_design import PRINTED, needs
 from kinematics import Axis, Hexapod, load_machine
 from kinematics.hexapod import joint_circle
@@ -67,3 +67,18 @@ def initial_design() -> list[Compared]:
             ("largest force of a leg", "N", 1, 3, PRINTED.force, ours.force),
         )
     ]
+
+
+def main() -> None:
+    """Print all of them."""
+    for title, rows in (
+        ("Table 4.3, directions of the legs", leg_angles()),
+        ("Table 6.4, direction of the platform's axis", axis_angles()),
+        ("Retracted legs", retracted()),
+        ("Chapter 2, initial design", initial_design()),
+    ):
+        print(f"{title}\n\n{comparison(rows)}\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -2,7 +2,7 @@
 
 from math import pi
 
-from benchmarks.published_lines import PublishedLine
+from benchmarks.published_lines import PublishedLine, table
 from kinematics.leadscrew_axis import Leadscrew, Slide, StepMotor, Traverse
 from kinematics.sizing import StepperSizing, size_stepper
 from kinematics.units import unit_value
@@ -93,3 +93,14 @@ def other_axes() -> dict[str, StepperSizing]:
         "transverse": axis(weight=140.0, lift=0.0),
         "longitudinal": axis(weight=300.0, travel=72.0, accuracy=0.020, lift=0.0),
     }
+
+
+def main() -> None:
+    """Print every line, and the other axes."""
+    print(table(appendix_b()))
+    for name, sizing in other_axes().items():
+        print(f"\n{name}\n{sizing}")
+
+
+if __name__ == "__main__":
+    main()

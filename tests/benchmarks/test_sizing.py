@@ -81,7 +81,17 @@ def test_the_command_prints_every_table(capsys):
 
 
 def test_initial_design_moves_as_printed():
-    """The speed's integral is the whole way, 3 s with ramps of 0.6 s; the share is the integral at every sample."""
+    """Quarters of a sine of 0.6 s, 3 s in all [Sahbaz 2007, Appendix B]; the share is the speed's integral."""
+    omega = np.pi / 1.2
+    top = 1 / (2 / omega + 1.8)
+    for t, rate in (
+        (0.0, 0.0),
+        (0.25, top * np.sin(0.25 * omega)),
+        (1.5, top),
+        (2.8, top * np.cos(0.4 * omega)),
+        (3, 0),
+    ):
+        assert float(initial_design.progress(np.array(t))[1]) == pytest.approx(rate, abs=1e-12)
     for t in (0.3, 0.6, 1.7, 2.4, 2.9, 3.0):
         way = quad(lambda at: float(initial_design.progress(np.array(at))[1]), 0, t, points=[0.6, 2.4], limit=200)[0]
         assert float(initial_design.progress(np.array(t))[0]) == pytest.approx(way, rel=1e-9)
