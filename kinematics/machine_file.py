@@ -6,6 +6,7 @@ from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Any
 
+from kinematics import kmitl_geometry
 from kinematics.document import Key, read
 from kinematics.errors import BadValue, FileError, MotionError, NotInstalled
 from kinematics.kinds.arm import ArmFile, arm, joints_of, of_a_joint
@@ -14,6 +15,7 @@ from kinematics.kinds.hexapod import LEGS, HexapodFile, hexapod
 from kinematics.kinds.linkage import NAMES, LinkageFile, linkage
 from kinematics.kinds.traverser import ROTARY, SLIDES, TraverserFile, traverser
 from kinematics.kinds.tripod import ARMS, TripodFile, tripod
+from kinematics.kmitl_geometry import is_basic_lengths, read_basic_lengths
 from kinematics.machine import Machine
 from kinematics.registry import beside, closest, nearest
 from kinematics.schema import File, build, refuse_mistaken
@@ -21,7 +23,12 @@ from kinematics.units import shown
 
 
 def read_machine(source: Path | Traversable) -> Machine:
-    """The machine that a file describes, named after the file. Raises FileError with every fault of the file."""
+    """The machine that a file describes, named after the file. Raises FileError with every fault of the file.
+
+    Also that of the geometry file of [KMITL 2005] (`kmitl_geometry`), which is no TOML.
+    """
+    if is_basic_lengths(source):
+        return read_basic_lengths(source)
     document = read(source)
     refuse_mistaken(document, MachineFile.what)
     kind = document.data.get("kind")
@@ -46,6 +53,15 @@ def read_machine(source: Path | Traversable) -> Machine:
         raise
     except MotionError as error:  # what only the whole machine shows, such as a home pose out of reach
         raise FileError(document.file, [document.fault(_place(document.data, error), str(error))]) from error
+
+
+def toml_of(source: Path | Traversable) -> bytes:
+    """The TOML of a machine's file as it stands; of one that is no TOML, one that says the same."""
+    if not is_basic_lengths(source):
+        return source.read_bytes()
+    from kinematics.machine_writer import machine_toml
+
+    return machine_toml(read_basic_lengths(source), f"from {source.name}; {kmitl_geometry.ASSUMED}").encode()
 
 
 def _place(data: Mapping[str, Any], error: MotionError) -> Key:

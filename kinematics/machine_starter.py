@@ -3,6 +3,7 @@
 import tomllib
 from collections.abc import Iterator
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ import numpy as np
 from kinematics.array import Array
 from kinematics.commented import Key, table
 from kinematics.hexapod import Hexapod
+from kinematics.machine_file import toml_of
 from kinematics.machine_keys import GEOMETRY, HEAD, LEGS, LINEAR, PLATFORM, ROTARY
 from kinematics.registry import beside, find, load_machine
 from kinematics.toml_text import millimetres
@@ -19,9 +21,9 @@ _LEGGED = ("hexapod", "tripod")
 
 def machine_starter(preset: str) -> str:
     """The text. Raises MotionError for a name that no bundled machine has."""
-    data = tomllib.loads(find("kinematics", "machine", preset).read_text(encoding="utf-8"))
+    data = _data(preset)
     lines = [
-        f'# A machine to start from, with the numbers of the bundled machine "{preset}": put your own in their place.',
+        f"# A machine to start from, with the numbers of {_named(preset)}: put your own in their place.",
         "# A line that begins with # and no blank is a key, or a table, that may be given: take the # away.",
         "# Numbers carry their units: mm, in, deg, rad, kg, N, s, Hz and so on.",
     ]
@@ -30,9 +32,17 @@ def machine_starter(preset: str) -> str:
 
 def companions(preset: str) -> dict[str, bytes]:
     """What the file names beside it, such as an arm's URDF: content by name."""
-    source = find("kinematics", "machine", preset)
-    urdf = tomllib.loads(source.read_text(encoding="utf-8"))["geometry"].get("urdf")
+    source, urdf = find("kinematics", "machine", preset), _data(preset)["geometry"].get("urdf")
     return {} if urdf is None else {urdf: (beside("kinematics", source) / urdf).read_bytes()}
+
+
+def _named(preset: str) -> str:
+    source = find("kinematics", "machine", preset)
+    return source.name if isinstance(source, Path) and source == Path(preset) else f'the bundled machine "{preset}"'
+
+
+def _data(preset: str) -> dict[str, Any]:
+    return tomllib.loads(toml_of(find("kinematics", "machine", preset)).decode())
 
 
 def _tables(preset: str, data: dict[str, Any]) -> Iterator[str]:

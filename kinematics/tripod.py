@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 from kinematics.array import Array, finite, frozen
 from kinematics.clearance import Disc
 from kinematics.legs import Legged, joints
+from kinematics.pose import Pose
 
 
 class Tripod(Legged):
@@ -38,3 +39,11 @@ class Tripod(Legged):
             platform_disc = replace(platform_disc, centre=np.asarray(platform_disc.centre) - self.tool)
         plate = joints(machine, "platform", platform, self.legs) - self.tool
         super().__init__(base, plate, platform_disc=platform_disc, **options)
+
+    def arm_lengths(self, pose: Pose) -> Array:
+        """‖p + R a − b‖ of each arm at any pose of the tool, turned or not: (N, 3) m, or (3,).
+
+        A simulation, as [KMITL 2005] has it: three arms cannot hold a plate that is turned, so `inverse` refuses to.
+        """
+        joints = self.platform @ np.swapaxes(pose.rotation.as_matrix(), -1, -2) + pose.translation[..., None, :]
+        return np.asarray(np.linalg.norm(joints - self.base, axis=-1))

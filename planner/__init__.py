@@ -34,6 +34,7 @@ from planner.trajectory import State, Trajectory
 from planner.triggers import Triggered
 
 if TYPE_CHECKING:
+    from planner.sources.arm_simulation import ArmSimulation
     from planner.sources.source import Imported
 
 __all__ = [
@@ -41,7 +42,7 @@ __all__ = [
     "PositionList", "Program", "PulseSchedule", "RealisedPath", "Solution", "Spline", "Standing", "State", "Stop",
     "Synchronised", "Through", "Trajectory", "Trigger", "Triggered", "Turn", "check", "classical", "import_program",
     "load_positions", "load_program", "orient", "plan", "plan_many", "program_names", "realised", "save_positions",
-    "synchronise", "time_optimal",
+    "simulate_arms", "synchronise", "time_optimal",
 ]  # fmt: skip
 
 
@@ -71,6 +72,17 @@ def save_positions(listed: PositionList, path: Any) -> None:
     from planner.sources.positions_csv import save_positions
 
     save_positions(listed, Path(path))
+
+
+def simulate_arms(listed: PositionList, machine: Any, *, unit: float | None = None) -> "ArmSimulation":
+    """The lengths of three arms at a list's poses, turned ones too, which are shown and never run.
+
+    unit  m: every step of the rule of [KMITL 2005], of a unit or of 1°; None: the listed poses alone
+    Raises MotionError for a machine without three arms.
+    """
+    from planner.sources.arm_simulation import simulate_arms
+
+    return simulate_arms(listed, machine, unit=unit)
 
 
 def program_names() -> tuple[str, ...]:

@@ -125,6 +125,7 @@ if TYPE_CHECKING:
         program_names,
         realised,
         save_positions,
+        simulate_arms,
         synchronise,
         time_optimal,
     )
@@ -246,6 +247,7 @@ __all__ = [
     "save_positions",
     "select_parts",
     "settings_of",
+    "simulate_arms",
     "size_stepper",
     "sweep",
     "synchronise",

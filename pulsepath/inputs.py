@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from kinematics import Fault, FileError, Machine, MotionError, NotInstalled, load_machine
 from kinematics.document import read
+from kinematics.machine_file import toml_of
 from kinematics.registry import beside, find
 from planner import Program, load_program
 
@@ -56,7 +57,7 @@ def read_inputs(program: str, machine: str | None) -> Inputs:
             raise
         document = read(find("planner", "program", program))
         raise FileError(document.file, [document.fault(("machine",), error)]) from error
-    content = file.read_bytes()
+    content = toml_of(file)
     urdf = tomllib.loads(content.decode()).get("geometry", {}).get("urdf")
     companions = {} if urdf is None else {urdf: (beside("kinematics", file) / urdf).read_bytes()}
     return Inputs(loaded, driven, find("planner", "program", program).read_bytes(), content, companions)

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import click
 
@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 
 MINUS = {"ignore_unknown_options": True}
 """So that "-10 mm, 0 mm, 25 mm" is a pose."""
+SIMULATED = (".csv", ".json", ".png", ".svg", ".pdf")
+"""What a simulation of the arms is saved as."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,6 +66,8 @@ def positions(context: click.Context, file: Path, as_json: bool) -> None:
     """Show the poses in FILE, or change them.
 
     FILE is a CSV file, or one of the three-armed machine.
+
+    "arms" shows the arm lengths of a machine with three arms at each pose, turned ones too.
 
     A POSE is "10 mm, 0 mm, 25 mm", and three angles after that if it is turned. Run a list, or a part of it, by
     "pulsepath import FILE --first 2 --last 5 --out PROGRAM".
@@ -118,6 +122,56 @@ def remove(of: Listed, first: int, last: int | None) -> None:
     Example: pulsepath positions poses.csv remove 3 5
     """
     of.write(of.read().remove(first, last))
+
+
+@positions.command()
+@click.option("--machine", default="tripod", metavar="MACHINE", show_default=True, help="A machine with three arms.")
+@click.option("--frame", type=click.Choice(("home", "base")), help="Of the poses. Default: what FILE says.")
+@click.option("--steps", is_flag=True, help="Every step of the machine's own rule: of a unit, or of 1 deg.")
+@click.option("--first", type=int, help="Number of the first pose. Default 1.")
+@click.option("--last", type=int, help="Number of the last pose. Default: the last there is.")
+@click.option("--out", type=click.Path(path_type=Path), help="CSV or JSON: the table; PNG, SVG or PDF: the figure.")
+@click.option("--force", is_flag=True, help="Replace what --out names.")
+@click.pass_obj
+def arms(
+    of: Listed,
+    machine: str,
+    frame: Literal["home", "base"] | None,
+    steps: bool,
+    first: int | None,
+    last: int | None,
+    out: Path | None,
+    force: bool,
+) -> None:
+    """Show the lengths of three arms at each pose, turned ones too.
+
+    A machine of three arms keeps the orientation of its plate: what is turned is simulated, as its authors do, and no
+    motion is made of it. The last column says how far the end point would be off if the machine were given these
+    lengths. MACHINE may be the source's own geometry file, Basiclength.txt.
+
+    Example: pulsepath positions poses.csv arms --steps
+    """
+    from dataclasses import replace
+
+    from kinematics import MotionError, load_machine
+    from kinematics.destination import Destination
+    from planner.export.kmitl import UNIT
+    from planner.sources.arm_simulation import simulate_arms
+    from pulsepath import record, tables
+
+    if out is not None and out.suffix.lower() not in SIMULATED:
+        raise MotionError(f"{out}: a simulation is saved as one of {', '.join(SIMULATED)}; give --out such a suffix")
+    destination = None if out is None else Destination(out, force=force)
+    listed = of.read().part(first, last)
+    listed = replace(listed, frame=frame or listed.frame)
+    found = simulate_arms(listed, load_machine(machine), unit=UNIT if steps else None)
+    if destination is not None:
+        with destination.staged() as file:
+            found.files()[destination.path.suffix.lower()](file)
+    if of.as_json:
+        click.echo(record.as_json(record.of_arms(found, str(of.path))), nl=False)
+    else:
+        tables.show(tables.of_results(found))
 
 
 @positions.command()

@@ -4,7 +4,7 @@ import json
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict
 from importlib.metadata import PackageNotFoundError, version
-from math import isfinite
+from math import isfinite, isnan
 from platform import python_version
 from typing import Any
 
@@ -19,6 +19,7 @@ from planner.limits import unkept
 from planner.option import options
 from planner.path.join import Blended
 from planner.pulses import RULES, PulseCheck, RealisedPath
+from planner.sources.arm_simulation import ArmSimulation
 from planner.sources.outline import Outline
 from planner.sources.position_list import PositionList
 from planner.sources.source import Imported
@@ -207,6 +208,22 @@ def of_import(name: str, found: Imported, way: Outline, file: str, figure: str) 
 def of_positions(listed: PositionList, file: str) -> Record:
     """A position list; m and rad."""
     return {"file": file, "rotation": listed.order, "frame": listed.frame, "poses": listed.poses.tolist()}
+
+
+def of_arms(found: ArmSimulation, file: str) -> Record:
+    """Arm lengths at poses, turned ones simulated only; m and rad. off: null where no held plate has the lengths."""
+    return {
+        "file": file,
+        "machine": found.machine,
+        "rotation": found.listed.order,
+        "frame": found.listed.frame,
+        "poses": found.listed.poses.tolist(),
+        "arm_lengths": found.lengths.tolist(),
+        "within_travel": found.within.tolist(),
+        "turned": found.turned.tolist(),
+        "off_if_held": [None if isnan(off) else off for off in found.off.tolist()],
+        "notes": list(found.notes),
+    }
 
 
 def of_rules() -> Record:

@@ -60,3 +60,18 @@ def positions(points: Array, ax: Axes | None = None, title: str = "") -> Axes:
     low, high = (of(points, axis=0, initial=0.0) if not len(points) else of(points, axis=0) for of in (np.min, np.max))
     length = sum(float(np.linalg.norm(b - a)) for a, b in strokes)
     return path(Outline(strokes, low, high, length), ax, title)
+
+
+def arms(lengths: Array, turned: np.ndarray, ax: Axes | None = None, title: str = "") -> Axes:
+    """Lengths (N, 3) in m of three arms from pose to pose; those of turned poses marked."""
+    ax = new_axes(ax, (7.5, 4.5))
+    pose = np.arange(1, len(lengths) + 1)
+    for k, length in enumerate(1e3 * lengths.T):
+        ax.plot(pose, length, ".-", label=f"arm{k + 1}")
+        ax.plot(pose[turned], length[turned], "o", markerfacecolor="none", color=ax.lines[-1].get_color())
+    if turned.any():
+        ax.plot([], [], "o", markerfacecolor="none", color="black", label="turned: simulated only")
+    ax.set(xlabel="pose", ylabel="length (mm)")
+    ax.legend(frameon=False)
+    ax.set_title(literal(title))
+    return ax

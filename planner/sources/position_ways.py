@@ -1,6 +1,7 @@
 """Programs from position lists: through the poses as fast as it goes, or by the steps of [KMITL 2005]."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from itertools import pairwise
 from math import ceil, pi
 
@@ -58,27 +59,35 @@ def stepped(
     on from the listed pose all the same, as it begins every move at the listed one, which no machine can jump to); the
     largest change is one of magnitudes (the source takes that of x with its sign, so that moves along −x run astray).
     """
+    steps, told = step_poses(listed, unit)
+    segments = list(through(steps.part(1, 1), start, Stop(), speed)[0])
+    moves = np.any(np.diff(steps.poses[:, :3], axis=0) != 0, axis=1)
+    for pose, rotation, moved in zip(steps.poses[1:], steps.rotations[1:], moves, strict=True):
+        segments.append(Line(pose[:3], None, speed) if moved else Turn(rotation, Stop()))
+    return tuple(segments), told
+
+
+def step_poses(listed: PositionList, unit: float) -> tuple[PositionList, list[str]]:
+    """The poses that `stepped` goes through one after another, the first one of the list among them; what to know."""
     if not (np.isfinite(unit) and unit > 0):
         raise MotionError(f"unit length {unit} m must be positive and finite")
     count = sum(_steps(b[:3] - a[:3], unit) or _steps(b[3:] - a[3:], STEP) for a, b in pairwise(listed.poses))
     if count > MOST:
         raise MotionError(f"{count} steps of {unit * 1e3:g} mm, more than {MOST}: take a longer unit, or fewer poses")
-    segments = list(through(listed.part(1, 1), start, Stop(), speed)[0])
     angles, dropped = listed.poses[0, 3:], 0
+    steps = [listed.poses[0]]
     for before, after in pairwise(listed.poses):
         way = after[:3] - before[:3]
         if abs(way).max() > SAME:
             dropped += float(abs(after[3:] - angles).max()) > SAME
-            segments += [Line(before[:3] + share * way, None, speed) for share in _shares(way, unit)]
+            steps += [np.concatenate((before[:3] + share * way, angles)) for share in _shares(way, unit)]
             continue
         turn = after[3:] - angles
-        steps = [angles + share * turn for share in _shares(turn, STEP)]
-        if steps:
-            poses = PositionList(np.column_stack([np.repeat(after[None, :3], len(steps), 0), steps]), listed.order)
-            segments += [Turn(rotation, Stop()) for rotation in poses.rotations]
-            angles = after[3:]
+        shares = list(_shares(turn, STEP))
+        steps += [np.concatenate((after[:3], angles + share * turn)) for share in shares]
+        angles = after[3:] if shares else angles
     told = [f"{dropped} rotations beside a translation were dropped, as the stepping rule has it"] if dropped else []
-    return tuple(segments), told
+    return replace(listed, poses=np.array(steps)), told
 
 
 def _steps(way: np.ndarray, step: float) -> int:

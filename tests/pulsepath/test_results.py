@@ -99,6 +99,7 @@ MAKERS = {
     "Classical": lambda: pp.classical(plan()),
     "Program": lambda: plan().program,
     "PositionList": lambda: pp.PositionList([[0, 0, 0.01, 0, 0, 0], [0, 0.01, 0.01, 0, 0, 0.1]]),
+    "ArmSimulation": lambda: pp.simulate_arms(pp.PositionList([[0, 0, 0.01, 0, 0, 0.1]]), pp.load_machine("tripod")),
     "Imported": lambda: Imported(plan().program, {"G1": 3}, ("<i>",)),
     "Hexapod": machine,
     "Tripod": lambda: pp.load_machine("tripod"),

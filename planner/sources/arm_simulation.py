@@ -1,0 +1,132 @@
+"""The plate's rotation on three arms, as the program of [KMITL 2005] shows it: which arm lengths a turned pose takes.
+
+A machine of three arms keeps its plate's orientation and cannot turn it; the source turns it on the screen alone. So
+does this: lengths are shown, and no motion is made of them.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from kinematics.array import Array, frozen
+from kinematics.errors import MotionError
+from kinematics.machine import Machine
+from kinematics.result import Result
+from kinematics.table import Column, Table
+from kinematics.tripod import Tripod
+from planner.sources.position_list import PositionList
+from planner.sources.position_ways import step_poses
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+TURNED = 1e-9
+"""rad by which a plate is held as it is at home, but for rounding."""
+CLOSE = 1e-9
+"""m by which arms may miss their lengths where the held plate is looked for."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ArmSimulation(Result):
+    """Arm lengths at N poses of the end point, turned ones too.
+
+    listed   the poses, in their own frame
+    lengths  (N, 3) m, between the joints of each arm
+    stroke   (N, 3) m, from their lengths at home
+    within   (N, 3) bool, whether that is in the arm's travel
+    turned   (N,) bool: simulated only, for the machine keeps the orientation that its plate has at home
+    off      (N,) m, by which the end point of the machine, its plate held, would miss the pose with these lengths; nan
+             where no pose has them. 0 where the pose is not turned
+    """
+
+    machine: str
+    listed: PositionList
+    lengths: Array
+    stroke: Array
+    within: np.ndarray
+    turned: np.ndarray
+    off: Array
+    notes: tuple[str, ...] = field(default=())
+
+    def __post_init__(self) -> None:
+        for name in ("lengths", "stroke", "within", "turned", "off"):
+            object.__setattr__(self, name, frozen(getattr(self, name)))
+
+    def tables(self) -> tuple[Table, ...]:
+        """Pose by pose: the arms' lengths, and what the machine can make of them."""
+        short = [" ".join(str(k + 1) for k in np.flatnonzero(~row)) for row in self.within]
+        columns = (
+            Column("pose", range(1, len(self.listed) + 1)),
+            *(Column(name, self.listed.poses[:, k], "m", "human") for k, name in enumerate("xyz")),
+            *(Column(f"θ{name}", self.listed.poses[:, 3 + k], "rad", "human") for k, name in enumerate("xyz")),
+            *(Column(f"arm{k + 1}", self.lengths[:, k], "m", "human", ".3f") for k in range(3)),
+            Column("plate", np.where(self.turned, "turned", "held").tolist()),
+            Column("off", self.off, "m", "human", ".3f"),
+            *((Column("beyond", short),) if any(short) else ()),
+        )
+        count = int(self.turned.sum())
+        told = (
+            f"{count} of {len(self.listed)} poses are turned, and simulated only: no motion is made of them",
+            f"off: how far the end point would miss the pose if {self.machine}, which keeps its plate's orientation, "
+            "were given these lengths",
+        )
+        beyond = ("beyond: the arms that are beyond their travel there",)
+        title = f"arm lengths of {self.machine} at {len(self.listed)} poses from {self.listed.frame}"
+        return (Table(title, columns, (*self.notes, *(told if count else ()), *(beyond if any(short) else ()))),)
+
+    def files(self) -> Mapping[str, Callable[[Path], None]]:
+        """.csv and .json: the table; .png, .svg and .pdf: the figure."""
+        return {**Result.files(self), **{f".{kind}": partial(self._figure, kind) for kind in ("png", "svg", "pdf")}}
+
+    def _figure(self, kind: str, path: Path) -> None:
+        figure = self.plot().get_figure(root=True)
+        if figure is not None:
+            figure.savefig(path, format=kind, dpi=150)
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """The arms' lengths from pose to pose; turned ones shaded."""
+        from planner.sources.plots import arms
+
+        return arms(self.lengths, self.turned, ax, f"arm lengths of {self.machine}")
+
+
+def simulate_arms(listed: PositionList, machine: Machine, *, unit: float | None = None) -> ArmSimulation:
+    """The arm lengths of a list's poses, R = Ry · Rz · Rx where the list says so.
+
+    unit  m: every step of the source's rule (`position_ways.stepped`), of a unit or of 1°; None: the listed poses
+    Raises MotionError for a machine without three arms, and for a list without a pose.
+    """
+    if not isinstance(machine, Tripod):
+        raise MotionError(f"arm simulation: machine {machine.name} is no tripod, which has three arms")
+    if not len(listed):
+        raise MotionError("arm simulation: the list has no pose; record one first")
+    notes: list[str] = []
+    if unit is not None:
+        listed, notes = step_poses(listed, unit)
+    pose = RigidTransform.from_components(listed.poses[:, :3], listed.rotations)
+    if listed.frame == "home":
+        pose = machine.home * pose
+    lengths = machine.arm_lengths(pose)
+    stroke = lengths - machine.home_q
+    low, high = np.array([axis.travel for axis in machine.axes]).T
+    turned = np.asarray((machine.home.rotation.inv() * pose.rotation).magnitude() > TURNED)
+    off = np.zeros(len(lengths))
+    if turned.any():
+        off[turned] = _off(machine, lengths[turned], pose.translation[turned])
+    within = (stroke >= low - CLOSE) & (stroke <= high + CLOSE)
+    return ArmSimulation(machine.name, listed, lengths, stroke, within, turned, off, tuple(notes))
+
+
+def _off(machine: Tripod, lengths: Array, wanted: Array) -> Array:
+    """(K,) m between places and those of the end point with the plate held; nan where no pose has the lengths."""
+    near = RigidTransform.from_components(
+        wanted, Rotation.from_matrix([machine.home.rotation.as_matrix()] * len(wanted))
+    )
+    found = machine.forward(lengths, near=near, certify=False)
+    gap = np.linalg.norm(found.pose.translation - wanted, axis=1)
+    return np.where(found.residual <= CLOSE, gap, np.nan)
