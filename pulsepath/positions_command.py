@@ -14,7 +14,8 @@ if TYPE_CHECKING:
 
 MINUS = {"ignore_unknown_options": True}
 """So that "-10 mm, 0 mm, 25 mm" is a pose."""
-SIMULATED = (".csv", ".json", ".png", ".svg", ".pdf")
+FIGURES = (".png", ".svg", ".pdf")
+SIMULATED = (".csv", ".json", *FIGURES)
 """What a simulation of the arms is saved as."""
 
 
@@ -166,8 +167,14 @@ def arms(
     listed = replace(listed, frame=frame or listed.frame)
     found = simulate_arms(listed, load_machine(machine), unit=UNIT if steps else None)
     if destination is not None:
+        kind = destination.path.suffix.lower()
         with destination.staged() as file:
-            found.files()[destination.path.suffix.lower()](file)
+            if kind in FIGURES:
+                figure = found.plot().get_figure(root=True)
+                if figure is not None:
+                    figure.savefig(file, format=kind[1:], dpi=150)
+            else:
+                found.files()[kind](file)
     if of.as_json:
         click.echo(record.as_json(record.of_arms(found, str(of.path))), nl=False)
     else:

@@ -4,10 +4,7 @@ A machine of three arms keeps its plate's orientation and cannot turn it; the so
 does this: lengths are shown, and no motion is made of them.
 """
 
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -78,15 +75,6 @@ class ArmSimulation(Result):
         beyond = ("beyond: the arms that are beyond their travel there",)
         title = f"arm lengths of {self.machine} at {len(self.listed)} poses from {self.listed.frame}"
         return (Table(title, columns, (*self.notes, *(told if count else ()), *(beyond if any(short) else ()))),)
-
-    def files(self) -> Mapping[str, Callable[[Path], None]]:
-        """.csv and .json: the table; .png, .svg and .pdf: the figure."""
-        return {**Result.files(self), **{f".{kind}": partial(self._figure, kind) for kind in ("png", "svg", "pdf")}}
-
-    def _figure(self, kind: str, path: Path) -> None:
-        figure = self.plot().get_figure(root=True)
-        if figure is not None:
-            figure.savefig(path, format=kind, dpi=150)
 
     def plot(self, ax: "Axes | None" = None) -> "Axes":
         """The arms' lengths from pose to pose; turned ones shaded."""
