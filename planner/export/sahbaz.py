@@ -10,8 +10,9 @@ wiring's signs; speeds pulses/s in steps of a 16-bit register. With T the time o
 in the plan, its ramps last T − D/v, so that all axes start and stop together, as in the thesis. Speeds there are whole
 pulses/s, which lets slow legs end at other times; that is not followed. ASCII, line ends \\r\\n.
 
-Exact for synchronised moves at order 2, whose axes run such trapezoids. A motion of another shape between two rests is
-replaced by these, and by how much they differ is measured; one in which an axis turns back is refused.
+Exact for synchronised moves at order 2 that no limit of the tool slows: axes run such trapezoids then. A motion of
+another shape between two rests is replaced by these, and by how much they differ is measured; one in which an axis
+turns back is refused.
 """
 
 import re
