@@ -27,10 +27,11 @@ class Listed:
     as_json: bool
     destination: "Destination"
 
-    def read(self) -> "PositionList":
+    def read(self, machine: str = "tripod") -> "PositionList":
+        """The list; machine: that a file of the three-armed machine is of."""
         from planner.sources.positions import Positions
 
-        return Positions().load(self.path)[0]
+        return Positions(arms=machine).load(self.path)[0]
 
     def write(self, listed: "PositionList") -> None:
         """Whole or not at all. Raises MotionError for what is no CSV file by its suffix."""
@@ -163,7 +164,7 @@ def arms(
     if out is not None and out.suffix.lower() not in SIMULATED:
         raise MotionError(f"{out}: a simulation is saved as one of {', '.join(SIMULATED)}; give --out such a suffix")
     destination = None if out is None else Destination(out, force=force)
-    listed = of.read().part(first, last)
+    listed = of.read(machine).part(first, last)
     listed = replace(listed, frame=frame or listed.frame)
     found = simulate_arms(listed, load_machine(machine), unit=UNIT if steps else None)
     if destination is not None:

@@ -8,8 +8,9 @@
     Polar1move(3)z -325.00
 
 Per pose n, in the source's order: `ce` the end point, `c` the plate's centre, r the angles in degrees (0: the plate
-keeps its orientation), `mov` the arms' joints on the plate, `move` the same at the end point's height. Then an empty
-line. Positions are in units, in the machine's base frame (ASSUMPTION: the source's own offset ZOS is 0). The source's
+keeps its orientation), `mov` the arms' joints on the plate, `move` the same at the height of the plate's centre. Then
+an empty line. Positions are in units, in the machine's base frame; but z of `ce` and `c` counts from the end point's
+height at home, which is the offset ZOS that the source sets as it starts, takes off here and adds again. The source's
 reader takes columns 15 to 21 of a line, which hold the number as long as n has one digit. ASCII, line ends \\r\\n.
 """
 
@@ -57,12 +58,12 @@ class KmitlPositions:
         path.write_text(text, encoding="ascii", newline="")
         notes = [
             f"{len(s)} poses, joined by straight lines within {1e3 * chord:g} mm; the file holds no times",
-            f"units of {1e3 * unit:g} mm in the machine's base frame",
+            f"units of {1e3 * unit:g} mm in the machine's base frame; z of ends and centres from home's",
         ]
         if len(s) > 9:
             notes.append("the source's own reader takes numbers of one digit only: its columns are fixed")
         against = "the path, the poses joined by straight lines"
-        ends = _read(path)
+        ends = _read(path) + np.array([0.0, 0.0, offset(machine) / unit])
         moves = int(np.diff(ends, axis=0).any(1).sum())
         return Exported(_error(source, ends * unit, s, piece), against, tuple(notes), moves)
 
@@ -76,13 +77,20 @@ def positions_text(x: Array, angles: Array, machine: Tripod, unit: float) -> str
     turn = x[:, None, 3:].reshape(-1, 1, 3, 3)
     plate = x[:, None, :3] - (turn @ machine.tool)
     joints = x[:, None, :3] + (turn @ machine.platform[:, :, None])[..., 0]
-    ends = joints + (turn @ machine.tool)
+    level = machine.platform * [1, 1, 0] - machine.tool * [0, 0, 1]  # from the end point
+    ends = x[:, None, :3] + (turn @ level[:, :, None])[..., 0]
+    zero = np.array([0.0, 0.0, offset(machine)])
     stated = np.degrees(angles)[:, None] * unit  # the only numbers that are no lengths
-    values = np.concatenate([x[:, None, :3], plate, stated, joints, ends], 1).reshape(len(x), -1) / unit
+    values = np.concatenate([x[:, None, :3] - zero, plate - zero, stated, joints, ends], 1).reshape(len(x), -1) / unit
     lines = []
     for n, row in enumerate(values.tolist(), 1):
         lines += [*(f"Polar{n}{key} {kmitl.number(v, key)}" for key, v in zip(KEYS, row, strict=True)), ""]
     return "".join(f"{line}\r\n" for line in lines)
+
+
+def offset(machine: Tripod) -> float:
+    """m, in the base frame: the height from which the source counts, that of the end point as it starts (its ZOS)."""
+    return float(machine.home.translation[2])
 
 
 def list_text(listed: PositionList, machine: Machine, unit: float = kmitl.UNIT) -> str:

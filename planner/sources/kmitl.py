@@ -33,13 +33,18 @@ def is_kmitl(text: str) -> bool:
 def read_kmitl(path: Path, text: str, unit: float, machine: str) -> PositionList:
     """Either of the two files; unit: m. Raises FileError with all faults, each with its line."""
     faults = Faults(str(path))
+    from kinematics import load_machine
+
+    three = load_machine(machine)
+    if not isinstance(three, Tripod):
+        raise MotionError(f"machine {machine}: files of three arms need a tripod")
     if text.lstrip().startswith("Polar"):
-        return _positions(text, unit, faults)
-    return _arms(text, unit, machine, faults)
+        return _positions(text, unit, three, faults)
+    return _arms(text, unit, three, faults)
 
 
-def _positions(text: str, unit: float, faults: Faults) -> PositionList:
-    """Positions in the machine's base frame (ASSUMPTION: the source's own offset ZOS is 0), R = Ry · Rz · Rx."""
+def _positions(text: str, unit: float, three: Tripod, faults: Faults) -> PositionList:
+    """Positions in the machine's base frame, R = Ry · Rz · Rx; the file counts z from the end point's at home (ZOS)."""
     poses: dict[int, dict[str, float]] = {}
     begins: dict[int, int] = {}
     for number, line in enumerate(text.split("\n"), 1):
@@ -62,16 +67,13 @@ def _positions(text: str, unit: float, faults: Faults) -> PositionList:
             faults.add(f"position {nth} has no {', '.join(left)}", begins[nth])
     faults.refuse()
     values = np.array([[pose[key] for key in ASKED] for _, pose in sorted(poses.items())])
-    return PositionList(values * ([unit] * 3 + [np.pi / 180] * 3), "yzx", "base")
+    values = values * ([unit] * 3 + [np.pi / 180] * 3)
+    values[:, 2] += three.home.translation[2]
+    return PositionList(values, "yzx", "base")
 
 
-def _arms(text: str, unit: float, machine: str, faults: Faults) -> PositionList:
+def _arms(text: str, unit: float, three: Tripod, faults: Faults) -> PositionList:
     """Poses of the machine that has these arms: of the point that its own poses are those of."""
-    from kinematics import load_machine
-
-    three = load_machine(machine)
-    if not isinstance(three, Tripod):
-        raise MotionError(f"machine {machine}: arm lengths of three arms need a tripod")
     lengths: list[list[float]] = []
     arm = 0
     for number, line in enumerate(text.split("\n"), 1):

@@ -53,7 +53,7 @@ class Positions:
     blend: float | None = option(None, 'instead: round joins within so much, as "0.05 mm"', "m")
     speed: float | None = option(None, "cap of the tool's speed. Default: none", "m/s")
     tool: str | None = option(None, "the tool's frame in the platform's, as \"0 mm, 0 mm, -50 mm\". Default: none")
-    arms: str = option("tripod", "machine that arm lengths are of. Default tripod")
+    arms: str = option("tripod", "machine that a file of the three-armed machine is of. Default tripod")
 
     def __post_init__(self) -> None:
         for name, unit in (("blend", "m"), ("speed", "m/s"), ("unit_length", "m")):

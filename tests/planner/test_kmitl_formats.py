@@ -135,18 +135,21 @@ def test_the_position_list_reads_by_its_keys(source, tmp_path):
     assert KEYS[0] == "____cex"
     assert KEYS[3] == "_____cx"
     assert (KEYS[8], KEYS[9], KEYS[-1]) == ("_____rz", "_mov(1)x", "move(3)z")
-    assert [first[f"____ce{c}"] for c in "xyz"] == [0, 0, -300]
-    assert [first[f"_____c{c}"] for c in "xyz"] == [0, 0, -250]
-    assert [last[f"____ce{c}"] for c in "xyz"] == [0, 1, -297]
+    # the source takes off the end point's height at its start as it writes, and adds it again; joints are absolute
+    zos = np.array([0, 0, -300])
+    assert [first[f"____ce{c}"] for c in "xyz"] == [0, 0, 0]
+    assert [first[f"_____c{c}"] for c in "xyz"] == [0, 0, 50]
+    assert [last[f"____ce{c}"] for c in "xyz"] == [0, 1, 3]
     for pose in poses:
-        end = np.array([pose[f"____ce{c}"] for c in "xyz"])
+        end = np.array([pose[f"____ce{c}"] for c in "xyz"]) + zos
         assert [pose[f"_____r{c}"] for c in "xyz"] == [0, 0, 0]
         for joint in (1, 2, 3):
             at = np.array([pose[f"_mov({joint}){c}"] for c in "xyz"])
             # seven characters: 0.005 mm where there are three digits and a sign before the point
             assert at == pytest.approx(end + [0, 0, 50] + MOVED[joint - 1], abs=0.011)
             below = np.array([pose[f"move({joint}){c}"] for c in "xyz"])
-            assert below == pytest.approx(at - [0, 0, 50], abs=0.011)
+            # the plate's joints lie in the plate, as `Lengtherror` of the preset is 0
+            assert below == pytest.approx(at, abs=0.011)
     # the circle as a polygon: all its corners on it, its sides within the tolerance
     ends = np.array([[pose[f"____ce{c}"] for c in "xyz"] for pose in poses])[1:-1]
     assert np.hypot(*ends[:, :2].T) == pytest.approx(2, abs=1e-3)
@@ -159,7 +162,7 @@ def test_the_position_list_reads_by_its_keys(source, tmp_path):
 def test_the_position_lists_error_is_that_of_its_chords(source, tmp_path):
     coarse = KmitlPositions(chord=1e-3).write(source, tmp_path / "coarse.txt").error
     fine = KmitlPositions(chord=1e-5).write(source, tmp_path / "fine.txt").error
-    # no arm changes by more than the end point moves; the text of z = -300.00 mm adds up to 0.005 mm
+    # no arm changes by more than the end point moves; the text of numbers adds up to 0.005 mm
     assert fine <= (0.01 + 0.006) * 25_000
     assert fine < coarse <= (1 + 0.006) * 25_000
 

@@ -352,4 +352,5 @@ def test_both_writers_of_the_source_are_read(write):
     loose = "".join(f"Polar1 _____ {key.strip('_')} {k}.5\n" for k, key in enumerate(keys))
     for text in (tight, loose):
         listed, _ = Positions(unit_length=2e-3).load(write(text, "list.txt"))
-        assert listed.poses[0] == pytest.approx([1e-3, 3e-3, 5e-3, *np.radians([3.5, 4.5, 5.5])])
+        # z counts from the end point's height at home, 300 mm below the base
+        assert listed.poses[0] == pytest.approx([1e-3, 3e-3, -0.3 + 5e-3, *np.radians([3.5, 4.5, 5.5])])
