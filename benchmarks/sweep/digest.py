@@ -8,6 +8,7 @@ from functools import cache
 from hashlib import sha256
 from importlib.metadata import PackageNotFoundError, version
 from importlib.resources import files
+from platform import python_version
 from typing import Any
 
 import numpy as np
@@ -18,19 +19,18 @@ from controllers.task import Task
 from kinematics.errors import MotionError
 from kinematics.machine import Machine
 from planner.actuation import MachinePath
+from planner.environment import LIBRARIES
 from planner.trajectory import Trajectory
 
 PERIOD = 1e-3
 """s between the instants at which a motion is hashed."""
 PACKAGES = ("kinematics", "planner", "controllers", "benchmarks.sweep")
 """Whose source makes the results."""
-LIBRARIES = ("numpy", "scipy", "casadi", "osqp")
-"""Whose rounding, and whose solutions, enter them."""
 
 
 def digest(cell: Cell, of: Digests) -> str:
-    """SHA-256 of the cell, its rig, its task, the code and its libraries, as 32 hexadecimal digits."""
-    return _hash([cell, of.rig, of.tasks[cell.task], of.code, of.libraries])[:32]
+    """SHA-256 of the cell, its rig, its task, the code, its libraries and Python, as 32 hexadecimal digits."""
+    return _hash([cell, of.rig, of.tasks[cell.task], of.code, of.libraries, of.python])[:32]
 
 
 class Digests:
@@ -41,6 +41,7 @@ class Digests:
         self.tasks = {task.name: _hash(task) for task in rig.tasks}
         self.code = code()
         self.libraries = versions(LIBRARIES)
+        self.python = python_version()
 
     def as_record(self) -> dict[str, Any]:
         return {"rig": self.rig, "tasks": self.tasks, "code": self.code}

@@ -11,6 +11,11 @@ import numpy as np
 
 from benchmarks.sweep.cell import Cell, Setting, Variation
 from kinematics.array import Array, frozen
+from kinematics.errors import MotionError
+
+
+class Damaged(MotionError):
+    """What is no run of a sweep, or no longer."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,6 +26,8 @@ class Series:
     planned, actual     (N, 3) m, or (N, n) axis positions where the motion has no path in space
     contour, tracking   (N,) the distances to the path and to the plan
     torque              (N, n) torque over its limit, of the largest magnitude until the next instant
+    reference, feedback (N, n) m or rad: where each axis should have been and what its encoder read; (N, 0) in runs
+                        that were saved before these were kept
     """
 
     t: Array
@@ -30,6 +37,8 @@ class Series:
     contour: Array
     tracking: Array
     torque: Array
+    reference: Array
+    feedback: Array
 
     def __post_init__(self) -> None:
         for one in fields(self):
@@ -39,8 +48,14 @@ class Series:
     def unpacked(content: bytes) -> Series | None:
         """Of a file that `Result.packed` made; None where the run has none."""
         with np.load(BytesIO(content), allow_pickle=False) as file:
+            if FIRST not in file:
+                return None
+            none = np.empty((len(file[FIRST]), 0))
             names = [one.name for one in fields(Series)]
-            return Series(*(file[name].astype(float) for name in names)) if names[0] in file else None
+            return Series(*(file[name].astype(float) if name in file else none for name in names))
+
+
+FIRST = "t"
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +74,8 @@ class Result:
     def packed(self) -> bytes:
         """As an .npz file: the record as JSON text, and the arrays in single precision."""
         arrays = {} if self.series is None else {one.name: getattr(self.series, one.name) for one in fields(Series)}
-        record = {"cell": asdict(self.cell), "figures": dict(self.figures), "failure": self.failure}
+        cell = asdict(self.cell)
+        record = {"cell": cell, "figures": dict(self.figures), "failure": self.failure, "arrays": sorted(arrays)}
         buffer = BytesIO()
         np.savez_compressed(
             buffer,
@@ -70,10 +86,19 @@ class Result:
 
     @staticmethod
     def unpacked(content: bytes) -> Result:
-        """What `packed` made, without the series. Raises ValueError, KeyError or OSError for anything else."""
-        with np.load(BytesIO(content), allow_pickle=False) as file:
-            record = json.loads(str(file["record"]))
-        cell, setting = record["cell"], record["cell"]["setting"]
-        gains = tuple((name, value) for name, value in setting["gains"])
-        made = Cell(Setting(setting["law"], gains), cell["task"], Variation(**cell["variation"]), cell["seed"])
-        return Result(made, record["figures"], record["failure"])
+        """What `packed` made, without the series. Raises Damaged for anything else, were it by a single bit.
+
+        Every array is read, and so held against its checksum: what is damaged is found here, not by who uses it.
+        """
+        try:
+            with np.load(BytesIO(content), allow_pickle=False) as file:
+                arrays = {name: file[name] for name in file}
+            record = json.loads(str(arrays.pop("record")))
+            if sorted(arrays) != record.get("arrays", sorted(arrays)):
+                raise KeyError(f"arrays {', '.join(sorted(arrays))}")
+            cell, setting = record["cell"], record["cell"]["setting"]
+            gains = tuple((name, value) for name, value in setting["gains"])
+            made = Cell(Setting(setting["law"], gains), cell["task"], Variation(**cell["variation"]), cell["seed"])
+            return Result(made, record["figures"], record["failure"])
+        except Exception as error:  # of zipfile, zlib, struct, json or numpy: whatever a byte out of place leads to
+            raise Damaged(f"no run can be read: {type(error).__name__}: {error}") from error

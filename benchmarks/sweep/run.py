@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.sweep.cell import Cell
-from benchmarks.sweep.digest import Digests, digest, versions
+from benchmarks.sweep.digest import PACKAGES, Digests, digest
 from benchmarks.sweep.grid import Grid
 from benchmarks.sweep.result import Result
 from benchmarks.sweep.score import score
@@ -48,7 +48,7 @@ def sweep(
     facts = described(grid, rig)  # refuses what the rig has not, before there is a folder
     cells, digests, store = list(grid), Digests(rig), Store(folder)
     keys = [digest(cell, digests) for cell in cells]
-    found = {key: store.find(key) for key in keys}
+    found = {key: store.find(key, cell) for key, cell in zip(keys, cells, strict=True)}
     key_of = dict(zip(cells, keys, strict=True))
     batches = list(_batches([cell for cell, key in key_of.items() if found[key] is None]))
     done = sum(result is not None for result in found.values())
@@ -67,7 +67,7 @@ def sweep(
     lost = _run(batches, rig, address, keep, tell)
     if lost:
         raise MotionError(f"sweep: {len(lost)} of {len(batches)} batches were lost, all others are kept: {lost[0]}")
-    made_with = {"python": python_version(), **versions(("pulsepath",)), **digests.libraries}
+    made_with = {"python": python_version(), **digests.libraries}
     record = {"rig": rig.name, "sha256": digests.as_record(), **facts, "versions": made_with}
     store.record(record, keys)
     return load_runs(folder)
@@ -86,7 +86,7 @@ def _run(
             tell('Dask is not installed (extra "cluster"): the runs are spread over processes of this computer')
         spread(partial(score, rig=rig), batches, keep)
         return lost
-    for n, results in on_cluster(score, batches, rig, address) if batches else ():
+    for n, results in on_cluster(score, batches, rig, address, packages=PACKAGES) if batches else ():
         if isinstance(results, Lost):
             lost.append(results)
         else:

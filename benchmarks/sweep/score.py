@@ -11,7 +11,7 @@ import numpy as np
 from benchmarks.sweep.cell import Cell, batched
 from benchmarks.sweep.result import Result, Series
 from controllers.metrics import BATCH_PERIOD, Metrics, evaluate_runs
-from controllers.metrics.attained import planned_at
+from controllers.metrics.attained import Planned, planned_at
 from controllers.metrics.effort import torque_limits
 from controllers.rig import Rig, disturbed
 from controllers.simulate import sample, simulate
@@ -35,8 +35,9 @@ def score(cells: Sequence[Cell], rig: Rig) -> list[Result]:
         return [*score(cells[:half], rig), *score(cells[half:], rig)]
     share = runs.torque / torque_limits(rigs)
     every = max(1, round(BATCH_PERIOD / (runs.t[1] - runs.t[0])))
+    read = machine.home_q + runs.measured[::every] * [axis.pulse for axis in machine.axes]
     return [
-        _result(cell, of, planned_at(task.motion, machine, of.t).s, share[:, lane], every)
+        _result(cell, of, planned_at(task.motion, machine, of.t), read[:, lane], share[:, lane], every)
         for lane, (cell, of) in enumerate(zip(cells, metrics, strict=True))
     ]
 
@@ -47,8 +48,9 @@ def _own(rig: Rig, cell: Cell) -> Rig:
     return replace(varied, host=replace(rig.host, seed=rig.host.seed + cell.seed))
 
 
-def _result(cell: Cell, metrics: Metrics, s: Array, share: Array, every: int) -> Result:
-    """share (N, n): torque over its limit at all samples, of which the metrics see one in `every`."""
+def _result(cell: Cell, metrics: Metrics, planned: Planned, read: Array, share: Array, every: int) -> Result:
+    """read (K, n): by the encoders; share (N, n): torque over its limit at all samples, of which the metrics see one in
+    `every`."""
     figures = metrics.figures()
     if isnan(figures["contour_rms"]):
         return Result(cell, failure="the axes left what the machine can reach, or its way of standing")
@@ -56,11 +58,13 @@ def _result(cell: Cell, metrics: Metrics, s: Array, share: Array, every: int) ->
     high, low = np.maximum.reduceat(share, first), np.minimum.reduceat(share, first)
     series = Series(
         t=metrics.t,
-        s=s,
+        s=planned.s,
         planned=metrics.planned,
         actual=metrics.attained,
         contour=metrics.contour.value,
         tracking=metrics.tracking.value,
         torque=np.where(high > -low, high, low),
+        reference=planned.q,
+        feedback=read[: len(metrics.t)],
     )
     return Result(cell, {name: value for name, value in figures.items() if not isnan(value)}, series=series)

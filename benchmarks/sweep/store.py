@@ -5,12 +5,13 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-from zipfile import BadZipFile
 
+from benchmarks.sweep.cell import Cell
 from benchmarks.sweep.figure_unit import unit_of
-from benchmarks.sweep.result import Result, Series
+from benchmarks.sweep.result import Damaged, Result, Series
 from kinematics.errors import MotionError
 from kinematics.result import Result as Shown
 from kinematics.staging import write_whole
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 CELLS, RECORD, KIND = "cells", "runs.json", "pulsepath runs"
+SEAL = "sha256_of_this"
+"""Of all else in the record; older ones have none."""
 
 
 class Store:
@@ -29,12 +32,13 @@ class Store:
         self.folder = folder
         (folder / CELLS).mkdir(parents=True, exist_ok=True)
 
-    def find(self, key: str) -> Result | None:
-        """The run of a key, if it is kept; a file that cannot be read counts as none."""
+    def find(self, key: str, cell: Cell | None = None) -> Result | None:
+        """The run of a key, if it is kept whole; a file that cannot be read, or is of another cell, counts as none."""
         try:
-            return Result.unpacked((self.folder / CELLS / f"{key}.npz").read_bytes())
-        except (OSError, ValueError, KeyError, TypeError, BadZipFile):
+            found = Result.unpacked((self.folder / CELLS / f"{key}.npz").read_bytes())
+        except (OSError, Damaged):
             return None
+        return found if cell is None or found.cell == cell else None
 
     def keep(self, key: str, result: Result) -> None:
         """Write a run; its file takes its place when it is complete."""
@@ -42,7 +46,8 @@ class Store:
 
     def record(self, record: Mapping[str, Any], keys: Sequence[str]) -> None:
         """Write down which runs belong together, and what they were made with."""
-        text = json.dumps({"schema": 1, "kind": KIND, **record, "cells": list(keys)}, indent=2, ensure_ascii=False)
+        whole = {"schema": 1, "kind": KIND, **record, "cells": list(keys)}
+        text = json.dumps({**whole, SEAL: _seal(whole)}, indent=2, ensure_ascii=False)
         write_whole(self.folder / RECORD, text + "\n")
 
 
@@ -106,6 +111,11 @@ class Runs(Shown):
         return Series.unpacked((self.folder / CELLS / f"{key}.npz").read_bytes())
 
 
+def _seal(record: Mapping[str, Any]) -> str:
+    plain = json.dumps({key: value for key, value in record.items() if key != SEAL}, sort_keys=True)
+    return sha256(plain.encode()).hexdigest()
+
+
 def load_runs(folder: Path) -> Runs:
     """The runs of a folder that a sweep wrote. Raises MotionError where there are none, or a file is lost."""
     hint = "give a folder that a sweep wrote"
@@ -116,6 +126,8 @@ def load_runs(folder: Path) -> Runs:
         raise MotionError(f"{folder} holds no saved runs ({RECORD}: {told}); {hint}") from None
     if not isinstance(record, dict) or record.get("kind") != KIND:
         raise MotionError(f"{folder / RECORD} is no record of saved runs; {hint}")
+    if not isinstance(record.get("cells"), list) or (SEAL in record and record[SEAL] != _seal(record)):
+        raise MotionError(f"{folder / RECORD} is damaged; run the sweep again, the runs are kept")
     store, results = Store(folder), {}
     for key in record["cells"]:
         found = store.find(key)

@@ -38,7 +38,8 @@ def course(offset, turn=1.0, radius=0.1):
     planned, actual = radius * ray, (radius + offset) * ray
     size = np.full(len(t), abs(offset))
     torque = np.column_stack([0.2 * np.sin(t), 0.1 * np.cos(t)])
-    return Series(t, radius * abs(angle), planned, actual, size, size, torque)
+    axes = np.column_stack([angle, 2 * angle])
+    return Series(t, radius * abs(angle), planned, actual, size, size, torque, axes, axes + offset)
 
 
 def result(setting, task, variation, error, end=4.1, failure=""):

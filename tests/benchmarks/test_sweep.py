@@ -15,7 +15,7 @@ from benchmarks.sweep import VARIATIONS, Grid, Setting, load_runs, read_setting,
 from benchmarks.sweep import digest as digesting
 from benchmarks.sweep import run as sweeping
 from benchmarks.sweep.digest import Digests, digest
-from benchmarks.sweep.result import Result, Series
+from benchmarks.sweep.result import Damaged, Result, Series
 from benchmarks.sweep.score import score
 from benchmarks.sweep.store import CELLS, Store
 from controllers.host import Host
@@ -74,13 +74,74 @@ def test_what_is_kept_is_not_run_twice(tmp_path, rig, grid, alone):
     assert len(sweep(more, rig, tmp_path).results) == 16
     assert {cell.setting.text for cell in alone} == {"closed-position:gain=0.9"}
     assert len(alone) == 4
-    # what was lost or cut short is run again, nothing else is
+    # what was lost or damaged is run again, nothing else is
     alone.clear()
-    lost, cut = list(first.results)[3:5]
+    lost, *damaged = list(first.results)[3:8]
     (tmp_path / CELLS / f"{lost}.npz").unlink()
-    (tmp_path / CELLS / f"{cut}.npz").write_bytes((tmp_path / CELLS / f"{cut}.npz").read_bytes()[:-100])
+    with pytest.raises(MotionError, match=r"lost or damaged; run the sweep again"):
+        load_runs(tmp_path)
+    for key, damage in zip(damaged, (shorter, emptied, flipped, exchanged), strict=True):
+        file = tmp_path / CELLS / f"{key}.npz"
+        file.write_bytes(damage(file))
     assert sweep(grid, rig, tmp_path).results == first.results
-    assert alone == [first.results[lost].cell, first.results[cut].cell]
+    assert sorted(map(repr, alone)) == sorted(repr(first.results[key].cell) for key in (lost, *damaged))
+
+
+def shorter(file):
+    return file.read_bytes()[:-100]
+
+
+def emptied(file):
+    return b""
+
+
+def flipped(file):
+    """One bit of the course that it holds, far from the record."""
+    content = bytearray(file.read_bytes())
+    content[len(content) // 2] ^= 4
+    return bytes(content)
+
+
+def exchanged(file):
+    """Another run's file under this one's name."""
+    return next(other for other in sorted(file.parent.iterdir()) if other != file and other.stat().st_size).read_bytes()
+
+
+def test_no_flipped_bit_passes_for_a_run(rig):
+    """Every fourth byte of a small run: it is told to be damaged, or what is read is what was written."""
+    few = np.linspace(0, 1, 4)
+    rows = np.column_stack([few, -few])
+    series = Series(few, few, rows, rows, few, few, rows, rows, rows)
+    whole = Result(next(iter(Grid(SETTINGS[:1], ("dash",)))), {"contour_rms": 1e-6}, series=series)
+    packed, refused = whole.packed(), 0
+    for place in range(0, len(packed), 4):
+        content = bytearray(packed)
+        content[place] ^= 1 << place // 4 % 8
+        try:
+            assert Result.unpacked(bytes(content)) == replace(whole, series=None)
+        except Damaged:
+            refused += 1
+            continue
+        read = Series.unpacked(bytes(content))
+        assert all(np.allclose(getattr(read, name), getattr(series, name)) for name in Series.__slots__)
+    assert refused > len(packed) / 8
+
+
+def test_a_damaged_record_is_told(tmp_path, rig, alone):
+    runs = sweep(Grid(SETTINGS[:1], ("dash",), VARIATIONS[:1]), rig, tmp_path)
+    record = tmp_path / "runs.json"
+    text = record.read_text()
+    assert load_runs(tmp_path).record == runs.record
+    for damage in (text.replace('"dt_s": 0.025', '"dt_s": 0.035'), text.replace('"cells": [', '"cellt": [')):
+        assert damage != text
+        record.write_text(damage)
+        with pytest.raises(MotionError, match=r"runs\.json is damaged; run the sweep again"):
+            load_runs(tmp_path)
+    record.write_text("")
+    with pytest.raises(MotionError, match="holds no saved runs"):
+        load_runs(tmp_path)
+    sweep(Grid(SETTINGS[:1], ("dash",), VARIATIONS[:1]), rig, tmp_path)
+    assert load_runs(tmp_path).record == runs.record
 
 
 def test_results_do_not_depend_on_the_batch(rig, grid):
@@ -162,12 +223,18 @@ def test_every_input_changes_the_name(rig, grid):
     assert digest(cells[0], Digests(replace(rig))) == digest(cells[0], digests)
 
 
-@pytest.mark.parametrize("library", ["numpy", "scipy", "casadi", "osqp"])
+@pytest.mark.parametrize("library", ["numpy", "scipy", "casadi", "osqp", "pin", "pulsepath"])
 def test_another_version_of_a_library_changes_the_name(rig, grid, monkeypatch, library):
     cell, now = next(iter(grid)), digesting.version
     name = digest(cell, Digests(rig))
     monkeypatch.setattr(digesting, "version", lambda package: "0.0" if package == library else now(package))
     assert digest(cell, Digests(rig)) != name
+
+
+def test_another_python_changes_the_name(rig, grid, monkeypatch):
+    name = digest(next(iter(grid)), Digests(rig))
+    monkeypatch.setattr(digesting, "python_version", lambda: "3.0.0")
+    assert digest(next(iter(grid)), Digests(rig)) != name
 
 
 @pytest.mark.parametrize("package", ["kinematics", "planner", "controllers", "benchmarks.sweep"])

@@ -1,0 +1,98 @@
+"""A cluster whose workers would compute something else gets no work."""
+
+import os
+import pickle
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import planner
+from kinematics import MotionError, load_machine
+from planner import Line, Program, plan_many
+from planner.cluster import _after_comparing, on_cluster
+from planner.environment import FIRST, differences, looking
+
+LOADED = "import sys, cloudpickle; print(cloudpickle.loads(bytes.fromhex(sys.argv[1]))())"
+
+
+def test_other_sources_on_a_worker_are_refused_before_any_work(tmp_path, monkeypatch):
+    """One worker with a copy of the planner that differs by a comment: nothing is planned there."""
+    distributed = pytest.importorskip("distributed", reason="the extra cluster")
+    monkeypatch.setattr("planner.cluster.PATIENCE", 60.0)  # for a worker that starts while other tests run
+    copy = tmp_path / "planner"
+    shutil.copytree(Path(planner.__file__).parent, copy, ignore=shutil.ignore_patterns("__pycache__"))
+    with (copy / "plan.py").open("a") as file:
+        file.write("# of tomorrow\n")
+    command = [sys.executable, "-m", "distributed.cli.dask_worker", "--nthreads=1", "--no-nanny", "--no-dashboard"]
+    paths, asked = [str(tmp_path), *filter(None, sys.path)], [Program((Line((0, 0, 1e-3)),))]
+    with (
+        distributed.LocalCluster(n_workers=0, processes=True, dashboard_address=None) as cluster,
+        subprocess.Popen(
+            [*command, cluster.scheduler_address],
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            cwd=tmp_path,
+            env=os.environ | {"PYTHONPATH": os.pathsep.join(paths)},
+        ) as worker,
+    ):
+        try:
+            with pytest.raises(MotionError) as refused:
+                plan_many(asked, load_machine("hexapod"), address=cluster.scheduler_address)
+        finally:
+            worker.kill()
+    told = str(refused.value)
+    assert told.startswith("1 of the cluster's workers, as tcp://")
+    assert "would give other results: other sources of planner. Install the same there" in told
+
+
+def test_another_library_on_the_workers_is_refused(monkeypatch):
+    distributed = pytest.importorskip("distributed", reason="the extra cluster")
+    look = looking()
+    key = next(key for key, facts in FIRST.items() if facts == look())
+    with distributed.LocalCluster(n_workers=1, threads_per_worker=1, processes=True, dashboard_address=None) as cluster:
+        numpy = look()["numpy"]
+        monkeypatch.setitem(FIRST, key, {**look(), "numpy": "1.0"})
+        with pytest.raises(MotionError, match=rf"other results: numpy {numpy} \(here 1\.0\)\. Install the same"):
+            list(on_cluster(divmod, [7], 2, cluster.scheduler_address))
+
+
+def test_a_cluster_without_workers_is_told(monkeypatch):
+    distributed = pytest.importorskip("distributed", reason="the extra cluster")
+    monkeypatch.setattr("planner.cluster.PATIENCE", 0.5)
+    with (
+        distributed.LocalCluster(n_workers=0, processes=False, dashboard_address=None) as cluster,
+        pytest.raises(MotionError, match=r"no worker after 0\.5 s: start some"),
+    ):
+        list(on_cluster(divmod, [7], 2, cluster.scheduler_address))
+
+
+def test_a_worker_looks_again_before_each_task():
+    """One that joins later: its facts in place of a result, before anything of ours is unpacked there."""
+    look = looking()
+    task, shared = pickle.dumps(7), pickle.dumps(2)
+    assert _after_comparing(divmod, look, look())(task, shared) == ((3, 1), None)
+    assert _after_comparing(divmod, look, {**look(), "python": "2.7"})(b"of another world", b"") == (None, look())
+
+
+def test_it_looks_where_another_version_is(tmp_path):
+    """Sent as code: in a process that has a planner of old, without any of this, it finds that."""
+    cloudpickle = pytest.importorskip("cloudpickle", reason="the extra cluster")
+    (tmp_path / "planner").mkdir()
+    (tmp_path / "planner" / "__init__.py").write_text("old = True\n")
+    sent = cloudpickle.dumps(looking()).hex()
+    done = subprocess.run(
+        [sys.executable, "-c", LOADED, sent],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=60,
+        env=os.environ | {"PYTHONPATH": os.pathsep.join([str(tmp_path), *filter(None, sys.path)])},
+    )
+    here, there = looking()(), eval(done.stdout)  # noqa: S307  # of our own process
+    assert differences(here, there) == ["other sources of planner"]
+    assert differences(here, here) == []
+    assert differences(here, {}) == [f"{what} not installed (here {value[:12]})" for what, value in here.items()]
