@@ -32,12 +32,12 @@ machine_option = click.option(
 )
 
 
-def quantity_of(flag: str, text: str, unit: str, above: float = -inf) -> float:
+def quantity_of(flag: str, text: str, unit: str, above: float = -inf, least: float = -inf) -> float:
     """The SI value of a quantity that an option gives. Raises BadValue, which names the option."""
     from kinematics.errors import BadValue
     from kinematics.units import Unit
 
     try:
-        return Unit(unit, above=above).read(text, {})
+        return Unit(unit, above=above, least=least).read(text, {})
     except BadValue as error:
         raise BadValue(f"option {flag}: {error}", allowed=error.allowed, nearest=error.nearest) from None

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Literal
 import click
 
 from pulsepath.commands import Commands
+from pulsepath.options import quantity_of
 
 if TYPE_CHECKING:
     from kinematics.destination import Destination
@@ -83,10 +84,18 @@ def positions(context: click.Context, file: Path, as_json: bool) -> None:
         context.obj.tell(context.obj.read())
 
 
+dwell_option = click.option("--dwell", metavar="TIME", help='Rest there, as "0.2 s". Default: none.')
+
+
+def _rest(dwell: str | None) -> float:
+    return 0.0 if dwell is None else quantity_of("--dwell", dwell, "s", least=0.0)
+
+
 @positions.command(context_settings=MINUS)
 @click.argument("pose")
+@dwell_option
 @click.pass_obj
-def record(to: Listed, pose: str) -> None:
+def record(to: Listed, pose: str, dwell: str | None) -> None:
     """Put POSE at the end; a file that is not there yet is begun.
 
     Example: pulsepath positions poses.csv record "10 mm, 0 mm, 25 mm, 0 deg, 0 deg, 5 deg"
@@ -97,21 +106,22 @@ def record(to: Listed, pose: str) -> None:
     from planner.sources.position_list import PositionList
 
     listed = to.read() if to.path.exists() else PositionList(np.zeros((0, 6)))
-    to.write(listed.record(six(pose, "pose")))
+    to.write(listed.record(six(pose, "pose"), _rest(dwell)))
 
 
 @positions.command(context_settings=MINUS)
 @click.argument("number", type=int)
 @click.argument("pose")
+@dwell_option
 @click.pass_obj
-def insert(to: Listed, number: int, pose: str) -> None:
+def insert(to: Listed, number: int, pose: str, dwell: str | None) -> None:
     """Put POSE in, so that it gets NUMBER.
 
     Example: pulsepath positions poses.csv insert 2 "5 mm, 0 mm, 25 mm"
     """
     from planner.sources.placed import six
 
-    to.write(to.read().insert(number, six(pose, "pose")))
+    to.write(to.read().insert(number, six(pose, "pose"), _rest(dwell)))
 
 
 @positions.command()

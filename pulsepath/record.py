@@ -207,7 +207,11 @@ def of_import(name: str, found: Imported, way: Outline, file: str, figure: str) 
 
 def of_positions(listed: PositionList, file: str) -> Record:
     """A position list; m and rad."""
-    return {"file": file, "rotation": listed.order, "frame": listed.frame, "poses": listed.poses.tolist()}
+    return {"file": file, "rotation": listed.order, "frame": listed.frame, **_poses(listed)}
+
+
+def _poses(listed: PositionList) -> Record:
+    return {"poses": listed.poses.tolist(), "dwells_s": listed.rests.tolist()}
 
 
 def of_arms(found: ArmSimulation, file: str) -> Record:

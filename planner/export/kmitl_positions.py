@@ -94,10 +94,18 @@ def offset(machine: Tripod) -> float:
 
 
 def list_text(listed: PositionList, machine: Machine, unit: float = kmitl.UNIT) -> str:
-    """The list of recorded poses: those from home are put into the base frame. Raises MotionError for no tripod."""
+    """The list of recorded poses: those from home are put into the base frame.
+
+    Raises MotionError for no tripod, and for rests, which have no place in it.
+    """
     if not isinstance(machine, Tripod):
         raise MotionError(
             f"kmitl-positions: machine {machine.name} is no tripod, which has the three arms of the format"
+        )
+    if listed.rests.any():
+        raise MotionError(
+            f"kmitl-positions: pose {int(np.argmax(listed.rests > 0)) + 1} has a rest, which the format has no place "
+            "for; save the list as CSV, or take its column dwell out"
         )
     x = RigidTransform.from_components(listed.poses[:, :3], listed.rotations)
     if listed.frame == "home":

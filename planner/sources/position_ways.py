@@ -9,7 +9,7 @@ import numpy as np
 
 from kinematics.errors import MotionError
 from kinematics.pose import Pose
-from planner.program import SAME, Join, Line, Segment, Stop, Turn
+from planner.program import SAME, Dwell, Join, Line, Segment, Stop, Turn
 from planner.sources.position_list import PositionList
 
 STEP = pi / 180
@@ -37,13 +37,23 @@ def through(
             segments.append(Line(pose[:3], rotation if turns else None, speed, join))
         elif turns:
             segments.append(Turn(rotation))
-        still += nth > 0 and not moves and not turns
+        rest = float(listed.rests[nth])
+        if rest > 0:
+            segments = _resting(segments, rest)
+        still += nth > 0 and not moves and not turns and rest == 0
         far += nth > 0 and float(abs(pose[3:] - listed.poses[nth - 1, 3:]).max()) > pi
         place, turned = pose[:3], rotation
     told = [f"{still} poses are those before them, and were left out"] if still else []
     if far:
         told.append(f"{far} poses change an angle by more than half a turn: the tool turns the shorter way")
     return tuple(segments), told
+
+
+def _resting(segments: list[Segment], seconds: float) -> list[Segment]:
+    """With a rest at the end, at which the last motion stops."""
+    if segments and not isinstance(segments[-1], Dwell):
+        segments = [*segments[:-1], replace(segments[-1], join=Stop())]
+    return [*segments, Dwell(seconds)]
 
 
 def stepped(
@@ -62,8 +72,9 @@ def stepped(
     steps, told = step_poses(listed, unit)
     segments = list(through(steps.part(1, 1), start, Stop(), speed)[0])
     moves = np.any(np.diff(steps.poses[:, :3], axis=0) != 0, axis=1)
-    for pose, rotation, moved in zip(steps.poses[1:], steps.rotations[1:], moves, strict=True):
+    for pose, rotation, moved, rest in zip(steps.poses[1:], steps.rotations[1:], moves, steps.rests[1:], strict=True):
         segments.append(Line(pose[:3], None, speed) if moved else Turn(rotation, Stop()))
+        segments += [Dwell(float(rest))] if rest > 0 else []
     return tuple(segments), told
 
 
@@ -75,19 +86,21 @@ def step_poses(listed: PositionList, unit: float) -> tuple[PositionList, list[st
     if count > MOST:
         raise MotionError(f"{count} steps of {unit * 1e3:g} mm, more than {MOST}: take a longer unit, or fewer poses")
     angles, dropped = listed.poses[0, 3:], 0
-    steps = [listed.poses[0]]
-    for before, after in pairwise(listed.poses):
+    steps, rests = [listed.poses[0]], [float(listed.rests[0])]
+    for (before, after), rest in zip(pairwise(listed.poses), listed.rests[1:].tolist(), strict=True):
         way = after[:3] - before[:3]
         if abs(way).max() > SAME:
             dropped += float(abs(after[3:] - angles).max()) > SAME
-            steps += [np.concatenate((before[:3] + share * way, angles)) for share in _shares(way, unit)]
-            continue
-        turn = after[3:] - angles
-        shares = list(_shares(turn, STEP))
-        steps += [np.concatenate((after[:3], angles + share * turn)) for share in shares]
-        angles = after[3:] if shares else angles
+            some = [np.concatenate((before[:3] + share * way, angles)) for share in _shares(way, unit)]
+        else:
+            turn = after[3:] - angles
+            some = [np.concatenate((after[:3], angles + share * turn)) for share in _shares(turn, STEP)]
+            angles = after[3:] if some else angles
+        steps += some
+        rests += [0.0] * len(some)
+        rests[-1] += rest
     told = [f"{dropped} rotations beside a translation were dropped, as the stepping rule has it"] if dropped else []
-    return replace(listed, poses=np.array(steps)), told
+    return replace(listed, poses=np.array(steps), dwells=np.array(rests)), told
 
 
 def _steps(way: np.ndarray, step: float) -> int:

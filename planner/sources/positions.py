@@ -4,13 +4,15 @@ The default is the time-optimal program through the same poses: straight from ea
 the shortest way. The option `rule` takes the stepping of [KMITL 2005] instead (planner.sources.position_ways): unit
 steps, rotation dropped where there is translation, 1° steps where there is none. `tool` is the source's offset of the
 tool's centre, for machines that do not have it in their own file: coordinates and rotations are those of the tool then.
-A list in the frame "home" is run from the home pose, one in "base" from its own first pose, as the source has it.
+It rests at a pose where the file's column `dwell` says so, or at all of them by the option of that name. A list in the
+frame "home" is run from the home pose, one in "base" from its own first pose, as the source has it.
 """
 
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import ClassVar, Literal
 
+import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from kinematics.errors import Fault, FileError
@@ -52,11 +54,14 @@ class Positions:
     )
     blend: float | None = option(None, 'instead: round joins within so much, as "0.05 mm"', "m")
     speed: float | None = option(None, "cap of the tool's speed. Default: none", "m/s")
+    dwell: float | None = option(
+        None, 'rest at every pose, as "0.2 s". Default: what the file\'s column dwell says', "s"
+    )
     tool: str | None = option(None, "the tool's frame in the platform's, as \"0 mm, 0 mm, -50 mm\". Default: none")
     arms: str = option("tripod", "machine that a file of the three-armed machine is of. Default tripod")
 
     def __post_init__(self) -> None:
-        for name, unit in (("blend", "m"), ("speed", "m/s"), ("unit_length", "m")):
+        for name, unit in (("blend", "m"), ("speed", "m/s"), ("unit_length", "m"), ("dwell", "s")):
             positive("positions", name, getattr(self, name), unit)
 
     def load(self, path: Path) -> tuple[PositionList, list[str]]:
@@ -68,7 +73,8 @@ class Positions:
         return self._meant(listed), told
 
     def _meant(self, listed: PositionList) -> PositionList:
-        return replace(listed, order=self.rotation or listed.order, frame=self.frame or listed.frame)
+        rests = listed.rests if self.dwell is None else np.full(len(listed), self.dwell)
+        return replace(listed, order=self.rotation or listed.order, frame=self.frame or listed.frame, dwells=rests)
 
     def read(self, path: Path) -> Imported:
         """The program through the poses of a list. Raises FileError with the faults of the file."""

@@ -1,9 +1,9 @@
-"""Position lists as CSV: a column for each of x, y, z and three angles, its unit in the header.
+"""Position lists as CSV: a column for each of x, y, z and three angles, and for rests, its unit in the header.
 
     # rotation = xyz
     # frame = home
-    x [mm], y [mm], z [mm], rx [deg], ry [deg], rz [deg]
-    15, 0, 25, 0, 0, 0
+    x [mm], y [mm], z [mm], rx [deg], ry [deg], rz [deg], dwell [s]
+    15, 0, 25, 0, 0, 0, 0.2
 
 Lines that begin with # come first, if at all, and say what angles mean and what coordinates are relative to. Columns
 may stand in any order and be left out, and are then 0; commas or semicolons part them, and decimals have points.
@@ -24,12 +24,14 @@ from kinematics.units import shown, unit_value
 from planner.sources.faults import Faults
 from planner.sources.position_list import FARTHEST, PositionList
 
-NAMES = ("x", "y", "z", "rx", "ry", "rz")
+NAMES = ("x", "y", "z", "rx", "ry", "rz", "dwell")
+DWELL = NAMES.index("dwell")
+UNITS = ("m",) * 3 + ("rad",) * 3 + ("s",)
 COLUMNS = {
     **{name: k for k, name in enumerate(NAMES)},
     **{f"{word}{axis}": 3 + k for word in ("θ", "theta", "theta_") for k, axis in enumerate("xyz")},
 }
-"""Place of a column's name in a pose."""
+"""Place of a column's name in a row: of six numbers of a pose, and its rest."""
 HEADS = {"rotation": ("xyz", "yzx"), "frame": ("home", "base")}
 _HEAD = re.compile(r"#\s*(\w+)\s*=\s*(\w+)\s*")
 _COLUMN = re.compile(r"\s*([^\s\[(]+)\s*(?:[\[(]\s*([^\])]+?)\s*[\])])?\s*")
@@ -57,13 +59,15 @@ def read_csv(path: Path, text: str, length: str | None, angle: str | None) -> tu
     for number, line in enumerate(lines[begin + 1 :], begin + 2):
         if line.strip():
             cells = next(csv.reader([line], delimiter=delimiter, skipinitialspace=True))
-            poses.append(_pose(number, cells, columns, faults))
+            poses.append(_row(number, cells, columns, faults))
     if not poses:
         faults.add("no pose: a header, and nothing below it")
     faults.refuse()
     missing = [name for name in ("x", "y", "z") if COLUMNS[name] not in {place for place, _ in columns}]
     told = [f"no column {name}: 0 was taken" for name in missing]
-    return PositionList(np.array(poses), heads["rotation"], heads["frame"]), told  # type: ignore[arg-type]  # by _head
+    rows = np.array(poses)
+    order, frame = heads["rotation"], heads["frame"]
+    return PositionList(rows[:, :DWELL], order, frame, rows[:, DWELL]), told  # type: ignore[arg-type]  # by _head
 
 
 def _head(number: int, line: str, heads: dict[str, str], faults: Faults) -> None:
@@ -93,23 +97,23 @@ def _columns(
             faults.add(no, number, value=cell.strip())
             continue
         place = COLUMNS[name]
-        unit = found[2] or (length if place < 3 else angle)
+        unit = found[2] or {"m": length, "rad": angle}.get(UNITS[place])
         if any(place == other for other, _ in columns):
             faults.add(f"column {name} stands twice", number)
         elif unit is None:
-            like = "x [mm]" if place < 3 else f"{name} [deg]"
-            option = "length" if place < 3 else "angle"
-            faults.add(f'column {name} has no unit: write it as "{like}", or give the option {option}', number)
+            like = {"m": f"{name} [mm]", "rad": f"{name} [deg]", "s": f"{name} [s]"}[UNITS[place]]
+            option = {"m": ", or give the option length", "rad": ", or give the option angle"}.get(UNITS[place], "")
+            faults.add(f'column {name} has no unit: write it as "{like}"{option}', number)
         else:
             try:
-                columns.append((place, unit_value(unit, "m" if place < 3 else "rad")))
+                columns.append((place, unit_value(unit, UNITS[place])))
             except MotionError as error:
                 faults.add(error, number, f"column {name}", cell.strip())
     return columns
 
 
-def _pose(number: int, cells: list[str], columns: list[tuple[int, float]], faults: Faults) -> list[float]:
-    pose = [0.0] * 6
+def _row(number: int, cells: list[str], columns: list[tuple[int, float]], faults: Faults) -> list[float]:
+    pose = [0.0] * len(NAMES)
     if len(cells) != len(columns):
         faults.add(f"{len(cells)} entries for {len(columns)} columns", number)
         return pose
@@ -121,17 +125,27 @@ def _pose(number: int, cells: list[str], columns: list[tuple[int, float]], fault
         elif not abs(float(text) * unit) <= FARTHEST:
             allowed = f"at most {FARTHEST / unit:g} of its unit either way"
             faults.add(BadValue(f"{shown(text)} must be {allowed}", allowed=allowed), number, f"column {name}", text)
+        elif place == DWELL and float(text) < 0:
+            faults.add(
+                BadValue(f"{shown(text)} must be at least 0 s", allowed="at least 0 s"), number, "column dwell", text
+            )
         else:
             pose[place] = float(text) * unit
     return pose
 
 
 def positions_csv(listed: PositionList) -> str:
-    """The text of a list: mm, and degrees. Lengths are read back within a unit in the last place, and so are angles."""
+    """The text of a list: mm, degrees, and s where it rests anywhere.
+
+    Lengths are read back within a unit in the last place, and so are angles.
+    """
     lines = [f"# rotation = {listed.order}", f"# frame = {listed.frame}"]
-    lines.append(",".join([*(f"{name} [mm]" for name in "xyz"), *(f"r{name} [deg]" for name in "xyz")]))
-    for pose in listed.poses.tolist():
-        lines.append(",".join([*(decimal(value, 3) for value in pose[:3]), *(repr(degrees(a)) for a in pose[3:])]))
+    rests = bool(listed.rests.any())
+    heads = [*(f"{name} [mm]" for name in "xyz"), *(f"r{name} [deg]" for name in "xyz")]
+    lines.append(",".join([*heads, "dwell [s]"] if rests else heads))
+    for pose, rest in zip(listed.poses.tolist(), listed.rests.tolist(), strict=True):
+        cells = [*(decimal(value, 3) for value in pose[:3]), *(repr(degrees(a)) for a in pose[3:])]
+        lines.append(",".join([*cells, repr(rest)] if rests else cells))
     return "\n".join(lines) + "\n"
 
 
