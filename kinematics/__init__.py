@@ -34,6 +34,7 @@ from kinematics.margins import Margins
 from kinematics.motion import Motion, motion_of_axes, motion_of_poses
 from kinematics.needs import ActuatorNeed, AxisMotion, JointNeed, actuator_need, joint_need
 from kinematics.pose import Pose
+from kinematics.posture import Posture, posture_of_axes, posture_of_pose
 from kinematics.selection import Selection, select_parts
 from kinematics.sizing import StepperSizing, size_stepper
 from kinematics.traverser import Traverser
@@ -76,6 +77,7 @@ __all__ = [
     "NotInstalled",
     "OutOfReach",
     "Pose",
+    "Posture",
     "PulseLength",
     "Quantization",
     "Selection",
@@ -105,6 +107,8 @@ __all__ = [
     "measured_positions",
     "motion_of_axes",
     "motion_of_poses",
+    "posture_of_axes",
+    "posture_of_pose",
     "read_urdf",
     "select_parts",
     "size_stepper",

@@ -15,12 +15,13 @@ from pulsepath.import_command import import_
 from pulsepath.init_command import init
 from pulsepath.lists_command import laws, machines, programs, rigs, rules
 from pulsepath.plan_command import plan
+from pulsepath.pose_command import pose
 from pulsepath.positions_command import positions
 from pulsepath.track_command import track
 from pulsepath.view_command import view
 
 SECTIONS = {
-    "Plan": ("init", "check", "plan", "view", "export"),
+    "Plan": ("init", "pose", "check", "plan", "view", "export"),
     "Programs from elsewhere": ("import", "positions"),
     "Run and measure": ("track", "compare", "calibrate", "console"),
     "What is bundled": ("machines", "programs", "rigs", "laws", "rules"),
@@ -46,6 +47,7 @@ def main() -> None:
 
 main.add_command(init)
 main.add_command(plan)
+main.add_command(pose)
 main.add_command(check)
 main.add_command(view)
 main.add_command(export)

@@ -4,13 +4,13 @@ import json
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict
 from importlib.metadata import PackageNotFoundError, version
-from math import isfinite, isnan
+from math import isfinite, isnan, pi
 from platform import python_version
 from typing import Any
 
 from controllers import Metrics, Rig
 from controllers.metrics import ErrorSeries
-from kinematics import Axis, Machine, MotionError
+from kinematics import Axis, Machine, MotionError, Pose, Posture
 from planner import Infeasible, Place, Standing, Triggered
 from planner.baselines import describe_differences, missing_limits
 from planner.departure import Departure
@@ -203,6 +203,47 @@ def of_import(name: str, found: Imported, way: Outline, file: str, figure: str) 
         "length": way.length,
         "warnings": list(found.warnings),
     }
+
+
+def of_posture(found: Posture) -> Record:
+    """One pose: where it is, what every axis and joint does in it, the margins, and its proof."""
+    margins = found.margins
+    return {
+        "machine": found.machine.name,
+        "pose": {"home": _pose(found.from_home), "base": _pose(found.pose)},
+        "directions_rad": found.directions.tolist(),
+        "axes": [
+            {"name": axis.name, "position": q, "from_home": away, "pulses": count, "unit": axis.unit, "travel_use": use}
+            for axis, q, away, count, use in zip(
+                found.machine.axes,
+                found.q.tolist(),
+                found.travel.tolist(),
+                found.counts.tolist(),
+                margins.travel[0].tolist(),
+                strict=True,
+            )
+        ],
+        "joints": [
+            {"name": name, "tilt_rad": tilt, "limit_rad": limit if limit < pi else None}
+            for name, tilt, limit in zip(
+                margins.tilt_names, found.tilt.tolist(), margins.max_tilt.tolist(), strict=True
+            )
+        ],
+        "clearance_m": dict(zip(margins.clearance_names, margins.clearance[0].tolist(), strict=True)),
+        "conditioning": float(margins.conditioning[0]),
+        "singularity": float(margins.singularity[0]),
+        "use": float(margins.use[0]),
+        "worst": margins.worst(),
+        "ok": bool(margins.ok[0]),
+        "violations": list(found.violations),
+        "certified": found.certified,
+        "residual": found.residual,
+    }
+
+
+def _pose(pose: Pose) -> Record:
+    angles = pose.rotation.as_euler("XYZ", suppress_warnings=True)
+    return {"position_m": pose.translation.tolist(), "angles_rad": angles.tolist()}
 
 
 def of_positions(listed: PositionList, file: str) -> Record:
