@@ -118,7 +118,7 @@ def _axis(linear: bool) -> tuple[Key, ...]:
         ),
         Key(
             "resonance",
-            "bands of speed in which a stepper resonates, rising",
+            'bands in which a stepper resonates, rising: of speed, or of pulse rate as [["180 1/s", "220 1/s"]]',
             example('[["4 mm/s", "5 mm/s"]]', '[["20 deg/s", "25 deg/s"]]'),
         ),
         Key(

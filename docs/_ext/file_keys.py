@@ -23,7 +23,7 @@ from kinematics.schema import Table
 from kinematics.units import Unit, describe, everyday
 
 LINE = re.compile(r"^((?:\w+, )*\w+) {2,}(\S.*(?:\n {3,}\S.*)*)", re.MULTILINE)
-PROBES: tuple[Any, ...] = (0.0, {}, (), ((),), "", (0.0,) * 3, (0.0,) * 6)
+PROBES: tuple[Any, ...] = (0.0, {}, (), ((),), "", (0.0,) * 3, (0.0,) * 6, "1 1/s")
 """Values of every shape, by which a validator that goes by the shape tells what it takes."""
 
 

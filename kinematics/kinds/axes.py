@@ -56,8 +56,32 @@ Force = Annotated[float, Unit("N", above=0)]
 Steps = Annotated[int, AfterValidator(_steps)]
 
 
+class PulseRate(float):
+    """An edge of a resonance band in 1/s of the axis' pulses, until its pulse is known."""
+
+
+def _edge(unit: str) -> PlainValidator:
+    """Annotation of an edge of a resonance band: a speed, or the pulse rate at which the axis has it."""
+    speed, rate = (
+        Annotated[float, Unit(unit, above=0)],
+        Annotated[float, Unit("1/s", above=0), AfterValidator(PulseRate)],
+    )
+    pulses = Unit("1/s")
+
+    def pick(value: Any) -> Any:
+        try:
+            pulses.quantity(value)
+        except MotionError:
+            return speed
+        return rate
+
+    return chosen(pick)
+
+
 def _bands(bands: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
     edges = [edge for band in bands for edge in band]
+    if len({isinstance(edge, PulseRate) for edge in edges}) > 1:
+        raise wrong("mixes speeds and pulse rates: state all edges as the one or the other")
     if not edges or any(after <= before for before, after in pairwise(edges)):
         raise wrong("needs one or more bands, each from its lower to its upper speed, rising and apart")
     return bands
@@ -137,6 +161,8 @@ class LinearAxis(Input):
     """Travel, wiring and limits of a linear axis, as far as the file states them; an absent limit is none.
 
     max_force  that the actuator bears; kept where the file states masses, friction or a wrench
+    resonance  rising bands ((low, high), ...) of speed, or of pulse rate ("180 1/s", times the axis' own pulse): there
+               the motor resonates
     """
 
     travel: Annotated[tuple[Length, Length], AfterValidator(_rising)] | None = None
@@ -147,8 +173,7 @@ class LinearAxis(Input):
     max_jerk: Annotated[Magnitude, _magnitude("m/s^3")] | None = None
     resonance: (
         Annotated[
-            tuple[tuple[Annotated[float, Unit("m/s", above=0)], Annotated[float, Unit("m/s", above=0)]], ...],
-            AfterValidator(_bands),
+            tuple[tuple[Annotated[float, _edge("m/s")], Annotated[float, _edge("m/s")]], ...], AfterValidator(_bands)
         ]
         | None
     ) = None
@@ -193,7 +218,7 @@ class RotaryAxis(Input):
     max_jerk: Annotated[Magnitude, _magnitude("rad/s^3")] | None = None
     resonance: (
         Annotated[
-            tuple[tuple[Annotated[float, Unit("rad/s", above=0)], Annotated[float, Unit("rad/s", above=0)]], ...],
+            tuple[tuple[Annotated[float, _edge("rad/s")], Annotated[float, _edge("rad/s")]], ...],
             AfterValidator(_bands),
         ]
         | None
@@ -239,10 +264,14 @@ def axes(
 
 
 def _counted(values: dict[str, Any]) -> dict[str, Any]:
-    """With the pulse as it is behind its factor and the drive's gear."""
+    """With the pulse as it is behind its factor and the drive's gear, and pulse rates of resonance as speeds."""
     steps, pulses = values.pop("electronic_gear", (1, 1))
     factor = values.pop("pulse_factor", 1.0)
-    return values | {"pulse": values["pulse"] * factor * steps / pulses}
+    pulse = values["pulse"] * factor * steps / pulses
+    if bands := values.get("resonance"):
+        speeds = (tuple(edge * pulse if isinstance(edge, PulseRate) else edge for edge in band) for band in bands)
+        values = values | {"resonance": tuple(speeds)}
+    return values | {"pulse": pulse}
 
 
 def _stated(table: Any) -> dict[str, Any]:

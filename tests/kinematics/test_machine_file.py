@@ -126,6 +126,25 @@ def test_bands_of_resonance_rise(load):
         load(PRESET + 'resonance_time = "50 ms"\n')
 
 
+def test_bands_of_resonance_in_pulse_rate_are_speeds_of_each_axis(load):
+    """180 pulses/s of 0.75 µm are 0.135 mm/s; an axis of another pulse, or behind a gear, has other speeds there."""
+    stated = 'resonance = [["180 1/s", "0.22 kHz"]]\nresonance_time = "50 ms"\n'
+    own = '[[axis]]\nname = "leg3"\npulse = "1.5 um"\n[[axis]]\nname = "leg4"\nelectronic_gear = [3, 2]\n'
+    axes = load(PRESET + stated + own).axes
+    for axis, pulse in zip(axes, (0.75e-6, 0.75e-6, 1.5e-6, 0.5e-6 * 9 / 4, 0.75e-6, 0.75e-6), strict=True):
+        assert axis.pulse == pytest.approx(pulse)
+        assert axis.resonance == (pytest.approx((180 * pulse, 220 * pulse)),)
+    for wrong, told in (
+        ('[["180 1/s", "1 mm/s"]]', "mixes speeds and pulse rates"),
+        ('[["220 1/s", "180 1/s"]]', "rising and apart"),
+        ('[["0 1/s", "180 1/s"]]', "must be above 0 1/s"),
+        ('[["180", "220 1/s"]]', "resonance"),
+        ('[["10 deg/s", "20 deg/s"]]', "resonance"),
+    ):
+        with pytest.raises(FileError, match=told):
+            load(PRESET + f"resonance = {wrong}\n")
+
+
 def test_a_torque_curve_is_pairs_of_speed_and_force(load):
     curve = 'torque_speed = [["0 mm/s", "220 N"], ["10 mm/s", "50 lbf"]]\n'
     assert load(PRESET + curve).axes[5].torque_speed == ((0.0, 220.0), (0.01, 222.411080763025))
