@@ -11,7 +11,7 @@ from kinematics.array import Array
 from kinematics.pose import Pose, from_numbers
 from kinematics.table import Column, Table
 from planner.actuation import MachinePath
-from planner.path.synchronised import SYNCHRONISED
+from planner.path.synchronised import NAME
 from planner.place import Place, where_columns
 
 LOOKED = 513
@@ -37,7 +37,7 @@ class Departure:
 def departures(path: MachinePath) -> tuple[Departure, ...]:
     """Of every synchronised move of a path, in turn, at LOOKED places of each."""
     names = [piece.shape.name for piece in path.pieces]
-    mine = [k for k, name in enumerate(names) if name.split("_")[0] == SYNCHRONISED.name]
+    mine = [k for k, name in enumerate(names) if name.split("_")[0] == NAME]
     moves = groupby(mine, lambda k: (path.pieces[k].repetition, path.pieces[k].segment))
     return tuple(_departure(path, list(group)) for _, group in moves)
 

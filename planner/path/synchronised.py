@@ -5,7 +5,9 @@ axes' coordinates; no machine states that map as an expression, so it is drawn b
 forward solutions, and it is measured how straight the axes then are.
 """
 
+from collections.abc import Iterator
 from dataclasses import replace
+from functools import cache, partial
 
 import casadi as ca
 import numpy as np
@@ -20,9 +22,9 @@ from kinematics.pose import Pose, from_numbers, numbers
 from planner.path.line import line, turn_angle
 from planner.path.shape import Piece, Shape, turning
 
-DEGREE = 24
-"""Of the polynomial; of analytic maps each degree takes off a share of the error, some 2 to 10 times here."""
-NODES = 3 * DEGREE
+NAME, DEGREES = "synchronised", (8, 16, 24)
+"""Of the polynomial: the least that does, since each costs whenever the path is looked at."""
+NODES = 72
 """Forward solutions through which it goes, in the mean: more than coefficients, so that their rounding averages out."""
 STRAIGHT = 1e-12
 """By which coordinates may leave the straight line, as a share of the largest of them (or 1 m, 1 rad)."""
@@ -31,20 +33,22 @@ HALVINGS = 4
 LOOKED = 129
 
 
-def _motion(s: ca.SX, parameters: ca.SX) -> tuple[ca.SX, ca.SX]:
+@cache
+def _shape(degree: int) -> Shape:
+    return Shape(f"{NAME}_{degree}", 1 + 7 * (degree + 1), partial(_motion, degree))
+
+
+def _motion(degree: int, s: ca.SX, parameters: ca.SX) -> tuple[ca.SX, ca.SX]:
     """p and q polynomials of x = rate · s − 1;  R = the rotation of the quaternion q = (x, y, z, w), of any length."""
-    rate, rows = parameters[0], ca.reshape(parameters[1:], 7, DEGREE + 1)
+    rate, rows = parameters[0], ca.reshape(parameters[1:], 7, degree + 1)
     x = rate * s - 1
-    value: ca.SX = rows[:, DEGREE]
-    for k in reversed(range(DEGREE)):
+    value: ca.SX = rows[:, degree]
+    for k in reversed(range(degree)):
         value = value * x + rows[:, k]
     vector, w = value[3:6], value[6]
     cross = ca.skew(vector)
     turned = ca.SX.eye(3) + (2 * w * cross + 2 * (cross @ cross)) / (ca.dot(vector, vector) + w * w)
     return value[:3], turned
-
-
-SYNCHRONISED = Shape("synchronised", 1 + 7 * (DEGREE + 1), _motion)
 
 
 def synchronised(machine: Machine, start: Pose, end: Pose, tool: Pose | None, segment: int) -> list[Piece]:
@@ -63,8 +67,8 @@ def synchronised(machine: Machine, start: Pose, end: Pose, tool: Pose | None, se
     except OutOfReach:  # whoever looks at the limits says so, as of a line
         return [line(start, end, length, segment)]
     for count in 2 ** np.arange(HALVINGS + 1):
-        pieces = _pieces(machine, (first, last), (start * back, end * back), back.inv(), length, int(count), segment)
-        if pieces is not None:
+        made = _pieces(machine, (first, last), (start * back, end * back), back.inv(), length, int(count), segment)
+        for pieces in made:
             return [replace(piece, turn=turning(piece)) for piece in pieces]
     raise MotionError(
         "the axes lead straight to its end through no smooth way of the platform: they pass a singular pose; "
@@ -80,23 +84,25 @@ def _pieces(
     length: float,
     count: int,
     segment: int,
-) -> list[Piece] | None:
-    """In so many parts, between coordinates and poses of the platform; None where coordinates are not straight then."""
+) -> Iterator[list[Piece]]:
+    """In so many parts, between coordinates and poses of the platform: of every degree that is straight enough."""
     (first, last), (start, end) = axes, ends
     angle = np.pi * (np.arange(NODES) + 0.5) / NODES
     x = np.concatenate([[-1.0], -np.cos(angle), [1.0]])
     shares = (np.arange(count)[:, None] + (x + 1) / 2) / count
     poses = _followed(machine, first, last, start, end, shares.ravel())
     if poses is None:
-        return None
+        return
     moved = poses * tool
     values = np.concatenate([moved.translation, _alike(moved.rotation.as_quat())], 1).reshape(count, len(x), 7)
-    pieces = []
-    for own in values:
-        numbers_ = np.concatenate([[2 * count / length], _polynomial(x, own).ravel()])
-        pieces.append(Piece(SYNCHRONISED, frozen(numbers_), length / count, segment))
-    off = straightness(machine, pieces, tool, first, last)
-    return pieces if off <= STRAIGHT * max(1.0, np.abs(first).max(), np.abs(last).max()) else None
+    allowed = STRAIGHT * max(1.0, float(np.abs(axes).max()))
+    for degree in DEGREES:
+        pieces = []
+        for own in values:
+            parameters = np.concatenate([[2 * count / length], _polynomial(x, own, degree).ravel()])
+            pieces.append(Piece(_shape(degree), frozen(parameters), length / count, segment))
+        if straightness(machine, pieces, tool, first, last) <= allowed:
+            yield pieces
 
 
 def straightness(machine: Machine, pieces: list[Piece], tool: Pose, first: Array, last: Array) -> float:
@@ -129,15 +135,15 @@ def _alike(quaternions: Array) -> Array:
     return np.asarray(quaternions * sides[:, None])
 
 
-def _polynomial(x: Array, values: Array) -> Array:
-    """(DEGREE + 1, k) coefficients by powers of x in [−1, 1]: exact at both ends, least squares between."""
+def _polynomial(x: Array, values: Array, degree: int) -> Array:
+    """(degree + 1, k) coefficients by powers of x in [−1, 1]: exact at both ends, least squares between."""
     share = ((x + 1) / 2)[:, None]
     chord = (1 - share) * values[0] + share * values[-1]
     inner = x[1:-1]
     # what is left is 0 at both ends: (1 − x²) times a polynomial
-    basis = (1 - inner**2)[:, None] * chebyshev.chebvander(inner, DEGREE - 2)
+    basis = (1 - inner**2)[:, None] * chebyshev.chebvander(inner, degree - 2)
     found = np.linalg.lstsq(basis, (values - chord)[1:-1], rcond=None)[0]
-    powers = np.zeros((DEGREE + 1, values.shape[1]))
+    powers = np.zeros((degree + 1, values.shape[1]))
     for k in range(values.shape[1]):
         inside = chebyshev.cheb2poly(found[:, k])
         powers[: len(inside), k] += inside
