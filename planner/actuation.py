@@ -96,6 +96,9 @@ class ActuatorPath(Protocol):
     def place(self, s: float, piece: int, t: float | None = None, axis: str = "") -> Place:
         """What to call path length s of a piece."""
 
+    def parameter(self, s: Array, piece: np.ndarray) -> Array:
+        """What people know a place by: s (N,) itself, unless the path was drawn anew for timing."""
+
     def derivatives(self, s: Array, piece: np.ndarray, highest: int = 3) -> Derivatives: ...
     def axis_derivatives(self, axis: int, s: Array, piece: np.ndarray, highest: int = 3) -> Derivatives:
         """The same of one axis, each (N, 1), in a fraction of the time."""
@@ -203,6 +206,9 @@ class MachinePath:
 
     def place(self, s: float, piece: int, t: float | None = None, axis: str = "") -> Place:
         return Place(s, self.pieces[piece].segment, t, axis, self.pieces[piece].repetition)
+
+    def parameter(self, s: Array, piece: np.ndarray) -> Array:
+        return s
 
     def derivatives(self, s: Array, piece: np.ndarray, highest: int = 3) -> Derivatives:
         every = self._evaluate(lambda shape: _along(self.machine, shape, highest), s, piece, self._near)

@@ -11,6 +11,7 @@ from kinematics.axis import Axis, Magnitude
 from kinematics.errors import MotionError
 from planner.limits import limits_of
 from planner.polynomial import ROUNDING, PolynomialPath
+from planner.redrawn import Section, joined, sections
 from planner.solve import Solution, fastest
 
 # A jump of an axis' values at a break, as a share of their range, up to which it is rounding.
@@ -32,8 +33,10 @@ def time_optimal(
     or (n,), on |q̇|, |q̈| and, where given, |q⃛|, in units of the values per second; or (n, 2), towards smaller and
     towards greater values. Corners are breaks where q′ jumps, and under a jerk limit also breaks where q″ jumps.
     start_speed and end_speed are ṡ at the ends: how much of the parameter passes per second; under a jerk limit s̈ is 0
-    there. A stretch on which nothing moves is left out. Raises MotionError for what is no path: a jump, a value that is
-    not finite, nothing that moves; Infeasible for a speed at an end that cannot be.
+    there. A stretch on which nothing moves is left out; where the path stands, q′ = 0, as where it turns back, the
+    motion rests or passes, whichever is the faster; straight stretches are timed by their way (planner.redrawn), so
+    that a corner on one straight line is none unless it turns back. Raises MotionError for what is no path: a jump, a
+    value that is not finite, nothing that moves; Infeasible for a speed at an end that cannot be.
     """
     breaks, coefficients = _pieces(path)
     count = coefficients.shape[2]
@@ -48,7 +51,23 @@ def time_optimal(
     order = 2 if max_jerk is None else 3
     actuated = PolynomialPath(breaks, coefficients, [axis.name for axis in axes], _ends(start_speed, end_speed))
     _check(actuated)
-    return fastest(actuated, limits_of(actuated, axes, order), order)
+    parts = sections(actuated, order)
+    chosen = [_faster(part, axes, order) for part in parts]
+    whole = joined(chosen)
+    return fastest(whole, limits_of(whole, axes, order), order)
+
+
+def _faster(part: Section, axes: Sequence[Axis], order: int) -> PolynomialPath:
+    """A section of the path with rests where it stands, or without, whichever leads to the faster motion."""
+    if part.passing is None:
+        return part.resting
+    times = []
+    for way in (part.resting, part.passing):
+        try:
+            times.append(fastest(way, limits_of(way, axes, order), order).trajectory.duration)
+        except MotionError:
+            times.append(np.inf)
+    return part.resting if times[0] <= times[1] else part.passing
 
 
 def _ends(start_speed: float, end_speed: float) -> tuple[float, float]:

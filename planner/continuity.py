@@ -80,4 +80,4 @@ def ends(trajectory: Trajectory) -> Array:
 
 def place_at(trajectory: Trajectory, t: float, axis: str) -> Place:
     state = trajectory.at(t)
-    return trajectory.path.place(float(state.s[0]), int(state.piece[0]), t, axis)
+    return trajectory.path.place(float(state.along[0]), int(state.piece[0]), t, axis)

@@ -140,7 +140,7 @@ def _stays(pacer: Pacer, profile: Profile, duration: float, below: Profile | Non
     scale, unit = (1e3, "mm/s") if axis.kind == "linear" else (180 / np.pi, "deg/s")
     band = f"{worst.band.low * scale:.6g} to {worst.band.high * scale:.6g} {unit}"
     where = profile.along(pacer.path).at(np.array([worst.start]))
-    place = pacer.path.place(float(where.s[0]), int(where.piece[0]), None, axis.name)
+    place = pacer.path.place(float(where.along[0]), int(where.piece[0]), None, axis.name)
     longer = inf if below is None else below.duration / duration
     more = f"state one {ceil(longer * 1000) / 1000:.3f} times as long, below all bands, or" if longer < inf else "state"
     remedy = (

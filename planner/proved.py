@@ -115,7 +115,9 @@ class Prover:
         for limit in self.limits:
             for stay in stays(motion, limit) if isinstance(limit, Resonance) else ():
                 if stay.use > 1 + TOLERANCE:
-                    ends = run.breaks(self.path)[[0, -1]] if whole else motion.at(np.array([stay.start, stay.end])).s
+                    ends = (
+                        run.breaks(self.path)[[0, -1]] if whole else motion.at(np.array([stay.start, stay.end])).along
+                    )
                     found.append(Held(stay.band, float(ends[0]), float(ends[1])))
         return found
 

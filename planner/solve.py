@@ -18,6 +18,7 @@ from planner.parallel import Progress, spread
 from planner.parted import parted
 from planner.proved import ROUNDS, Proved, Prover, Timing, holding
 from planner.standing import refusal, standing
+from planner.stands import standing_ends
 from planner.timing.problem import Run
 from planner.timing.profile import Profile
 from planner.trajectory import Trajectory
@@ -119,7 +120,8 @@ def proved(
 
 def _runs(path: ActuatorPath, stops: np.ndarray) -> list[Run]:
     """From stop to stop, the first and the last with the speeds that the path states for its ends."""
-    runs = [Run(int(a), int(b) - 1) for a, b in pairwise(stops)]
+    turning = standing_ends(path) == 1
+    runs = [Run(int(a), int(b) - 1, stands=(bool(turning[0, a]), bool(turning[1, b - 1]))) for a, b in pairwise(stops)]
     runs[0] = replace(runs[0], start_speed=path.end_speeds[0])
     runs[-1] = replace(runs[-1], end_speed=path.end_speeds[1])
     return runs

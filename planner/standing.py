@@ -69,7 +69,7 @@ def standing(path: ActuatorPath, limits: Sequence[Limit]) -> Standing:
     lost = ~np.isfinite(state.q).all(1)
     if lost.any():
         first = int(np.argmax(lost))
-        place = path.place(float(state.s[first]), int(state.piece[first]))
+        place = path.place(float(state.along[first]), int(state.piece[first]))
         return Standing((OutOfReach(f"no actuator coordinates reach the path at {place}; bring it nearer"),), {})
     if isinstance(path, MachinePath):
         met = singular(path, np.append(along.s, path.breaks[-1]), along.piece)
@@ -90,7 +90,7 @@ def standing(path: ActuatorPath, limits: Sequence[Limit]) -> Standing:
             rows, most = uses.argmax(0), uses.max(0)
             top, piece = int(np.argmax(most)), int(look.piece[0])
             places = [
-                path.place(float(look.s[row]), piece, None, name)
+                path.place(float(look.along[row]), piece, None, name)
                 for row, name in zip(rows, limit.channels, strict=True)
             ]
             if part == worst:

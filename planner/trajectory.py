@@ -24,13 +24,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class State:
-    """The motion at instants t (N,): path length s and its rates sd, sdd, sddd (N,), q, q̇, q̈, q⃛ (N, axes).
+    """The motion at instants t (N,): path length s, what it is timed by and the rates of that, q, q̇, q̈, q⃛ (N, axes).
 
+    along, sd, sdd, sddd (N,)  what is timed, and its rates: s, but on straight stretches of a path without a machine
+                               their way, from the one parameter to the other of their ends
     pose is None without a machine.
     """
 
     t: Array
-    s: Array
+    along: Array
     q: Array
     qd: Array
     qdd: Array
@@ -42,16 +44,21 @@ class State:
     known: Array | None = None
 
     @property
+    def s(self) -> Array:
+        """Path length (N,); of a path without a machine its parameter, as it was given."""
+        return self.path.parameter(self.along, self.piece)
+
+    @property
     def qddd(self) -> Array:
         """As it was asked for, or else worked out now: few want it."""
         if self.known is not None:
             return self.known
-        _, q1, q2, q3 = self.path.derivatives(self.s, self.piece)
+        _, q1, q2, q3 = self.path.derivatives(self.along, self.piece)
         return _third(q1, q2, q3, self.sd, self.sdd, self.sddd)
 
     @property
     def pose(self) -> Pose | None:
-        numbers = self.path.pose_numbers(self.s, self.piece)
+        numbers = self.path.pose_numbers(self.along, self.piece)
         return None if numbers is None else from_numbers(numbers)
 
     @property
@@ -61,10 +68,10 @@ class State:
 
     def pose_rate(self, times: int) -> Array:
         """The pose's twelve numbers (N, 12), differentiated by time: ẋ = x′ ṡ, ẍ = x′ s̈ + x″ ṡ²."""
-        numbers = self.path.pose_numbers(self.s, self.piece) if times == 0 else None
+        numbers = self.path.pose_numbers(self.along, self.piece) if times == 0 else None
         if numbers is not None:
             return numbers
-        along = self.path.pose_derivatives(self.s, self.piece, times)
+        along = self.path.pose_derivatives(self.along, self.piece, times)
         if along is None:
             raise MotionError("this motion has no machine, so it has no pose")
         v, a = self.sd[:, None], self.sdd[:, None]

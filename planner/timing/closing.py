@@ -16,13 +16,15 @@ BACK = 1e-10
 def closed(problem: Problem, columns: Array) -> Profile:
     """The motion nearest to `columns` (4, N) of ṡ, s̈, s⃛, h that is continuous, on the problem's grid, between its ends.
 
-    Each interval must end where the next one starts, in s, ṡ and s̈: 3N equations in 4N − 2 unknowns. Newton steps of
-    least length, every unknown counted in its own size, solve them. They stay local: integrated from the start instead,
-    an error of rounding in s̈ would grow with the square of time. Raises MotionError where no such motion is near, or
-    where it backs up.
+    Each interval must end where the next one starts, in s, ṡ and s̈: 3N equations in 4N − 2 unknowns, or one equation
+    less and one unknown more where an end is free. Newton steps of least length, every unknown counted in its own size,
+    solve them. They stay local: integrated from the start instead, an error of rounding in s̈ would grow with the square
+    of time. Raises MotionError where no such motion is near, or where it backs up.
     """
     s, columns = problem.s, columns.copy()
-    columns[:2, 0] = problem.speeds[0], 0.0
+    columns[0, 0] = problem.speeds[0]
+    if not problem.free[0]:
+        columns[1, 0] = 0.0
     step, h = np.diff(s), columns[3]
     most = np.abs(columns).max(1)
     size = np.stack([step / h, np.minimum(step / h**2, most[1]), np.minimum(step / h**3, most[2]), h.copy()])
@@ -30,7 +32,9 @@ def closed(problem: Problem, columns: Array) -> Profile:
         v, a, j, h = columns
         ends = np.stack([h * (v + h * (a / 2 + h * j / 6)), v + h * (a + h * j / 2), a + h * j])
         miss = ends - np.stack([step, np.append(v[1:], problem.speeds[1]), np.append(a[1:], 0.0)])
-        columns = columns + size * _least(columns, ends, miss, step, size)
+        if problem.free[1]:
+            miss[2, -1] = 0.0
+        columns = columns + size * _least(columns, ends, miss, step, size, problem.free)
     if not (np.isfinite(columns).all() and (columns[3] > 0).all()):
         raise MotionError("the motion that the solver found cannot be made continuous")
     v, a, j, h = columns
@@ -41,7 +45,7 @@ def closed(problem: Problem, columns: Array) -> Profile:
     return Profile(s[:-1], v, a, j, h, problem.piece)
 
 
-def _least(columns: Array, ends: Array, miss: Array, step: Array, size: Array) -> Array:
+def _least(columns: Array, ends: Array, miss: Array, step: Array, size: Array, free: tuple[bool, bool]) -> Array:
     """The shortest change (4, N), counted in `size`, that takes the miss (3, N) off to first order.
 
     −Gᵀ (G Gᵀ)⁻¹ miss, where G holds what an interval's own columns do to its equations, and the next one's.
@@ -52,10 +56,14 @@ def _least(columns: Array, ends: Array, miss: Array, step: Array, size: Array) -
     rows = np.stack([step, size[0], size[1]])
     own = np.array([[h, h**2 / 2, h**3 / 6, ends[1]], [one, h, h**2 / 2, ends[2]], [none, one, h, j]])
     own = np.moveaxis(own * size / rows[:, None], 2, 0)
-    own[0, :, :2] = 0.0  # the first ṡ and s̈ are given
+    own[0, :, : 1 if free[0] else 2] = 0.0  # the first ṡ is given, and s̈ where it is not free
+    if free[1]:
+        own[-1, 2] = 0.0  # nothing is asked of the last s̈
     following = np.zeros((n, 3, 4))  # interval i's equations by the columns of i + 1
     following[:-1, 1, 0], following[:-1, 2, 1] = -size[0, 1:] / size[0, :-1], -size[1, 1:] / size[1, :-1]
     diagonal = own @ own.mT + following @ following.mT
+    if free[1]:
+        diagonal[-1, 2, 2] = 1.0
     beside = following[:-1] @ own[1:].mT
     band = np.zeros((11, 3 * n))
     for p in range(3):

@@ -22,12 +22,23 @@ ROUNDING = 1e-9
 ROUNDED, VANISHING = 1e-13, 1e-30
 
 
-def largest_speeds(rows: list[Array], ceiling: Array, step: Array, ends: tuple[float, float] = (0.0, 0.0)) -> Array:
+def largest_speeds(
+    rows: list[Array],
+    ceiling: Array,
+    step: Array,
+    ends: tuple[float, float] = (0.0, 0.0),
+    free: tuple[bool, bool] = (False, False),
+) -> Array:
     """x (N+1,), given at both ends, pointwise largest under |a u + b x + c| ≤ 1 and x ≤ ceiling; x grows by 2 u Δs.
+
+    free: the ends at which x is not given but as large as can be, and does not change beside them: there rows may
+        vanish, and of an x that falls or rises over an interval by any share nothing would be held in its middle
 
     rows: a, b, c, each (N+1, m), kept at the start of every interval. Zeros say that nothing gets through.
     """
     first, last = ends
+    if any(free):
+        return _freed(rows, ceiling, step, ends, free)
     lines = _lines(rows, ceiling, step)
     slope, upper, _, ceiling = lines
     lowest, highest = _reach(*lines, step, last, last)
@@ -36,6 +47,28 @@ def largest_speeds(rows: list[Array], ceiling: Array, step: Array, ends: tuple[f
     x = _climb(first, slope, upper, lowest, highest, step)
     x[-1] = last
     return x
+
+
+def _freed(rows: list[Array], ceiling: Array, step: Array, ends: tuple[float, float], free: tuple[bool, bool]) -> Array:
+    """The same with free ends: x is constant on the interval beside one, and between these as large as can be."""
+    first, after = int(free[0]), len(step) - int(free[1])
+    own = ceiling.copy()
+    for end, interval, beside in ((0, 0, 1), (1, len(step) - 1, len(step) - 1)):
+        if free[end] and rows:
+            _, b, c = (part[interval] for part in rows)
+            size = np.abs(np.where(b == 0, 1.0, b))
+            alone = np.where(b == 0, np.inf, (1 - np.sign(b) * c) / size).min()
+            own[beside] = min(own[beside], own[beside - 1 + 2 * end], alone)
+    lines = _lines([part[first : after + 1] for part in rows], own[first : after + 1], step[first:after])
+    slope, upper, _, most = lines
+    lowest, highest = _reach(*lines, step[first:after], *((0.0, float(most[-1])) if free[1] else (ends[1],) * 2))
+    begin = float(highest[0]) if free[0] else ends[0]
+    if not _within(begin, lowest[0], highest[0]) or ends[1] > most[-1] * (1 + ROUNDING):
+        return np.zeros(len(step) + 1)
+    x = _climb(begin, slope, upper, lowest, highest, step[first:after])
+    if not free[1]:
+        x[-1] = ends[1]
+    return np.concatenate([x[:1]] * first + [x] + [x[-1:]] * (len(step) - after))
 
 
 def largest_ends(rows: list[Array], ceiling: Array, step: Array, ends: tuple[float, float]) -> tuple[float, float]:

@@ -37,10 +37,10 @@ BRIEF = 1e-2
 def order_2_problem(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> Problem:
     """A run's rows on an even grid, or a graded one. Raises MotionError where nothing bounds the acceleration."""
     mixed = any(Term.SD in limit.terms and len(limit.terms) > 1 for limit in limits)
-    few = None if mixed else _few(path, run)
+    few = None if mixed or any(run.stands) else _few(path, run)
     spread = _graded(_size(SECOND_ORDER, path, run)) if mixed else None
     placed = _grid(SECOND_ORDER, path, run, spread) if few is None else grid(path, run, few)
-    problem = pose_problem(path, limits, *placed, run.speeds)
+    problem = pose_problem(path, limits, *placed, run.speeds, run.stands)
     _need(problem, Term.SDD, "acceleration")
     return problem
 
@@ -56,12 +56,13 @@ def refined(path: ActuatorPath, limits: Sequence[Limit], problem: Problem, motio
     first = np.repeat(np.cumsum(count) - count, count)
     share = (np.arange(count.sum()) - first) / np.repeat(count, count)
     s = np.repeat(problem.s[:-1], count) + share * np.repeat(np.diff(problem.s), count)
-    return pose_problem(path, limits, np.append(s, problem.s[-1]), np.repeat(problem.piece, count), problem.speeds)
+    placed = np.append(s, problem.s[-1]), np.repeat(problem.piece, count)
+    return pose_problem(path, limits, *placed, problem.speeds, problem.free)
 
 
 def order_3_coarse(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> Problem:
     """A run's rows on an even grid, to start from. Raises MotionError where nothing bounds the jerk."""
-    coarse = pose_problem(path, limits, *_grid(START, path, run), run.speeds)
+    coarse = pose_problem(path, limits, *_grid(START, path, run), run.speeds, run.stands)
     _need(coarse, Term.SDDD, "jerk")
     return coarse
 
@@ -107,7 +108,7 @@ def _passing(
         s, piece = _grid(rule, path, own, _shares(parts[-1], coarse.s, _size(rule, path, own)))
         grids.append(s[1:])
         pieces.append(piece)
-    problem = pose_problem(path, limits, np.concatenate(grids), np.concatenate(pieces), run.speeds)
+    problem = pose_problem(path, limits, np.concatenate(grids), np.concatenate(pieces), run.speeds, run.stands)
     return problem, Passing(parts, breaks[ends])
 
 
@@ -119,7 +120,7 @@ def _shares(start: Smoothed, s: Array, intervals: int) -> Array:
 def graded(path: ActuatorPath, limits: Sequence[Limit], run: Run, shares: Callable[[int], Array]) -> Problem:
     """The order-3 problem of a run on a grid whose points lie at such shares of it, for a number of intervals."""
     spread = shares(_size(THIRD_ORDER, path, run))
-    return pose_problem(path, limits, *_grid(THIRD_ORDER, path, run, spread), run.speeds)
+    return pose_problem(path, limits, *_grid(THIRD_ORDER, path, run, spread), run.speeds, run.stands)
 
 
 def _grid(
@@ -162,7 +163,7 @@ def _need(problem: Problem, term: Term, name: str) -> None:
 
 def _smoothed(coarse: Problem) -> Smoothed:
     """The averaged order-2 motion over a run; begun and ended at a speed, of a shorter one."""
-    gentle, window = _second_order_start(coarse)
+    gentle, window = _second_order_start(replace(coarse, free=(False, False)))  # averages begin and end at rest
     onward = sum(coarse.speeds)
     if onward == 0:
         return Smoothed(second_order(gentle), window)
@@ -171,7 +172,7 @@ def _smoothed(coarse: Problem) -> Smoothed:
         return _averaged(gentle, min(window, whole))
     except MotionError:
         blocks = tuple(block for block in coarse.blocks if set(block.start) <= SECOND)
-        return _averaged(replace(coarse, blocks=blocks), BRIEF * whole)
+        return _averaged(replace(gentle, blocks=blocks), BRIEF * whole)
 
 
 def _averaged(problem: Problem, window: float) -> Smoothed:

@@ -23,6 +23,8 @@ class Run:
     Under jerk limits s̈ is 0 at both ends.
 
     since, until  path lengths inside the first and the last piece between which it is run; None: all of them
+    stands  whether the path itself stands at the start and at the end, q′ = 0 and q″ is not (planner.stands): what is
+            at rest there is so whatever ṡ is, or under jerk limits s̈, so that these are free
     """
 
     first: int
@@ -31,6 +33,7 @@ class Run:
     end_speed: float = 0.0
     since: float | None = None
     until: float | None = None
+    stands: tuple[bool, bool] = (False, False)
 
     @property
     def speeds(self) -> tuple[float, float]:
@@ -94,12 +97,16 @@ class Block:
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """Grid s (N+1,) over a run, piece (N,) of each interval, the blocks of all limits, and ṡ at its two ends."""
+    """Grid s (N+1,) over a run, piece (N,) of each interval, the blocks of all limits, and ṡ at its two ends.
+
+    free: the ends at rest where the path stands, as `Run` has them: there ṡ, or under jerk limits s̈, is to be found
+    """
 
     s: Array
     piece: np.ndarray
     blocks: tuple[Block, ...]
     speeds: tuple[float, float] = (0.0, 0.0)
+    free: tuple[bool, bool] = (False, False)
 
     @property
     def intervals(self) -> int:
@@ -152,7 +159,12 @@ def _filled(s: Array, breaks: Array, least: Array) -> Array:
 
 
 def pose_problem(
-    path: ActuatorPath, limits: Sequence[Limit], s: Array, piece: np.ndarray, speeds: tuple[float, float] = (0.0, 0.0)
+    path: ActuatorPath,
+    limits: Sequence[Limit],
+    s: Array,
+    piece: np.ndarray,
+    speeds: tuple[float, float] = (0.0, 0.0),
+    stands: tuple[bool, bool] = (False, False),
 ) -> Problem:
     """Evaluate the rows of every timing limit on both sides of every grid point, in one batch.
 
@@ -172,7 +184,8 @@ def pose_problem(
         block = _block(limit.name, limit.rows(points), end)
         if block is not None:
             blocks.append(block)
-    return Problem(s, piece, _busy(blocks), speeds)
+    first, last = (still and speed == 0 for still, speed in zip(stands, speeds, strict=True))
+    return Problem(s, piece, _busy(blocks), speeds, (first, last))
 
 
 def _block(name: str, rows: Rows, end: np.ndarray) -> Block | None:

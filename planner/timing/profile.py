@@ -39,6 +39,11 @@ class Profile:
     def duration(self) -> float:
         return float(self.h.sum())
 
+    @property
+    def last_speed(self) -> float:
+        """ṡ at its end."""
+        return float(self.v[-1] + self.h[-1] * (self.a[-1] + self.h[-1] * self.j[-1] / 2))
+
     def slowed(self, k: float) -> "Profile":
         """The same motion, k times as long: a quantity with sⁿ/tᵐ falls by kᵐ, so every limit on time falls."""
         return replace(self, v=self.v / k, a=self.a / k**2, j=self.j / k**3, h=self.h * k)

@@ -171,8 +171,8 @@ def _parted(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> list[Leg]:
         speed = start.on(problem.s)[0, np.searchsorted(problem.s, inner)]
         rest = run.first + 1 + (pieces - 1) // 4 + int(np.argmin(speed))
         parts = (
-            replace(run, last=rest - 1, end_speed=0.0, until=None),
-            replace(run, first=rest, start_speed=0.0, since=None),
+            replace(run, last=rest - 1, end_speed=0.0, until=None, stands=(run.stands[0], False)),
+            replace(run, first=rest, start_speed=0.0, since=None, stands=(False, run.stands[1])),
         )
         return [leg for part in parts for leg in _legs(path, limits, part, 3)]
     except MotionError:  # no room for a rest beside a speed at an end

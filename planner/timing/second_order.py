@@ -31,7 +31,7 @@ def second_order(problem: Problem, *, solver: Solver = "passes") -> Profile:
         return _solved(problem, solver)
     profile, highest = _solved(inner(problem), solver), None
     for growth in GROWTH:
-        speed = np.append(profile.v, problem.speeds[1])
+        speed = np.append(profile.v, profile.last_speed if problem.free[1] else problem.speeds[1])
         reach = np.sqrt(1 + growth) * np.where(speed > 0, speed, speed.max())
         highest = reach if highest is None else np.minimum(highest, reach)
         try:
@@ -54,7 +54,10 @@ def _solved(problem: Problem, solver: Solver) -> Profile:
     unit = length / time
     first, last = problem.speeds
     ends = (first / unit) ** 2, (last / unit) ** 2
-    x = (passes if solver == "passes" else toppra_adapter).largest_speeds(rows, ceiling, step, ends)
+    if solver == "toppra":
+        x = toppra_adapter.largest_speeds(rows, ceiling, step, ends)
+    else:
+        x = passes.largest_speeds(rows, ceiling, step, ends, problem.free)
     stuck = x[1:] + x[:-1] <= 0
     if stuck.any():
         for end, largest in enumerate(passes.largest_ends(rows, ceiling, step, ends) if max(ends) > 0 else ()):
@@ -65,7 +68,10 @@ def _solved(problem: Problem, solver: Solver) -> Profile:
             "check for a limit that leaves no room there, or a path that stands still"
         )
     v = np.sqrt(x) * unit
-    v[0], v[-1] = first, last
+    if not (problem.free[0] and solver == "passes"):
+        v[0] = first
+    if not (problem.free[1] and solver == "passes"):
+        v[-1] = last
     h = 2 * np.diff(problem.s) / (v[1:] + v[:-1])
     return Profile(problem.s[:-1], v[:-1], np.diff(v) / h, np.zeros(len(h)), h, problem.piece)
 
@@ -89,7 +95,7 @@ def _rows(problem: Problem, step: Array, length: float, time: float) -> tuple[li
     parts: list[list[Array]] = [[], [], []]
     for block in problem.blocks:
         if set(block.start) == {Term.SD}:
-            _cap(ceiling, block, length / time)
+            _cap(ceiling, block, length / time, problem.free)
             continue
         for side, at_end in ((block.start, False), (block.end, True)):
             zero = np.zeros_like(next(iter(side.values())))
@@ -102,10 +108,11 @@ def _rows(problem: Problem, step: Array, length: float, time: float) -> tuple[li
     return [np.concatenate(part, 1) for part in parts] if parts[0] else [], ceiling
 
 
-def _cap(ceiling: Array, block: Block, unit: float) -> None:
+def _cap(ceiling: Array, block: Block, unit: float, free: tuple[bool, bool]) -> None:
     for side, points, given in ((block.start, slice(None, -1), 0), (block.end, slice(1, None), -1)):
         room = block.room.copy()
-        room[given] = 1.0  # speeds at the ends are not the solver's to choose
+        if not free[given]:
+            room[given] = 1.0  # speeds at the ends are not the solver's to choose
         slope = np.abs(side[Term.SD]).max(1) * unit
         with np.errstate(divide="ignore"):
             np.minimum(ceiling[points], (room / slope) ** 2, out=ceiling[points])

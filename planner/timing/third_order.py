@@ -64,7 +64,7 @@ _POWERS = {
 
 
 def third_order(problem: Problem, guess: Array, *, solver: Solver = "fatrop", fast_end: int | None = None) -> Profile:
-    """The fastest motion, s̈ zero at both ends. guess (4, N): ṡ, s̈, s⃛, h to start from.
+    """The fastest motion, s̈ zero at both ends but those where it is free. guess (4, N): ṡ, s̈, s⃛, h to start from.
 
     fast_end: 0 for the start, 1 for the end: the motion with the largest speed there instead, up to the problem's.
 
@@ -91,7 +91,8 @@ def third_order(problem: Problem, guess: Array, *, solver: Solver = "fatrop", fa
         pull[fast_end] = PULL * WEIGHT
     assembled = _assemble(problem.intervals, signature, solver)
     try:
-        columns = _answer(*assembled, data, (low, high), start / scale, speeds, pull) * scale * unit[:, None]
+        answer = _answer(*assembled, data, (low, high), start / scale, speeds, pull, problem.free)
+        columns = answer * scale * unit[:, None]
     except BaseException:
         _forget()
         raise
@@ -222,17 +223,22 @@ def _answer(
     guess: Array,
     speeds: Array,
     pull: Array,
+    free: tuple[bool, bool],
 ) -> Array:
     """Columns (4, N), scaled; rows: what they lie between, (rows, N) each.
 
     speeds (2,): ṡ at both ends; pull (2,): what each is worth where it may be less, 0 where it is given
+    free: the ends at which s̈ is not given
     """
     count = guess.shape[1]
     least = np.tile([0.0, -np.inf, -np.inf, _SHORTEST], (count, 1))
     most = np.full((count, 4), np.inf)
-    most[0, :2], most_last = (speeds[0], 0.0), [speeds[1], 0.0]
+    pushed = np.where(free, np.inf, 0.0)
+    most[0, :2], most_last = (speeds[0], pushed[0]), [speeds[1], pushed[1]]
     lowest = np.where(pull > 0, 0.0, speeds)
-    least[0, :2], least_last = (lowest[0], 0.0), [lowest[1], 0.0]
+    least[0, :2], least_last = (lowest[0], -pushed[0]), [lowest[1], -pushed[1]]
+    for end in np.flatnonzero(free):  # s̈ is constant beside it: else q⃛ may peak between grid points, as it is 0 on one
+        least[-end, 2] = most[-end, 2] = 0.0
     pulls = np.zeros((2, count))
     pulls[0, 0], pulls[1, -1] = pull
     equal = np.zeros((3, count))
@@ -240,7 +246,7 @@ def _answer(
     try:
         with _ONE_AT_A_TIME, quiet(), patience.asked():
             answer = solver(
-                x0=np.concatenate([guess.T.ravel(), least_last]),
+                x0=np.concatenate([guess.T.ravel(), [lowest[1], 0.0]]),
                 p=np.concatenate([data, pulls]).T.ravel(),
                 lbx=np.concatenate([least.ravel(), least_last]),
                 ubx=np.concatenate([most.ravel(), most_last]),
