@@ -1,11 +1,14 @@
 """The option --motion: run a program as it says, or from pose to pose by synchronised moves."""
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import click
 
-from pulsepath.inputs import Inputs
 from pulsepath.talk import note
+
+if TYPE_CHECKING:
+    from pulsepath.inputs import Inputs
 
 PROGRAMMED, SYNCHRONISED = "programmed", "synchronised"
 
@@ -19,7 +22,7 @@ motion_option = click.option(
 )
 
 
-def run_as(motion: str, inputs: Inputs) -> Inputs:
+def run_as(motion: str, inputs: "Inputs") -> "Inputs":
     """The inputs, their program one of synchronised moves where that is asked for: what is left out is told."""
     if motion == PROGRAMMED:
         return inputs
