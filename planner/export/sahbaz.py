@@ -72,7 +72,8 @@ class Sahbaz:
             refuse_counter(pulses, axis)
         moves = _moves(source, kinds)
         path.write_bytes("".join(f"{line}\r\n" for line in _lines(source, moves)).encode("ascii"))
-        off = error(source, [*_calls(source, read_moves(path), kinds)])
+        read = read_moves(path)
+        off = error(source, [*_calls(source, read, kinds)])
         starts = [
             axis.direction * pulses.start for axis, pulses in zip(source.machine.axes, source.pulses.axes, strict=True)
         ]
@@ -85,6 +86,7 @@ class Sahbaz:
                 f"counters must stand at {', '.join(map(str, starts))} at time 0",
                 "between two rests each axis runs a trapezoid of its own; the tool's way is no straight line",
             ),
+            sum(move.distance != 0 for move in read),
         )
 
 
