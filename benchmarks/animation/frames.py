@@ -12,6 +12,7 @@ from benchmarks.animation.nearest import Nearest, nearest, tilt_use
 from kinematics.array import Array, frozen
 from kinematics.errors import MotionError
 from kinematics.machine import Machine
+from kinematics.pose import from_numbers
 from kinematics.skeleton import Bar, Pivot, Placed, place
 from planner.limits import Limit
 from planner.program import Program
@@ -60,6 +61,9 @@ class Frames:
 
     bars, pivots  what the skeleton consists of, and the tool's shank;  placed: where they are
     tool          (N, 3) its place: the platform's origin's where there is none
+    axes, units   names of the axes, and m or rad of each
+    q             (N, axes) their coordinates, which are `what`: lengths of legs between joints, or positions
+    pose          (N, 6) x, y, z (m) of the tool and θx, θy, θz (rad) of the platform, in the frame of the home pose
     nearest, tilt how near every axis, the tool and each pivot (N, pivots) are to their limits
     planned       (M, 3) the path of the tool, evenly in time
     errors        (M, 3) by how much the pulses' path is off there; None where counts stand for no pose
@@ -78,6 +82,11 @@ class Frames:
     planned: Array
     errors: Array | None
     magnified: float
+    axes: tuple[str, ...]
+    units: tuple[str, ...]
+    q: Array
+    pose: Array
+    what: str
 
     def use_of(self, owners: Sequence[str]) -> Array:
         """(N, owners) the use of each one's nearest limit; NaN for those that none concerns, as "" is."""
@@ -135,7 +144,19 @@ def frames_of(plan: Animated, t: Array, magnified: float | None = None) -> Frame
         frozen(planned),
         None if errors is None else frozen(errors),
         magnification(planned, errors) if magnified is None else magnified,
+        tuple(axis.name for axis in machine.axes),
+        tuple(axis.unit for axis in machine.axes),
+        frozen(state.q),
+        frozen(_from_home(machine, x, tool)),
+        "length" if machine.lengths else "position",
     )
+
+
+def _from_home(machine: Machine, x: Array, tool: Array) -> Array:
+    """(N, 6) where the tool is and how the platform is turned, as programs in the frame "home" say it."""
+    back = machine.home.inv()
+    angles = (back * from_numbers(x)).rotation.as_euler("XYZ", suppress_warnings=True)
+    return np.concatenate([back.apply(tool), angles], 1)
 
 
 def even(trajectory: Trajectory, count: int) -> Array:

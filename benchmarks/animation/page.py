@@ -6,6 +6,7 @@ from `animation.html.j2`, by the handles on its client that viser keeps for its 
 viser 1.1; should a later client lack them, the player goes on without.
 """
 
+from collections.abc import Sequence
 from html import escape
 from math import radians
 from typing import Any
@@ -16,6 +17,8 @@ from benchmarks.animation.frames import Frames
 from benchmarks.animation.look import PLAIN, PLANNED, RAMP, REALISED, VIEWS, View, rgb_of
 from benchmarks.animation.scene import CLOCK, HOLD, recorded
 from benchmarks.page import render
+from kinematics.array import Array
+from kinematics.table import SCALES
 
 POLICY = (
     "default-src 'none'; script-src 'unsafe-inline' 'unsafe-eval' blob: data:; style-src 'unsafe-inline'; "
@@ -52,6 +55,7 @@ def _overlay(frames: Frames) -> str:
         machine=frames.machine,
         views=[{"name": view.name, "label": view.name[0].upper() + view.name[1:]} for view in VIEWS],
         gradient=", ".join(f"{colour} {100 * place:g}%" for place, colour in RAMP),
+        what=frames.what,
         tilted=bool(np.isfinite(frames.tilt).any()),
         planned=PLANNED,
         realised=REALISED,
@@ -83,6 +87,10 @@ def _data(frames: Frames) -> dict[str, Any]:
         "rows": rows,
         "names": names,
         "near": near.tolist(),
+        "axes": list(frames.axes),
+        "units": [SCALES["human"][unit][0] for unit in frames.units],
+        "q": _read(frames.q, frames.units),
+        "pose": _read(frames.pose, ("m",) * 3 + ("rad",) * 3),
         "ramp": [[place, rgb_of(colour)] for place, colour in RAMP],
         "plain": PLAIN,
         "views": [_camera(view) for view in VIEWS],
@@ -91,6 +99,12 @@ def _data(frames: Frames) -> dict[str, Any]:
         "middle": frames.box.mean(0).tolist(),
         "half": (np.maximum(np.ptp(frames.box, axis=0), LEAST * frames.size) / 2).tolist(),
     }
+
+
+def _read(values: Array, units: Sequence[str]) -> list[list[float]]:
+    """Rows in mm and degrees, to a thousandth."""
+    factors = [SCALES["human"][unit][1] for unit in units]
+    return (np.round(values * factors, 3) + 0.0).tolist()  # no −0
 
 
 def first_view(frames: Frames) -> View:

@@ -13,6 +13,7 @@ import msgspec
 import numpy as np
 import pytest
 import zstandard
+from scipy.spatial.transform import Rotation
 
 from benchmarks.animation import animate, four_views, save_four_views
 from benchmarks.animation.animate import document
@@ -109,6 +110,27 @@ def test_frames_are_even_in_time_and_one_second_is_one_second(shown, page):
     times = sorted({t for t, _ in ticks})
     np.testing.assert_allclose(times, np.linspace(0, duration, 240)[1:], atol=1e-9)  # the first is how it begins
     assert all(t == pytest.approx(at, abs=1e-9) for t, at in ticks)  # what the page's legend goes by
+
+
+def told_by(page):
+    """What the page's script goes by."""
+    return json.loads(re.search(r'<script type="application/json" id="frames">(.*?)</script>', page, re.DOTALL)[1])
+
+
+def test_lengths_and_place_of_every_frame_are_those_of_the_motion(shown, page):
+    """Rounded to a thousandth of a mm or degree; the tool's place as programs have it, from home."""
+    data, machine = told_by(page), shown.machine
+    state = shown.trajectory.at(np.linspace(0, shown.trajectory.duration, 240))
+    scale = np.array([1e3 if axis.unit == "m" else 180 / np.pi for axis in machine.axes])
+    assert data["axes"] == [axis.name for axis in machine.axes]
+    assert data["units"] == ["mm" if axis.unit == "m" else "°" for axis in machine.axes]
+    np.testing.assert_allclose(data["q"], state.q * scale, atol=5.01e-4)
+    home = machine.home
+    turned = (home.rotation.inv() * state.pose.rotation).as_matrix()
+    place = (state.pose.translation - home.translation) @ home.rotation.as_matrix()
+    np.testing.assert_allclose(np.array(data["pose"])[:, :3], 1e3 * place, atol=5.01e-4)
+    said = Rotation.from_euler("XYZ", np.array(data["pose"])[:, 3:], degrees=True).as_matrix()
+    np.testing.assert_allclose(said, turned, atol=5e-5)
 
 
 def test_bars_and_joints_are_where_the_machine_is(shown, page):
@@ -404,6 +426,14 @@ def test_a_browser_shows_it_and_asks_no_network(circle, tmp_path):
     assert any("Embedded data loaded" in line for line in said)  # viser's player has read the recording
     assert not [line for line in said if re.search("ERROR|Uncaught|Refused|violates", line)]
     assert re.search(r'<p id="when">\d\.\d{3} s of 1\.262 s</p>', shown)
+    # the numbers of one of its frames stand in the page: that of the time which it shows
+    data = told_by(shown)
+    (when,) = re.findall(r'<p id="when">(\d\.\d{3}) s', shown)
+    k = [f"{t:.3f}" for t in data["t"]].index(when)
+    places = re.findall(r"<span>(-?[\d.]+ mm|-?[\d.]+°)</span>", shown)
+    assert places == [f"{value:.3f}{' mm' if n < 3 else '°'}" for n, value in enumerate(data["pose"][k])]
+    lengths = re.findall(r"leg\d</td><td>([\d.]+) mm</td>", shown)
+    assert lengths == [f"{value:.3f}" for value in data["q"][k]]
     assert askers == set()
 
 
