@@ -4,6 +4,7 @@
     (X = leg1 in mm: a joint axis, not Cartesian)
     (Y = leg2 in mm: a joint axis, not Cartesian)
     (Z = leg3 in mm: a joint axis, not Cartesian)
+    (positions from home, in the sense of the axes)
     (the axes must stand at X21.0935915 Y27.0092485 Z25.7989127)
     G21 G90 G93
     G1 X21.0947185 Y27.0050374 Z25.7935812 F3000
@@ -17,6 +18,7 @@
 - The controller has to keep the path (exact path mode, G61) and to be able to follow: one that plans its own
   accelerations stretches the times.
 - F has 12 digits, so an hour of pieces is off by less than 10 ns.
+- `planner.sources.gcode` reads it again, as the program of the places, where it is told the machine.
 - ASCII, line ends \\n, decimal points whatever the locale; brackets in names show as square ones.
 """
 
@@ -58,7 +60,8 @@ class InverseTime:
             about = [f"pulsepath: {source.name}"]
             for letter, axis, unit in zip(letters, axes, form.units, strict=True):
                 about.append(f"{letter} = {axis.name} in {unit}: a joint axis, not Cartesian")
-            file.writelines(f"({plain(text).translate(SQUARE)})\n" for text in about)
+            about.append(f"positions from {self.origin}, in the sense of the axes")
+            file.writelines(f"({header_name(text)})\n" for text in about)
             before = ""
             for steps, units in form.blocks(source, knots, 1):
                 for lasting, row in zip((steps * STEP).tolist(), form.text_rows(units), strict=True):
@@ -73,6 +76,11 @@ class InverseTime:
             file.write("G94\nM2\n")
         notes = (told(axes, letters), f"joint axes, positions from {self.origin}, in the sense of the axes")
         return compare(motion, axes, knots, _points(source, form, path), notes)
+
+
+def header_name(text: str) -> str:
+    """A text as a comment of the header has it, so that its reader knows a name again."""
+    return plain(text).translate(SQUARE)
 
 
 def _points(source: Source, form: Columns, path: Path) -> Iterator[tuple[Array, Array]]:

@@ -18,9 +18,12 @@
 | M2 M30 % | the end: what follows is not read |
 | N ( … ) ; | numbers of lines, and comments |
 
-Everything else is a fault with its line and column; words named in the option `ignore` are left out and counted,
-where leaving them out leaves the path as it is. F is a cap: the machine is as fast as it can under it. Coordinates
-that are rounded make small corners where curves were smooth, at which G61 stops: G64 P passes them.
+A file of joint axes, as the export g93 writes it, says so in its header: its places are found by forward kinematics of
+the option `machine`, and without that it is refused (planner.sources.gcode_joints).
+
+Everything else is a fault with its line and column; words named in the option `ignore` are left out and counted, where
+leaving them out leaves the path as it is. F is a cap: the machine is as fast as it can under it. Coordinates that are
+rounded make small corners where curves were smooth, at which G61 stops: G64 P passes them.
 """
 
 from dataclasses import dataclass
@@ -28,9 +31,10 @@ from pathlib import Path
 from typing import ClassVar, Literal
 
 from kinematics.errors import MotionError
-from planner.program import Dwell, Program
+from planner.program import Blend, Dwell, Join, Program, Stop, Through
 from planner.sources.faults import Faults
 from planner.sources.gcode_ignored import ignorable
+from planner.sources.gcode_joints import find_header, read_joints, refuse_options
 from planner.sources.gcode_run import Run
 from planner.sources.gcode_words import words
 from planner.sources.placed import placed
@@ -56,6 +60,9 @@ class Gcode:
         None, 'where the file\'s zero lies from home, as "0 mm, 0 mm, 25 mm" or with three angles. Default: at home'
     )
     ignore: str | None = option(None, 'words to leave out, as "S T M3 M5 G54"')
+    machine: str | None = option(
+        None, "of a file of joint axes, as the export g93 writes it: the machine whose axes they are"
+    )
 
     def __post_init__(self) -> None:
         for name, unit in (("blend", "m"), ("rapid", "m/s"), ("feed", "m/s")):
@@ -72,11 +79,23 @@ class Gcode:
         """The words to leave out, without leading zeros."""
         return frozenset(_normal(word) for word in (self.ignore or "").replace(",", " ").split())
 
+    @property
+    def first_join(self) -> Join:
+        """How joins are until a word says otherwise."""
+        return Blend(self.blend) if self.blend is not None else Stop() if self.join == "stop" else Through()
+
     def read(self, path: Path) -> Imported:
         """The program of a G-code file. Raises FileError with its faults, each with its line and column."""
         faults = Faults(str(path))
         work = None if self.origin is None else placed(self.origin)
-        run, text = Run(self, work, faults), text_of(path)
+        text = text_of(path)
+        header = find_header(text)
+        if header is not None:
+            refuse_options([name for name in ("rapid", "feed", "origin", "ignore") if getattr(self, name) is not None])
+            return read_joints(path, text, header, self.machine, self.first_join, faults)
+        if self.machine is not None:
+            raise MotionError(f"gcode: machine is for files of joint axes, which {path.name} is not by its header")
+        run = Run(self, work, faults)
         number = 0
         for number, line, found in words(text, faults):
             run.block(number, line, found)

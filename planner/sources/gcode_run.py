@@ -68,9 +68,7 @@ class Run:
         self.plane, self.unit = 17.0, METRES[20.0 if options.length == "in" else 21.0]
         self.absolute, self.from_start, self.timed = True, True, False
         self.feed: float | None = None
-        self.join: Join = Stop() if options.join == "stop" else Through()
-        if options.blend is not None:
-            self.join = Blend(options.blend)
+        self.join: Join = options.first_join
 
     def block(self, number: int, line: str, found: Words) -> None:
         """One line's words; what is wrong with them becomes a fault."""

@@ -1,0 +1,183 @@
+"""G-code of joint axes, as `planner.export.g93` writes it: its words are actuators, so its places are found by forward
+kinematics of the machine that it is for.
+
+The way is taken over: a straight line from point to point, and the rests. The times are not: what is made of it is a
+program, which is planned as any other.
+"""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from math import pi
+from pathlib import Path
+
+import numpy as np
+
+from kinematics.array import Array
+from kinematics.errors import MotionError
+from kinematics.machine import Machine
+from planner.export.g93 import header_name
+from planner.program import SAME, Dwell, Join, Line, Program, Segment, Stop, Turn
+from planner.sources.faults import Faults
+from planner.sources.gcode_words import WORD, Words, words
+from planner.sources.source import Imported
+
+_AXIS = re.compile(r"\(([A-Z]) = (.+) in (mm|deg): a joint axis, not Cartesian\)")
+_ORIGIN = re.compile(r"\(positions from (home|natural), in the sense of the axes\)")
+_STAND = re.compile(r"\(the axes must stand at (.+)\)")
+FACTOR = {"mm": 1e3, "deg": 180 / pi}
+MODES = {("G", "21"), ("G", "90"), ("G", "93"), ("G", "94"), ("M", "2")}
+MET = 1e-6
+"""m or rad: residual of a pose that has been found, of coordinates with six decimals or more."""
+
+
+@dataclass(frozen=True, slots=True)
+class Header:
+    """What a file says of its axes: letter, name and unit of each, and where they stand at first.
+
+    origin  "home" or "natural"; None: it does not say
+    """
+
+    letters: tuple[str, ...]
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    origin: str | None
+    stand: str | None
+    line: int
+
+
+def find_header(text: str) -> Header | None:
+    """The header of a file of joint axes; None of any other G-code."""
+    lines = text.split("\n")
+    axes = [(number, found) for number, line in enumerate(lines, 1) if (found := _AXIS.fullmatch(line.strip()))]
+    if not axes:
+        return None
+    origin, stand = (
+        next((found[1] for line in lines if (found := pattern.fullmatch(line.strip()))), None)
+        for pattern in (_ORIGIN, _STAND)
+    )
+    letters, names, units = (tuple(found[k] for _, found in axes) for k in (1, 2, 3))
+    return Header(letters, names, units, origin, stand, axes[0][0])
+
+
+def read_joints(path: Path, text: str, header: Header, machine: str | None, join: Join, faults: Faults) -> Imported:
+    """The program of a file of joint axes on its machine.
+
+    Raises FileError where no machine is told, for another machine than the header's, and for places that it cannot
+    come to from home.
+    """
+    said = ", ".join(f"{letter} = {name}" for letter, name in zip(header.letters, header.names, strict=True))
+    if machine is None:
+        faults.add(
+            f"its words are joint axes ({said}), not places of the tool: give the machine that it is for by the option "
+            "machine, or plan the program that it was exported from",
+            header.line,
+        )
+        faults.refuse()
+    from kinematics.registry import load_machine
+
+    of = load_machine(machine or "")
+    _refuse_other(of, header, said, faults)
+    numbers, rows, rests = _points(text, header, faults)
+    faults.refuse()
+    factors = np.array([FACTOR[unit] for unit in header.units])
+    q = np.array(rows) / factors + (of.home_q if header.origin == "home" else 0.0)
+    found = of.forward(q)
+    for k in np.flatnonzero((found.residual > MET) | ~found.certified):
+        faults.add(f"with axes there {of.name} has no pose that it is proved to come to from home", numbers[k])
+    faults.refuse()
+    turns = bool({"rx", "ry", "rz"} & set(of.freedom))
+    segments: list[Segment] = []
+    place, turned = found.pose[0].translation, found.pose[0].rotation
+    for k in range(1, len(q)):
+        pose = found.pose[k]
+        moves = float(np.linalg.norm(pose.translation - place)) > SAME
+        rotates = turns and float((turned.inv() * pose.rotation).magnitude()) > SAME
+        if moves:
+            segments.append(
+                Line(pose.translation, pose.rotation if rotates else None, None, join, line_number=numbers[k])
+            )
+        elif rotates:
+            segments.append(Turn(pose.rotation, line_number=numbers[k]))
+        if moves or rotates:
+            place, turned = pose.translation, pose.rotation
+        if rests[k] > 0:
+            if segments and not isinstance(segments[-1], Dwell):
+                segments[-1] = replace(segments[-1], join=Stop())
+            segments.append(Dwell(rests[k], line_number=numbers[k]))
+    if all(isinstance(segment, Dwell) for segment in segments):
+        faults.add("nothing moves: its points are all one")
+    faults.refuse()
+    named = None if Path(of.name).suffix or machine != of.name else machine  # a path would count from the program
+    program = Program(tuple(segments), "base", found.pose[0], named, name=path.stem)
+    rested = sum(rest > 0 for rest in rests)
+    told = (
+        f"its words are joint axes: the places are those that {of.name} comes to from home, proved ({said})",
+        f"straight lines between them leave straight lines of the axes by up to {1e6 * _bulge(of, q):.3g} um",
+        "the times are not taken over: a plan of it is as fast as the machine can, or lasts as long as it is told",
+    )
+    return Imported(program, {"G1": len(q) - 1 - rested, "G4": rested}, told)
+
+
+def _refuse_other(machine: Machine, header: Header, said: str, faults: Faults) -> None:
+    axes = machine.axes
+    wanted = tuple("mm" if axis.kind == "linear" else "deg" for axis in axes)
+    if header.names != tuple(header_name(axis.name) for axis in axes) or header.units != wanted:
+        own = ", ".join(f"{axis.name} in {unit}" for axis, unit in zip(axes, wanted, strict=True))
+        faults.add(f"it is for the axes {said}; machine {machine.name} has {own}: give its own machine", header.line)
+    if header.origin is None or header.stand is None:
+        faults.add(
+            "its header does not say where positions count from, and where the axes stand at first: export it again",
+            header.line,
+        )
+    if corrected := [axis.name for axis in axes if axis.compensate]:
+        faults.add(
+            f"axes {', '.join(corrected)} of machine {machine.name} compensate play or lead, so that the positions in "
+            "the file are their motors' and lead to no pose; plan the program that it was exported from",
+            header.line,
+        )
+    faults.refuse()
+
+
+def _points(text: str, header: Header, faults: Faults) -> tuple[list[int], list[list[float]], list[float]]:
+    """Line, positions in the file's units and s of rest of each point, the first where the axes stand."""
+    start = WORD.findall(header.stand or "")
+    numbers, rows, rests = [header.line], [_row(header, start, header.line, faults)], [0.0]
+    for number, _, found in words(text, faults):
+        said = [(letter.upper(), value) for letter, value in found]
+        if set(said) <= MODES:
+            continue
+        letters = [letter for letter, _ in said]
+        if said[0] == ("G", "1") and letters[1:] == [*header.letters, "F"]:
+            rows.append(_row(header, said[1:-1], number, faults))
+            rests.append(0.0)
+        elif said[0] == ("G", "4") and letters[1:] == ["P"]:
+            rows.append(rows[-1])
+            rests.append(float(said[1][1]))
+        else:
+            faults.add(
+                f"this is no line of a file of joint axes, which has G1 {' '.join(header.letters)} F, and G4 P", number
+            )
+            continue
+        numbers.append(number)
+    return numbers, rows, rests
+
+
+def _row(header: Header, said: Words, number: int, faults: Faults) -> list[float]:
+    if [letter for letter, _ in said] != list(header.letters):
+        faults.add(f"a point has {' '.join(header.letters)}, in this order", number)
+        return [0.0] * len(header.letters)
+    return [float(value) for _, value in said]
+
+
+def _bulge(machine: Machine, q: Array) -> float:
+    """m: how far the middles of the axes' straight lines between points (N, n) are from straight lines in space."""
+    ends = machine.forward(q, certify=False).pose.translation
+    middle = machine.forward((q[1:] + q[:-1]) / 2, certify=False).pose.translation
+    return float(np.linalg.norm(middle - (ends[1:] + ends[:-1]) / 2, axis=1).max(initial=0.0))
+
+
+def refuse_options(given: Sequence[str]) -> None:
+    """Raise MotionError for options that say something about places, which such a file has none of."""
+    if given:
+        raise MotionError(f"gcode: {', '.join(given)} has no meaning for a file of joint axes; leave it out")
