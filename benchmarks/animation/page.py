@@ -104,7 +104,8 @@ def _data(frames: Frames) -> dict[str, Any]:
 def _read(values: Array, units: Sequence[str]) -> list[list[float]]:
     """Rows in mm and degrees, to a thousandth."""
     factors = [SCALES["human"][unit][1] for unit in units]
-    return (np.round(values * factors, 3) + 0.0).tolist()  # no −0
+    rows: list[list[float]] = (np.round(values * factors, 3) + 0.0).tolist()  # no −0
+    return rows
 
 
 def first_view(frames: Frames) -> View:

@@ -83,7 +83,7 @@ def read_joints(path: Path, text: str, header: Header, machine: str | None, join
     factors = np.array([FACTOR[unit] for unit in header.units])
     q = np.array(rows) / factors + (of.home_q if header.origin == "home" else 0.0)
     found = of.forward(q)
-    for k in np.flatnonzero((found.residual > MET) | ~found.certified):
+    for k in np.flatnonzero((found.residual > MET) | ~found.certified).tolist():
         faults.add(f"with axes there {of.name} has no pose that it is proved to come to from home", numbers[k])
     faults.refuse()
     turns = bool({"rx", "ry", "rz"} & set(of.freedom))
