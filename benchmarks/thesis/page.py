@@ -27,8 +27,9 @@ The program that ran the laws is printed in the thesis' Appendix E, and is follo
 is `GetCurrentSpeed`, the card's own output rate and not a speed of the encoders; after the last sample every axis is
 stopped within 1 ms (`SDStop`), and nothing is sent any more. Two things it calls without saying what they do:
 `SetContinuousMove(axis, 1)`, for every axis before the first command, may make a command wait behind the running move
-or let it replace that; and the rate may be read with the sign of its direction or without. For the latter speaks that
-the program adds v(k − 1) where npuls(k + 1) < 0. As stated: it replaces, and has a sign, as Table 7.5 is written.
+(in a queue of any length here: how many commands the card holds is not printed either) or let it replace that; and the
+rate may be read with the sign of its direction or without. For the latter speaks that the program adds v(k − 1) where
+npuls(k + 1) < 0. As stated: it replaces, and has a sign, as Table 7.5 is written.
 """
 
 

@@ -38,7 +38,8 @@ class Card:
     max_speed         pulses/s that a channel can emit at most
     clock_hz          reference clock: a pulse falls on one of its ticks
     while_moving      what a command does that arrives during a move: "replace" it from the command position of that
-                      instant, or "queue" behind it (each channel begins when its own move ends)
+                      instant, or "queue" behind it (each channel begins when its own move ends; assumed: in a queue
+                      of any length)
     start_from        the speed at which a trapezoidal or velocity move begins that replaces another one: that
                       "commanded", or the "current" one where it leads the same way
     short_moves       what a move keeps that is too short for its ramps, as it lowers its top speed: "keep rate" and
