@@ -29,7 +29,7 @@ class Gear(Table):
     play   at the axis
     """
 
-    ratio: Annotated[float, Field(gt=0), AllowInfNan(False)]
+    ratio: Annotated[float, Field(ge=1e-6, le=1e6), AllowInfNan(False)]
     play: Annotated[float, Unit("rad", least=0, like="3 arcmin")] = 0.0
 
     @property
@@ -117,7 +117,7 @@ class StepperTable(DriveTable):
 
     needed: ClassVar[tuple[str, ...]] = (*DriveTable.needed, "steps", "torque_speed")
 
-    steps: Annotated[int, Field(gt=0, description="write e.g. 200")] | None = None
+    steps: Annotated[int, Field(gt=0, le=10**9, description="write e.g. 200")] | None = None
     torque_speed: Curve | None = None
     damping: Annotated[float, Unit("N*m*s/rad", least=0, like="5e-4 N*m*s/rad")] | None = None
 

@@ -11,6 +11,7 @@ from math import ceil, floor, inf, isfinite, log10
 from typing import TYPE_CHECKING, Annotated, Any
 
 from kinematics.errors import BadValue, MotionError
+from kinematics.magnitudes import LEAST, most
 from kinematics.unit_table import factor
 
 if TYPE_CHECKING:
@@ -132,7 +133,18 @@ class Unit:
             other = isinstance(value, str) and unit not in value and number
             converted = f", which is {describe(number, unit)}," if other else ""
             raise BadValue(f"{shown(value)}{converted} must be {self.allowed}", allowed=self.allowed)
+        self._refuse_size(value, number)
         return number
+
+    def _refuse_size(self, value: object, number: float) -> None:
+        """What no machine has and no computation bears: too large, or of what must be above 0, too small."""
+        unit, largest = everyday(self.unit), most(self.unit)
+        if abs(number) > largest:
+            allowed = f"at most {describe(largest, unit)}"
+            raise BadValue(f"{shown(value)}: too large: {allowed} can be taken", allowed=allowed)
+        if self.above == 0 and number < LEAST:
+            allowed = f"at least {describe(LEAST, unit)}"
+            raise BadValue(f"{shown(value)}: too small: {allowed} can be taken", allowed=allowed)
 
     def quantity(self, text: object) -> float:
         """A quantity with its unit, in SI, whatever its bounds. Raises MotionError."""

@@ -29,8 +29,9 @@ from planner.walk import walk
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-TOLERANCE = 1e-6
-"""A limit holds when its proven bound is at most 1 + TOLERANCE: room for the solvers' own tolerance."""
+REACHED = 1e-9
+"""A limit that is reached exactly by what is stated (a place, a constant speed, a speed at an end) counts as 1: its
+bound may be beyond 1 by so much rounding. What the timing chooses is never above 1."""
 # How small and how many cells may become until their bounds are tight.
 SMALLEST, MOST_CELLS = 2.0**-24, 400_000
 # Cells are cut in two; up to so many, where an evaluation costs the same for one as for all, in more.
@@ -128,7 +129,7 @@ def certify(trajectory: Trajectory, limits: Sequence[Limit], known: Known | None
     for name, place in (jumps(trajectory, order) | gaps(trajectory)).items():
         worst[name], where[name] = float("inf"), place
     return Certificate(
-        holds=all(value <= 1 + TOLERANCE for value in worst.values()),
+        holds=all(value <= 1 for value in worst.values()),
         worst=worst,
         where=where,
         use={name: frozen(values) for name, values in use.items()},
@@ -150,15 +151,18 @@ def prove(
             for new, old in ((values, known.use[name]), (attained[name], known.attained[name])):
                 new[:] = np.where(np.isnan(old), 0.0, old)
         cells = whole[np.isnan(known.use[limits[0].name])[whole.k]]
-    share = 1.0
+    share, stated = 1.0, _stated(trajectory)
     while True:
         bound, met = _judge(trajectory, limits, cells, order)
+        for n, limit in enumerate(limits):
+            exact = np.full(len(cells.k), True) if limit.geometric else stated[cells.k]
+            bound[n], met[n] = (np.where(exact, count_reached(values[n]), values[n]) for values in (bound, met))
         loose = np.zeros(len(cells.k), bool)
         for n, limit in enumerate(limits):
             values = attained[limit.name]
             np.maximum.at(values, cells.k, met[n])
             loose |= bound[n] > np.maximum(met[n], min(values.max(), 1.0)) + limit.tight(met[n])
-            loose |= (bound[n] > 1 + TOLERANCE) & (met[n] <= 1)
+            loose |= (bound[n] > 1) & (met[n] <= 1)
         parts = PARTS if loose.sum() <= FEW else 2
         share /= parts
         if share < SMALLEST or parts * loose.sum() > MOST_CELLS:
@@ -169,6 +173,22 @@ def prove(
             break
         cells = cells[loose].parts(parts)
     return use, attained
+
+
+def count_reached(use: Array) -> Array:
+    """Shares of limits, of which those that are beyond 1 by rounding count as 1."""
+    return np.where((use > 1) & (use <= 1 + REACHED), 1.0, use)
+
+
+def _stated(trajectory: Trajectory) -> np.ndarray:
+    """(M,) bool: time pieces at a speed that the path states, or that begin or end at one."""
+    steady = np.isfinite(claimed(trajectory))
+    stated = steady.copy()
+    stated[:-1] |= steady[1:]
+    stated[1:] |= steady[:-1]
+    for end, speed in zip((0, -1), trajectory.path.end_speeds, strict=True):
+        stated[end] |= speed > 0
+    return stated
 
 
 _ALONG: WeakKeyDictionary[ActuatorPath, tuple[tuple[Limit, ...], dict[str, Array]]] = WeakKeyDictionary()
@@ -216,7 +236,7 @@ def at_knots(trajectory: Trajectory, limits: Sequence[Limit], known: Known | Non
             value = limit.value(state)
             met[limit.name][knots[some]] = limit.use(value, value, state.piece).max(1)
     for name, values in met.items():
-        found[name][new] = np.maximum(values[new], values[new + 1])
+        found[name][new] = count_reached(np.maximum(values[new], values[new + 1]))
     return found
 
 

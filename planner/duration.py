@@ -18,7 +18,7 @@ from planner.place import Infeasible
 from planner.solve import Solution, fastest, proved
 from planner.timing.leg import TRIES, tightened
 from planner.timing.posing import graded
-from planner.timing.problem import Problem, Run
+from planner.timing.problem import AIM, Problem, Run
 from planner.timing.profile import Profile
 from planner.timing.smoothest import even, quintic, smoothest
 
@@ -194,5 +194,5 @@ class Smoothed:
     def tightened(self, use: Mapping[str, Array], slowness: float) -> "Smoothed":
         if self.tries >= TRIES:
             return replace(self, profile=self.slowed, method=SLOWED, tries=TRIES)
-        blocks = tuple(tightened(block, use[block.name], self.tries) for block in self.problem.blocks)
+        blocks = tuple(tightened(block, use[block.name] / AIM, self.tries) for block in self.problem.blocks)
         return replace(self, problem=replace(self.problem, blocks=blocks)).solved()

@@ -14,7 +14,7 @@ from kinematics.units import Unit
 from planner.curve_entry import CurveEntry
 from planner.entry import AngularSpeed, Drawn, Entry, ToolAcceleration, ToolSpeed
 from planner.program import SAME, Arc, Dwell, Frame, Line, Segment, Spline, Synchronised, Turn
-from planner.wanted import repeats
+from planner.wanted import MOST_REPEATS, repeats
 
 
 def _rotation(angles: tuple[float, float, float] | None) -> Rotation | None:
@@ -240,7 +240,7 @@ class ProgramFile(File):
     angular_speed: AngularSpeed | None = None
     tool: PoseTable | None = None
     work: PoseTable | None = None
-    repeat: Annotated[int, Field(ge=1)] = 1
+    repeat: Annotated[int, Field(ge=1, le=MOST_REPEATS)] = 1
     start_speed: EndSpeed = 0.0
     end_speed: EndSpeed = 0.0
     segment: Annotated[tuple[SegmentEntry, ...], Field(description=_SOME_SEGMENT), AfterValidator(_not_empty)]

@@ -9,7 +9,6 @@ from kinematics.array import Array
 from kinematics.axis import Axis
 from kinematics.errors import MotionError
 from planner.actuation import ActuatorPath
-from planner.certify import TOLERANCE
 from planner.limits.acceleration import Acceleration
 from planner.limits.jerk import Jerk
 from planner.limits.limit import AxisLimit, Limit
@@ -61,7 +60,7 @@ class Pacer:
     def late(self, profile: Profile) -> list[Stay]:
         """Where it stays in a band too long."""
         motion = profile.along(self.path)
-        return [stay for limit in self._bands for stay in stays(motion, limit) if stay.use > 1 + TOLERANCE]
+        return [stay for limit in self._bands for stay in stays(motion, limit) if stay.use > 1]
 
     def below(self) -> tuple[Limit, ...]:
         """The limits with every axis held below its bands."""

@@ -15,7 +15,6 @@ import numpy as np
 from kinematics.array import Array
 from kinematics.errors import MotionError
 from planner.actuation import ActuatorPath
-from planner.certify import TOLERANCE
 from planner.limits.limit import Limit
 from planner.limits.tool_speed import ToolSpeed
 from planner.place import ConstantRefused, Infeasible
@@ -58,7 +57,7 @@ class Parted:
         return replace(
             self,
             parts=tuple(
-                self._tightened(part, used, slowness) if max(map(np.max, used.values())) > 1 + TOLERANCE else part
+                self._tightened(part, used, slowness) if max(map(np.max, used.values())) > 1 else part
                 for part, used in zip(self.parts, own, strict=True)
             ),
         )

@@ -2,12 +2,12 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from kinematics.array import Array
-from kinematics.errors import MotionError
+from kinematics.errors import Fault, FileError, MotionError
+from kinematics.magnitudes import most, within
 from kinematics.pose import Pose
 from kinematics.result import Result
 from kinematics.table import Column, Table
@@ -26,7 +26,7 @@ from planner.segments import Segment as Segment
 from planner.segments import Spline as Spline
 from planner.segments import Synchronised as Synchronised
 from planner.segments import Turn as Turn
-from planner.wanted import capped, positive
+from planner.wanted import MOST_SEGMENTS, capped, positive
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -77,9 +77,16 @@ class Program(Result):
             raise MotionError(f'program {self.name}: frame "{self.frame}" is neither "home" nor "base"')
         if isinstance(self.repeat, bool) or not isinstance(self.repeat, int) or self.repeat < 1:
             raise MotionError(f"program {self.name}: repeat {self.repeat} must be a whole number from 1 on")
+        if self.repeat * len(self.segments) > MOST_SEGMENTS:
+            told = f"repeat {self.repeat} of {len(self.segments)} segments is more than {MOST_SEGMENTS} segments in all"
+            lines = [segment.line_number for segment in self.segments if segment.line_number]
+            if self.file:
+                raise FileError(self.file, [Fault("repeat", f"{told}; run parts of it", min(lines, default=1))])
+            raise MotionError(f"program {self.name}: {told}; run parts of it")
         for end, speed in (("start_speed", self.start_speed), ("end_speed", self.end_speed)):
-            if not (isfinite(speed) and speed >= 0):
-                raise MotionError(f"program {self.name}: {end} {speed} m/s must be finite and not negative")
+            if not (within(speed, "m/s") and speed >= 0):
+                limit = f"not negative, and at most {most('m/s'):g} m/s"
+                raise MotionError(f"program {self.name}: {end} {speed} m/s must be finite, {limit}")
         positive(f"program {self.name}", "duration", self.duration, "s")
         capped(self, f"program {self.name}")
 

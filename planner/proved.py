@@ -8,7 +8,7 @@ import numpy as np
 
 from kinematics.array import Array
 from planner.actuation import ActuatorPath
-from planner.certify import TOLERANCE, Known, at_knots, prove
+from planner.certify import Known, at_knots, prove
 from planner.limits.limit import Limit
 from planner.limits.resonance import Held, Resonance
 from planner.stays import stays
@@ -107,14 +107,14 @@ class Prover:
 
     def _exceeds(self, known: Known) -> bool:
         """Whether it exceeds a limit, by what slowing can mend."""
-        return 1 + TOLERANCE < max(float(known.use[limit.name].max()) for limit in self._timed) < np.inf
+        return 1 < max(float(known.use[limit.name].max()) for limit in self._timed) < np.inf
 
     def _staying(self, profile: Profile, run: Run, whole: bool) -> list[Held]:
         """Where an axis stays in a resonance band too long: there, or over the whole run."""
         motion, found = profile.along(self.path), []
         for limit in self.limits:
             for stay in stays(motion, limit) if isinstance(limit, Resonance) else ():
-                if stay.use > 1 + TOLERANCE:
+                if stay.use > 1:
                     ends = (
                         run.breaks(self.path)[[0, -1]] if whole else motion.at(np.array([stay.start, stay.end])).along
                     )

@@ -19,7 +19,7 @@ from kinematics.errors import MotionError
 from kinematics.machine import Machine
 from kinematics.units import at_least
 from planner.actuation import actuate
-from planner.certify import TOLERANCE
+from planner.certify import REACHED
 from planner.limits import limits_of
 from planner.path.chain import default_start
 from planner.program import Curve, Program
@@ -140,7 +140,7 @@ class _Search:
                 return False
             geometric = [limit for limit in limits_of(path, self.machine.axes, self.order) if limit.geometric]
             values = [(limit, limit.value(state)) for limit in geometric]
-            return all(limit.use(value, value, state.piece).max() <= 1 + TOLERANCE for limit, value in values)
+            return all(limit.use(value, value, state.piece).max() <= 1 + REACHED for limit, value in values)
         except MotionError:
             return False
 

@@ -9,9 +9,10 @@ from scipy.spatial.transform import Rotation
 
 from kinematics.array import Array
 from kinematics.errors import MotionError
+from kinematics.magnitudes import most, within
 from planner.formula import check_names, formula
 from planner.modifiers import STOP, Free, Join, Trigger
-from planner.wanted import capped, direction, point, points, positive, repeats
+from planner.wanted import capped, direction, place, points, positive, repeats, turned
 
 SAME = 1e-9
 """Points nearer than this are the same (m), angles likewise (rad)."""
@@ -54,7 +55,7 @@ class Line(Moved):
     join: Join = STOP
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "to", point("line", "to", self.to))
+        object.__setattr__(self, "to", place("line", "to", self.to))
         capped(self, "line")
 
 
@@ -76,12 +77,11 @@ class Arc(Moved):
     rise: float = field(default=0.0, kw_only=True)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "centre", point("arc", "centre", self.centre))
+        object.__setattr__(self, "centre", place("arc", "centre", self.centre))
         object.__setattr__(self, "normal", direction("arc", "normal", self.normal))
-        if not isfinite(self.angle) or self.angle == 0:
-            raise MotionError(f"arc: angle {self.angle} rad must be finite and not zero")
-        if not isfinite(self.rise):
-            raise MotionError(f"arc: rise {self.rise} m must be finite")
+        turned("arc", self.angle)
+        if not within(self.rise, "m"):
+            raise MotionError(f"arc: rise {self.rise} m must be finite, and at most {most('m'):g} m either way")
         capped(self, "arc")
 
 
@@ -168,8 +168,7 @@ class Turn:
             raise MotionError("turn: give the orientation `to`, or `about` and `angle`; exactly one of the two")
         if self.about is not None:
             object.__setattr__(self, "about", direction("turn", "about", self.about))
-            if not isfinite(self.angle) or self.angle == 0:
-                raise MotionError(f"turn: angle {self.angle} rad must be finite and not zero")
+            turned("turn", self.angle)
         capped(self, "turn")
 
 
@@ -193,7 +192,7 @@ class Synchronised:
     line_number: int | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "to", point("synchronised", "to", self.to))
+        object.__setattr__(self, "to", place("synchronised", "to", self.to))
         capped(self, "synchronised")
 
 

@@ -1,6 +1,6 @@
 """A motion as a series over time: distance, pose and the axes with their derivatives, row by row."""
 
-from math import ceil
+from math import ceil, log10
 
 import numpy as np
 
@@ -11,6 +11,8 @@ from planner.trajectory import Trajectory
 
 PERIOD = 1e-3
 """s from row to row; the last row is the end of the motion."""
+MOST_ROWS = 1_000_000
+"""Beyond which rows are ten times as far apart, or a hundred times, and so on."""
 QUANTITIES = {"q": "", "qd": "/s", "qdd": "/s^2", "qddd": "/s^3"}
 
 
@@ -34,10 +36,16 @@ def axis_units(path: ActuatorPath) -> tuple[str, ...]:
     return ("",) * len(path.names)
 
 
+def period(duration: float) -> float:
+    """s from row to row: PERIOD, or more of a motion that takes more than MOST_ROWS of it."""
+    return PERIOD * 10.0 ** max(0, ceil(log10(duration / PERIOD / MOST_ROWS))) if duration > 0 else PERIOD
+
+
 def instants(trajectory: Trajectory) -> Array:
-    """(N,) s, every PERIOD and the end."""
-    rows = ceil(trajectory.duration / PERIOD) + 1
-    return np.asarray(np.minimum(np.arange(rows) * PERIOD, trajectory.duration), float)
+    """(N,) s, every `period` and the end."""
+    step = period(trajectory.duration)
+    rows = ceil(trajectory.duration / step) + 1
+    return np.asarray(np.minimum(np.arange(rows) * step, trajectory.duration), float)
 
 
 def rows(trajectory: Trajectory, t: Array) -> Array:

@@ -12,7 +12,7 @@ from kinematics.errors import MotionError
 from kinematics.result import Result
 from kinematics.table import Column, Table
 from planner.actuation import ActuatorPath
-from planner.certify import TOLERANCE, Certificate, Known, certify
+from planner.certify import Certificate, Known, certify
 from planner.limits.limit import Limit
 from planner.parallel import Progress, spread
 from planner.parted import parted
@@ -149,7 +149,7 @@ def _rest(path: ActuatorPath, stop: int) -> Profile:
 def _refuse(trajectory: Trajectory, limits: Sequence[Limit], certificate: Certificate) -> NoReturn:
     """Why there is no proof."""
     for limit in limits:
-        if limit.geometric and certificate.worst[limit.name] > 1 + TOLERANCE:
+        if limit.geometric and certificate.worst[limit.name] > 1:
             place = certificate.where[limit.name]
             channel = limit.channels.index(place.axis)
             value = limit.value(trajectory.at(place.t if place.t is not None else 0.0))

@@ -10,7 +10,7 @@ from kinematics.errors import MotionError, OutOfReach
 from kinematics.result import Result
 from kinematics.table import Column, Table
 from planner.actuation import ActuatorPath, MachinePath
-from planner.certify import TOLERANCE, along_path
+from planner.certify import along_path, count_reached
 from planner.control import singular
 from planner.departure import Departure, departure_tables
 from planner.limits.limit import Limit
@@ -82,7 +82,7 @@ def standing(path: ActuatorPath, limits: Sequence[Limit]) -> Standing:
     found: dict[tuple[str, int, int], tuple[float, Infeasible]] = {}
     for limit in geometric:
         bound = use[limit.name]
-        worst, broken = int(np.argmax(bound)), np.flatnonzero(bound > 1 + TOLERANCE).tolist()
+        worst, broken = int(np.argmax(bound)), np.flatnonzero(bound > 1).tolist()
         for part in {worst, *broken}:
             look = _look(along, part)
             value = limit.value(look)
@@ -96,7 +96,7 @@ def standing(path: ActuatorPath, limits: Sequence[Limit]) -> Standing:
             if part == worst:
                 largest[limit.name] = float(bound[part]), places[top]
             # a peak between the points looked at is proved all the same
-            for channel in {top, *np.flatnonzero(most > 1 + TOLERANCE).tolist()} if part in broken else ():
+            for channel in {top, *np.flatnonzero(count_reached(most) > 1).tolist()} if part in broken else ():
                 if most[channel] > found.get((limit.name, piece, channel), (0.0,))[0]:
                     told = refusal(limit, float(value[rows[channel], channel]), channel, places[channel])
                     found[limit.name, piece, channel] = float(most[channel]), told

@@ -17,7 +17,7 @@ import numpy as np
 from kinematics.array import Array
 from kinematics.errors import MotionError
 from planner.actuation import ActuatorPath
-from planner.certify import TOLERANCE
+from planner.certify import REACHED
 from planner.limits.limit import Limit
 from planner.limits.resonance import Resonance
 from planner.limits.tool_speed import ToolSpeed
@@ -28,14 +28,15 @@ from planner.timing.profile import Profile
 from planner.timing.run import Attempt, attempt
 from planner.trajectory import State, Trajectory
 
-# Share of the speed from which on it counts as reached, where a motion is exact and where a solver has its tolerance.
-REACHED = {True: 1e-9, False: 1e-5}
+# Of the motions that ramps are found from: closed forms, and solvers' at order 2 and 3. Share of the speed from which
+# on it counts as reached, as a little less than it is what they aim at.
+NEARED = {STRAIGHT: 2e-9, 2: 2e-6, 3: 1e-5}
 # By how much a ramp is longer than the shortest that was found, tried in turn: where the speed is just reached a motion
 # has no choice left, and a solver no room. Under jerk limits the speed is neared as a parabola: its last 1e-5 take
 # 0.5 % of a ramp.
-LONGER = {True: (1.0, 1.002, 1.02), False: (1.01, 1.03, 1.1)}
+LONGER = {STRAIGHT: (1 + 1e-8, 1.002, 1.02), 2: (1.00001, 1.002, 1.02), 3: (1.01, 1.03, 1.1)}
 # A ramp is solved again, on its own finer grid, while it then gets shorter by this share, and so often at most.
-GAIN, SOLVES = {True: 1e-3, False: 1.5e-2}, 4
+GAIN, SOLVES = {STRAIGHT: 1e-3, 2: 1e-3, 3: 1.5e-2}, 4
 # Time pieces of the part at constant speed at least, and for each radian that the path turns.
 PIECES, PER_RADIAN = 200, 100
 # Points of a piece looked at before the proof, and where that finds a limit broken.
@@ -58,7 +59,7 @@ class Cruise:
         return self.profile.duration
 
     def tightened(self, use: Mapping[str, Array], slowness: float) -> "Cruise":
-        k = np.flatnonzero(np.max([*use.values()], axis=0) > 1 + TOLERANCE)
+        k = np.flatnonzero(np.max([*use.values()], axis=0) > 1)
         refuse(self.path, self.limits, *_places(self.profile, k, POINTS), float(self.profile.v[0]))
         return self
 
@@ -101,7 +102,7 @@ def refuse_joined(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: 
     elif max(run.speeds) == speed:
         down, middle = run.start_speed == speed, (first + last) / 2
         places = _along(path, run, *((first, middle) if down else (middle, last)), speed)
-        if _use(path, limits, *places, np.full(len(places[0]), speed)).max() <= 1 + TOLERANCE:
+        if _use(path, limits, *places, np.full(len(places[0]), speed)).max() <= 1 + REACHED:
             return
         if _solved(path, limits, run, order, speed, [middle], down) is not None:
             refuse(path, limits, *places, speed)
@@ -121,7 +122,7 @@ def _capped(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int, s
         tried = attempt(path, limits, run, order)
     motion = tried.profile
     fastest = [int(np.argmax(motion.v))]
-    if _use(path, limits, motion.s[fastest], motion.piece[fastest], np.array([speed])).max() > 1 + TOLERANCE:
+    if _use(path, limits, motion.s[fastest], motion.piece[fastest], np.array([speed])).max() > 1 + REACHED:
         refuse(path, limits, motion.s, motion.piece, speed)
     return tried
 
@@ -134,14 +135,14 @@ def _ramp(
     best: tuple[Attempt, float] | None = None
     tried = capped
     for _ in range(SOLVES):
-        profile, exact = tried.profile, order == 2 or tried.method == STRAIGHT
-        reached = np.flatnonzero(profile.v >= speed * (1 - REACHED[exact]))
+        profile, kind = tried.profile, STRAIGHT if tried.method == STRAIGHT else order
+        reached = np.flatnonzero(profile.v >= speed * (1 - NEARED[kind]))
         if not len(reached):
             break
         way = float(profile.s[reached[-1 if down else 0]]) - end
-        if best is not None and abs(way) > abs(best[1] - end) * (1 - GAIN[exact]):
+        if best is not None and abs(way) > abs(best[1] - end) * (1 - GAIN[kind]):
             break
-        found = _solved(path, limits, run, order, speed, [end + way * longer for longer in LONGER[exact]], down)
+        found = _solved(path, limits, run, order, speed, [end + way * longer for longer in LONGER[kind]], down)
         if found is None:
             break
         best, tried = found, found[0]
@@ -222,7 +223,7 @@ def refuse(path: ActuatorPath, limits: Sequence[Limit], s: Array, piece: np.ndar
     is beyond 1 by rounding.
     """
     limits = [limit for limit in limits if not limit.geometric]
-    over = _use(path, limits, s, piece, np.full(len(s), speed)).max(0) > 1 + TOLERANCE
+    over = _use(path, limits, s, piece, np.full(len(s), speed)).max(0) > 1 + REACHED
     if not over.any():
         return
     s, piece = s[over], piece[over]

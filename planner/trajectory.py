@@ -118,7 +118,7 @@ class Trajectory(Result):
 
     def tables(self) -> tuple[Table, ...]:
         """Between what each axis moves, and the largest of its derivatives that is seen."""
-        from planner.series import axis_units, instants
+        from planner.series import axis_units, instants, period
 
         seen, units = self.at(instants(self)), axis_units(self.path)
         rates = (("speed", seen.qd, "/s"), ("acceleration", seen.qdd, "/s^2"), ("jerk", seen.qddd, "/s^3"))
@@ -128,11 +128,11 @@ class Trajectory(Result):
             Column(name, np.abs(values).max(0), [f"{unit}{per}" if unit else "" for unit in units], "human")
             for name, values, per in rates
         )
-        title = f"motion of {self.duration:.6f} s; the largest that is seen every millisecond"
+        title = f"motion of {self.duration:.6f} s; the largest that is seen every {period(self.duration) * 1e3:g} ms"
         return (Table(title, (names, *ends, *most)),)
 
     def data(self) -> Table:
-        """The motion every millisecond: distance, pose, and the axes with their derivatives."""
+        """The motion every millisecond (above 1000 s, less often): distance, pose, the axes with their derivatives."""
         from planner.series import headings, instants, rows
 
         values = rows(self, instants(self))

@@ -7,9 +7,12 @@ from numpy.typing import ArrayLike
 
 from kinematics.array import Array, frozen
 from kinematics.errors import MotionError
+from kinematics.magnitudes import FARTHEST, LEAST, MOST_TURNS, most
 
 CAPS = {"speed": "m/s", "acceleration": "m/s²", "angular_speed": "rad/s"}
 """What segments may cap, as far as they have it, and its unit."""
+MOST_REPEATS, MOST_SEGMENTS = 1_000_000, 1_000_000
+"""Of a program: how often it may be run, and the segments that this comes to."""
 ROUNDING = 4 * float(np.finfo(float).eps)
 """By which an entry of a unit vector may be off: of a norm of three squares and the division by it, twice."""
 
@@ -25,6 +28,28 @@ def point(segment: str, name: str, value: ArrayLike) -> Array:
     return found
 
 
+def place(segment: str, name: str, value: ArrayLike) -> Array:
+    """A point (3,) in m that is not farther away than any machine reaches."""
+    found = point(segment, name, value)
+    _refuse_far(segment, name, found)
+    return found
+
+
+def _refuse_far(segment: str, name: str, found: Array) -> None:
+    farthest = float(np.abs(found).max())
+    if farthest > FARTHEST:
+        raise MotionError(f"{segment}: {name} lies {farthest:g} m away; at most {FARTHEST:g} m can be taken")
+
+
+def turned(segment: str, angle: float) -> None:
+    """An angle (rad) that is none, or of more turns than can be taken."""
+    if not isfinite(angle) or angle == 0:
+        raise MotionError(f"{segment}: angle {angle} rad must be finite and not zero")
+    if abs(angle) > most("rad"):
+        turns = abs(angle) / (2 * np.pi)
+        raise MotionError(f"{segment}: angle {angle:g} rad is {turns:g} turns; at most {MOST_TURNS} can be taken")
+
+
 def points(segment: str, name: str, value: ArrayLike) -> Array:
     """(N, 3) of them, at least one."""
     try:
@@ -32,7 +57,8 @@ def points(segment: str, name: str, value: ArrayLike) -> Array:
     except (TypeError, ValueError):
         found = frozen([])
     if found.ndim != 2 or found.shape[1:] != (3,) or not len(found) or not np.isfinite(found).all():
-        raise MotionError(f"{segment}: {name} must be points of three finite numbers, at least one, not {value!r}")
+        raise MotionError(f"{segment}: {name} must be points of three finite numbers, at least one, not {value!r:.100}")
+    _refuse_far(segment, name, found)
     return found
 
 
@@ -51,6 +77,9 @@ def positive(segment: str, name: str, value: float | None, unit: str) -> None:
     """A magnitude, or nothing."""
     if value is not None and not (isfinite(value) and value > 0):
         raise MotionError(f"{segment}: {name} {value} {unit} must be positive and finite")
+    if value is not None and not LEAST <= value <= most(unit):
+        limit = f"at most {most(unit):g}" if value > LEAST else f"at least {LEAST:g}"
+        raise MotionError(f"{segment}: {name} {value:g} {unit} cannot be taken, {limit} {unit} can")
 
 
 def capped(stated: object, what: str) -> None:

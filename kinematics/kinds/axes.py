@@ -54,6 +54,9 @@ def _magnitude(unit: str) -> PlainValidator:
 Rate = Annotated[float, Unit("1/s", above=0)]
 Force = Annotated[float, Unit("N", above=0)]
 Steps = Annotated[int, AfterValidator(_steps)]
+RATIO = 1e6
+"""Of what one pulse, or one turn, may stand for another."""
+Teeth = Annotated[int, Field(ge=1, le=10**9)]
 
 
 class PulseRate(float):
@@ -123,8 +126,8 @@ class Input(Table):
     timing: Timing | None = None
     compensate: tuple[Literal["lead", "backlash"], ...] | None = None
     pushed: Literal["+", "-"] | None = None
-    pulse_factor: Annotated[float, Field(gt=0), AllowInfNan(False)] | None = None
-    electronic_gear: tuple[Annotated[int, Field(gt=0)], Annotated[int, Field(gt=0)]] | None = None
+    pulse_factor: Annotated[float, Field(ge=1 / RATIO, le=RATIO), AllowInfNan(False)] | None = None
+    electronic_gear: tuple[Teeth, Teeth] | None = None
     resonance_time: Annotated[float, Unit("s", above=0)] | None = None
 
 
@@ -200,7 +203,7 @@ class RotaryDrive(Table):
     """
 
     steps: Steps
-    gear: Annotated[float, Field(gt=0)] = 1.0
+    gear: Annotated[float, Field(ge=1 / RATIO, le=RATIO), AllowInfNan(False)] = 1.0
 
     @property
     def pulse(self) -> float:

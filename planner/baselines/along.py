@@ -24,7 +24,7 @@ GOLDEN = np.pi * (3 - np.sqrt(5))
 LOOKED, PER_WAY = 8, 400
 # By how much the first motion is too fast: a quantity's use goes with a power of time, so the proof of a motion that
 # breaks a limit tells exactly by how much to slow it.
-HASTE, MARGIN = 1e-2, 2e-7
+HASTE, MARGIN = 1e-2, 1e-6
 # Where a limit has terms of several powers of time it tells that only nearly: a finer grid, and less haste.
 FINER, LITTLE = 6, 1e-4
 BISECTIONS = 50

@@ -9,6 +9,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from kinematics.array import Array, frozen
 from kinematics.errors import Fault, FileError, MotionError
 from kinematics.machine import Machine
+from kinematics.magnitudes import MOST_TURNS, most
 from kinematics.pose import Pose
 from planner.path.arc import arc
 from planner.path.curve import curve, ends
@@ -69,7 +70,7 @@ def draw(program: Program, machine: Machine) -> tuple[list[list[Piece]], list[Jo
     drawn: list[list[Piece]] = []
     faults: list[tuple[int, MotionError]] = []
     joins: list[Join] = []
-    dwells = [0.0]
+    dwells, turned = [0.0], 0.0
     for repetition in range(1, program.repeat + 1):
         for number, segment in enumerate(program.segments, 1):
             if isinstance(segment, Dwell):
@@ -78,6 +79,8 @@ def draw(program: Program, machine: Machine) -> tuple[list[list[Piece]], list[Jo
             try:
                 there = end_of(segment, here)
                 own = _pieces(segment, number, here, there, frame, machine, program.tool)
+                turned += sum(piece.turn for piece in own)
+                _refuse_turns(turned)
             except MotionError as wrong:
                 faults.append((number, _again(wrong, repetition) if repetition > 1 else wrong))
                 onward = _onward(segment, here)
@@ -158,6 +161,13 @@ def _finished(piece: Piece, segment: Moving, program: Program, repetition: int) 
         constant=not isinstance(segment, Turn | Synchronised) and segment.speed_constant,
         repetition=repetition if program.repeat > 1 else None,
     )
+
+
+def _refuse_turns(turned: float) -> None:
+    """A path that bends and turns more often than grids along it can follow."""
+    if not turned <= most("rad"):
+        turns = f"{turned / (2 * np.pi):.6g} turns"
+        raise MotionError(f"up to its end the path bends and turns by {turns}, at most {MOST_TURNS}; run it in parts")
 
 
 def _refuse_lever(program: Program, machine: Machine) -> None:

@@ -11,6 +11,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from kinematics.array import Array, frozen
 from kinematics.errors import MotionError
 from kinematics.expression import Expression
+from kinematics.magnitudes import FARTHEST
 from kinematics.pose import Pose, column, numbers, symbols
 from kinematics.series import Series
 from planner.formula import formula
@@ -189,12 +190,21 @@ def _rates(pose: Expression) -> Expression:
     return Expression("curve_rate", t, ca.jacobian(pose.function(t)[:3], t))
 
 
+def _refuse_far(pose: Expression, t: Array) -> None:
+    """A curve that leads, at some t (N,), farther away than any machine reaches."""
+    away = np.abs(pose(t[:, None])[:, :3]).max(1)
+    if (away > FARTHEST).any() and np.isfinite(away).all():
+        k = int(np.argmax(away))
+        raise MotionError(f"it leads {away[k]:g} m away at t = {t[k]:.6g}; at most {FARTHEST:g} m can be taken")
+
+
 def prove(pose: Expression, begin: float, end: float) -> None:
     """That the equations have ORDER finite derivatives everywhere, and |dp/dt| > 0: by enclosures over cells of t.
 
     Raises MotionError naming a t around which that is not so, or cannot be told from it.
     """
     edges = np.linspace(min(begin, end), max(begin, end), CELLS + 1)
+    _refuse_far(pose, edges)
     low, high = edges[:-1], edges[1:]
     for _ in range(HALVINGS):
         rough, still = _doubtful(pose, low, high)

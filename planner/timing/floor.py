@@ -9,7 +9,7 @@ from planner.limits.limit import Limit, order_of
 from planner.limits.resonance import Resonance
 from planner.limits.torque_speed import TorqueSpeed
 from planner.timing.ends import TooFast
-from planner.timing.problem import Block, Problem
+from planner.timing.problem import AIM, Block, Problem
 from planner.timing.profile import Profile
 from planner.timing.second_order import TERMS, second_order
 
@@ -18,14 +18,15 @@ def floor(problem: Problem, fastest: Profile | None = None) -> float:
     """The order-2 duration without rows of jerk, on intervals of no length: 2 T(N) − T(N/2), as errors go with 1/N.
 
     Fewer limits take no longer, and no longer does the least concave limit around one that is not; so it bounds every
-    motion of the run from below, but for what the extrapolation is off: an estimate, not a proof. fastest: the order-2
-    motion of a problem without such rows, where it is known.
+    motion of the run from below, but for what the extrapolation is off: an estimate, not a proof. Under limits smaller
+    by a factor a motion is at most longer by its inverse, so AIM times what it takes is below that of the limits.
+    fastest: the order-2 motion of a problem without such rows, where it is known.
     """
     blocks = [block if block.hull is None else block.hull for block in problem.blocks if set(block.start) <= TERMS]
     relaxed = replace(problem, blocks=tuple(block for block in blocks if block.about is None))
-    finer = (second_order(relaxed) if fastest is None or not problem.settled else fastest).duration
+    finer = AIM * (second_order(relaxed) if fastest is None or not problem.settled else fastest).duration
     try:
-        return 2 * finer - second_order(_halved(relaxed)).duration
+        return 2 * finer - AIM * second_order(_halved(relaxed)).duration
     except TooFast:  # a speed at an end that the coarser grid only just leaves no room for
         return finer
 

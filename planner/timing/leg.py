@@ -8,8 +8,8 @@ import numpy as np
 
 from kinematics.array import Array
 from kinematics.errors import MotionError
-from planner.limits.limit import Limit, Term
-from planner.timing.problem import Block, Problem, Run
+from planner.limits.limit import Limit
+from planner.timing.problem import AIM, EXACTLY, Block, Problem, Run
 from planner.timing.profile import Profile
 from planner.timing.second_order import second_order
 from planner.timing.third_order import third_order
@@ -27,8 +27,6 @@ AVERAGED, STRAIGHT = "averaged", "straight"
 ROUNDS, GAIN = 4, 1e-4
 # Intervals up to which IPOPT is asked where FATROP gives no answer: its time grows faster than theirs.
 FEW = 600
-# What holding still may use of a limit, as a share, and still leave a motion to be found.
-HOLDING = 1 - 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,8 +53,17 @@ class Leg:
             return self.by
         return f"{self.by}, slowed" if self.slowness > HARDLY else f"{self.by}, slowed by less than 0.01 %"
 
+    @property
+    def aim(self) -> float:
+        """The share of every limit that it aims at."""
+        return EXACTLY if self.by == STRAIGHT else AIM
+
+    def aimed(self, use: Mapping[str, Array]) -> dict[str, Array]:
+        """Shares of the limits as shares of what it aims at."""
+        return {name: values / self.aim for name, values in use.items()}
+
     def tightened(self, use: Mapping[str, Array], slowness: float) -> "Leg":
-        """Solved again with less room wherever a limit was found exceeded: use per limit and interval.
+        """Solved again with less room wherever a limit was found exceeded: use per limit and interval, as `aimed`.
 
         Where that does not help, or would cost more than it gains, the same motion slowed as a whole: what holds
         wherever anything does. Only a leg from rest to rest can be slowed: another is tried on.
@@ -91,14 +98,8 @@ def slowest(limits: Sequence[Limit], use: Mapping[str, Array]) -> float:
 
 def tightened(block: Block, excess: Array, tries: int) -> Block:
     """With less room where there was an excess (N,): of the part of it that holding still does not use."""
-    still = np.zeros(len(excess))
-    for side in (block.start, block.end):
-        if Term.ONE in side:
-            np.maximum(still, block.share(side[Term.ONE]).max(1), out=still)
-    still = np.minimum(still, HOLDING * block.room)
-    left = block.room - still
-    less = still + left / (1 + MORE * tries * (excess - 1) / (1 - still)) * (1 - MARGIN)
-    return replace(block, room=np.where(excess > 1 + MARGIN, less, block.room))
+    less = block.aimed((1 - MARGIN) / (1 + MORE * tries * (excess - 1) / (1 - block.still)))
+    return replace(block, room=np.where(excess > 1 + MARGIN, less.room, block.room))
 
 
 def jerk_limited(problem: Problem, guess: Array, *, patient: bool | None = None, **options: Any) -> tuple[Profile, str]:

@@ -20,6 +20,8 @@ from planner.timing.smooth import Smoothed
 # Intervals of a run at least, for each piece in it, and for each radian that it turns; START is for the order-2 motion
 # that starts an order-3 solve.
 SECOND_ORDER, THIRD_ORDER, START = (1000, 50, 40), (240, 32, 15), (400, 20, 20)
+# Intervals of a run at most, at order 2 and 3: these hold some 5 kB each, and 0.15 MB.
+MOST = (1_000_000, 50_000)
 # The first two of a part between breaks that the jerk lets by only slowly; and of one whose length is less than such a
 # share of the others', on average: little time goes by there.
 PARTLY, SHORT, SHORTLY = (32, 32), 0.2, (32, 16)
@@ -140,7 +142,18 @@ def _graded(intervals: int) -> Array:
 def _size(rule: tuple[int, int, int], path: ActuatorPath, run: Run) -> int:
     least, per_piece, per_radian = rule
     turn = float(path.turns[run.first : run.last + 1].sum())
-    return max(least, per_piece * (run.last - run.first + 1), int(per_radian * turn))
+    size, most = max(least, per_piece * (run.last - run.first + 1), int(per_radian * turn)), MOST[rule != SECOND_ORDER]
+    if size > most:
+        since, until = (
+            path.place(float(s), k)
+            for s, k in zip(path.breaks[[run.first, run.last + 1]], (run.first, run.last), strict=True)
+        )
+        order = ", or plan at order 2" if rule != SECOND_ORDER else ""
+        raise MotionError(
+            f"from {since} to {until} the motion does not stop, and takes {size} intervals to time, "
+            f'at most {most}: write join = "stop" on the way, or part a segment that turns on and on{order}'
+        )
+    return size
 
 
 def _few(path: ActuatorPath, run: Run) -> int | None:

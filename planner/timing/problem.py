@@ -14,6 +14,10 @@ IDLE = 0.5
 """Share of a limit on force up to which its rows are left out; the rest is for what happens between grid points."""
 BOUNDING = ({Term.SD}, {Term.SD2}, {Term.SDD, Term.SD2}, {Term.SDD})
 """Terms of the rows that bound ṡ and s̈: of speed, and of acceleration."""
+# Shares of the limits that motions aim at: those of solvers, whose tolerance is near 1e-7, and closed forms.
+AIM, EXACTLY = 1 - 1e-6, 1 - 1e-9
+# What holding still may use of a limit, as a share, and still leave a motion to be found.
+HOLDING = 1 - 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +60,7 @@ class Block:
 
     The coefficients (N, m) are divided by half the range between the bounds.
 
-    room    (N,) 1, or less where the certificate asked for it: what it takes off leaves standing still inside
+    room    (N,) AIM, or less where the certificate asked for it: what it takes off leaves standing still inside
     middle  (m,) of the range, in ]−1, 1[: 0 where the bounds are the same both ways
     about   (low, high at the start, low, high at the end), each (N, m): as `Rows` has it, None where every row speaks
     hull    of rows with `about`: what keeps them keeps these, at every speed
@@ -89,6 +93,20 @@ class Block:
             low, high, low_end, high_end = (values[own] for values in self.about)
             about = low, high, low_end, high_end
         return replace(self, start=start, end=end, room=self.room[own], about=about)
+
+    @property
+    def still(self) -> Array:
+        """(N,) of the room, what holding still uses of it."""
+        used = np.zeros(len(self.room))
+        for side in (self.start, self.end):
+            if Term.ONE in side:
+                np.maximum(used, self.share(side[Term.ONE]).max(1), out=used)
+        return np.minimum(used, HOLDING * self.room)
+
+    def aimed(self, share: Array | float) -> "Block":
+        """With so much of what holding still leaves of the room."""
+        still = self.still
+        return replace(self, room=still + (self.room - still) * share)
 
     def share(self, values: Array) -> Array:
         """(N, m) of the range on their own side of zero, what values (N, m) of the sum are; 1 is at the bound."""
@@ -201,7 +219,7 @@ def _block(name: str, rows: Rows, end: np.ndarray) -> Block | None:
     ends = {term: values[end] for term, values in scaled.items()}
     speaks = None if about is None else (about[0][:count], about[1][:count], about[0][end], about[1][end])
     hull = None if rows.hull is None else _block(name, rows.hull, end)
-    return Block(name, starts, ends, np.ones(count), middle, speaks, hull)
+    return Block(name, starts, ends, np.ones(count), middle, speaks, hull).aimed(AIM)
 
 
 def _normalised(rows: Rows, points: int) -> tuple[dict[Term, Array], Array, tuple[Array, Array] | None]:

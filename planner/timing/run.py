@@ -14,7 +14,7 @@ from planner.timing.ends import TooFast, largest_there
 from planner.timing.floor import floor
 from planner.timing.leg import AVERAGED, MARGIN, STRAIGHT, TRIES, Leg, jerk_limited, slowest
 from planner.timing.posing import jerk_problem, order_2_problem, order_3_coarse, refined
-from planner.timing.problem import Run
+from planner.timing.problem import EXACTLY, Run
 from planner.timing.profile import Profile
 from planner.timing.second_order import second_order
 from planner.timing.seen import seen
@@ -60,7 +60,7 @@ class Attempt:
         legs, first = [], 0
         for leg in self.legs:
             last = first + len(leg.profile.h)
-            own = {name: values[first:last] for name, values in use.items()}
+            own = leg.aimed({name: values[first:last] for name, values in use.items()})
             slower, first = slowest(self.limits, own), last
             legs.append(leg.tightened(own, slower) if slower > 1 + MARGIN or len(self.legs) == 1 else leg)
         return replace(self, legs=tuple(legs))
@@ -122,7 +122,7 @@ def _solved(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int, *
         problem = order_2_problem(path, limits, run)
         profile = straight(problem)
         if profile is not None:
-            return Leg(run, problem, profile, STRAIGHT, order, profile.duration)
+            return Leg(run, problem, profile, STRAIGHT, order, EXACTLY * profile.duration)
         profile = second_order(problem)
         finer = refined(path, limits, problem, profile)
         if finer is not None:
@@ -131,7 +131,7 @@ def _solved(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int, *
     coarse = order_3_coarse(path, limits, run)
     profile = straight(coarse)
     if profile is not None:
-        return Leg(run, coarse, profile, STRAIGHT, order, profile.duration)
+        return Leg(run, coarse, profile, STRAIGHT, order, EXACTLY * profile.duration)
     problem, start = jerk_problem(path, limits, run, coarse)
     profile, by = jerk_limited(problem, start.on(problem.s), patient=patient)
     return Leg(run, problem, profile, by, order, floor(coarse))
@@ -143,7 +143,7 @@ def _settled(path: ActuatorPath, limits: Sequence[Limit], leg: Leg) -> Leg:
     A proof takes far longer than a look: most runs need one only.
     """
     while leg.tries < TRIES:
-        use = seen(path, limits, leg.profile)
+        use = leg.aimed(seen(path, limits, leg.profile))
         slowness = slowest(limits, use)
         if slowness <= 1 + MARGIN:
             break
@@ -221,7 +221,7 @@ def _holds(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> bool:
         leg = _settled(path, limits, _solved(path, limits, run, 3))
     except MotionError:
         return False
-    return slowest(limits, seen(path, limits, leg.profile)) <= 1 + MARGIN
+    return slowest(limits, leg.aimed(seen(path, limits, leg.profile))) <= 1 + MARGIN
 
 
 def _with_end(run: Run, end: int, speed: float) -> Run:

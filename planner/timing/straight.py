@@ -15,11 +15,11 @@ import numpy as np
 from kinematics.array import Array
 from planner.limits.limit import Term
 from planner.timing.ends import TooFast
-from planner.timing.problem import Problem
+from planner.timing.problem import AIM, EXACTLY, Problem
 from planner.timing.profile import Profile
 
 # Share of a limit that rows may vary by, or that curvature may use, and still count as straight: what is left of the
-# axes' ways where a synchronised move is drawn by a polynomial. The certificate has a hundred times as much to spare.
+# axes' ways where a synchronised move is drawn by a polynomial. What is aimed at is less than the limits by it.
 STRAIGHT = 1e-8
 # Share by which a speed at an end may be beyond what its run allows: rounding.
 ROUNDING = 1e-11
@@ -69,8 +69,9 @@ def straight(problem: Problem) -> Profile | None:
         return None
     length, (first, last) = float(problem.s[-1] - problem.s[0]), problem.speeds
     low, high, most = min(first, last), max(first, last), limits.up if last > first else limits.down
-    if high > limits.speed * (1 + ROUNDING) or limits.way(low, high, most) > length * (1 + ROUNDING):
-        largest = min(limits.speed, _root(lambda v: limits.way(low, v, most) - length, low))
+    # a speed that is given may be the limit itself
+    if high * EXACTLY > limits.speed * (1 + STRAIGHT) or limits.way(low, high, most) > length * (1 + ROUNDING):
+        largest = min(limits.speed / EXACTLY, _root(lambda v: limits.way(low, v, most) - length, low))
         raise TooFast(int(last > first), high, largest)
 
     def ramps(top: float) -> float:
@@ -81,23 +82,24 @@ def straight(problem: Problem) -> Profile | None:
 
 
 def _limits(problem: Problem) -> _Limits | None:
-    """The limits along the run, where every row is constant and holds ṡ, s̈ or s⃛ alone; None elsewhere."""
+    """What is aimed at of the limits, where every row is constant and holds ṡ, s̈ or s⃛ alone; None elsewhere."""
     if not problem.settled:
         return None
     forwards, backwards = (dict.fromkeys((Term.SD, Term.SDD, Term.SDDD), 0.0) for _ in range(2))
     others: list[tuple[Term, float]] = []
+    varies = 0.0
     for block in problem.blocks:
         mixed = sum(bool(np.any(block.start[term])) for term in block.start if term in forwards) > 1
-        if (block.room != 1).any() or mixed:
+        if (block.room != AIM).any() or mixed:
             return None
         for term in block.start:
             values = np.concatenate([block.start[term], block.end[term]])
             if term not in forwards:
                 others.append((term, float(np.abs(values).max(initial=0.0))))
                 continue
-            one = values[0]
-            if (np.abs(values - one) > STRAIGHT * np.abs(values).max(initial=0.0)).any():
-                return None
+            one, size = values[0], float(np.abs(values).max(initial=0.0))
+            if size:
+                varies = max(varies, float(np.abs(values - one).max()) / size)
             for most, way in ((forwards, one), (backwards, -one)):
                 most[term] = max(most[term], float(block.share(way).max(initial=0.0)))
     if not forwards[Term.SDDD] and not forwards[Term.SDD]:
@@ -111,9 +113,11 @@ def _limits(problem: Problem) -> _Limits | None:
     fast = min(speed, np.sqrt(2 * max(up, down) * length), np.cbrt(sharp * length**2) * 2)
     hard = min(max(up, down), np.cbrt(sharp**2 * length) * 2)
     used = {Term.SD2: fast**2, Term.SD3: fast**3, Term.SDSDD: fast * hard, Term.ONE: np.inf}
-    if any(size and size * used[term] > STRAIGHT for term, size in others):
+    beside = sum(size * used[term] for term, size in others if size)
+    if max(varies, beside) > STRAIGHT:
         return None
-    return _Limits(speed, up, down, jerk, back)
+    aim = EXACTLY - 2 * varies - beside
+    return _Limits(*(aim * most for most in (speed, up, down, jerk, back)))
 
 
 def _root(rising: Callable[[float], float], low: float) -> float:

@@ -47,9 +47,9 @@ def kept(made, speed, number=1):
 def test_a_straight_axis_has_the_shortest_ramps(table, order, speed):
     made = plan(Program((Line([0.05, 0, 0], speed=speed, speed_constant=True),)), table, order=order)
     for length in kept(made, speed):
-        assert length == pytest.approx(ramp(speed, order), rel=1e-9)  # the share at which the speed counts as reached
+        assert length == pytest.approx(ramp(speed, order), rel=3e-8)  # the share at which the speed counts as reached
     least = (0.05 - 2 * ramp(speed, order)) / speed + 4 * ramp(speed, order) / speed
-    assert made.trajectory.duration == pytest.approx(least, rel=1e-9)
+    assert made.trajectory.duration == pytest.approx(least, rel=3e-9)
 
 
 LINE, ARC = Line([0, 0, 0.025], speed=0.02), Arc([0.01, 0, 0.025], [0, 0.6, 0.8], 4.0, speed=0.025)
