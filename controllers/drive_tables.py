@@ -29,7 +29,7 @@ class Gear(Table):
     play   at the axis
     """
 
-    ratio: Annotated[float, Field(ge=1e-6, le=1e6), AllowInfNan(False)]
+    ratio: Annotated[float, Field(gt=0, le=1e6), AllowInfNan(False)]
     play: Annotated[float, Unit("rad", least=0, like="3 arcmin")] = 0.0
 
     @property
