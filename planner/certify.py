@@ -30,8 +30,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 REACHED = 1e-9
-"""A limit that is reached exactly by what is stated (a place, a constant speed, a speed at an end) counts as 1: its
-bound may be beyond 1 by so much rounding. What the timing chooses is never above 1."""
+"""What is stated may reach a limit exactly, and then counts as 1: places, and motions that have to meet stated speeds,
+whose bounds may be beyond 1 by so much rounding. What the timing chooses freely is never above 1."""
 # How small and how many cells may become until their bounds are tight.
 SMALLEST, MOST_CELLS = 2.0**-24, 400_000
 # Cells are cut in two; up to so many, where an evaluation costs the same for one as for all, in more.
@@ -151,12 +151,12 @@ def prove(
             for new, old in ((values, known.use[name]), (attained[name], known.attained[name])):
                 new[:] = np.where(np.isnan(old), 0.0, old)
         cells = whole[np.isnan(known.use[limits[0].name])[whole.k]]
-    share, stated = 1.0, _stated(trajectory)
+    share, stated = 1.0, _states_speeds(trajectory.path)
     while True:
         bound, met = _judge(trajectory, limits, cells, order)
         for n, limit in enumerate(limits):
-            exact = np.full(len(cells.k), True) if limit.geometric else stated[cells.k]
-            bound[n], met[n] = (np.where(exact, count_reached(values[n]), values[n]) for values in (bound, met))
+            if limit.geometric or stated:
+                bound[n], met[n] = count_reached(bound[n]), count_reached(met[n])
         loose = np.zeros(len(cells.k), bool)
         for n, limit in enumerate(limits):
             values = attained[limit.name]
@@ -180,15 +180,9 @@ def count_reached(use: Array) -> Array:
     return np.where((use > 1) & (use <= 1 + REACHED), 1.0, use)
 
 
-def _stated(trajectory: Trajectory) -> np.ndarray:
-    """(M,) bool: time pieces at a speed that the path states, or that begin or end at one."""
-    steady = np.isfinite(claimed(trajectory))
-    stated = steady.copy()
-    stated[:-1] |= steady[1:]
-    stated[1:] |= steady[:-1]
-    for end, speed in zip((0, -1), trajectory.path.end_speeds, strict=True):
-        stated[end] |= speed > 0
-    return stated
+def _states_speeds(path: ActuatorPath) -> bool:
+    """Whether a path states speeds, which its motion then has to meet exactly."""
+    return max(path.end_speeds) > 0 or any(path.constant(k) is not None for k in range(len(path.breaks) - 1))
 
 
 _ALONG: WeakKeyDictionary[ActuatorPath, tuple[tuple[Limit, ...], dict[str, Array]]] = WeakKeyDictionary()

@@ -15,6 +15,7 @@ from kinematics.pose import from_numbers
 from planner.actuation import MachinePath
 from planner.place import Place
 from planner.polynomial import PolynomialPath
+from planner.timing.problem import EXACTLY
 from planner.trajectory import Trajectory
 
 # Instants of a move at which its pose is found, and points of the programmed curve that it is held against.
@@ -151,11 +152,11 @@ def _corners(path: MachinePath, ends: np.ndarray) -> Array:
 
 
 def _bounds(axes: Sequence[Axis], name: str) -> Array:
-    """(2, n): towards smaller and towards greater q. A move speeds up by the one as it slows down by the other."""
+    """(2, n), as moves aim at it: towards smaller and towards greater q. A move speeds up by the one as it slows down by the other."""
     missing = [axis.name for axis in axes if getattr(axis, name) is None]
     if missing:
         raise MotionError(f"a move from pose to pose needs {name} of every axis: state it for {', '.join(missing)}")
-    return np.array([sides(getattr(axis, name)) for axis in axes]).T
+    return EXACTLY * np.array([sides(getattr(axis, name)) for axis in axes]).T
 
 
 def deviation(
