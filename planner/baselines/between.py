@@ -152,7 +152,7 @@ def _corners(path: MachinePath, ends: np.ndarray) -> Array:
 
 
 def _bounds(axes: Sequence[Axis], name: str) -> Array:
-    """(2, n), as moves aim at it: towards smaller and towards greater q. A move speeds up by the one as it slows down by the other."""
+    """(2, n) aimed at, towards smaller and greater q. A move speeds up by the one as it slows down by the other."""
     missing = [axis.name for axis in axes if getattr(axis, name) is None]
     if missing:
         raise MotionError(f"a move from pose to pose needs {name} of every axis: state it for {', '.join(missing)}")
