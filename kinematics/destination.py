@@ -10,7 +10,8 @@ from pathlib import Path
 
 from kinematics.errors import MotionError
 from kinematics.held import held
-from kinematics.staging import OLD, clear, new_file, staging
+from kinematics.leftovers import OLD, clear
+from kinematics.staging import new_file, staging
 
 Stamp = tuple[int, int, int, int] | None
 """Tells a file from another, and from itself after a change; None: there is none."""

@@ -5,38 +5,29 @@ later run that writes into the same folder knows what no one works on any more, 
 """
 
 import os
-import re
-import shutil
-import sys
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 from tempfile import mkdtemp
 
 from kinematics.held import held
-
-SUFFIX = ".staged"
-NEW, OLD = "new", "old"
-"""In a staged directory: what is made, and what stood in the place and is about to be replaced."""
-MARK = ".pulsepath"
-"""In a staged directory, a file that says whose it is: nothing without it is ever removed, unless it is empty."""
-_NAME = re.compile(rf"\.(.+)-\w{{8}}{re.escape(SUFFIX)}")
+from kinematics.leftovers import MARK, NEW, SUFFIX, clear, end, lock
 
 
 @contextmanager
 def staging(place: Path) -> Iterator[Path]:
     """A hidden directory beside a place, of this process alone; nothing of it remains when the block ends."""
-    made, lock = None, None
+    made, descriptor = None, None
     try:
         with held():
-            made, lock = _made(place)
+            made, descriptor = _made(place)
         yield made
     finally:
         with held():
             if made is not None:
-                _end(made, place)
-            if lock is not None:
-                os.close(lock)
+                end(made, place)
+            if descriptor is not None:
+                os.close(descriptor)
 
 
 def _made(place: Path) -> tuple[Path, int | None]:
@@ -47,13 +38,13 @@ def _made(place: Path) -> tuple[Path, int | None]:
         except OSError as error:  # told of the place that was asked for
             raise OSError(error.errno, error.strerror, str(place)) from None
         try:
-            lock = _lock(made)
+            descriptor = lock(made)
         except (BlockingIOError, FileNotFoundError):
             continue  # another run took it for a dead one's before it was locked
         except OSError:
-            lock = None
+            descriptor = None
         (made / MARK).touch()
-        return made, lock
+        return made, descriptor
 
 
 def write_whole(path: Path, content: str | bytes) -> None:
@@ -79,49 +70,3 @@ def new_file(made: Path, place: Path) -> Path:
     """Where in a staged directory the file for a place is written."""
     (made / NEW).mkdir(exist_ok=True)
     return made / NEW / place.name
-
-
-def clear(folder: Path) -> None:
-    """End what killed runs left in a folder: only what is marked as ours, and where a lock tells that they are dead."""
-    try:
-        names = [entry.name for entry in folder.iterdir()]
-    except OSError:
-        return
-    for found in filter(None, map(_NAME.fullmatch, names)):
-        left = folder / found[0]
-        try:
-            lock = _lock(left)
-        except OSError:
-            continue
-        if (left / MARK).exists():
-            _end(left, folder / found[1])
-        else:
-            with suppress(OSError):
-                left.rmdir()
-        os.close(lock)
-
-
-def _end(made: Path, place: Path) -> None:
-    """Remove a staged directory; what stood in the place returns to it if nothing else has come there."""
-    if (made / OLD).exists() and not os.path.lexists(place):
-        (made / OLD).rename(place)
-    shutil.rmtree(made, ignore_errors=True)
-
-
-def _lock(directory: Path) -> int:
-    """A descriptor that locks a directory until it is closed, or the process ends.
-
-    Raises BlockingIOError where another process holds it, another OSError where there are no locks.
-    """
-    if sys.platform == "win32":
-        raise OSError("directories cannot be locked")
-    import fcntl
-
-    descriptor = os.open(directory, os.O_RDONLY)
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        directory.stat()  # it may have been removed before it was locked
-    except OSError:
-        os.close(descriptor)
-        raise
-    return descriptor

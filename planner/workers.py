@@ -5,6 +5,7 @@ own pool may, for ever), and each ends when the process that started it is no mo
 """
 
 import multiprocessing
+import os
 import pickle
 import signal
 import sys
@@ -14,6 +15,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
+from threading import Thread
 from traceback import format_exc
 from types import ModuleType
 from typing import Any
@@ -164,12 +166,21 @@ def _started() -> Started:
 def serve(pipe: Connection) -> None:
     """In a process: do tasks until there are no more."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # a terminal's Ctrl-C reaches every process; the first one ends all
+    Thread(target=_end_with_parent, daemon=True).start()
     try:
         work = pickle.loads(pipe.recv_bytes())
         while True:
             pipe.send_bytes(_done(work, pipe.recv_bytes()))
     except (EOFError, OSError):
         pass
+
+
+def _end_with_parent() -> None:
+    """Where that is killed: the pipe tells it too, but only once a task is done."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
 
 
 def _done(work: Callable[[Any], Any], task: bytes) -> bytes:

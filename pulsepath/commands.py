@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from pulsepath import talk
+from pulsepath import supervisor, talk
 from pulsepath.ending import Ended, ending
 from pulsepath.exits import INTERRUPTED, JSON, TRACEBACK, told
 from pulsepath.intent import interrupted
@@ -64,6 +64,7 @@ class Commands(click.Group):
             _as_data(ctx, error, error.exit_code)
             raise
         except KeyboardInterrupt as end:
+            supervisor.tell(said=True)
             click.echo(interrupted(ctx), err=True)
             ctx.exit(end.code if isinstance(end, Ended) else INTERRUPTED)
         except BrokenPipeError:

@@ -6,10 +6,13 @@ from pathlib import Path
 
 import click
 
-from pulsepath import known_names
+from pulsepath import known_names, supervisor
 from pulsepath.ending import Ended, ending
 from pulsepath.exits import BAD_INPUT
 from pulsepath.known_names import completing
+
+STOPPING = 50.0
+"""Times the usual that an orderly end may take: axes are ramped down, and their registers saved."""
 
 
 @click.command()
@@ -123,6 +126,7 @@ def console(
                 else:
                     console_prompt.script(server, bool(remote))
             except Ended as end:
+                supervisor.tell(patience=STOPPING)
                 server.say("STOP")
                 server.finish()
                 tell(f"interrupted: {server.desk.session.told(server.clock.now)}, {keeper.told}")

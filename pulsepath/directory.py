@@ -10,7 +10,8 @@ from pathlib import Path
 from kinematics.destination import CAME, Destination, Stamp, came, keep, staged_files, stamp
 from kinematics.errors import MotionError
 from kinematics.held import held
-from kinematics.staging import NEW, OLD, clear, staging
+from kinematics.leftovers import NEW, OLD, clear
+from kinematics.staging import staging
 
 RECORD, KIND = "plan.json", "pulsepath plan"
 """The file by which a directory that `plan` wrote is known, and what it says it is."""
@@ -111,13 +112,11 @@ def _content(place: Path) -> Content:
 def _put(made: Path, target: Path, place: Path, before: Content) -> None:
     """The new directory into its place, where still stands what stood there; else raises MotionError."""
     new, old = made / NEW, made / OLD
-    if before and place.is_dir():
-        place.rename(old)  # until the new one is there: else it returns
-        if _content(old) != before:
-            with suppress(OSError):
-                old.rename(place)
-            kept = [keep(each, place) for each in (new, old) if each.exists()]
-            raise came(target, True, kept)
+    stood = bool(before) and os.path.lexists(place)
+    if stood:
+        if _content(place) != before:
+            raise came(target, True, [keep(new, place)])
+        place.rename(old)  # until the new one is there, a moment: else it returns
     try:
         new.rename(place)  # which replaces no file, and no directory but an empty one
     except OSError as error:
@@ -125,3 +124,7 @@ def _put(made: Path, target: Path, place: Path, before: Content) -> None:
             raise
         kept = [keep(each, place) for each in (new, old) if each.exists()]
         raise came(target, bool(before), kept) from None
+    if stood and _content(old) != before:  # changed in the last moment
+        place.rename(new)
+        old.rename(place)
+        raise came(target, True, [keep(new, place)])

@@ -11,7 +11,7 @@ import pytest
 
 from kinematics import MotionError
 from kinematics.destination import Destination
-from kinematics.staging import clear
+from kinematics.leftovers import clear
 from planner.export import npz
 from pulsepath import plan_directory
 from pulsepath.directory import KIND, replacing
@@ -31,9 +31,7 @@ for number in range(100_000):
 
 
 def start(*arguments):
-    return subprocess.Popen(
-        [sys.executable, *map(str, arguments)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
-    )
+    return subprocess.Popen([sys.executable, *map(str, arguments)], stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
 
 
 def kill_when(process, there, pattern, then):
@@ -44,7 +42,7 @@ def kill_when(process, there, pattern, then):
     assert process.poll() in (None, 0)
     time.sleep(then)
     process.kill()
-    process.wait()
+    process.communicate()  # until all that it started is no more either, which hold the other end
 
 
 def names(folder):
