@@ -7,11 +7,15 @@ from io import BytesIO
 from math import ceil, floor, inf
 from typing import TYPE_CHECKING, Any
 
+from kinematics.plain_text import plain
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 DPI, SMALL_DPI = 150, 115
+LONG = 1 << 16
+"""Characters from which on a text is a figure, which is base64, or data."""
 
 
 def style() -> AbstractContextManager[None]:
@@ -52,15 +56,34 @@ def _reduced(image: BytesIO, colours: int) -> bytes:
 
 
 def render(template: str, figures: Mapping[str, bytes], **values: object) -> str:
-    """The page of a template; its figures are part of it, and names in it are no markup."""
+    """The page of a template; its figures are part of it, and names in it are no markup, and nothing that is obeyed."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     pages = Environment(
-        loader=PackageLoader("benchmarks"), autoescape=True, undefined=StrictUndefined, trim_blocks=True
+        loader=PackageLoader("benchmarks"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        finalize=_shown,
     )
     pages.filters.update(FILTERS)
     drawn = {name: b64encode(image).decode("ascii") for name, image in figures.items()}
-    return pages.get_template(template).render(figures=drawn, **values)
+    return pages.get_template(template).render(figures=drawn, **{name: _plain(value) for name, value in values.items()})
+
+
+def _shown(value: object) -> object:
+    """What an expression of a template gives; markup and figures are ours."""
+    return plain(value) if type(value) is str and len(value) < LONG else value
+
+
+def _plain(value: object) -> object:
+    """Data for a page's script, which shows texts in it without the template."""
+    match value:
+        case dict():
+            return {_plain(key): _plain(entry) for key, entry in value.items()}
+        case list():
+            return [_plain(entry) for entry in value]
+    return _shown(value)
 
 
 def grouped(number: int | str) -> str:

@@ -3,13 +3,14 @@
 import re
 import tomllib
 from bisect import bisect_left
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Any
 
 from kinematics.errors import BadValue, Fault, FileError, MotionError
+from kinematics.plain_text import obeyed
 from kinematics.text_file import bytes_of, not_utf8, refuse_utf16
 from kinematics.units import shown
 
@@ -58,14 +59,37 @@ def read(source: Path | Traversable) -> Document:
     text = ""
     try:
         text = raw.decode("utf-8-sig").replace("\r\n", "\n")
-        return Document(file, _with_tuples(tomllib.loads(text)), _Scanner(text).scan())
+        document = Document(file, _with_tuples(tomllib.loads(text)), _Scanner(text).scan())
     except UnicodeDecodeError as error:
         fault = not_utf8(raw, error)
     except RecursionError:
         fault = Fault("", "tables or arrays nested too deeply")
     except ValueError as error:  # tomllib's own error, or an integer of thousands of digits
         fault = _not_toml(text, str(error))
+    else:
+        if faults := [document.fault(key, _control(found)) for key, found in _obeyed(document.data, ())]:
+            raise FileError(file, faults)
+        return document
     raise FileError(file, [fault])
+
+
+def _obeyed(value: Any, key: Key) -> Iterator[tuple[Key, str]]:
+    """Keys and texts with a character that no name has, and a terminal would obey; with that character."""
+    match value:
+        case str() if found := obeyed(value):
+            yield key, found
+        case dict():
+            for name, entry in value.items():
+                if found := obeyed(name):
+                    yield (*key, name), found
+                yield from _obeyed(entry, (*key, name))
+        case tuple():
+            for k, entry in enumerate(value):
+                yield from _obeyed(entry, (*key, k))
+
+
+def _control(found: str) -> str:
+    return f"holds {found}, which is no letter but controls how text is shown; take it out"
 
 
 _MEANT = {

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from kinematics.errors import MotionError, NotInstalled
+from kinematics.plain_text import plain, plain_line
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -89,7 +90,7 @@ class Column:
     def title(self) -> str:
         """Name and the unit that is shown."""
         unit = "" if self.mixed else _shown(str(self.unit), self.scale)[0]
-        return f"{self.name} ({unit})" if unit else self.name
+        return plain_line(f"{self.name} ({unit})" if unit else self.name)
 
     def cell(self, row: int, named: bool = False) -> str:
         """A value as it is read, with its unit where rows have their own and they are to be named."""
@@ -102,7 +103,7 @@ class Column:
         if str(value) in self.words:
             return self.words[str(value)]
         if value is None or isinstance(value, str):
-            return value or ""
+            return plain_line(value or "")
         if isinstance(value, bool):
             return "yes" if value else "no"
         factor = _shown(self.unit if isinstance(self.unit, str) else self.unit[row], self.scale)[1]
@@ -129,6 +130,8 @@ class Table:
         names, lengths = [column.heading for column in self.columns], {len(column) for column in self.columns}
         if len(set(names)) < len(names) or not all(names) or len(lengths) != 1:
             raise MotionError(f"table {self.title}: columns {names} need names of their own and one length: {lengths}")
+        object.__setattr__(self, "title", plain(self.title))
+        object.__setattr__(self, "notes", tuple(map(plain, self.notes)))
 
     def __len__(self) -> int:
         return len(self.columns[0])

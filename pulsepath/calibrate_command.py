@@ -9,6 +9,7 @@ from pulsepath import known_names
 from pulsepath.intent import writes
 from pulsepath.known_names import completing
 from pulsepath.options import json_option
+from pulsepath.talk import say
 
 
 @click.command()
@@ -72,4 +73,4 @@ def calibrate(
         click.echo(record.as_json({**calibration_directory.record(found, sources), "report": report}), nl=False)
     else:
         tables.show(tables.of_calibration(found))
-        click.echo(f"machine: {out / calibration_directory.MACHINE}\nreport: {report}")
+        say(f"machine: {out / calibration_directory.MACHINE}\nreport: {report}")

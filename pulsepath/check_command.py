@@ -7,6 +7,7 @@ import click
 from pulsepath.exits import INFEASIBLE
 from pulsepath.motion_option import motion_option, run_as
 from pulsepath.options import dump_option, json_option, machine_option, program_argument
+from pulsepath.talk import say
 
 
 @click.command()
@@ -36,7 +37,7 @@ def check(program: str, machine: str | None, motion: str, dumped: Path | None, f
     if as_json:
         click.echo(record.as_json(record.of_check(found)), nl=False)
     elif found.violations:
-        click.echo("\n".join(map(str, found.violations)))
+        say("\n".join(map(str, found.violations)))
     else:
         tables.show(tables.of_check(found))
     if found.violations:

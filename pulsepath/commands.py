@@ -3,6 +3,7 @@
 import os
 import sys
 from collections.abc import Mapping, Sequence
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from pulsepath import supervisor, talk
 from pulsepath.ending import Ended, ending
 from pulsepath.exits import INTERRUPTED, JSON, TRACEBACK, told
 from pulsepath.intent import interrupted
+from pulsepath.talk import say
 
 OTHERS = "Others"
 
@@ -62,10 +64,13 @@ class Commands(click.Group):
             raise
         except click.ClickException as error:
             _as_data(ctx, error, error.exit_code)
-            raise
+            shown = StringIO()
+            error.show(shown)
+            say(shown.getvalue().rstrip("\n"), err=True)
+            ctx.exit(error.exit_code)
         except KeyboardInterrupt as end:
             supervisor.tell(said=True)
-            click.echo(interrupted(ctx), err=True)
+            say(interrupted(ctx), err=True)
             ctx.exit(end.code if isinstance(end, Ended) else INTERRUPTED)
         except BrokenPipeError:
             # the reader has seen enough; what is still buffered must not fail when the interpreter ends
@@ -76,7 +81,7 @@ class Commands(click.Group):
                 raise
             code, message = told(error)
             _as_data(ctx, error, code)
-            click.echo(message, err=True)
+            say(message, err=True)
             ctx.exit(code)
 
 

@@ -10,6 +10,7 @@ from pulsepath import known_names
 from pulsepath.exits import INFEASIBLE
 from pulsepath.intent import writes
 from pulsepath.known_names import completing
+from pulsepath.talk import say
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -104,10 +105,10 @@ def compare(
         told = {"verdict": verdict.text, "gains": verdict.gains, "report": report, "failed": met}
         click.echo(record.as_json(told), nl=False)
     else:
-        click.echo(verdict.text)
-        click.echo(f"{verdict.gains}\nreport: {report}" if verdict.gains else f"report: {report}")
+        say(verdict.text)
+        say(f"{verdict.gains}\nreport: {report}" if verdict.gains else f"report: {report}")
         for reason in met:
-            click.echo(f"failed: {reason}", err=True)
+            say(f"failed: {reason}", err=True)
     if met:
         click.get_current_context().exit(INFEASIBLE)
 

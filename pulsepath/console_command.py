@@ -10,6 +10,7 @@ from pulsepath import known_names, supervisor
 from pulsepath.ending import Ended, ending
 from pulsepath.exits import BAD_INPUT
 from pulsepath.known_names import completing
+from pulsepath.talk import say
 
 STOPPING = 50.0
 """Times the usual that an orderly end may take: axes are ramped down, and their registers saved."""
@@ -137,6 +138,6 @@ def console(
 
 def _tell(text: str) -> None:
     try:
-        click.echo(text, err=True)
+        say(text, err=True)
     except OSError:  # nobody looks any more: what is buffered must not fail later either
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stderr.fileno())

@@ -13,6 +13,7 @@ from planner.program_writer import program_toml
 from pulsepath import record
 from pulsepath.directory import write_files
 from pulsepath.inputs import Inputs
+from pulsepath.talk import say
 
 MACHINE, PROGRAM = "machine.toml", "program.toml"
 STDOUT = Path("-")
@@ -46,8 +47,8 @@ def dump(
         paths = {"machine": str(folder / MACHINE), "program": str(folder / PROGRAM)}
         click.echo(record.as_json({"options": dict(options), **paths, "command": again}), nl=False)
     else:
-        click.echo(_text(options))
-        click.echo(f"# {folder / MACHINE} and {folder / PROGRAM}: give them back by\n# {again}")
+        say(_text(options))
+        say(f"# {folder / MACHINE} and {folder / PROGRAM}: give them back by\n# {again}")
 
 
 def _print(files: Mapping[str, bytes], options: Mapping[str, int | str], as_json: bool) -> None:
@@ -57,8 +58,8 @@ def _print(files: Mapping[str, bytes], options: Mapping[str, int | str], as_json
         click.echo(record.as_json({"options": dict(options), "files": texts}), nl=False)
         return
     for name, text in texts.items():
-        click.echo(f"# ----- {name}\n{text}")
-    click.echo(f"# ----- options\n{_text(options)}")
+        say(f"# ----- {name}\n{text}")
+    say(f"# ----- options\n{_text(options)}")
 
 
 def _text(options: Mapping[str, int | str]) -> str:

@@ -10,6 +10,7 @@ from pulsepath.format_command import FormatCommand
 from pulsepath.intent import writes
 from pulsepath.known_names import completing
 from pulsepath.options import unverified_option
+from pulsepath.talk import say
 
 
 class Export(FormatCommand):
@@ -63,8 +64,8 @@ def export(
     if as_json:
         click.echo(record.as_json(record.of_export(name, str(target), done, planned.doubts)), nl=False)
     else:
-        click.echo(f"{target}: {done.error:.3g} pulses from {done.against}")
+        say(f"{target}: {done.error:.3g} pulses from {done.against}")
         if made_up := sorted({kind for axis in planned.machine.axes for kind in axis.compensate}):
-            click.echo(f"  positions are the motors': {' and '.join(made_up)} made up for")
+            say(f"  positions are the motors': {' and '.join(made_up)} made up for")
         for note in (*done.notes, *(f"NOT VERIFIED: {doubt}" for doubt in planned.doubts)):
-            click.echo(f"  {note}")
+            say(f"  {note}")

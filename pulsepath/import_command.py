@@ -9,6 +9,7 @@ from pulsepath import known_names
 from pulsepath.format_command import FormatCommand
 from pulsepath.intent import writes
 from pulsepath.known_names import completing
+from pulsepath.talk import say
 
 FIGURES = (".png", ".svg", ".pdf")
 
@@ -78,10 +79,10 @@ def import_(
     if as_json:
         click.echo(record.as_json(about), nl=False)
         return
-    click.echo(f"{out}: {about['segments']} segments from {file}, read as {name}; drawn in {image}")
-    click.echo("  entities: " + ", ".join(f"{count} {kind}" for kind, count in found.entities.items()))
+    say(f"{out}: {about['segments']} segments from {file}, read as {name}; drawn in {image}")
+    say("  entities: " + ", ".join(f"{count} {kind}" for kind, count in found.entities.items()))
     ranges = zip("xyz", *(np.round(corner * 1e3, 9) + 0.0 for corner in (way.low, way.high)), strict=True)
-    click.echo("  extents: " + ", ".join(f"{axis} {low:.6g} to {high:.6g} mm" for axis, low, high in ranges))
-    click.echo(f"  length: {way.length * 1e3:.7g} mm")
+    say("  extents: " + ", ".join(f"{axis} {low:.6g} to {high:.6g} mm" for axis, low, high in ranges))
+    say(f"  length: {way.length * 1e3:.7g} mm")
     for warning in found.warnings:
-        click.echo(f"  warning: {warning}")
+        say(f"  warning: {warning}")

@@ -8,6 +8,7 @@ from pulsepath import known_names
 from pulsepath.intent import writes
 from pulsepath.known_names import completing
 from pulsepath.options import json_option
+from pulsepath.talk import say
 
 MACHINE, PROGRAM = "machine.toml", "program.toml"
 
@@ -58,7 +59,7 @@ def init(directory: Path, machine: str | None, program: str | None, force: bool,
         click.echo(record.as_json({"files": [str(target) for target in targets], "next": following}), nl=False)
         return
     for target in targets:
-        click.echo(f"written: {target}")
-    click.echo("next:")
+        say(f"written: {target}")
+    say("next:")
     for command in following:
-        click.echo(f"  {command}")
+        say(f"  {command}")

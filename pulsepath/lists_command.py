@@ -5,6 +5,7 @@ from typing import Any
 import click
 
 from pulsepath.options import json_option
+from pulsepath.talk import say
 
 
 @click.command()
@@ -24,7 +25,7 @@ def machines(as_json: bool) -> None:
         try:
             known.append(load_machine(name))
         except NotInstalled as absent:  # the others are there all the same
-            click.echo(f"note: {name} is left out: {absent}", err=True)
+            say(f"note: {name} is left out: {absent}", err=True)
     if as_json:
         click.echo(record.as_json([record.of_machine(machine) for machine in known]), nl=False)
     else:

@@ -10,6 +10,7 @@ from pulsepath.intent import writes
 from pulsepath.known_names import completing
 from pulsepath.motion_option import motion_option, run_as
 from pulsepath.options import dump_option, json_option, machine_option, program_argument, quantity_of
+from pulsepath.talk import say
 
 
 @click.command()
@@ -102,7 +103,7 @@ def plan(
         click.echo(record.as_json({**written, "report": report}), nl=False)
     else:
         tables.show(tables.of_plan(job))
-        click.echo(f"report: {report}")
+        say(f"report: {report}")
 
 
 def _dump(

@@ -10,6 +10,7 @@ from pulsepath import known_names
 from pulsepath.exits import INFEASIBLE
 from pulsepath.known_names import completing
 from pulsepath.options import json_option
+from pulsepath.talk import say
 
 if TYPE_CHECKING:
     from kinematics import Machine, Pose
@@ -75,7 +76,7 @@ def pose(
     else:
         tables.show(tables.of_results(found))
     for violation in found.violations:
-        click.echo(f"infeasible: {violation}", err=True)
+        say(f"infeasible: {violation}", err=True)
     if not found.margins.ok.all() or (given and not found.certified):
         click.get_current_context().exit(INFEASIBLE)
 

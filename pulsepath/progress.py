@@ -16,7 +16,7 @@ COUNTED = 1000
 @contextmanager
 def step(what: str) -> Iterator[Callable[[int, int], None]]:
     """Tell that a step begins, and in the end how long it took; what it yields tells how much is done, of how much."""
-    begin = perf_counter()
+    begin, what = perf_counter(), talk.plain(what)
     if talk.level() == talk.QUIET:
         yield _nothing
         return

@@ -11,6 +11,7 @@ from typing import Any
 from controllers import Metrics, Rig
 from controllers.metrics import ErrorSeries
 from kinematics import Axis, Machine, MotionError, Pose, Posture
+from kinematics.plain_text import plain_json
 from planner import Infeasible, Place, Standing, Triggered
 from planner.baselines import describe_differences, missing_limits
 from planner.departure import Departure
@@ -296,8 +297,8 @@ def of_machine(machine: Machine) -> Record:
 
 
 def as_json(record: object) -> str:
-    """JSON text, indented; refuses numbers that JSON does not have."""
-    return json.dumps(record, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    """JSON text, indented, with all escaped that a terminal would obey; refuses numbers that JSON does not have."""
+    return plain_json(json.dumps(record, indent=2, ensure_ascii=False, allow_nan=False)) + "\n"
 
 
 def _errors(series: ErrorSeries) -> Record:

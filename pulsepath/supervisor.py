@@ -200,13 +200,15 @@ def _rest(told: int) -> Iterator[int]:
 def _clear_up(watch: _Watch, mode: list[Any] | None) -> int:
     """After a worker that had to be killed: the terminal and the folders as they were, and a word of it."""
     _clear(watch, mode)
+    from pulsepath.alone import load_alone
     from pulsepath.intent import of_interruption
 
     with suppress(OSError):  # where nobody looks any more
         if os.isatty(2):
             os.write(2, b"\r\x1b[K\x1b[?25h")  # the line of progress, and the cursor that was hidden over it
         if not watch.told.get("said"):
-            os.write(2, f"{of_interruption(watch.told)}\n".encode(errors="replace"))
+            said = load_alone("plain_text").plain(of_interruption(watch.told))
+            os.write(2, f"{said}\n".encode(errors="replace"))
     return 128 + (watch.asked or signal.SIGINT)
 
 
@@ -220,14 +222,11 @@ def _clear(watch: _Watch, mode: list[Any] | None) -> None:
             termios.tcsetattr(0, termios.TCSANOW, mode)
     if not watch.told.get("folders"):
         return
-    from importlib.util import find_spec
     from pathlib import Path
-    from runpy import run_path
 
-    home = find_spec("kinematics")  # the package itself would take a second to load
-    if home is None or home.origin is None:
-        return
-    clear = run_path(str(Path(home.origin).parent / "leftovers.py"))["clear"]
+    from pulsepath.alone import load_alone
+
+    clear = load_alone("leftovers").clear
     for folder in watch.told["folders"]:
         with suppress(OSError):  # the next run tries again
             clear(Path(folder))

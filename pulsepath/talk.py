@@ -5,6 +5,8 @@ from typing import IO
 
 import click
 
+from pulsepath.alone import load_alone
+
 QUIET, USUAL, VERBOSE = -1, 0, 1
 _LEVEL = "pulsepath.talk"
 
@@ -32,16 +34,27 @@ def level() -> int:
     return chosen
 
 
+def say(text: object, *, err: bool = False) -> None:
+    """A line, or more of them, with all escaped that a terminal would obey: names in it come from files."""
+    click.echo(plain(str(text)), err=err)
+
+
+def plain(text: str) -> str:
+    """As kinematics.plain_text has it, which would load all of kinematics here."""
+    escaped: str = load_alone("plain_text").plain(text)
+    return escaped
+
+
 def note(text: str) -> None:
     """A line on stderr, unless all is to be quiet."""
     if level() > QUIET:
-        click.echo(text, err=True)
+        say(text, err=True)
 
 
 def detail(text: str) -> None:
     """A line on stderr where more is asked for."""
     if level() >= VERBOSE:
-        click.echo(text, err=True)
+        say(text, err=True)
 
 
 def dressed(stream: IO[str]) -> bool:

@@ -8,6 +8,7 @@ from pulsepath import known_names
 from pulsepath.intent import writes
 from pulsepath.known_names import completing
 from pulsepath.options import LAWS, json_option, unverified_option
+from pulsepath.talk import say
 
 
 @click.command()
@@ -70,7 +71,7 @@ def track(
     if as_json:
         click.echo(text, nl=False)
     else:
-        click.echo(f"rig {behind.about}")
+        say(f"rig {behind.about}")
         tables.show(tables.of_tracking(metrics))
         for doubt in planned.doubts:
-            click.echo(f"NOT VERIFIED: {doubt}")
+            say(f"NOT VERIFIED: {doubt}")

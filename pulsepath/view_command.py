@@ -11,6 +11,7 @@ from pulsepath.ending import Ended, ending
 from pulsepath.exits import INTERRUPTED
 from pulsepath.intent import writes
 from pulsepath.options import json_option, unverified_option
+from pulsepath.talk import say
 
 if TYPE_CHECKING:
     from benchmarks.animation.frames import DrawnPlan
@@ -86,7 +87,7 @@ def view(
             page = document(plan, frames, magnify)
         if html is None:
             for doubt in doubts:
-                click.echo(f"NOT VERIFIED: {doubt}", err=True)
+                say(f"NOT VERIFIED: {doubt}", err=True)
             _show(page, port, no_browser, told, as_json)
             return
         destinations[html].write(page)
@@ -95,7 +96,7 @@ def view(
         click.echo(record.as_json(told), nl=False)
     else:
         for line in (*targets, *(f"NOT VERIFIED: {doubt}" for doubt in doubts)):
-            click.echo(str(line))
+            say(str(line))
 
 
 def _taken_up(directory: Path, unverified: bool) -> "tuple[DrawnPlan, tuple[str, ...]]":

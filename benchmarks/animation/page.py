@@ -18,6 +18,7 @@ from benchmarks.animation.look import PLAIN, PLANNED, RAMP, REALISED, VIEWS, Vie
 from benchmarks.animation.scene import CLOCK, HOLD, recorded
 from benchmarks.page import render
 from kinematics.array import Array
+from kinematics.plain_text import plain
 from kinematics.table import SCALES
 
 POLICY = (
@@ -37,7 +38,7 @@ LEAST = 0.1
 
 def page(frames: Frames) -> str:
     """One HTML document that asks no network for anything."""
-    title = f"{frames.program} on {frames.machine}"
+    title = plain(f"{frames.program} on {frames.machine}")
     head = f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">'
     document = recorded(frames).replace("<head>", f"<head>{head}", 1)
     document = document.replace("<title>Viser</title>", f"<title>{escape(title)}</title>", 1)

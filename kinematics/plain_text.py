@@ -1,0 +1,37 @@
+"""Text from files and from users as it is shown: nothing in it that a terminal or a browser would obey.
+
+The command line loads this file alone, before the package. So it imports nothing but the standard library.
+"""
+
+import re
+
+_OBEYED = "\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff\ufeff"
+"""C0 but tab and line feed, DEL, C1, marks and overrides of direction, separators of lines, halves of characters."""
+_IN_TEXT, _IN_LINE = re.compile(f"[{_OBEYED}]"), re.compile(f"[{_OBEYED}\t\n]")
+
+
+def plain(text: str) -> str:
+    r"""A text of one or more lines, with what would be obeyed as \x1b or \u202e."""
+    return _IN_TEXT.sub(_escaped, text)
+
+
+def plain_line(text: str) -> str:
+    r"""The same of one line: a tab and a line feed are \t and \n too."""
+    return _IN_LINE.sub(_escaped, text)
+
+
+def plain_json(text: str) -> str:
+    r"""JSON text with the same characters as \u001b, which reads back as they were."""
+    return _IN_TEXT.sub(lambda found: f"\\u{ord(found[0]):04x}", text)
+
+
+def obeyed(text: str) -> str | None:
+    r"""The first character of a text that would be obeyed, as \x1b; None where there is none."""
+    found = _IN_TEXT.search(text)
+    return None if found is None else _escaped(found)
+
+
+def _escaped(found: re.Match[str]) -> str:
+    short = {"\t": "\\t", "\n": "\\n", "\r": "\\r"}
+    code = ord(found[0])
+    return short.get(found[0]) or (f"\\x{code:02x}" if code < 0x100 else f"\\u{code:04x}")
