@@ -75,12 +75,26 @@ def summary(plan: Plan, classical: Classical, verdict: PulseCheck) -> dict[str, 
         "Time saved": f"{saved:.6f} s ({100 * saved / classical.duration:.2f} %{unlike})",
         "Segments": f"{len(plan.program.segments)}{again}",
         "Length of the path": f"{1e3 * float(plan.path.breaks[-1]):.3f} mm ({radian})",
+        **_departures(plan),
         "Order": f"{plan.order} ({kept})",
         "Solved by": f"{', '.join(sorted(set(plan.methods)))}; the proof held in round {plan.rounds}",
         "Pulses": f"{grouped(plan.pulses.total)} on a clock of {grouped(plan.pulses.clock_hz)} Hz",
         "Highest pulse rate": f"{verdict.highest_rate:.1f} 1/s",
         "Pulse check": f"{verdict.fault_count} faults; {_exactness(plan, verdict)}",
     }
+
+
+def _departures(plan: Plan) -> dict[str, str]:
+    """How far synchronised moves leave the straight line at most, where there are any."""
+    found = plan.departures
+    if not found:
+        return {}
+    worst = max(found, key=lambda one: one.distance)
+    turned = np.rad2deg(max(one.turned for one in found))
+    told = (
+        f"up to {1e3 * worst.distance:.4g} mm off the straight line, at {worst.where}; turned up to {turned:.4g}° off"
+    )
+    return {"Synchronised moves": f"{len(found)}, straight in the axes: {told}"}
 
 
 def _exactness(plan: Plan, verdict: PulseCheck) -> str:

@@ -42,6 +42,7 @@ def test_a_program_is_planned_exported_and_taken_up_so(call, out):
     assert all(0 < move["off_the_line_m"] < 1e-4 for move in record["synchronised_moves"])
     assert all(axis["net_count"] == 0 for axis in record["pulses"]["axes"].values())
     assert (out / "plan" / "program.toml").read_text().count("synchronised = {") == 2
+    assert "2, straight in the axes: up to 0.00" in (out / "plan" / "report.html").read_text()
     for name in ("sahbaz", "adlink-csv"):
         written = call("export", out / "plan", "--format", name, "--out", out / name, "--json")
         assert written.exit_code == 0, written.stderr
