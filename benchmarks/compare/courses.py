@@ -32,9 +32,10 @@ class Courses:
 
 
 def courses(comparison: Comparison, verdict: Verdict) -> Courses:
-    """Of the baseline, the best, and the best setting of each of the next best laws."""
-    ranked = sorted(comparison.entries, key=comparison.mean_ratio)
-    chosen = [comparison.baseline] + ([] if verdict.best is None else [verdict.best])
+    """Of the baseline, the best, that of the least error, and the best setting of each of the next best laws."""
+    ranked = sorted(comparison.entries, key=comparison.score)
+    named = (comparison.baseline, verdict.best, verdict.least)
+    chosen = list(dict.fromkeys(entry for entry in named if entry is not None))
     laws = {entry.setting.law for entry in chosen}
     for entry in ranked:
         stable = all(row.stable for row in comparison.of(entry))

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from benchmarks.compare.axis_figures import axes_over_time
 from benchmarks.compare.courses import Courses, beside
 from benchmarks.compare.gain_figures import gains, pareto
 from benchmarks.compare.iso_block import IsoBlock
@@ -38,6 +39,7 @@ def draw(comparison: Comparison, shown: Courses, iso: IsoBlock) -> dict[str, byt
             "effort": _per_path(comparison, shown, 2.1, _effort),
             "pareto": pareto(comparison),
         }
+        made |= {f"axes-{n}": axes_over_time(comparison, shown, task) for n, task in enumerate(comparison.tasks)}
         return {name: png(*axes, colours=64) for name, axes in made.items() if axes}
 
 

@@ -8,6 +8,7 @@ from io import StringIO
 from math import isfinite
 from typing import Any
 
+from benchmarks.compare.criteria import CRITERIA, weigh
 from benchmarks.compare.report import mark
 from benchmarks.compare.table import Against, Comparison, Entry
 from benchmarks.compare.verdict import Verdict
@@ -19,7 +20,11 @@ def of_comparison(comparison: Comparison, verdict: Verdict) -> dict[str, Any]:
         "baseline": _entry(comparison, comparison.baseline),
         "verdict": {
             "best": None if verdict.best is None else _entry(comparison, verdict.best),
+            "score": _finite(verdict.score),
+            "weights": {one.name: one.weight for one in CRITERIA},
+            "ratios": dict(verdict.ratios),
             "ratio": _finite(verdict.ratio),
+            "least_contour_error": None if verdict.least is None else _entry(comparison, verdict.least),
             "margins": [
                 {"gain": one.gain, "value": one.value, "unstable_from": one.edge, "tried_up_to": one.up_to}
                 for one in verdict.margins
@@ -70,7 +75,8 @@ def _entry(comparison: Comparison, entry: Entry) -> dict[str, Any]:
 def _against(against: Against | None) -> dict[str, Any] | None:
     if against is None:
         return None
-    return {"ratio": against.ratio, "least": against.least, "largest": against.largest, "mark": against.mark}
+    ratios = {"ratio": against.ratio, "least": against.least, "largest": against.largest, "mark": against.mark}
+    return {**ratios, "weighed": weigh(against.ratios), "by_criterion": dict(against.ratios)}
 
 
 def _finite(value: float) -> float | None:

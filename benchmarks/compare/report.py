@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from math import inf, nan
+from math import inf, isfinite, nan
 from typing import Any
 
 from benchmarks.compare.courses import courses
+from benchmarks.compare.criteria import CRITERIA
 from benchmarks.compare.figures import draw
 from benchmarks.compare.iso_block import ISO, IsoBlock, iso_block
 from benchmarks.compare.shown import HUMAN, number, shown
@@ -63,6 +64,8 @@ def gain_report(comparison: Comparison) -> tuple[Verdict, str]:
         band=BAND,
         rigs=max(len(source.record["variations"]) for source in comparison.sources),
         not_ranked=not_ranked(comparison),
+        criteria=CRITERIA,
+        weighed=list(_weighed(comparison)),
     )
     return verdict, page
 
@@ -101,6 +104,18 @@ def _cells(comparison: Comparison, task: str) -> Iterator[Mapping[str, Any]]:
             ],
             "notes": list(_notes(row)),
         }
+
+
+def _weighed(comparison: Comparison) -> Iterator[tuple[str, str, list[str]]]:
+    """Setting, its weighed ratio to the baseline, and its ratio by each criterion; the best first, none unstable."""
+    scores = {entry: comparison.score(entry) for entry in comparison.entries}
+    for entry in sorted((entry for entry in scores if isfinite(scores[entry])), key=scores.__getitem__):
+        ratios = comparison.ratios(entry)
+        yield (
+            comparison.label(entry),
+            _ratio(scores[entry]),
+            [_ratio(ratios[one.name]) if one.name in ratios else "–" for one in CRITERIA],
+        )
 
 
 def _above(value: float, floor: float, unit: str) -> str:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import exp, inf, isfinite, log
 from statistics import fmean
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from benchmarks.compare.criteria import About, compare_figures, mean_of, weigh
 from benchmarks.sweep import Result, Runs, Setting, read_setting
 from benchmarks.sweep.cell import NOMINAL
 from benchmarks.sweep.figure_unit import unit_of
@@ -48,6 +49,8 @@ class Entry:
 class Against:
     """An error over the baseline's on the same rig with the same seed: geometric mean, least and largest.
 
+    ratios  by the criteria of a verdict, the geometric mean of each
+
     mark  "better" or "worse" where it is so, by more than 1 %, on every rig and seed that was tried; else "neither".
           The rigs are chosen, no sample of a population, so nothing is said of others.
     """
@@ -55,6 +58,7 @@ class Against:
     ratio: float
     least: float
     largest: float
+    ratios: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def mark(self) -> str:
@@ -165,9 +169,22 @@ class Comparison(Shown):
         held = all(row.stable for row in rows) and all(map(isfinite, ratios))
         return exp(fmean(map(log, ratios))) if ratios and held else inf
 
+    def ratios(self, entry: Entry) -> dict[str, float]:
+        """By the criteria of a verdict, over the baseline: geometric means over ranked paths, those that all have."""
+        rows = [row for row in self.of(entry) if row.task in self.ranked]
+        return mean_of([row.against.ratios for row in rows if row.against is not None])
+
+    def score(self, entry: Entry) -> float:
+        """What a verdict ranks by: all criteria weighed, below 1 where it beats the baseline; inf as `mean_ratio`."""
+        return weigh(self.ratios(entry)) if isfinite(self.mean_ratio(entry)) else inf
+
     def about(self, task: str) -> Mapping[str, Any]:
         """What the record of the runs says of a task."""
         return _about(self.sources, task)
+
+    def criteria_of(self, task: str) -> About:
+        """What the criteria of a verdict need to know of a path."""
+        return _criteria_of(self.sources, task)
 
     def floor(self, task: str) -> float:
         """m or rad: errors of less are not told apart on this path."""
@@ -213,7 +230,7 @@ def compare(sources: Sequence[Runs], baseline: str | None = None) -> Comparison:
         )
     )
     rows = tuple(
-        _row(entry, task, groups, against, largest[task], _floor(sources, task) if task in ranked else None)
+        _row(entry, task, groups, against, largest[task], _criteria_of(sources, task) if task in ranked else None)
         for entry, task in groups
     )
     return Comparison(tuple(sources), against, rows, tasks, ranked)
@@ -225,6 +242,12 @@ def _about(sources: Sequence[Runs], task: str) -> Mapping[str, Any]:
 
 def _floor(sources: Sequence[Runs], task: str) -> float:
     return FLOOR * float(_about(sources, task).get("resolution", SAVED_WITHOUT))
+
+
+def _criteria_of(sources: Sequence[Runs], task: str) -> dict[str, Any]:
+    """What the criteria need to know of a path; runs that were saved without pulses have none, and no vibration."""
+    records = [of.record for of in sources if task in of.record["tasks"]]
+    return {"floor": _floor(sources, task), "pulses": records[0].get("pulses", {})}
 
 
 def _extent(sources: Sequence[Runs], task: str) -> float:
@@ -252,7 +275,7 @@ def _row(
     groups: Mapping[tuple[Entry, str], dict[Pairing, Result]],
     baseline: Entry,
     largest: float,
-    floor: float | None,
+    about: About | None,
 ) -> Row:
     runs = groups[entry, task]
     nominal = [result.figures for (rig, _), result in runs.items() if rig == NOMINAL.name]
@@ -267,7 +290,7 @@ def _row(
         tuple((rig, result.failure) for (rig, _), result in runs.items() if result.failure),
         sum(map(_away, runs.values())),
         sum(_unstable(result, largest) for result in runs.values()),
-        None if floor is None or entry == baseline else _against(runs, others, floor),
+        None if about is None or entry == baseline else _against(runs, others, about),
     )
 
 
@@ -284,9 +307,10 @@ def _mean(figures: Sequence[Mapping[str, float]]) -> dict[str, float]:
     return {name: fmean(one[name] for one in figures) for name in figures[0] if all(name in one for one in figures)}
 
 
-def _against(runs: Mapping[Pairing, Result], baseline: Mapping[Pairing, Result], floor: float) -> Against | None:
+def _against(runs: Mapping[Pairing, Result], baseline: Mapping[Pairing, Result], about: About) -> Against | None:
     pairs = [(runs[pair], baseline[pair]) for pair in runs if pair in baseline]
     if not pairs or len(pairs) < len(runs) or any(one.failure for pair in pairs for one in pair):
         return None
-    ratios = [max(own.figures[RANK], floor) / max(other.figures[RANK], floor) for own, other in pairs]
-    return Against(exp(fmean(map(log, ratios))), min(ratios), max(ratios))
+    each = [compare_figures(own.figures, other.figures, about) for own, other in pairs]
+    errors = [one["contour error"] for one in each]
+    return Against(exp(fmean(map(log, errors))), min(errors), max(errors), mean_of(each))

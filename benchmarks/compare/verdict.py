@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from math import inf, isfinite
 from typing import TYPE_CHECKING
 
+from benchmarks.compare.criteria import CRITERIA, TRADE, weights_text
 from benchmarks.compare.shown import shown
 from benchmarks.compare.table import RANK, Comparison, Entry
 from benchmarks.sweep import Setting
@@ -40,20 +42,27 @@ class Margin:
 
 @dataclass(frozen=True, slots=True)
 class Verdict(Result):
-    """The best setting other than the baseline; None where none holds on every path and rig.
+    """The best setting other than the baseline, by all criteria weighed; None where none holds on every path and rig.
 
-    ratio  of its RMS contour error to the baseline's: geometric mean over paths, rigs and seeds
+    ratio   of its RMS contour error to the baseline's: geometric mean over paths, rigs and seeds
+    score   its weighed ratio to the baseline
+    ratios  of it to the baseline, by criterion
+    least   the setting of the least RMS contour error, whatever that costs; the best one, or another
     """
 
     best: Entry | None
     ratio: float
     margins: tuple[Margin, ...]
     text: str
+    score: float = inf
+    ratios: Mapping[str, float] = field(default_factory=dict)
+    least: Entry | None = None
 
     def tables(self) -> tuple[Table, ...]:
         """The best setting and, below, what it gains and costs; how far each of its gains may rise."""
         best = (
             Column("best setting", [None if self.best is None else self.best.setting.text], words={"None": "none"}),
+            Column("weighed ratio to the baseline", [self.score], form=".3f"),
             Column("RMS contour error over the baseline's", [self.ratio], form=".3f"),
         )
         margins = (
@@ -87,19 +96,48 @@ def gain_block(setting: Setting) -> str:
 
 
 def verdict_of(comparison: Comparison) -> Verdict:
-    """The best of all settings that hold on every path and rig, what it gains and what it costs."""
+    """The best of all settings that hold on every path and rig, by what `criteria` weighs; what it gains and costs.
+
+    Where another setting has the least contour error it is named, with what it pays for that.
+    """
     others = [entry for entry in comparison.entries if entry != comparison.baseline]
     full = [entry for entry in others if {row.task for row in comparison.of(entry)} == set(comparison.tasks)]
-    ranked = sorted(((comparison.mean_ratio(entry), n) for n, entry in enumerate(full)), key=lambda one: one[0])
+    ranked = sorted(((comparison.score(entry), n) for n, entry in enumerate(full)), key=lambda one: one[0])
     name = comparison.label(comparison.baseline)
     if not ranked or not isfinite(ranked[0][0]):
         why = "no other setting was run" if not others else "no other setting is stable on every path and rig"
         why = why if comparison.ranked else "no path ranks settings"
         text = " ".join([f"The baseline {name} stands alone: {why}.", *not_ranked(comparison)])
         return Verdict(None, inf, (), text)
-    ratio, best = ranked[0][0], full[ranked[0][1]]
+    score, best = ranked[0][0], full[ranked[0][1]]
+    ratio, least = comparison.mean_ratio(best), min(full, key=comparison.mean_ratio)
     margins = _margins(comparison, best)
-    return Verdict(best, ratio, margins, _text(comparison, best, ratio, margins, len(others)))
+    text = _text(comparison, best, least, margins, len(others))
+    return Verdict(best, ratio, margins, text, score, comparison.ratios(best), least)
+
+
+def _costs(comparison: Comparison, entry: Entry) -> str:
+    """By which criteria a setting is much worse than the baseline, by how much, and what it comes to where most."""
+    told = []
+    for one in CRITERIA:
+        ratio = comparison.ratios(entry).get(one.name, 1.0)
+        if ratio <= TRADE:
+            continue
+        values = [
+            (own / base, own, base, row.task)
+            for row in comparison.of(entry)
+            if row.task in comparison.ranked and (other := comparison.row(comparison.baseline, row.task))
+            for about in [comparison.criteria_of(row.task)]
+            for own, base in [(one.value(row.figures, about), one.value(other.figures, about))]
+            if own is not None and base is not None
+        ]
+        where = ""
+        if values:
+            _, own, base, task = max(values)
+            unit = comparison.unit(RANK, task)
+            where = f" ({one.shown(own, unit)} against {one.shown(base, unit)} on {task})"
+        told.append(f"{ratio:.3g} times the {one.name}{where}")
+    return ", ".join(told)
 
 
 def not_ranked(comparison: Comparison) -> list[str]:
@@ -131,16 +169,18 @@ def _alike(one: Setting, other: Setting, gain: str) -> bool:
     return one.law == other.law and same[0] == same[1]
 
 
-def _text(comparison: Comparison, best: Entry, ratio: float, margins: tuple[Margin, ...], others: int) -> str:
+def _text(comparison: Comparison, best: Entry, least: Entry, margins: tuple[Margin, ...], others: int) -> str:
+    ratio, score = comparison.mean_ratio(best), comparison.score(best)
     name, baseline = comparison.label(best), comparison.label(comparison.baseline)
     rows = comparison.of(best)
     marks = [row.against.mark for row in rows if row.against]
-    verb = "is the best" if ratio < 1 else "comes nearest to the baseline, which stays the best,"
+    verb = "is the best" if score < 1 else "comes nearest to the baseline, which stays the best,"
     counts = ", ".join(f"{mark} on {marks.count(mark)}" for mark in ("better", "neither", "worse") if mark in marks)
     many = f"{len(comparison.ranked)} path{'s' if len(comparison.ranked) > 1 else ''}"
     pieces = [
-        f"{name} {verb} of {others} settings: its RMS contour error is {ratio:.3g} times that of the baseline, "
-        f"{baseline} (geometric mean over {many} and {rows[0].runs} runs of each; {counts})."
+        f"{name} {verb} of {others} settings, weighed ({weights_text()}): {score:.3g} times the baseline, {baseline}. "
+        f"Its RMS contour error is {ratio:.3g} times that of the baseline "
+        f"(geometric mean over {many} and {rows[0].runs} runs of each; {counts})."
     ]
     both = [(row, comparison.row(comparison.baseline, row.task)) for row in rows]
     errors = [
@@ -150,6 +190,14 @@ def _text(comparison: Comparison, best: Entry, ratio: float, margins: tuple[Marg
         for unit in [comparison.unit(RANK, row.task)]
     ]
     pieces.append(f"As the rig is stated, that is from {', '.join(errors)}.")
+    costs = _costs(comparison, best)
+    if costs:
+        pieces.append(f"It pays with {costs}.")
+    if least != best:
+        dearer = _costs(comparison, least)
+        why = f"but it pays with {dearer}" if dearer else "but it is behind by all that is weighed together"
+        error = comparison.mean_ratio(least)
+        pieces.append(f"Less RMS contour error has {comparison.label(least)}, {error:.3g} times the baseline's, {why}.")
     for figure, what in (("torque_rms", "RMS torque"), ("torque_peak", "peak torque")):
         pair = [
             (row.figures[figure], other.figures[figure])

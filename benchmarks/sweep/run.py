@@ -123,6 +123,7 @@ def described(grid: Grid, rig: Rig) -> dict[str, Any]:
             for planned in [planned_at(task.motion, rig.machine, np.zeros(1))]
         },
         "axes": {axis.name: axis.unit for axis in rig.machine.axes},
+        "pulses": {axis.name: axis.pulse for axis in rig.machine.axes},
     }
 
 

@@ -338,7 +338,7 @@ def test_units_and_digits():
 
 def test_the_parts_come_in_order_with_every_row(page, comparison):
     parts = re.findall(r'<h2 id="(\w+)"', page)
-    assert parts == ["verdict", "provenance", "table", "iso", "figures"]
+    assert parts == ["verdict", "weighed", "provenance", "table", "iso", "figures"]
     tables = Page(page).tables
     assert verdict_of(comparison).text in page.replace("&#34;", '"')
     rows = [row for row in tables["table"] if not row[0].startswith("law")]
@@ -354,7 +354,7 @@ def test_the_parts_come_in_order_with_every_row(page, comparison):
     facts = dict(tables["provenance"])
     assert facts["SHA-256 of path there"] == "2" * 64
     assert facts["runs"] == "60"
-    assert len(re.findall("<img ", page)) == 8
+    assert len(re.findall("<img ", page)) == 10
     assert "<title>Gains compared on rig</title>" in page
     assert "no sample of a population" in page
 
