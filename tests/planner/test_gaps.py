@@ -17,6 +17,7 @@ from planner import plan as planned
 from planner.export import pulse_csv
 from planner.place import Infeasible
 from planner.pulses import AxisPulses, PulseSchedule, check, generate, paced
+from pulsepath.plan_directory import Planned
 from tests.planner.motions import PULSE, in_pulses, one_axis
 
 CLOCK = 10_000_000
@@ -159,6 +160,9 @@ def test_a_plan_at_a_drives_own_rate_keeps_the_rate_that_the_clock_can_hold(cloc
     assert made.certificate.worst["pulse rate"] == pytest.approx(1.0, abs=1e-5)
     assert check(made.pulses, made.trajectory, machine.axes, machine.home_q).holds
     assert made.pulses.smallest_interval >= 3.8e-6 * clock
+    # a plan that is taken up again is held to the limits that it was made to keep
+    again = Planned(made.program, machine, made.trajectory, clock, "nearest", made.order)
+    assert [limit.bounds.tolist() for limit in again.limits] == [limit.bounds.tolist() for limit in made.limits]
 
 
 @pytest.mark.parametrize("rule", ["timer", "sampled:period=3us"])

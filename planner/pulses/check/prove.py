@@ -47,7 +47,7 @@ def check(
     - Where the motion is that of motors which make up for play and screws, and machine_axes are given, the counts are
       carried through both, and the axes are where they are planned (`planner.pulses.check.behind`).
     Another rule, or another bound than the rule's, is held to its bound alone. Positions are trusted to 64 roundings of
-    q, of home and of q̇·t. The motion is asked about once per pulse, in blocks.
+    q, of home, and of q̇·t or s·dq/ds. The motion is asked about once per pulse, in blocks.
     Raises MotionError where the motion has another number of axes.
     """
     return check_parts(schedule, [schedule], trajectory, machine_axes, home_q)

@@ -9,10 +9,13 @@ from numpy.typing import NDArray
 
 from kinematics.array import Array
 from planner.pulses.check.samples import ROUNDING, Samples
-from planner.pulses.motion import AxisMotion, Motion
+from planner.pulses.motion import AxisMotion, Motion, MotionState
 from planner.pulses.schedule import AxisPulses, PulseSchedule, Signs, Ticks
 from planner.pulses.verdict import PulseFault
 
+SLOPES = 4097  # instants between which dx/ds is seen
+SEEN = 1e-9  # share of the path over which it is more than rounding
+DRIFTED = 8 * np.finfo(float).eps  # of s·dx/ds
 LISTED = 20  # faults of one kind listed per axis
 
 
@@ -46,6 +49,7 @@ class Search:
     """One axis of a schedule, its motion, and what has been found so far: pulses, the latest, the closest two (ticks).
 
     grid (s): what is still to be looked at; count, way: after the pulses so far; last: the last sample (1,).
+    drift: pulses, the largest s·dx/ds, as which rounding of s shows in x; found once.
     moved: pulses found where their drive's timing moved them to, at least and at most.
     """
 
@@ -64,8 +68,17 @@ class Search:
     time_error: float = 0.0
     position_error: float = 0.0
     moved: tuple[int, int] = (0, 0)
+    drift: float = 0.0
     kinds: Counter[str] = field(default_factory=Counter)
     faults: list[PulseFault] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        t = np.linspace(0.0, self.motion.duration, SLOPES)
+        state, k = self._state(t)
+        way, change = abs(np.diff(state.s)), abs(np.diff(state.q[:, k])) / self.axis.pulse
+        far = float(abs(state.s).max())
+        seen = way > SEEN * far
+        self.drift = far * float((change[seen] / way[seen]).max(initial=0.0))
 
     @property
     def axis(self) -> AxisPulses:
@@ -81,10 +94,14 @@ class Search:
         return not any(self.kinds[kind] for kind in ("order", "outside", "direction"))
 
     def sample(self, t: Array, count: Array, way: Array) -> Samples:
-        motion = self.motion
-        state, k = (motion.axis_at(t, self.k), 0) if isinstance(motion, AxisMotion) else (motion.at(t), self.k)
+        state, k = self._state(t)
         v, a, j = (values[:, k] / self.axis.pulse for values in (state.qd, state.qdd, state.qddd))
         return Samples(t, (state.q[:, k] - self.axis.home) / self.axis.pulse, v, a, j, count, way)
+
+    def _state(self, t: Array) -> tuple[MotionState, int]:
+        """What the motion says, and where in it the axis is."""
+        motion = self.motion
+        return (motion.axis_at(t, self.k), 0) if isinstance(motion, AxisMotion) else (motion.at(t), self.k)
 
     def at(self, t: Array) -> Samples:
         """Samples of the motion alone."""
@@ -92,7 +109,8 @@ class Search:
 
     def noise(self, s: Samples) -> Array:
         """(N,) pulses: what rounding may have done to x."""
-        return ROUNDING * (abs(s.x) + 2 * abs(self.axis.home) / self.axis.pulse + abs(s.v * s.t))
+        own = ROUNDING * (abs(s.x) + 2 * abs(self.axis.home) / self.axis.pulse + abs(s.v * s.t))
+        return np.maximum(own, DRIFTED * self.drift)
 
     def excess(self, s: Samples) -> Array:
         """(N,) pulses by which x is farther from the count than its sides, waiting and rounding not allowed for."""
