@@ -43,8 +43,8 @@ def fit(motion: Motion, tolerance: Array) -> Pieces:
     """Quintics through q, q̇, q̈ at both ends of every knot interval, halved until they meet the motion to rounding.
 
     The accelerations are one-sided, since q̈ may jump at a knot. A piece is also taken when halving no longer helps (the
-    motion's own noise is reached) and it errs by at most `tolerance` (n,), or by what rounding of s makes of q on a long
-    way, which is as large where the motion passes slowly: that is the noise then.
+    motion's own noise is reached) and it errs by at most `tolerance` (n,), or by what rounding of s makes of q on a
+    long way, which is as large where the motion passes slowly: that is the noise then.
     Raises MotionError for a motion that is not smooth between its knots, or has no duration.
     """
     lo, hi = motion.knots[:-1], motion.knots[1:]
