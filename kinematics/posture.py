@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kinematics.array import Array, frozen
-from kinematics.errors import MotionError
+from kinematics.errors import MotionError, OutOfReach
 from kinematics.freedom import COMPONENTS
 from kinematics.margins import ROUNDING, Margins
 from kinematics.pose import Pose, from_numbers, numbers
@@ -23,6 +23,10 @@ if TYPE_CHECKING:
 
     from kinematics.machine import Machine
 
+SAME = 1e-6
+"""m, or of a rotation's entries, by which two poses differ at most that are one."""
+MOST = 2.0**53
+"""Pulses from home that are told apart."""
 UNLIMITED = {"inf": "unlimited", "-inf": "unlimited"}
 
 
@@ -194,14 +198,27 @@ def posture_of_axes(machine: Machine, q: ArrayLike, near: Pose | None = None) ->
 
 
 def _posture(machine: Machine, x: Array, q: Array) -> Posture:
+    pulses = np.abs(q - machine.home_q) / [axis.pulse for axis in machine.axes]
+    if not pulses.max() < MOST:
+        axis = machine.axes[int(pulses.argmax())].name
+        raise OutOfReach(
+            f"machine {machine.name}: {axis} would be {pulses.max():.3g} pulses from home; take a pose that is nearer"
+        )
     if machine.follows:
         x = machine.carried_map(machine.inputs(x, q))
     pose = from_numbers(x)[0]
-    proof = machine.forward(q)
-    same = np.abs(numbers(proof.pose) - x).max() < 1e-6
     margins = machine.check(pose, q)
     residual = float(np.abs(machine.inverse(pose, q) - q).max())
-    return Posture(machine, pose, q, margins, residual, bool(proof.certified) and bool(same))
+    return Posture(machine, pose, q, margins, residual, _comes_to(machine, x, q))
+
+
+def _comes_to(machine: Machine, x: Array, q: Array) -> bool:
+    """Whether the machine is proved to come from home to the pose of numbers x (1, 12) by coordinates q (n,)."""
+    try:
+        proof = machine.forward(q)
+    except OutOfReach:  # far from home: Newton finds no pose at all
+        return False
+    return bool(proof.certified) and bool(np.abs(numbers(proof.pose) - x).max() < SAME)
 
 
 def refuse_what_follows(machine: Machine, stated: Mapping[str, float]) -> None:

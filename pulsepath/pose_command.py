@@ -70,7 +70,7 @@ def pose(
     if given:
         found = posture_of_axes(of, _coordinates(of, given[0], axes[given[0]] or ""))
     else:
-        found = posture_of_pose(of, _pose(of, pose or ("0,0,0" if frame == "home" else _home(of)), turn, frame))
+        found = posture_of_pose(of, _pose(of, pose, turn, frame))
     if as_json:
         click.echo(record.as_json(record.of_posture(found)), nl=False)
     else:
@@ -81,18 +81,15 @@ def pose(
         click.get_current_context().exit(INFEASIBLE)
 
 
-def _home(machine: "Machine") -> str:
-    return ",".join(f"{1e3 * value!r}" for value in machine.home.translation.tolist())
-
-
-def _pose(machine: "Machine", position: str, turn: str | None, frame: str) -> "Pose":
+def _pose(machine: "Machine", position: str | None, turn: str | None, frame: str) -> "Pose":
     """In the base frame. Raises MotionError for what is none, or states what the machine lets follow."""
     from scipy.spatial.transform import RigidTransform, Rotation
 
     from kinematics import MotionError
     from kinematics.posture import refuse_what_follows
 
-    place = _values("POSE", position, ("m",) * 3, "x, y, z")
+    home = [0.0] * 3 if frame == "home" else machine.home.translation.tolist()
+    place = home if position is None else _values("POSE", position, ("m",) * 3, "x, y, z")
     angles = [0.0] * 3 if turn is None else _values("--turn", turn, ("rad",) * 3, "θx, θy, θz")
     for angle, name in zip(angles, ("θx", "θy", "θz"), strict=True):
         if abs(angle) > 2 * pi * (1 + 1e-12):
@@ -138,16 +135,18 @@ def _values(what: str, text: str, units: tuple[str, ...], names: str) -> list[fl
 
 def _split(what: str, text: str, count: int, names: str) -> list[str]:
     from kinematics import MotionError
+    from kinematics.units import shown
 
     parts = [part.strip() for part in text.split(",")]
     if len(parts) != count:
-        raise MotionError(f'{what} "{text[:80]}": {len(parts)} entries; write {count}, with commas between: {names}')
+        raise MotionError(f"{what} {shown(text)}: {len(parts)} entries; write {count}, with commas between: {names}")
     return parts
 
 
 def _whole(text: str) -> int:
     from kinematics import MotionError
+    from kinematics.units import shown
 
     if not re.fullmatch(r"[+-]?\d{1,15}", text, re.ASCII):
-        raise MotionError(f'--counts: "{text[:40]}" is no whole number of pulses')
+        raise MotionError(f"--counts: {shown(text)} is no whole number of pulses")
     return int(text)

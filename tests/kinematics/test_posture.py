@@ -71,6 +71,12 @@ def test_another_assembly_is_not_certified(preset):
     assert posture_of_axes(preset, q).certified
 
 
+def test_a_pose_that_home_does_not_lead_to_has_its_lengths_all_the_same(preset):
+    found = posture_of_pose(preset, at(preset, [0, 0, 25], [180, 0, 0]))
+    assert not found.certified
+    assert len(found.violations) > 6
+
+
 def test_what_is_no_posture_is_refused(preset):
     with pytest.raises(MotionError, match="a posture is of one pose, not of 2"):
         posture_of_pose(preset, RigidTransform.concatenate([preset.home, preset.home]))

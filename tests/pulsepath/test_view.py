@@ -27,6 +27,8 @@ def test_the_page_is_that_of_the_plan(call, plan, job, tmp_path):
         "html": str(file),
         "frames": 5,
         "bytes": file.stat().st_size,
+        "verified": True,
+        "doubts": [],
     }
     # what the directory holds is the motion that was planned: the legends agree, frame by frame
     page, same = file.read_text(encoding="utf-8"), document(job.plan, 5)
