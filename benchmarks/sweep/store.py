@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 CELLS, RECORD, KIND = "cells", "runs.json", "pulsepath runs"
+DIGESTS = "sha256_of_cells"
 SEAL = "sha256_of_this"
 """Of all else in the record; older ones have none."""
 
@@ -44,9 +45,17 @@ class Store:
         """Write a run; its file takes its place when it is complete."""
         write_whole(self.folder / CELLS / f"{key}.npz", result.packed())
 
+    def digest(self, key: str) -> str | None:
+        """SHA-256 of the file of a run; None where there is none."""
+        try:
+            return sha256((self.folder / CELLS / f"{key}.npz").read_bytes()).hexdigest()
+        except OSError:
+            return None
+
     def record(self, record: Mapping[str, Any], keys: Sequence[str]) -> None:
         """Write down which runs belong together, and what they were made with."""
-        whole = {"schema": 1, "kind": KIND, **record, "cells": list(keys)}
+        digests = {key: self.digest(key) for key in keys}
+        whole = {"schema": 1, "kind": KIND, **record, "cells": list(keys), DIGESTS: digests}
         text = json.dumps({**whole, SEAL: _seal(whole)}, indent=2, ensure_ascii=False)
         write_whole(self.folder / RECORD, text + "\n")
 
@@ -134,5 +143,8 @@ def load_runs(folder: Path) -> Runs:
         if found is None:
             lost = folder / CELLS / f"{key}.npz"
             raise MotionError(f"{lost} is lost or damaged; run the sweep again, the others are kept")
+        if store.digest(key) != record.get(DIGESTS, {}).get(key, store.digest(key)):
+            changed = folder / CELLS / f"{key}.npz"
+            raise MotionError(f"{changed} is not the run that was recorded; remove it and run the sweep again")
         results[key] = found
     return Runs(folder, record, results)

@@ -127,6 +127,16 @@ def test_no_flipped_bit_passes_for_a_run(rig):
     assert refused > len(packed) / 8
 
 
+def test_a_run_that_was_edited_is_told(tmp_path, rig, alone):
+    """Whole by its own checksums, but not what was run."""
+    runs = sweep(Grid(SETTINGS[:1], ("dash",), VARIATIONS[:1]), rig, tmp_path)
+    (key,) = runs.results
+    better = replace(runs.results[key], figures=dict.fromkeys(runs.results[key].figures, 0.0))
+    Store(tmp_path).keep(key, better)
+    with pytest.raises(MotionError, match=r"is not the run that was recorded; remove it and run the sweep again"):
+        load_runs(tmp_path)
+
+
 def test_a_damaged_record_is_told(tmp_path, rig, alone):
     runs = sweep(Grid(SETTINGS[:1], ("dash",), VARIATIONS[:1]), rig, tmp_path)
     record = tmp_path / "runs.json"

@@ -93,7 +93,7 @@ def test_no_file_of_a_plan_is_obeyed(call, tmp_path, monkeypatch, job):
     assert done.exit_code == 0, done.output
     assert not OBEYED.search(done.output)
     assert call("view", out, "--html", out / "v.html", "--frames", "2").exit_code == 0
-    for form in ("g93", "adlink", "pmac", "vcd", "steps", "xps", "galil", "zaber"):
+    for form in ("g93", "adlink", "vcd"):
         call("export", out, "--format", form)
     for path in out.iterdir():
         if path.is_file() and path.suffix not in (".npz",):
