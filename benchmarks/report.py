@@ -13,6 +13,7 @@ from controllers.metrics import Metrics
 from controllers.rig import Rig
 from planner.baselines import Classical, describe_differences, missing_limits
 from planner.certify import CROSSING
+from planner.cross_check import CrossCheck
 from planner.held_back import ACTIVE, active_limits
 from planner.limits import Limit
 from planner.plan import Plan
@@ -38,6 +39,7 @@ def write_report(
     figures: Mapping[str, bytes] | None = None,
     rig: Rig | None = None,
     untracked: str = "",
+    crossed: CrossCheck | None = None,
 ) -> None:
     """Write the page to `path` and its figures to `figures/*.png` beside it.
 
@@ -49,10 +51,11 @@ def write_report(
     figures    as `draw` gives them, any of them, or none; None: they are drawn here
     rig        that the laws were run on, which the page names
     untracked  why the page has no errors of laws, or what rig to take for them
+    crossed    toppra's motion beside the plan's, if there is to be such a part
     """
     figures = draw(plan, classical, metrics, realised) if figures is None else figures
     path.write_text(
-        _page(plan, classical, metrics, verdict, others, realised, figures, rig, untracked), encoding="utf-8"
+        _page(plan, classical, metrics, verdict, others, realised, figures, rig, untracked, crossed), encoding="utf-8"
     )
     folder = path.parent / "figures"
     for name, image in figures.items():
@@ -224,6 +227,7 @@ def _page(
     figures: Mapping[str, bytes],
     rig: Rig | None,
     untracked: str,
+    crossed: CrossCheck | None,
 ) -> str:
     return render(
         "report.html.j2",
@@ -234,6 +238,7 @@ def _page(
         metrics=metrics,
         rig=rig,
         untracked=untracked,
+        crossed=crossed,
         verdict=verdict,
         realised=realised,
         triggers=plan.triggers,

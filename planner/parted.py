@@ -165,7 +165,7 @@ def _blocks(limits: Sequence[Limit], run: Run, asked: Asked) -> list[Run]:
     (caps,) = (limit.caps for limit in limits if isinstance(limit, ToolSpeed))  # a constant speed is one of them
     speeds = [run.start_speed, *(float(caps[[k - 1, k]].min()) for k in starts[1:-1]), run.end_speed]
     return [
-        Run(first, after - 1, start_speed, end_speed)
+        Run(first, after - 1, start_speed, end_speed, solver=run.solver)
         for (first, after), (start_speed, end_speed) in zip(pairwise(starts), pairwise(speeds), strict=True)
     ]
 

@@ -42,6 +42,8 @@ from planner.solve import fastest, timed
 from planner.standing import Standing, standing
 from planner.steadiness import CONSTANT, Stretch, stretches
 from planner.timing.floor import left_out
+from planner.timing.problem import Solver
+from planner.timing.toppra_adapter import require
 from planner.trajectory import Trajectory
 from planner.triggers import Triggered, trigger_tables, triggered
 
@@ -152,6 +154,7 @@ def plan(
     clock_hz: int = 10_000_000,
     duration: float | None = None,
     rule: str | Rule = "nearest",
+    solver: Solver = "passes",
     progress: Progress | None = None,
 ) -> Plan:
     """The fastest motion of a machine along a program, proved to respect every limit, and its pulses.
@@ -159,9 +162,10 @@ def plan(
     order 2 keeps speed and acceleration, 3 jerk as well; None: 3 where the machine states jerk limits. The pulse rates
     that it keeps are those that the clock's whole ticks and the rule can hold (`planner.pulses.paced`).
     duration (s): the smoothest motion that takes so long instead, as `planner.duration.within` has it; None: what the
-    program states, if it does. rule: of firing, or its name and options ("sampled:period=50us"). progress is told how
-    many of the runs between stops are solved, and of how many, and then how far the pulses are. Raises Infeasible
-    (what, where, by how much, remedy), OutOfReach, or MotionError.
+    program states, if it does. solver: of order 2, "passes" (our own) or "toppra", whose motion is solved anew or
+    slowed like ours until its proof holds. rule: of firing, or its name and options ("sampled:period=50us"). progress
+    is told how many of the runs between stops are solved, and of how many, and then how far the pulses are. Raises
+    Infeasible (what, where, by how much, remedy), OutOfReach, or MotionError.
     """
     if order is None:
         order = usual_order(machine.axes)
@@ -173,12 +177,14 @@ def plan(
     if duration is not None and not 0 < duration < np.inf:
         raise MotionError(f"duration {duration} s must be positive and finite")
     rule = find_rule(rule) if isinstance(rule, str) else rule
+    if solver != "passes":
+        _refuse_solver(solver, order, duration)
     program = oriented(program, machine, order)
     try:
         whole = course(program, machine, order, paced(machine.axes, int(clock_hz), rule))
         path, limits = whole.path, whole.limits
         if duration is None:
-            solution = fastest(path, limits, order, progress)
+            solution = fastest(path, limits, order, progress, solver=solver)
         else:
             solution = within(path, limits, machine.axes, order, duration, progress)
     except (Infeasible, OutOfReach) as no:
@@ -199,6 +205,19 @@ def plan(
         solution.lower_estimate,
         duration,
     )
+
+
+def _refuse_solver(solver: str, order: int, duration: float | None) -> None:
+    """Raise MotionError for a solver that is unknown, not there, or not for what is asked of it."""
+    if solver != "toppra":
+        raise MotionError(f"solver {solver!r} is not known; there are passes (our own) and toppra")
+    if order != 2:
+        raise MotionError("solver toppra knows no limits on jerk: give order=2, or leave the solver out for order 3")
+    if duration is not None:
+        raise MotionError(
+            f"solver toppra finds the fastest motion, not one of {duration:g} s: leave the solver or the duration out"
+        )
+    require("solver toppra")
 
 
 def _pulses(

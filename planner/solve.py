@@ -19,7 +19,7 @@ from planner.parted import parted
 from planner.proved import ROUNDS, Proved, Prover, Timing, holding
 from planner.standing import refusal, standing
 from planner.stands import standing_ends
-from planner.timing.problem import Run
+from planner.timing.problem import Run, Solver
 from planner.timing.profile import Profile
 from planner.trajectory import Trajectory
 
@@ -78,18 +78,34 @@ def timed(title: str, duration: float, least: float, note: str | None = None) ->
     )
 
 
-def fastest(path: ActuatorPath, limits: Sequence[Limit], order: int, progress: Progress | None = None) -> Solution:
+def fastest(
+    path: ActuatorPath,
+    limits: Sequence[Limit],
+    order: int,
+    progress: Progress | None = None,
+    *,
+    solver: Solver = "passes",
+    proving: bool = True,
+) -> Solution:
     """Solve and certify. Raises Infeasible where a geometric limit is broken, MotionError where no round holds.
 
-    progress is told how many of the runs between stops are solved, and of how many.
+    progress is told how many of the runs between stops are solved, and of how many. solver: of order 2. proving: else a
+    motion of which no round holds is returned, its certificate as it is.
     """
     for worst in standing(path, limits).violations:
         raise worst
-    return proved(path, limits, order, partial(parted, order=order), progress)
+    return proved(path, limits, order, partial(parted, order=order), progress, solver=solver, proving=proving)
 
 
 def proved(
-    path: ActuatorPath, limits: Sequence[Limit], order: int, timing: Timing, progress: Progress | None = None
+    path: ActuatorPath,
+    limits: Sequence[Limit],
+    order: int,
+    timing: Timing,
+    progress: Progress | None = None,
+    *,
+    solver: Solver = "passes",
+    proving: bool = True,
 ) -> Solution:
     """The motion of every run as `timing` makes it, in several processes where that pays, and the proof of the whole.
 
@@ -97,7 +113,7 @@ def proved(
     becomes of it does not depend on who does it.
     """
     stops = np.flatnonzero(path.stops(order))
-    runs = _runs(path, stops)
+    runs = [replace(run, solver=solver) for run in _runs(path, stops)]
     parts = [runs[first : first + PART] for first in range(0, len(runs), PART)]
     solved = 0
 
@@ -111,7 +127,7 @@ def proved(
     limits = holding(limits, [held for one in found for held in one.held])
     trajectory, known = assemble(path, limits, found, stops)
     certificate = certify(trajectory, limits, known)
-    if not certificate.holds:
+    if proving and not certificate.holds:
         _refuse(trajectory, limits, certificate)
     rounds, methods = max(one.rounds for one in found), tuple(one.method for one in found)
     least = sum(one.floor for one in found) + float(path.dwells.sum())

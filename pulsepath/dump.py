@@ -25,8 +25,9 @@ def dump(
     """Write machine and program with every default filled in; print the options as TOML, and the command for it all.
 
     folder   - : print machine and program as well, and write nothing
-    options  by their names on the command line, without dashes; a machine that names files beside it, as an arm does,
-    stays as its file has it
+    options  by their names on the command line, without dashes; True: one that takes no value
+
+    A machine that names files beside it, as an arm does, stays as its file has it.
     """
     told = f'"pulsepath {command}" works on this'
     if inputs.companions:
@@ -40,7 +41,9 @@ def dump(
         _print(files, options, as_json)
         return
     write_files(folder, files, force)
-    flags = [word for name, value in options.items() for word in (f"--{name}", str(value))]
+    flags = []
+    for name, value in options.items():
+        flags += [f"--{name}"] if value is True else [f"--{name}", str(value)]
     out = ["--out", str(folder / "plan")] if command == "plan" else []
     again = join(["pulsepath", command, str(folder / PROGRAM), *flags, *out])
     if as_json:

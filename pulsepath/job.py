@@ -10,6 +10,7 @@ from kinematics import Machine, MotionError
 from planner import Plan, Program, plan
 from planner.baselines import Classical, pick_baseline
 from planner.beside import NOTHING, Beside
+from planner.cross_check import CrossCheck, cross_check
 from planner.limits import unkept, usual_order
 from planner.orientation import oriented
 from planner.pulses import RealisedPath
@@ -33,6 +34,7 @@ class Job:
     others: the other classical timings, as far as the program and the machine allow them
     seen: waits for the errors of the laws, and for some figures if the report is to have any
     rig: None: the plan is not tracked
+    crossed: toppra's motion beside ours, where that was asked for
     """
 
     plan: Plan
@@ -42,6 +44,7 @@ class Job:
     seen: Callable[[], Seen]
     figures: bool
     rig: Rig | None
+    crossed: CrossCheck | None = None
 
     @property
     def saved(self) -> float:
@@ -59,6 +62,7 @@ def run(
     other: Beside = NOTHING,
     figures: bool = True,
     rig: Rig | None = None,
+    crossed: bool = False,
 ) -> Job:
     """Plan, prove and compare, in the other process as well. Raises as `planner.plan`."""
     for field in unkept(machine):
@@ -77,7 +81,13 @@ def run(
         detail(line)
     baseline = pick_baseline(planned, found.timings)
     others = tuple(timing for timing in found.timings if timing is not baseline)
-    return Job(planned, baseline, others, realised, cache(partial(looking.result, look)), figures, rig)
+    beside = _crossed(planned) if crossed else None
+    return Job(planned, baseline, others, realised, cache(partial(looking.result, look)), figures, rig, beside)
+
+
+def _crossed(planned: Plan) -> CrossCheck:
+    with step("solving for order 2 by toppra"):
+        return cross_check(planned)
 
 
 def _how(planned: Plan) -> str:

@@ -49,6 +49,12 @@ from pulsepath.talk import say
     help='Track the plan on this rig too, preset or file; "pulsepath rigs" lists them. Default: it is not tracked.',
     shell_complete=completing(known_names.rigs, files=True),
 )
+@click.option(
+    "--cross-check",
+    "crossed",
+    is_flag=True,
+    help="Also solve for order 2 by toppra, and put its motion and certificate beside ours.",
+)
 @dump_option
 @click.option("--force", is_flag=True, help="Replace DIR, if an earlier plan is in it.")
 @json_option
@@ -63,6 +69,7 @@ def plan(
     figures: bool,
     motion: str,
     rig: str | None,
+    crossed: bool,
     dumped: Path | None,
     force: bool,
     as_json: bool,
@@ -74,7 +81,7 @@ def plan(
     Example: pulsepath plan circle --out out/circle
     """
     if dumped is not None:
-        _dump(dumped, program, machine, motion, order, clock_hz, duration, rule, rig, force, as_json)
+        _dump(dumped, program, machine, motion, order, clock_hz, duration, rule, rig, crossed, force, as_json)
         return
     if out is None:
         raise click.UsageError("Missing option '--out'.", click.get_current_context())
@@ -84,6 +91,7 @@ def plan(
 
     # before what is slow to load, so that both processes load at once
     with seldom_collected(), second(figures) as other:
+        from planner.timing.toppra_adapter import require
         from pulsepath import plan_directory, record, tables
         from pulsepath.directory import RECORD, refuse_overwrite, replacing
         from pulsepath.inputs import read_inputs, read_rig
@@ -93,9 +101,11 @@ def plan(
         seconds = None if duration is None else quantity_of("--duration", duration, "s", above=0.0)
         inputs = run_as(motion, read_inputs(program, machine))
         kind = None if order is None else int(order)
+        if crossed:  # said before the work
+            require("--cross-check")
         behind = read_rig(rig, inputs.machine)
         with replacing(out, force) as folder:  # where nothing can be written, that is said before the work
-            job = run(inputs.program, inputs.machine, kind, clock_hz, seconds, rule, other, figures, behind)
+            job = run(inputs.program, inputs.machine, kind, clock_hz, seconds, rule, other, figures, behind, crossed)
             plan_directory.write(folder, job, inputs)
     report = str(out / plan_directory.REPORT)
     if as_json:
@@ -116,6 +126,7 @@ def _dump(
     duration: str | None,
     rule: str,
     rig: str | None,
+    crossed: bool,
     force: bool,
     as_json: bool,
 ) -> None:
@@ -134,4 +145,6 @@ def _dump(
         options["duration"] = duration
     if rig is not None:
         options["rig"] = rig
+    if crossed:
+        options["cross-check"] = True
     dump(folder, inputs, "plan", options, force, as_json)

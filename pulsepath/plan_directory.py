@@ -125,6 +125,7 @@ def _report(page: Path, job: Job, verdict: PulseCheck) -> None:
             realised=job.realised,
             figures={**seen.figures, **drawn},
             rig=job.rig,
+            crossed=job.crossed,
             untracked=seen.note or rig_hint(job.plan.machine),
         )
 

@@ -70,7 +70,8 @@ def of_plan(job: Job) -> list[Drawn]:
     what, times, notes = zip(*rows, strict=True)
     first, *rest = plan.tables()
     timed = (Column("what", what), Column("time", times, "s", form=".6f"), Column("note", notes))
-    return [drawn for table in (replace(first, columns=timed), *rest) for drawn in _drawn(table)]
+    crossed = () if job.crossed is None else job.crossed.tables()
+    return [drawn for table in (replace(first, columns=timed), *rest, *crossed) for drawn in _drawn(table)]
 
 
 def _beside(plan: Plan, timing: Classical, *first: str) -> str:

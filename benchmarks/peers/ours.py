@@ -11,9 +11,9 @@ from planner.solve import fastest
 from planner.timing import posing
 from planner.timing import third_order as solver
 from planner.timing.posing import jerk_problem
-from planner.timing.problem import Run, grid, pose_problem
+from planner.timing.problem import Run, Solver, grid, pose_problem
 from planner.timing.profile import Profile
-from planner.timing.second_order import Solver, second_order
+from planner.timing.second_order import second_order
 from planner.timing.third_order import third_order
 
 # Intervals of the alone-standing order-2 solves, and of the references.

@@ -87,7 +87,7 @@ class Leg:
 
     def _solved(self, problem: Problem) -> tuple[Profile, str]:
         if self.order == 2:
-            return second_order(problem), "passes"
+            return second_order(problem, solver=self.run.solver), self.run.solver
         return jerk_limited(problem, self.profile.columns())
 
 

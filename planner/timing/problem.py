@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import Literal
 
 import numpy as np
 
@@ -20,6 +21,10 @@ AIM, EXACTLY = 1 - 1e-6, 1 - 1e-9
 HOLDING = 1 - 1e-9
 
 
+Solver = Literal["passes", "toppra"]
+"""Of order 2: our own two passes, or toppra."""
+
+
 @dataclass(frozen=True, slots=True)
 class Run:
     """Pieces first … last (inclusive) of a path, run from one speed ṡ to another: rest to rest if not told.
@@ -29,6 +34,7 @@ class Run:
     since, until  path lengths inside the first and the last piece between which it is run; None: all of them
     stands  whether the path itself stands at the start and at the end, q′ = 0 and q″ is not (planner.stands): what is
             at rest there is so whatever ṡ is, or under jerk limits s̈, so that these are free
+    solver  of motions of order 2
     """
 
     first: int
@@ -38,6 +44,7 @@ class Run:
     since: float | None = None
     until: float | None = None
     stands: tuple[bool, bool] = (False, False)
+    solver: Solver = "passes"
 
     @property
     def speeds(self) -> tuple[float, float]:

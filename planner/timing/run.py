@@ -120,14 +120,15 @@ def _solved(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int, *
     """The run in one leg, solved once; patient: as `jerk_limited` has it."""
     if order == 2:
         problem = order_2_problem(path, limits, run)
-        profile = straight(problem)
+        profile = straight(problem) if run.solver == "passes" else None
         if profile is not None:
             return Leg(run, problem, profile, STRAIGHT, order, EXACTLY * profile.duration)
-        profile = second_order(problem)
+        profile = second_order(problem, solver=run.solver)
         finer = refined(path, limits, problem, profile)
         if finer is not None:
-            problem, profile = finer, second_order(finer)
-        return Leg(run, problem, profile, "passes", order, floor(problem, profile))
+            problem, profile = finer, second_order(finer, solver=run.solver)
+        least = floor(problem, profile if run.solver == "passes" else None)
+        return Leg(run, problem, profile, run.solver, order, least)
     coarse = order_3_coarse(path, limits, run)
     profile = straight(coarse)
     if profile is not None:

@@ -1,7 +1,5 @@
 """Time-optimal motion under limits on speed and acceleration: two passes of our own, or toppra as a second opinion."""
 
-from typing import Literal
-
 import numpy as np
 
 from kinematics.array import Array
@@ -10,13 +8,12 @@ from planner.limits.limit import Term
 from planner.timing import passes, toppra_adapter
 from planner.timing.ends import TooFast
 from planner.timing.inner import inner, straight
-from planner.timing.problem import Block, Problem
+from planner.timing.problem import Block, Problem, Solver
 from planner.timing.profile import Profile
 
 # Growth of ṡ² that each round allows anywhere, so that the chords close in; rounds end where one gains less than GAIN.
 GROWTH, GAIN = (8.0, 3.0, 1.0, 0.5, 0.25, 0.1, 0.05, 0.02, 0.01, 0.005), 1e-7
 TERMS = frozenset({Term.ONE, Term.SD, Term.SD2, Term.SDD})
-Solver = Literal["passes", "toppra"]
 
 
 def second_order(problem: Problem, *, solver: Solver = "passes") -> Profile:

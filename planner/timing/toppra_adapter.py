@@ -25,8 +25,15 @@ def largest_speeds(rows: list[Array], ceiling: Array, step: Array, ends: tuple[f
     solver = algorithm([constraint], _Interval(), gridpoints=points, solver_wrapper="seidel")
     _, speed, _, _ = solver.compute_parameterization(*np.sqrt(ends), return_data=True)
     if speed is None or not np.isfinite(speed).all():
-        raise MotionError(f"toppra found no motion over {len(step)} intervals")
+        raise MotionError(
+            f"toppra found no motion over {len(step)} intervals; our own solver may: leave the solver out"
+        )
     return np.asarray(speed, float) ** 2
+
+
+def require(what: str) -> None:
+    """Raise NotInstalled where toppra is not there; what: needs it."""
+    _toppra(what)
 
 
 class _Interval:
@@ -37,12 +44,12 @@ class _Interval:
 
 
 @lru_cache(maxsize=1)
-def _toppra() -> tuple[Any, Any]:
+def _toppra(what: str = "this solver") -> tuple[Any, Any]:
     try:
         import toppra.algorithm as algorithm
         from toppra.constraint.linear_constraint import LinearConstraint
     except ImportError as missing:
-        raise NotInstalled("this solver", "toppra", instead="leave the solver at its default") from missing
+        raise NotInstalled(what, "toppra", instead="leave it out: our own solver needs no toppra") from missing
     import logging
 
     logging.getLogger("toppra").setLevel(logging.ERROR)
