@@ -109,9 +109,11 @@ def _report(page: Path, job: Job, verdict: PulseCheck) -> None:
 
     with step("writing the report"):
         drawn = draw_axes(job.plan) | draw_compared(job.plan, job.classical, job.realised) if job.figures else {}
-    tracked = f"tracking it under laws {' and '.join(LAWS)} on rig {job.rig.name}" if job.rig else "drawing the path"
-    with step(tracked):
+    if job.rig is None:
         seen = job.seen()
+    else:
+        with step(f"tracking it under laws {' and '.join(LAWS)} on rig {job.rig.name}"):
+            seen = job.seen()
     if seen.note:
         note(seen.note)
     with step("writing the report"):
