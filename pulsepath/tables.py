@@ -95,7 +95,7 @@ def of_rules() -> list[Drawn]:
     for name, rule in RULES.items():
         rules.add_row(name, "", "", (rule.__doc__ or "").splitlines()[0])
         for field in options(rule).values():
-            default = f"{field.default:g} {field.metadata['unit']}".rstrip()
+            default = "" if field.default is None else f"{field.default:g} {field.metadata['unit']}".rstrip()
             rules.add_row("", field.name, default, field.metadata["help"])
     return [rules]
 
