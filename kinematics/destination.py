@@ -55,8 +55,8 @@ def staged_files(destinations: Sequence[Destination]) -> Iterator[list[Path]]:
     what was made is kept beside, under names that the error tells.
     """
     with ExitStack() as stack:
-        for folder in {destination.place.parent for destination in destinations}:
-            clear(folder)
+        for folder in {above for destination in destinations for above in destination.place.parents[:2]}:
+            clear(folder)  # also where a directory of results stands, in which this one is
         made = [stack.enter_context(staging(destination.place)) for destination in destinations]
         files = [new_file(each, destination.place) for each, destination in zip(made, destinations, strict=True)]
         yield files

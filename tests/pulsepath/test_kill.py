@@ -117,8 +117,9 @@ def test_the_next_run_clears_what_is_left_of_another_target(tmp_path):
     old = tmp_path / ".older-12345678.staged" / "old"
     old.mkdir(parents=True)
     (old.parent / ".pulsepath").touch()
-    Destination(tmp_path / "file").write("x")
-    assert names(tmp_path) == {"file", "older"}
+    (tmp_path / "plan").mkdir()
+    Destination(tmp_path / "plan" / "file").write("x")  # as `export` does
+    assert names(tmp_path) == {"plan", "older"}
 
 
 @pytest.mark.parametrize(("made", "earlier"), [("pulses.csv", False), ("report.html", True)])
