@@ -10,6 +10,8 @@ from planner.trajectory import Trajectory
 JUMP = 1e-9
 # Rounding of what all axes are computed from, as a share of the largest of them.
 ROUNDING = 1e-13
+# Rounding of an instant, as a share of it: of a sum of durations, and of the difference of two instants.
+INSTANT = 8 * float(np.finfo(float).eps)
 # States that are computed together: a state holds far more than what is kept of it.
 STATES = 1 << 14
 
@@ -26,13 +28,16 @@ def jumps(trajectory: Trajectory, order: int) -> dict[str, Place]:
     stated = np.array(path.end_speeds)[:, None]
     asked = [np.stack([start[0][0], end[0][-1]]), q1 * stated, q2 * stated**2]
     found: dict[str, Place] = {}
+    blur = INSTANT * trajectory.knots[:, None]
     for n, name in enumerate(("position jump", "speed jump", "acceleration jump")[:order]):
         begun, ended = start[n], end[n]
         before, after = asked[n][:1], asked[n][1:]
         gap = np.abs(np.concatenate([begun, after]) - np.concatenate([before, ended]))
         # rounding is that of each axis' own values, and of what they were made from together
         scale = np.ptp(begun, axis=0) + 1e-6 * np.abs(begun).max(0)
-        beyond = gap - JUMP * scale - ROUNDING * scale.max()
+        # an instant is known to a share of itself, in which a value goes on by its derivative
+        goes = np.abs(np.concatenate([start[n + 1], 0 * after])), np.abs(np.concatenate([0 * before, end[n + 1]]))
+        beyond = gap - JUMP * scale - ROUNDING * scale.max() - blur * np.maximum(*goes)
         if not beyond.max() <= 0:
             knot, axis = np.unravel_index(int(np.argmax(np.where(np.isnan(beyond), np.inf, beyond))), beyond.shape)
             found[name] = place_at(trajectory, float(trajectory.knots[knot]), trajectory.path.names[axis])
@@ -40,11 +45,12 @@ def jumps(trajectory: Trajectory, order: int) -> dict[str, Place]:
 
 
 def _states(trajectory: Trajectory, order: int, tau: Array) -> list[Array]:
-    """q, q̇ (and q̈ at order 3), each (M, n), tau (M,) after the start of every time piece."""
+    """q, q̇, q̈ (and q⃛ at order 3), each (M, n), tau (M,) after the start of every time piece."""
     parts = []
     for first in range(0, len(tau), STATES):
-        state = trajectory.within(np.arange(first, min(first + STATES, len(tau))), tau[first : first + STATES])
-        parts.append((state.q, state.qd, state.qdd)[:order])
+        k = np.arange(first, min(first + STATES, len(tau)))
+        state = trajectory.within(k, tau[first : first + STATES], jerk=order == 3)
+        parts.append((state.q, state.qd, state.qdd, *((state.qddd,) if order == 3 else ())))
     return [np.concatenate(each) for each in zip(*parts, strict=True)]
 
 
@@ -57,11 +63,12 @@ def gaps(trajectory: Trajectory) -> dict[str, Place]:
         turn = np.where((j > 0) & (-a / j > 0) & (-a / j < h), v - a**2 / (2 * j), np.inf)  # least ṡ inside a piece
     slowest = np.minimum(np.minimum(v, v + h * (a + h * j / 2)), turn)
     low, high = path.breaks[trajectory.piece], path.breaks[trajectory.piece + 1]
-    slack = JUMP * length
+    blur = INSTANT * trajectory.knots[1:]
+    slack = JUMP * length + blur * np.abs(v + h * (a + h * j / 2))
     wrong = {
         "start off the path's": (np.arange(len(h)) == 0) & ~(np.abs(trajectory.s - path.breaks[0]) <= slack),
         "end off the path's": (np.arange(len(h)) == len(h) - 1) & ~(np.abs(end - path.breaks[-1]) <= slack),
-        "motion backwards": ~(slowest >= -JUMP * np.abs(v).max()),
+        "motion backwards": ~(slowest >= -JUMP * np.abs(v).max() - blur * np.abs(a + h * j)),
         "place off its piece": ~((trajectory.s >= low - slack) & (end <= high + slack)),
         "piece out of turn": np.concatenate([[False], ~np.isin(np.diff(trajectory.piece), (0, 1))]),
     }

@@ -26,7 +26,7 @@ ROUNDING = 1e-11
 # Halvings that bring a bracket of one order of magnitude down to rounding, and doublings that may bracket at all.
 HALVINGS, DOUBLINGS = 60, 2000
 # Share of the duration below which a piece of the motion is none.
-SLIVER = 1e-14
+SLIVER = 1e-20
 
 
 @dataclass(frozen=True, slots=True)

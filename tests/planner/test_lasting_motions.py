@@ -1,0 +1,37 @@
+"""Motions of days to decades: an instant is known to a share of itself only, and what is proved takes that in."""
+
+import numpy as np
+import pytest
+from scipy.interpolate import PPoly
+
+from benchmarks.random_splines import random_spline
+from benchmarks.robustness import attempted
+from planner import time_optimal
+
+
+def polyline(points):
+    points = np.array(points, float)[:, None]
+    return PPoly(np.stack([np.diff(points, axis=0), points[:-1]]), np.arange(float(len(points))))
+
+
+@pytest.mark.parametrize("jerk", [None, 1e6])
+def test_a_short_move_behind_a_long_one(jerk):
+    """The last ramps take 1e-4 s after 3e6 s, where instants are 5e-10 s apart."""
+    found = time_optimal(polyline([0.0, 3e6, 3e6 - 1e-3]), max_speed=1.0, max_acceleration=1e3, max_jerk=jerk)
+    assert found.certificate.holds
+    assert found.trajectory.duration == pytest.approx(3e6, rel=1e-6)
+
+
+def test_a_ramp_far_shorter_than_its_motion():
+    """1e8 s at 1e-9 of a unit per second, reached in 1e-7 s."""
+    found = time_optimal(polyline([0.0, 0.1]), max_speed=1e-9, max_acceleration=1e-2)
+    assert found.certificate.holds
+    assert found.trajectory.duration == pytest.approx(1e8, rel=1e-8)
+
+
+@pytest.mark.parametrize("seed", [0, 2, 3])
+def test_random_splines_of_every_scale(seed):
+    """A small part of `benchmarks.random_splines`, of which not all are solved: it prints the rest."""
+    found, why = attempted(random_spline(seed))
+    assert found is not None, why
+    assert max(found.certificate.worst.values()) <= 1
