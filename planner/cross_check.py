@@ -1,6 +1,7 @@
 """A second opinion on a plan: the fastest motion of order 2 by toppra beside our own, each with its certificate."""
 
 from dataclasses import dataclass, field
+from math import isfinite
 from typing import TYPE_CHECKING
 
 from kinematics.errors import MotionError
@@ -54,6 +55,12 @@ class CrossCheck(Result):
             Table("cross-check: value/limit, bounded over continuous time", (Column("limit", names), *uses)),
         )
 
+    def record(self) -> dict[str, object]:
+        """Both motions as plain data; None where toppra gave none, and why."""
+        both = {"pulsepath": self.ours, "toppra": self.theirs}
+        told = {name: None if one is None else _record(one) for name, one in both.items()}
+        return {"order": 2, **told, "difference": self.difference, "failure": self.failure or None}
+
     def plot(self, ax: "Axes | None" = None) -> "Axes":
         """The speeds along the path over time."""
         from planner.trajectory_plots import path_speed
@@ -63,6 +70,12 @@ class CrossCheck(Result):
             path_speed(self.theirs.trajectory, ax, label="toppra")
         ax.legend()
         return ax
+
+
+def _record(one: Solution) -> dict[str, object]:
+    worst = {limit: ratio if isfinite(ratio) else None for limit, ratio in one.certificate.worst.items()}
+    holds = one.certificate.holds
+    return {"duration_s": one.trajectory.duration, "certified": holds, "worst_ratios": worst}
 
 
 def cross_check(plan: Plan) -> CrossCheck:

@@ -14,7 +14,6 @@ from kinematics import Axis, Machine, MotionError, Pose, Posture
 from kinematics.plain_text import plain_json
 from planner import Infeasible, Place, Standing, Triggered
 from planner.baselines import describe_differences, missing_limits
-from planner.cross_check import CrossCheck
 from planner.departure import Departure
 from planner.export.format import Exported
 from planner.limits import unkept
@@ -114,7 +113,7 @@ def of_plan(job: Job, inputs: Inputs, verdict: PulseCheck) -> Record:
             },
         },
         "tracking": None if job.rig is None else of_tracking(job.rig, job.seen().metrics),
-        "cross_check": None if job.crossed is None else of_cross_check(job.crossed),
+        "cross_check": None if job.crossed is None else job.crossed.record(),
         "realised": None if job.realised is None else of_realised(job.realised),
         "constant_speeds": [
             {
@@ -134,27 +133,6 @@ def of_plan(job: Job, inputs: Inputs, verdict: PulseCheck) -> Record:
                 **_versions("casadi", "numpy", "scipy", *(() if job.crossed is None else ("toppra",))),
             },
         },
-    }
-
-
-def of_cross_check(found: CrossCheck) -> Record:
-    """Both motions of order 2; null where toppra gave none, and why."""
-    motions = {"pulsepath": found.ours, "toppra": found.theirs}
-    return {
-        "order": 2,
-        **{
-            name: one
-            and {
-                "duration_s": one.trajectory.duration,
-                "certified": one.certificate.holds,
-                "worst_ratios": {
-                    limit: worst if isfinite(worst) else None for limit, worst in one.certificate.worst.items()
-                },
-            }
-            for name, one in motions.items()
-        },
-        "difference": found.difference,
-        "failure": found.failure or None,
     }
 
 
