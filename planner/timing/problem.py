@@ -11,7 +11,8 @@ from kinematics.array import Array
 from planner.actuation import ActuatorPath, points_of
 from planner.limits.limit import Limit, Rows, Term, order_of
 
-IDLE = 0.5
+SIDES = ("start", "end")
+IDLE = 0.9
 """Share of a limit on force up to which its rows are left out; the rest is for what happens between grid points."""
 BOUNDING = ({Term.SD}, {Term.SD2}, {Term.SDD, Term.SD2}, {Term.SDD})
 """Terms of the rows that bound ṡ and s̈: of speed, and of acceleration."""
@@ -248,7 +249,9 @@ def _busy(blocks: Sequence[Block]) -> tuple[Block, ...]:
     """The blocks without those of forces that no motion within the others can use more than IDLE of."""
     if not any(Term.ONE in block.start for block in blocks):
         return tuple(blocks)
-    bounds = [_bounds([getattr(block, side) for block in _bounding(blocks)]) for side in ("start", "end")]
+    bounds = [
+        _bounds([(getattr(block, side), 1 + np.abs(block.middle)) for block in _bounding(blocks)]) for side in SIDES
+    ]
     return tuple(block for block in blocks if not _idle(block, bounds))
 
 
@@ -256,19 +259,19 @@ def _bounding(blocks: Sequence[Block]) -> list[Block]:
     return [block for block in blocks if block.about is None and set(block.start) in BOUNDING]
 
 
-def _bounds(rows: Sequence[Mapping[Term, Array]]) -> dict[Term, Array]:
-    """Largest size (N,) of each term at grid points, ∞ where no row holds it; a row's bounds are within ±2."""
-    count = len(next(iter(rows[0].values()))) if rows else 1
+def _bounds(rows: Sequence[tuple[Mapping[Term, Array], Array]]) -> dict[Term, Array]:
+    """Largest size (N,) of each term at grid points, ∞ where no row holds it; of rows, and what each may be (m,)."""
+    count = len(next(iter(rows[0][0].values()))) if rows else 1
     v, a = np.full(count, np.inf), np.full(count, np.inf)
     with np.errstate(divide="ignore", invalid="ignore"):
-        for row in rows:
+        for row, most in rows:
             if len(row) == 1 and Term.SDD not in row:
                 ((term, size),) = row.items()
-                v = np.fmin(v, (2 / np.abs(size).max(1)) ** (1 / term.per_time))
-        for row in rows:
+                v = np.fmin(v, (most / np.abs(size)).min(1) ** (1 / term.per_time))
+        for row, most in rows:
             if Term.SDD in row:
                 bent = np.abs(row[Term.SD2]) * v[:, None] ** 2 if Term.SD2 in row else 0.0
-                a = np.fmin(a, ((2 + bent) / np.abs(row[Term.SDD])).min(1))
+                a = np.fmin(a, ((most + bent) / np.abs(row[Term.SDD])).min(1))
     return {Term.ONE: np.ones(count), Term.SD: v, Term.SD2: v**2, Term.SDD: a}
 
 
