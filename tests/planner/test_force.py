@@ -41,14 +41,14 @@ def sampled(found):
 def test_gravity_helps_one_way(slide, program, sign):
     """Speeding up takes (F ∓ mg)/m, stopping (F ± mg)/m: T = √(2 L (1/a + 1/b)), to one of 1000 intervals: 1e-6.
 
-    Solvers aim at 1 − 1e-6 of F, of which gravity takes its part: F/(F − mg)/2 of that more, 1.5e-6 together.
+    Solvers aim at 1 − 1e-6 of F, of which gravity takes its part: a changes by up to F/(F − mg) of that, 2.9e-6.
     """
     up, down = (30 - sign * 2 * G) / 2, (30 + sign * 2 * G) / 2
     found = plan(program, slide(2.0, max_force=30.0), order=2)
     assert found.certificate.holds
     assert found.trajectory.duration == pytest.approx(np.sqrt(2 * 0.3 * (1 / up + 1 / down)), rel=2.5e-6)
     state = found.trajectory.at(np.array([0.1, 0.9]) * found.trajectory.duration)
-    assert sign * state.qdd[:, 2] == pytest.approx([up, -down], rel=1e-6)
+    assert sign * state.qdd[:, 2] == pytest.approx([up, -down], rel=4e-6)
     assert found.certificate.worst["holding force"] == pytest.approx(2 * G / 30, rel=1e-9)
 
 
