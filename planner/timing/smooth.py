@@ -12,6 +12,9 @@ ACTS = 0.02
 LEAST = 1e-6
 # How often the instant at which the motion comes by is enclosed more narrowly: s goes with its cube near rest.
 HALVINGS = 40
+# Windows below this share of a motion are averaged piece by piece, where they have no more than so many: differences of
+# what was integrated from the start on lose as many digits as the window is shorter.
+SHORT, FEW = 1e-4, 8
 
 
 class Smoothed:
@@ -37,7 +40,33 @@ class Smoothed:
         """s, ṡ, s̈, s⃛ of the average."""
         now, before = self._motion(t), self._motion(t - self.window)
         s, v, a, j = ((x - y) / self.window for x, y in zip(now, before, strict=True))
+        if self.window > SHORT * self.duration:
+            return s, v, a, j
+        first, last = (np.searchsorted(self.knots, instants, side="right") for instants in (t - self.window, t))
+        few = np.flatnonzero((last - first < FEW) & (t - self.window < t))
+        s[few], v[few], a[few] = self._of_few(t[few], now[1][few], first[few], last[few])
         return s, v, a, j
+
+    def _of_few(self, t: Array, place: Array, first: np.ndarray, last: np.ndarray) -> tuple[Array, Array, Array]:
+        """s, ṡ, s̈ of the average where a window has few pieces: 1/w ∫ of ṡ and s̈, and s(t) − 1/w ∫ (τ − t + w) ṡ dτ.
+
+        The pieces are numbered from 1: 0 is what goes on before the start, and the last what goes on after the end.
+        """
+        m, begin = self.motion, t - self.window
+        edges = np.concatenate([[-np.inf], self.knots, [np.inf]])
+        since = np.concatenate([self.knots[:1], self.knots])
+        speeds = np.concatenate([self.speeds[:1], m.v, self.speeds[1:]])
+        slopes = np.concatenate([[0.0], m.a, [0.0]])
+        whole, way, rise, short = np.zeros((4, len(t)))
+        for n in range(FEW):
+            k = np.minimum(first + n, last)
+            low, high = np.maximum(edges[k], begin), np.minimum(edges[k + 1], t)
+            h = np.where(first + n <= last, np.maximum(high - low, 0.0), 0.0)
+            a = slopes[k]
+            v = speeds[k] + a * (low - since[k])
+            whole, way, rise = whole + h, way + h * (v + h * a / 2), rise + h * a
+            short = short + h * ((low - begin) * (v + h * a / 2) + h * (v / 2 + h * a / 3))
+        return place - short / whole, way / whole, rise / whole
 
     def on(self, s: Array) -> Array:
         """(4, N) of ṡ, s̈, s⃛, h on a grid s (N+1,), consistent with each other."""

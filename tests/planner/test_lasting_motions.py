@@ -7,6 +7,8 @@ from scipy.interpolate import PPoly
 from benchmarks.random_splines import random_spline
 from benchmarks.robustness import attempted
 from planner import time_optimal
+from planner.timing.profile import Profile
+from planner.timing.smooth import Smoothed
 
 
 def polyline(points):
@@ -27,6 +29,25 @@ def test_a_ramp_far_shorter_than_its_motion():
     found = time_optimal(polyline([0.0, 0.1]), max_speed=1e-9, max_acceleration=1e-2)
     assert found.certificate.holds
     assert found.trajectory.duration == pytest.approx(1e8, rel=1e-8)
+
+
+def test_the_average_over_a_window_far_shorter_than_its_motion():
+    """A jerk-limited start: 10⁴ s at 10⁻⁷ m/s behind a ramp, averaged over 1.5 · 10⁻⁴ s; s̃ = s − v w/2, ṡ̃ = v.
+
+    As a difference of ∫ s from the start on, it used to jump by 10⁻¹¹ m from instant to instant.
+    """
+    v, w, zero = 1e-7, 1.5e-4, np.zeros(2)
+    motion = Profile(np.array([0.0, 5e-9]), np.array([0.0, v]), np.array([1e-6, 0.0]), zero, np.array([0.1, 1e4]), zero)
+    t = np.linspace(1.0, 1e4, 500)
+    s, speed, slope, _ = Smoothed(motion, w, (0.0, v)).at(t)
+    np.testing.assert_allclose(s, 5e-9 + v * (t - 0.1 - w / 2), rtol=0, atol=1e-17)
+    np.testing.assert_allclose(speed, v, rtol=1e-12)
+    assert not slope.any()
+    ramp = np.linspace(0.01, 0.09, 50)
+    s, speed, slope, _ = Smoothed(motion, w, (0.0, v)).at(ramp)
+    np.testing.assert_allclose(speed, 1e-6 * (ramp - w / 2), rtol=1e-12)
+    np.testing.assert_allclose(s, 1e-6 * (ramp**2 / 2 - ramp * w / 2 + w**2 / 6), rtol=1e-12)
+    np.testing.assert_allclose(slope, 1e-6, rtol=1e-12)
 
 
 @pytest.mark.parametrize("seed", [0, 2, 3])
