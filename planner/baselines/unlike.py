@@ -9,8 +9,9 @@ from planner.plan import Plan
 
 
 def missing_limits(plan: Plan, timing: Classical) -> tuple[str, ...]:
-    """What the plan is proved to keep, and the timing is not, as certificates call it."""
-    missing = [name for name in plan.certificate.worst if name not in timing.certificate.worst]
+    """What the plan is proved to keep, and the timing is not, as certificates call it: left out of it, or broken."""
+    kept = _kept(timing)
+    missing = [name for name in plan.certificate.worst if name not in kept]
     return tuple(name for name in missing if name != CROSSING or Resonance.name not in missing)
 
 
@@ -19,7 +20,7 @@ def describe_differences(plan: Plan, timing: Classical) -> tuple[str, ...]:
     told = []
     if missing := missing_limits(plan, timing):
         told.append(f"without {', '.join(missing)}")
-    if more := [name for name in timing.certificate.worst if name not in plan.certificate.worst]:
+    if more := [name for name in _kept(timing) if name not in plan.certificate.worst]:
         told.append(f"keeps {', '.join(more)} too")
     if not timing.certificate.holds:
         told.append("not certified")
@@ -30,6 +31,10 @@ def describe_differences(plan: Plan, timing: Classical) -> tuple[str, ...]:
     if plan.path.end_speeds != (0.0, 0.0):
         told.append("from rest to rest")
     return tuple(told)
+
+
+def _kept(timing: Classical) -> list[str]:
+    return [name for name, worst in timing.certificate.worst.items() if worst <= 1]
 
 
 def pick_baseline(plan: Plan, timings: Sequence[Classical]) -> Classical:

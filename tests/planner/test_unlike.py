@@ -49,6 +49,20 @@ def test_a_resonance_band_that_only_the_plan_keeps_is_named(order):
     assert "without resonance" in describe_differences(found, baseline)
 
 
+@pytest.mark.parametrize("kind", ["synchronised", "independent"])
+def test_a_resonance_band_that_a_move_between_poses_lingers_in_is_named(kind):
+    """Such a move is never slowed down for a band: its certificate finds it in there, and it is not kept."""
+    machine = load_machine("traverser")
+    slides = [axis if axis.kind == "rotary" else replace(axis, resonance=((0.005, 0.0125),)) for axis in machine.axes]
+    found = plan(Program([Line([0.1, 0, 0])]), machine.driven_by(slides), order=2)
+    quick = classical(found, kind)
+    assert quick.duration < found.trajectory.duration / 2
+    assert quick.certificate.worst["resonance"] > 1
+    assert missing_limits(found, quick) == ("resonance",)
+    assert describe_differences(found, quick)[:2] == ("without resonance", "not certified")
+    assert missing_limits(found, classical(found)) == ()
+
+
 def test_moves_between_poses_say_what_they_leave(planned):
     found = planned("circle", 3)
     between = classical(found, "synchronised")
