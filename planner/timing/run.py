@@ -99,10 +99,11 @@ def _legs(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int) -> 
         yield from _patient(path, limits, run) or _parted(path, limits, run) or [_averaged(path, limits, run)]
         return
     if order == 3 and leg.slowness > WORTH:
-        parts = _parted(path, limits, run)
-        if parts and sum(part.profile.duration for part in parts) < leg.profile.duration:
-            yield from parts
-            return
+        others = [_parted(path, limits, run)]
+        if max(run.speeds) == 0:  # what the solver started from may be faster than its answer, slowed
+            others.append([_averaged(path, limits, run)])
+        yield from min([[leg], *filter(None, others)], key=lambda legs: sum(part.profile.duration for part in legs))
+        return
     yield leg
 
 
