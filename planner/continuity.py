@@ -12,6 +12,8 @@ JUMP = 1e-9
 ROUNDING = 1e-13
 # Rounding of an instant, as a share of it: of a sum of durations, and of the difference of two instants.
 INSTANT = 8 * float(np.finfo(float).eps)
+# Rounding of a value of the path or of its derivatives, as a share of the largest on a piece.
+EVALUATED = 8 * float(np.finfo(float).eps)
 # States that are computed together: a state holds far more than what is kept of it.
 STATES = 1 << 14
 
@@ -28,6 +30,7 @@ def jumps(trajectory: Trajectory, order: int) -> dict[str, Place]:
     stated = np.array(path.end_speeds)[:, None]
     asked = [np.stack([start[0][0], end[0][-1]]), q1 * stated, q2 * stated**2]
     found: dict[str, Place] = {}
+    rounded = _rounded(trajectory)
     blur = INSTANT * trajectory.knots[:, None]
     for n, name in enumerate(("position jump", "speed jump", "acceleration jump")[:order]):
         begun, ended = start[n], end[n]
@@ -37,11 +40,33 @@ def jumps(trajectory: Trajectory, order: int) -> dict[str, Place]:
         scale = np.ptp(begun, axis=0) + 1e-6 * np.abs(begun).max(0)
         # an instant is known to a share of itself, in which a value goes on by its derivative
         goes = np.abs(np.concatenate([start[n + 1], 0 * after])), np.abs(np.concatenate([0 * before, end[n + 1]]))
-        beyond = gap - JUMP * scale - ROUNDING * scale.max() - blur * np.maximum(*goes)
+        beyond = gap - JUMP * scale - ROUNDING * scale.max() - blur * np.maximum(*goes) - rounded[n]
         if not beyond.max() <= 0:
             knot, axis = np.unravel_index(int(np.argmax(np.where(np.isnan(beyond), np.inf, beyond))), beyond.shape)
             found[name] = place_at(trajectory, float(trajectory.knots[knot]), trajectory.path.names[axis])
     return found
+
+
+def _rounded(trajectory: Trajectory) -> tuple[Array, Array, Array]:
+    """What rounding of q, q′ and q″, to a share of the largest on their piece, makes of q, q̇ and q̈: (M+1, n) each.
+
+    A motion near rest at a place where q′ is all but nothing multiplies what rounding leaves of it by a large s̈.
+    """
+    path, pieces = trajectory.path, len(trajectory.path.breaks) - 1
+    values = path.derivatives(trajectory.s, trajectory.piece, 2)
+    largest = [np.zeros((pieces, value.shape[1])) for value in values]
+    for most, value in zip(largest, values, strict=True):
+        np.maximum.at(most, trajectory.piece, EVALUATED * np.abs(value))
+    q, q1, q2 = (most[trajectory.piece] for most in largest)
+    h, v, a, j = np.diff(trajectory.knots), trajectory.v, trajectory.a, trajectory.j
+    found: list[Array] = []
+    for speed, push in ((v, a), (v + h * (a + h * j / 2), a + h * j)):
+        fast, hard = np.abs(speed)[:, None], np.abs(push)[:, None]
+        found.append(np.stack([q, q1 * fast, q1 * hard + q2 * fast**2]))
+    start, end = found
+    both = np.concatenate([start, np.zeros_like(start[:, :1])], 1), np.concatenate([np.zeros_like(end[:, :1]), end], 1)
+    one, two, three = np.maximum(*both)
+    return one, two, three
 
 
 def _states(trajectory: Trajectory, order: int, tau: Array) -> list[Array]:

@@ -10,6 +10,7 @@ from kinematics.array import Array
 from kinematics.errors import MotionError
 from planner.actuation import ActuatorPath
 from planner.limits.limit import Limit, Term
+from planner.timing.brief import BRIEF, WIDE
 from planner.timing.passing import Passing, slow_breaks
 from planner.timing.problem import Block, Problem, Run, grid, pose_problem
 from planner.timing.profile import Profile
@@ -17,9 +18,9 @@ from planner.timing.second_order import TERMS as SECOND
 from planner.timing.second_order import second_order
 from planner.timing.smooth import Smoothed
 
-# Intervals of a run at least, for each piece in it, and for each radian that it turns; START is for the order-2 motion
+# Intervals of a run at least, for each piece in it, and for each radian that it turns; COARSE is for the order-2 motion
 # that starts an order-3 solve.
-SECOND_ORDER, THIRD_ORDER, START = (1000, 50, 40), (240, 32, 15), (400, 20, 20)
+SECOND_ORDER, THIRD_ORDER, COARSE = (1000, 50, 40), (240, 32, 15), (400, 20, 20)
 # Intervals of a run at most, at order 2 and 3: these hold some 5 kB each, and 0.15 MB.
 MOST = (1_000_000, 50_000)
 # The first two of a part between breaks that the jerk lets by only slowly; and of one whose length is less than such a
@@ -32,8 +33,10 @@ PER_CHANGE, FEWER = 2000, (250, 350, 500, 700)
 STEPS, PARTS = 0.2, 8
 # Points of a piece at which its directions are looked at.
 LOOKED = 17
+START = "start"
+"""Name of the rows that bound s̈ by what the jerk lets a motion reach: no limit's."""
 # Window of the average, as a share of what the run allows, where a gentle start finds no way between two speeds.
-BRIEF = 1e-2
+SHORTENED = 1e-2
 
 
 def order_2_problem(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> Problem:
@@ -64,9 +67,22 @@ def refined(path: ActuatorPath, limits: Sequence[Limit], problem: Problem, motio
 
 def order_3_coarse(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> Problem:
     """A run's rows on an even grid, to start from. Raises MotionError where nothing bounds the jerk."""
-    coarse = pose_problem(path, limits, *_grid(START, path, run), run.speeds, run.stands)
+    coarse = pose_problem(path, limits, *_grid(COARSE, path, run), run.speeds, run.stands)
     _need(coarse, Term.SDDD, "jerk")
     return coarse
+
+
+def brief_problem(
+    path: ActuatorPath, limits: Sequence[Limit], run: Run, coarse: Problem
+) -> tuple[Problem, float] | None:
+    """The order-2 problem of a run from rest to rest, and the window of its average; None where that is not brief."""
+    if max(run.speeds) > 0 or not coarse.settled:
+        return None
+    gentle, window = _second_order_start(replace(coarse, free=(False, False)))
+    if WIDE * window > BRIEF * second_order(gentle).duration:
+        return None
+    placed = _grid(SECOND_ORDER, path, run, _graded(_size(SECOND_ORDER, path, run)))
+    return _second_order_start(pose_problem(path, limits, *placed))
 
 
 def jerk_problem(
@@ -185,7 +201,7 @@ def _smoothed(coarse: Problem) -> Smoothed:
         return _averaged(gentle, min(window, whole))
     except MotionError:
         blocks = tuple(block for block in coarse.blocks if set(block.start) <= SECOND)
-        return _averaged(replace(gentle, blocks=blocks), BRIEF * whole)
+        return _averaged(replace(gentle, blocks=blocks), SHORTENED * whole)
 
 
 def _averaged(problem: Problem, window: float) -> Smoothed:
@@ -216,7 +232,7 @@ def _second_order_start(problem: Problem) -> tuple[Problem, float]:
     blocks = [block for block in problem.blocks if set(block.start) <= SECOND]
     if reached < push:
         size = np.full((problem.intervals, 1), 1 / reached)
-        blocks.append(Block("start", {Term.SDD: size}, {Term.SDD: size}, np.ones(problem.intervals), np.zeros(1)))
+        blocks.append(Block(START, {Term.SDD: size}, {Term.SDD: size}, np.ones(problem.intervals), np.zeros(1)))
     return replace(problem, blocks=tuple(blocks)), min(reached, push) / jerk
 
 

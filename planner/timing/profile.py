@@ -69,6 +69,20 @@ class Profile:
         v, a, j = v * length / duration, a * length / duration**2, j * length / duration**3
         return Profile(breaks[0] + length * s, v, a, j, h * duration, piece)
 
+    def cut(self, breaks: Array, first: int) -> "Profile":
+        """Cut where it comes by the inner breaks (P+1,) of path pieces `first` …, each part on its own piece."""
+        inner = breaks[1:-1]
+        by, when = self._passing(inner)
+        owner, tau = np.append(np.arange(len(self.h)), by), np.append(np.zeros(len(self.h)), when)
+        order = np.lexsort((tau, owner))
+        owner, tau = owner[order], tau[order]
+        s, v, a, j = self.at(owner, tau)
+        last = np.append(np.diff(owner) > 0, True)
+        h = np.where(last, self.h[owner], np.append(tau[1:], 0.0)) - tau
+        piece = first + np.searchsorted(inner, s + h * (v / 2 + h * (a / 8 + h * j / 48)), side="right")
+        kept = h > 0
+        return Profile(*(values[kept] for values in (s, v, a, j, h, piece)))
+
     def on(self, s: Array) -> Array:
         """(4, N) of ṡ, s̈, s⃛, h on a grid s (N+1,) over the same way, s⃛ averaged over each interval."""
         k, tau = self._passing(s[1:-1])

@@ -10,12 +10,14 @@ from kinematics.errors import MotionError
 from planner.actuation import ActuatorPath
 from planner.limits.limit import Limit
 from planner.place import Infeasible
+from planner.timing.brief import ramped
 from planner.timing.ends import TooFast, largest_there
 from planner.timing.floor import floor
-from planner.timing.leg import AVERAGED, MARGIN, STRAIGHT, TRIES, Leg, jerk_limited, slowest
-from planner.timing.posing import jerk_problem, order_2_problem, order_3_coarse, refined
-from planner.timing.problem import EXACTLY, Run
+from planner.timing.leg import AVERAGED, HARDLY, MARGIN, STRAIGHT, TRIES, Leg, jerk_limited, slowest
+from planner.timing.posing import START, brief_problem, jerk_problem, order_2_problem, order_3_coarse, refined
+from planner.timing.problem import EXACTLY, Problem, Run
 from planner.timing.profile import Profile
+from planner.timing.second_order import TERMS as SECOND
 from planner.timing.second_order import second_order
 from planner.timing.seen import seen
 from planner.timing.straight import straight
@@ -134,9 +136,27 @@ def _solved(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int, *
     profile = straight(coarse)
     if profile is not None:
         return Leg(run, coarse, profile, STRAIGHT, order, EXACTLY * profile.duration)
+    leg = _ramped(path, limits, run, coarse)
+    if leg is not None and slowest(limits, leg.aimed(seen(path, limits, leg.profile))) <= HARDLY:
+        return leg
     problem, start = jerk_problem(path, limits, run, coarse)
     profile, by = jerk_limited(problem, start.on(problem.s), patient=patient)
     return Leg(run, problem, profile, by, order, floor(coarse))
+
+
+def _ramped(path: ActuatorPath, limits: Sequence[Limit], run: Run, coarse: Problem) -> Leg | None:
+    """The order-2 motion with ramps of s̈ that are brief beside it, where they are: no longer than it by more."""
+    brief = brief_problem(path, limits, run, coarse)
+    if brief is None:
+        return None
+    problem, window = brief
+    sharp = Leg(run, problem, second_order(problem), run.solver, 2, 0.0)
+    sharp = _settled(path, [limit for limit in limits if limit.terms <= SECOND], sharp)
+    profile = ramped(sharp.profile, window, run.breaks(path), run.first)
+    if profile is None:
+        return None
+    stated = replace(problem, blocks=tuple(block for block in problem.blocks if block.name != START))
+    return Leg(run, problem, profile, AVERAGED, 3, floor(stated))
 
 
 def _settled(path: ActuatorPath, limits: Sequence[Limit], leg: Leg) -> Leg:
@@ -158,8 +178,11 @@ def _settled(path: ActuatorPath, limits: Sequence[Limit], leg: Leg) -> Leg:
 def _averaged(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> Leg:
     """What an order-3 solve starts from: a motion whatever solvers do, though it has to be slowed."""
     coarse = order_3_coarse(path, limits, run)
-    problem, start = jerk_problem(path, limits, run, coarse)
-    return _settled(path, limits, Leg(run, problem, start.profile(problem), AVERAGED, 3, floor(coarse)))
+    leg = _ramped(path, limits, run, coarse)
+    if leg is None:
+        problem, start = jerk_problem(path, limits, run, coarse)
+        leg = Leg(run, problem, start.profile(problem), AVERAGED, 3, floor(coarse))
+    return _settled(path, limits, leg)
 
 
 def _parted(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> list[Leg]:
