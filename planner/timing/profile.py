@@ -81,7 +81,7 @@ class Profile:
         h = np.where(last, self.h[owner], np.append(tau[1:], 0.0)) - tau
         piece = first + np.searchsorted(inner, s + h * (v / 2 + h * (a / 8 + h * j / 48)), side="right")
         kept = h > 0
-        return Profile(*(values[kept] for values in (s, v, a, j, h, piece)))
+        return Profile(s[kept], v[kept], a[kept], j[kept], h[kept], piece[kept])
 
     def on(self, s: Array) -> Array:
         """(4, N) of ṡ, s̈, s⃛, h on a grid s (N+1,) over the same way, s⃛ averaged over each interval."""
