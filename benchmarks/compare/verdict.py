@@ -193,6 +193,12 @@ def _text(comparison: Comparison, best: Entry, least: Entry, margins: tuple[Marg
     costs = _costs(comparison, best)
     if costs:
         pieces.append(f"It pays with {costs}.")
+    if away := sum(row.away for row in rows):
+        theirs = comparison.of(comparison.baseline)
+        pieces.append(
+            f"It ends off its goal in {away} of its {sum(row.runs for row in rows)} runs "
+            f"(baseline in {sum(row.away for row in theirs)} of {sum(row.runs for row in theirs)})."
+        )
     if least != best:
         dearer = _costs(comparison, least)
         why = f"but it pays with {dearer}" if dearer else "but it is behind by all that is weighed together"

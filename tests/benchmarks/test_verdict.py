@@ -62,6 +62,18 @@ def test_a_great_gain_is_worth_its_price_which_is_told(tmp_path):
     assert "Less RMS contour error has" not in verdict.text
 
 
+def test_a_best_that_never_comes_to_its_goal_says_so(tmp_path):
+    """Where the baseline does not either, the weights see no difference: all of them end late by the same."""
+    away = {"end_time": inf}
+    costs = {BASE: (QUIET, away), GOOD: (QUIET, away), SAME: (QUIET, {})}
+    found = compare([with_costs(tmp_path / "runs", costs, {BASE: 450e-6, GOOD: 10e-6, SAME: 450e-6})])
+    verdict = verdict_of(found)
+    assert verdict.best == Entry(0, GOOD)
+    assert "It ends off its goal in 10 of its 10 runs (baseline in 10 of 10)." in verdict.text
+    arrived = compare([with_costs(tmp_path / "arrived", {**costs, GOOD: (QUIET, {})}, {BASE: 450e-6, GOOD: 10e-6})])
+    assert "off its goal" not in verdict_of(arrived).text
+
+
 def test_ratios_are_of_what_makes_a_difference():
     about = {"floor": 1e-8, "pulses": {"a": PULSE, "b": 2 * PULSE}}
 
