@@ -1,24 +1,31 @@
 """A few runs between stops, timed and proved by themselves: what any process can do with a part of a path."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
 
 from kinematics.array import Array
+from kinematics.errors import MotionError
 from planner.actuation import ActuatorPath
 from planner.certify import Known, at_knots, prove
 from planner.limits.limit import Limit
-from planner.limits.resonance import Held, Resonance
+from planner.limits.resonance import BELOW, Held, Resonance
 from planner.stays import stays
+from planner.timing.leg import slowest
 from planner.timing.problem import Run
 from planner.timing.profile import Profile
+from planner.timing.run import Attempt
+from planner.timing.seen import seen
 
-# How often a run is timed until its proof holds.
-ROUNDS = 8
-# Rounds after which an axis that still stays in a resonance band too long is held below it over its whole run.
-STRETCHES = 3
+# How often a run is timed until its proof holds, before it is slowed as a whole; and how often it is slowed.
+ROUNDS, LAST = 8, 3
+# How often axes are held below resonance bands: so often where they stay in them too long, then over their whole run,
+# at last all of them; each time more of the same by so much farther below, as a grid lets a motion peak beside it.
+HOLDINGS, STRETCHES, ALL, FARTHER = 8, 2, 6, 4.0
+# What is slowed is slowed a little more: rounding.
+MARGIN = 1e-6
 
 
 class Timed(Protocol):
@@ -58,8 +65,25 @@ class Proved:
 
 
 @dataclass(frozen=True, slots=True)
+class Tries:
+    """How often a run was tightened, timed anew with axes held back, and slowed as a whole."""
+
+    tightened: int = 0
+    held: int = 0
+    slowed: int = 0
+
+    @property
+    def rounds(self) -> int:
+        """How often it was timed."""
+        return 1 + self.tightened + self.held + self.slowed
+
+
+@dataclass(frozen=True, slots=True)
 class Prover:
-    """Runs -> their motions, each proved to keep every limit on time, or given up after ROUNDS."""
+    """Runs -> their motions, each proved to keep every limit on time; what does not within ROUNDS is slowed until then.
+
+    Given up is only what cannot be slowed: between stated speeds, or in a stated duration.
+    """
 
     path: ActuatorPath
     limits: tuple[Limit, ...]
@@ -70,28 +94,57 @@ class Prover:
         timed = [self.timing(self.path, self.limits, run) for run in runs]
         known = self._prove(timed)
         held: list[tuple[Held, ...]] = [()] * len(runs)
-        rounds = [1] * len(runs)
+        tries = [Tries()] * len(runs)
         again = list(range(len(runs)))
-        for tried in range(1, ROUNDS):
-            staying = {n: self._staying(timed[n].profile, runs[n], tried >= STRETCHES) for n in again}
-            again = [n for n in again if staying[n] or self._exceeds(known[n])]
-            if not again:
-                break
+        while again:
+            changed = []
             for n in again:
-                if staying[n]:
-                    held[n] = (*held[n], *staying[n])
-                    timed[n] = self.timing(self.path, holding(self.limits, held[n]), runs[n])
+                staying = self._staying(timed[n].profile)
+                if staying:
+                    holding = self._holding(staying, runs[n], held[n], tries[n].held)
+                    found, held[n], tries[n] = self._held_back(timed[n], runs[n], held[n], holding, tries[n])
+                elif self._exceeds(known[n]):
+                    found, tries[n] = self._tightened(timed[n], known[n], tries[n])
                 else:
-                    use = known[n].use
-                    slowness = max(limit.slowness(float(use[limit.name].max())) for limit in self._timed)
-                    timed[n] = timed[n].tightened(use, slowness)
-                rounds[n] += 1
-            for n, what in zip(again, self._prove([timed[n] for n in again]), strict=True):
+                    continue
+                if found is not None:
+                    timed[n] = found
+                    changed.append(n)
+            again = changed
+            for n, what in zip(again, self._prove([timed[n] for n in again]) if again else (), strict=True):
                 known[n] = what
         return [
-            Proved(one.profile, what, one.method, count, one.floor, bands)
-            for one, what, count, bands in zip(timed, known, rounds, held, strict=True)
+            Proved(one.profile, what, one.method, count.rounds, one.floor, bands)
+            for one, what, count, bands in zip(timed, known, tries, held, strict=True)
         ]
+
+    def _held_back(
+        self, timed: Timed, run: Run, held: tuple[Held, ...], more: Sequence[Held], tries: "Tries"
+    ) -> tuple[Timed | None, tuple[Held, ...], "Tries"]:
+        """A run timed anew with axes held in more places; where that is of no use, slowed below all bands."""
+        if tries.held < HOLDINGS:
+            try:
+                found = self.timing(self.path, holding(self.limits, (*held, *more)), run)
+                return found, (*held, *more), replace(tries, held=tries.held + 1)
+            except MotionError:
+                if tries.held + 1 < ALL:  # all that is held may leave a solver more room than a part of it
+                    everywhere = self._holding((), run, held, ALL)
+                    return self._held_back(timed, run, held, everywhere, replace(tries, held=ALL))
+                if not isinstance(timed, Attempt):
+                    raise
+        if tries.slowed >= LAST or not isinstance(timed, Attempt):
+            return None, held, tries
+        bands = [limit for limit in self.limits if isinstance(limit, Resonance)]
+        slowness = slowest(bands, seen(self.path, [limit.kept_below() for limit in bands], timed.profile))
+        return timed.slowed(slowness * (1 + BELOW)), held, replace(tries, slowed=tries.slowed + 1)
+
+    def _tightened(self, timed: Timed, known: Known, tries: "Tries") -> tuple[Timed | None, "Tries"]:
+        slowness = slowest(self._timed, known.use)
+        if tries.tightened + 1 < ROUNDS:
+            return timed.tightened(known.use, slowness), replace(tries, tightened=tries.tightened + 1)
+        if tries.slowed >= LAST or not isinstance(timed, Attempt):
+            return None, tries
+        return timed.slowed(slowness * (1 + MARGIN)), replace(tries, slowed=tries.slowed + 1)
 
     def _prove(self, timed: Sequence[Timed]) -> list[Known]:
         """All in one go: what each uses of the limits."""
@@ -109,16 +162,28 @@ class Prover:
         """Whether it exceeds a limit, by what slowing can mend."""
         return 1 < max(float(known.use[limit.name].max()) for limit in self._timed) < np.inf
 
-    def _staying(self, profile: Profile, run: Run, whole: bool) -> list[Held]:
-        """Where an axis stays in a resonance band too long: there, or over the whole run."""
+    def _staying(self, profile: Profile) -> list[Held]:
+        """Where an axis stays in a resonance band too long."""
         motion, found = profile.along(self.path), []
         for limit in self.limits:
             for stay in stays(motion, limit) if isinstance(limit, Resonance) else ():
                 if stay.use > 1:
-                    ends = (
-                        run.breaks(self.path)[[0, -1]] if whole else motion.at(np.array([stay.start, stay.end])).along
-                    )
-                    found.append(Held(stay.band, float(ends[0]), float(ends[1])))
+                    first, last = motion.at(np.array([stay.start, stay.end])).along.tolist()
+                    found.append(Held(stay.band, first, last))
+        return found
+
+    def _holding(self, staying: Sequence[Held], run: Run, held: Sequence[Held], times: int) -> list[Held]:
+        """Where to hold axes: where they stay, or over the whole run; at last all of them."""
+        if times < STRETCHES:
+            return list(staying)
+        first, last = run.breaks(self.path)[[0, -1]].tolist()
+        bands = dict.fromkeys(each.band for each in staying)
+        if times >= ALL:
+            bands = dict.fromkeys(band for limit in self.limits if isinstance(limit, Resonance) for band in limit.bands)
+        found = []
+        for band in bands:
+            before = sum(each.band == band and (each.first, each.last) == (first, last) for each in held)
+            found.append(Held(band, first, last, BELOW * FARTHER**before))
         return found
 
     @property

@@ -1,7 +1,7 @@
 """Resonance of a stepper axis: bands of speed to keep below, or to cross within a stated time [Sasidhar 1981]."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -26,11 +26,12 @@ class Band:
 
 @dataclass(frozen=True, slots=True)
 class Held:
-    """|q̇| < low of a band from s = first to last, where the fastest motion stayed in the band too long."""
+    """|q̇| < low of a band, by a share, from s = first to last, where the fastest motion stayed in the band too long."""
 
     band: Band
     first: float
     last: float
+    share: float = BELOW
 
 
 class Resonance(AxisLimit):
@@ -62,6 +63,10 @@ class Resonance(AxisLimit):
         """The same limit, held in more places."""
         return Resonance(self.axes, (*self.held, *more))
 
+    def kept_below(self) -> "Resonance":
+        """The limit of axes that state no time: |q̇| ≤ the lower edge of each one's first band."""
+        return Resonance([replace(axis, resonance_time=None) for axis in self.axes])
+
     def first_band(self, channel: int) -> str:
         """What to say of the band that an axis has to stay below."""
         unit, scale = self.units[channel]
@@ -75,5 +80,5 @@ class Resonance(AxisLimit):
         bound: Array = np.tile(self.bounds, (len(points.s), 1))
         for each in self.held:
             inside = (points.s >= each.first) & (points.s <= each.last)
-            bound[inside, each.band.axis] = np.minimum(bound[inside, each.band.axis], each.band.low * (1 - BELOW))
+            bound[inside, each.band.axis] = np.minimum(bound[inside, each.band.axis], each.band.low * (1 - each.share))
         return Rows({Term.SD: points.derivatives[1]}, bound)

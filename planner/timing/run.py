@@ -67,6 +67,15 @@ class Attempt:
             legs.append(leg.tightened(own, slower) if slower > 1 + MARGIN or len(self.legs) == 1 else leg)
         return replace(self, legs=tuple(legs))
 
+    def slowed(self, slowness: float) -> "Attempt | None":
+        """The same motion, so many times as long; None for one that does not begin and end at rest."""
+        if any(max(leg.problem.speeds) > 0 for leg in self.legs):
+            return None
+        legs = (
+            replace(leg, profile=leg.profile.slowed(slowness), slowness=leg.slowness * slowness) for leg in self.legs
+        )
+        return replace(self, legs=tuple(legs))
+
 
 def attempt(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int, *, probing: bool = False) -> Attempt:
     """The first solve of a run. Raises Infeasible for end speeds that cannot be, MotionError if nothing bounds it.

@@ -117,3 +117,28 @@ def test_what_is_no_band_is_refused():
         Axis("x", resonance_time=0.1)
     with pytest.raises(MotionError, match=r"resonance_time .* above 0, not 0.0"):
         Axis("x", resonance=(BAND,), resonance_time=0.0)
+
+
+@pytest.mark.parametrize("seed", [0, 5, 15, 29])
+def test_bands_that_can_be_kept_below_are_never_refused(seed):
+    """Slow enough, every motion is below all bands; some used to be held at the same speed again and again."""
+    rng = np.random.default_rng([seed, 14])
+    axes, knots = int(rng.integers(1, 4)), int(rng.integers(2, 7))
+    spline = CubicSpline(np.arange(float(knots)), 0.05 * rng.normal(size=(knots, axes)), bc_type="natural")
+    order = int(rng.choice([2, 3]))
+    lows = np.sort(rng.uniform(1e-3, 15e-3, int(rng.integers(1, 3))))
+    bands = [(low, low * rng.uniform(1.05, 1.6)) for low in lows]
+    time = 10.0 ** rng.uniform(-2.3, 0)
+    stated = [
+        Axis(
+            f"a{k}", max_speed=0.02, max_acceleration=10 ** rng.uniform(-2, 0), max_jerk=10 ** rng.uniform(0, 2),
+            resonance=tuple(bands), resonance_time=time,
+        )
+        for k in range(axes)
+    ]  # fmt: skip
+    path = PolynomialPath(spline.x, spline.c, [axis.name for axis in stated])
+    moved = fastest(path, limits_of(path, stated, order), order)
+    assert moved.certificate.holds
+    for band in bands:
+        longest, step = sampled(moved.trajectory, *band, count=100_001)
+        assert (longest <= time + 2 * step).all()
