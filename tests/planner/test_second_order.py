@@ -16,7 +16,7 @@ from planner.limits import limits_of
 from planner.limits.limit import Term
 from planner.polynomial import PolynomialPath
 from planner.timing.posing import order_2_problem, refined
-from planner.timing.problem import Run, grid, pose_problem
+from planner.timing.problem import AIM, Run, grid, pose_problem
 from planner.timing.run import attempt
 from planner.timing.second_order import second_order
 from planner.trajectory import Trajectory
@@ -87,9 +87,9 @@ def test_speed_and_acceleration_are_at_their_limits_all_along():
     profile = solved(line(1.0), axes_of([1.0], [2.0]))
     v_end = profile.v + profile.a * profile.h
     full = np.maximum(np.maximum(profile.v, v_end) / 1.0, np.abs(profile.a) / 2.0)
-    assert full.max() <= 1 + 1e-9
+    assert full.max() <= AIM * (1 + 1e-9)
     # two intervals hold the corners
-    assert np.sum(full < 1 - 1e-9) <= 2
+    assert np.sum(full < AIM * (1 - 1e-9)) <= 2
     assert profile.v[0] == 0
     assert v_end[-1] == pytest.approx(0, abs=1e-9)
     assert (profile.j == 0).all()
@@ -241,9 +241,9 @@ def test_no_motion_is_faster_and_toppra_agrees_where_it_answers(seed, slowness, 
             else:
                 share = np.abs(side[Term.SDD] * profile.a[:, None] + side[Term.SD2] * at[:, None]).max(1)
             used = np.maximum(used, np.stack([share, share]))
-    assert used.max() <= 1 + 1e-9
+    assert used.max() <= AIM * (1 + 1e-9)
     # bang–bang: a limit is used fully on every interval, but for a few on which they take turns
-    assert np.sum(used[0] < 1 - 1e-6) <= 12
+    assert np.sum(used[0] < AIM * (1 - 1e-6)) <= 12
     try:
         other = second_order(problem, solver="toppra").duration
     except MotionError:
