@@ -141,8 +141,8 @@ def _why(pose: Expression, begin: float, end: float, t: float) -> str:
     if least < SLOW * fastest:
         at = round(slow, 6 - int(np.floor(np.log10(high - low)))) + 0.0
         return (
-            f"it all but stands still around t = {at:.6g}, with {least / fastest:.1g} of its largest |dp/dt|; part the "
-            "curve there, or take another t"
+            f"it all but stands still around t = {at:.6g}, with {least / fastest:.1g} of its largest |dp/dt|; take "
+            "another t, along which it moves more evenly"
         )
     return (
         f"it changes too often between t = {low:.6g} and {high:.6g} to be followed to {SAME:g} m, first around "
@@ -230,8 +230,8 @@ def prove(pose: Expression, begin: float, end: float) -> None:
         )
     if still.any():
         raise MotionError(
-            f"it stands still at t = {_about(low, high, still):.6g}: x', y' and z' are 0 there; part the curve there, "
-            "or take another t"
+            f"it stands still at t = {_about(low, high, still):.6g}: x', y' and z' are 0 there; take a t "
+            "along which it moves, as 10*t for 10*t**2; where it turns back, two curves that meet there"
         )
 
 
