@@ -87,8 +87,8 @@ def test_the_calls_replayed_stay_as_near_to_the_motion_as_is_said(source, tmp_pa
 @pytest.mark.parametrize("options", [{}, {"spacing": 0.013}, {"spacing": 0.05}, {"speed_range": 2e5}])
 def test_the_stated_error_is_never_passed_and_reached(source, tmp_path, options):
     """Looked at every 4 µs around where a coarse look finds it largest: there a parabola of the fastest leg's bend,
-    some 1e5 pulses/s², is 2e-7 pulse deep; and just before every call, where the error may have a corner; the quintics
-    that stand for the motion add some 1e-6 to what is stated."""
+    some 1e5 pulses/s², is 2e-7 pulse deep; and just before every call, where the error may have a corner; what is
+    stated holds ten times what rounding of s makes of the quintics near a rest, some 2e-6 pulse, beside."""
     done = AdlinkCsv(**options).write(source, tmp_path / "calls.csv")
     rows = rows_of(tmp_path / "calls.csv")
     coarse = np.linspace(0, source.trajectory.duration + 0.01, 20_000)
@@ -101,7 +101,7 @@ def test_the_stated_error_is_never_passed_and_reached(source, tmp_path, options)
         for peak in coarse[np.argsort(away)[-30:]]:
             t = np.append(coarse[coarse < peak - 5e-4][::40], np.linspace(max(peak - 5e-4, 0), peak + 5e-4, 251))
             worst = max(worst, abs(replay(own, t) - motion(source, k, t)).max())
-    assert done.error - 1e-5 <= worst <= done.error
+    assert done.error - 5e-5 <= worst <= done.error
 
 
 def test_every_axis_is_sent_to_its_own_card(source, tmp_path):
