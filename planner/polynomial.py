@@ -53,9 +53,13 @@ class PolynomialPath:
         stops[inner] = self.rests[inner]
         still = standing_ends(self)
         turning = (still[1, :-1] > 0) & (still[0, 1:] > 0)  # there q′ is nothing but rounding
+        size = np.maximum(np.abs(left[1]), np.abs(right[1]))
+        most = np.maximum(size.max(0, initial=0.0), np.finfo(float).tiny)
+        # where the parameter is slow, ṡ is large: q̇ = q′ ṡ jumps by as much more, and q″ ṡ² by the square
+        slow = np.where(turning[:, None], 1.0, (size / most).max(1, keepdims=True, initial=0.0))
         for k in range(1, order):
             gap, size = np.abs(left[k] - right[k]), np.maximum(np.abs(left[k]), np.abs(right[k])).max(0, initial=0.0)
-            jumps = (gap > SMOOTH * size + ROUNDING * size.max(initial=0.0)).any(1)
+            jumps = (gap > SMOOTH * size * slow**k + ROUNDING * size.max(initial=0.0)).any(1)
             stops[inner] |= jumps & ~turning if k == 1 else jumps
         return stops
 

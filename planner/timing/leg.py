@@ -70,7 +70,10 @@ class Leg:
         """
         moving, solved = max(self.problem.speeds) > 0, self.by not in (AVERAGED, STRAIGHT) and self.slowness == 1
         if solved and (moving or (slowness > CHEAP and self.tries < TRIES)):
-            blocks = tuple(tightened(block, use[block.name], self.tries) for block in self.problem.blocks)
+            blocks = tuple(
+                tightened(block, use[block.name], self.tries) if block.name in use else block  # START is no limit
+                for block in self.problem.blocks
+            )
             problem = replace(self.problem, blocks=blocks)
             try:
                 profile, by = self._solved(problem)

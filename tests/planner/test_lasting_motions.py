@@ -50,7 +50,7 @@ def test_the_average_over_a_window_far_shorter_than_its_motion():
     np.testing.assert_allclose(slope, 1e-6, rtol=1e-12)
 
 
-@pytest.mark.parametrize("seed", [0, 1, 2, 3])
+@pytest.mark.parametrize("seed", [0, 1, 2, 3, 104])
 def test_random_splines_of_every_scale(seed):
     """A small part of `benchmarks.random_splines`, of which not all are solved: it prints the rest."""
     found, why = attempted(random_spline(seed))
