@@ -5,13 +5,13 @@ axes and of limits. Every problem follows from its seed; those that are not solv
 """
 
 from argparse import ArgumentParser
-from typing import Any
 
 import numpy as np
 from scipy.interpolate import BSpline, CubicSpline, PPoly
 
 from benchmarks.robustness import Problem, attempted
 from kinematics.array import Array
+from planner.bare import polynomials
 
 SIZES = (1, 2, 3, 5, 10, 40)
 
@@ -38,11 +38,9 @@ def random_spline(seed: int) -> Problem:
 
 def _pieces(knots: Array, controls: Array, degree: int, rng: np.random.Generator, jump: float) -> PPoly:
     """A spline's pieces, each begun with a slope that is off by a share, and moved to where the one before it ends."""
-    splines: list[Any] = [BSpline(knots, column, degree) for column in controls.T]
-    columns = [PPoly.from_spline(spline) for spline in splines]
-    real = np.diff(columns[0].x) > 0
-    c, x = np.stack([one.c for one in columns], 2)[:, real], columns[0].x
-    x = np.append(x[:-1][real], x[-1])
+    drawn = polynomials(BSpline(knots, controls, degree))
+    real = np.diff(drawn.x) > 0
+    c, x = drawn.c[:, real], np.append(drawn.x[:-1][real], drawn.x[-1])
     for p in range(1, c.shape[1] if jump else 0):
         slope = jump * np.abs(c[-2, p]).max() * rng.normal(size=c.shape[2])
         c[-2, p] += slope

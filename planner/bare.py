@@ -1,6 +1,7 @@
 """Time-optimal motion without a machine: any piecewise polynomial of axis values."""
 
 from collections.abc import Sequence
+from math import factorial
 from typing import Any
 
 import numpy as np
@@ -97,7 +98,7 @@ def _pieces(path: Any) -> tuple[Array, Array]:
 
     if isinstance(path, BSpline):
         low, high = path.t[path.k], path.t[len(path.t) - path.k - 1]
-        path = _polynomials(path)
+        path = polynomials(path)
         inside = (path.x[:-1] >= low) & (path.x[1:] <= high)
     elif isinstance(path, BPoly):
         path = PPoly.from_bernstein_basis(path)
@@ -130,13 +131,13 @@ def _pieces(path: Any) -> tuple[Array, Array]:
     return np.append(s[:-1][inside], s[1:][inside][-1]), coefficients[:, inside]
 
 
-def _polynomials(spline: Any) -> Any:
-    """A B-spline as a PPoly, one column at a time: SciPy converts scalar ones only."""
+def polynomials(spline: Any) -> Any:
+    """A B-spline of any degree as a PPoly: SciPy's own conversion reads beyond its memory above degree 5."""
     from scipy.interpolate import PPoly
 
-    columns = np.reshape(spline.c, (len(spline.c), -1)).T
-    parts = [PPoly.from_spline((spline.t, column, spline.k)) for column in columns]
-    return PPoly(np.stack([part.c for part in parts], 2), parts[0].x)
+    starts = spline.t[:-1]
+    powers = range(spline.k, -1, -1)
+    return PPoly(np.stack([spline(starts, nu=power) / factorial(power) for power in powers]), spline.t)
 
 
 def _check(path: PolynomialPath) -> None:

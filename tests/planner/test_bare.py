@@ -6,6 +6,7 @@ from scipy.interpolate import Akima1DInterpolator, BPoly, BSpline, CubicSpline, 
 
 from kinematics import MotionError
 from planner import time_optimal
+from planner.bare import polynomials
 
 KNOTS = np.array([0.0, 0.5, 1.0, 1.4, 2.0])
 POINTS = np.array([[0.0, 0.0], [0.3, -0.2], [0.1, 0.4], [0.2, 0.5], [0.0, 0.1]])
@@ -242,3 +243,14 @@ def test_the_path_given_stays_as_it_was():
     time_optimal(path, max_speed=1.0, max_acceleration=1.0)
     assert (path.c == before).all()
     assert path.c.flags.writeable
+
+
+@pytest.mark.parametrize("degree", [1, 3, 5, 6, 9])
+def test_a_b_spline_of_any_degree_is_its_polynomials(degree):
+    """SciPy's conversion of degree 6 and more gives rubbish, or ends the process."""
+    rng = np.random.default_rng(degree)
+    knots = np.concatenate([np.zeros(degree), np.arange(4.0), np.full(degree, 3.0)])
+    spline = BSpline(knots, rng.normal(size=(3 + degree, 2)), degree)
+    s = np.linspace(0.0, 2.999, 50)
+    np.testing.assert_allclose(polynomials(spline)(s), spline(s), rtol=0, atol=1e-11)
+    assert time_optimal(spline, max_speed=1.0, max_acceleration=1.0).certificate.holds
