@@ -15,6 +15,9 @@ from controllers.card.trapezoid import planned
 from controllers.card.velocity import started
 from kinematics.array import Array
 
+SHORTEST = 1e-12
+"""s: a bent piece of a ramp that is shorter than any clock's tick is none, and its jerk would be beyond all numbers."""
+
 
 @dataclass(frozen=True, slots=True)
 class SAMove(Command):
@@ -132,6 +135,7 @@ def _bent(length: Array, speed: Array, rate: Array, share: Array) -> list[Pieces
     none = np.zeros_like(speed)
     most = rate * (1 + 2 * share)
     bent = length * 2 * share / (1 + 2 * share)
+    bent = np.where(bent > SHORTEST, bent, 0.0)
     jerk = np.where(bent > 0, most / np.where(bent > 0, bent, 1.0), 0.0)
     straight = length - 2 * bent
     rising = speed + most * bent / 2

@@ -92,17 +92,17 @@ def wired(source: Source) -> list[Kind]:
         if len(found) != 1:
             wired = f"is wired to {axis.card!r}" if axis.card else "has no card"
             raise MotionError(
-                f"axis {axis.name} of machine {source.machine.name} {wired}; give it a PCI-8132 or a PCI-8164 "
+                f"adlink: axis {axis.name} of machine {source.machine.name} {wired}; give it a PCI-8132 or a PCI-8164 "
                 f'in [wiring], as in {axis.name} = ["PCI-8164", 0]'
             )
         (number,) = found
         if names.setdefault(number, axis.card) != axis.card:
             raise MotionError(
-                f"{names[number]!r} and {axis.card!r} are two cards of one kind; their library numbers axes "
+                f"adlink: {names[number]!r} and {axis.card!r} are two cards of one kind; their library numbers axes "
                 "through all cards of a kind: name them the same and number the channels through"
             )
         if axis.channel is None or axis.channel >= KINDS[number].axes:
-            raise MotionError(f"axis {axis.name}: channel {axis.channel}; limit {KINDS[number].axes - 1}")
+            raise MotionError(f"adlink: axis {axis.name}: channel {axis.channel}; limit {KINDS[number].axes - 1}")
         kinds.append(KINDS[number])
     return kinds
 
@@ -129,7 +129,7 @@ def _calls(source: Source, kinds: Sequence[Kind], spacing: int, speed_range: flo
             when = float(t[int(np.maximum(start, 2 * mean - start).argmax())]) / MICRO
             needed, range_, most = apart(fastest, top, kind.max_speed)
             raise MotionError(
-                f"axis {axis.name} needs {needed} pulses/s at t = {when:.6g} s, its speed range is "
+                f"adlink: axis {axis.name} needs {needed} pulses/s at t = {when:.6g} s, its speed range is "
                 f"{range_} and the card's {most}; widen the range, use a longer pulse, or slow down"
             )
         step = top / REGISTER

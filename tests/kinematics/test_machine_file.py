@@ -280,8 +280,8 @@ def test_every_fault_is_reported_in_one_pass(load):
             "geometry",
             "base_gap and base_joints exclude each other",
         ),
-        # 1e200 m squared is beyond any float: only the finished machine can tell
-        (PRESET.replace('"149 mm"', '"1e203 mm"'), None, "geometry", "rig"),
+        # its square is beyond any float
+        (PRESET.replace('"149 mm"', '"1e203 mm"'), 10, "geometry.base_radius", "too large: at most 1e+08 mm"),
     ],
 )
 def test_what_makes_no_machine_is_a_fault(load, text, line, key, phrase):
@@ -290,7 +290,7 @@ def test_what_makes_no_machine_is_a_fault(load, text, line, key, phrase):
     (fault,) = refusal.value.faults
     assert fault.key == key
     assert phrase in fault.message
-    expected = line if key == "kind" else text.splitlines().index("[geometry]") + 1
+    expected = line if line is not None else text.splitlines().index("[geometry]") + 1
     assert fault.line == expected
 
 
