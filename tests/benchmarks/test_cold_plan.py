@@ -17,4 +17,5 @@ def test_a_bare_circle_without_figures_takes_little_of_one_core():
     took = run(arguments, timed=True)
     assert took.processor < ENOUGH * slowness(), took.parts
     assert sum(took.parts.values()) <= took.processor
-    assert took.parts["tracking it under laws and"] > 0
+    assert any(part.startswith("planning") for part in took.parts)
+    assert not any(part.startswith("tracking") for part in took.parts)  # which nobody asked for
