@@ -74,7 +74,7 @@ def test_the_command_line_ends_by_the_same_signals():
     assert ending.NAMES == NAMES
 
 
-@pytest.mark.parametrize("broken", ["_made", "_end"])
+@pytest.mark.parametrize("broken", ["_made", "end"])
 def test_nothing_staged_is_left_where_making_or_removing_it_is_broken_off(tmp_path, monkeypatch, broken):
     from kinematics import staging
 
