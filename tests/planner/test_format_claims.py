@@ -53,6 +53,8 @@ def sources(request):
             continue
         begin = [Line(lift)] if lift.any() and name != "nanometres" else []
         moved = [raised(segment, lift if begin else 0 * lift) for segment in segments]
+        if lift.any() and not begin:  # aside it would leave its legs' travel
+            moved = [Line([0, 0, 4e-9])]
         made = plan(Program((*begin, *moved)), machine, order=2)
         found[name] = Source(name, made.machine, made.trajectory, made.pulses)
     return found
