@@ -4,12 +4,10 @@ import numpy as np
 
 from kinematics.errors import MotionError
 from planner.limits.limit import Term
-from planner.timing.problem import Problem
+from planner.timing.problem import POWERS, Problem
 
 # Halvings that find a largest speed: to rounding.
 HALVINGS = 50
-# The power of ṡ that a term is where s̈ is 0; with s⃛ a row leaves its choice.
-POWERS = {Term.ONE: 0, Term.SD: 1, Term.SD2: 2, Term.SD3: 3}
 
 
 class TooFast(MotionError):

@@ -60,6 +60,8 @@ class Run:
 
 
 About = tuple[Array, Array, Array, Array]
+# The power of ṡ that a term is where s̈ is 0; with s⃛ a row leaves its choice.
+POWERS = {Term.ONE: 0, Term.SD: 1, Term.SD2: 2, Term.SD3: 3}
 
 
 @dataclass(frozen=True, slots=True)
@@ -211,7 +213,17 @@ def pose_problem(
         if block is not None:
             blocks.append(block)
     first, last = (still and speed == 0 for still, speed in zip(stands, speeds, strict=True))
-    return Problem(s, piece, _busy(blocks), speeds, (first, last))
+    return Problem(s, piece, tuple(_opened(block, speeds) for block in _busy(blocks)), speeds, (first, last))
+
+
+def _opened(block: Block, speeds: tuple[float, float]) -> Block:
+    """With all of its room, where a stated end speed uses more of it than solvers aim at: from there none leads on."""
+    for side, end, speed in ((block.start, 0, speeds[0]), (block.end, -1, speeds[1])):
+        if speed > 0 and Term.SDDD not in side:
+            used = sum(values[end] * speed ** POWERS[term] for term, values in side.items() if term in POWERS)
+            if np.max(block.share(np.asarray(used)), initial=0.0) > block.room[end]:
+                return replace(block, room=np.ones(len(block.room)))
+    return block
 
 
 def _block(name: str, rows: Rows, end: np.ndarray) -> Block | None:

@@ -90,7 +90,7 @@ def _limits(problem: Problem) -> _Limits | None:
     varies = 0.0
     for block in problem.blocks:
         mixed = sum(bool(np.any(block.start[term])) for term in block.start if term in forwards) > 1
-        if (block.room != AIM).any() or mixed:
+        if ((block.room != AIM) & (block.room != 1)).any() or mixed:
             return None
         for term in block.start:
             values = np.concatenate([block.start[term], block.end[term]])
