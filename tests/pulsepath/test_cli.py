@@ -122,8 +122,10 @@ def test_plan_prints_the_figures_and_where_the_report_is(call, tmp_path, job):
     done = call("plan", "bare-circle", "--out", tmp_path / "o")
     assert done.exit_code == 0
     assert f"report: {tmp_path / 'o' / 'report.html'}" in done.stdout
-    rows = {line.split()[0]: line.split()[1:] for line in done.stdout.splitlines() if line.strip()}
+    lines = [re.split(r" {2,}", line.strip()) for line in done.stdout.splitlines()]  # names hold single spaces
+    rows = {name: " ".join(rest).split() for name, *rest in lines}
     assert float(rows["duration"][0]) == pytest.approx(job.plan.trajectory.duration, abs=5e-7)
+    assert "holding force" in job.plan.certificate.worst
     for name, worst in job.plan.certificate.worst.items():
         assert worst <= float(rows[name][0]) <= worst + 1.1e-7
         assert rows[name][1] == job.plan.certificate.where[name].axis.split()[0]
