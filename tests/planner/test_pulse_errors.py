@@ -11,6 +11,7 @@ from planner.pulses.errors import axis_errors, space_errors
 from planner.pulses.pieces import fit
 from planner.pulses.plots import axis_error, close_up, space_error
 from planner.pulses.rates import largest
+from planner.pulses.rules.dda import USUAL
 
 
 @pytest.fixture(scope="module")
@@ -50,7 +51,8 @@ def test_figures_have_a_line_for_each_rule(planned, hexapod, schedules):
         space_error(schedules, motion, hexapod),
     )
     for ax in drawn:
-        assert [line.get_label() for line in ax.lines] == ["nearest", "floor", "dda"]
+        # dda tells the rate of its bursts: no axis states one
+        assert [line.get_label() for line in ax.lines] == ["nearest", "floor", f"dda:rate={USUAL} 1/s"]
     levels = [line.get_ydata().max() for line in drawn[0].lines]
     assert levels == sorted(levels)
     assert levels[0] == pytest.approx(0.5, abs=0.01)
