@@ -99,7 +99,8 @@ def pulsepath(words: list[str]) -> tuple[int, str, str]:
 
 def other(words: list[str]) -> tuple[int, str, str]:
     words = [sys.executable if words[0] == "python" else words[0], *words[1:]]
-    paths = {"PYTHONPATH": str(DOCS.parent)}
+    searched = [str(Path(sys.executable).parent), os.environ.get("PATH", os.defpath)]  # a shell's "python" is ours too
+    paths = {"PYTHONPATH": str(DOCS.parent), "PATH": os.pathsep.join(searched)}
     done = subprocess.run(words, capture_output=True, text=True, encoding="utf-8", env=os.environ | paths)
     return done.returncode, done.stdout, done.stderr
 
