@@ -217,7 +217,9 @@ def pose_problem(
 
 
 def _opened(block: Block, speeds: tuple[float, float]) -> Block:
-    """With all of its room, where a stated end speed uses more of it than solvers aim at: from there none leads on."""
+    """With all of its room between two speeds of which one uses more of it than solvers aim at: no way leads on."""
+    if min(speeds) == 0:
+        return block
     for side, end, speed in ((block.start, 0, speeds[0]), (block.end, -1, speeds[1])):
         if speed > 0 and Term.SDDD not in side:
             used = sum(values[end] * speed ** POWERS[term] for term, values in side.items() if term in POWERS)
