@@ -1,5 +1,6 @@
 """`pulsepath calibrate`: a machine as its measurements say it is, and a report."""
 
+import json
 from pathlib import Path
 from typing import Literal
 
@@ -51,7 +52,7 @@ def calibrate(
     from kinematics.calibration.measurement_file import load_measurements
     from kinematics.registry import find
     from pulsepath import calibration_directory, record, tables
-    from pulsepath.directory import CALIBRATION_KIND, replacing
+    from pulsepath.directory import CALIBRATION, CALIBRATION_KIND, replacing
     from pulsepath.progress import step
     from pulsepath.talk import detail
 
@@ -70,7 +71,8 @@ def calibrate(
             calibration_directory.write(folder, found, sources)
     report = str(out / calibration_directory.REPORT)
     if as_json:
-        click.echo(record.as_json({**calibration_directory.record(found, sources), "report": report}), nl=False)
+        written = json.loads((out / CALIBRATION).read_bytes())
+        click.echo(record.as_json({**written, "report": report}), nl=False)
     else:
         tables.show(tables.of_calibration(found))
         say(f"machine: {out / calibration_directory.MACHINE}\nreport: {report}")

@@ -24,6 +24,7 @@ from controllers.metrics.path_accuracy import PathAccuracy
 from controllers.metrics.pose_accuracy import PoseAccuracy
 from controllers.metrics.velocity_accuracy import VelocityAccuracy
 from kinematics.result import Result
+from planner.cross_check import CrossCheck
 from planner.sources.source import Imported
 
 NAME = "<b>"
@@ -49,6 +50,11 @@ def tracking():
 def solution():
     path = CubicSpline([0, 0.5, 1], [[0, 0], [0.3, -0.2], [0.1, 0.4]])
     return pp.time_optimal(path, max_speed=1.0, max_acceleration=[5.0, 4.0])
+
+
+def crossed():
+    """Of one motion beside itself: toppra may not be there."""
+    return CrossCheck(solution(), solution())
 
 
 def forces():
@@ -95,6 +101,7 @@ MAKERS = {
     "PulseSchedule": lambda: plan().pulses,
     "RealisedPath": lambda: plan().realised(stride=200),
     "Solution": solution,
+    "CrossCheck": crossed,
     "Standing": lambda: pp.check(plan().program, machine()),
     "Classical": lambda: pp.classical(plan()),
     "Program": lambda: plan().program,
@@ -108,6 +115,7 @@ MAKERS = {
     "Arm": lambda: pp.load_machine("arm"),
     "Margins": lambda: machine().check(machine().home),
     "Forward": lambda: machine().forward(machine().home_q),
+    "Posture": lambda: pp.posture_of_pose(machine(), machine().home),
     "Workspace": lambda: pp.workspace(machine(), x=(-0.02, 0.02), y=(-0.02, 0.02), z=0.26, cells=6),
     "Forces": forces,
     "Budget": lambda: pp.error_budget(machine(), machine().home, [pp.Quantization()]),
