@@ -61,6 +61,7 @@ def export(
     with step(f"writing {target}") as tell, destination.staged() as file:
         source = Source(planned.program.name, planned.machine, planned.trajectory, pulses, tell)
         done = write_export(format_, name, source, file)
+        plan_directory.refuse_own(directory, target, file)
     if as_json:
         click.echo(record.as_json(record.of_export(name, str(target), done, planned.doubts)), nl=False)
     else:

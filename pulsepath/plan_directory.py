@@ -24,7 +24,7 @@ from pulsepath.progress import step
 from pulsepath.pulse_record import of_pulse_file
 from pulsepath.record import as_json, of_plan
 from pulsepath.talk import note
-from pulsepath.verification import differences, digest_of_pulses, disproof, refuse, sealed
+from pulsepath.verification import changes, differences, digest_of_pulses, disproof, refuse, sealed
 
 CERTIFICATE = "certificate.json"
 """What the check of the pulse file found: beside it."""
@@ -166,6 +166,13 @@ def read(folder: Path, unverified: bool = False) -> Planned:
     if record.get("duration_s") != trajectory.duration:
         refuse([f"{folder / RECORD} is of another motion than {MOTION}"])
     return taken
+
+
+def refuse_own(folder: Path, target: Path, made: Path) -> None:
+    """Raise MotionError where `made`, in the target's place, would change a file of the plan in a folder."""
+    record = json.loads((folder / RECORD).read_bytes())
+    if changes(record, folder, RECORD, target, made):
+        raise MotionError(f"{target} is a file of the plan itself, which would no longer hold: give another with --out")
 
 
 FIRING = ("clock_hz", "rule", "sha256")

@@ -70,6 +70,17 @@ def differences(
     return found
 
 
+def changes(record: Record, folder: Path, name: str, target: Path, made: Path) -> bool:
+    """Whether `made`, in the target's place, would differ from what the record, the file `name` of a folder, holds."""
+    provenance = record.get(PROVENANCE)
+    files = provenance.get(FILES) if isinstance(provenance, dict) else None
+    place = target.resolve()
+    if place == (folder / name).resolve():
+        return True
+    known = files if isinstance(files, dict) else {}
+    return any(place == (folder / file).resolve() and digest(made) != known[file] for file in known)
+
+
 def disproof(trajectory: Trajectory, limits: Sequence[Limit]) -> str | None:
     """Why a motion does not keep its limits, of several the worst; None where it is proved that it does."""
     certificate = certify(trajectory, limits)

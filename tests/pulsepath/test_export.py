@@ -18,7 +18,7 @@ LINE = 'schema = 1\nlength = "mm"\nangle = "deg"\n[[segment]]\nline = {{ to = [{
 
 
 def test_pulses_are_those_of_the_plan(call, plan, job):
-    done = call("export", plan, "--format", "pulses", "--width", "1 us", "--json")
+    done = call("export", plan, "--format", "pulses", "--width", "1 us", "--out", plan / "mine.csv", "--json")
     assert done.exit_code == 0, done.stderr
     record = json.loads(done.stdout)
     assert record["error_pulses"] == 0
@@ -110,11 +110,32 @@ def test_a_format_of_another_machine_is_refused_by_name(call, plan):
 
 
 def test_an_earlier_file_is_replaced_only_by_force(call, plan):
-    (plan / "pulses.csv").write_text("mine")
-    assert call("export", plan, "--format", "pulses").exit_code == 2
-    assert (plan / "pulses.csv").read_text() == "mine"
-    assert call("export", plan, "--format", "pulses", "--force").exit_code == 0
-    assert (plan / "pulses.csv").read_text().startswith("Time[s]")
+    target = plan / "mine.csv"
+    target.write_text("mine")
+    done = call("export", plan, "--format", "pulses", "--out", target)
+    assert done.exit_code == 2
+    assert "give --force to replace it" in done.stderr
+    assert target.read_text() == "mine"
+    assert call("export", plan, "--format", "pulses", "--out", target, "--force").exit_code == 0
+    assert target.read_text().startswith("Time[s]")
+
+
+def test_a_file_of_the_plan_itself_is_written_again_but_not_changed(call, plan, directory):
+    """Else the next command would refuse the plan."""
+    made = plan / "pulses.csv"
+    assert call("export", plan, "--format", "pulses").exit_code == 0
+    assert made.read_bytes() == (directory / "pulses.csv").read_bytes()
+    for given in (["--width", "1 us"], ["--out", plan / "plan.json"], ["--out", plan / "." / "motion.json"]):
+        done = call("export", plan, "--format", "pulses", *given, "--force")
+        assert done.exit_code == 2
+        assert "is a file of the plan itself" in done.stderr
+    for name in ("pulses.csv", "plan.json", "motion.json"):
+        assert (plan / name).read_bytes() == (directory / name).read_bytes()
+    made.write_text("mine")
+    done = call("export", plan, "--format", "pulses", "--force")
+    assert done.exit_code == 2
+    assert f"{made} was changed after it was written" in done.stderr
+    assert made.read_text() == "mine"
 
 
 @pytest.mark.parametrize(
