@@ -67,29 +67,25 @@ def read(source: Path | Traversable) -> Document:
     except ValueError as error:  # tomllib's own error, or an integer of thousands of digits
         fault = _not_toml(text, str(error))
     else:
-        if faults := [document.fault(key, _control(found)) for key, found in _obeyed(document.data, ())]:
+        if faults := [document.fault(key, told) for key, told in _obeyed(document.data, ())]:
             raise FileError(file, faults)
         return document
     raise FileError(file, [fault])
 
 
 def _obeyed(value: Any, key: Key) -> Iterator[tuple[Key, str]]:
-    """Keys and texts with a character that no name has, and a terminal would obey; with that character."""
+    """Keys and texts with a character that no name has, and a terminal would obey; with what to say of it."""
     match value:
-        case str() if found := obeyed(value):
-            yield key, found
+        case str() if told := obeyed(value):
+            yield key, told
         case dict():
             for name, entry in value.items():
-                if found := obeyed(name):
-                    yield (*key, name), found
+                if told := obeyed(name):
+                    yield (*key, name), told
                 yield from _obeyed(entry, (*key, name))
         case tuple():
             for k, entry in enumerate(value):
                 yield from _obeyed(entry, (*key, k))
-
-
-def _control(found: str) -> str:
-    return f"holds {found}, which is no letter but controls how text is shown; take it out"
 
 
 _MEANT = {

@@ -26,9 +26,11 @@ def plain_json(text: str) -> str:
 
 
 def obeyed(text: str) -> str | None:
-    r"""The first character of a text that would be obeyed, as \x1b; None where there is none."""
+    """What to say of a text with a character that would be obeyed, of the first; None where there is none."""
     found = _IN_TEXT.search(text)
-    return None if found is None else _escaped(found)
+    if found is None:
+        return None
+    return f"holds {_escaped(found)}, which is no letter but controls how text is shown; take it out"
 
 
 def _escaped(found: re.Match[str]) -> str:

@@ -5,7 +5,7 @@ from math import pi
 
 from kinematics.array import Array, frozen
 from kinematics.errors import MotionError
-from planner.wanted import positive
+from planner.wanted import legible, positive
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,6 +54,7 @@ class Trigger:
     def __post_init__(self) -> None:
         if not self.name:
             raise MotionError("trigger: its name is empty; give the output line or the event that it stands for")
+        legible("trigger", "its name", self.name)
         if not 0 <= self.at <= 1:
             raise MotionError(f"trigger {self.name}: at {self.at} must be a share of its segment, from 0 to 1")
 

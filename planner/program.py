@@ -26,7 +26,7 @@ from planner.segments import Segment as Segment
 from planner.segments import Spline as Spline
 from planner.segments import Synchronised as Synchronised
 from planner.segments import Turn as Turn
-from planner.wanted import MOST_SEGMENTS, capped, positive
+from planner.wanted import MOST_SEGMENTS, capped, legible, positive
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -48,7 +48,7 @@ class Program(Result):
     duration  s that the whole is to take, as smoothly as it can; None: as little as it can
     start_speed, end_speed  tool speed (m/s) with which the motion begins and ends; 0: at rest
     file     what it was read from, for messages; empty: it was not
-    Raises MotionError for an empty program, an unknown frame, a count or a speed that is none.
+    Raises MotionError for an empty program, an unknown frame, a machine by no name, a count or a speed that is none.
     """
 
     segments: tuple[Segment, ...]
@@ -87,6 +87,7 @@ class Program(Result):
             if not (within(speed, "m/s") and speed >= 0):
                 limit = f"not negative, and at most {most('m/s'):g} m/s"
                 raise MotionError(f"program {self.name}: {end} {speed} m/s must be finite, {limit}")
+        legible(f"program {self.name}", "machine", self.machine)
         positive(f"program {self.name}", "duration", self.duration, "s")
         capped(self, f"program {self.name}")
 

@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 from kinematics.array import Array, frozen
 from kinematics.errors import MotionError
 from kinematics.magnitudes import FARTHEST, LEAST, MOST_TURNS, most
+from kinematics.plain_text import obeyed
 
 CAPS = {"speed": "m/s", "acceleration": "m/s²", "angular_speed": "rad/s"}
 """What segments may cap, as far as they have it, and its unit."""
@@ -80,6 +81,12 @@ def positive(segment: str, name: str, value: float | None, unit: str) -> None:
     if value is not None and not LEAST <= value <= most(unit):
         limit = f"at most {most(unit):g}" if value > LEAST else f"at least {LEAST:g}"
         raise MotionError(f"{segment}: {name} {value:g} {unit} cannot be taken, {limit} {unit} can")
+
+
+def legible(segment: str, name: str, value: str | None) -> None:
+    """A name that a file may state, or none."""
+    if value is not None and (told := obeyed(value)):
+        raise MotionError(f"{segment}: {name} {told}")
 
 
 def capped(stated: object, what: str) -> None:

@@ -8,6 +8,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from kinematics import MotionError
+from kinematics.magnitudes import FARTHEST
+from kinematics.plain_text import obeyed
 from planner import load_program, program_names
 from planner.program import Arc, Blend, Curve, Dwell, Free, Line, Program, Spline, Stop, Through, Trigger, Turn
 from planner.program_writer import program_toml
@@ -58,10 +61,12 @@ lengths = st.floats(-10, 10).filter(lambda x: x == 0 or abs(x) > 1e-300)
 points = st.tuples(lengths, lengths, lengths)
 turns = st.tuples(*[st.floats(-3, 3)] * 3).map(lambda angles: Rotation.from_euler("XYZ", angles))
 positive = st.floats(1e-6, 1e6)
+tolerances = st.floats(1e-6, FARTHEST)
 joins = st.one_of(
-    st.just(Stop()), st.just(Through()), st.builds(Blend, positive), st.builds(Blend, positive, st.floats(1e-6, 1))
+    st.just(Stop()), st.just(Through()), st.builds(Blend, tolerances), st.builds(Blend, tolerances, st.floats(1e-6, 1))
 )
-names = st.text(st.characters(exclude_categories=["Cs"]), min_size=1)
+letters = st.characters(exclude_categories=["Cs"]).filter(lambda letter: obeyed(letter) is None)
+names = st.text(letters, min_size=1)
 triggers = st.none() | st.builds(Trigger, names, st.floats(0, 1))
 caps = {"acceleration": st.none() | positive, "angular_speed": st.none() | positive, "trigger": triggers}
 frees = st.none() | st.builds(Free, st.just(True), st.floats(0, 1.5))
@@ -106,6 +111,13 @@ poses = st.none() | st.builds(RigidTransform.from_components, points, turns)
 )
 def test_any_program_comes_back(again, program):
     same(program, again(program))
+
+
+@pytest.mark.parametrize("take", [Trigger, lambda name: Program([Dwell(1.0)], machine=name)])
+@pytest.mark.parametrize("name", ["\x08", "a\x1b[31m", "a\rb", "\x9b2J", "\u202ea", "a\u2028"])
+def test_a_name_that_no_file_may_hold_is_refused_where_it_is_given(name, take):
+    with pytest.raises(MotionError, match=r"holds \\(r|x[0-9a-f]{2}|u[0-9a-f]{4}), which is no letter .*; take it out"):
+        take(name)
 
 
 def test_a_comment_stays_one(again):
