@@ -1,6 +1,7 @@
 """Signals that end a program in good order: Ctrl-C, the system's request to end, a terminal that hangs up."""
 
 import signal
+import sys
 from _thread import interrupt_main
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -12,6 +13,12 @@ NAMES = ("SIGINT", "SIGTERM", "SIGHUP")
 """As in kinematics.held, which would load all of kinematics here."""
 SOON = 0.002
 """s until a signal is given again that would have been lost."""
+UNSAFE = ("casadi.casadi", "importlib._bootstrap", "_frozen_importlib")
+"""Modules in whose calls nothing may be raised.
+
+CasADi calls Python to convert arguments, and clears errors. A compiled module that is being loaded makes an ImportError
+of it, or, where its initialization may not throw, aborts.
+"""
 
 
 class Ended(KeyboardInterrupt):
@@ -31,9 +38,10 @@ def ending(last: bool = False) -> Iterator[None]:
     """
     kept: dict[signal.Signals, Any] = {}
     later: list[Timer] = []
+    outermost = sys._getframe(2)  # of the with statement: this one's, and contextlib's, are gone once it is within
 
     def end(number: int, where: FrameType | None) -> None:
-        if _swallowed(where):
+        if _swallowed(where, outermost):
             if not any(timer.is_alive() for timer in later):
                 later.append(Timer(SOON, _give, (signal.Signals(number),)))
                 later[-1].daemon = True
@@ -68,10 +76,10 @@ def _give(number: signal.Signals) -> None:
         interrupt_main(number)
 
 
-def _swallowed(where: FrameType | None) -> bool:
-    """Whether what is raised in a frame would be lost: CasADi calls Python to convert arguments, and clears errors."""
-    while where is not None:
-        if where.f_globals.get("__name__") == "casadi.casadi":
+def _swallowed(where: FrameType | None, outermost: FrameType) -> bool:
+    """Whether what is raised in a frame would be lost, or end the process, on its way to the outermost."""
+    while where is not None and where is not outermost:
+        if where.f_globals.get("__name__") in UNSAFE:
             return True
         where = where.f_back
     return False

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 from contextlib import suppress
+from importlib import import_module
 
 import casadi
 import pytest
@@ -128,3 +129,20 @@ def test_what_casadi_would_swallow_is_given_again():
 
     with pytest.raises(Ended):
         told_while_it_converts()
+
+
+def test_a_module_that_is_being_loaded_is_loaded_first(tmp_path, monkeypatch):
+    """A compiled one would make an ImportError of it, or abort."""
+    (tmp_path / "slowly_loaded.py").write_text(
+        "import signal, time\nsignal.raise_signal(signal.SIGTERM)\ntime.sleep(0.01)\nloaded = True\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+
+    def load():
+        with ending():
+            import_module("slowly_loaded")
+            time.sleep(5)  # which it ends
+
+    with pytest.raises(Ended):
+        load()
+    assert sys.modules.pop("slowly_loaded").loaded
