@@ -9,8 +9,8 @@ from typing import Literal, get_args
 import numpy as np
 
 from controllers.laws.law import Timer
-from kinematics.array import Array, frozen
-from kinematics.errors import MotionError
+from kinematics.foundation.arrays import Array, freeze_array
+from kinematics.foundation.errors import MotionError
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,4 +72,4 @@ def instants(hosts: Sequence[Host], asked: Timer, dt: float, steps: int) -> Arra
                 # a waking that falls on a tick is that tick's, whatever the rounding
                 tick = phase + g * np.ceil((wanted - phase) / g - 1e-9) if g else wanted
                 t = out[k + 1, b] = tick + late[k]
-    return frozen(out)
+    return freeze_array(out)

@@ -9,12 +9,12 @@ import numpy as np
 from controllers.laws.horizon import Horizon
 from controllers.laws.law import Reference
 from controllers.laws.learned import Learned
-from controllers.laws.nominal import NominalAxes, nominal
+from controllers.laws.nominal import NominalAxes, nominal_axes
 from controllers.rig import Rig
 from controllers.simulate import sample, simulate
 from controllers.task import Task
-from kinematics.array import Array, frozen
-from kinematics.errors import MotionError
+from kinematics.foundation.arrays import Array, freeze_array
+from kinematics.foundation.errors import MotionError
 
 TAIL = 3
 """Steps after the end of the motion that are learned too, in which the axes come to rest."""
@@ -58,7 +58,7 @@ def learn(rig: Rig, task: Task, trials: int, *, plant: Rig | None = None, change
         raise MotionError(f"learning: change {change} must be a positive finite number")
     plant, dt = plant or rig, task.dt
     reference = sample(task.motion, rig.machine, dt)
-    axes, steps = nominal(rig), reference.steps + TAIL
+    axes, steps = nominal_axes(rig), reference.steps + TAIL
     program = Horizon(axes, dt, steps, change)
     u = np.stack([np.stack([reference.npuls(i), reference.npuls(i + 1)], -1) for i in range(steps)]) * dt
     u = np.moveaxis(u, 0, 1).reshape(len(axes), 2 * steps)
@@ -70,10 +70,10 @@ def learn(rig: Rig, task: Task, trials: int, *, plant: Rig | None = None, change
         if trial < trials:
             aim = e + (program.driven @ u[..., None])[..., 0]
             u = program.best(np.zeros((len(axes), 4)), aim, u)
-    return Learning(tuple(laws), frozen(np.stack(errors)))
+    return Learning(tuple(laws), freeze_array(np.stack(errors)))
 
 
-def modelled(reference: Reference, law: Learned, axes: NominalAxes) -> NominalAxes:
+def fit_feedforward(reference: Reference, law: Learned, axes: NominalAxes) -> NominalAxes:
     """The axes whose feedforward comes nearest to a learned command: what can be taken to another motion.
 
     Least squares of c(t) − r(t + delay) = ṙ/K at the samples, for K of each axis: a table fits one motion, the gain of

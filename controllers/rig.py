@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from os import PathLike
 
 from controllers.card import PCI_8132, Card
+from controllers.drives.servo import Servo, leg_servo
+from controllers.drives.stepper import Stepper
 from controllers.host import Host
-from controllers.servo import Servo, leg_servo
-from controllers.stepper import Stepper
 from controllers.task import Task
-from kinematics.errors import MotionError
-from kinematics.machine import Machine
-from kinematics.registry import find, nearest, presets
+from kinematics.foundation.errors import MotionError
+from kinematics.foundation.names import nearest
+from kinematics.machine.machine import Machine
 
 Drive = Servo | Stepper
 
@@ -65,18 +64,3 @@ def disturbed(rig: Rig, *, inertia: float = 1.0, friction: float = 1.0) -> Rig:
     """The same rig with other true inertias and frictions (factors), which its drives know nothing of."""
 
     return replace(rig, drives=tuple(drive.disturbed(inertia, friction) for drive in rig.drives))
-
-
-def load_rig(name_or_path: str | PathLike[str]) -> Rig:
-    """The rig of a preset's name or of a TOML file, with its machine and the motions of its tasks.
-
-    Raises FileError with every fault of the file; MotionError for an unknown name, with the nearest and all known ones.
-    """
-    from controllers.rig_file import read_rig
-
-    return read_rig(find("controllers", "rig", name_or_path))
-
-
-def rig_names() -> tuple[str, ...]:
-    """Names of the bundled rigs."""
-    return tuple(presets("controllers"))

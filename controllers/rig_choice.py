@@ -7,15 +7,17 @@ from collections.abc import Iterator
 from dataclasses import replace
 from os import PathLike
 
-from controllers.rig import Rig, load_rig
-from kinematics.errors import MotionError
-from kinematics.machine import Machine
-from kinematics.registry import find, load_machine, presets
+from controllers.rig import Rig
+from controllers.rig_file import load_rig
+from kinematics.foundation.errors import MotionError
+from kinematics.foundation.names import find, presets
+from kinematics.machine.machine import Machine
+from kinematics.machine.machine_file import load_machine
 
-SAME_PULSE = 0.05
+MAX_PULSE_MISMATCH = 0.05
 """By what share a machine's pulse may differ from that of a rig's own machine: calibration changes it by some per cent,
 another screw or other steps by much more."""
-WRITE_ONE = 'write a rig file for it, as the guide "Choose gains on a rig" shows'
+WRITE_REMEDY = 'write a rig file for it, as the guide "Choose gains on a rig" shows'
 
 
 def choose_rig(machine: Machine, rig: Rig | str | PathLike[str] | None) -> Rig:
@@ -48,19 +50,19 @@ def fit_rig(rig: Rig, machine: Machine) -> Rig:
 
 def fitting_rigs(machine: Machine) -> tuple[str, ...]:
     """Names of the bundled rigs that fit a machine."""
-    return tuple(name for name, own in _bundled() if _kind(own) == _kind(machine) and _fits(own, machine))
+    return tuple(name for name, own in _list_bundled() if _kind(own) == _kind(machine) and _fits(own, machine))
 
 
 def rig_hint(machine: Machine) -> str:
     """What rig to take for this machine."""
     fitting = fitting_rigs(machine)
     if not fitting:
-        return f"no bundled rig fits its axes; {WRITE_ONE}"
+        return f"no bundled rig fits its axes; {WRITE_REMEDY}"
     several = len(fitting) > 1
     return f"the bundled rig{'s' if several else ''} {', '.join(fitting)} fit{'' if several else 's'} it"
 
 
-def _bundled() -> Iterator[tuple[str, str]]:
+def _list_bundled() -> Iterator[tuple[str, str]]:
     """Every bundled rig's name, and that of its machine."""
     for name, file in presets("controllers").items():
         yield name, tomllib.loads(file.read_text(encoding="utf-8"))["machine"]
@@ -89,7 +91,7 @@ def _differences(own: Machine, machine: Machine) -> Iterator[str]:
     for axis, other in zip(own.axes, machine.axes, strict=True):
         if axis.kind != other.kind:
             yield f"its {axis.name} is {axis.kind}, the machine's is {other.kind}"
-        elif abs(axis.pulse - other.pulse) > SAME_PULSE * axis.pulse:
+        elif abs(axis.pulse - other.pulse) > MAX_PULSE_MISMATCH * axis.pulse:
             unit, scale = ("µm", 1e6) if axis.unit == "m" else ("mrad", 1e3)
             own_pulse, pulse = scale * axis.pulse, scale * other.pulse
             yield f"a pulse of {axis.name} is {own_pulse:.6g} {unit} on it and {pulse:.6g} {unit} on the machine"

@@ -1,42 +1,147 @@
-"""Rig files: the schema of a rig's TOML, and the rig that one describes."""
+"""Rig files: the schema of a rig's TOML, and the rig that one describes.
+
+Tables of tasks in a rig's TOML, and the motions they ask for.
+"""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from importlib.resources.abc import Traversable
+from os import PathLike
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal, cast, get_args
+from typing import Annotated, Any, ClassVar, Literal, Self, cast, get_args
 
-from pydantic import AfterValidator, Field, TypeAdapter, ValidationError
+from pydantic import AfterValidator, Field, TypeAdapter, ValidationError, model_validator
 
 from controllers.card import PCI_8132, PCI_8164, Card
-from controllers.drive_tables import KINDS, TRANSMISSION, ServoTable, StepperTable, drive_of
+from controllers.drives.drive_tables import KINDS, TRANSMISSION, ServoTable, StepperTable, drive_of
 from controllers.host import Host
 from controllers.rig import Drive, Rig
-from controllers.task import Task
-from controllers.task_table import PathTask, SineTask, TaskTable, beside
-from kinematics.document import Document, Key, read
-from kinematics.errors import BadValue, Fault, FileError, MotionError, NotInstalled
-from kinematics.kinds.axes import named_once
-from kinematics.machine import Machine
-from kinematics.registry import closest, load_machine, nearest
-from kinematics.schema import File, Table, build, chosen, refuse_mistaken, wrong
-from kinematics.units import Unit, shown
+from controllers.task import Sine, Task, time_path
+from kinematics.files.schema import File, TableSchema, build, chosen, one_of_tables, refuse_wrong_kind
+from kinematics.files.toml_document import Document, Key, read
+from kinematics.foundation.arrays import freeze_array
+from kinematics.foundation.errors import BadValue, Fault, FileError, MotionError, NotInstalled, validation_error
+from kinematics.foundation.names import closest, find, nearest, presets
+from kinematics.foundation.units import Unit, describe_value
+from kinematics.kinds.axis_tables import find_repeated_names
+from kinematics.machine.machine import Machine
+from kinematics.machine.machine_file import load_machine
+from planner.actuation import actuate
+from planner.program.program_file import load_program
+
+
+def _require_name(name: str) -> str:
+    if not name:
+        raise validation_error("empty: give the task a name")
+    return name
+
+
+class TaskTiming(TableSchema):
+    """How long a task lasts, and how often the host commands: every `step`, or so that there are `samples`.
+
+    name      of the task
+    duration  of the motion
+    step      of the host
+    samples   of the host, both ends included
+    """
+
+    name: Annotated[str, AfterValidator(_require_name)]
+    duration: Annotated[float, Unit("s", above=0, like="5 s")]
+    step: Annotated[float, Unit("s", above=0, like="125 ms")] | None = None
+    samples: Annotated[int, Field(ge=2)] | None = None
+
+    @model_validator(mode="after")
+    def _one_rate(self) -> Self:
+        if (self.step is None) == (self.samples is None):
+            raise validation_error('give either step, e.g. "125 ms", or samples, e.g. 41')
+        return self
+
+    @property
+    def dt(self) -> float:
+        return self.step if self.step is not None else self.duration / ((self.samples or 2) - 1)
+
+
+class PathTask(TaskTiming):
+    """A program's path, run by one profile from end to end.
+
+    program  a program's name, or the path of its file
+    profile  of the speed along it
+    ramp     time of speeding up, and of slowing down
+    """
+
+    program: str
+    profile: Literal["quarter-sine", "trapezoid"] = "quarter-sine"
+    ramp: Annotated[float, Unit("s", above=0, like="1 s")]
+
+    def on(self, machine: Machine, folder: Path | None) -> Task:
+        try:
+            path = actuate(load_program(resolve_path(folder, self.program)), machine)
+        except MotionError as error:
+            raise BadValue(str(error), nearest=getattr(error, "nearest", ""), key=("program",)) from error
+        return Task(self.name, time_path(path, self.profile, self.ramp / self.duration, self.duration), self.dt)
+
+
+class SineTable(TableSchema):
+    """Of the axes named: amplitude · sin(2π t/period).
+
+    axes       names of rotary axes
+    amplitude  of the sine
+    period     of the sine
+    """
+
+    axes: tuple[str, ...]
+    amplitude: Annotated[float, Unit("rad", above=0, like="90 deg")]
+    period: Annotated[float, Unit("s", above=0)]
+
+
+class SineTask(TaskTiming):
+    """Axes on their own, beyond any travel of the machine; the others rest."""
+
+    sine: SineTable
+
+    def on(self, machine: Machine, folder: Path | None) -> Task:
+        kinds = {axis.name: axis.kind for axis in machine.axes}
+        for n, name in enumerate(self.sine.axes):
+            if kinds.get(name) != "rotary":
+                told = "is a linear axis" if name in kinds else f"is no axis{nearest(name, kinds)}"
+                rotary = [axis for axis, kind in kinds.items() if kind == "rotary"]
+                known = ", ".join(rotary) or "none"
+                raise BadValue(
+                    f"{describe_value(name)} {told}; rotary axes: {known}",
+                    allowed=known,
+                    nearest=closest(name, rotary),
+                    key=("sine", "axes", n),
+                )
+        amplitude = freeze_array([self.sine.amplitude * (axis.name in self.sine.axes) for axis in machine.axes], float)
+        omega = 6.283185307179586 / self.sine.period
+        return Task(self.name, Sine(machine.home_q, amplitude, omega, self.duration), self.dt)
+
+
+TaskTable = Annotated[PathTask | SineTask, one_of_tables(PathTask, SineTask)]
+
+
+def resolve_path(folder: Path | None, name_or_path: str) -> str | Path:
+    """A name as it is; a path from the folder of the file that gives it."""
+    path = Path(name_or_path)
+    named = not path.suffix and path.name == name_or_path
+    return name_or_path if named or folder is None else folder / path
+
 
 CARDS = {card.name: card for card in (PCI_8132, PCI_8164)}
 
 
 def _card(name: str) -> str:
     if name not in CARDS:
-        told = f"{shown(name)} is no card that is known{nearest(name, CARDS)}; cards: {', '.join(CARDS)}"
-        raise wrong(BadValue(told, allowed=", ".join(CARDS), nearest=closest(name, CARDS)))
+        told = f"{describe_value(name)} is no card that is known{nearest(name, CARDS)}; cards: {', '.join(CARDS)}"
+        raise validation_error(BadValue(told, allowed=", ".join(CARDS), nearest=closest(name, CARDS)))
     return name
 
 
 CardName = Annotated[str, AfterValidator(_card)]
 
 
-class CardTable(Table):
+class CardTable(TableSchema):
     """A model of card, and how it is set: see `Card`.
 
     model  of the motion card
@@ -57,7 +162,7 @@ class CardTable(Table):
 CardEntry = Annotated[CardName | CardTable, chosen(lambda value: CardTable if isinstance(value, dict) else CardName)]
 
 
-class HostTable(Table):
+class HostTable(TableSchema):
     """See `Host`."""
 
     timer: Literal["counter", "sleep"] = "counter"
@@ -68,7 +173,7 @@ class HostTable(Table):
     closing_stop: Annotated[float, Unit("s", least=0, like="1 ms")] | None = None
 
 
-class Own(Table):
+class RigAxisTable(TableSchema):
     """What one axis has of its own: its kind of drive, and how that differs from all of its kind."""
 
     name: str
@@ -94,7 +199,7 @@ class RigFile(File):
     host: HostTable = HostTable()
     servo: ServoTable | None = None
     stepper: StepperTable | None = None
-    axis: tuple[Own, ...] = ()
+    axis: tuple[RigAxisTable, ...] = ()
     task: tuple[TaskTable, ...] = ()
 
 
@@ -105,12 +210,16 @@ def read_rig(source: Path | Traversable) -> Rig:
     """The rig that a file describes, named after the file. Raises FileError with every fault of the file."""
     document = read(source)
     folder = source.parent if isinstance(source, Path) else None
-    refuse_mistaken(document, RigFile.what)
+    refuse_wrong_kind(document, RigFile.what)
     machine, told = _machine(document.data.get("machine"), folder)
     tasks, faults = _tasks(document, machine, folder)
     try:
         model = build(
-            document, RigFile, named_once, partial(named_once, array="task"), partial(_drives_complete, machine, told)
+            document,
+            RigFile,
+            find_repeated_names,
+            partial(find_repeated_names, array="task"),
+            partial(_find_drive_faults, machine, told),
         )
     except FileError as error:
         raise FileError(document.file, sorted((*error.faults, *faults), key=lambda fault: fault.line or 0)) from None
@@ -131,7 +240,7 @@ def _machine(stated: object, folder: Path | None) -> tuple[Machine | None, Motio
     if not isinstance(stated, str):
         return None, None
     try:
-        return load_machine(beside(folder, stated)), None
+        return load_machine(resolve_path(folder, stated)), None
     except NotInstalled:  # which is no fault of the file
         raise
     except MotionError as error:
@@ -169,7 +278,7 @@ def _kind(stated: Any, own: Any) -> str:
     return kinds[0] if len(kinds) == 1 else ""
 
 
-def _drives_complete(
+def _find_drive_faults(
     machine: Machine | None, unread: MotionError | None, data: Mapping[str, Any]
 ) -> Iterator[tuple[Key, str | MotionError]]:
     """Axes that the machine does not have, and whatever is missing for a drive behind each that it has.
@@ -189,7 +298,9 @@ def _drives_complete(
     names = [axis.name for axis in machine.axes]
     for name, (at, _) in entries.items():
         if name not in names:
-            told = f"{shown(name)} is no axis of {machine.name}{nearest(name, names)}; axes: {', '.join(names)}"
+            told = (
+                f"{describe_value(name)} is no axis of {machine.name}{nearest(name, names)}; axes: {', '.join(names)}"
+            )
             yield (*at, "name"), BadValue(told, allowed=", ".join(names), nearest=closest(name, names))
     missing = set()
     undriven: dict[Key, list[str]] = {}
@@ -211,13 +322,13 @@ def _drives_complete(
         if other in given:
             other_way.setdefault(((*place, other), f"{axis.kind}: give a {wanted} instead"), []).append(axis.name)
     for at, of in undriven.items():
-        many = f"{_named(of)} need{'s' if len(of) == 1 else ''} one drive, [{'] or ['.join(KINDS)}]"
+        many = f"{_describe_axes(of)} need{'s' if len(of) == 1 else ''} one drive, [{'] or ['.join(KINDS)}]"
         yield at, f"{many}: {'both are stated' if at and at[-1] in KINDS else 'neither is stated'}"
     for (at, instead), of in other_way.items():
-        yield at, f"{_named(of)} {'is' if len(of) == 1 else 'are'} {instead}"
+        yield at, f"{_describe_axes(of)} {'is' if len(of) == 1 else 'are'} {instead}"
 
 
-def _named(axes: Sequence[str]) -> str:
+def _describe_axes(axes: Sequence[str]) -> str:
     return f"ax{'i' if len(axes) == 1 else 'e'}s {', '.join(axes)}"
 
 
@@ -233,3 +344,16 @@ _EXAMPLES = {
     "steps": "write e.g. 200",
     "torque_speed": 'write e.g. [["0 rpm", "0.3 N*m"], ["3000 rpm", "0.1 N*m"]]',
 }
+
+
+def load_rig(name_or_path: str | PathLike[str]) -> Rig:
+    """The rig of a preset's name or of a TOML file, with its machine and the motions of its tasks.
+
+    Raises FileError with every fault of the file; MotionError for an unknown name, with the nearest and all known ones.
+    """
+    return read_rig(find("controllers", "rig", name_or_path))
+
+
+def rig_names() -> tuple[str, ...]:
+    """Names of the bundled rigs."""
+    return tuple(presets("controllers"))

@@ -1,27 +1,115 @@
-"""Runs a motion under a tracking law: reference -> law -> card -> drives, all axes and runs of a batch at once."""
+"""Runs a motion under a tracking law: reference -> law -> card -> drives, all axes and runs of a batch at once.
+
+What a batch does, kept as it happens: every so many samples of the drives, in pulses.
+
+The drives of a batch of rigs: axes of each kind of drive, run side by side.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from math import ceil
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from controllers.card import DStop, at_rest, current_speed, send
-from controllers.drives.bank import bank
+from controllers.drives.axes import Axes, AxesResponse
+from controllers.drives.servo import Servo, servo_axes
+from controllers.drives.stepper import Stepper, stepper_axes
 from controllers.host import instants
 from controllers.laws.law import Feedback, Law, Reference
-from controllers.recorder import Recorder
 from controllers.rig import Rig
-from kinematics.array import Array, frozen
-from kinematics.errors import MotionError
+from kinematics.foundation.arrays import Array, freeze_array
+from kinematics.foundation.errors import MotionError
 
 if TYPE_CHECKING:
-    from kinematics.machine import Machine
-    from planner.pulses.motion import Motion
+    from kinematics.machine.machine import Machine
+    from planner.pulses.motion import AxesMotion
+
+KINDS: dict[type, Callable[[Any, float], Axes]] = {Servo: servo_axes, Stepper: stepper_axes}
+"""What makes lanes of B rows of drives of a kind, and their sample time."""
+
+
+@dataclass(frozen=True, slots=True)
+class Bank:
+    """Groups of axes of one kind of drive each, and their columns of the lanes; itself what `Axes` is."""
+
+    sample: float
+    groups: tuple[tuple[np.ndarray, Axes], ...]
+
+    def standing(self, x: Array) -> tuple[Any, ...]:
+        return tuple(axes.standing(x[:, columns]) for columns, axes in self.groups)
+
+    def reading(self, state: tuple[Any, ...]) -> Array:
+        return self._joined([axes.reading(own) for (_, axes), own in zip(self.groups, state, strict=True)])
+
+    def run(self, state: tuple[Any, ...], command: Array, kept: np.ndarray) -> tuple[AxesResponse, tuple[Any, ...]]:
+        if len(self.groups) == 1:
+            response, own = self.groups[0][1].run(state[0], command, kept)
+            return response, (own,)
+        runs = [
+            axes.run(own, command[:, :, columns], kept) for (columns, axes), own in zip(self.groups, state, strict=True)
+        ]
+        parts = (self._joined([getattr(response, name) for response, _ in runs]) for name in AxesResponse.__slots__)
+        return AxesResponse(*parts), tuple(own for _, own in runs)
+
+    def lost(self, state: tuple[Any, ...]) -> np.ndarray:
+        return self._joined([axes.lost(own) for (_, axes), own in zip(self.groups, state, strict=True)])
+
+    def _joined(self, parts: Sequence[np.ndarray]) -> np.ndarray:
+        order = np.argsort(np.concatenate([columns for columns, _ in self.groups]))
+        return np.concatenate(parts, axis=-1)[..., order]
+
+
+def bank(rigs: Sequence[Sequence[Servo | Stepper]]) -> Bank:
+    """The drives of B rigs. Raises MotionError if sample times differ, or the kinds of drive behind an axis."""
+    samples = sorted({drive.sample for drives in rigs for drive in drives})
+    if len(samples) != 1:
+        raise MotionError(f"drives: sample times {samples} s differ; the drives of one batch share one")
+    kinds = [type(drive) for drive in rigs[0]]
+    if any([type(drive) for drive in drives] != kinds for drives in rigs):
+        raise MotionError("drives: the rigs of one batch differ in the kinds of their drives; run them one by one")
+    groups = []
+    for kind, lanes in KINDS.items():
+        columns = np.array([n for n, own in enumerate(kinds) if own is kind], int)
+        if len(columns):
+            groups.append((columns, lanes([[drives[n] for n in columns] for drives in rigs], samples[0])))
+    return Bank(samples[0], tuple(groups))
+
+
+class Recorder:
+    """Records (K, B, n) of samples 0, every, 2 every, …; they are filled from the first to the last, block by block."""
+
+    def __init__(self, samples: int, every: int, pulse: Array, lanes: tuple[int, int]) -> None:
+        self.every, self.pulse = every, pulse
+        shape = (-(-samples // every), *lanes)
+        self.command, self.actual, self.measured, self.speed, self.torque = (np.empty(shape) for _ in range(5))
+
+    def kept(self, first: int, count: int) -> np.ndarray:
+        """Which of the `count` samples from `first` on are kept, from 0."""
+        return np.arange(-first % self.every, count, self.every)
+
+    def put(self, first: int, counter: np.ndarray, told: AxesResponse) -> None:
+        """The card's counter (N, B, n) at the samples from `first` on, and what the axes told of those kept."""
+        at = self.kept(first, len(counter))
+        row = -(-first // self.every)
+        rows = slice(row, row + len(at))
+        self.command[rows] = counter[at]
+        np.divide(told.position, self.pulse, out=self.actual[rows])
+        np.divide(told.reading, self.pulse, out=self.measured[rows])
+        np.divide(told.speed, self.pulse, out=self.speed[rows])
+        self.torque[rows] = told.torque
+
+    def done(self) -> dict[str, Array]:
+        """The records by name, read-only from now on."""
+        records = {name: getattr(self, name) for name in ("command", "actual", "measured", "speed", "torque")}
+        for record in records.values():
+            record.setflags(write=False)
+        return records
+
 
 HOST_STEP = 5e-3
 """s. Between two commands the card's speed is a straight line, which leaves the plan by dt²/12 of what the acceleration
@@ -30,7 +118,7 @@ SETTLE = 0.5
 """s after the end of the plan: fifteen time constants of a 30 1/s position loop."""
 
 
-def sample(motion: Motion, machine: Machine, dt: float) -> Reference:
+def sample(motion: AxesMotion, machine: Machine, dt: float) -> Reference:
     """The motion at k·dt, up to the first sample at or after its end, in pulses from home."""
     steps = max(ceil(motion.duration / dt - 1e-9), 1)
     state = motion.at(np.minimum(np.arange(steps + 1) * dt, motion.duration))
@@ -38,7 +126,7 @@ def sample(motion: Motion, machine: Machine, dt: float) -> Reference:
     return Reference(dt, (state.q - machine.home_q) / pulse, state.qd / pulse)
 
 
-def together(references: Sequence[Reference]) -> Reference:
+def stack_references(references: Sequence[Reference]) -> Reference:
     """One reference for a run of each, position and speed (N + 1, B, n): the shorter ones rest at their end.
 
     Raises MotionError if their steps differ in time.
@@ -78,7 +166,7 @@ class Runs:
 
     def __post_init__(self) -> None:
         for name in Runs.__slots__:
-            object.__setattr__(self, name, frozen(getattr(self, name)))
+            object.__setattr__(self, name, freeze_array(getattr(self, name)))
 
     @property
     def end(self) -> Array:

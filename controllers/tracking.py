@@ -14,23 +14,21 @@ from controllers.laws.side_by_side import SideBySide
 from controllers.rig import Rig
 from controllers.rig_choice import choose_rig
 from controllers.simulate import HOST_STEP, SETTLE, sample, simulate
-from kinematics.array import Array, frozen
-from kinematics.errors import MotionError
-from kinematics.result import Result
-from kinematics.table import Column, Table
+from kinematics.foundation.arrays import Array, freeze_array
+from kinematics.foundation.errors import MotionError
+from kinematics.foundation.result import Result
+from kinematics.foundation.table import Column, Table
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-    from kinematics.machine import Machine
-    from planner.pulses.motion import Motion
+    from kinematics.machine.machine import Machine
+    from planner.pulses.motion import AxesMotion
 
 
-class Planned(Protocol):
+class HasTrajectory(Protocol):
     """A plan: it holds its motion."""
 
     @property
-    def trajectory(self) -> Motion: ...
+    def trajectory(self) -> AxesMotion: ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +56,7 @@ class Tracking(Result):
 
     def __post_init__(self) -> None:
         for name in ("t", "reference", "command", "actual", "pulses", "lost"):
-            object.__setattr__(self, name, frozen(getattr(self, name)))
+            object.__setattr__(self, name, freeze_array(getattr(self, name)))
 
     def tables(self) -> tuple[Table, ...]:
         """The following error of each axis, and its pulses; `controllers.evaluate` tells more."""
@@ -84,20 +82,14 @@ class Tracking(Result):
         )
         return Table(f"tracking under {self.law}", (Column("t", self.t, "s"), *columns))
 
-    def plot(self, ax: Axes | None = None) -> Axes:
-        """The following error of every axis that shares the first one's unit."""
-        from controllers.plots import tracked
 
-        return tracked(self, ax)
-
-
-def motion_of(plan: Motion | Planned) -> Motion:
+def motion_of(plan: AxesMotion | HasTrajectory) -> AxesMotion:
     """The motion that a plan holds, or that is given as it is."""
     return plan.trajectory if hasattr(plan, "trajectory") else plan
 
 
 def track(
-    plan: Motion | Planned,
+    plan: AxesMotion | HasTrajectory,
     machine: Machine,
     law: Law,
     *,
@@ -115,11 +107,11 @@ def track(
 
     Raises MotionError where the rig does not fit the machine, and where none is given and not exactly one fits.
     """
-    return _tracked(plan, machine, law, [law], rig=rig, dt=dt, settle=settle, period=period)[0]
+    return _track_lanes(plan, machine, law, [law], rig=rig, dt=dt, settle=settle, period=period)[0]
 
 
 def track_each(
-    plan: Motion | Planned,
+    plan: AxesMotion | HasTrajectory,
     machine: Machine,
     laws: Sequence[Law],
     *,
@@ -128,11 +120,11 @@ def track_each(
 ) -> tuple[Tracking, ...]:
     """The same under each of several laws, in the time of one. Raises MotionError for laws that are no `SideBySide`."""
     law = SideBySide(tuple(laws))
-    return _tracked(plan, machine, law, laws, rig=rig, dt=HOST_STEP, settle=SETTLE, period=period)
+    return _track_lanes(plan, machine, law, laws, rig=rig, dt=HOST_STEP, settle=SETTLE, period=period)
 
 
-def _tracked(
-    plan: Motion | Planned,
+def _track_lanes(
+    plan: AxesMotion | HasTrajectory,
     machine: Machine,
     law: Law,
     laws: Sequence[Law],

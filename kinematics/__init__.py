@@ -2,11 +2,12 @@
 
 from os import PathLike
 
-from kinematics.accuracy import Budget, error_budget
-from kinematics.arm import Arm, Joints
-from kinematics.axis import Axis
-from kinematics.beam import Beam
-from kinematics.body import Body, Leg, cylinder
+from kinematics.analysis.clearance import Disc
+from kinematics.analysis.dynamics import Forces, forces
+from kinematics.analysis.forward import Forward
+from kinematics.analysis.margins import Margins
+from kinematics.analysis.posture import Posture, posture_of_axes, posture_of_pose
+from kinematics.analysis.workspace import Workspace, workspace
 from kinematics.calibration import (
     Calibration,
     Measurements,
@@ -17,30 +18,31 @@ from kinematics.calibration import (
     measured_positions,
     whole_poses,
 )
-from kinematics.catalogue import Actuator, Joint, load_actuators, load_joints
-from kinematics.clearance import Disc
-from kinematics.deflection import Deflection
-from kinematics.dynamics import Forces, forces
-from kinematics.error_sources import Backlash, LeadError, PulseLength, Quantization, Temperature
-from kinematics.errors import Fault, FileError, MotionError, NotInstalled, OutOfReach
-from kinematics.forward import Forward
-from kinematics.hexapod import Hexapod, joint_circle
-from kinematics.leadscrew_axis import Leadscrew, Slide, StepMotor, Traverse
-from kinematics.linkage import Linkage
-from kinematics.load import Load
-from kinematics.machine import Machine
-from kinematics.machine_writer import machine_toml
-from kinematics.margins import Margins
-from kinematics.motion import Motion, motion_of_axes, motion_of_poses
-from kinematics.needs import ActuatorNeed, AxisMotion, JointNeed, actuator_need, joint_need
-from kinematics.pose import Pose
-from kinematics.posture import Posture, posture_of_axes, posture_of_pose
-from kinematics.selection import Selection, select_parts
-from kinematics.sizing import StepperSizing, size_stepper
-from kinematics.traverser import Traverser
-from kinematics.tripod import Tripod
-from kinematics.urdf import read_urdf
-from kinematics.workspace import Workspace, workspace
+from kinematics.design.accuracy import Backlash, Budget, LeadError, PulseLength, Quantization, Temperature, error_budget
+from kinematics.design.catalogue import Actuator, Joint, load_actuators, load_joints
+from kinematics.design.deflection import Beam, Deflection
+from kinematics.design.selection import (
+    ActuatorNeed,
+    AxisMotion,
+    JointNeed,
+    Selection,
+    actuator_need,
+    joint_need,
+    select_parts,
+)
+from kinematics.design.sizing import Leadscrew, Slide, StepMotor, StepperSizing, Traverse, size_stepper
+from kinematics.foundation.errors import Fault, FileError, MotionError, NotInstalled, OutOfReach
+from kinematics.kinds.arm import Arm, Joints, read_urdf
+from kinematics.kinds.hexapod import Hexapod, joint_circle
+from kinematics.kinds.linkage import Linkage
+from kinematics.kinds.traverser import Traverser
+from kinematics.kinds.tripod import Tripod
+from kinematics.machine.axis import Axis
+from kinematics.machine.load import Body, Leg, Load, cylinder
+from kinematics.machine.machine import Machine
+from kinematics.machine.machine_writer import machine_toml
+from kinematics.machine.motion import Motion, motion_of_axes, motion_of_poses
+from kinematics.machine.pose import Pose
 
 __all__ = [
     "Actuator",
@@ -119,14 +121,14 @@ __all__ = [
 
 def load_machine(name_or_path: str | PathLike[str]) -> Machine:
     """The machine of a preset's name or of a TOML file."""
-    from kinematics.registry import load_machine
+    from kinematics.machine.machine_file import load_machine
 
     return load_machine(name_or_path)
 
 
 def machine_names() -> tuple[str, ...]:
     """Names of the bundled machines."""
-    from kinematics.registry import machine_names
+    from kinematics.machine.machine_file import machine_names
 
     return machine_names()
 

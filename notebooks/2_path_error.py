@@ -24,7 +24,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import pulsepath as pp
-from controllers.servo import leg_servo
+from controllers.drives.servo import leg_servo
 
 drawn = pp.load_machine("hexapod")
 circle = pp.load_program("bare-circle")

@@ -3,33 +3,20 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from planner.bare import time_optimal
 from planner.baselines import Classical, classical
-from planner.certify import Certificate
-from planner.many import plan_many
-from planner.orientation import orient
+from planner.certificate.certify import Certificate
+from planner.certificate.feasibility import Standing
+from planner.cluster import plan_many
+from planner.orientation.orient import orient
 from planner.place import Infeasible, Place
 from planner.plan import Plan, check, plan
-from planner.program import (
-    Arc,
-    Blend,
-    Curve,
-    Dwell,
-    Free,
-    Line,
-    Program,
-    Spline,
-    Stop,
-    Synchronised,
-    Through,
-    Trigger,
-    Turn,
-)
+from planner.program.model import Arc, Curve, Dwell, Line, Program, Spline, Synchronised, Turn
+from planner.program.modifiers import Blend, Free, Stop, Through, Trigger
+from planner.program.synchronise import synchronise
 from planner.pulses import PulseSchedule, RealisedPath, realised
-from planner.solve import Solution
 from planner.sources.position_list import PositionList
-from planner.standing import Standing
-from planner.synchronise import synchronise
+from planner.time_optimal import time_optimal
+from planner.timing.certified_solve import Solution
 from planner.trajectory import State, Trajectory
 from planner.triggers import Triggered
 
@@ -48,14 +35,14 @@ __all__ = [
 
 def load_program(name_or_path: Any) -> Program:
     """The program of a preset's name or of a TOML file."""
-    from planner.files import load_program
+    from planner.program.program_file import load_program
 
     return load_program(name_or_path)
 
 
 def import_program(path: Any, format: str | None = None, **options: Any) -> "Imported":
     """The program in a file of another format, by its suffix or the format's name, and what was understood of it."""
-    from planner.sources.registry import import_program
+    from planner.sources.source import import_program
 
     return import_program(path, format, **options)
 
@@ -69,7 +56,7 @@ def load_positions(path: Any, **options: Any) -> PositionList:
 
 def save_positions(listed: PositionList, path: Any) -> None:
     """Write a list as CSV, whole or not at all."""
-    from planner.sources.positions_csv import save_positions
+    from planner.sources.position_list import save_positions
 
     save_positions(listed, Path(path))
 
@@ -87,6 +74,6 @@ def simulate_arms(listed: PositionList, machine: Any, *, unit: float | None = No
 
 def program_names() -> tuple[str, ...]:
     """Names of the bundled programs."""
-    from planner.files import program_names
+    from planner.program.program_file import program_names
 
     return program_names()

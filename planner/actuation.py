@@ -1,4 +1,7 @@
-"""Geometry in the actuators: q and its derivatives along a path, numerically and in guaranteed Taylor arithmetic."""
+"""Geometry in the actuators: q and its derivatives along a path, numerically and in guaranteed Taylor arithmetic.
+
+Which of a pose's several coordinates a path uses: it starts at home's and stays on its branch, turn after turn.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -8,22 +11,79 @@ from typing import Protocol
 import casadi as ca
 import numpy as np
 
-from kinematics.array import Array, frozen
-from kinematics.expression import Expression
-from kinematics.freedom import columns, refuse
-from kinematics.machine import Machine
-from kinematics.pose import Pose, column
-from kinematics.series import Series
-from planner.branch import branches
-from planner.path.chain import chain
+from kinematics.foundation.arrays import Array, freeze_array
+from kinematics.foundation.casadi_function import Expression
+from kinematics.foundation.taylor_model import Series
+from kinematics.machine.kind import columns, refuse_uncontrolled
+from kinematics.machine.machine import Machine
+from kinematics.machine.pose import Pose, column
+from planner.path.chain import chain_pieces
 from planner.path.join import Blended
-from planner.path.shape import Piece, Shape, differentiated, pose_map
+from planner.path.shape import Piece, Shape, differentiate, pose_map
 from planner.path.tool import tool_map
 from planner.place import Place
-from planner.program import Program
+from planner.program.model import Program
+
+# Points of a piece that are looked at first, and at most: an axis turns by less than NEAR (rad) from one to the next.
+POINTS, MAX_POINTS, MAX_TURN_STEP = 65, 2**16 + 1, np.pi / 4
+# How far (rad) a part of a piece may turn an axis: from its middle to the next turn's coordinates are π either way.
+MAX_PART_TURN = 1.5 * np.pi
+
+
+def split_turns(machine: Machine, pieces: Sequence[Piece]) -> tuple[list[list[Piece]], list[Array]]:
+    """Every piece in as many parts as its axes' turns need, and the coordinates near which each part's are meant.
+
+    A pose alone does not tell turns or elbows. Where the machine has none, each piece is its only part.
+    """
+    if not machine.branched:
+        return [[piece] for piece in pieces], [machine.home_q] * len(pieces)
+    rotary = np.array([axis.kind == "rotary" for axis in machine.axes])
+    parts: list[list[Piece]] = []
+    near: list[Array] = []
+    here = machine.home_q
+    for piece in pieces:
+        q = _follow_coordinates(machine, piece, here, rotary)
+        if not np.isfinite(q).all():  # out of reach: whoever looks at the limits says where
+            parts.append([piece])
+            near.append(here)
+            continue
+        here = q[-1]
+        count, turning = 1, q[:, rotary]
+        while (
+            count < len(q) // 2
+            and max(np.ptp(c, axis=0).max(initial=0.0) for c in _split_equally(turning, count)) > MAX_PART_TURN
+        ):
+            count *= 2
+        parts.append(piece.cut(count))
+        near += [(cell.min(0) + cell.max(0)) / 2 for cell in _split_equally(q, count)]
+    return parts, near
+
+
+def _follow_coordinates(machine: Machine, piece: Piece, here: Array, rotary: np.ndarray) -> Array:
+    """Coordinates (M, n) along a piece, from those near `here`, without a jump."""
+    points = POINTS
+    while True:
+        x = _poses(piece, points)
+        first = machine.inverse_map(machine.inputs(x[:1], here))
+        q = machine.inverse_map(machine.inputs(x, first[0]))
+        q[:, rotary] = np.unwrap(q[:, rotary], axis=0)
+        if points >= MAX_POINTS or not np.abs(np.diff(q[:, rotary], axis=0)).max(initial=0.0) > MAX_TURN_STEP:
+            return q
+        points = 2 * points - 1
+
+
+def _split_equally(q: Array, count: int) -> list[Array]:
+    """In equal parts, each with both its ends (there is a multiple of `count` steps)."""
+    step = (len(q) - 1) // count
+    return [q[k * step : (k + 1) * step + 1] for k in range(count)]
+
+
+def _poses(piece: Piece, points: int) -> Array:
+    return piece.poses(piece.start + np.linspace(0.0, piece.length, points))
+
 
 # Points of each piece at which its pose is held against the machine's freedom.
-LOOKED = 17
+FREEDOM_POINTS = 17
 
 Derivatives = tuple[Array, ...]
 """q, q′, q″, q‴ with respect to path length, up to the highest that was asked for, each (N, n)."""
@@ -57,7 +117,7 @@ class Points:
         return tuple(tool(values) for values in self.pose_derivatives)
 
 
-def points_of(path: "ActuatorPath", s: Array, piece: np.ndarray, highest: int = 3) -> Points:
+def make_points(path: "ActuatorPath", s: Array, piece: np.ndarray, highest: int = 3) -> Points:
     return Points(path, s, piece, path.derivatives(s, piece, highest))
 
 
@@ -114,22 +174,22 @@ class ActuatorPath(Protocol):
 
 
 @lru_cache(maxsize=128)
-def _along(machine: Machine, shape: Shape, highest: int) -> Expression:
+def _actuator_map(machine: Machine, shape: Shape, highest: int) -> Expression:
     """(s, parameters, near) -> q, q′, q″, q‴: the machine's inverse map composed with the shape, differentiated."""
     s, parameters, near = ca.SX.sym("s"), ca.SX.sym("parameters", shape.size), ca.SX.sym("near", len(machine.axes))
     q = machine.symbolic(column(*shape.motion(s, parameters)), near)
-    return differentiated(f"{shape.name}_actuated", q, s, ca.vertcat(s, parameters, near), highest)
+    return differentiate(f"{shape.name}_actuated", q, s, ca.vertcat(s, parameters, near), highest)
 
 
 @lru_cache(maxsize=256)
-def _axis_along(machine: Machine, shape: Shape, highest: int, axis: int) -> Expression:
+def _axis_map(machine: Machine, shape: Shape, highest: int, axis: int) -> Expression:
     """The same of one axis."""
     width = len(machine.axes)
-    return _along(machine, shape, highest).only(range(axis, (highest + 1) * width, width))
+    return _actuator_map(machine, shape, highest).only(range(axis, (highest + 1) * width, width))
 
 
 @lru_cache(maxsize=128)
-def _carried_along(machine: Machine, shape: Shape, highest: int) -> Expression:
+def _pose_numbers_map(machine: Machine, shape: Shape, highest: int) -> Expression:
     """The same -> the pose's numbers x, x′, x″, x‴, with what follows filled in."""
     s, parameters, near = ca.SX.sym("s"), ca.SX.sym("parameters", shape.size), ca.SX.sym("near", len(machine.axes))
     position, rotation = shape.motion(s, parameters)
@@ -137,13 +197,13 @@ def _carried_along(machine: Machine, shape: Shape, highest: int) -> Expression:
         q = machine.symbolic(column(position, rotation), near)
         position, rotation = machine.carried(position, rotation, q)
     inputs = ca.vertcat(s, parameters, near)
-    return differentiated(f"{shape.name}_posed", column(position, rotation), s, inputs, highest)
+    return differentiate(f"{shape.name}_posed", column(position, rotation), s, inputs, highest)
 
 
 @lru_cache(maxsize=128)
-def _placed_along(machine: Machine, shape: Shape) -> Expression:
+def _position_map(machine: Machine, shape: Shape) -> Expression:
     """The same -> position x and x′, without the work for the rotation."""
-    return _carried_along(machine, shape, 1).only([0, 1, 2, 12, 13, 14])
+    return _pose_numbers_map(machine, shape, 1).only([0, 1, 2, 12, 13, 14])
 
 
 class MachinePath:
@@ -170,15 +230,15 @@ class MachinePath:
         """
         self.end_speeds = end_speeds
         self.tool = None if tool is None else tool_map(tool)
-        parts, near = branches(machine, pieces)
+        parts, near = split_turns(machine, pieces)
         counts = [len(each) for each in parts]
         self.machine, self.pieces = machine, tuple(part for each in parts for part in each)
         self.blends = tuple(blends)
-        self.breaks: Array = frozen(np.concatenate([[0.0], np.cumsum([piece.length for piece in self.pieces])]))
+        self.breaks: Array = freeze_array(np.concatenate([[0.0], np.cumsum([piece.length for piece in self.pieces])]))
         ends = np.concatenate([[0], np.cumsum(counts)])
-        self._stops, self.dwells = frozen(_at(ends, stops)), frozen(_at(ends, dwells))
+        self._stops, self.dwells = freeze_array(_pad_part_ends(ends, stops)), freeze_array(_pad_part_ends(ends, dwells))
         self.names = tuple(axis.name for axis in machine.axes)
-        self.turns: Array = frozen([piece.turn for piece in self.pieces])
+        self.turns: Array = freeze_array([piece.turn for piece in self.pieces])
         self._near, self._start = np.array(near), np.array([piece.start for piece in self.pieces])
         self._shapes = list({piece.shape: None for piece in pieces})
         self._shape_of = np.array([self._shapes.index(piece.shape) for piece in self.pieces])
@@ -190,10 +250,10 @@ class MachinePath:
 
     def _refuse(self) -> None:
         """Raise OutOfReach for a path that needs what the machine holds."""
-        piece = np.repeat(np.arange(len(self.pieces)), LOOKED)
-        s = (self.breaks[:-1, None] + np.diff(self.breaks)[:, None] * np.linspace(0, 1, LOOKED)).ravel()
+        piece = np.repeat(np.arange(len(self.pieces)), FREEDOM_POINTS)
+        s = (self.breaks[:-1, None] + np.diff(self.breaks)[:, None] * np.linspace(0, 1, FREEDOM_POINTS)).ravel()
         shares = self._evaluate(pose_map, s, piece)
-        refuse(self.machine, shares, lambda k: f"the path at {self.place(float(s[k]), int(piece[k]))}")
+        refuse_uncontrolled(self.machine, shares, lambda k: f"the path at {self.place(float(s[k]), int(piece[k]))}")
 
     def constant(self, piece: int) -> float | None:
         return self.pieces[piece].tool_speed if self.pieces[piece].constant else None
@@ -211,11 +271,11 @@ class MachinePath:
         return s
 
     def derivatives(self, s: Array, piece: np.ndarray, highest: int = 3) -> Derivatives:
-        every = self._evaluate(lambda shape: _along(self.machine, shape, highest), s, piece, self._near)
+        every = self._evaluate(lambda shape: _actuator_map(self.machine, shape, highest), s, piece, self._near)
         return tuple(np.split(every, highest + 1, axis=1))
 
     def axis_derivatives(self, axis: int, s: Array, piece: np.ndarray, highest: int = 3) -> Derivatives:
-        every = self._evaluate(lambda shape: _axis_along(self.machine, shape, highest, axis), s, piece, self._near)
+        every = self._evaluate(lambda shape: _axis_map(self.machine, shape, highest, axis), s, piece, self._near)
         return tuple(np.split(every, highest + 1, axis=1))
 
     def pose_numbers(self, s: Array, piece: np.ndarray) -> Array:
@@ -225,12 +285,12 @@ class MachinePath:
         return self.machine.carried_map(self.machine.inputs(drawn, self._near[piece]))
 
     def pose_derivatives(self, s: Array, piece: np.ndarray, highest: int = 3) -> Derivatives:
-        every = self._evaluate(lambda shape: _carried_along(self.machine, shape, highest), s, piece, self._near)
+        every = self._evaluate(lambda shape: _pose_numbers_map(self.machine, shape, highest), s, piece, self._near)
         return tuple(np.split(every, highest + 1, axis=1))
 
     def position_derivatives(self, s: Array, piece: np.ndarray) -> tuple[Array, Array]:
         """The platform's origin and its first derivative by path length, each (N, 3)."""
-        both = self._evaluate(lambda shape: _placed_along(self.machine, shape), s, piece, self._near)
+        both = self._evaluate(lambda shape: _position_map(self.machine, shape), s, piece, self._near)
         return both[:, :3], both[:, 3:]
 
     def _evaluate(
@@ -274,7 +334,7 @@ class MachinePath:
         return [*pose.columns(), *near]
 
 
-def _at(ends: np.ndarray, values: np.ndarray) -> np.ndarray:
+def _pad_part_ends(ends: np.ndarray, values: np.ndarray) -> np.ndarray:
     """Values at the ends of whole pieces, and nothing at the ends between their parts."""
     out = np.zeros(ends[-1] + 1, values.dtype)
     out[ends] = values
@@ -283,7 +343,7 @@ def _at(ends: np.ndarray, values: np.ndarray) -> np.ndarray:
 
 def actuate(program: Program, machine: Machine) -> MachinePath:
     """The program's path in the machine's actuators. Raises MotionError naming the segment that cannot be drawn."""
-    chained = chain(program, machine)
+    chained = chain_pieces(program, machine)
     path = MachinePath(
         machine,
         chained.pieces,
@@ -294,7 +354,7 @@ def actuate(program: Program, machine: Machine) -> MachinePath:
     )
     stated = np.array([program.start_speed, program.end_speed])
     if stated.any():  # of the tool, whose way is not everywhere the path's parameter
-        ends = points_of(path, path.breaks[[0, -1]], np.array([0, len(path.pieces) - 1]), 2)
+        ends = make_points(path, path.breaks[[0, -1]], np.array([0, len(path.pieces) - 1]), 2)
         way = np.linalg.norm(ends.tool_derivatives[1][:, :3], axis=1)
         first, last = stated / np.where(stated > 0, way, 1.0)
         path.end_speeds = float(first), float(last)

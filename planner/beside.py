@@ -7,16 +7,16 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
-from planner.workers import Outcome, Started, Worker
+from planner.workers import Started, TaskOutcome, Worker
 
 Result = TypeVar("Result")
 
 
 @dataclass(frozen=True, slots=True)
-class Begun(Generic[Result]):
+class PendingResult(Generic[Result]):
     """What another process was asked to do."""
 
-    told: "Future[Outcome | None] | None"
+    told: "Future[TaskOutcome | None] | None"
 
     def result(self, here: Callable[[], Result]) -> Result:
         """Wait for it; `here` does the same in this process.
@@ -28,50 +28,50 @@ class Begun(Generic[Result]):
         return here() if outcome is None or outcome.error is not None else outcome.value
 
 
-class Beside:
+class SideProcess:
     """A process beside this one, or none; it does one thing after the other."""
 
     def __init__(self, worker: Worker | None = None, thread: ThreadPoolExecutor | None = None) -> None:
         self._worker, self._thread = worker, thread
 
-    def start(self, work: Callable[[], Result]) -> Begun[Result]:
+    def start(self, work: Callable[[], Result]) -> PendingResult[Result]:
         """Have it begin, when it is through with what it was asked for before."""
         # by a thread, since a pipe takes no more than the other side has read
         if self._worker is None or self._thread is None:
-            return Begun(None)
-        return Begun(self._thread.submit(self._done, self._worker, work))
+            return PendingResult(None)
+        return PendingResult(self._thread.submit(self._done, self._worker, work))
 
-    def _done(self, worker: Worker, work: Callable[[], Any]) -> Outcome | None:
+    def _done(self, worker: Worker, work: Callable[[], Any]) -> TaskOutcome | None:
         try:
-            worker.give(_CALLED, 0, work)
+            worker.give(_PICKLED_CALL, 0, work)
         except Exception:  # pickle raises whatever an object's own code does
             return None
         worker.wait()
         return worker.take()[1]
 
 
-NOTHING = Beside()
+NO_PROCESS = SideProcess()
 """No other process: everything is done here."""
 
 
 @contextmanager
-def beside(started: Started | None) -> Iterator[Beside]:
-    """A process that has been started for `planner.workers.serve`, if any; when the block ends, it is no more."""
+def side_process(started: Started | None) -> Iterator[SideProcess]:
+    """A process that has been started for `planner.workers.serve_tasks`, if any; when the block ends, it is no more."""
     if started is None:
-        yield NOTHING
+        yield NO_PROCESS
         return
     worker = Worker(started)
     with ThreadPoolExecutor(1) as thread:
         try:
-            yield Beside(worker, thread)
+            yield SideProcess(worker, thread)
         finally:
             worker.process.kill()  # on which the thread waits no longer
             thread.shutdown(cancel_futures=True)
             worker.end()
 
 
-def _called(work: Callable[[], Any]) -> Any:
+def _call_work(work: Callable[[], Any]) -> Any:
     return work()
 
 
-_CALLED = pickle.dumps(_called)
+_PICKLED_CALL = pickle.dumps(_call_work)

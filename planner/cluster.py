@@ -1,15 +1,21 @@
-"""Independent work on a cluster: Dask's, on this computer or on any number of others."""
+"""Independent work on a cluster: Dask's, on this computer or on any number of others.
+
+Hundreds of programs planned at once, on a cluster.
+"""
 
 import pickle
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack
 from importlib.util import find_spec
 from typing import Any, TypeVar
 
-from kinematics.errors import MotionError, NotInstalled
-from planner.environment import PACKAGES, Facts, Look, differences, looking
-from planner.parallel import cores
-from planner.workers import main_hidden
+from kinematics.foundation.errors import MotionError, NotInstalled
+from kinematics.machine.machine import Machine
+from planner.environment import PACKAGES, Facts, Look, describe_mismatches, make_fact_finder
+from planner.parallel import Progress, cores
+from planner.plan import Plan, plan
+from planner.program.model import Program
+from planner.workers import hide_main
 
 Task = TypeVar("Task")
 Shared = TypeVar("Shared")
@@ -19,7 +25,7 @@ Result = TypeVar("Result")
 PATIENCE = 10.0
 
 
-class Lost(MotionError):
+class LostTask(MotionError):
     """A task that killed every worker it was given to."""
 
 
@@ -31,14 +37,14 @@ def installed() -> bool:
         return False
 
 
-def on_cluster(
+def run_on_cluster(
     work: Callable[[Task, Shared], Result],
     tasks: Sequence[Task],
     shared: Shared,
     address: str | None = None,
     *,
     packages: Sequence[str] = PACKAGES,
-) -> Iterator[tuple[int, Result | Lost]]:
+) -> Iterator[tuple[int, Result | LostTask]]:
     """(n, work(tasks[n], shared)) of every task as it is done, or that it was lost; a worker that dies costs time only.
 
     address: of a Dask scheduler whose workers have this package, such as "tcp://10.0.0.1:8786"; None: one worker for
@@ -57,7 +63,7 @@ def on_cluster(
     with ExitStack() as stack:
         cluster: Any = address
         if address is None:
-            with main_hidden():
+            with hide_main():
                 local = LocalCluster(
                     n_workers=min(cores(), len(tasks)), threads_per_worker=1, processes=True, dashboard_address=None
                 )
@@ -66,9 +72,9 @@ def on_cluster(
             client = stack.enter_context(Client(cluster, timeout=PATIENCE))
         except (OSError, ValueError) as silent:
             raise MotionError(f"no Dask scheduler answers at {address}: {silent}; check the address") from silent
-        look = looking(packages)
-        _compare(client, look)
-        checked = _after_comparing(work, look, look())
+        look = make_fact_finder(packages)
+        _check_workers(client, look)
+        checked = _wrap_checked(work, look, look())
         everywhere = client.scatter(pickle.dumps(shared), broadcast=True)
         futures = {
             client.submit(checked, pickle.dumps(task), everywhere, pure=False): n for n, task in enumerate(tasks)
@@ -77,34 +83,34 @@ def on_cluster(
             try:
                 result, theirs = future.result()
             except KilledWorker as lost:
-                yield futures[future], Lost(f"every worker that took it died, as for want of memory: {lost}")
+                yield futures[future], LostTask(f"every worker that took it died, as for want of memory: {lost}")
                 continue
             if theirs is not None:
-                raise _differ("a worker that joined later", differences(look(), theirs))
+                raise _mismatch_error("a worker that joined later", describe_mismatches(look(), theirs))
             yield futures[future], result
 
 
-def _compare(client: Any, look: Look) -> None:
+def _check_workers(client: Any, look: Look) -> None:
     """Raise MotionError unless there are workers, all of which compute with what is here."""
     try:
         client.wait_for_workers(1, timeout=PATIENCE)
     except TimeoutError:
         raise MotionError(f"the Dask cluster has no worker after {PATIENCE:g} s: start some") from None
     ours = look()
-    others = {worker: differences(ours, theirs) for worker, theirs in client.run(look).items()}
+    others = {worker: describe_mismatches(ours, theirs) for worker, theirs in client.run(look).items()}
     others = {worker: found for worker, found in others.items() if found}
     if others:
         worker, found = next(iter(others.items()))
-        raise _differ(f"{len(others)} of the cluster's workers, as {worker},", found)
+        raise _mismatch_error(f"{len(others)} of the cluster's workers, as {worker},", found)
 
 
-def _differ(who: str, found: Sequence[str]) -> MotionError:
+def _mismatch_error(who: str, found: Sequence[str]) -> MotionError:
     return MotionError(
         f"{who} would give other results: {'; '.join(found)}. Install the same there, and start the workers again"
     )
 
 
-def _after_comparing(work: Callable[[Any, Any], Any], look: Look, ours: Facts) -> Callable[[bytes, bytes], Any]:
+def _wrap_checked(work: Callable[[Any, Any], Any], look: Look, ours: Facts) -> Callable[[bytes, bytes], Any]:
     """What a worker does: its result and None, or none and its facts where they are not ours.
 
     Local and of bytes, so that nothing of this project is unpacked where it is another.
@@ -120,3 +126,38 @@ def _after_comparing(work: Callable[[Any, Any], Any], look: Look, ours: Facts) -
         return pickle.loads(packed)(pickle.loads(task), pickle.loads(shared)), None
 
     return do
+
+
+def plan_many(
+    programs: Iterable[Program],
+    machine: Machine,
+    *,
+    order: int | None = None,
+    clock_hz: int = 10_000_000,
+    address: str | None = None,
+    progress: Progress | None = None,
+) -> list[Plan | MotionError]:
+    """The plan of every program, or the MotionError that it met with, in the programs' order.
+
+    order and clock_hz as of `plan`. address as of `run_on_cluster`: of a Dask scheduler; None: this computer's cores.
+    progress is told how many programs are done, and of how many. Raises MotionError where Dask is not installed or
+    nothing answers.
+    """
+    asked = list(programs)
+    found: dict[int, Plan | MotionError] = {}
+    if not asked:
+        return []
+    for n, one in run_on_cluster(_plan_one, asked, (machine, order, clock_hz), address):
+        found[n] = MotionError(f"program {asked[n].name}: {one}") if isinstance(one, LostTask) else one
+        if progress is not None:
+            progress(len(found), len(asked))
+    return [found[n] for n in range(len(asked))]
+
+
+def _plan_one(program: Program, how: tuple[Machine, int | None, int]) -> Plan | MotionError:
+    """On a worker."""
+    machine, order, clock_hz = how
+    try:
+        return plan(program, machine, order=order, clock_hz=clock_hz)
+    except MotionError as error:
+        return error.with_traceback(None)

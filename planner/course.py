@@ -3,11 +3,11 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from kinematics.axis import Axis
-from kinematics.machine import Machine
+from kinematics.machine.axis import Axis
+from kinematics.machine.machine import Machine
 from planner.actuation import MachinePath, actuate
 from planner.limits import Limit, limits_of
-from planner.program import Program
+from planner.program.model import Program
 
 
 @dataclass(frozen=True, slots=True)

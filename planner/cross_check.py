@@ -4,13 +4,13 @@ from dataclasses import dataclass, field
 from math import isfinite
 from typing import TYPE_CHECKING
 
-from kinematics.errors import MotionError
-from kinematics.result import Result
-from kinematics.table import Column, Table
+from kinematics.foundation.errors import MotionError
+from kinematics.foundation.result import Result
+from kinematics.foundation.table import Column, Table
 from planner.limits.limit import Term
 from planner.plan import Plan
-from planner.solve import Solution, fastest
-from planner.timing.toppra_adapter import require
+from planner.timing.certified_solve import Solution, fastest
+from planner.timing.solvers.toppra_ import require
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -63,7 +63,7 @@ class CrossCheck(Result):
 
     def plot(self, ax: "Axes | None" = None) -> "Axes":
         """The speeds along the path over time."""
-        from planner.trajectory_plots import path_speed
+        from planner.figures import path_speed
 
         ax = path_speed(self.ours.trajectory, ax, label="pulsepath")
         if self.theirs is not None:

@@ -15,7 +15,7 @@ FIRST: dict[tuple[str, ...], Facts] = {}
 """What was found when first looked for: sources that are changed later are not those that run."""
 
 
-def looking(packages: Sequence[str] = PACKAGES, libraries: Sequence[str] = LIBRARIES) -> Look:
+def make_fact_finder(packages: Sequence[str] = PACKAGES, libraries: Sequence[str] = LIBRARIES) -> Look:
     """A function that finds the facts of the process that calls it.
 
     It needs nothing of this project, and being local it is sent to another process as code, not by its name: so it
@@ -57,7 +57,7 @@ def looking(packages: Sequence[str] = PACKAGES, libraries: Sequence[str] = LIBRA
     return look
 
 
-def differences(ours: Mapping[str, str], theirs: Mapping[str, str]) -> list[str]:
+def describe_mismatches(ours: Mapping[str, str], theirs: Mapping[str, str]) -> list[str]:
     """What differs, in words; nothing where the same results can be expected."""
     found = []
     for what, here in ours.items():

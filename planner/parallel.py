@@ -8,7 +8,7 @@ from contextlib import closing
 from time import perf_counter
 from typing import Any, TypeVar
 
-from planner.workers import Outcome, served
+from planner.workers import TaskOutcome, run_tasks
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")
@@ -16,11 +16,11 @@ Progress = Callable[[int, int], None]
 """Called with how much is done, and of how much; what it counts is its giver's to say."""
 
 
-def silent(done: int, of: int) -> None:
+def ignore_progress(done: int, of: int) -> None:
     """Progress that nobody asked about."""
 
 
-def share(progress: Progress, nth: int, shares: int) -> Progress:
+def share_progress(progress: Progress, nth: int, shares: int) -> Progress:
     """Of work in several shares, done one after the other and taken to be as long, the progress of one (from 0)."""
     return lambda done, of: progress(nth * of + done, shares * of)
 
@@ -54,11 +54,11 @@ def spread(
         waiting = (len(tasks) - len(results)) * (perf_counter() - begin)
         if len(results) >= TRIED and waiting > ENOUGH and cores() > 1 and multiprocessing.parent_process() is None:
             break
-    tried, early = len(results), dict[int, Outcome]()
+    tried, early = len(results), dict[int, TaskOutcome]()
     rest = tasks[tried:]
-    packed = _packed(work) if rest else None
+    packed = _pickle_work(work) if rest else None
     if packed is not None:
-        with closing(served(packed, rest, min(cores(), len(rest)))) as outcomes:
+        with closing(run_tasks(packed, rest, min(cores(), len(rest)))) as outcomes:
             for n, outcome in outcomes:
                 early[tried + n] = outcome
                 while len(results) in early:
@@ -68,7 +68,7 @@ def spread(
     return results
 
 
-def _packed(work: Callable[[Any], Any]) -> bytes | None:
+def _pickle_work(work: Callable[[Any], Any]) -> bytes | None:
     """What a process is given; None where that cannot leave this one, as what the caller's own script defines."""
     try:
         packed = pickle.dumps(work)

@@ -4,9 +4,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from kinematics.errors import MotionError, OutOfReach
-from kinematics.table import Column
-from kinematics.units import apart
+from kinematics.foundation.errors import MotionError, OutOfReach
+from kinematics.foundation.table import Column
+from kinematics.foundation.units import apart
 
 
 @dataclass(frozen=True, slots=True)

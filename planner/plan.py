@@ -1,4 +1,7 @@
-"""The main job, top to bottom: program -> path -> limits -> certified motion -> pulses."""
+"""The main job, top to bottom: program -> path -> limits -> certified motion -> pulses.
+
+Which limit holds a motion back, and when.
+"""
 
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -7,53 +10,49 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from kinematics.errors import MotionError, NotFree, OutOfReach
-from kinematics.machine import Machine
-from kinematics.result import Result
-from kinematics.table import Table
+from kinematics.foundation.errors import MotionError, NotFree, OutOfReach
+from kinematics.foundation.result import Result
+from kinematics.foundation.table import Table
+from kinematics.machine.machine import Machine
 from planner.actuation import MachinePath, actuate
-from planner.certify import Certificate
+from planner.certificate.certify import Certificate
+from planner.certificate.constant_speed import CONSTANT_SPEED, Stretch, find_stretches
+from planner.certificate.feasibility import Standing, prove_feasibility
 from planner.course import course
-from planner.departure import Departure, departure_tables, departures
-from planner.duration import within
 from planner.limits import Limit, limits_of, usual_order
-from planner.limits.clearance import Clearance
-from planner.limits.holding import Holding
-from planner.limits.tilt import Tilt
-from planner.limits.travel import Travel
-from planner.orientation import oriented
-from planner.parallel import Progress, silent
+from planner.limits.force import Holding
+from planner.limits.geometric import Clearance, Tilt, Travel
+from planner.orientation.orient import orient_open
+from planner.parallel import Progress, ignore_progress
+from planner.path.departure import Departure, departure_tables, departures
 from planner.path.join import blend_tables
 from planner.place import Infeasible, LostPath
-from planner.program import Program
+from planner.program.model import Program
 from planner.pulses import (
-    Motion,
+    AxesMotion,
     PulseSchedule,
     RealisedPath,
     Rule,
     find_rule,
     generate,
-    paced,
+    pace_axes,
     realised,
-    schedule_tables,
 )
-from planner.pulses.compensate import counted
-from planner.solve import fastest, timed
-from planner.standing import Standing, standing
-from planner.steadiness import CONSTANT, Stretch, stretches
-from planner.timing.floor import left_out
+from planner.pulses.compensation.compensate import counted
+from planner.pulses.schedule import schedule_tables
+from planner.timing.certified_solve import fastest, timing_table
+from planner.timing.lower_bound import left_out
 from planner.timing.problem import Solver
-from planner.timing.toppra_adapter import require
+from planner.timing.solvers.toppra_ import require
+from planner.timing.stated_duration import solve_stated
 from planner.trajectory import Trajectory
-from planner.triggers import Triggered, trigger_tables, triggered
-
-GEOMETRIC = tuple(limit.name for limit in (Travel, Tilt, Clearance, Holding))
-"""Limits that the path alone breaks."""
+from planner.triggers import Triggered, find_triggers, trigger_tables
 
 if TYPE_CHECKING:
-    from mpl_toolkits.mplot3d import Axes3D
-
     from planner.export.format import Exported
+
+GEOMETRIC_LIMITS = tuple(limit.name for limit in (Travel, Tilt, Clearance, Holding))
+"""Limits that the path alone breaks."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +73,7 @@ class Plan(Result):
     limits: tuple[Limit, ...] = field(repr=False)
     trajectory: Trajectory = field(repr=False)
     certificate: Certificate
-    counted: Motion = field(repr=False)
+    counted: AxesMotion = field(repr=False)
     pulses: PulseSchedule = field(repr=False)
     order: int
     rounds: int
@@ -95,7 +94,7 @@ class Plan(Result):
     @property
     def triggers(self) -> tuple[Triggered, ...]:
         """What the program marks by `trigger`: when, where, and the counts by then."""
-        return triggered(self.program, self.path, self.trajectory, self.pulses)
+        return find_triggers(self.program, self.path, self.trajectory, self.pulses)
 
     @property
     def departures(self) -> tuple[Departure, ...]:
@@ -105,21 +104,24 @@ class Plan(Result):
     @property
     def constant_speeds(self) -> tuple[Stretch, ...]:
         """Where the tool runs at exactly the speeds that segments with `speed_constant` ask for, proved to STEADY."""
-        return stretches(self.trajectory, self.certificate.use.get(CONSTANT, np.zeros(len(self.trajectory.s))))
+        return find_stretches(
+            self.trajectory, self.certificate.use.get(CONSTANT_SPEED, np.zeros(len(self.trajectory.s)))
+        )
 
     def realised(self, *, stride: int = 1) -> RealisedPath:
         """How far the pose that the pulses stand for is from the planned one; stride k looks at every k-th interval."""
         return realised(self, stride=stride)
 
     def export(self, format: str, path: str | PathLike[str], *, force: bool = False, **options: Any) -> "Exported":
-        """Write it in a format of `planner.export.formats`, and tell how far what the file holds is from the plan.
+        """Write it in a format of `planner.export.format`, and tell how far what the file holds is from the plan.
 
         options: the fields of the format's dataclass, in SI units. force: replace a file that is there.
         Raises MotionError for an unknown format or option, a file that is there, and what the format cannot hold.
         """
-        from planner.export.written import written
+        from planner.export.format import ExportSource, written
 
-        return written(self, format, path, force, options)
+        source = ExportSource(self.program.name, self.machine, self.trajectory, self.pulses)
+        return written(source, format, path, force, options)
 
     def tables(self) -> tuple[Table, ...]:
         """How long it takes, what is proved of it, its blends, its pulses and its triggers."""
@@ -127,23 +129,17 @@ class Plan(Result):
         title = f"{self.program.name} on {self.machine.name}, order {self.order}"
         units = {axis.name: axis.unit for axis in self.machine.axes}
         return (
-            timed(title, self.trajectory.duration, self.lower_estimate, stated),
+            timing_table(title, self.trajectory.duration, self.lower_estimate, stated),
             *self.certificate.tables(),
             *blend_tables(self.path.blends),
             *departure_tables(self.departures),
-            *schedule_tables.tables(self.pulses, units),
+            *schedule_tables(self.pulses, units),
             *trigger_tables(self.triggers, self.path.names),
         )
 
     def data(self) -> Table:
         """The motion over time; `certificate` and `pulses` have data of their own."""
         return self.trajectory.data()
-
-    def plot(self, ax: "Axes3D | None" = None) -> "Axes3D":
-        """The path in space, coloured by speed; planner.plots has the other figures of a plan."""
-        from planner.plots import path_in_space
-
-        return path_in_space(self, ax)
 
 
 def plan(
@@ -161,7 +157,8 @@ def plan(
 
     order 2 keeps speed and acceleration, 3 jerk as well; None: 3 where the machine states jerk limits. The pulse rates
     that it keeps are those that the clock's whole ticks and the rule can hold (`planner.pulses.paced`).
-    duration (s): the smoothest motion that takes so long instead, as `planner.duration.within` has it; None: what the
+    duration (s): the smoothest motion that takes so long instead, as `planner.timing.stated_duration.solve_stated`
+    has it; None: what the
     program states, if it does. solver: of order 2, "passes" (our own) or "toppra", whose motion is solved anew or
     slowed like ours until its proof holds. rule: of firing, or its name and options ("sampled:period=50us"). progress
     is told how many of the runs between stops are solved, and of how many, and then how far the pulses are. Raises
@@ -179,17 +176,17 @@ def plan(
     rule = find_rule(rule) if isinstance(rule, str) else rule
     if solver != "passes":
         _refuse_solver(solver, order, duration)
-    program = oriented(program, machine, order)
+    program = orient_open(program, machine, order)
     try:
-        whole = course(program, machine, order, paced(machine.axes, int(clock_hz), rule))
+        whole = course(program, machine, order, pace_axes(machine.axes, int(clock_hz), rule))
         path, limits = whole.path, whole.limits
         if duration is None:
             solution = fastest(path, limits, order, progress, solver=solver)
         else:
-            solution = within(path, limits, machine.axes, order, duration, progress)
+            solution = solve_stated(path, limits, machine.axes, order, duration, progress)
     except (Infeasible, OutOfReach) as no:
-        raise _advised(no, program, machine, order) from None
-    motors, pulses = _pulses(solution.trajectory, machine, int(clock_hz), rule, progress or silent)
+        raise _add_advice(no, program, machine, order) from None
+    motors, pulses = _pulses(solution.trajectory, machine, int(clock_hz), rule, progress or ignore_progress)
     return Plan(
         program,
         machine,
@@ -222,7 +219,7 @@ def _refuse_solver(solver: str, order: int, duration: float | None) -> None:
 
 def _pulses(
     trajectory: Trajectory, machine: Machine, clock_hz: int, rule: Rule, progress: Progress
-) -> tuple[Motion, PulseSchedule]:
+) -> tuple[AxesMotion, PulseSchedule]:
     """What is counted, and its pulses; a refusal names the segment, which pulses alone do not know."""
     try:
         motors = counted(trajectory, machine.axes, machine.home_q)
@@ -240,24 +237,37 @@ def check(program: Program, machine: Machine) -> Standing:
 
     Raises MotionError for a path that cannot be drawn.
     """
-    program = oriented(program, machine, usual_order(machine.axes))
+    program = orient_open(program, machine, usual_order(machine.axes))
     try:
         path = actuate(program, machine)
     except OutOfReach as no:
-        raise _advised(no, program, machine, 2) from None
-    found = standing(path, limits_of(path, machine.axes, 2))
-    worst = tuple(_advised(no, program, machine, 2) for no in found.violations[:1])
+        raise _add_advice(no, program, machine, 2) from None
+    found = prove_feasibility(path, limits_of(path, machine.axes, 2))
+    worst = tuple(_add_advice(no, program, machine, 2) for no in found.violations[:1])
     violations = (*worst, *found.violations[1:])
     return replace(found, violations=violations, blends=path.blends, departures=departures(path))
 
 
-def _advised(no: MotionError, program: Program, machine: Machine, order: int) -> MotionError:
+def _add_advice(no: MotionError, program: Program, machine: Machine, order: int) -> MotionError:
     """What no timing can help, with how far the path must shrink or move; a refusal of another kind as it is."""
-    from planner.refit import refit
+    from planner.certificate.advice import find_remedy
 
     if isinstance(no, NotFree):
         return no
-    more = partial(refit, program, machine, order)
+    more = partial(find_remedy, program, machine, order)
     if isinstance(no, Infeasible):
-        return no.advising(more) if no.kind in GEOMETRIC else no
+        return no.advising(more) if no.kind in GEOMETRIC_LIMITS else no
     return LostPath(str(no), more)
+
+
+ACTIVE_SHARE = 0.99
+"""The share of a limit from which on it holds the motion back."""
+
+
+def active_limits(plan: Plan) -> np.ndarray:
+    """(M,) for each time piece the index in `plan.limits` of the limit that holds the motion back; −1 where none does.
+
+    It is the most used one from 99 % on. Geometric limits, which no timing can help, hold nothing back.
+    """
+    use = np.stack([plan.certificate.use[limit.name] * (not limit.geometric) for limit in plan.limits])
+    return np.where(use.max(0) >= ACTIVE_SHARE, use.argmax(0), -1)

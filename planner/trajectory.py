@@ -1,25 +1,29 @@
-"""A motion in time: s(t) in closed-form pieces along an actuator path."""
+"""A motion in time: s(t) in closed-form pieces along an actuator path.
 
-from collections.abc import Callable, Mapping
+A motion as a series over time: distance, pose and the axes with their derivatives, row by row.
+
+A path walked at unit speed: what depends on the place alone is the same under every timing, so this one serves.
+"""
+
 from dataclasses import dataclass, field
 from functools import partial
-from pathlib import Path
+from math import ceil, log10
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinematics.array import Array, frozen
-from kinematics.clearance import Bodies
-from kinematics.errors import MotionError
-from kinematics.expression import Expression
-from kinematics.pose import Pose, from_numbers
-from kinematics.result import Result
-from kinematics.table import Column, Table
-from planner.actuation import ActuatorPath
+from kinematics.analysis.clearance import Bodies
+from kinematics.foundation.arrays import Array, freeze_array
+from kinematics.foundation.casadi_function import Expression
+from kinematics.foundation.errors import MotionError
+from kinematics.foundation.result import Result
+from kinematics.foundation.table import Column, Table
+from kinematics.machine.pose import Pose, from_numbers
+from planner.actuation import ActuatorPath, MachinePath
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+    pass
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +58,7 @@ class State:
         if self.known is not None:
             return self.known
         _, q1, q2, q3 = self.path.derivatives(self.along, self.piece)
-        return _third(q1, q2, q3, self.sd, self.sdd, self.sddd)
+        return _third_derivative(q1, q2, q3, self.sd, self.sdd, self.sddd)
 
     @property
     def pose(self) -> Pose | None:
@@ -110,7 +114,7 @@ class Trajectory(Result):
 
     def __post_init__(self) -> None:
         for name in ("knots", "s", "v", "a", "j", "piece"):
-            object.__setattr__(self, name, frozen(getattr(self, name)))
+            object.__setattr__(self, name, freeze_array(getattr(self, name)))
 
     @property
     def duration(self) -> float:
@@ -118,9 +122,8 @@ class Trajectory(Result):
 
     def tables(self) -> tuple[Table, ...]:
         """Between what each axis moves, and the largest of its derivatives that is seen."""
-        from planner.series import axis_units, instants, period
 
-        seen, units = self.at(instants(self)), axis_units(self.path)
+        seen, units = self.at(row_instants(self)), axis_units(self.path)
         rates = (("speed", seen.qd, "/s"), ("acceleration", seen.qdd, "/s^2"), ("jerk", seen.qddd, "/s^3"))
         names = Column("axis", self.path.names)
         ends = (Column(name, of(seen.q, axis=0), units, "human") for name, of in (("from", np.min), ("to", np.max)))
@@ -133,23 +136,10 @@ class Trajectory(Result):
 
     def data(self) -> Table:
         """The motion every millisecond (above 1000 s, less often): distance, pose, the axes with their derivatives."""
-        from planner.series import headings, instants, rows
 
-        values = rows(self, instants(self))
-        columns = (Column(name, values[:, k], unit) for k, (name, unit) in enumerate(headings(self.path)))
+        values = rows(self, row_instants(self))
+        columns = (Column(name, values[:, k], unit) for k, (name, unit) in enumerate(column_headings(self.path)))
         return Table(f"motion of {self.duration:.6f} s", tuple(columns))
-
-    def files(self) -> Mapping[str, Callable[[Path], None]]:
-        """.csv: `data()` in 12 digits; .json: the closed-form pieces, exact."""
-        from planner.export import motion_json, trajectory_csv
-
-        return {".csv": partial(trajectory_csv.write, self), ".json": partial(motion_json.write, self)}
-
-    def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """The speed along the path over time."""
-        from planner.trajectory_plots import path_speed
-
-        return path_speed(self, ax)
 
     def locate(self, t: Array) -> np.ndarray:
         """Index of the time piece of each instant; a knot belongs to the piece that it starts."""
@@ -192,12 +182,77 @@ class Trajectory(Result):
         derivatives = self.path.derivatives if axis is None else partial(self.path.axis_derivatives, axis)
         q, q1, q2, *q3 = derivatives(s, self.piece[k], 3 if jerk else 2)
         v, a = sd[:, None], sdd[:, None]
-        third = _third(q1, q2, q3[0], sd, sdd, sddd) if jerk else None
+        third = _third_derivative(q1, q2, q3[0], sd, sdd, sddd) if jerk else None
         when = self.knots[k] + tau if t is None else t
         return State(when, s, q, q1 * v, q1 * a + q2 * v**2, sd, sdd, sddd, self.path, self.piece[k], third)
 
 
-def _third(q1: Array, q2: Array, q3: Array, sd: Array, sdd: Array, sddd: Array) -> Array:
+def _third_derivative(q1: Array, q2: Array, q3: Array, sd: Array, sdd: Array, sddd: Array) -> Array:
     """q⃛ = q′ s⃛ + 3 q″ ṡ s̈ + q‴ ṡ³."""
     v, a, j = sd[:, None], sdd[:, None], sddd[:, None]
     return np.asarray(q1 * j + 3 * q2 * v * a + q3 * v**3)
+
+
+ROW_PERIOD = 1e-3
+"""s from row to row; the last row is the end of the motion."""
+MOST_ROWS = 1_000_000
+"""Beyond which rows are ten times as far apart, or a hundred times, and so on."""
+QUANTITIES = {"q": "", "qd": "/s", "qdd": "/s^2", "qddd": "/s^3"}
+
+
+def column_headings(path: ActuatorPath) -> list[tuple[str, str]]:
+    """Name and SI unit of each column; of a motion without a machine nothing has a unit but time."""
+    units = axis_units(path)
+    place = [("t", "s"), ("s", "")]
+    if isinstance(path, MachinePath):
+        place = [("t", "s"), ("s", "m"), *((name, "m") for name in "xyz"), *((f"r{name}", "rad") for name in "xyz")]
+    return place + [
+        (f"{name} {q}", f"{unit}{per}" if unit else "")
+        for name, unit in zip(path.names, units, strict=True)
+        for q, per in QUANTITIES.items()
+    ]
+
+
+def axis_units(path: ActuatorPath) -> tuple[str, ...]:
+    """m or rad of each axis, "" without a machine."""
+    if isinstance(path, MachinePath):
+        return tuple(axis.unit for axis in path.machine.axes)
+    return ("",) * len(path.names)
+
+
+def period(duration: float) -> float:
+    """s from row to row: PERIOD, or more of a motion that takes more than MOST_ROWS of it."""
+    return ROW_PERIOD * 10.0 ** max(0, ceil(log10(duration / ROW_PERIOD / MOST_ROWS))) if duration > 0 else ROW_PERIOD
+
+
+def row_instants(trajectory: Trajectory) -> Array:
+    """(N,) s, every `period` and the end."""
+    step = period(trajectory.duration)
+    rows = ceil(trajectory.duration / step) + 1
+    return np.asarray(np.minimum(np.arange(rows) * step, trajectory.duration), float)
+
+
+def rows(trajectory: Trajectory, t: Array) -> Array:
+    """(N, columns) at t (N,), rx, ry, rz about the moving axes in turn."""
+    state = trajectory.at(t)
+    columns = [t, state.s]
+    pose = trajectory.path.pose_numbers(state.s, state.piece) if isinstance(trajectory.path, MachinePath) else None
+    if pose is not None:
+        poses = from_numbers(pose)
+        columns += [poses.translation, poses.rotation.as_euler("XYZ", suppress_warnings=True)]
+    axes = np.stack([state.q, state.qd, state.qdd, state.qddd], 2).reshape(len(t), -1)
+    return np.asarray(np.column_stack([*columns, axes]) + 0.0)  # no row shows −0
+
+
+# Parts of a piece at least, and for each radian that it turns.
+MIN_PARTS, PER_RADIAN = 8, 4
+
+
+def unit_speed_trajectory(path: ActuatorPath) -> Trajectory:
+    """The whole path at ṡ = 1, every piece in equal parts."""
+    counts = np.maximum(MIN_PARTS, np.ceil(PER_RADIAN * path.turns)).astype(int)
+    s = [np.linspace(path.breaks[k], path.breaks[k + 1], count + 1)[:-1] for k, count in enumerate(counts)]
+    knots = np.append(np.concatenate(s), path.breaks[-1])
+    nothing = np.zeros(len(knots) - 1)
+    piece = np.repeat(np.arange(len(counts)), counts)
+    return Trajectory(path, knots - knots[0], knots[:-1], nothing + 1, nothing, nothing, piece)

@@ -6,13 +6,13 @@ from functools import partial
 
 import numpy as np
 
-from kinematics.array import Array, frozen
-from kinematics.pose import Pose
-from kinematics.table import Column, Table
-from planner.actuation import MachinePath, points_of
-from planner.path.way import way
+from kinematics.foundation.arrays import Array, freeze_array
+from kinematics.foundation.table import Column, Table
+from kinematics.machine.pose import Pose
+from planner.actuation import MachinePath, make_points
+from planner.path.arc_length import measure_length
 from planner.place import Place, where_columns
-from planner.program import SAME, Dwell, Program
+from planner.program.model import SAME, Dwell, Program
 from planner.pulses import PulseSchedule
 from planner.trajectory import Trajectory
 
@@ -49,7 +49,7 @@ def trigger_tables(events: "Sequence[Triggered]", axes: Sequence[str]) -> tuple[
     return (Table("triggers", (name, *where, Column("t", time, "s", form=".7f"), *counts)),)
 
 
-def triggered(
+def find_triggers(
     program: Program, path: MachinePath, trajectory: Trajectory, pulses: PulseSchedule
 ) -> tuple[Triggered, ...]:
     """Every trigger of a program, in the order of its segments, repetition after repetition."""
@@ -64,10 +64,10 @@ def triggered(
         if event is None:
             continue
         s = _place(path, first, last, event.at)
-        t = arrival(trajectory, s)
+        t = arrival_time(trajectory, s)
         state, counts = trajectory.at(t), pulses.counts(np.array([t]))[0]
         assert state.pose is not None  # a machine's path has one
-        found.append(Triggered(event.name, path.place(s, first, t), state.pose[0], frozen(counts, np.int64)))
+        found.append(Triggered(event.name, path.place(s, first, t), state.pose[0], freeze_array(counts, np.int64)))
     return tuple(found)
 
 
@@ -75,7 +75,7 @@ def _place(path: MachinePath, first: int, last: int, share: float) -> float:
     """s at which a share of the tool's way on pieces first … last is made; of the angle, where they only turn it."""
     low, high = float(path.breaks[first]), float(path.breaks[last + 1])
     ways = [
-        way(partial(_tool_speed, path, piece), float(path.breaks[piece]), float(path.breaks[piece + 1]))
+        measure_length(partial(_tool_speed, path, piece), float(path.breaks[piece]), float(path.breaks[piece + 1]))
         for piece in (range(first, last + 1) if 0 < share < 1 else ())
     ]
     done = np.cumsum([0.0, *(each.length for each in ways)])
@@ -87,11 +87,11 @@ def _place(path: MachinePath, first: int, last: int, share: float) -> float:
 
 def _tool_speed(path: MachinePath, piece: int, s: Array) -> Array:
     """|dp/ds| (N,) of the tool on a piece."""
-    along = points_of(path, s, np.full(len(s), piece)).tool_derivatives[1]
+    along = make_points(path, s, np.full(len(s), piece)).tool_derivatives[1]
     return np.asarray(np.linalg.norm(along[:, :3], axis=1))
 
 
-def arrival(trajectory: Trajectory, s: float) -> float:
+def arrival_time(trajectory: Trajectory, s: float) -> float:
     """The first time (s) at which the motion is at path length s, to rounding: s(t) never falls."""
     breaks = trajectory.path.breaks
     piece = int(np.searchsorted(breaks, s, side="left")) - 1
@@ -105,11 +105,11 @@ def arrival(trajectory: Trajectory, s: float) -> float:
     low, high = 0.0, float(trajectory.knots[k + 1] - trajectory.knots[k])
     for _ in range(HALVINGS):
         middle = (low + high) / 2
-        low, high = (middle, high) if _at(trajectory, k, middle) < s else (low, middle)
+        low, high = (middle, high) if _path_length_at(trajectory, k, middle) < s else (low, middle)
     return float(trajectory.knots[k]) + high
 
 
-def _at(trajectory: Trajectory, k: int, tau: float) -> float:
+def _path_length_at(trajectory: Trajectory, k: int, tau: float) -> float:
     s, v, a, j = (float(values[k]) for values in (trajectory.s, trajectory.v, trajectory.a, trajectory.j))
     return s + tau * (v + tau * (a / 2 + tau * j / 6))
 

@@ -21,24 +21,24 @@ from types import ModuleType
 from typing import Any
 
 # Processes that a task may take along before no other is given it.
-FATAL = 2
+MAX_DEATHS = 2
 # Processes replaced at most: where more die, it is not for the tasks that they do.
-REPLACED = 16
+MAX_REPLACED = 16
 # s given to a process that has nothing left to do to end by itself.
-ENDING = 2.0
+END_WAIT = 2.0
 
 _CONTEXT = multiprocessing.get_context("spawn")
 
 Started = tuple[BaseProcess, Connection]
-"""A process that does `serve`, and this end of its pipe."""
+"""A process that does `serve_tasks`, and this end of its pipe."""
 
 
-class Elsewhere(Exception):
+class RemoteTrace(Exception):
     """Where in another process an error was raised."""
 
 
 @dataclass(frozen=True, slots=True)
-class Outcome:
+class TaskOutcome:
     """What a task gave: its value, or the error that it raised and the trace of that."""
 
     value: Any = None
@@ -48,11 +48,11 @@ class Outcome:
     def result(self) -> Any:
         """The value. Raises what the task raised."""
         if self.error is not None:
-            raise self.error from Elsewhere(f"\n{self.trace}")
+            raise self.error from RemoteTrace(f"\n{self.trace}")
         return self.value
 
 
-def served(packed: bytes, tasks: Sequence[Any], count: int) -> Generator[tuple[int, Outcome], None, None]:
+def run_tasks(packed: bytes, tasks: Sequence[Any], count: int) -> Generator[tuple[int, TaskOutcome], None, None]:
     """(n, outcome) of tasks as they are done by `count` processes; close it, and they are no more.
 
     A process that dies is replaced. Left out are tasks that took several along, all where too many died, and what
@@ -61,8 +61,8 @@ def served(packed: bytes, tasks: Sequence[Any], count: int) -> Generator[tuple[i
     packed  the pickled function that does a task
     """
     workers = [Worker() for _ in range(count)]
-    todo, lost, spare = deque(range(len(tasks))), Counter[int](), REPLACED
-    finished: list[tuple[int, Outcome]] = []
+    todo, lost, spare = deque(range(len(tasks))), Counter[int](), MAX_REPLACED
+    finished: list[tuple[int, TaskOutcome]] = []
     try:
         while True:
             for worker in workers:
@@ -83,7 +83,7 @@ def served(packed: bytes, tasks: Sequence[Any], count: int) -> Generator[tuple[i
                     workers.remove(worker)
                     worker.kill()
                     lost[n] += 1
-                    if lost[n] < FATAL:
+                    if lost[n] < MAX_DEATHS:
                         todo.appendleft(n)
                     if spare and todo:
                         spare -= 1
@@ -105,7 +105,7 @@ class Worker:
     """A process, this end of its pipe, and the number of the task that it is busy with."""
 
     def __init__(self, started: Started | None = None) -> None:
-        self.process, self.pipe = _started() if started is None else started
+        self.process, self.pipe = _start_worker() if started is None else started
         self.busy: int | None = None
         self._told = False
 
@@ -132,7 +132,7 @@ class Worker:
         except OSError:
             return True
 
-    def take(self) -> tuple[int, Outcome | None]:
+    def take(self) -> tuple[int, TaskOutcome | None]:
         """The task that it was given, and what that gave: None where the process died before it could tell."""
         n, self.busy = self.busy, None
         assert n is not None  # only the busy are asked
@@ -147,30 +147,30 @@ class Worker:
 
     def end(self) -> None:
         self.pipe.close()  # on which it ends, unless it is busy
-        self.process.join(ENDING if self.busy is None else 0)
+        self.process.join(END_WAIT if self.busy is None else 0)
         if self.process.is_alive():
             self.process.kill()
         self.process.join()
 
 
-def _started() -> Started:
+def _start_worker() -> Started:
     pipe, other = _CONTEXT.Pipe()
     # its work goes through the pipe too: what a process is started with, Python cannot send to one that is killed
-    process = _CONTEXT.Process(target=serve, args=(other,), daemon=True)
-    with main_hidden():
+    process = _CONTEXT.Process(target=serve_tasks, args=(other,), daemon=True)
+    with hide_main():
         process.start()
     other.close()
     return process, pipe
 
 
-def serve(pipe: Connection) -> None:
+def serve_tasks(pipe: Connection) -> None:
     """In a process: do tasks until there are no more."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # a terminal's Ctrl-C reaches every process; the first one ends all
     Thread(target=_end_with_parent, daemon=True).start()
     try:
         work = pickle.loads(pipe.recv_bytes())
         while True:
-            pipe.send_bytes(_done(work, pipe.recv_bytes()))
+            pipe.send_bytes(_run_task(work, pipe.recv_bytes()))
     except (EOFError, OSError):
         pass
 
@@ -183,22 +183,22 @@ def _end_with_parent() -> None:
         os._exit(1)
 
 
-def _done(work: Callable[[Any], Any], task: bytes) -> bytes:
+def _run_task(work: Callable[[Any], Any], task: bytes) -> bytes:
     """The pickled outcome of a pickled task."""
     try:
-        return pickle.dumps(Outcome(work(pickle.loads(task))))
+        return pickle.dumps(TaskOutcome(work(pickle.loads(task))))
     except Exception as error:
         trace = format_exc()
         try:
-            packed = pickle.dumps(Outcome(error=error, trace=trace))
+            packed = pickle.dumps(TaskOutcome(error=error, trace=trace))
             pickle.loads(packed)  # not every error can be made again
         except Exception:
-            packed = pickle.dumps(Outcome(error=RuntimeError(repr(error)), trace=trace))
+            packed = pickle.dumps(TaskOutcome(error=RuntimeError(repr(error)), trace=trace))
         return packed
 
 
 @contextmanager
-def main_hidden() -> Iterator[None]:
+def hide_main() -> Iterator[None]:
     """Around the start of processes: each would run the caller's script again, and few scripts are made for it."""
     main = sys.modules["__main__"]
     sys.modules["__main__"] = ModuleType("__main__")

@@ -15,8 +15,8 @@ __version__ = "0.1.0"
 
 if TYPE_CHECKING:
     from benchmarks.animation import animate, four_views, save_four_views
-    from benchmarks.compare import Comparison, compare, verdict_of
-    from benchmarks.report import write_report
+    from benchmarks.reports.gain import Comparison, compare, verdict_of
+    from benchmarks.reports.plan_report import write_report
     from benchmarks.sweep import Grid, read_setting, settings_of, sweep
     from controllers import Metrics, Rig, Tracking, evaluate, find_law, law_names, load_rig, rig_names, track
     from kinematics import (
@@ -269,9 +269,9 @@ _FLOORS = (
     "kinematics",
     "planner",
     "controllers",
-    "benchmarks.report",
+    "benchmarks.reports.plan_report",
     "benchmarks.sweep",
-    "benchmarks.compare",
+    "benchmarks.reports.gain",
     "benchmarks.animation",
 )
 

@@ -2,7 +2,7 @@
 
 import signal
 
-from pulsepath.supervisor import supervise
+from pulsepath.process.supervisor import supervise
 
 
 def main() -> None:

@@ -6,7 +6,7 @@ from inspect import getdoc
 from typing import Any
 
 from controllers.laws.registry import LAWS
-from kinematics.registry import presets
+from kinematics.foundation.names import presets
 
 Record = dict[str, Any]
 
@@ -15,7 +15,7 @@ def programs() -> list[Record]:
     """Each program with its machine and the number of its segments."""
     return [
         {"name": name, "machine": data.get("machine"), "segments": len(data["segment"]), "about": about}
-        for name, data, about in _files("planner")
+        for name, data, about in _read_presets("planner")
     ]
 
 
@@ -28,7 +28,7 @@ def rigs() -> list[Record]:
             "tasks": list(dict.fromkeys(task["name"] for task in data.get("task", []))),
             "about": about,
         }
-        for name, data, about in _files("controllers")
+        for name, data, about in _read_presets("controllers")
     ]
 
 
@@ -44,7 +44,7 @@ def laws() -> list[Record]:
     return found
 
 
-def _files(package: str) -> list[tuple[str, Record, str]]:
+def _read_presets(package: str) -> list[tuple[str, Record, str]]:
     """Name, data and the first sentence of each preset of a package."""
     texts = {name: file.read_text(encoding="utf-8") for name, file in presets(package).items()}
     return [(name, tomllib.loads(text), _sentence(text)) for name, text in texts.items()]

@@ -3,22 +3,22 @@
 import click
 
 from pulsepath import __version__
-from pulsepath.calibrate_command import calibrate
-from pulsepath.check_command import check
-from pulsepath.commands import Commands
-from pulsepath.compare_command import compare
-from pulsepath.completion_command import completion
-from pulsepath.console_command import console
-from pulsepath.exits import BAD_INPUT, INFEASIBLE, INTERNAL, INTERRUPTED
-from pulsepath.export_command import export
-from pulsepath.import_command import import_
-from pulsepath.init_command import init
-from pulsepath.lists_command import laws, machines, programs, rigs, rules
-from pulsepath.plan_command import plan
-from pulsepath.pose_command import pose
-from pulsepath.positions_command import positions
-from pulsepath.track_command import track
-from pulsepath.view_command import view
+from pulsepath.command_group import Commands
+from pulsepath.commands.calibrate import calibrate
+from pulsepath.commands.check import check
+from pulsepath.commands.compare import compare
+from pulsepath.commands.completion import completion
+from pulsepath.commands.console import console
+from pulsepath.commands.export import export
+from pulsepath.commands.import_ import import_
+from pulsepath.commands.init import init
+from pulsepath.commands.lists import laws, machines, programs, rigs, rules
+from pulsepath.commands.plan import plan
+from pulsepath.commands.pose import pose
+from pulsepath.commands.positions import positions
+from pulsepath.commands.track import track
+from pulsepath.commands.view import view
+from pulsepath.process.exits import BAD_INPUT, INFEASIBLE, INTERNAL, INTERRUPTED
 
 SECTIONS = {
     "Plan": ("init", "pose", "check", "plan", "view", "export"),

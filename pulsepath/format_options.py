@@ -6,11 +6,11 @@ from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 import click
 
-from kinematics.errors import MotionError
-from planner.export.formats import FORMATS, find_format
-from planner.option import options as known_options
-from planner.sources.registry import SOURCES, find_source
-from pulsepath.options import quantity_of
+from kinematics.foundation.errors import MotionError
+from planner.export.format import FORMATS, find_format
+from planner.options import options as known_options
+from planner.sources.source import SOURCES, find_source
+from pulsepath.options import read_quantity
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +50,7 @@ class Formats:
             raise MotionError(f"format {name} has no option {_flag(key)}; its options: {offered}")
         for key in values:
             unit = own[key].metadata["unit"]
-            values[key] = quantity_of(_flag(key), values[key], unit) if unit else values[key]
+            values[key] = read_quantity(_flag(key), values[key], unit) if unit else values[key]
             if get_origin(kinds[key]) is Literal and values[key] not in get_args(kinds[key]):
                 choices = ", ".join(get_args(kinds[key]))
                 raise MotionError(f'format {name}, option {_flag(key)}: "{values[key]}" is none of {choices}')

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from kinematics import Fault, FileError, Machine, MotionError, NotInstalled, load_machine
-from kinematics.document import read
-from kinematics.machine_file import toml_of
-from kinematics.registry import beside, find
+from kinematics.files.toml_document import read
+from kinematics.foundation.names import find, source_folder
+from kinematics.machine.machine_file import toml_of
 from planner import Program, load_program
 
 if TYPE_CHECKING:
@@ -46,9 +46,9 @@ def read_inputs(program: str, machine: str | None) -> Inputs:
     try:
         loaded = load_program(program)
     except FileError as error:
-        raise error if machine is not None else _with_machine(error, program) from None
+        raise error if machine is not None else _add_machine_fault(error, program) from None
     try:
-        name = _named(loaded.machine, program) if machine is None else machine
+        name = _machine_name(loaded.machine, program) if machine is None else machine
         driven, file = load_machine(name), find("kinematics", "machine", name)
     except NotInstalled:  # which is no fault of the file
         raise
@@ -59,7 +59,7 @@ def read_inputs(program: str, machine: str | None) -> Inputs:
         raise FileError(document.file, [document.fault(("machine",), error)]) from error
     content = toml_of(file)
     urdf = tomllib.loads(content.decode()).get("geometry", {}).get("urdf")
-    companions = {} if urdf is None else {urdf: (beside("kinematics", file) / urdf).read_bytes()}
+    companions = {} if urdf is None else {urdf: (source_folder("kinematics", file) / urdf).read_bytes()}
     return Inputs(loaded, driven, find("planner", "program", program).read_bytes(), content, companions)
 
 
@@ -70,7 +70,7 @@ def read_rig(name_or_path: str | None, machine: Machine) -> "Rig | None":
     return None if name_or_path is None else choose_rig(machine, name_or_path)
 
 
-def _with_machine(error: FileError, source: str) -> FileError:
+def _add_machine_fault(error: FileError, source: str) -> FileError:
     """The faults of a program, and that the machine which it names is not to be found: all in one pass."""
     try:
         document = read(find("planner", "program", source))
@@ -79,7 +79,7 @@ def _with_machine(error: FileError, source: str) -> FileError:
     try:
         named = document.data.get("machine")
         if isinstance(named, str):
-            load_machine(_named(named, source))
+            load_machine(_machine_name(named, source))
     except FileError as no:
         if Path(no.file).is_file():  # which has faults of its own
             return error
@@ -97,7 +97,7 @@ def _line(fault: Fault) -> int:
     return fault.line or 0
 
 
-def _named(machine: str | None, source: str) -> str:
+def _machine_name(machine: str | None, source: str) -> str:
     if machine is None:
         name = Path(source).stem
         raise MotionError(f'program {name} names no machine; give --machine, or write machine = "…" in it')

@@ -9,16 +9,15 @@ from controllers.rig import Rig
 from kinematics import Machine, MotionError
 from planner import Plan, Program, plan
 from planner.baselines import Classical, pick_baseline
-from planner.beside import NOTHING, Beside
+from planner.beside import NO_PROCESS, SideProcess
 from planner.cross_check import CrossCheck, cross_check
-from planner.limits import unkept, usual_order
-from planner.orientation import oriented
+from planner.limits import find_unkept_limits, usual_order
+from planner.orientation.orient import orient_open
 from planner.pulses import RealisedPath
-from pulsepath.progress import step
-from pulsepath.second_work import Seen, seen, timed, timed_ahead
-from pulsepath.talk import detail, note
+from pulsepath.process.second_work import PlanReview, seen, time_baselines, time_baselines_ahead
+from pulsepath.progress import detail, note, step
 
-LOOKED = 25_000
+REALISED_SAMPLES = 25_000
 """Intervals between pulses at which the realised path is looked at: well below a second, and within 2 % in its RMS."""
 
 
@@ -41,7 +40,7 @@ class Job:
     classical: Classical
     others: tuple[Classical, ...]
     realised: RealisedPath | None
-    seen: Callable[[], Seen]
+    seen: Callable[[], PlanReview]
     figures: bool
     rig: Rig | None
     crossed: CrossCheck | None = None
@@ -59,24 +58,24 @@ def run(
     clock_hz: int,
     duration: float | None = None,
     rule: str = "nearest",
-    other: Beside = NOTHING,
+    other: SideProcess = NO_PROCESS,
     figures: bool = True,
     rig: Rig | None = None,
     crossed: bool = False,
 ) -> Job:
     """Plan, prove and compare, in the other process as well. Raises as `planner.plan`."""
-    for field in unkept(machine):
+    for field in find_unkept_limits(machine):
         note(f"note: {machine.name} states {field} but no masses, so no plan can keep it")
     with step(f"planning {program.name} on {machine.name}") as tell:
-        program = oriented(program, machine, usual_order(machine.axes) if order is None else order)
-        timing = other.start(partial(timed_ahead, program, machine))
+        program = orient_open(program, machine, usual_order(machine.axes) if order is None else order)
+        timing = other.start(partial(time_baselines_ahead, program, machine))
         planned = plan(program, machine, order=order, clock_hz=clock_hz, duration=duration, rule=rule, progress=tell)
     look = partial(seen, planned, figures, rig)
     looking = other.start(look)
-    detail(_how(planned))
+    detail(_describe_solution(planned))
     realised = _followed(planned)
     with step("timing the path classically"):
-        found = timing.result(partial(timed, planned))
+        found = timing.result(partial(time_baselines, planned))
     for line in found.notes:
         detail(line)
     baseline = pick_baseline(planned, found.timings)
@@ -90,7 +89,7 @@ def _crossed(planned: Plan) -> CrossCheck:
         return cross_check(planned)
 
 
-def _how(planned: Plan) -> str:
+def _describe_solution(planned: Plan) -> str:
     """How the motion was found."""
     runs = ", ".join(f"{count} by {method}" for method, count in Counter(planned.methods).items())
     near = "" if planned.gap is None else f"; {100 * planned.gap:.3f} % above an estimate of the least time"
@@ -101,7 +100,7 @@ def _followed(planned: Plan) -> RealisedPath | None:
     """The path that the pulses make; None where the machine is singular on the way, so that counts tell no pose."""
     try:
         with step("following the path that the pulses make"):
-            return planned.realised(stride=max(1, planned.pulses.total // LOOKED))
+            return planned.realised(stride=max(1, planned.pulses.total // REALISED_SAMPLES))
     except MotionError as error:
         note(f"the path of the pulses is not known: {error}")
         return None

@@ -11,16 +11,16 @@ if TYPE_CHECKING:
 Completer = Callable[["click.Context", "click.Parameter", str], list["CompletionItem"]]
 
 
-def bundled(folder: str) -> list[str]:
+def preset_names(folder: str) -> list[str]:
     """Names of the presets in a package's folder, as "kinematics/presets"."""
-    return sorted(file.stem for file in _found(folder).glob("*.toml"))
+    return sorted(file.stem for file in _package_path(folder).glob("*.toml"))
 
 
-def registered(module: str, table: str) -> list[str]:
-    """The names in the keys of a table that a module's source writes out, as "planner/export/formats.py", FORMATS."""
+def registered_names(module: str, table: str) -> list[str]:
+    """The names in the keys of a table that a module's source writes out, as "planner/export/format.py", FORMATS."""
     import ast
 
-    for statement in ast.parse(_found(module).read_text(encoding="utf-8")).body:
+    for statement in ast.parse(_package_path(module).read_text(encoding="utf-8")).body:
         match statement:
             case ast.Assign(targets=[ast.Name(id=name)], value=ast.Dict() as value) if name == table:
                 break
@@ -33,39 +33,38 @@ def registered(module: str, table: str) -> list[str]:
 
 
 def machines() -> list[str]:
-    return bundled("kinematics/presets")
+    return preset_names("kinematics/presets")
 
 
 def programs() -> list[str]:
-    return bundled("planner/presets")
+    return preset_names("planner/presets")
 
 
 def rigs() -> list[str]:
-    return bundled("controllers/presets")
+    return preset_names("controllers/presets")
 
 
 def measurements() -> list[str]:
-    return bundled("kinematics/calibration/presets")
+    return preset_names("kinematics/calibration/presets")
 
 
 def laws() -> list[str]:
-    return registered("controllers/laws/registry.py", "LAWS")
+    return registered_names("controllers/laws/registry.py", "LAWS")
 
 
 def rules() -> list[str]:
-    """Each is a file of its name."""
-    return sorted(file.stem for file in _found("planner/pulses/rules").glob("[a-z]*.py") if file.stem != "rule")
+    return registered_names("planner/pulses/generation/generate.py", "RULES")
 
 
 def exports() -> list[str]:
-    return registered("planner/export/formats.py", "FORMATS")
+    return registered_names("planner/export/format.py", "FORMATS")
 
 
 def imports() -> list[str]:
-    return registered("planner/sources/registry.py", "SOURCES")
+    return registered_names("planner/sources/source.py", "SOURCES")
 
 
-def completing(names: Callable[[], list[str]], *, files: bool = False) -> Completer:
+def make_completer(names: Callable[[], list[str]], *, files: bool = False) -> Completer:
     """Completes one of the names, or, where `files` may be given as well, a file: as soon as no name fits."""
 
     def complete(context: "click.Context", parameter: "click.Parameter", begun: str) -> list["CompletionItem"]:
@@ -78,7 +77,7 @@ def completing(names: Callable[[], list[str]], *, files: bool = False) -> Comple
     return complete
 
 
-def _found(path: str) -> Path:
+def _package_path(path: str) -> Path:
     """A file or folder within a package of this project, which is not imported for it."""
     from importlib.util import find_spec
 

@@ -1,16 +1,25 @@
-"""Arguments and options that several commands share."""
+"""Arguments and options that several commands share.
 
+The option --motion: run a program as it says, or from pose to pose by synchronised moves.
+"""
+
+from dataclasses import replace
 from math import inf
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from pulsepath import known_names
-from pulsepath.known_names import completing
+from pulsepath.known_names import make_completer
+from pulsepath.progress import note
+
+if TYPE_CHECKING:
+    from pulsepath.inputs import Inputs
 
 LAWS = ("3", "6")
 """Tracking laws by default: open and closed loop."""
-program_argument = click.argument("program", shell_complete=completing(known_names.programs, files=True))
+program_argument = click.argument("program", shell_complete=make_completer(known_names.programs, files=True))
 dump_option = click.option(
     "--dump-config",
     "dumped",
@@ -28,16 +37,43 @@ machine_option = click.option(
     "--machine",
     metavar="MACHINE",
     help="Preset or file; default: the one the program names.",
-    shell_complete=completing(known_names.machines, files=True),
+    shell_complete=make_completer(known_names.machines, files=True),
 )
 
 
-def quantity_of(flag: str, text: str, unit: str, above: float = -inf, least: float = -inf) -> float:
+def read_quantity(flag: str, text: str, unit: str, above: float = -inf, least: float = -inf) -> float:
     """The SI value of a quantity that an option gives. Raises BadValue, which names the option."""
-    from kinematics.errors import BadValue
-    from kinematics.units import Unit
+    from kinematics.foundation.errors import BadValue
+    from kinematics.foundation.units import Unit
 
     try:
         return Unit(unit, above=above, least=least).read(text, {})
     except BadValue as error:
         raise BadValue(f"option {flag}: {error}", allowed=error.allowed, nearest=error.nearest) from None
+
+
+PROGRAMMED, SYNCHRONISED = "programmed", "synchronised"
+
+motion_option = click.option(
+    "--motion",
+    type=click.Choice([PROGRAMMED, SYNCHRONISED]),
+    default=PROGRAMMED,
+    show_default=True,
+    help="synchronised: from pose to pose with a stop at each, every axis straight to its place, all together; "
+    "how far that leaves a straight line is told.",
+)
+
+
+def apply_motion(motion: str, inputs: "Inputs") -> "Inputs":
+    """The inputs, their program one of synchronised moves where that is asked for: what is left out is told."""
+    if motion == PROGRAMMED:
+        return inputs
+    from planner import synchronise
+    from planner.program.program_writer import program_toml
+
+    program, left_out = synchronise(inputs.program, inputs.machine)
+    if left_out:
+        for number in left_out:
+            note(f"note: segment {number} ends where it starts: left out, since a synchronised move would do nothing")
+    about = f"The program {program.name} as synchronised moves, by --motion {SYNCHRONISED}."
+    return replace(inputs, program=program, program_toml=program_toml(program, about).encode())

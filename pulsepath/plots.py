@@ -3,19 +3,11 @@
 They return the axes (those of a gain report a list of them); `axes.figure` is the figure, which a notebook shows.
 """
 
-from benchmarks.compare.gain_figures import gains, pareto
-from controllers.plots import circular_test, contour_error, following_error, path_accuracy, tracking_error
-from kinematics.calibration.plots import errors_by_pose, singular_values
-from kinematics.plots import force, position_error, reach
-from planner.held_back import active_limits
-from planner.plots import (
-    axis_motion,
-    limit_use,
-    path_in_space,
-    pulse_rate,
-    realised_error,
-)
-from planner.trajectory_plots import path_speed
+from benchmarks.reports.gain.setting_figures import gains, pareto
+from controllers.figures import circular_test, contour_error, following_error, path_accuracy, tracking_error
+from kinematics.figures import errors_by_pose, force, position_error, reach, singular_values
+from planner.figures import axis_motion, limit_use, path_in_space, path_speed, pulse_rate, realised_error
+from planner.plan import active_limits
 
 __all__ = [
     "active_limits",

@@ -1,26 +1,33 @@
-"""Progress of long work, on stderr: a spinner on a terminal, a line per step elsewhere, and how far long steps are."""
+"""Progress of long work, on stderr: a spinner on a terminal, a line per step elsewhere, and how far long steps are.
 
+How much a command says beside its result, and in what dress: --quiet, --verbose, NO_COLOR, a dumb terminal.
+"""
+
+import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from time import perf_counter
+from typing import IO
 
-from pulsepath import talk
+import click
+
+from pulsepath.process.load_alone import load_alone
 
 EVERY = 10.0
 """s between two lines of a long step, where they are not drawn over each other."""
-COUNTED = 1000
+MAX_COUNTED = 1000
 """Up to so many, things are told by number; of more, as of ticks or bytes, their share says enough."""
 
 
 @contextmanager
 def step(what: str) -> Iterator[Callable[[int, int], None]]:
     """Tell that a step begins, and in the end how long it took; what it yields tells how much is done, of how much."""
-    begin, what = perf_counter(), talk.plain(what)
-    if talk.level() == talk.QUIET:
-        yield _nothing
+    begin, what = perf_counter(), escape_text(what)
+    if level() == QUIET:
+        yield _report_nothing
         return
-    if talk.dressed(sys.stderr):
+    if is_styled(sys.stderr):
         from rich.console import Console
 
         with Console(stderr=True, markup=False).status(what) as status:
@@ -39,9 +46,64 @@ def step(what: str) -> Iterator[Callable[[int, int], None]]:
     print(f"{what}: {perf_counter() - begin:.1f} s", file=sys.stderr, flush=True)
 
 
-def _nothing(done: int, of: int) -> None:
+def _report_nothing(done: int, of: int) -> None:
     """What is told of progress where all is to be quiet."""
 
 
 def _far(done: int, of: int) -> str:
-    return f"{done} of {of}" if of <= COUNTED else f"{100 * done // of} %"
+    return f"{done} of {of}" if of <= MAX_COUNTED else f"{100 * done // of} %"
+
+
+QUIET, USUAL, VERBOSE = -1, 0, 1
+_LEVEL = "pulsepath.progress"
+
+
+def options() -> list[click.Option]:
+    """-q and -v, which every command takes, and the group of all before it."""
+
+    def flag(level: int, *names: str, told: str) -> click.Option:
+        def choose(context: click.Context, _: click.Parameter, given: bool) -> None:
+            if given and context.meta.setdefault(_LEVEL, level) != level:
+                raise click.UsageError("--quiet and --verbose exclude each other: give one.", context)
+
+        return click.Option(names, is_flag=True, expose_value=False, callback=choose, help=told)
+
+    return [
+        flag(QUIET, "-q", "--quiet", told="No progress and no notes: results and errors alone."),
+        flag(VERBOSE, "-v", "--verbose", told="Also how it was found: rounds, methods, times."),
+    ]
+
+
+def level() -> int:
+    """QUIET, USUAL or VERBOSE, as the command line that runs has it; USUAL where none does."""
+    context = click.get_current_context(silent=True)
+    chosen: int = USUAL if context is None else context.meta.get(_LEVEL, USUAL)
+    return chosen
+
+
+def say(text: object, *, err: bool = False) -> None:
+    """A line, or more of them, with all escaped that a terminal would obey: names in it come from files."""
+    click.echo(escape_text(str(text)), err=err)
+
+
+def escape_text(text: str) -> str:
+    """As kinematics.files.plain_text has it, which would load all of kinematics here."""
+    escaped: str = load_alone("plain_text").plain(text)
+    return escaped
+
+
+def note(text: str) -> None:
+    """A line on stderr, unless all is to be quiet."""
+    if level() > QUIET:
+        say(text, err=True)
+
+
+def detail(text: str) -> None:
+    """A line on stderr where more is asked for."""
+    if level() >= VERBOSE:
+        say(text, err=True)
+
+
+def is_styled(stream: IO[str]) -> bool:
+    """Whether a stream shows colours, and lines drawn over each other [no-color.org]."""
+    return stream.isatty() and not os.environ.get("NO_COLOR") and os.environ.get("TERM") not in ("dumb", "unknown")

@@ -6,7 +6,7 @@ from collections.abc import Generator
 import pytest
 from hypothesis import settings
 
-from kinematics.errors import NotInstalled
+from kinematics.foundation.errors import NotInstalled
 
 # The same code gives the same verdict; to look for new examples: pytest --hypothesis-profile=default
 settings.register_profile("repeatable", derandomize=True, deadline=None)

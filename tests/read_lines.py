@@ -2,12 +2,12 @@
 
 from dataclasses import replace
 
-from planner.pulses.lines import Lines, parts
-from planner.pulses.parts import joined
+from planner.pulses.checking.edge_reader import Lines, parts
+from planner.pulses.schedule import join_schedules
 
 
 def read(path, clock_hz, axes, home_q, *, start=None, duration=None):
     """start: counts before the first pulse, None: 0; duration (s), None: up to the last row."""
     held = list(parts(path, clock_hz, axes, home_q, start=start))
-    schedule = joined(part.schedule for part in held)
+    schedule = join_schedules(part.schedule for part in held)
     return Lines(schedule if duration is None else replace(schedule, duration=duration), held[-1].times)

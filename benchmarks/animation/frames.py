@@ -1,4 +1,9 @@
-"""What an animation shows: the machine at even instants of a plan, how near it is to its limits, and both paths."""
+"""What an animation shows: the machine at even instants of a plan, how near it is to its limits, and both paths.
+
+Which limit is nearest to its bound at an instant, for every axis and the tool; and how tilted the joints are.
+
+All from the limits' own `value` and `use`, which the certificate is made of too.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,28 +13,85 @@ from typing import Protocol
 import casadi as ca
 import numpy as np
 
-from benchmarks.animation.nearest import Nearest, nearest, tilt_use
-from kinematics.array import Array, frozen
-from kinematics.errors import MotionError
-from kinematics.machine import Machine
-from kinematics.pose import from_numbers
-from kinematics.skeleton import Bar, Pivot, Placed, place
+from kinematics.foundation.arrays import Array, freeze_array
+from kinematics.foundation.errors import MotionError
+from kinematics.machine.kind import Bar, Pivot, PlacedSkeleton
+from kinematics.machine.machine import Machine
+from kinematics.machine.model import place_skeleton
+from kinematics.machine.pose import from_numbers
 from planner.limits import Limit
-from planner.program import Program
+from planner.limits.geometric import Tilt
+from planner.program.model import Program
 from planner.pulses import PulseSchedule
-from planner.pulses.reached import reached
+from planner.pulses.count_errors import reached
 from planner.trajectory import State, Trajectory
 
-ALONG, RATE, MOST = 1200, 100.0, 6000
+TOOL = "tool"
+"""Who owns what is no axis': the caps of a program."""
+NO_LIMIT = -1
+"""In `which`, where nothing limits an owner."""
+
+
+@dataclass(frozen=True, slots=True)
+class NearestLimit:
+    """At N instants, the use of each owner's limit that is nearest to its bound (N, owners), and its index in `limits`.
+
+    owners  the axes, and the tool where anything limits it
+    """
+
+    owners: tuple[str, ...]
+    limits: tuple[str, ...]
+    use: Array
+    which: np.ndarray
+
+
+def nearest(limits: Sequence[Limit], state: State, axes: Sequence[str]) -> NearestLimit:
+    """Of all limits but tilt, which is the joints' own. A clearance between two legs belongs to both."""
+    owners = (*axes, TOOL)
+    use, which = np.zeros((len(state.t), len(owners))), np.full((len(state.t), len(owners)), NO_LIMIT)
+    for n, limit in enumerate(limits):
+        if isinstance(limit, Tilt):
+            continue
+        value = limit.value(state)
+        shares = limit.use(value, value, state.piece)
+        for channel, share in zip(limit.channels, shares.T, strict=True):
+            for owner in _owners(channel, axes):
+                beats = (share > use[:, owner]) | (which[:, owner] == NO_LIMIT)
+                use[beats, owner], which[beats, owner] = share[beats], n
+    count = len(owners) if (which[:, -1] != NO_LIMIT).any() else len(axes)
+    names = tuple(limit.name for limit in limits)
+    return NearestLimit(owners[:count], names, freeze_array(use[:, :count]), freeze_array(which[:, :count], int))
+
+
+def tilt_use(limits: Sequence[Limit], state: State, joints: Sequence[str]) -> Array:
+    """(N, joints) share of the tilt limit; NaN for joints that have none."""
+    found = np.full((len(state.t), len(joints)), np.nan)
+    for limit in limits:
+        if isinstance(limit, Tilt):
+            value = limit.value(state)
+            use = limit.use(value, value, state.piece)
+            for k, name in enumerate(joints):
+                if name in limit.channels:
+                    found[:, k] = use[:, limit.channels.index(name)]
+    return freeze_array(found)
+
+
+def _owners(channel: str, axes: Sequence[str]) -> list[int]:
+    """Indices of those a channel belongs to: an axis, both legs of a pair ("leg1–leg2"), else the tool, the last."""
+    named = {channel, *channel.split("–")}
+    return [n for n, axis in enumerate(axes) if axis in named] or [len(axes)]
+
+
+MIN_PATH_INSTANTS, PATH_INSTANT_RATE, MAX_PATH_INSTANTS = 1200, 100.0, 6000
 """Instants at which both paths are drawn, evenly in time: at least; 1/s of a motion that lasts longer; at most, so that
 the page stays small."""
-SHOWN = 0.04
+DRAWN_ERROR_SHARE = 0.04
 """Share of the path's size that the largest error of the pulses is drawn as, at most, if nothing else is asked for."""
-FLAT = 1e-6
+FLATNESS_SHARE = 1e-6
 """Share of its size up to which a machine lies in one plane."""
 
 
-class Animated(Protocol):
+class AnimatablePlan(Protocol):
     """What can be shown: a plan is one, and so is what `DrawnPlan` holds."""
 
     @property
@@ -75,9 +137,9 @@ class Frames:
     t: Array
     bars: tuple[Bar, ...]
     pivots: tuple[Pivot, ...]
-    placed: Placed
+    placed: PlacedSkeleton
     tool: Array
-    nearest: Nearest
+    nearest: NearestLimit
     tilt: Array
     planned: Array
     errors: Array | None
@@ -109,7 +171,7 @@ class Frames:
     @property
     def flat(self) -> bool:
         """Whether all of it lies in one plane, z = constant."""
-        return bool(np.ptp(self.box[:, 2]) <= FLAT * self.size)
+        return bool(np.ptp(self.box[:, 2]) <= FLATNESS_SHARE * self.size)
 
     @property
     def size(self) -> float:
@@ -117,12 +179,12 @@ class Frames:
         return float(np.linalg.norm(self.box[1] - self.box[0]))
 
 
-def frames_of(plan: Animated, t: Array, magnified: float | None = None) -> Frames:
+def compute_frames(plan: AnimatablePlan, t: Array, magnified: float | None = None) -> Frames:
     """The frames at instants t (N,) s; magnified: as `magnification` chooses by default, 1 is true scale."""
     machine = plan.machine
     state = plan.trajectory.at(t)
     x = _numbers(state)
-    along = even(plan.trajectory, instants(plan.trajectory.duration))
+    along = even_instants(plan.trajectory, count_instants(plan.trajectory.duration))
     wanted = _numbers(plan.trajectory.at(along))
     planned = _tool(plan, wanted)
     try:
@@ -130,43 +192,43 @@ def frames_of(plan: Animated, t: Array, magnified: float | None = None) -> Frame
     except MotionError:  # singular on the way: `plan` tells it too
         errors = None
     pivots, tool = machine.parts.pivots, _tool(plan, x)
-    bars, placed = _with_tool(plan, place(machine, x, state.q), x[:, :3], tool)
+    bars, placed = _add_tool_bar(plan, place_skeleton(machine, x, state.q), x[:, :3], tool)
     return Frames(
         plan.program.name,
         machine.name,
-        frozen(t),
+        freeze_array(t),
         bars,
         pivots,
         placed,
-        frozen(tool),
+        freeze_array(tool),
         nearest(plan.limits, state, [axis.name for axis in machine.axes]),
         tilt_use(plan.limits, state, [pivot.name for pivot in pivots]),
-        frozen(planned),
-        None if errors is None else frozen(errors),
+        freeze_array(planned),
+        None if errors is None else freeze_array(errors),
         magnification(planned, errors) if magnified is None else magnified,
         tuple(axis.name for axis in machine.axes),
         tuple(axis.unit for axis in machine.axes),
-        frozen(state.q),
-        frozen(_from_home(machine, x, tool)),
+        freeze_array(state.q),
+        freeze_array(_home_frame_pose(machine, x, tool)),
         "length" if machine.lengths else "position",
     )
 
 
-def _from_home(machine: Machine, x: Array, tool: Array) -> Array:
+def _home_frame_pose(machine: Machine, x: Array, tool: Array) -> Array:
     """(N, 6) where the tool is and how the platform is turned, as programs in the frame "home" say it."""
     back = machine.home.inv()
     angles = (back * from_numbers(x)).rotation.as_euler("XYZ", suppress_warnings=True)
     return np.concatenate([back.apply(tool), angles], 1)
 
 
-def even(trajectory: Trajectory, count: int) -> Array:
+def even_instants(trajectory: Trajectory, count: int) -> Array:
     """(count,) instants from the start of a motion to its end, evenly."""
     return np.linspace(0.0, trajectory.duration, count)
 
 
-def instants(duration: float) -> int:
+def count_instants(duration: float) -> int:
     """At how many instants the paths of a motion of `duration` s are drawn."""
-    return int(np.clip(RATE * duration, ALONG, MOST))
+    return int(np.clip(PATH_INSTANT_RATE * duration, MIN_PATH_INSTANTS, MAX_PATH_INSTANTS))
 
 
 def magnification(planned: Array, errors: Array | None) -> float:
@@ -174,12 +236,14 @@ def magnification(planned: Array, errors: Array | None) -> float:
     largest = 0.0 if errors is None else float(np.linalg.norm(errors, axis=1).max())
     if largest == 0.0:
         return 1.0
-    room = SHOWN * float(np.linalg.norm(np.ptp(planned, axis=0))) / largest
+    room = DRAWN_ERROR_SHARE * float(np.linalg.norm(np.ptp(planned, axis=0))) / largest
     steps = [step * 10.0**power for power in range(12) for step in (1, 2, 5)]
     return max([step for step in steps if step <= room], default=1.0)
 
 
-def _with_tool(plan: Animated, placed: Placed, origin: Array, tip: Array) -> tuple[tuple[Bar, ...], Placed]:
+def _add_tool_bar(
+    plan: AnimatablePlan, placed: PlacedSkeleton, origin: Array, tip: Array
+) -> tuple[tuple[Bar, ...], PlacedSkeleton]:
     """The machine's bars, and one from the platform's origin to the tool's where that lies elsewhere, both (N, 3)."""
     bars, tool = plan.machine.parts.bars, plan.trajectory.path.tool
     if tool is None or not (tip != origin).any():
@@ -188,11 +252,11 @@ def _with_tool(plan: Animated, placed: Placed, origin: Array, tip: Array) -> tup
     shank = np.stack([origin, tip], 1)[:, None]
     return (
         (*bars, Bar("platform", x[:3], tool.function(x)[:3])),
-        Placed(frozen(np.concatenate([placed.bars, shank], 1)), placed.pivots),
+        PlacedSkeleton(freeze_array(np.concatenate([placed.bars, shank], 1)), placed.pivots),
     )
 
 
-def _tool(plan: Animated, x: Array) -> Array:
+def _tool(plan: AnimatablePlan, x: Array) -> Array:
     """(N, 3) its place at the platform's pose numbers."""
     tool = plan.trajectory.path.tool
     return (x if tool is None else tool(x))[:, :3]

@@ -4,13 +4,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kinematics.array import Array, frozen
+from kinematics.foundation.arrays import Array, freeze_array
 
 RAMP = ((0.0, "#B4C0CA"), (0.5, "#56B4E9"), (0.8, "#E69F00"), (1.0, "#C8102E"))
 """Share of a limit and its colour, straight between: ever darker, so that it reads without hue too."""
-PLAIN = "#3C464E"
+NO_LIMIT_COLOUR = "#3C464E"
 """What no limit colours."""
-PLANNED, REALISED = "#1B1B1B", "#009E73"
+PLANNED_COLOUR, REALISED_COLOUR = "#1B1B1B", "#009E73"
 """The two paths."""
 
 
@@ -29,7 +29,7 @@ class View:
 
 
 def _view(name: str, back: tuple[float, ...], up: tuple[float, ...], parallel: bool = True) -> View:
-    return View(name, frozen(np.array(back) / np.linalg.norm(back)), frozen(up), parallel)
+    return View(name, freeze_array(np.array(back) / np.linalg.norm(back)), freeze_array(up), parallel)
 
 
 VIEWS = (
@@ -40,16 +40,16 @@ VIEWS = (
 )
 
 
-def rgb(use: Array) -> np.ndarray:
+def colour_uses(use: Array) -> np.ndarray:
     """(…, 3) uint8 colours of shares of a limit; NaN, where there is none, is plain."""
     shares = np.clip(use, 0.0, 1.0)
     places = [place for place, _ in RAMP]
-    stops = np.array([rgb_of(colour) for _, colour in RAMP])
+    stops = np.array([parse_colour(colour) for _, colour in RAMP])
     mixed = np.stack([np.interp(np.nan_to_num(shares), places, channel) for channel in stops.T], -1)
-    return np.where(np.isnan(use)[..., None], rgb_of(PLAIN), np.rint(mixed)).astype(np.uint8)
+    return np.where(np.isnan(use)[..., None], parse_colour(NO_LIMIT_COLOUR), np.rint(mixed)).astype(np.uint8)
 
 
-def rgb_of(colour: str) -> tuple[int, int, int]:
+def parse_colour(colour: str) -> tuple[int, int, int]:
     """Red, green and blue, 0 to 255, of "#RRGGBB"."""
     red, green, blue = (int(colour[k : k + 2], 16) for k in (1, 3, 5))
     return red, green, blue

@@ -5,28 +5,27 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from benchmarks.animation.frames import Animated, Frames, frames_of
-from benchmarks.animation.look import PLANNED, RAMP, REALISED, VIEWS, View, rgb
-from benchmarks.animation.nearest import TOOL
-from kinematics.array import Array
-from kinematics.destination import Destination
-from kinematics.errors import MotionError
-from kinematics.skeleton import Sort
+from benchmarks.animation.frames import TOOL, AnimatablePlan, Frames, compute_frames
+from benchmarks.animation.look import PLANNED_COLOUR, RAMP, REALISED_COLOUR, VIEWS, View, colour_uses
+from kinematics.files.atomic_files import Destination
+from kinematics.foundation.arrays import Array
+from kinematics.foundation.errors import MotionError
+from kinematics.machine.kind import Sort
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 WIDTHS: dict[Sort, float] = {"frame": 1.4, "actuator": 2.6, "link": 3.4, "platform": 2.0}
 """Points."""
-USE, TILTED = "use of the nearest limit", "; joints: of their tilt"
+USE, TILT_LABEL = "use of the nearest limit", "; joints: of their tilt"
 FORMATS = (".pdf", ".png", ".svg")
-DPI, IN_LINE = 200, 4
-THIN = 1e-3
+DPI, LIMITS_PER_LINE = 200, 4
+FLAT_HEIGHT_SHARE = 1e-3
 """Share of a flat machine's size that is drawn above and below it in space."""
 
 
 def save_four_views(
-    plan: Animated, path: str | Path, t: float | None = None, *, magnify: float | None = None, force: bool = False
+    plan: AnimatablePlan, path: str | Path, t: float | None = None, *, magnify: float | None = None, force: bool = False
 ) -> Path:
     """Write `four_views` to a file, .pdf, .png or .svg. Raises MotionError for one that exists, unless `force`."""
     target = Destination(Path(path), force=force, remedy="give force=True to replace it")
@@ -34,7 +33,7 @@ def save_four_views(
     return target.path
 
 
-def write_four_views(plan: Animated, target: Destination, t: float | None, magnify: float | None) -> None:
+def write_four_views(plan: AnimatablePlan, target: Destination, t: float | None, magnify: float | None) -> None:
     """Write `four_views` to a file. Raises MotionError for one that no still image can be."""
     if target.path.suffix.lower() not in FORMATS:
         raise MotionError(f"{target.path}: still images are {', '.join(FORMATS)}; give a name that ends so")
@@ -44,7 +43,7 @@ def write_four_views(plan: Animated, target: Destination, t: float | None, magni
             figure.savefig(file, dpi=DPI)
 
 
-def four_views(plan: Animated, t: float | None = None, *, magnify: float | None = None) -> "tuple[Axes, ...]":
+def four_views(plan: AnimatablePlan, t: float | None = None, *, magnify: float | None = None) -> "tuple[Axes, ...]":
     """Axes of the views top, front, side and 3-D of one figure, each with equal scales; coordinates of the base frame.
 
     t: s from the start; None: half of the motion. magnify as in `animate`. Raises MotionError for t out of the motion.
@@ -57,7 +56,7 @@ def four_views(plan: Animated, t: float | None = None, *, magnify: float | None 
     when = duration / 2 if t is None else float(t)
     if not 0 <= when <= duration:
         raise MotionError(f"t = {when:.6g} s is not within the motion, which lasts from 0 to {duration:.6g} s")
-    frames = frames_of(plan, np.array([when]), magnify)
+    frames = compute_frames(plan, np.array([when]), magnify)
     figure = Figure(figsize=(9, 8), layout="constrained")
     axes = tuple(
         figure.add_subplot(2, 2, n, **({} if view.parallel else {"projection": "3d"}))
@@ -71,7 +70,7 @@ def four_views(plan: Animated, t: float | None = None, *, magnify: float | None 
         ax=list(axes),
         shrink=0.5,
         aspect=30,
-        label=USE + TILTED * bool(np.isfinite(frames.tilt).any()),
+        label=USE + TILT_LABEL * bool(np.isfinite(frames.tilt).any()),
     )
     bar.set_ticks([0, 0.25, 0.5, 0.75, 1], labels=["0", "25 %", "50 %", "75 %", "100 %"])
     handles, labels = axes[0].get_legend_handles_labels()
@@ -86,8 +85,8 @@ def _draw(ax: Any, frames: Frames, view: View) -> None:
     from matplotlib.ticker import MaxNLocator
 
     shown = _plane(view) if view.parallel else np.eye(3)
-    colours = rgb(frames.use_of([bar.axis for bar in frames.bars])[0]) / 255
-    marks = rgb(np.append(frames.tilt[0], frames.use_of([TOOL])[0])) / 255
+    colours = colour_uses(frames.use_of([bar.axis for bar in frames.bars])[0]) / 255
+    marks = colour_uses(np.append(frames.tilt[0], frames.use_of([TOOL])[0])) / 255
     depth = frames.placed.bars[0].mean(1) @ view.back
     for k in np.argsort(depth):
         ax.plot(
@@ -100,15 +99,15 @@ def _draw(ax: Any, frames: Frames, view: View) -> None:
     flat = {} if view.parallel else {"depthshade": False}
     ax.scatter(*pivots.T, s=22, color=marks[:-1], edgecolor="white", linewidth=0.5, zorder=3, **flat)
     if frames.realised is not None:
-        ax.plot(*(1e3 * frames.realised @ shown).T, color=REALISED, linewidth=0.7, zorder=4, label=_path(frames))
-    ax.plot(*(1e3 * frames.planned @ shown).T, color=PLANNED, linewidth=0.7, zorder=5, label="path planned")
+        ax.plot(*(1e3 * frames.realised @ shown).T, color=REALISED_COLOUR, linewidth=0.7, zorder=4, label=_path(frames))
+    ax.plot(*(1e3 * frames.planned @ shown).T, color=PLANNED_COLOUR, linewidth=0.7, zorder=5, label="path planned")
     ax.scatter(
         *(1e3 * frames.tool[:1] @ shown).T, s=30, color=marks[-1:], edgecolor="black", zorder=6, label="tool", **flat
     )
     ax.set_title(view.name)
     if not view.parallel and frames.flat:  # matplotlib's own room for no height at all is in mm
         height = 1e3 * frames.box[0, 2]
-        ax.set(zlim=height + 1e3 * THIN * frames.size * np.array([-1, 1]), zticks=[height])
+        ax.set(zlim=height + 1e3 * FLAT_HEIGHT_SHARE * frames.size * np.array([-1, 1]), zticks=[height])
     ax.set_aspect("equal", **({"adjustable": "datalim"} if view.parallel else {}))
     names = ["xyz"[int(np.argmax(axis))] for axis in shown.T]
     for way, name in zip("xyz", names, strict=False):
@@ -135,4 +134,4 @@ def _told(frames: Frames) -> str:
     known = frames.nearest
     said = zip(known.owners, known.which[0], known.use[0], strict=True)
     told = [f"{owner}: {known.limits[n]} {100 * use:.0f} %" for owner, n, use in said if n >= 0]
-    return "\n".join("    ".join(told[k : k + IN_LINE]) for k in range(0, len(told), IN_LINE))
+    return "\n".join("    ".join(told[k : k + LIMITS_PER_LINE]) for k in range(0, len(told), LIMITS_PER_LINE))

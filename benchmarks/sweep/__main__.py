@@ -10,8 +10,8 @@ from time import perf_counter
 
 from benchmarks.sweep import Grid, read_setting, settings_of, sweep
 from controllers.laws.registry import LAWS
-from controllers.rig import load_rig
-from kinematics.errors import MotionError
+from controllers.rig_file import load_rig
+from kinematics.foundation.errors import MotionError
 
 
 def main() -> int:

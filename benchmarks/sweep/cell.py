@@ -11,9 +11,9 @@ import numpy as np
 from controllers.laws.law import Law
 from controllers.laws.registry import LAWS, find_law
 from controllers.rig import Rig
-from kinematics.array import finite
-from kinematics.errors import MotionError
-from planner.option import split_options
+from kinematics.foundation.arrays import finite_array
+from kinematics.foundation.errors import MotionError
+from planner.options import split_options
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,24 +47,24 @@ def read_setting(text: str) -> Setting:
     values = {}
     for gain, value in given.items():
         try:
-            values[gain] = float(finite(float(value), f"law {name}: {gain}", ()))
+            values[gain] = float(finite_array(float(value), f"law {name}: {gain}", ()))
         except ValueError:
             raise MotionError(f'law {name}: {gain}: "{value}" is not a number') from None
     law = find_law(name, None, **values)
-    return Setting(_long(name), tuple((gain, float(getattr(law, gain))) for gain in law.grid))
+    return Setting(_full_name(name), tuple((gain, float(getattr(law, gain))) for gain in law.grid))
 
 
 def settings_of(name: str) -> list[Setting]:
     """A law over the grid of gains that it states for reports."""
     grid = find_law(name).grid
-    return [Setting(_long(name), tuple(zip(grid, values, strict=True))) for values in product(*grid.values())]
+    return [Setting(_full_name(name), tuple(zip(grid, values, strict=True))) for values in product(*grid.values())]
 
 
-def _long(name: str) -> str:
+def _full_name(name: str) -> str:
     return next(known[-1] for known in LAWS if name in known)
 
 
-def batched(settings: Sequence[Setting], rig: Rig) -> Law:
+def batch_law(settings: Sequence[Setting], rig: Rig) -> Law:
     """One law whose gains are arrays (B, 1), of B settings of the same law; the rig as stated is what it knows of."""
     values = {gain: np.array([[dict(setting.gains)[gain]] for setting in settings]) for gain, _ in settings[0].gains}
     return find_law(settings[0].law, rig, **values)

@@ -1,28 +1,212 @@
-"""Runs what of a grid is not kept yet, on a cluster where Dask is installed."""
+"""Runs what of a grid is not kept yet, on a cluster where Dask is installed.
+
+A grid of runs.
+
+A batch of runs of one law on one task: simulated at once, each then reduced to its figures.
+
+What a run depends on, as one hash: the same hash, the same result.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from functools import partial
+from dataclasses import dataclass, fields, is_dataclass, replace
+from functools import cache, partial
+from hashlib import sha256
+from importlib.metadata import PackageNotFoundError, version
+from importlib.resources import files
+from math import isnan
 from pathlib import Path
 from platform import python_version
 from typing import Any
 
 import numpy as np
 
-from benchmarks.sweep.cell import Cell
-from benchmarks.sweep.digest import PACKAGES, Digests, digest
-from benchmarks.sweep.grid import Grid
-from benchmarks.sweep.result import Result
-from benchmarks.sweep.score import score
-from benchmarks.sweep.store import Runs, Store, load_runs
-from controllers.metrics.attained import planned_at
-from controllers.rig import Rig
-from kinematics.errors import MotionError
-from kinematics.machine import Machine
-from planner.cluster import Lost, installed, on_cluster
+from benchmarks.sweep.cell import VARIATIONS, Cell, Setting, Variation, batch_law
+from benchmarks.sweep.result import RunResult, RunSeries
+from benchmarks.sweep.store import SavedRuns, Store, load_runs
+from controllers.metrics import BATCH_PERIOD, Metrics, evaluate_runs
+from controllers.metrics.attained import PlannedStates, sample_plan
+from controllers.metrics.shaft import torque_limits
+from controllers.rig import Rig, disturbed
+from controllers.simulate import sample, simulate
+from controllers.task import Task
+from kinematics.foundation.arrays import Array
+from kinematics.foundation.errors import MotionError
+from kinematics.machine.machine import Machine
+from planner.actuation import MachinePath
+from planner.cluster import LostTask, installed, run_on_cluster
+from planner.environment import LIBRARIES
 from planner.parallel import Progress, spread
 from planner.trajectory import Trajectory
+
+PERIOD = 1e-3
+"""s between the instants at which a motion is hashed."""
+PACKAGES = ("kinematics", "planner", "controllers", "benchmarks.sweep")
+"""Whose source makes the results."""
+
+
+def digest(cell: Cell, of: Digests) -> str:
+    """SHA-256 of the cell, its rig, its task, the code, its libraries and Python, as 32 hexadecimal digits."""
+    return _hash([cell, of.rig, of.tasks[cell.task], of.code, of.libraries, of.python])[:32]
+
+
+class Digests:
+    """The hashes that the cells on a rig share."""
+
+    def __init__(self, rig: Rig) -> None:
+        self.rig = _hash(replace(rig, tasks=()))
+        self.tasks = {task.name: _hash(task) for task in rig.tasks}
+        self.code = code()
+        self.libraries = versions(LIBRARIES)
+        self.python = python_version()
+
+    def as_record(self) -> dict[str, Any]:
+        return {"rig": self.rig, "tasks": self.tasks, "code": self.code}
+
+
+@cache
+def code() -> str:
+    """Of the source that makes the results: another simulator, other runs."""
+    found = sha256()
+    for package in PACKAGES:
+        pending = [files(package)]
+        while pending:
+            entries = sorted(pending.pop().iterdir(), key=lambda entry: entry.name)
+            pending += [entry for entry in entries if entry.is_dir() and entry.name != "__pycache__"]
+            for entry in entries:
+                if entry.name.endswith(".py"):
+                    found.update(entry.read_bytes())
+    return found.hexdigest()
+
+
+def versions(packages: Sequence[str]) -> dict[str, str]:
+    """Of the packages that are installed, and which are not."""
+    found = {}
+    for package in packages:
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            found[package] = "not installed"
+    return found
+
+
+def _hash(value: object) -> str:
+    found = sha256()
+    _feed(value, found)
+    return found.hexdigest()
+
+
+def _feed(value: object, found: Any) -> None:
+    """Types and contents, so that no two values are taken for one another."""
+    match value:
+        case None | bool() | int() | float() | str() | bytes():
+            found.update(f"{type(value).__name__}:{value!r};".encode())
+        case np.generic():
+            _feed(value.item(), found)
+        case np.ndarray():
+            found.update(f"array:{value.dtype}{value.shape};".encode())
+            found.update(np.ascontiguousarray(value).tobytes())
+        case Machine():
+            home = value.home.as_matrix()
+            # the map from poses to axes enters by its slope here, and by the task's own poses and positions
+            _feed((type(value).__name__, value.name, value.axes, home, value.home_q, value.jacobian(value.home)), found)
+        case Task():
+            _feed((value.name, value.dt, _motion(value.motion)), found)
+        case dict():
+            _feed(sorted(value.items()), found)
+        case tuple() | list():
+            found.update(f"{len(value)}(".encode())
+            for one in value:
+                _feed(one, found)
+        case _ if is_dataclass(value):
+            found.update(f"{type(value).__qualname__}(".encode())
+            for field in fields(value):
+                _feed((field.name, getattr(value, field.name)), found)
+        case _:
+            raise MotionError(f"sweep: {type(value).__name__} {value!r:.80} has no hash; give rigs plain data")
+
+
+def _motion(motion: Any) -> list[Any]:
+    t = np.append(np.arange(0.0, motion.duration, PERIOD), motion.duration)
+    state = motion.at(t)
+    found = [t, state.q, state.qd]
+    if isinstance(motion, Trajectory) and isinstance(motion.path, MachinePath):
+        found += [state.s, motion.path.pose_numbers(state.s, state.piece)]
+    return found
+
+
+@dataclass(frozen=True, slots=True)
+class Grid:
+    """Every setting on every task, on every variation of the rig, for every seed; what is named twice is run once."""
+
+    settings: tuple[Setting, ...]
+    tasks: tuple[str, ...]
+    variations: tuple[Variation, ...] = VARIATIONS
+    seeds: tuple[int, ...] = (0,)
+
+    def __iter__(self) -> Iterator[Cell]:
+        return (
+            Cell(setting, task, variation, seed)
+            for setting in dict.fromkeys(self.settings)
+            for task in dict.fromkeys(self.tasks)
+            for variation in dict.fromkeys(self.variations)
+            for seed in dict.fromkeys(self.seeds)
+        )
+
+
+def score(cells: Sequence[Cell], rig: Rig) -> list[RunResult]:
+    """The results of runs of one law on one task, in order. What a run raises of MotionError is its failure."""
+    task, machine = rig.task(cells[0].task), rig.machine
+    try:
+        law = batch_law([cell.setting for cell in cells], rig)
+        rigs = [_vary_rig(rig, cell) for cell in cells]
+        runs = simulate(sample(task.motion, machine, task.dt), law, rigs)
+        metrics = evaluate_runs(runs, task, rigs)
+    except MotionError as error:
+        if len(cells) == 1:
+            return [RunResult(cells[0], failure=str(error))]
+        # one run has stopped all: the halves tell which
+        half = len(cells) // 2
+        return [*score(cells[:half], rig), *score(cells[half:], rig)]
+    share = runs.torque / torque_limits(rigs)
+    every = max(1, round(BATCH_PERIOD / (runs.t[1] - runs.t[0])))
+    read = machine.home_q + runs.measured[::every] * [axis.pulse for axis in machine.axes]
+    return [
+        _reduce_run(cell, of, sample_plan(task.motion, machine, of.t), read[:, lane], share[:, lane], every)
+        for lane, (cell, of) in enumerate(zip(cells, metrics, strict=True))
+    ]
+
+
+def _vary_rig(rig: Rig, cell: Cell) -> Rig:
+    """The rig of one run: its inertia and friction, and its host's seed."""
+    varied = disturbed(rig, inertia=cell.variation.inertia, friction=cell.variation.friction)
+    return replace(varied, host=replace(rig.host, seed=rig.host.seed + cell.seed))
+
+
+def _reduce_run(
+    cell: Cell, metrics: Metrics, planned: PlannedStates, read: Array, share: Array, every: int
+) -> RunResult:
+    """read (K, n): by the encoders; share (N, n): torque over its limit at all samples, of which the metrics see one in
+    `every`."""
+    figures = metrics.figures()
+    if isnan(figures["contour_rms"]):
+        return RunResult(cell, failure="the axes left what the machine can reach, or its way of standing")
+    first = np.arange(len(metrics.t)) * every
+    high, low = np.maximum.reduceat(share, first), np.minimum.reduceat(share, first)
+    series = RunSeries(
+        t=metrics.t,
+        s=planned.s,
+        planned=metrics.planned,
+        actual=metrics.attained,
+        contour=metrics.contour.value,
+        tracking=metrics.tracking.value,
+        torque=np.where(high > -low, high, low),
+        reference=planned.q,
+        feedback=read[: len(metrics.t)],
+    )
+    return RunResult(cell, {name: value for name, value in figures.items() if not isnan(value)}, series=series)
+
 
 LANES = 64
 """Runs simulated at once: more gain little, and hold their whole course in memory."""
@@ -36,7 +220,7 @@ def sweep(
     address: str | None = None,
     progress: Progress | None = None,
     tell: Callable[[str], None] = lambda text: None,
-) -> Runs:
+) -> SavedRuns:
     """Every run of a grid; what `folder` keeps of earlier sweeps is not run again.
 
     address: of a Dask scheduler whose workers have this package; None: this computer's cores, through Dask where it is
@@ -55,7 +239,7 @@ def sweep(
     if progress is not None and cells:
         progress(done, len(found))
 
-    def keep(_: object, results: list[Result]) -> None:
+    def keep(_: object, results: list[RunResult]) -> None:
         nonlocal done
         for result in results:
             found[key_of[result.cell]] = result
@@ -77,17 +261,17 @@ def _run(
     batches: Sequence[tuple[Cell, ...]],
     rig: Rig,
     address: str | None,
-    keep: Callable[[object, list[Result]], None],
+    keep: Callable[[object, list[RunResult]], None],
     tell: Callable[[str], None],
-) -> list[Lost]:
-    lost: list[Lost] = []
+) -> list[LostTask]:
+    lost: list[LostTask] = []
     if address is None and (not installed() or len(batches) < 2):
         if len(batches) > 1:
             tell('Dask is not installed (extra "cluster"): the runs are spread over processes of this computer')
         spread(partial(score, rig=rig), batches, keep)
         return lost
-    for n, results in on_cluster(score, batches, rig, address, packages=PACKAGES) if batches else ():
-        if isinstance(results, Lost):
+    for n, results in run_on_cluster(score, batches, rig, address, packages=PACKAGES) if batches else ():
+        if isinstance(results, LostTask):
             lost.append(results)
         else:
             keep(batches[n], results)
@@ -116,11 +300,11 @@ def described(grid: Grid, rig: Rig) -> dict[str, Any]:
                 "unit": planned.unit,
                 "space": planned.path is not None,
                 "resolution": resolution(rig.machine, planned.unit),
-                "corners": corners(task.motion),
+                "corners": find_corners(task.motion),
             }
             for name in grid.tasks
             for task in [rig.task(name)]
-            for planned in [planned_at(task.motion, rig.machine, np.zeros(1))]
+            for planned in [sample_plan(task.motion, rig.machine, np.zeros(1))]
         },
         "axes": {axis.name: axis.unit for axis in rig.machine.axes},
         "pulses": {axis.name: axis.pulse for axis in rig.machine.axes},
@@ -133,7 +317,7 @@ def resolution(machine: Machine, unit: str) -> float:
     return min(axis.pulse * (1.0 if axis.unit == unit else length) for axis in machine.axes)
 
 
-def corners(motion: Any) -> list[dict[str, float]]:
+def find_corners(motion: Any) -> list[dict[str, float]]:
     """Where one piece of the path meets the next: when the plan is there, and how far along; none without a path."""
     if not isinstance(motion, Trajectory):
         return []

@@ -10,12 +10,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from benchmarks.sweep.cell import Cell
-from benchmarks.sweep.figure_unit import unit_of
-from benchmarks.sweep.result import Damaged, Result, Series
-from kinematics.errors import MotionError
-from kinematics.result import Result as Shown
-from kinematics.staging import write_whole
-from kinematics.table import Column, Table
+from benchmarks.sweep.result import DamagedRun, RunResult, RunSeries, figure_unit
+from kinematics.files.atomic_files import write_whole
+from kinematics.foundation.errors import MotionError
+from kinematics.foundation.result import Result as Shown
+from kinematics.foundation.table import Column, Table
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -33,15 +32,15 @@ class Store:
         self.folder = folder
         (folder / CELLS).mkdir(parents=True, exist_ok=True)
 
-    def find(self, key: str, cell: Cell | None = None) -> Result | None:
+    def find(self, key: str, cell: Cell | None = None) -> RunResult | None:
         """The run of a key, if it is kept whole; a file that cannot be read, or is of another cell, counts as none."""
         try:
-            found = Result.unpacked((self.folder / CELLS / f"{key}.npz").read_bytes())
-        except (OSError, Damaged):
+            found = RunResult.unpacked((self.folder / CELLS / f"{key}.npz").read_bytes())
+        except (OSError, DamagedRun):
             return None
         return found if cell is None or found.cell == cell else None
 
-    def keep(self, key: str, result: Result) -> None:
+    def keep(self, key: str, result: RunResult) -> None:
         """Write a run; its file takes its place when it is complete."""
         write_whole(self.folder / CELLS / f"{key}.npz", result.packed())
 
@@ -61,19 +60,20 @@ class Store:
 
 
 @dataclass(frozen=True, slots=True)
-class Runs(Shown):
+class SavedRuns(Shown):
     """Saved runs that belong together, by the names of their files, and the record of how they were made."""
 
     folder: Path
     record: Mapping[str, Any] = field(repr=False)
-    results: Mapping[str, Result] = field(repr=False)
+    results: Mapping[str, RunResult] = field(repr=False)
 
     @property
     def name(self) -> str:
         return self.folder.resolve().name
 
     def tables(self) -> tuple[Table, ...]:
-        """A row for each run: its error to the path, and why it failed if it did; `benchmarks.compare` ranks them."""
+        """A row for each run: its error to the path, and why it failed if it did; `benchmarks.reports.gain` ranks
+        them."""
         return (self._table(("contour_rms", "contour_max", "tracking_rms", "end_time", "torque_peak")),)
 
     def data(self) -> Table:
@@ -82,17 +82,17 @@ class Runs(Shown):
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """The largest RMS contour error of each setting over its rigs and seeds, on paths of the first one's unit."""
-        from kinematics.bars import bars
+        from kinematics.foundation.figure import draw_bars
 
         runs = [one for one in self.results.values() if one.figures]
-        units = [unit_of("contour_rms", one.cell.task, self.record) for one in runs]
+        units = [figure_unit("contour_rms", one.cell.task, self.record) for one in runs]
         largest: dict[str, float] = {}
         for one, unit in zip(runs, units, strict=True):
             if unit == units[0]:
                 name, error = f"{one.cell.setting.label}, {one.cell.task}", one.figures["contour_rms"]
                 largest[name] = max(largest.get(name, 0.0), 1e6 * error)
         unit = units[0] if units else "m"
-        return bars([*largest], [*largest.values()], f"largest RMS contour error (µ{unit})", ax)
+        return draw_bars([*largest], [*largest.values()], f"largest RMS contour error (µ{unit})", ax)
 
     def _table(self, figures: Sequence[str]) -> Table:
         runs = [*self.results.values()]
@@ -106,7 +106,7 @@ class Runs(Shown):
                 Column(
                     name,
                     [one.figures.get(name) for one in runs],
-                    [unit_of(name, cell.task, self.record) for cell in cells],
+                    [figure_unit(name, cell.task, self.record) for cell in cells],
                     "human",
                 )
                 for name in figures
@@ -115,9 +115,9 @@ class Runs(Shown):
         )
         return Table(f"{len(runs)} runs of {self.name}", columns)
 
-    def series(self, key: str) -> Series | None:
+    def series(self, key: str) -> RunSeries | None:
         """How a run went over time, read from its file; None of one that failed."""
-        return Series.unpacked((self.folder / CELLS / f"{key}.npz").read_bytes())
+        return RunSeries.unpacked((self.folder / CELLS / f"{key}.npz").read_bytes())
 
 
 def _seal(record: Mapping[str, Any]) -> str:
@@ -125,7 +125,7 @@ def _seal(record: Mapping[str, Any]) -> str:
     return sha256(plain.encode()).hexdigest()
 
 
-def load_runs(folder: Path) -> Runs:
+def load_runs(folder: Path) -> SavedRuns:
     """The runs of a folder that a sweep wrote. Raises MotionError where there are none, or a file is lost."""
     hint = "give a folder that a sweep wrote"
     try:
@@ -147,4 +147,4 @@ def load_runs(folder: Path) -> Runs:
             changed = folder / CELLS / f"{key}.npz"
             raise MotionError(f"{changed} is not the run that was recorded; remove it and run the sweep again")
         results[key] = found
-    return Runs(folder, record, results)
+    return SavedRuns(folder, record, results)

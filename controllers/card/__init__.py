@@ -1,20 +1,17 @@
 """The virtual motion card: models, commands, and the state that commands change."""
 
-from controllers.card.change import PChange
 from controllers.card.channels import Channels, Command
-from controllers.card.home import Home
-from controllers.card.home_modes import HomeMode
+from controllers.card.home import HomeMode, HomeReturn
 from controllers.card.interpolation import ArcMove, LinearMove
 from controllers.card.model import PCI_8132, PCI_8164, SPEED_STEPS, Card, Refused
 from controllers.card.output import OUTPUT_MODES, Wires, wires
-from controllers.card.profile import Profile
+from controllers.card.profile import MoveProfile
 from controllers.card.record import Record, Train, play
 from controllers.card.scurve import SAMove, SRMove, SVMove
-from controllers.card.state import CardState, at_rest, current_speed, pulse_ticks, reading, send
-from controllers.card.stop import DStop, Dwell, EStop
-from controllers.card.together import Together
+from controllers.card.start_and_stop import DStop, DwellMove, EStop, Together
+from controllers.card.state import CardState, at_rest, current_speed, pulse_ticks, read_counters, send
 from controllers.card.trapezoid import TAMove, TRMove
-from controllers.card.velocity import TVMove, VChange
+from controllers.card.velocity import PChange, TVMove, VChange
 
 __all__ = [
     "OUTPUT_MODES",
@@ -27,13 +24,13 @@ __all__ = [
     "Channels",
     "Command",
     "DStop",
-    "Dwell",
+    "DwellMove",
     "EStop",
-    "Home",
     "HomeMode",
+    "HomeReturn",
     "LinearMove",
+    "MoveProfile",
     "PChange",
-    "Profile",
     "Record",
     "Refused",
     "SAMove",
@@ -50,7 +47,7 @@ __all__ = [
     "current_speed",
     "play",
     "pulse_ticks",
-    "reading",
+    "read_counters",
     "send",
     "wires",
 ]

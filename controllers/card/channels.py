@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from controllers.card.model import Card, Refused
-from controllers.card.profile import Profile
-from kinematics.array import Array, frozen
-from planner.pulses.counter import COUNTER
+from controllers.card.profile import MoveProfile
+from kinematics.foundation.arrays import Array, freeze_array
+from planner.pulses.motion import COUNTER
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,7 +29,7 @@ class Channels:
     begin: Array
     position: Array
     speed: Array
-    running: Profile
+    running: MoveProfile
 
     def magnitude(self, what: str, speed: Array) -> Array:
         """Speeds (…) as the speed register holds them, direction left out: one step of it at least."""
@@ -125,14 +125,14 @@ class Command(ABC):
         return np.ones(lanes, bool)
 
     @abstractmethod
-    def moves(self, now: Channels) -> tuple[Profile, ...]:
+    def moves(self, now: Channels) -> tuple[MoveProfile, ...]:
         """What the channels do from then on, one after another. Raises Refused, with the reason."""
 
 
-def lanewise(command: object, *names: str) -> None:
+def broadcast_lanes(command: object, *names: str) -> None:
     """Make fields of a frozen command arrays of one shape, that of their lanes."""
     fields = [np.atleast_1d(np.asarray(getattr(command, name), np.float64)) for name in names]
     if any(field.shape != fields[0].shape for field in fields):
         fields = [np.array(field) for field in np.broadcast_arrays(*fields)]
     for name, field in zip(names, fields, strict=True):
-        object.__setattr__(command, name, frozen(field))
+        object.__setattr__(command, name, freeze_array(field))

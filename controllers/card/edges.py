@@ -13,9 +13,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kinematics.array import Array
+from kinematics.foundation.arrays import Array
 
-NEWTON = 80
+MAX_NEWTON_STEPS = 80
 """Steps at most: each at least halves the bracket, so that 80 are more than a double has bits."""
 
 
@@ -35,10 +35,10 @@ class Edges(NamedTuple):
         return Edges(*(np.concatenate(pair) for pair in zip(self, later, strict=True)))
 
 
-NONE = Edges(np.empty(0), np.empty(0, np.int8), np.empty(0, bool))
+NO_EDGES = Edges(np.empty(0), np.empty(0, np.int8), np.empty(0, bool))
 
 
-class Piece(NamedTuple):
+class CardPiece(NamedTuple):
     """Way v τ + a τ²/2 + j τ³/6 over a time."""
 
     length: float
@@ -65,7 +65,7 @@ class Piece(NamedTuple):
             return np.minimum(2 * delta / np.where(root > 0, root, 1.0), tau)
         low, high = np.zeros_like(delta), np.full_like(delta, tau)
         found = np.full_like(delta, tau / 2)
-        for _ in range(NEWTON):
+        for _ in range(MAX_NEWTON_STEPS):
             off = found * (v + found * (a / 2 + found * (j / 6))) - delta
             low, high = np.where(off < 0, found, low), np.where(off < 0, high, found)
             speed = v + found * (a + found * (j / 2))
@@ -78,34 +78,34 @@ class Piece(NamedTuple):
         return found
 
 
-def passed(
+def find_crossings(
     begin: float,
     start: float,
     target: float,
-    pieces: Sequence[Piece],
+    pieces: Sequence[CardPiece],
     arc: tuple[float, ...] | None,
     since: float,
     until: float,
 ) -> Edges:
     """The half counts that a channel passes from `since` to `until`; arguments as in `Profile`, of one lane."""
     if begin == inf:
-        return NONE
+        return NO_EDGES
     last = 0.0
     for piece in pieces:  # in the order of Profile.end
         last += piece.length
     last += begin
-    found, way, elapsed = NONE, 0.0, begin
+    found, way, elapsed = NO_EDGES, 0.0, begin
     from_, to = since - begin, until - begin
     for i, piece in enumerate(pieces):
         t0, t1 = min(max(from_, 0.0), piece.length), min(max(to, 0.0), piece.length)
         if t1 > t0 or i == len(pieces) - 1:
             near, far = way + piece.way(t0), way + piece.way(t1)
-            p, q = (_placed(start, arc, s) for s in (near, far))
+            p, q = (_position_after(start, arc, s) for s in (near, far))
             if i == len(pieces) - 1:
                 p, q = (target if t >= last else x for t, x in ((since, p), (until, q)))
             levels = _halves(p, q)
             if len(levels):
-                s = levels - start if arc is None else _along(levels, start, arc, (near + far) / 2)
+                s = levels - start if arc is None else _arc_ways(levels, start, arc, (near + far) / 2)
                 tau = piece.time(s - way, t1) if t1 > 0 else np.zeros(len(s))
                 sign = np.full(len(s), 1 if q > p else -1, np.int8)
                 found = found.then(Edges(elapsed + np.maximum(tau, t0), sign, np.ones(len(s), bool)))
@@ -114,14 +114,14 @@ def passed(
     return found
 
 
-def _placed(start: float, arc: tuple[float, ...] | None, way: float) -> float:
+def _position_after(start: float, arc: tuple[float, ...] | None, way: float) -> float:
     if arc is None:
         return start + way
     radius, phase, turn = arc
     return float(start + radius * (np.cos(phase + turn * way) - np.cos(phase)))
 
 
-def _along(levels: Array, start: float, arc: tuple[float, ...], middle: float) -> Array:
+def _arc_ways(levels: Array, start: float, arc: tuple[float, ...], middle: float) -> Array:
     """The ways along an arc to positions on it, on the half turn on which its way `middle` lies."""
     radius, phase, turn = arc
     half = np.floor((phase + turn * middle) / pi)

@@ -1,20 +1,66 @@
-"""Interpolation: two to four channels along a straight line, or two along an arc."""
+"""Interpolation: two to four channels along a straight line, or two along an arc.
+
+Moves along arcs: the way along the arc is a profile, an axis' position the cosine of it.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from math import pi
+from itertools import pairwise
+from math import ceil, floor, pi
 
 import numpy as np
 
-from controllers.card.arc import bent
 from controllers.card.channels import Channels, Command
+from controllers.card.edges import CardPiece
 from controllers.card.model import Card, Refused
-from controllers.card.profile import Profile
-from controllers.card.scurve import curved
-from controllers.card.steer import lock
-from controllers.card.trapezoid import trapezoid
-from kinematics.array import Array, frozen
+from controllers.card.profile import MoveProfile
+from controllers.card.scurve import curve_ramps
+from controllers.card.trapezoid import lock_move, trapezoid
+from kinematics.foundation.arrays import Array, freeze_array
+
+
+def bend_along_arc(move: MoveProfile, arc: Array, reached: np.ndarray) -> MoveProfile:
+    """A straight move laid along an arc, its pieces parted where an axis turns round, φ + κ s a multiple of π.
+
+    arc      (3, …) as in `MoveProfile`; lanes of radius 0 stay as they are
+    reached  (…) bool, lanes whose `target` stands; in the others it is where the way ends
+    """
+    jerks = np.zeros(move.lengths.shape) if move.jerks is None else move.jerks
+    target, tables = np.array(move.target), {}
+    for lane in np.ndindex(move.begin.shape):
+        at = (slice(None), *lane)
+        rows = zip(*(of[at].tolist() for of in (move.lengths, move.speeds, move.rates, jerks)), strict=True)
+        radius, phase, turn = arc[at].tolist()
+        pieces = [CardPiece(*row) for row in rows]
+        if radius > 0:
+            way = sum(piece.way(piece.length) for piece in pieces if piece.length < np.inf)
+            if not reached[lane]:
+                target[lane] = move.start[lane] + radius * (np.cos(phase + turn * way) - np.cos(phase))
+            pieces = _split_pieces(pieces, phase, turn)
+        tables[lane] = pieces
+    most = max(len(pieces) for pieces in tables.values())
+    table = np.zeros((4, most, *move.begin.shape))
+    for lane, pieces in tables.items():
+        table[(slice(None), slice(len(pieces)), *lane)] = np.array(pieces).T
+    lengths, speeds, rates, bends = table
+    return replace(move, target=target, lengths=lengths, speeds=speeds, rates=rates, jerks=bends, arc=arc)
+
+
+def _split_pieces(pieces: list[CardPiece], phase: float, turn: float) -> list[CardPiece]:
+    found, way = [], 0.0
+    for piece in pieces:
+        further = way + piece.way(piece.length) if piece.length < np.inf else way
+        low, high = sorted((phase + turn * way, phase + turn * further))
+        halves = np.arange(floor(low / pi) + 1, ceil(high / pi)) * pi
+        ways = np.sort(np.abs((halves - phase) / turn - way)) * (1.0 if further >= way else -1.0)
+        inner = piece.time(ways, piece.length) if len(ways) else ways
+        cuts = np.concatenate([[0.0], inner, [piece.length]]).tolist()
+        for t0, t1 in pairwise(cuts):
+            v = piece.v + t0 * (piece.a + t0 * piece.j / 2)
+            found.append(CardPiece(t1 - t0, v, piece.a + t0 * piece.j, piece.j))
+        way = further
+    return found
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,27 +89,27 @@ class LinearMove(Command):
     curve: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "position", frozen(np.array(self.position, float)))
+        object.__setattr__(self, "position", freeze_array(np.array(self.position, float)))
 
     @property
     def joint(self) -> bool:
         return True
 
     def addressed(self, card: Card, lanes: tuple[int, ...]) -> np.ndarray:
-        return interpolated(card, self.axes, lanes[-1], 2, 4)
+        return select_channels(card, self.axes, lanes[-1], 2, 4)
 
-    def moves(self, now: Channels) -> tuple[Profile, ...]:
+    def moves(self, now: Channels) -> tuple[MoveProfile, ...]:
         axes, goal = list(self.axes), np.zeros(now.due.shape)
         goal[..., axes] = self.position
         goal = now.after(goal) if self.relative else now.target(np.rint(goal))
         gap = np.where(now.due, goal - now.position, 0.0)
         distance = np.sqrt((gap * gap).sum(-1, keepdims=True))
-        path = _along(now, self, distance)
+        path = _path_profile(now, self, distance)
         u = gap / np.where(distance > 0, distance, 1.0)
         spread = np.broadcast_to(path.lengths, (len(path.lengths), *now.due.shape))
         jerks = None if path.jerks is None else path.jerks * u
-        move = Profile(path.begin + 0 * u, now.position, goal, spread, path.speeds * u, path.rates * u, jerks)
-        return (lock(move),)
+        move = MoveProfile(path.begin + 0 * u, now.position, goal, spread, path.speeds * u, path.rates * u, jerks)
+        return (lock_move(move),)
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,16 +140,16 @@ class ArcMove(Command):
 
     def __post_init__(self) -> None:
         for name in ("centre", "end"):
-            object.__setattr__(self, name, frozen(np.array(getattr(self, name), float)))
+            object.__setattr__(self, name, freeze_array(np.array(getattr(self, name), float)))
 
     @property
     def joint(self) -> bool:
         return True
 
     def addressed(self, card: Card, lanes: tuple[int, ...]) -> np.ndarray:
-        return interpolated(card, self.axes, lanes[-1], 2, 2)
+        return select_channels(card, self.axes, lanes[-1], 2, 2)
 
-    def moves(self, now: Channels) -> tuple[Profile, ...]:
+    def moves(self, now: Channels) -> tuple[MoveProfile, ...]:
         axes = list(self.axes)
         here = now.position[..., axes]
         base = np.rint(here) if self.relative else 0.0
@@ -125,7 +171,7 @@ class ArcMove(Command):
         angle = np.mod(self.turn * (last - first), 2 * pi)
         # an end within half a pulse of the start is the start
         angle = np.where(np.minimum(angle, 2 * pi - angle) * radius < 0.5, 2 * pi, angle)
-        path = _along(now, self, (radius * angle)[..., None])
+        path = _path_profile(now, self, (radius * angle)[..., None])
         arc = np.zeros((3, *now.due.shape))
         for axis, ahead in zip(axes, (0.0, pi / 2), strict=True):
             arc[0, ..., axis], arc[1, ..., axis], arc[2, ..., axis] = radius, first - ahead, self.turn / radius
@@ -133,13 +179,13 @@ class ArcMove(Command):
             np.array(np.broadcast_to(of, (len(of), *now.due.shape))) for of in (path.lengths, path.speeds, path.rates)
         )
         jerks = None if path.jerks is None else np.broadcast_to(path.jerks, lengths.shape)
-        straight = Profile(
+        straight = MoveProfile(
             path.begin + np.zeros(now.due.shape), now.position, now.position, lengths, speeds, rates, jerks
         )
-        return (lock(bent(straight, arc, np.zeros(now.due.shape, bool))),)
+        return (lock_move(bend_along_arc(straight, arc, np.zeros(now.due.shape, bool))),)
 
 
-def interpolated(card: Card, axes: tuple[int, ...], n: int, least: int, most: int) -> np.ndarray:
+def select_channels(card: Card, axes: tuple[int, ...], n: int, least: int, most: int) -> np.ndarray:
     """(n,) bool, the channels of an interpolation. Raises Refused where the card cannot join them."""
     most, different = min(most, card.channels), set(axes)
     cards = {axis // card.channels for axis in axes}
@@ -153,7 +199,7 @@ def interpolated(card: Card, axes: tuple[int, ...], n: int, least: int, most: in
     return np.isin(np.arange(n), axes)
 
 
-def _along(now: Channels, command: LinearMove | ArcMove, distance: Array) -> Profile:
+def _path_profile(now: Channels, command: LinearMove | ArcMove, distance: Array) -> MoveProfile:
     """The way along the path, one lane (…, 1) for all its channels; it begins when all of them are ready."""
     v0, v1 = (
         now.magnitude(what, np.broadcast_to(np.asarray(speed, float)[..., None], now.due.shape))[..., :1]
@@ -163,4 +209,4 @@ def _along(now: Channels, command: LinearMove | ArcMove, distance: Array) -> Pro
     begin = np.where(now.due, now.begin, -np.inf).max(-1, keepdims=True)
     begin = np.where(np.isfinite(begin), begin, now.begin[..., :1])
     path = trapezoid(begin, np.zeros_like(distance), distance, v0, v1, tacc, tdec, now.card.short_moves)
-    return path if command.curve is None else replace(curved(now, path, *command.curve), registers=None)
+    return path if command.curve is None else replace(curve_ramps(now, path, *command.curve), registers=None)

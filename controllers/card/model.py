@@ -7,10 +7,10 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from kinematics.array import Array
-from kinematics.errors import MotionError
-from kinematics.registry import nearest
-from planner.pulses.counter import COUNTER
+from kinematics.foundation.arrays import Array
+from kinematics.foundation.errors import MotionError
+from kinematics.foundation.names import nearest
+from planner.pulses.motion import COUNTER
 
 SPEED_STEPS = 65535
 """Largest value of the 16-bit speed registers; the smallest is 1."""

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from controllers.card.model import Card, OutputMode, Refused
-from kinematics.array import frozen
+from kinematics.foundation.arrays import freeze_array
 
 if TYPE_CHECKING:
     from controllers.card.record import Train
@@ -43,7 +43,7 @@ class Wires:
 
     def __post_init__(self) -> None:
         for name in ("ticks", "levels"):
-            object.__setattr__(self, name, frozen(getattr(self, name)))
+            object.__setattr__(self, name, freeze_array(getattr(self, name)))
 
 
 def wires(card: Card, train: Train, width: int, setup: int | None = None) -> Wires:

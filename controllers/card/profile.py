@@ -1,20 +1,26 @@
-"""A move of the card as a value: its position as piecewise polynomials of time, and the pulses that it fires."""
+"""A move of the card as a value: its position as piecewise polynomials of time, and the pulses that it fires.
+
+Moves of some lanes and moves of others, put together into one.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+from itertools import zip_longest
+from typing import Any
 
 import numpy as np
 
-from controllers.card.edges import Edges, Piece, passed
-from kinematics.array import Array, frozen
+from controllers.card.edges import CardPiece, Edges, find_crossings
+from kinematics.foundation.arrays import Array, freeze_array
 
-FOREVER = 1e15
+MAX_DURATION = 1e15
 """s."""
 
 
 @dataclass(frozen=True, slots=True)
-class Profile:
+class MoveProfile:
     """One move of channels in lanes: s(t) = Σᵢ (vᵢ τᵢ + aᵢ τᵢ²/2 + jᵢ τᵢ³/6), τᵢ = clip(t − begin − Tᵢ, 0, lengthᵢ).
 
     Tᵢ is the sum of the lengths before piece i. The command position is p = start + s, or on an arc of radius R
@@ -53,10 +59,10 @@ class Profile:
 
     def __post_init__(self) -> None:
         for name in ("begin", "start", "target", "lengths", "speeds", "rates"):
-            object.__setattr__(self, name, frozen(getattr(self, name), np.float64))
+            object.__setattr__(self, name, freeze_array(getattr(self, name), np.float64))
         for name in ("jerks", "arc", "registers", "slack", "zero"):
             if getattr(self, name) is not None:
-                object.__setattr__(self, name, frozen(getattr(self, name), np.float64))
+                object.__setattr__(self, name, freeze_array(getattr(self, name), np.float64))
 
     @property
     def end(self) -> Array:
@@ -126,7 +132,7 @@ class Profile:
         pulses, speed = self.slack
         size, begins = np.abs(pulses), np.isfinite(self.begin)
         # bounded, since t may be the end of all times
-        rest = np.clip(t - np.where(begins, self.begin, 0.0), -FOREVER, FOREVER)
+        rest = np.clip(t - np.where(begins, self.begin, 0.0), -MAX_DURATION, MAX_DURATION)
         due = np.where(begins, np.floor(rest * speed + size + 0.5), 0.0)
         return np.asarray(np.sign(pulses) * np.clip(due, 0.0, size))
 
@@ -135,10 +141,10 @@ class Profile:
         i = lane if isinstance(lane, tuple) else (lane,)
         jerks = np.zeros(self.lengths.shape) if self.jerks is None else self.jerks
         rows = (np.moveaxis(of, 0, -1)[i].tolist() for of in (self.lengths, self.speeds, self.rates, jerks))
-        pieces = [Piece(*numbers) for numbers in zip(*rows, strict=True)]
+        pieces = [CardPiece(*numbers) for numbers in zip(*rows, strict=True)]
         arc = None if self.arc is None or self.arc[(0, *i)] == 0 else tuple(np.moveaxis(self.arc, 0, -1)[i].tolist())
         begin, start, target = (float(of[i]) for of in (self.begin, self.start, self.target))
-        found = passed(begin, start, target, pieces, arc, since, until)
+        found = find_crossings(begin, start, target, pieces, arc, since, until)
         if self.slack is None or not self.slack[(0, *i)]:
             return found
         pulses, speed = np.moveaxis(self.slack, 0, -1)[i]
@@ -166,7 +172,77 @@ class Profile:
         return np.where(radius > 0, bent, self.start + way)
 
 
-def standstill(position: np.ndarray) -> Profile:
+def standstill(position: np.ndarray) -> MoveProfile:
     """The move that is none: channels that stand."""
     none = np.zeros((1, *position.shape))
-    return Profile(np.zeros(position.shape), position, position, none, none, none)
+    return MoveProfile(np.zeros(position.shape), position, position, none, none, none)
+
+
+PIECEWISE = ("lengths", "speeds", "rates", "jerks")
+ROWS = {"jerks": None, "arc": 3, "registers": 4, "slack": 2, "zero": 0}
+"""Rows of what a profile may leave out; jerks have one for each piece."""
+
+
+def merge_lanes(mine: MoveProfile, theirs: MoveProfile, where: np.ndarray) -> MoveProfile:
+    """`mine` in the lanes where it says so, `theirs` in the others."""
+    if where.all():
+        return mine
+    pieces = max(len(mine.lengths), len(theirs.lengths))
+    parts: dict[str, Any] = {}
+    for field in fields(MoveProfile):
+        pair = [getattr(move, field.name) for move in (mine, theirs)]
+        if pair[0] is None and pair[1] is None:
+            continue
+        pair = [
+            _default_field(field.name, move, pieces) if of is None else of
+            for of, move in zip(pair, (mine, theirs), strict=True)
+        ]
+        if field.name in PIECEWISE:
+            pair = [np.concatenate([rows, np.zeros((pieces - len(rows), *where.shape))]) for rows in pair]
+        parts[field.name] = np.where(where, *pair)
+    return MoveProfile(**parts)
+
+
+def merge_sequences(
+    mine: Sequence[MoveProfile], theirs: Sequence[MoveProfile], where: np.ndarray
+) -> tuple[MoveProfile, ...]:
+    """The same of moves that run one after another."""
+    return tuple(merge_lanes(a or idle_move(b), b or idle_move(a), where) for a, b in zip_longest(mine, theirs))
+
+
+def registers_of(move: MoveProfile) -> Array:
+    """The registers (4, …) of a move, NaN where it has none."""
+    return _default_field("registers", move, 0) if move.registers is None else move.registers
+
+
+def idle_move(move: MoveProfile) -> MoveProfile:
+    """A move of the same lanes that does not begin."""
+    none = np.zeros((1, *move.begin.shape))
+    return MoveProfile(np.full(move.begin.shape, np.inf), move.target, move.target, none, none, none)
+
+
+def current_move(moves: Sequence[MoveProfile], begun: Sequence[np.ndarray]) -> MoveProfile:
+    """In each lane the last of the moves that has begun there."""
+    found = moves[0]
+    for move, has in zip(moves[1:], begun[1:], strict=True):
+        found = merge_lanes(move, found, has)
+    return found
+
+
+def cut(move: MoveProfile, at: Array) -> MoveProfile:
+    """The move ended at instants (…), s, where these come before its end; it stands there then."""
+    if not (at < move.end).any():
+        return move
+    ends = at < move.end
+    rest, way, lengths = np.maximum(np.where(ends, at, move.begin) - move.begin, 0.0), np.zeros(at.shape), []
+    for i, length in enumerate(move.lengths):
+        part = np.minimum(np.maximum(rest, 0.0), length)
+        lengths.append(np.where(ends, part, length))
+        way, rest = way + move.way(i, part), rest - length
+    return replace(move, lengths=np.stack(lengths), target=np.where(ends, move.placed(way), move.target))
+
+
+def _default_field(name: str, move: MoveProfile, pieces: int) -> Array:
+    lanes, rows = move.begin.shape, ROWS[name]
+    shape = lanes if rows == 0 else (pieces if rows is None else rows, *lanes)
+    return np.full(shape, np.nan if name == "registers" else 0.0)

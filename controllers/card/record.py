@@ -10,8 +10,8 @@ import numpy as np
 from controllers.card.channels import Command
 from controllers.card.edges import Edges
 from controllers.card.model import Card, Refused
-from controllers.card.state import CardState, send, ticked
-from kinematics.array import Array, frozen
+from controllers.card.state import CardState, round_to_ticks, send
+from kinematics.foundation.arrays import Array, freeze_array
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,7 +31,7 @@ class Train:
 
     def __post_init__(self) -> None:
         for name in ("ticks", "direction", "counted", "count"):
-            object.__setattr__(self, name, frozen(getattr(self, name)))
+            object.__setattr__(self, name, freeze_array(getattr(self, name)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +65,9 @@ class Record:
                     counts.append(first + np.cumsum(edges.direction * edges.counted))
         empty = Edges(np.empty(0), np.empty(0, np.int8), np.empty(0, bool))
         t, direction, counted = (np.concatenate(of) for of in zip(empty, *parts, strict=True))
-        return Train(ticked(self.card, t), direction, counted, np.concatenate([np.empty(0), *counts]).astype(np.int64))
+        return Train(
+            round_to_ticks(self.card, t), direction, counted, np.concatenate([np.empty(0), *counts]).astype(np.int64)
+        )
 
     def latched(self, lane: int | tuple[int, ...], t: Array) -> np.ndarray:
         """Position counters (N,) that a lane's latch input freezes at instants t (N,). Raises Refused without one."""

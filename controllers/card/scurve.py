@@ -6,14 +6,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from controllers.card.channels import Channels, Command, lanewise
-from controllers.card.lanes import registers_of
+from controllers.card.channels import Channels, Command, broadcast_lanes
 from controllers.card.model import Refused
-from controllers.card.profile import Profile
-from controllers.card.steer import lock
-from controllers.card.trapezoid import planned
-from controllers.card.velocity import started
-from kinematics.array import Array
+from controllers.card.profile import MoveProfile, registers_of
+from controllers.card.trapezoid import lock_move, plan_move
+from controllers.card.velocity import start_and_end_speeds
+from kinematics.foundation.arrays import Array
 
 SHORTEST = 1e-12
 """s: a bent piece of a ramp that is shorter than any clock's tick is none, and its jerk would be beyond all numbers."""
@@ -44,11 +42,11 @@ class SAMove(Command):
     curve_dec: float = 0.0
 
     def __post_init__(self) -> None:
-        lanewise(self, "position", "start_speed", "max_speed")
+        broadcast_lanes(self, "position", "start_speed", "max_speed")
 
-    def moves(self, now: Channels) -> tuple[Profile, ...]:
-        move = planned(self, now, now.target(np.rint(self.position)))
-        return (curved(now, move, self.curve_acc, self.curve_dec),)
+    def moves(self, now: Channels) -> tuple[MoveProfile, ...]:
+        move = plan_move(self, now, now.target(np.rint(self.position)))
+        return (curve_ramps(now, move, self.curve_acc, self.curve_dec),)
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,10 +62,10 @@ class SRMove(Command):
     curve_dec: float = 0.0
 
     def __post_init__(self) -> None:
-        lanewise(self, "distance", "start_speed", "max_speed")
+        broadcast_lanes(self, "distance", "start_speed", "max_speed")
 
-    def moves(self, now: Channels) -> tuple[Profile, ...]:
-        return (curved(now, planned(self, now, now.after(self.distance)), self.curve_acc, self.curve_dec),)
+    def moves(self, now: Channels) -> tuple[MoveProfile, ...]:
+        return (curve_ramps(now, plan_move(self, now, now.after(self.distance)), self.curve_acc, self.curve_dec),)
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,21 +86,23 @@ class SVMove(Command):
     curve_acc: float = 0.0
 
     def __post_init__(self) -> None:
-        lanewise(self, "start_speed", "speed")
+        broadcast_lanes(self, "start_speed", "speed")
 
-    def moves(self, now: Channels) -> tuple[Profile, ...]:
-        v0, v1 = started(now, self.start_speed, self.speed)
+    def moves(self, now: Channels) -> tuple[MoveProfile, ...]:
+        v0, v1 = start_and_end_speeds(now, self.start_speed, self.speed)
         tacc = now.ramp("acceleration", self.tacc)
         _refuse_interval(now, self.curve_acc)
         change, none = v1 - v0, np.zeros_like(v0)
-        bent = _bent(np.full_like(v0, tacc), v0, change / (tacc or 1.0), _share(self.curve_acc, np.abs(change)))
-        pieces = [part for piece in bent for part in _parted_at_rest(*piece)]
+        bent = _bend_ramp(np.full_like(v0, tacc), v0, change / (tacc or 1.0), _share(self.curve_acc, np.abs(change)))
+        pieces = [part for piece in bent for part in _split_at_rest(*piece)]
         pieces.append((np.where(v1 == 0, 0.0, np.inf), v1, none, none))
         lengths, speeds, rates, jerks = (np.stack(rows) for rows in zip(*pieces, strict=True))
-        return (Profile(now.begin, now.position, now.position + tacc * (v0 + v1) / 2, lengths, speeds, rates, jerks),)
+        return (
+            MoveProfile(now.begin, now.position, now.position + tacc * (v0 + v1) / 2, lengths, speeds, rates, jerks),
+        )
 
 
-def curved(now: Channels, move: Profile, curve_acc: float, curve_dec: float) -> Profile:
+def curve_ramps(now: Channels, move: MoveProfile, curve_acc: float, curve_dec: float) -> MoveProfile:
     """A trapezoidal move with its ramps bent. Raises Refused for intervals that are none."""
     for curve in (curve_acc, curve_dec):
         _refuse_interval(now, curve)
@@ -111,9 +111,9 @@ def curved(now: Channels, move: Profile, curve_acc: float, curve_dec: float) -> 
     for length, speed, rate, curve in zip(
         move.lengths, move.speeds, move.rates, (curve_acc, 0.0, curve_dec), strict=True
     ):
-        pieces += _bent(length, speed, rate, _share(curve, change))
+        pieces += _bend_ramp(length, speed, rate, _share(curve, change))
     lengths, speeds, rates, jerks = (np.stack(rows) for rows in zip(*pieces, strict=True))
-    return lock(replace(move, lengths=lengths, speeds=speeds, rates=rates, jerks=jerks))
+    return lock_move(replace(move, lengths=lengths, speeds=speeds, rates=rates, jerks=jerks))
 
 
 Pieces = tuple[Array, Array, Array, Array]
@@ -130,7 +130,7 @@ def _share(curve: float, change: Array) -> Array:
     return np.minimum(curve / np.where(change > 0, change, 1.0), 0.5) if curve else np.full_like(change, 0.5)
 
 
-def _bent(length: Array, speed: Array, rate: Array, share: Array) -> list[Pieces]:
+def _bend_ramp(length: Array, speed: Array, rate: Array, share: Array) -> list[Pieces]:
     """A straight ramp as three pieces of the same time and way: the rate rises, holds, and falls."""
     none = np.zeros_like(speed)
     most = rate * (1 + 2 * share)
@@ -146,7 +146,7 @@ def _bent(length: Array, speed: Array, rate: Array, share: Array) -> list[Pieces
     ]
 
 
-def _parted_at_rest(length: Array, speed: Array, rate: Array, jerk: Array) -> tuple[Pieces, Pieces]:
+def _split_at_rest(length: Array, speed: Array, rate: Array, jerk: Array) -> tuple[Pieces, Pieces]:
     """A piece in two, where its speed passes zero: there τ = −2 v/(a ± √(a² − 2 j v)), of the sign of its change."""
     last = speed + length * (rate + length * jerk / 2)
     turns = speed * last < 0

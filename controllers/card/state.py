@@ -1,4 +1,9 @@
-"""The card at work: moves under way, position counters, the pulses it fires, and what it does with a command."""
+"""The card at work: moves under way, position counters, the pulses it fires, and what it does with a command.
+
+Soft limits: commands that would pass one are refused, or stop there.
+
+Backlash compensation: pulses that take up play when a channel turns round, and that the counter does not see.
+"""
 
 from __future__ import annotations
 
@@ -8,14 +13,136 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from controllers.card.backlash import compensated
 from controllers.card.channels import Channels, Command
-from controllers.card.lanes import chained, under_way
-from controllers.card.limits import within_limits
 from controllers.card.model import Card, Refused
-from controllers.card.profile import Profile, standstill
-from kinematics.array import Array, frozen
-from planner.pulses.counter import COUNTER
+from controllers.card.profile import MoveProfile, current_move, cut, idle_move, merge_sequences, standstill
+from kinematics.foundation.arrays import Array, freeze_array
+from planner.pulses.motion import COUNTER
+
+
+def insert_compensation(
+    card: Card, moves: Sequence[MoveProfile], taken: Array, due: np.ndarray, joint: bool
+) -> tuple[MoveProfile, ...]:
+    """The moves with pulses of compensation before each that runs the other way, by which it and the later are delayed.
+
+    Assumed: at power-up the play is taken up in the positive direction; a move that is replaced while it compensates
+    leaves the play where it is, and the next one takes up the rest; of an interpolation all channels start when the
+    last has compensated, and a turn within it is not compensated; other moves that turn round stop for it.
+
+    taken  (…) pulses of compensation until now, signed: from −backlash (taken up in the negative direction) to 0
+    due    (…) bool, the lanes of the moves
+    """
+    if card.backlash is None:
+        return tuple(moves)
+    if len(card.backlash) != due.shape[-1]:
+        raise Refused(f"{card.name}: {len(card.backlash)} backlashes for {due.shape[-1]} channels; give each its own")
+    play, late, found = np.array(card.backlash, float), np.zeros(due.shape), []
+    for whole in moves:
+        for move in (whole,) if joint or whole.arc is not None else _split_at_turn(whole):
+            begun = np.isfinite(move.begin)
+            sign = np.where(begun, _directions(move)[1], 0.0)
+            need = np.where(sign > 0, -taken, np.where(sign < 0, -play - taken, 0.0))
+            last = np.abs(need) / card.backlash_speed
+            if joint:
+                last = np.where(due, np.where(due, last, 0.0).max(-1, keepdims=True), last)
+            late, taken = late + last, taken + need
+            slack = np.stack((need, np.full(due.shape, card.backlash_speed)))
+            found.append(replace(move, begin=move.begin + late, slack=slack))
+    return tuple(found)
+
+
+def _directions(move: MoveProfile) -> tuple[Array, Array]:
+    """(pieces, …) the sign of each piece's way, 0 of none, and (…) that of the first that has one."""
+    spans = np.where(np.isinf(move.lengths), 1.0, move.lengths)
+    signs = np.sign(np.stack([move.way(i, span) for i, span in enumerate(spans)]))
+    first = np.zeros(move.begin.shape)
+    for sign in signs:
+        first = np.where(first == 0, sign, first)
+    return signs, first
+
+
+def _split_at_turn(move: MoveProfile) -> tuple[MoveProfile, ...]:
+    """A move and, in lanes where it turns round, the rest of it from there."""
+    signs, first = _directions(move)
+    turned = np.logical_or.accumulate(signs == -first, axis=0) & (first != 0)
+    if not turned.any():
+        return (move,)
+    spans = np.where(turned | np.isinf(move.lengths), 0.0, move.lengths)
+    way = sum(move.way(i, span) for i, span in enumerate(spans))
+    some = turned.any(0)
+    place = np.where(some, move.start + way, move.target)
+    before, after = (np.where(which, move.lengths, 0.0) for which in (~turned, turned))
+    begin = np.where(some, move.begin + np.where(some, before, 0.0).sum(0), np.inf)
+    rest = replace(move, begin=begin, start=place, lengths=after)
+    idle = idle_move(move)
+    return replace(move, target=place, lengths=before), replace(
+        rest, start=np.where(some, place, idle.start), target=move.target
+    )
+
+
+def limit_move(now: Channels, move: MoveProfile, joint: bool) -> MoveProfile:
+    """The move as soft limits let it pass: ended dead on the limit, a joint one in all its channels at that instant.
+
+    A channel that stands beyond a limit may move back. Raises Refused where the card refuses, but for endless moves.
+    """
+    card, lanes = now.card, now.due.shape
+    limits = card.soft_limits
+    if limits is None:
+        return move
+    if len(limits) != lanes[-1]:
+        raise Refused(f"{card.name}: {len(limits)} soft limits for {lanes[-1]} channels; give one pair for each")
+    at, target = np.full(lanes, np.inf), np.array(move.target)
+    for lane in np.argwhere(now.due):
+        i = tuple(lane)
+        low, high = limits[lane[-1]]
+        found, stand = _find_limit_crossing(move, i, low, high)
+        if found == np.inf:
+            continue
+        if card.at_soft_limit == "refuse" and np.isfinite(move.end[i]):
+            raise Refused(
+                f"{card.name}, channel {lane[-1] + 1}: the move to {move.target[i]:.10g} passes the soft limits {low} "
+                f"… {high} pulses; keep it inside, or move the limits"
+            )
+        at[i], target[i] = found, stand
+    if joint:
+        first = np.where(now.due, at, np.inf).min(-1, keepdims=True)
+        target = np.where(at <= first, target, np.nan)
+        at = np.where(now.due, first, at)
+    stopped = cut(move, at)
+    ends = at < move.end
+    return replace(stopped, target=np.where(ends & ~np.isnan(target), target, stopped.target))
+
+
+def _find_limit_crossing(move: MoveProfile, lane: tuple[int, ...], low: int, high: int) -> tuple[float, float]:
+    """When the channel first goes beyond a limit, s, and where it is to stand; (inf, 0) where it never does."""
+    begin, p = float(move.begin[lane]), float(move.start[lane])
+    if begin == np.inf:
+        return np.inf, 0.0
+    for i, length in enumerate(np.moveaxis(move.lengths, 0, -1)[lane].tolist()):
+        at = begin + (length if length < np.inf else 0.0)
+        q = float(move.position(np.array([at]))[(0, *lane)])
+        rising = move.speeds[(i, *lane)] if length == np.inf else q - p
+        for limit, sign in ((high, 1), (low, -1)):
+            if sign * rising <= 0 or (length < np.inf and sign * (q - limit) <= 0):
+                continue
+            if sign * (p - limit) >= 0:
+                return begin, p
+            return _instant(move, lane, i, begin, length, p, limit), float(limit)
+        begin, p = at, q
+    return np.inf, 0.0
+
+
+def _instant(
+    move: MoveProfile, lane: tuple[int, ...], i: int, begin: float, length: float, p: float, limit: float
+) -> float:
+    """When piece i of a channel comes to the limit: halved, since it runs one way, to the last bit."""
+    if length == np.inf:
+        return begin + (limit - p) / float(move.speeds[(i, *lane)])
+    low, high = begin, begin + length
+    while low < (middle := (low + high) / 2) < high:
+        before = (float(move.position(np.array([middle]))[(0, *lane)]) - limit) * (p - limit) > 0
+        low, high = (middle, high) if before else (low, middle)
+    return high
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,7 +155,7 @@ class CardState:
     taken  (…) pulses of backlash compensation, signed; None: the card has none
     """
 
-    moves: tuple[Profile, ...]
+    moves: tuple[MoveProfile, ...]
     fired: np.ndarray
     taken: Array | None = None
 
@@ -44,7 +171,7 @@ class CardState:
     def counter(self, t: ArrayLike) -> np.ndarray:
         """Position counters (N, …), int64, at instants t (N,), none before the last command: the nearest counts.
 
-        Of velocity moves they may have left the 28 bits: `reading` is what the host would read.
+        Of velocity moves they may have left the 28 bits: `read_counters` is what the host would read.
         """
         return np.rint(self.position(t)).astype(np.int64)
 
@@ -52,15 +179,15 @@ class CardState:
         """Pulses (…) fired until t in either direction, int64."""
         return np.asarray(self.fired + sum(move.pulses(t) for move in self.moves), np.int64)
 
-    def running(self, t: float) -> Profile:
+    def running(self, t: float) -> MoveProfile:
         """The moves under way at t, lane by lane."""
-        return under_way(self.moves, [t >= move.begin for move in self.moves])
+        return current_move(self.moves, [t >= move.begin for move in self.moves])
 
 
 def at_rest(counts: ArrayLike) -> CardState:
     """The card before its first command, its counters at `counts` (…)."""
     counts = np.atleast_1d(np.asarray(counts, np.int64))
-    return CardState((standstill(counts),), frozen(np.zeros_like(counts)))
+    return CardState((standstill(counts),), freeze_array(np.zeros_like(counts)))
 
 
 def send(card: Card, state: CardState, command: Command, t: float, due: np.ndarray | None = None) -> CardState:
@@ -73,8 +200,8 @@ def send(card: Card, state: CardState, command: Command, t: float, due: np.ndarr
     every = every if due is None else every & due
     queued = card.while_moving == "queue" and command.waits
     if queued:
-        last = under_way(state.moves, [np.isfinite(move.begin) for move in state.moves])
-        waiting = _standing(state, tuple(old for old in state.moves if (old.end > t).any()), t)
+        last = current_move(state.moves, [np.isfinite(move.begin) for move in state.moves])
+        waiting = _hold_idle_lanes(state, tuple(old for old in state.moves if (old.end > t).any()), t)
         now = Channels(card, every, np.maximum(last.end, t), last.target, np.zeros(lanes), last)
     else:
         running = state.running(t)
@@ -84,20 +211,20 @@ def send(card: Card, state: CardState, command: Command, t: float, due: np.ndarr
     if now.running.zero is not None:
         new = tuple(move if move.zero is not None else replace(move, zero=now.running.zero) for move in new)
     if card.soft_limits is not None and command.limited:
-        new = tuple(within_limits(now, move, command.joint) for move in new)
+        new = tuple(limit_move(now, move, command.joint) for move in new)
     fired, taken = state.pulses(t) - sum(move.pulses(t) for move in waiting), None
     if card.backlash is not None:
-        taken = _taken(state, state.moves, t) - _taken(None, waiting, t)
-        new = compensated(card, new, taken + _taken(None, waiting, np.inf), every, command.joint)
+        taken = _compensation_pulses(state, state.moves, t) - _compensation_pulses(None, waiting, t)
+        new = insert_compensation(card, new, taken + _compensation_pulses(None, waiting, np.inf), every, command.joint)
     moves = (*waiting, *new)
     if not every.all():
-        moves, fired = chained(moves, state.moves, every), np.where(every, fired, state.fired)
+        moves, fired = merge_sequences(moves, state.moves, every), np.where(every, fired, state.fired)
         if taken is not None:
             taken = np.where(every, taken, 0.0 if state.taken is None else state.taken)
-    return CardState(moves, frozen(fired), None if taken is None else frozen(taken))
+    return CardState(moves, freeze_array(fired), None if taken is None else freeze_array(taken))
 
 
-def _standing(state: CardState, waiting: tuple[Profile, ...], t: float) -> tuple[Profile, ...]:
+def _hold_idle_lanes(state: CardState, waiting: tuple[MoveProfile, ...], t: float) -> tuple[MoveProfile, ...]:
     """Moves that are kept of a state; a lane that has none in the first of them stands where what is left out ended."""
     if not waiting or np.isfinite(waiting[0].begin).all():
         return waiting
@@ -107,7 +234,7 @@ def _standing(state: CardState, waiting: tuple[Profile, ...], t: float) -> tuple
     return (held, *waiting[1:])
 
 
-def reading(card: Card, state: CardState, t: ArrayLike) -> np.ndarray:
+def read_counters(card: Card, state: CardState, t: ArrayLike) -> np.ndarray:
     """What the host reads of the position counters (N, …) at instants t (N,): 28 bits.
 
     Raises Refused for a position beyond them, unless the card is set to wrap round.
@@ -136,12 +263,12 @@ def current_speed(card: Card, state: CardState, t: float) -> Array:
     return np.abs(rate) if card.current_speed == "magnitude" else rate
 
 
-def pulse_ticks(card: Card, move: Profile, lane: int | tuple[int, ...], until: float = np.inf) -> np.ndarray:
-    """Ticks (pulses,) of the card's clock at which a lane's pulses fire before `until`: `ticked` instants."""
-    return ticked(card, move.pulse_times(lane, until))
+def pulse_ticks(card: Card, move: MoveProfile, lane: int | tuple[int, ...], until: float = np.inf) -> np.ndarray:
+    """Ticks (pulses,) of the card's clock at which a lane's pulses fire before `until`: `round_to_ticks` instants."""
+    return round_to_ticks(card, move.pulse_times(lane, until))
 
 
-def ticked(card: Card, t: Array) -> np.ndarray:
+def round_to_ticks(card: Card, t: Array) -> np.ndarray:
     """Ticks (pulses,) of the card's clock, int64, nearest to the instants t (pulses,) and strictly increasing.
 
     Where a channel is turned round within a tick of a pulse, the pulse back waits for the next free tick.
@@ -151,6 +278,6 @@ def ticked(card: Card, t: Array) -> np.ndarray:
     return np.asarray(np.maximum.accumulate(ticks) + order if len(t) else ticks)
 
 
-def _taken(state: CardState | None, moves: Sequence[Profile], t: float) -> Array:
+def _compensation_pulses(state: CardState | None, moves: Sequence[MoveProfile], t: float) -> Array:
     base = 0.0 if state is None or state.taken is None else state.taken
     return np.asarray(base + sum(move.taken(t) for move in moves))

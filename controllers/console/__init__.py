@@ -1,7 +1,19 @@
 """The operator's console: any machine on the virtual card, by lines of text, from a keyboard or a remote computer."""
 
-from controllers.console.desk import CONSOLE, Desk, gone, heard, passed
-from controllers.console.lines import Line, Partial
-from controllers.console.session import Saved, Session, opened, saved
+from controllers.console.dispatcher import CONSOLE, Dispatcher, advance_time, drop_remote, take_line
+from controllers.console.links import Partial, TextLine
+from controllers.console.session import SavedSession, Session, open_session, snapshot_session
 
-__all__ = ["CONSOLE", "Desk", "Line", "Partial", "Saved", "Session", "gone", "heard", "opened", "passed", "saved"]
+__all__ = [
+    "CONSOLE",
+    "Dispatcher",
+    "Partial",
+    "SavedSession",
+    "Session",
+    "TextLine",
+    "advance_time",
+    "drop_remote",
+    "open_session",
+    "snapshot_session",
+    "take_line",
+]

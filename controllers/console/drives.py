@@ -7,15 +7,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from controllers.card import PCI_8164, Card
-from kinematics.array import Array, frozen
-from kinematics.axis import sides
-from kinematics.errors import MotionError
-from kinematics.machine import Machine
-from planner.pulses.counter import COUNTER
+from kinematics.foundation.arrays import Array, freeze_array
+from kinematics.foundation.errors import MotionError
+from kinematics.machine.axis import directional_bounds
+from kinematics.machine.machine import Machine
+from planner.pulses.motion import COUNTER
 
-JOG = 0.1
+JOG_SPEED_SHARE = 0.1
 """Share of its speed at which an axis jogs: "slowly traversed", says the source, and no number (assumed)."""
-WHOLE = 1e-6
+WHOLE_TOLERANCE = 1e-6
 """Pulses by which a travel may miss a whole number of them and still be it: rounding of units."""
 
 
@@ -43,7 +43,7 @@ class Drives:
 
     def __post_init__(self) -> None:
         for name in ("signs", "speed", "acceleration", "low", "high"):
-            object.__setattr__(self, name, frozen(getattr(self, name)))
+            object.__setattr__(self, name, freeze_array(getattr(self, name)))
 
     @property
     def ramp(self) -> Array:
@@ -59,7 +59,7 @@ class Drives:
         return np.maximum(low, COUNTER[0]), np.minimum(high, COUNTER[1])
 
 
-def driven(machine: Machine) -> Drives:
+def machine_drives(machine: Machine) -> Drives:
     """The drives of a machine. Raises MotionError for an axis without speed or acceleration, or that compensates."""
     speed, acceleration = [], []
     for axis in machine.axes:
@@ -72,12 +72,12 @@ def driven(machine: Machine) -> Drives:
                 "and a register would not tell where the axis is; take compensate out of the machine's file"
             )
         band = axis.resonance[0][0] if axis.resonance else np.inf
-        speed.append(min(min(*sides(axis.max_speed), band) / axis.pulse, axis.pulse_rate))
-        acceleration.append(min(sides(axis.max_acceleration)) / axis.pulse)
+        speed.append(min(min(*directional_bounds(axis.max_speed), band) / axis.pulse, axis.pulse_rate))
+        acceleration.append(min(directional_bounds(axis.max_acceleration)) / axis.pulse)
     card = replace(PCI_8164, channels=len(machine.axes), speed_range=min(max(speed), PCI_8164.max_speed))
-    steps = np.floor(np.minimum(speed, card.top_speed) / card.least_speed + WHOLE)
+    steps = np.floor(np.minimum(speed, card.top_speed) / card.least_speed + WHOLE_TOLERANCE)
     ends = np.array([np.divide(axis.travel, axis.pulse) for axis in machine.axes])
-    low, high = np.clip([np.ceil(ends[:, 0] - WHOLE), np.floor(ends[:, 1] + WHOLE)], *COUNTER)
+    low, high = np.clip([np.ceil(ends[:, 0] - WHOLE_TOLERANCE), np.floor(ends[:, 1] + WHOLE_TOLERANCE)], *COUNTER)
     return Drives(
         card,
         tuple(axis.name.upper() for axis in machine.axes),

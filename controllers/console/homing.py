@@ -11,15 +11,15 @@ from collections.abc import Sequence
 import numpy as np
 
 from controllers.card import Refused
-from controllers.console.drives import WHOLE
+from controllers.console.drives import WHOLE_TOLERANCE
+from controllers.console.grammar import Home
 from controllers.console.session import Session
-from controllers.console.words import Home
-from kinematics.axis import Axis
-from kinematics.errors import MotionError
-from kinematics.units import quantity
-from planner.pulses.counter import COUNTER
+from kinematics.foundation.errors import MotionError
+from kinematics.foundation.units import quantity
+from kinematics.machine.axis import Axis
+from planner.pulses.motion import COUNTER
 
-SHOWN = {"linear": ("mm", 1e3), "rotary": ("deg", 180 / np.pi)}
+SHOWN_UNITS = {"linear": ("mm", 1e3), "rotary": ("deg", 180 / np.pi)}
 
 
 def placed(session: Session, words: Home) -> Session:
@@ -27,7 +27,7 @@ def placed(session: Session, words: Home) -> Session:
     counts = np.array(session.counts)
     for axis, said in words.places:
         if said is not None:
-            counts[axis] = _count(session, axis, said)
+            counts[axis] = _parse_place(session, axis, said)
         elif not session.homed[axis]:
             counts[axis] = 0
             _refuse_switch(session, axis)
@@ -37,7 +37,7 @@ def placed(session: Session, words: Home) -> Session:
 def told(session: Session, axes: Sequence[int]) -> str:
     """What holds now: "HOME X: register 0; X at 609.6 mm of its travel, 0 to 1219.2 mm, steps -38400 to 38400"."""
     names = " ".join(session.drives.names[axis] for axis in axes)
-    return "; ".join([f"HOME {names}: register 0", *(_told(session, axis) for axis in axes)])
+    return "; ".join([f"HOME {names}: register 0", *(_describe_axis(session, axis) for axis in axes)])
 
 
 def ends(session: Session, axis: int) -> tuple[int, int]:
@@ -56,26 +56,26 @@ def inward(session: Session, axis: int) -> str:
 def example(session: Session, axis: int) -> str:
     """A place that it may have, as HOME takes it."""
     driven = session.machine.axes[axis]
-    unit, scale = SHOWN[driven.kind]
+    unit, scale = SHOWN_UNITS[driven.kind]
     middle = sum(driven.travel) / 2 * scale if np.isfinite(driven.travel).all() else 90.0
     return f"{middle:.3g} {unit}"
 
 
-def _told(session: Session, axis: int) -> str:
+def _describe_axis(session: Session, axis: int) -> str:
     name, driven = session.drives.names[axis], session.machine.axes[axis]
-    unit, scale = SHOWN[driven.kind]
-    place = f"{name} at {_shown(session.counts[axis] * driven.pulse * scale)} {unit}"
+    unit, scale = SHOWN_UNITS[driven.kind]
+    place = f"{name} at {_format_number(session.counts[axis] * driven.pulse * scale)} {unit}"
     if not np.isfinite(driven.travel).all():
         return place
     first, last = ends(session, axis)
     return f"{place} of {_span(driven)}, steps {first} to {last}"
 
 
-def _shown(value: float) -> str:
+def _format_number(value: float) -> str:
     return f"{round(value, 4) + 0.0:.10g}"
 
 
-def _count(session: Session, axis: int, said: str) -> int:
+def _parse_place(session: Session, axis: int, said: str) -> int:
     """The counter where the slide stands as was said."""
     name, driven = session.drives.names[axis], session.machine.axes[axis]
     try:
@@ -83,21 +83,23 @@ def _count(session: Session, axis: int, said: str) -> int:
     except MotionError as error:
         raise Refused(f"HOME {name} AT {said}: {error}") from None
     low, high = min(driven.travel[0], 0.0), max(driven.travel[1], 0.0)
-    if not low - WHOLE * driven.pulse <= place <= high + WHOLE * driven.pulse or _far(place / driven.pulse):
+    if not low - WHOLE_TOLERANCE * driven.pulse <= place <= high + WHOLE_TOLERANCE * driven.pulse or _is_beyond_counter(
+        place / driven.pulse
+    ):
         raise Refused(f"HOME {name} AT {said} is outside {_span(driven)}")
     first, last = (int(end[axis]) for end in session.drives.reach())
     return min(max(int(np.rint(place / driven.pulse)), first), last)
 
 
-def _far(count: float) -> bool:
+def _is_beyond_counter(count: float) -> bool:
     return not COUNTER[0] <= count <= COUNTER[1]
 
 
 def _span(driven: Axis) -> str:
-    unit, scale = SHOWN[driven.kind]
+    unit, scale = SHOWN_UNITS[driven.kind]
     if not np.isfinite(driven.travel).all():
         return "what its counter holds"
-    low, high = (_shown(end * scale) for end in driven.travel)
+    low, high = (_format_number(end * scale) for end in driven.travel)
     return f"its travel, {low} to {high} {unit}"
 
 
@@ -108,9 +110,10 @@ def _refuse_switch(session: Session, axis: int) -> None:
     if before >= low[axis] and beyond <= high[axis]:
         return
     name, driven = session.drives.names[axis], session.machine.axes[axis]
-    unit, scale = SHOWN[driven.kind]
+    unit, scale = SHOWN_UNITS[driven.kind]
     way = (before if before < low[axis] else beyond) * driven.pulse * scale
     raise Refused(
-        f"{name} has been {_shown(way)} {unit} from here, which is not in {_span(driven)}, so this is not its switch; "
+        f"{name} has been {_format_number(way)} {unit} from here, which is not in {_span(driven)}, so "
+        "this is not its switch; "
         f"say where the slide stands: HOME {name} AT {example(session, axis)}"
     )

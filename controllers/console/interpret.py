@@ -1,18 +1,27 @@
-"""What words do to a session that stands: (session, words) -> (session, reply, motion)."""
+"""What words do to a session that stands: (session, words) -> (session, reply, motion).
+
+The self-test: every axis end to end on the card alone, its pulses counted one by one; the machine does not move.
+
+Cartesian words: a line or a synchronised move through the planner, from where the axes stand; and poses told.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.spatial.transform import RigidTransform, Rotation
 
 from controllers.card import Refused
-from controllers.console import cartesian, homing, selftest
-from controllers.console.drives import JOG
-from controllers.console.grammar import ROTARY
-from controllers.console.motion import Motion, to
+from controllers.console import homing
+from controllers.console.drives import JOG_SPEED_SHARE, WHOLE_TOLERANCE
+from controllers.console.grammar import ROTARY, Accept, Halt, Help, Home, Jog, Move, Position, Switch, Where, Words
+from controllers.console.motion import PlannedMotion, SessionMotion, trapezoid_motion
 from controllers.console.session import Session
-from controllers.console.words import Accept, Help, Home, Jog, Move, Position, Stop, Switch, Where, Words
+from kinematics.analysis.forward import RESIDUAL_TOLERANCE
+from kinematics.foundation.errors import OutOfReach
+from kinematics.machine.pose import Pose
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,7 +30,7 @@ class Answer:
 
     session: Session
     reply: str = ""
-    motion: Motion | None = None
+    motion: SessionMotion | None = None
     jogging: bool = False
 
 
@@ -33,7 +42,7 @@ def interpret(session: Session, words: Words, t: float) -> Answer:
         case Position():
             return _position(session, words, t)
         case Move():
-            motion = cartesian.planned(session, words, t)
+            motion = planned(session, words, t)
             return Answer(session, "DONE") if motion is None else Answer(session, motion=motion)
         case Home():
             changed = homing.placed(session, words)
@@ -42,24 +51,24 @@ def interpret(session: Session, words: Words, t: float) -> Answer:
             return _accept(session, t)
         case Switch(mode):
             changed = replace(session, mode=mode)
-            return Answer(changed, selftest.report(session) if mode == "TEST" else f"{mode}: {_about(changed)}")
-        case Stop():
+            return Answer(changed, report(session) if mode == "TEST" else f"{mode}: {_describe_mode(changed)}")
+        case Halt():
             return Answer(session, f"STOPPED {session.told(t)}")
         case Where():
-            return Answer(session, where(session, t))
+            return Answer(session, describe_registers(session, t))
         case Help():
             return Answer(session, _help(session))
 
 
-def where(session: Session, t: float) -> str:
+def describe_registers(session: Session, t: float) -> str:
     """The registers, and the tool's place where it stands and all of them count from home."""
-    told = session.told(t)
+    words = session.told(t)
     if session.motion is None and not session.unknown():
-        told += f" = {cartesian.told(session)}"
-    return told
+        words += f" = {describe_tool(session)}"
+    return words
 
 
-def offer(session: Session) -> str:
+def describe_offer(session: Session) -> str:
     """What a restart says of the axes: their last known positions, or that none are known."""
     if session.offered is None:
         names = session.drives.names
@@ -75,7 +84,7 @@ def offer(session: Session) -> str:
     return f"last known position {last}: ACCEPT or HOME" + (f"; {lost} unknown: HOME" if lost else "")
 
 
-def _about(session: Session) -> str:
+def _describe_mode(session: Session) -> str:
     if session.mode == "REM":
         names = " ".join(session.unknown())
         lost = f"; {names} not homed, so P knows the length of their travel alone" if names else ""
@@ -121,11 +130,15 @@ def _jog(session: Session, words: Jog, t: float) -> Answer:
     target = np.array(session.counts)
     target[i] = (high if words.sign * drives.signs[i] > 0 else low)[i]
     way = target - session.counts
-    fine, reason = cartesian.clear(session, lambda share: session.counts + np.rint(share * way))
+    fine, reason = clear(session, lambda share: session.counts + np.rint(share * way))
     target = session.counts + np.rint(fine * way).astype(np.int64)
     if target[i] == session.counts[i]:
         raise Refused(f"axis {drives.names[i]} stands at its end: {reason or 'of travel'}; jog it the other way")
-    return Answer(session, motion=to(drives, session.counts, target, drives.speed * JOG, t), jogging=True)
+    return Answer(
+        session,
+        motion=trapezoid_motion(drives, session.counts, target, drives.speed * JOG_SPEED_SHARE, t),
+        jogging=True,
+    )
 
 
 def _position(session: Session, words: Position, t: float) -> Answer:
@@ -143,8 +156,125 @@ def _position(session: Session, words: Position, t: float) -> Answer:
         )
     if (target == session.counts).all():
         return Answer(session, "DONE")
-    motion = to(drives, session.counts, target, drives.speed, t)
-    fine, reason = cartesian.clear(session, lambda share: motion.counts(t + share * (motion.end - t)))
+    motion = trapezoid_motion(drives, session.counts, target, drives.speed, t)
+    fine, reason = clear(session, lambda share: motion.counts(t + share * (motion.end - t)))
     if fine < 1:
         raise Refused(f"on the way {reason}; MOVE keeps clear of that if there is a line that does")
     return Answer(session, motion=motion)
+
+
+MAX_TEST_STEPS = 200_000
+"""Steps that an axis is tested over at most: an endless one would count for weeks."""
+
+
+def report(session: Session) -> str:
+    """A line about each axis: steps over its travel, their rate at most, its ramp, the time, and whether all fired."""
+    drives, lines = session.drives, ["TEST: commands are checked and not run; MAN goes back"]
+    for i, (name, axis) in enumerate(zip(drives.names, session.machine.axes, strict=True)):
+        steps = int(min(drives.high[i] - drives.low[i], MAX_TEST_STEPS))
+        target = np.zeros(len(drives.names), np.int64)
+        target[i] = steps
+        motion = trapezoid_motion(drives, np.zeros_like(target), target, drives.speed, 0.0)
+        fired = int(motion.fired(0.0, np.inf)[i].sum())
+        verdict = "OK" if fired == steps == motion.counts(np.inf)[i] else f"FAULT: {fired} pulses fired"
+        rate = f"{drives.speed[i]:.6g} steps/s at most after a ramp of {drives.ramp[i]:.0f}"
+        lines.append(f"{name}: {steps} steps of {axis.pulse:.6g} {axis.unit}, {rate}, {motion.end:.3f} s: {verdict}")
+    return "\n".join(lines)
+
+
+STANDING_PULSES = 0.5 + WHOLE_TOLERANCE
+"""Pulses of every axis within which a pose is the one at which the tool stands: it would be rounded to it."""
+MIN_TURN = 1e-9
+"""rad from which a line turns the tool."""
+
+
+def planned(session: Session, words: Move, t: float) -> PlannedMotion | None:
+    """The certified fastest motion that is asked for; None where the tool is there already, to the pulse.
+
+    A way of less than a pulse of every axis is none: with a turn it is a turn in place, not a line of nanometres.
+    Raises Refused where an axis is not homed, and whatever the planner refuses with.
+    """
+    from planner.plan import plan
+    from planner.program.model import Line, Program, Synchronised, Turn
+
+    if unknown := session.unknown():
+        raise Refused(f"{' '.join(unknown)} not homed: a pose needs all places; HOME or ACCEPT on the console first")
+    start, end = session.pose(), Rotation.from_euler("XYZ", words.pose[3:])
+    there = RigidTransform.from_components(words.pose[:3], end)
+    if _pulses(session, there) <= STANDING_PULSES:
+        return None
+    facing = RigidTransform.from_components(words.pose[:3], start.rotation)
+    turning = RigidTransform.from_components(start.translation, end)
+    segment: Line | Turn | Synchronised
+    if words.synchronised:
+        segment = Synchronised(words.pose[:3], end if _has_rotation(session) else None)
+    elif _pulses(session, facing) < 1 <= _pulses(session, turning):
+        if _pulses(session, facing) <= STANDING_PULSES:
+            start = facing  # so that what was rounded does not add up, turn after turn
+        segment = Turn(end)
+    else:
+        turns = _has_rotation(session) and (start.rotation.inv() * end).magnitude() > MIN_TURN
+        segment = Line(words.pose[:3], end if turns else None)
+    program = Program((segment,), start=start, name="PTP" if words.synchronised else "MOVE")
+    found = plan(program, session.machine, clock_hz=session.drives.card.clock_hz)
+    begins = [axis.start for axis in found.pulses.axes]
+    if begins != session.counts.tolist():
+        # the planner counts from the coordinates nearest home; the axes stand a turn or a branch away
+        raise Refused(
+            f"the plan begins at counts {begins}, the axes stand at {session.counts.tolist()}; go back by POS"
+        )
+    return PlannedMotion(t, found.pulses, found.trajectory)
+
+
+def _pulses(session: Session, pose: Pose) -> float:
+    """Pulses from where the axes stand to a pose relative to home, of the axis that has the most; inf: out of reach."""
+    machine = session.machine
+    try:
+        q = machine.inverse(machine.home * pose, session.q())
+    except OutOfReach:
+        return np.inf
+    return float(np.max(np.abs((q - session.q()) / [axis.pulse for axis in machine.axes])))
+
+
+def describe_tool(session: Session) -> str:
+    """Where the tool stands, relative to home: "x 1.5 y 0 z 25 mm rx 0 ry 0 rz 0 deg", of what the machine controls."""
+    pose = session.pose()
+    angles = pose.rotation.as_euler("XYZ", degrees=True)
+    values = dict(zip(("x", "y", "z", "rx", "ry", "rz"), [*(pose.translation * 1e3), *angles], strict=True))
+    free = session.machine.freedom
+    groups = [(unit, [n for n in values if n in free and n.startswith("r") == turn]) for unit, turn in _GROUPS]
+    return " ".join(
+        f"{' '.join(f'{n} {round(values[n], 4) + 0.0:.4f}' for n in names)} {unit}" for unit, names in groups if names
+    )
+
+
+CHECKED_PLACES = 65
+"""Places at which joints and clearances are looked at along a way of single axes; what lies between is not proved."""
+
+
+def clear(session: Session, way: Callable[[float], np.ndarray]) -> tuple[float, str]:
+    """The share of a way that keeps joints and clearances within their limits, and what the next look at it breaks.
+
+    1 for a machine that states no such limits, or whose axes are not all homed. way: counts (n,) at a share of it.
+    """
+    machine = session.machine
+    if session.unknown() or not (machine.tilt_names or machine.bodies):
+        return 1.0, ""
+    counts = np.stack([way(look / (CHECKED_PLACES - 1)) for look in range(1, CHECKED_PLACES)])
+    pulse = np.array([axis.pulse for axis in machine.axes])
+    try:
+        found = machine.forward(machine.home_q + pulse * counts, certify=False)
+    except OutOfReach as error:
+        return 0.0, str(error)
+    fine = machine.check(found.pose).ok & (found.residual <= RESIDUAL_TOLERANCE)
+    if fine.all():
+        return 1.0, ""
+    first = int(np.argmin(fine))
+    return first / (CHECKED_PLACES - 1), str(machine.check(found.pose[first]).worst())
+
+
+_GROUPS = (("mm", False), ("deg", True))
+
+
+def _has_rotation(session: Session) -> bool:
+    return any(name.startswith("r") for name in session.machine.freedom)

@@ -1,6 +1,8 @@
 """Where bytes come from and go to: the keyboard or a pipe, a serial line, a TCP socket. Descriptors that can be polled.
 
 A kind of link is one small method that tells which links have opened since it was last asked.
+
+From bytes to lines: whatever comes in, in whatever pieces, with a bounded memory.
 """
 
 from __future__ import annotations
@@ -13,14 +15,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from kinematics.errors import MotionError, NotInstalled
+from kinematics.foundation.errors import MotionError, NotInstalled
 
 LOOPBACK = "127.0.0.1"
 BAUD = (110, 115200)
 PARITIES = {"none": "N", "even": "E", "odd": "O"}
 CLIENTS = 4
 """Remote computers on the socket at a time; more are turned away."""
-AT_ONCE = 4096
+READ_BYTES = 4096
 """Bytes read at a time."""
 
 
@@ -46,7 +48,7 @@ class Link:
     def received(self) -> bytes | None:
         """What has come; None: no more will, but it may still be answered. Raises OSError where it is broken."""
         try:
-            return os.read(self.reads, AT_ONCE) or None
+            return os.read(self.reads, READ_BYTES) or None
         except BlockingIOError:
             return b""
 
@@ -70,7 +72,7 @@ class Transport(ABC):
         """The links that have opened since this was last asked."""
 
 
-class Once(Transport):
+class OpenTransport(Transport):
     """A link that is there from the beginning."""
 
     __slots__ = ("_link",)
@@ -97,7 +99,7 @@ def serial_line(port: str, baud: int, parity: str = "none") -> Transport:
 
     With a parity, a byte that was received with a wrong one is read as 0x00, which spoils its line.
     """
-    pollable()
+    require_pollable()
     try:
         import serial
     except ImportError:
@@ -113,7 +115,7 @@ def serial_line(port: str, baud: int, parity: str = "none") -> Transport:
         line.reset_input_buffer()
     except (OSError, ValueError) as error:  # SerialException is an OSError
         raise MotionError(f"serial line {port} at {baud} baud: {error}") from None
-    return Once(Link(line.fileno(), line.fileno(), port, line.close))
+    return OpenTransport(Link(line.fileno(), line.fileno(), port, line.close))
 
 
 def _check_parity(descriptor: int) -> None:
@@ -131,7 +133,7 @@ class Socket(Transport):
     __slots__ = ("_listener", "_open", "address")
 
     def __init__(self, port: int, host: str = LOOPBACK) -> None:
-        pollable()
+        require_pollable()
         try:
             family = socket.AF_INET6 if ":" in host else socket.AF_INET
             self._listener = socket.create_server((host, port), family=family, backlog=CLIENTS)
@@ -160,7 +162,55 @@ class Socket(Transport):
         self._listener.close()
 
 
-def pollable() -> None:
+def require_pollable() -> None:
     """Raise MotionError on a system whose serial lines and consoles cannot be waited for together."""
     if sys.platform == "win32":
         raise MotionError("the console waits for keyboard, serial line and socket at once, which Windows cannot")
+
+
+MAX_LINE_BYTES = 120
+"""Bytes of a line, its end left out."""
+THETA = ("θ".encode(), "Θ".encode())
+"""The one key of an operator that ASCII does not have; the remote line's language refuses it."""
+
+
+@dataclass(frozen=True, slots=True)
+class TextLine:
+    """A line that has come to its end: its text, or else the fault for which it is not read."""
+
+    text: str
+    fault: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Partial:
+    """What has come of a line that has no end yet: up to one byte more than a line may have."""
+
+    held: bytes = b""
+
+    def fed(self, data: bytes) -> tuple[Partial, tuple[TextLine, ...]]:
+        """With bytes that have come: lines that end among them. CR, LF and both end a line; an empty one is none."""
+        *ended, rest = data.replace(b"\n", b"\r").split(b"\r")
+        lines, held = [], self.held
+        for part in ended:
+            whole = held + part[: MAX_LINE_BYTES + 1 - len(held)]
+            held = b""
+            if whole.strip(b" \t"):
+                lines.append(_read(whole))
+        return Partial(held + rest[: MAX_LINE_BYTES + 1 - len(held)]), tuple(lines)
+
+    def broken_off(self) -> tuple[TextLine, ...]:
+        """What is left when no more comes: a fault, since a line without its end may not be all of it."""
+        return (TextLine("", "the input ended within a line"),) if self.held.strip(b" \t") else ()
+
+
+def _read(line: bytes) -> TextLine:
+    if len(line) > MAX_LINE_BYTES:
+        return TextLine("", f"a line is longer than {MAX_LINE_BYTES} characters")
+    plain = line
+    for key in THETA:
+        plain = plain.replace(key, b"T" * len(key))
+    for place, byte in enumerate(plain):
+        if not (0x20 <= byte < 0x7F or byte == 0x09):
+            return TextLine("", f"byte 0x{byte:02X} at {place + 1} of a line is no character of a command")
+    return TextLine(line.decode())

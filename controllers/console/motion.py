@@ -10,15 +10,15 @@ import numpy as np
 from controllers.card import CardState, DStop, TAMove, Together, at_rest, send
 from controllers.card.velocity import ramp
 from controllers.console.drives import Drives
-from kinematics.array import Array
+from kinematics.foundation.arrays import Array
 from planner.pulses import PulseSchedule
 from planner.trajectory import Trajectory
 
 # Pulses to which a position is kept within its count when the card takes over: less than half, or it would fire.
-SHARE = 0.4999
+MAX_COUNT_OFFSET = 0.4999
 
 
-class Motion(ABC):
+class SessionMotion(ABC):
     """Pulses in time: `counts` at instants (s, of the session's clock), from `begun` to `end`."""
 
     __slots__ = ()
@@ -48,7 +48,7 @@ class Motion(ABC):
 
 
 @dataclass(frozen=True, slots=True)
-class CardMotion(Motion):
+class CardMotion(SessionMotion):
     """Moves of the card."""
 
     begun: float
@@ -76,7 +76,7 @@ class CardMotion(Motion):
 
 
 @dataclass(frozen=True, slots=True)
-class PlannedMotion(Motion):
+class PlannedMotion(SessionMotion):
     """A planned motion: the planner's pulses."""
 
     begun: float
@@ -106,12 +106,12 @@ class PlannedMotion(Motion):
         scale = np.array([axis.pulse for axis in self.pulses.axes])
         home = np.array([axis.home for axis in self.pulses.axes])
         counts = self.counts(t)
-        position = np.clip((state.q[0] - home) / scale, counts - SHARE, counts + SHARE)
+        position = np.clip((state.q[0] - home) / scale, counts - MAX_COUNT_OFFSET, counts + MAX_COUNT_OFFSET)
         speed = state.qd[0] / scale
         return CardState((ramp(since, position, speed, speed, 0.0),), np.zeros(len(counts), np.int64))
 
 
-def to(drives: Drives, counts: np.ndarray, target: np.ndarray, speed: Array, t: float) -> CardMotion:
+def trapezoid_motion(drives: Drives, counts: np.ndarray, target: np.ndarray, speed: Array, t: float) -> CardMotion:
     """Axes from counts (n,) to a target (n,) at speeds (n,), all starting at t, each by a trapezoid of its own.
 
     The speed v is reached over X_a = v²/(2a); where a way is 2 X_a or less it is a triangle of two equal halves.
@@ -127,7 +127,7 @@ def to(drives: Drives, counts: np.ndarray, target: np.ndarray, speed: Array, t: 
     return CardMotion(t, send(card, state, Together(members), 0.0) if members else state)
 
 
-def halted(drives: Drives, motion: Motion, t: float) -> CardMotion:
+def halt_motion(drives: Drives, motion: SessionMotion, t: float) -> CardMotion:
     """The motion with a decelerated stop sent at t (s), each axis as fast as its own acceleration lets it.
 
     So no axis leaves its travel where the motion would not have; the tool of a planned one leaves its line.

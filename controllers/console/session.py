@@ -7,17 +7,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from controllers.console.drives import Drives, driven
-from controllers.console.motion import Motion
-from controllers.console.words import Mode
-from kinematics.array import Array, frozen
-from kinematics.errors import MotionError
-from kinematics.machine import Machine
-from kinematics.pose import Pose
+from controllers.console.drives import Drives, machine_drives
+from controllers.console.grammar import Mode
+from controllers.console.motion import SessionMotion
+from kinematics.foundation.arrays import Array, freeze_array
+from kinematics.foundation.errors import MotionError
+from kinematics.machine.machine import Machine
+from kinematics.machine.pose import Pose
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Offered:
+class OfferedRegisters:
     """The last known counters (n,) int64, those at which the registers were 0, and of which axes they are known."""
 
     counts: np.ndarray
@@ -26,7 +26,7 @@ class Offered:
 
     def __post_init__(self) -> None:
         for name, kind in (("counts", np.int64), ("zero", np.int64), ("known", bool)):
-            object.__setattr__(self, name, frozen(getattr(self, name), kind))
+            object.__setattr__(self, name, freeze_array(getattr(self, name), kind))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -54,14 +54,14 @@ class Session:
     zero: np.ndarray
     least: np.ndarray
     most: np.ndarray
-    offered: Offered | None = None
-    motion: Motion | None = None
+    offered: OfferedRegisters | None = None
+    motion: SessionMotion | None = None
     jogging: bool = False
 
     def __post_init__(self) -> None:
         for name in ("counts", "zero", "least", "most"):
-            object.__setattr__(self, name, frozen(getattr(self, name), np.int64))
-        object.__setattr__(self, "homed", frozen(self.homed, bool))
+            object.__setattr__(self, name, freeze_array(getattr(self, name), np.int64))
+        object.__setattr__(self, "homed", freeze_array(self.homed, bool))
 
     def counters(self, t: float) -> np.ndarray:
         """The card's counters (n,), int64, at t."""
@@ -101,7 +101,7 @@ class Session:
         """The axes that are not homed."""
         return tuple(name for name, homed in zip(self.drives.names, self.homed, strict=True) if not homed)
 
-    def moving(self, motion: Motion, jogging: bool = False) -> Session:
+    def moving(self, motion: SessionMotion, jogging: bool = False) -> Session:
         """With a motion begun, or another in its place; what was offered no longer is."""
         return replace(self, motion=motion, jogging=jogging, offered=None)
 
@@ -133,7 +133,7 @@ class Session:
 
 
 @dataclass(frozen=True, slots=True)
-class Saved:
+class SavedSession:
     """What outlives a session, by axis.
 
     pulses     m or rad per step, by which a file for another machine is known
@@ -150,7 +150,7 @@ class Saved:
     moving: dict[str, bool]
 
 
-def saved(session: Session, t: float) -> Saved:
+def snapshot_session(session: Session, t: float) -> SavedSession:
     """What to save of a session at t: axes that a motion moves are moving until it has ended."""
     names, registers, known = session.drives.names, session.registers(t), session.homed
     counters = session.counters(t)
@@ -159,7 +159,7 @@ def saved(session: Session, t: float) -> Saved:
         last = session.offered
         registers = np.where(known, registers, session.drives.signs * (last.counts - last.zero))
         counters, known = np.where(known, counters, last.counts), known | last.known
-    return Saved(
+    return SavedSession(
         session.machine.name,
         {name: axis.pulse * axis.direction for name, axis in zip(names, session.machine.axes, strict=True)},
         dict(zip(names, registers.tolist(), strict=True)),
@@ -169,17 +169,17 @@ def saved(session: Session, t: float) -> Saved:
     )
 
 
-def opened(machine: Machine, last: Saved | None = None) -> Session:
+def open_session(machine: Machine, last: SavedSession | None = None) -> Session:
     """A session at power-up: manual, no axis homed, the last known registers offered where they were known.
 
     Raises MotionError for a machine that cannot be driven so, and for what was saved of another.
     """
-    drives = driven(machine)
+    drives = machine_drives(machine)
     none = np.zeros(len(drives.names), np.int64)
     session = Session(machine, drives, "MAN", none, none, none, none, none)
     if last is None:
         return session
-    if last.pulses != saved(session, 0.0).pulses or last.machine != machine.name:
+    if last.pulses != snapshot_session(session, 0.0).pulses or last.machine != machine.name:
         raise MotionError(
             f"the registers saved are those of a machine {last.machine} with axes {', '.join(last.pulses)}, not of "
             f"{machine.name} as it is now; give another state file, or remove it"
@@ -190,4 +190,6 @@ def opened(machine: Machine, last: Saved | None = None) -> Session:
     )
     low, high = drives.reach()
     known &= (counts >= low) & (counts <= high)
-    return replace(session, offered=Offered(counts, counts - drives.signs * registers, known) if known.any() else None)
+    return replace(
+        session, offered=OfferedRegisters(counts, counts - drives.signs * registers, known) if known.any() else None
+    )

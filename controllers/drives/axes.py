@@ -7,11 +7,11 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from kinematics.array import Array, frozen
+from kinematics.foundation.arrays import Array, freeze_array
 
 
 @dataclass(frozen=True, slots=True)
-class Response:
+class AxesResponse:
     """What axes did, (K, B, n) at the samples kept: true position of the output, the encoder's reading of it or of the
     motor, speed of the motor, and torque."""
 
@@ -21,7 +21,7 @@ class Response:
     torque: Array
 
     def __post_init__(self) -> None:
-        for name in Response.__slots__:  # as they are: made for this, and large
+        for name in AxesResponse.__slots__:  # as they are: made for this, and large
             getattr(self, name).setflags(write=False)
 
 
@@ -38,19 +38,19 @@ class Axes(Protocol):
     def reading(self, state: Any) -> Array:
         """(B, n) what the host reads of the encoders."""
 
-    def run(self, state: Any, command: Array, kept: np.ndarray) -> tuple[Response, Any]:
+    def run(self, state: Any, command: Array, kept: np.ndarray) -> tuple[AxesResponse, Any]:
         """Over N samples of the position command (N, B, n); of these, those at the indices `kept` are told of."""
 
     def lost(self, state: Any) -> np.ndarray:
         """(B, n) int64 full steps lost until now."""
 
 
-def measured(encoder: Array, x: Array) -> Array:
+def read_encoder(encoder: Array, x: Array) -> Array:
     """The encoders' readings of positions x (…), in the coordinate: whole counts, within half a count of x."""
     return np.asarray(np.rint(x * encoder) / encoder)
 
 
-def follow(output: Array, motor: Array, half_play: Array, part: Array) -> None:
+def apply_play(output: Array, motor: Array, half_play: Array, part: Array) -> None:
     """The output behind its play, in place: it is pushed where the motor is half the play away. `part`: overwritten."""
     np.subtract(motor, half_play, out=part)
     np.maximum(output, part, out=output)
@@ -58,6 +58,6 @@ def follow(output: Array, motor: Array, half_play: Array, part: Array) -> None:
     np.minimum(output, part, out=output)
 
 
-def values(name: str, drives: Any) -> Array:
+def stack_values(name: str, drives: Any) -> Array:
     """One quantity of B rows of drives, (B, n)."""
-    return frozen([[getattr(drive, name) for drive in row] for row in drives])
+    return freeze_array([[getattr(drive, name) for drive in row] for row in drives])

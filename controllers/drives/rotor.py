@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kinematics.array import Array, frozen
+from kinematics.foundation.arrays import Array, freeze_array
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,14 +36,14 @@ def rotor(inertia: Array, friction: Array, coulomb: Array, h: float) -> Rotor:
     phi1, phi2 = _phi(z)
     return Rotor(
         h=h,
-        inertia=frozen(inertia),
-        friction=frozen(friction),
-        coulomb=frozen(coulomb),
-        gx=frozen(phi1 * h),
-        hx=frozen(phi2 * h * h / inertia),
-        gv=frozen(np.exp(-z)),
-        hv=frozen(phi1 * h / inertia),
-        halt=frozen(np.where(coulomb > 0, 0.0, -np.inf)),
+        inertia=freeze_array(inertia),
+        friction=freeze_array(friction),
+        coulomb=freeze_array(coulomb),
+        gx=freeze_array(phi1 * h),
+        hx=freeze_array(phi2 * h * h / inertia),
+        gv=freeze_array(np.exp(-z)),
+        hv=freeze_array(phi1 * h / inertia),
+        halt=freeze_array(np.where(coulomb > 0, 0.0, -np.inf)),
         smooth=not coulomb.any(),
     )
 
@@ -74,16 +74,16 @@ def advance(rotor: Rotor, x: Array, v: Array, torque: Array, work: Array) -> Non
         if np.count_nonzero(halts):
             stops = np.flatnonzero(halts)
             lanes = [of.ravel()[stops] for of in (v, torque, rotor.inertia, rotor.friction, rotor.coulomb)]
-            way.ravel()[stops], speed.ravel()[stops] = _by_way_of_rest(rotor.h, *lanes)
+            way.ravel()[stops], speed.ravel()[stops] = _step_through_rest(rotor.h, *lanes)
     np.add(x, way, out=x)
     v[...] = speed
 
 
-LONG = 1e100
+MAX_BRAKING_TIME = 1e100
 """s: no braking takes as long."""
 
 
-def _by_way_of_rest(
+def _step_through_rest(
     h: float, v: Array, torque: Array, inertia: Array, friction: Array, coulomb: Array
 ) -> tuple[Array, Array]:
     """Way and speed (lanes,) after h, of lanes that stand or come to a stand within it.
@@ -94,7 +94,7 @@ def _by_way_of_rest(
     # what neither stands nor is braked came here by a product of speeds that is too small for a float: it stands
     braked = np.sign(push) * np.sign(v) < 0
     v = np.where(braked, v, 0.0)
-    w = np.minimum(-v * inertia / np.where(braked, push, 1.0), LONG)
+    w = np.minimum(-v * inertia / np.where(braked, push, 1.0), MAX_BRAKING_TIME)
     a = friction / inertia
     # below 1e-9 the first two terms of the logarithm are exact to rounding
     aw = a * w

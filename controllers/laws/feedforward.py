@@ -8,11 +8,9 @@ from typing import ClassVar
 import numpy as np
 
 from controllers.card import TAMove
-from controllers.laws.gain import Gain, Grid, checked, shown
-from controllers.laws.law import Feedback, Reference, Timer
-from controllers.laws.nominal import NominalAxes, usual
-from controllers.laws.ramp import ramp
-from kinematics.array import Array
+from controllers.laws.law import Feedback, Gain, Grid, Reference, Timer, check_gain, format_gain, ramp
+from controllers.laws.nominal import NominalAxes, usual_axes
+from kinematics.foundation.arrays import Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,18 +32,21 @@ class Feedforward:
     speed: Gain = 1.0
     acceleration: Gain = 0.0
     play: Gain = 1.0
-    axes: NominalAxes = field(default_factory=usual)
+    axes: NominalAxes = field(default_factory=usual_axes)
     host: ClassVar[Timer] = "counter"
     grid: ClassVar[Grid] = {"speed": (0.9, 0.95, 1.0, 1.05), "acceleration": (0.0, 1.0), "play": (0.0, 1.0)}
 
     def __post_init__(self) -> None:
         for name in ("speed", "acceleration", "play"):
             advice = "1 is what the nominal drive asks for"
-            object.__setattr__(self, name, checked("feedforward", name, getattr(self, name), advice))
+            object.__setattr__(self, name, check_gain("feedforward", name, getattr(self, name), advice))
 
     @property
     def name(self) -> str:
-        return f"feedforward speed={shown(self.speed)} acceleration={shown(self.acceleration)} play={shown(self.play)}"
+        return (
+            f"feedforward speed={format_gain(self.speed)} acceleration={format_gain(self.acceleration)} "
+            f"play={format_gain(self.play)}"
+        )
 
     def command(self, k: int | np.ndarray, reference: Reference, feedback: Feedback) -> TAMove:
         _, start = self.wanted(np.asarray(k), reference)

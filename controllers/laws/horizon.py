@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from controllers.laws.nominal import NominalAxes
+from controllers.laws.nominal import NominalAxes, response
 from controllers.laws.osqp_ import QuadraticProgram
-from controllers.laws.response import response
-from kinematics.array import Array, frozen
-from kinematics.errors import MotionError
+from kinematics.foundation.arrays import Array, freeze_array
+from kinematics.foundation.errors import MotionError
 
 INSTANTS = 5
 """m, instants in each step at which an error counts: what happens between samples is error too."""
@@ -36,7 +35,7 @@ class Horizon:
         self._weight, self._dt = weight, dt
         self.free, self.driven = response(axes, dt, instants).over(steps)
         """O (n, H·m, 4) and Γ (n, H·m, 2 H)."""
-        self.instants = frozen(np.arange(1, steps * instants + 1) / instants)
+        self.instants = freeze_array(np.arange(1, steps * instants + 1) / instants)
         """(H·m,) the instants of x and r, in steps from the start."""
         speed, change = (np.broadcast_to(of, n)[:, None] for of in (axes.max_speed * dt, axes.max_acceleration * dt**2))
         size = 2 * steps

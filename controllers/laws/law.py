@@ -1,15 +1,47 @@
-"""What a tracking law is: at each step of the host, the next command from the reference and the feedback."""
+"""What a tracking law is: at each step of the host, the next command from the reference and the feedback.
+
+Gains of a tracking law: a number, or one for each run of a batch.
+
+A stretch of command whose speed is a straight line, as one command of the card.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal, Protocol
 
 import numpy as np
 
-from controllers.card import Command
-from controllers.laws.gain import Grid
-from kinematics.array import Array, frozen
+from controllers.card import Command, TAMove
+from kinematics.foundation.arrays import Array, freeze_array
+from kinematics.foundation.errors import MotionError
+
+Gain = float | Array
+"""A number, or an array (B, 1) with one value for each run of a batch."""
+
+Grid = Mapping[str, tuple[float, ...]]
+"""The values of each gain that reports sweep."""
+
+
+def check_gain(law: str, name: str, value: Gain, advice: str) -> Gain:
+    """The gain as a float or a read-only array. Raises MotionError unless finite, and a number or (B, 1)."""
+    values = np.asarray(value, float)
+    if values.ndim not in (0, 2) or (values.ndim == 2 and values.shape[1] != 1):
+        raise MotionError(
+            f"law {law}: {name} has shape {values.shape}; give a number, or an array (B, 1) of one value for each run"
+        )
+    wrong = values[~np.isfinite(values)]
+    if wrong.size:
+        raise MotionError(f"law {law}: {name} {wrong[0]} must be a finite number; {advice}")
+    return freeze_array(values) if values.ndim else float(values)
+
+
+def format_gain(value: Gain) -> str:
+    """The gain in a name: "0.7", or "0.5…0.9" where runs differ."""
+    low, high = np.min(value), np.max(value)
+    return f"{low:g}" if low == high else f"{low:g}…{high:g}"
+
 
 Timer = Literal["counter", "sleep"]
 """How a law wants its host to wait for the next step, see `controllers.host.Host`."""
@@ -30,12 +62,12 @@ class Reference:
     _heading: Array = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "position", frozen(self.position, np.float64))
-        object.__setattr__(self, "speed", frozen(self.speed, np.float64))
-        sign = np.where(np.abs(self.speed) > _STILL, np.sign(self.speed), 0.0)
+        object.__setattr__(self, "position", freeze_array(self.position, np.float64))
+        object.__setattr__(self, "speed", freeze_array(self.speed, np.float64))
+        sign = np.where(np.abs(self.speed) > _REST_SPEED, np.sign(self.speed), 0.0)
         k = np.arange(len(sign)).reshape(-1, *(1,) * (sign.ndim - 1))
         last = np.maximum.accumulate(np.where(sign != 0, k, 0))
-        object.__setattr__(self, "_heading", frozen(np.take_along_axis(sign, last, 0)))
+        object.__setattr__(self, "_heading", freeze_array(np.take_along_axis(sign, last, 0)))
 
     @property
     def steps(self) -> int:
@@ -58,7 +90,7 @@ class Reference:
         """±1 by the way that each axis runs at t, or ran before it came to rest; 0 before it moves. t as `between`."""
         speed = self.between(t, before=True)[1]
         k = np.clip(np.floor(t / self.dt + 1e-9), 0, self.steps).astype(int)
-        return np.where(np.abs(speed) > _STILL, np.sign(speed), self._heading[k, *self._lanes])
+        return np.where(np.abs(speed) > _REST_SPEED, np.sign(speed), self._heading[k, *self._lanes])
 
     def between(self, t: Array, *, before: bool = False) -> tuple[Array, Array, Array]:
         """Position, speed and acceleration at any instants t (…, n), s, which may differ by axis, and run: (…, B, n).
@@ -93,7 +125,7 @@ class Reference:
         return np.asarray(of[k, np.arange(len(k))] if own else of[k])
 
 
-_STILL = 1e-3
+_REST_SPEED = 1e-3
 """Pulses/s: below it an axis rests, but for rounding."""
 
 
@@ -133,3 +165,18 @@ class Law(Protocol):
 
     def command(self, k: int | np.ndarray, reference: Reference, feedback: Feedback) -> Command:
         """What to send at step k, in force until step k + 1 begins; k (B,) where runs are at steps of their own."""
+
+
+def ramp(target: Array, start: Array, end: Array, counter: Array, dt: float) -> TAMove:
+    """TAMove to `target` in exactly dt, the speed going from about `start` to about `end` (signed, pulses/s).
+
+    The speeds are both moved by what makes their mean (target − counter)/dt: so what rounding left undone before is
+    made up for here, and nothing adds up. A speed that then points the other way becomes zero and the other twice the
+    mean: one command of the card does not turn round.
+
+    target, counter  (…) pulses, the target rounded to whole ones
+    """
+    way = np.rint(target) - counter
+    mean, side = np.abs(way) / dt, np.where(way < 0, -1.0, 1.0)
+    half = np.clip(side * (end - start) / 2, -mean, mean)
+    return TAMove(counter + way, mean - half, mean + half, dt, 0.0)

@@ -8,10 +8,8 @@ from typing import ClassVar
 import numpy as np
 
 from controllers.card import TAMove
-from controllers.laws.gain import Grid
-from controllers.laws.law import Feedback, Reference, Timer
-from controllers.laws.ramp import ramp
-from kinematics.array import Array, frozen
+from controllers.laws.law import Feedback, Grid, Reference, Timer, ramp
+from kinematics.foundation.arrays import Array, freeze_array
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +30,7 @@ class Learned:
 
     def __post_init__(self) -> None:
         for name in ("position", "turn"):
-            object.__setattr__(self, name, frozen(getattr(self, name), np.float64))
+            object.__setattr__(self, name, freeze_array(getattr(self, name), np.float64))
 
     @property
     def name(self) -> str:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from kinematics.array import Array
-from kinematics.errors import MotionError
+from kinematics.foundation.arrays import Array
+from kinematics.foundation.errors import MotionError
 
-_STEP = 1.0
+_INITIAL_RHO = 1.0
 """OSQP's rho at the start of every solve."""
 _SETTINGS = {
     "verbose": False,
@@ -45,7 +45,7 @@ class QuadraticProgram:
     def solve(self, q: Array, low: Array, high: Array, guess: Array) -> Array:
         """The minimum w (N,), started from `guess`. Raises MotionError where OSQP finds none within the limits."""
         # the result is a function of the vectors alone, not of what was solved before
-        self._solver.update_settings(rho=_STEP)
+        self._solver.update_settings(rho=_INITIAL_RHO)
         self._solver.update(q=q, l=low, u=high)
         self._solver.warm_start(x=guess, y=self._still)
         result = self._solver.solve(raise_error=False)

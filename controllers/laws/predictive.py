@@ -1,4 +1,7 @@
-"""Ours: preview model-predictive control with speed and acceleration limits."""
+"""Ours: preview model-predictive control with speed and acceleration limits.
+
+What the Coulomb friction of nominal axes does to their positions where a motion starts or turns.
+"""
 
 from __future__ import annotations
 
@@ -10,14 +13,38 @@ import numpy as np
 
 from controllers.card import TAMove
 from controllers.laws.feedforward import Feedforward
-from controllers.laws.friction import Friction
-from controllers.laws.gain import Gain, Grid, checked, shown
 from controllers.laws.horizon import Horizon
-from controllers.laws.law import Feedback, Reference, Timer
-from controllers.laws.nominal import NominalAxes, usual
-from controllers.laws.ramp import ramp
-from kinematics.array import Array
-from kinematics.errors import MotionError
+from controllers.laws.law import Feedback, Gain, Grid, Reference, Timer, check_gain, format_gain, ramp
+from controllers.laws.nominal import NominalAxes, friction_response, usual_axes
+from kinematics.foundation.arrays import Array, freeze_array
+from kinematics.foundation.errors import MotionError
+
+PLACES_PER_STEP = 25
+"""Places in each step where friction may turn: 5 ms apart at the thesis' step, a sixth of the drives' integral time."""
+
+
+class Friction:
+    """x (…, n, M) by what the friction changes over H steps: Σⱼ −γ g(tᵢ − tⱼ) Δhⱼ at M instants tᵢ.
+
+    h is the way an axis runs, ±1, and Δhⱼ its change at place tⱼ; g the response to a unit acceleration from outside.
+    The friction at the start is in the drive's integral already.
+
+    instants  (M,) steps from the start, whole multiples of 1/(2 FINE)
+    """
+
+    def __init__(self, axes: NominalAxes, dt: float, steps: int, instants: Array) -> None:
+        self.places = freeze_array(np.arange(steps * PLACES_PER_STEP + 1) / PLACES_PER_STEP)
+        """(H · FINE + 1,) where h is to be told, in steps from the start."""
+        # a change is seen at the end of the stretch in which it happened, so half a stretch late
+        late = instants[:, None] - (self.places[1:] - 0.5 / PLACES_PER_STEP)
+        ticks = np.maximum(np.rint(late * 2 * PLACES_PER_STEP), 0).astype(int)
+        g = friction_response(axes, dt / (2 * PLACES_PER_STEP), int(ticks.max()))[:, ticks]
+        self._effect = -np.broadcast_to(axes.coulomb, len(g))[:, None, None] * g
+
+    def of(self, heading: Array) -> Array:
+        """x (…, n, M) for h (H · FINE + 1, …, n)."""
+        change = np.moveaxis(np.diff(heading, axis=0), 0, -1)
+        return np.asarray((self._effect @ change[..., None])[..., 0])
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,21 +66,21 @@ class Predictive:
     play: Gain = 1.0
     friction: Gain = 1.0
     horizon: int = 4
-    axes: NominalAxes = field(default_factory=usual)
+    axes: NominalAxes = field(default_factory=usual_axes)
     host: ClassVar[Timer] = "counter"
     grid: ClassVar[Grid] = {"weight": (1e-3, 1e-2, 1e-1, 1.0), "play": (0.0, 1.0), "friction": (0.0, 1.0)}
 
     def __post_init__(self) -> None:
         for name in ("weight", "play", "friction"):
-            object.__setattr__(self, name, checked("predictive", name, getattr(self, name), "0.01 and 1 are usual"))
+            object.__setattr__(self, name, check_gain("predictive", name, getattr(self, name), "0.01 and 1 are usual"))
         if not np.all(np.asarray(self.weight) > 0):
-            raise MotionError(f"law predictive: weight {shown(self.weight)} must be above zero")
+            raise MotionError(f"law predictive: weight {format_gain(self.weight)} must be above zero")
         if self.horizon != int(self.horizon) or self.horizon < 1:
             raise MotionError(f"law predictive: horizon {self.horizon} must be a whole number of steps, at least 1")
 
     @property
     def name(self) -> str:
-        gains = f"rho={shown(self.weight)} play={shown(self.play)} friction={shown(self.friction)}"
+        gains = f"rho={format_gain(self.weight)} play={format_gain(self.play)} friction={format_gain(self.friction)}"
         return f"predictive {gains} H={self.horizon}"
 
     def command(self, k: int | np.ndarray, reference: Reference, feedback: Feedback) -> TAMove:

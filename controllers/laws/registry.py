@@ -4,18 +4,15 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 
-from controllers.laws.closed_error import ClosedError, ClosedErrorSpeed
-from controllers.laws.closed_position import ClosedPosition
+from controllers.laws.closed_loop import ClosedError, ClosedErrorSpeed, ClosedPosition
 from controllers.laws.feedforward import Feedforward
-from controllers.laws.gain import Gain
-from controllers.laws.law import Law
-from controllers.laws.nominal import nominal
-from controllers.laws.open_position import OpenPosition, OpenPositionTrapezoid
-from controllers.laws.open_velocity import OpenVelocity
+from controllers.laws.law import Gain, Law
+from controllers.laws.nominal import nominal_axes
+from controllers.laws.open_loop import OpenPosition, OpenPositionTrapezoid, OpenVelocity
 from controllers.laws.predictive import Predictive
 from controllers.rig import Rig
-from kinematics.errors import MotionError
-from kinematics.registry import nearest
+from kinematics.foundation.errors import MotionError
+from kinematics.foundation.names import nearest
 
 LAWS: dict[tuple[str, str], Callable[..., Law]] = {
     ("1", "open-velocity"): OpenVelocity,
@@ -53,7 +50,7 @@ def find_law(name: str, rig: Rig | None = None, **gains: Gain) -> Law:
                     raise MotionError(f"law {name} has no gain {gain!r}{near}: choose among {', '.join(own) or 'none'}")
             law = make(**gains)
             if rig is not None and isinstance(law, Feedforward | Predictive):
-                return replace(law, axes=nominal(rig))
+                return replace(law, axes=nominal_axes(rig))
             return law
     choices = [word for known in LAWS for word in known]
     raise MotionError(f"law {name!r} is not known{nearest(name, choices)}: choose among {', '.join(choices)}")

@@ -10,7 +10,7 @@ import numpy as np
 
 from controllers.card import Command
 from controllers.laws.law import Feedback, Law, Reference, Timer
-from kinematics.errors import MotionError
+from kinematics.foundation.errors import MotionError
 
 
 @dataclass(frozen=True, slots=True)

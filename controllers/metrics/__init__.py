@@ -1,12 +1,10 @@
 """How well a motion was tracked: errors per axis, in space and beside the path, and what they cost the drives."""
 
-from controllers.metrics.attained import Planned, planned_at
+from controllers.metrics.attained import PlannedStates, sample_plan
 from controllers.metrics.circular_test import Circle, CircularTest, circular_test
 from controllers.metrics.evaluate import BATCH_PERIOD, PERIOD, evaluate, evaluate_runs
-from controllers.metrics.figures import FIGURES, Figure
 from controllers.metrics.iso_style import IsoStyle, iso_style
-from controllers.metrics.metrics import Metrics
-from controllers.metrics.series import ErrorSeries
+from controllers.metrics.metrics import FIGURES, ErrorSeries, Figure, Metrics
 
 __all__ = [
     "BATCH_PERIOD",
@@ -18,10 +16,10 @@ __all__ = [
     "Figure",
     "IsoStyle",
     "Metrics",
-    "Planned",
+    "PlannedStates",
     "circular_test",
     "evaluate",
     "evaluate_runs",
     "iso_style",
-    "planned_at",
+    "sample_plan",
 ]

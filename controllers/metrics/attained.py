@@ -8,17 +8,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from controllers.curve import Curve, MotionCurve, PathCurve, piece_of
-from kinematics.array import Array
-from kinematics.errors import MotionError
-from kinematics.forward import CONVERGED, settle
-from kinematics.pose import from_numbers, numbers
+from controllers.curve import MotionCurve, PathCurve, ReferenceCurve, piece_of
+from kinematics.analysis.forward import RESIDUAL_TOLERANCE, iterate_newton
+from kinematics.foundation.arrays import Array
+from kinematics.foundation.errors import MotionError
+from kinematics.machine.pose import from_numbers, to_numbers
 from planner.actuation import MachinePath
 from planner.place import Place
-from planner.pulses.motion import Motion
+from planner.pulses.motion import AxesMotion
 
 if TYPE_CHECKING:
-    from kinematics.machine import Machine
+    from kinematics.machine.machine import Machine
 
 SAME_BRANCH = 0.1
 """Share of the machine's characteristic length by which a platform on legs may be away from its planned place to be
@@ -26,7 +26,7 @@ taken for the one that Newton finds from there: other assemblies of the same leg
 
 
 @dataclass(frozen=True, slots=True)
-class Planned:
+class PlannedStates:
     """What a motion plans at instants t (N,): axis positions q (N, n); on its curve s (N,) and piece (N,).
 
     path   None: the curve is that of the axes' own positions
@@ -38,19 +38,19 @@ class Planned:
     q: Array
     s: Array
     piece: np.ndarray
-    curve: Curve
+    curve: ReferenceCurve
     path: MachinePath | None
     unit: str
     place: Callable[[int], Place]
 
 
-def planned_at(motion: Motion, machine: Machine, t: Array) -> Planned:
+def sample_plan(motion: AxesMotion, machine: Machine, t: Array) -> PlannedStates:
     """Raises MotionError for a motion without a path in space whose axes are of two kinds: they have no distance."""
     state = motion.at(np.minimum(t, motion.duration))
     path = getattr(motion, "path", None)
     if isinstance(path, MachinePath):
         piece = state.piece  # type: ignore[attr-defined]  # of a trajectory
-        return Planned(
+        return PlannedStates(
             t,
             state.q,
             state.s,
@@ -67,7 +67,7 @@ def planned_at(motion: Motion, machine: Machine, t: Array) -> Planned:
             "common distance; plan it on the machine, or take errors per axis"
         )
     curve, since = MotionCurve(motion), np.minimum(t, motion.duration)
-    return Planned(
+    return PlannedStates(
         t,
         state.q,
         since,
@@ -80,7 +80,7 @@ def planned_at(motion: Motion, machine: Machine, t: Array) -> Planned:
 
 
 def attained_poses(
-    actual: Array, planned: Planned, path: MachinePath, machine: Machine, *, certify: bool
+    actual: Array, planned: PlannedStates, path: MachinePath, machine: Machine, *, certify: bool
 ) -> tuple[Array, Array, np.ndarray]:
     """Numbers of the planned poses (N, 12), of those attained at axis positions (N, B, n), (N, B, 12), and which (N, B)
     of them are known.
@@ -93,11 +93,11 @@ def attained_poses(
     reference = path.pose_numbers(planned.s, planned.piece)
     # the planned pose is as near to the attained one as any: a short way to go, and to certify
     q, start = actual.reshape(-1, axes), np.repeat(reference, runs, axis=0)
-    x, known = _certain(q, start, planned, machine) if certify else _likely(q, start, machine)
+    x, known = _prove_poses(q, start, planned, machine) if certify else _estimate_poses(q, start, machine)
     return reference, x.reshape(n, runs, 12), known.reshape(n, runs)
 
 
-def _certain(q: Array, start: Array, planned: Planned, machine: Machine) -> tuple[Array, np.ndarray]:
+def _prove_poses(q: Array, start: Array, planned: PlannedStates, machine: Machine) -> tuple[Array, np.ndarray]:
     """Numbers (M, 12) of poses that are all proved."""
     found = machine.forward(q, near=from_numbers(start))
     lost = ~found.certified
@@ -107,13 +107,13 @@ def _certain(q: Array, start: Array, planned: Planned, machine: Machine) -> tupl
             f"metrics: the axis positions at t = {planned.t[first]:.4g} s are no certain pose of machine "
             f"{machine.name}; the tracking left the machine's reach: slow the motion down, or take a law that follows"
         )
-    return numbers(found.pose), found.certified
+    return to_numbers(found.pose), found.certified
 
 
-def _likely(q: Array, start: Array, machine: Machine) -> tuple[Array, np.ndarray]:
+def _estimate_poses(q: Array, start: Array, machine: Machine) -> tuple[Array, np.ndarray]:
     """Numbers (M, 12) of the poses found, and which of them (M,) pass the checks; the others are as planned."""
-    x, residual = settle(machine, q, start)
-    sure = residual < CONVERGED
+    x, residual = iterate_newton(machine, q, start)
+    sure = residual < RESIDUAL_TOLERANCE
     if machine.lengths:
         sure &= np.linalg.norm(x[:, :3] - start[:, :3], axis=1) < SAME_BRANCH * machine.characteristic_length
     return np.where(sure[:, None], x, start), sure

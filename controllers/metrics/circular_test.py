@@ -7,17 +7,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kinematics.array import Array, frozen, unit_vectors
-from kinematics.errors import MotionError
-from kinematics.result import Result
-from kinematics.table import Column, Table
+from kinematics.foundation.arrays import Array, freeze_array, unit_vectors
+from kinematics.foundation.errors import MotionError
+from kinematics.foundation.result import Result
+from kinematics.foundation.table import Column, Table
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+    pass
 
 ANGLES = 720
 """Of a full turn, even: two a degree."""
-SHORT = np.deg2rad(1.0)
+MAX_TURN_SHORTFALL = np.deg2rad(1.0)
 """By which an axis with play may end before its full turn."""
 
 
@@ -31,8 +31,8 @@ class Circle:
     feed: float
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "centre", frozen(self.centre, np.float64))
-        object.__setattr__(self, "normal", frozen(unit_vectors(self.normal, "circle: normal", (3,))))
+        object.__setattr__(self, "centre", freeze_array(self.centre, np.float64))
+        object.__setattr__(self, "normal", freeze_array(unit_vectors(self.normal, "circle: normal", (3,))))
         if not 0 < self.radius < float("inf"):
             raise MotionError(f"circular test: radius {self.radius} m must be above 0")
 
@@ -95,12 +95,6 @@ class CircularTest(Result):
             "mean_radial": self.mean_radial,
         }
 
-    def plot(self, ax: Axes | None = None) -> Axes:
-        """The two turns about the programmed circle, their deviations magnified."""
-        from controllers.plots import circular_test
-
-        return circular_test(self, ax)
-
     def tables(self) -> tuple[Table, ...]:
         """Every figure."""
         about = f"ISO-style, diameter {2e3 * self.circle.radius:.6g} mm at {1e3 * self.circle.feed:.6g} mm/s"
@@ -125,12 +119,12 @@ def full_turn(points: Array, circle: Circle, sense: int) -> Array:
     So neither ramps nor rests count for more than the rest of the way. Linear in polar coordinates between samples;
     sense 1 counter-clockwise, −1 clockwise, seen against the normal.
 
-    Raises MotionError for a record that ends more than `SHORT` before the full turn.
+    Raises MotionError for a record that ends more than `MAX_TURN_SHORTFALL` before the full turn.
     """
     flat = (points - circle.centre) @ _plane(circle.normal).T
     angle = np.unwrap(np.arctan2(flat[:, 1], flat[:, 0]))
     forward = np.maximum.accumulate(sense * (angle - angle[0]))
-    if forward[-1] < 2 * np.pi - SHORT:
+    if forward[-1] < 2 * np.pi - MAX_TURN_SHORTFALL:
         way = "counter-clockwise" if sense > 0 else "clockwise"
         raise MotionError(
             f"circular test: the {way} record turns by {np.rad2deg(forward[-1]):.4g}° about the centre; give a full "
@@ -161,9 +155,9 @@ def circular_test(ccw: Array, cw: Array, circle: Circle) -> CircularTest:
 def _roundness(points: Array, radius: float) -> Roundness:
     centre, fitted = _least_squares(points, radius)
     return Roundness(
-        frozen(np.arctan2(points[:, 1], points[:, 0])),
-        frozen(np.linalg.norm(points, axis=1) - radius),
-        frozen(centre),
+        freeze_array(np.arctan2(points[:, 1], points[:, 0])),
+        freeze_array(np.linalg.norm(points, axis=1) - radius),
+        freeze_array(centre),
         fitted,
         float(np.ptp(np.linalg.norm(points - centre, axis=1))),
     )

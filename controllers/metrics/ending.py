@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kinematics.array import Array, frozen
+from kinematics.foundation.arrays import Array, freeze_array
 
 BAND = 10.0
 """Pulses about the last planned position within which an axis counts as being there. Assumed: no source states one; it
@@ -41,7 +41,7 @@ def endings(
     A run is within the band where |q − q_end| ≤ band on every axis.
     """
     end = planned[-1]
-    since = _settled(t, actual, end, band)
+    since = _settling_instants(t, actual, end, band)
     way = end - planned
     last = len(way) - 1 - np.argmax(way[::-1] != 0, axis=0)
     # a step has no way of its own: the axes tell where they came from
@@ -51,12 +51,14 @@ def endings(
     overshoot = np.maximum(beyond, 0.0) * pulse
     ends = since.max(1)
     return tuple(
-        Ending(band, float(ends[b]), float(ends[b] - duration), *map(frozen, (np.maximum(of - duration, 0.0), over)))
+        Ending(
+            band, float(ends[b]), float(ends[b] - duration), *map(freeze_array, (np.maximum(of - duration, 0.0), over))
+        )
         for b, (of, over) in enumerate(zip(since, overshoot, strict=True))
     )
 
 
-def _settled(t: Array, actual: Array, end: Array, band: float) -> Array:
+def _settling_instants(t: Array, actual: Array, end: Array, band: float) -> Array:
     """(B, n) instants from which each axis stays within the band; looked for from the end back, where they are."""
     since = np.full(actual.shape[1:], t[0])
     open_ = np.ones(actual.shape[1:], bool)

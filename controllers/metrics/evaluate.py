@@ -1,30 +1,104 @@
-"""From what the axes did to how well they tracked: of one run, or of a batch."""
+"""From what the axes did to how well they tracked: of one run, or of a batch.
+
+Errors against the path: in space where the motion has a path there, else in the space of its axes.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from controllers.metrics.attained import planned_at
-from controllers.metrics.effort import Effort, efforts, torque_limits
+from controllers.curve import directions
+from controllers.metrics.attained import PlannedStates, attained_poses, sample_plan
+from controllers.metrics.contour import contour_error
 from controllers.metrics.ending import BAND, Ending, endings
-from controllers.metrics.metrics import Metrics
-from controllers.metrics.series import ErrorSeries
-from controllers.metrics.space import space_errors
-from controllers.metrics.vibration import Vibration, vibrations
+from controllers.metrics.metrics import ErrorSeries, Metrics
+from controllers.metrics.shaft import Effort, Vibration, efforts, torque_limits, vibrations
 from controllers.rig import Rig
 from controllers.simulate import Runs
 from controllers.task import Task
-from controllers.tracking import Planned as Plan
+from controllers.tracking import HasTrajectory as Plan
 from controllers.tracking import Tracking, motion_of
-from kinematics.array import Array, frozen
-from planner.pulses.motion import Motion
+from kinematics.foundation.arrays import Array, freeze_array
+from planner.actuation import MachinePath
+from planner.pulses.motion import AxesMotion
 
 if TYPE_CHECKING:
-    from kinematics.machine import Machine
+    from kinematics.machine.machine import Machine
+
+POSES = 1 << 17
+"""Poses worked on together: they take some hundred megabytes."""
+
+
+@dataclass(frozen=True, slots=True)
+class SpaceErrors:
+    """‖e‖, t̂ᵀe, ε and ‖log(R_rᵀ R)‖ of runs, (N, runs); no orientation where there is no pose.
+
+    planned (N, d), attained (N, runs, d): where the platform's origin was to be and was, or the axes
+    """
+
+    planned: Array
+    attained: Array
+    tracking: Array
+    lag: Array
+    contour: Array
+    orientation: Array | None
+
+
+def space_errors(actual: Array, planned: PlannedStates, machine: Machine, *, certify: bool) -> Iterator[SpaceErrors]:
+    """Of axis positions (N, B, n), some runs at a time; certify as in `attained_poses`.
+
+    A run with a pose that is not known has nan throughout.
+    """
+    at_once, path = max(1, POSES // len(actual)), planned.path
+    for start in range(0, actual.shape[1], at_once):
+        some = actual[:, start : start + at_once]
+        yield (
+            _curve_errors(some, planned.q, planned, None)
+            if path is None
+            else _pose_errors(some, planned, path, machine, certify)
+        )
+
+
+def _pose_errors(
+    actual: Array, planned: PlannedStates, path: MachinePath, machine: Machine, certify: bool
+) -> SpaceErrors:
+    reference, attained, known = attained_poses(actual, planned, path, machine, certify=certify)
+    turned = _angles(reference[:, None, 3:], attained[..., 3:])
+    errors = _curve_errors(attained[..., :3], reference[:, :3], planned, turned)
+    sure = np.asarray(known.all(0))
+    if sure.all():
+        return errors
+    figures = (np.where(sure, of, np.nan) for of in (errors.tracking, errors.lag, errors.contour, turned))
+    return SpaceErrors(errors.planned, np.where(sure[:, None], errors.attained, np.nan), *figures)
+
+
+def _curve_errors(actual: Array, reference: Array, planned: PlannedStates, orientation: Array | None) -> SpaceErrors:
+    error = actual - reference[:, None]
+    along = directions(planned.curve, planned.s, planned.piece)
+    return SpaceErrors(
+        reference,
+        actual,
+        np.linalg.norm(error, axis=2),
+        np.einsum("nbd,nd->nb", error, along),
+        contour_error(actual, planned.s, planned.curve).error,
+        orientation,
+    )
+
+
+def _angles(reference: Array, actual: Array) -> Array:
+    """‖log(R_rᵀ R)‖ = atan2(‖v‖, tr M − 1) with v = vee(M − Mᵀ), M = R_rᵀ R, of rotations by rows (…, 9).
+
+    Exact for small angles too.
+    """
+    before, after = (of.reshape(*of.shape[:-1], 3, 3) for of in (reference, actual))
+    turn = before.swapaxes(-1, -2) @ after
+    v = (turn - turn.swapaxes(-1, -2))[..., [2, 0, 1], [1, 2, 0]]
+    return np.asarray(np.arctan2(np.linalg.norm(v, axis=-1), np.trace(turn, axis1=-2, axis2=-1) - 1))
+
 
 PERIOD = 1e-3
 """s between the instants at which errors of one run are taken: a fifth of the time constant of a 30 Hz speed loop."""
@@ -33,21 +107,21 @@ BATCH_PERIOD = 5e-3
 
 
 def evaluate(
-    tracking: Tracking, plan: Motion | Plan, machine: Machine, *, period: float = PERIOD, band: float = BAND
+    tracking: Tracking, plan: AxesMotion | Plan, machine: Machine, *, period: float = PERIOD, band: float = BAND
 ) -> Metrics:
     """The errors of a tracked plan, every `period` seconds, settling included; of each pose it is proved that it is it.
 
     Settling, overshoot and vibration are taken at every sample of the record. band: pulses, see `Ending`.
 
     Raises MotionError if a tracked position is no pose of the machine; of a motion that has no path in space see
-    `planned_at`.
+    `sample_plan`.
     """
     return evaluate_each([tracking], plan, machine, period=period, band=band)[0]
 
 
 def evaluate_each(
     tracked: Sequence[Tracking],
-    plan: Motion | Plan,
+    plan: AxesMotion | Plan,
     machine: Machine,
     *,
     period: float = PERIOD,
@@ -60,8 +134,8 @@ def evaluate_each(
     end = np.repeat(2 * first.t[-1:] - first.t[-2:-1], len(tracked))
     task = Task(first.law, motion_of(plan), first.dt)
     names = [each.law for each in tracked]
-    lanes = _Lanes(first.t, actual, end, lost=np.stack([each.lost for each in tracked]))
-    return _all(names, lanes, task, machine, period, band, certify=True)
+    lanes = _RunRecords(first.t, actual, end, lost=np.stack([each.lost for each in tracked]))
+    return _build_metrics(names, lanes, task, machine, period, band, certify=True)
 
 
 def evaluate_runs(
@@ -81,12 +155,12 @@ def evaluate_runs(
     errors in space; the others are not touched by it.
     """
     names = [f"run {b + 1}" for b in range(len(rigs))] if laws is None else laws
-    lanes = _Lanes(runs.t, runs.actual, runs.end, runs.torque, torque_limits(rigs), runs.lost)
-    return _all(names, lanes, task, rigs[0].machine, period, band, certify=False)
+    lanes = _RunRecords(runs.t, runs.actual, runs.end, runs.torque, torque_limits(rigs), runs.lost)
+    return _build_metrics(names, lanes, task, rigs[0].machine, period, band, certify=False)
 
 
 @dataclass(frozen=True, slots=True)
-class _Lanes:
+class _RunRecords:
     """Records of B runs: true positions actual (N, B, n), pulses from home, at t (N,) s; run b ends at end[b]."""
 
     t: Array
@@ -101,14 +175,14 @@ class _Lanes:
         return np.asarray(np.searchsorted(self.t[::every], self.end - 1e-6 * (self.t[1] - self.t[0])))
 
 
-def _all(
-    names: Sequence[str], lanes: _Lanes, task: Task, machine: Machine, period: float, band: float, *, certify: bool
+def _build_metrics(
+    names: Sequence[str], lanes: _RunRecords, task: Task, machine: Machine, period: float, band: float, *, certify: bool
 ) -> tuple[Metrics, ...]:
     t = lanes.t
-    pulse = frozen([axis.pulse for axis in machine.axes])
+    pulse = freeze_array([axis.pulse for axis in machine.axes])
     shafts = _shafts(lanes, task, machine, pulse, band)
     every = max(1, round(period / (t[1] - t[0])))
-    few, planned = machine.home_q + lanes.actual[::every] * pulse, planned_at(task.motion, machine, t[::every])
+    few, planned = machine.home_q + lanes.actual[::every] * pulse, sample_plan(task.motion, machine, t[::every])
     following, until = few - planned.q[:, None], lanes.samples(every)
     found: list[Metrics] = []
     for errors in space_errors(few, planned, machine, certify=certify):
@@ -117,14 +191,16 @@ def _all(
             own = slice(until[b])
 
             def series(name: str, unit: str, value: Array, own: slice = own) -> ErrorSeries:
-                return ErrorSeries(name, unit, frozen(value[own]), planned.place(int(np.abs(value[own]).argmax())))
+                return ErrorSeries(
+                    name, unit, freeze_array(value[own]), planned.place(int(np.abs(value[own]).argmax()))
+                )
 
             ending, vibration, effort = shafts[b]
             turned = errors.orientation
             found.append(
                 Metrics(
                     law=names[b],
-                    t=frozen(planned.t[own]),
+                    t=freeze_array(planned.t[own]),
                     following=tuple(
                         series(axis.name, axis.unit, following[:, b, i]) for i, axis in enumerate(machine.axes)
                     ),
@@ -135,17 +211,17 @@ def _all(
                     ending=ending,
                     vibration=vibration,
                     pulse=pulse,
-                    planned=frozen(errors.planned[own]),
-                    attained=frozen(errors.attained[own, lane]),
+                    planned=freeze_array(errors.planned[own]),
+                    attained=freeze_array(errors.attained[own, lane]),
                     effort=effort,
-                    lost_steps=None if lanes.lost is None else frozen(lanes.lost[b], np.float64),
+                    lost_steps=None if lanes.lost is None else freeze_array(lanes.lost[b], np.float64),
                 )
             )
     return tuple(found)
 
 
 def _shafts(
-    lanes: _Lanes, task: Task, machine: Machine, pulse: Array, band: float
+    lanes: _RunRecords, task: Task, machine: Machine, pulse: Array, band: float
 ) -> list[tuple[Ending, Vibration, Effort | None]]:
     """What is taken of each shaft at every sample; of runs with equally many samples together."""
     motion, counts = task.motion, lanes.samples()

@@ -1,4 +1,9 @@
-"""What is known of how one run tracked its motion: errors over time, and the figures of them."""
+"""What is known of how one run tracked its motion: errors over time, and the figures of them.
+
+The names under which the figures of a run go into tables and files, with what they are and in which unit.
+
+An error over time, and its figures.
+"""
 
 from __future__ import annotations
 
@@ -7,18 +12,93 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from controllers.metrics.effort import Effort
 from controllers.metrics.ending import Ending
-from controllers.metrics.figures import FIGURES
-from controllers.metrics.series import ErrorSeries
-from controllers.metrics.vibration import Vibration
-from kinematics.array import Array
-from kinematics.result import Result
-from kinematics.table import Column, Table
-from planner.place import where_columns
+from controllers.metrics.shaft import Effort, Vibration
+from kinematics.foundation.arrays import Array
+from kinematics.foundation.result import Result
+from kinematics.foundation.table import Column, Table
+from planner.place import Place, where_columns
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+    pass
+
+
+@dataclass(frozen=True, slots=True)
+class Figure:
+    """A figure of a run; smaller is better in all of them.
+
+    unit  SI; "axis" stands for the axis' own, m or rad, and "path" for m, or rad where the motion is of turning axes
+          alone and has no path in space
+    per_axis  it is there for each axis too, as `<name>.<axis>`: the plain name is then the worst axis' value
+    """
+
+    name: str
+    unit: str
+    meaning: str
+    per_axis: bool = False
+
+
+FIGURES = (
+    Figure("contour_rms", "path", "distance to the path, RMS over time"),
+    Figure("contour_p95", "path", "distance to the path that 95 % of the time stays under"),
+    Figure("contour_max", "path", "largest distance to the path"),
+    Figure("contour_max_at", "s", "when it is largest"),
+    Figure("tracking_rms", "path", "distance to where the plan is at that time, RMS"),
+    Figure("tracking_p95", "path", "that 95 % of the time stays under"),
+    Figure("tracking_max", "path", "largest"),
+    Figure("lag_rms", "path", "how far ahead or behind along the path, RMS"),
+    Figure("lag_max", "path", "largest"),
+    Figure("orientation_rms", "rad", "angle to the planned orientation, RMS"),
+    Figure("orientation_max", "rad", "largest"),
+    Figure("following_rms", "axis", "actual − planned position of an axis, RMS", per_axis=True),
+    Figure("following_max", "axis", "largest", per_axis=True),
+    Figure(
+        "settling",
+        "s",
+        "from the planned end until an axis stays within the band about its last position",
+        per_axis=True,
+    ),
+    Figure("overshoot", "axis", "how far an axis goes beyond its last position after the planned end", per_axis=True),
+    Figure("end_time", "s", "instant from which all axes stay within the band; inf if they never do"),
+    Figure("late", "s", "end_time − planned duration; below 0 for a motion that is there early"),
+    Figure("jerk_rms", "axis/s³", "jerk of the axis' shaft, RMS", per_axis=True),
+    Figure(
+        "vibration_power",
+        "axis²",
+        "mean square of the following error from the host's sample rate upwards",
+        per_axis=True,
+    ),
+    Figure("torque_rms", "1", "torque over its limit, RMS", per_axis=True),
+    Figure("torque_peak", "1", "torque over its limit, largest", per_axis=True),
+    Figure("saturation", "1", "share of the time at the torque limit", per_axis=True),
+    Figure("lost_steps", "full steps", "steps that a stepper has lost", per_axis=True),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class ErrorSeries:
+    """An error over time: values (N,), m or rad, signed where it has a sign; its figures are of the magnitude."""
+
+    name: str
+    unit: str
+    value: Array = field(repr=False)
+    where: Place
+    """Where the magnitude is largest."""
+
+    @property
+    def rms(self) -> float:
+        """√(mean e²)."""
+        return float(np.sqrt(np.mean(self.value**2)))
+
+    @property
+    def p95(self) -> float:
+        """The magnitude that 95 % of the instants stay under."""
+        return float(np.percentile(np.abs(self.value), 95))
+
+    @property
+    def max(self) -> float:
+        """max |e|."""
+        return float(np.abs(self.value).max())
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,14 +186,6 @@ class Metrics(Result):
             "saturation": (effort.saturation, alike),
             "lost_steps": (unknown if self.lost_steps is None else self.lost_steps, alike),
         }
-
-    def plot(self, ax: Axes | None = None) -> Axes:
-        """The contour error over time; controllers.plots has the other figures."""
-        from controllers.plots import contour_error
-
-        ax = contour_error(self, ax)
-        ax.legend(frameon=False)
-        return ax
 
     def tables(self) -> tuple[Table, ...]:
         """The errors of each axis and in space; what they cost the drives."""

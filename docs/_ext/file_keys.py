@@ -19,8 +19,8 @@ from sphinx.application import Sphinx
 from sphinx.util import logging
 from sphinx.util.docutils import SphinxDirective
 
-from kinematics.schema import Table
-from kinematics.units import Unit, describe, everyday
+from kinematics.files.schema import TableSchema
+from kinematics.foundation.units import Unit, describe, everyday_unit
 
 LINE = re.compile(r"^((?:\w+, )*\w+) {2,}(\S.*(?:\n {3,}\S.*)*)", re.MULTILINE)
 PROBES: tuple[Any, ...] = (0.0, {}, (), ((),), "", (0.0,) * 3, (0.0,) * 6, "1 1/s")
@@ -49,7 +49,7 @@ def takes(kind: Any, metadata: tuple[Any, ...] = ()) -> str:
     if get_origin(kind) is Annotated:
         return takes(get_args(kind)[0], kind.__metadata__)
     if get_origin(kind) in (Union, UnionType):
-        if any(isinstance(part, type) and issubclass(part, Table) for part in get_args(kind)):
+        if any(isinstance(part, type) and issubclass(part, TableSchema) for part in get_args(kind)):
             return " or ".join(dict.fromkeys(takes(part) for part in get_args(kind) if part is not NoneType))
         if not any(isinstance(mark, PlainValidator) for mark in metadata):
             return " or ".join(dict.fromkeys(takes(part) for part in get_args(kind) if part is not NoneType))
@@ -66,13 +66,13 @@ def takes(kind: Any, metadata: tuple[Any, ...] = ()) -> str:
         return f"{len(parts)} × {takes(parts[0])}" if same else f"[{', '.join(map(takes, parts))}]"
     if get_origin(kind) is dict:
         return f"table of {takes(get_args(kind)[1])}"
-    if isinstance(kind, type) and issubclass(kind, Table):
+    if isinstance(kind, type) and issubclass(kind, TableSchema):
         return "table"
     return {float: "number", int: "whole number", str: "text", bool: "`true` or `false`"}.get(kind, "")
 
 
 def probed(mark: PlainValidator) -> Iterator[str]:
-    """What the types are that `kinematics.schema.chosen` picks for values of every shape."""
+    """What the types are that `kinematics.files.schema.chosen` picks for values of every shape."""
     cells = dict(zip(mark.func.__code__.co_freevars, mark.func.__closure__ or (), strict=True))  # type: ignore[union-attr]
     for probe in PROBES if "pick" in cells else ():
         try:
@@ -85,7 +85,7 @@ def probed(mark: PlainValidator) -> Iterator[str]:
 
 def quantity(unit: Unit) -> str:
     bounds = (("above", unit.above), ("at least", unit.least), ("at most", unit.most))
-    near = everyday(unit.unit)
+    near = everyday_unit(unit.unit)
     said = [f"{word} {describe(bound, near) if bound else 0}" for word, bound in bounds if abs(bound) < 1e9]
     text = " ".join(['quantity, as `"', unit.like or f"20 {near}", '"`']).replace('`" ', '`"').replace(' "`', '"`')
     return text + (f", or number of `{unit.plain}`" if unit.plain else "") + (f"; {', '.join(said)}" if said else "")
@@ -102,11 +102,11 @@ def default(field: Any) -> str:
     if field.is_required():
         return "**needed**"
     value = field.default
-    if value is PydanticUndefined or value is None or value == () or isinstance(value, Table):
+    if value is PydanticUndefined or value is None or value == () or isinstance(value, TableSchema):
         return ""
     unit = unit_in(field.annotation, tuple(field.metadata))
     if unit is not None:
-        near = everyday(unit.unit)
+        near = everyday_unit(unit.unit)
         values = [describe(each, near) if each else "0" for each in (value if isinstance(value, tuple) else (value,))]
         return ", ".join(values if len(set(values)) > 1 else values[:1])
     if isinstance(value, tuple):

@@ -8,9 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from controllers.card import TAMove
-from controllers.laws.gain import Gain, Grid, checked, shown
-from controllers.laws.law import Feedback, Reference, Timer
-from controllers.laws.ramp import ramp
+from controllers.laws.law import Feedback, Gain, Grid, Reference, Timer, check_gain, format_gain, ramp
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,11 +23,11 @@ class Ahead:
     grid: ClassVar[Grid] = {"lead": (0.0, 0.01, 0.02, 0.03, 0.04)}
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "lead", checked("ahead", "lead", self.lead, "about 1/position gain"))
+        object.__setattr__(self, "lead", check_gain("ahead", "lead", self.lead, "about 1/position gain"))
 
     @property
     def name(self) -> str:
-        return f"ahead lead={shown(self.lead)}"
+        return f"ahead lead={format_gain(self.lead)}"
 
     def command(self, k: int | np.ndarray, reference: Reference, feedback: Feedback) -> TAMove:
         t = np.asarray(k)[..., None] * reference.dt + self.lead + 0 * feedback.counter

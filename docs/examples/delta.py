@@ -8,16 +8,15 @@ from typing import Annotated, Literal
 import casadi as ca
 import numpy as np
 
-from kinematics.array import POSITIVE, finite, frozen
-from kinematics.axis import Axis
-from kinematics.kinds.axes import LinearAxis, LinearDefaults, axes
-from kinematics.kinds.masses import LoadedFile
-from kinematics.kinds.poses import Home
-from kinematics.load import Load
-from kinematics.machine import Machine
-from kinematics.pose import Pose
-from kinematics.schema import Table
-from kinematics.units import Unit
+from kinematics.files.schema import TableSchema
+from kinematics.foundation.arrays import LEAST_POSITIVE, finite_array, freeze_array
+from kinematics.foundation.units import Unit
+from kinematics.kinds.axis_tables import LinearAxis, LinearDefaults, axes
+from kinematics.kinds.load_tables import HomeTable, LoadedFile
+from kinematics.machine.axis import Axis
+from kinematics.machine.load import Load
+from kinematics.machine.machine import Machine
+from kinematics.machine.pose import Pose
 
 NAMES = ("a", "b", "c")
 
@@ -43,10 +42,10 @@ class Delta(Machine):
         name: str = "delta",
         load: Load | None = None,
     ) -> None:
-        self.radius = float(finite(radius, f"machine {name}: radius", (), unit="m", least=POSITIVE))
-        self.rod = float(finite(rod, f"machine {name}: rod", (), unit="m", least=POSITIVE))
+        self.radius = float(finite_array(radius, f"machine {name}: radius", (), unit="m", least=LEAST_POSITIVE))
+        self.rod = float(finite_array(rod, f"machine {name}: rod", (), unit="m", least=LEAST_POSITIVE))
         angles = np.arange(3) * 2 * np.pi / 3
-        self.rails = frozen(self.radius * np.stack([np.cos(angles), np.sin(angles)], 1))
+        self.rails = freeze_array(self.radius * np.stack([np.cos(angles), np.sin(angles)], 1))
         self.characteristic_length = self.radius
         super().__init__(name, axes, home, load=load)
 
@@ -56,7 +55,7 @@ class Delta(Machine):
         return heights
 
 
-class Geometry(Table):
+class Geometry(TableSchema):
     """How a delta is built.
 
     radius  of the rails' circle, less that of the platform's joints
@@ -66,7 +65,7 @@ class Geometry(Table):
 
     radius: Annotated[float, Unit("m", above=0)]
     rod: Annotated[float, Unit("m", above=0)]
-    home: Home
+    home: HomeTable
 
 
 class Own(LinearAxis):

@@ -7,12 +7,12 @@ from typing import ClassVar
 
 import numpy as np
 
-from kinematics.array import frozen
-from kinematics.units import shown
-from planner.program import Line, Program, Through
-from planner.sources.faults import Faults
-from planner.sources.source import Imported, option
-from planner.sources.texts import text_of
+from kinematics.foundation.arrays import freeze_array
+from kinematics.foundation.units import describe_value
+from planner.options import option
+from planner.program.model import Line, Program
+from planner.program.modifiers import Through
+from planner.sources.source import Faults, Imported, decode_text
 
 UNIT = 25e-6
 """m: a plotter's unit is 0.025 mm."""
@@ -35,23 +35,23 @@ class Hpgl:
         here = np.zeros(3)
         segments: list[Line] = []
         entities: dict[str, int] = {}
-        for number, line in enumerate(text_of(path).split("\n"), 1):
+        for number, line in enumerate(decode_text(path).split("\n"), 1):
             for word in filter(None, (part.strip() for part in line.split(";"))):
                 verb, values = word[:2].upper(), word[2:].replace(",", " ").split()
                 if verb not in (*MOVES, *LEFT_OUT):
-                    faults.add(f"{shown(word)} is none of {', '.join((*MOVES, *LEFT_OUT))}", number)
+                    faults.add(f"{describe_value(word)} is none of {', '.join((*MOVES, *LEFT_OUT))}", number)
                     continue
                 entities[verb] = entities.get(verb, 0) + 1
                 if verb in LEFT_OUT:
                     continue
                 if len(values) % 2 or not all(map(NUMBER.fullmatch, values)):
-                    faults.add(f"{shown(word)}: coordinates come in pairs of numbers", number)
+                    faults.add(f"{describe_value(word)}: coordinates come in pairs of numbers", number)
                     continue
                 height = {"PU": self.lift, "PD": 0.0, "PA": here[2]}[verb]
                 points = np.array(values, float).reshape(-1, 2) * UNIT
                 for place in ([*here[:2], height], *([*point, height] for point in points)):
                     if np.linalg.norm(place - here) > 1e-9:
-                        segments.append(Line(frozen(place), join=Through()))
+                        segments.append(Line(freeze_array(place), join=Through()))
                         here = segments[-1].to
         if not segments and not faults:
             faults.add("nothing is drawn")

@@ -28,7 +28,7 @@ from controllers.card import (
     current_speed,
     play,
 )
-from controllers.drives.bank import bank
+from controllers.simulate import bank
 from kinematics import MotionError
 
 GEAR, COUNTS = 74, 2048

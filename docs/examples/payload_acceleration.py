@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from kinematics.array import Array, frozen
+from kinematics.foundation.arrays import Array, freeze_array
 from planner.actuation import Points
-from planner.limits.limit import Limit, Motion, Quantity, Rows, Term
+from planner.limits.limit import Limit, LimitState, Quantity, Rows, Term
 
 CAP = 0.3
 """m/s² that the payload bears."""
@@ -23,10 +23,10 @@ class PayloadAcceleration(Limit):
 
     def __init__(self) -> None:
         self.channels = ("x", "y", "z")
-        self.bounds: Array = frozen([CAP] * 3)
+        self.bounds: Array = freeze_array([CAP] * 3)
         self.units = (("mm/s²", 1e3),) * 3
 
-    def value(self, motion: Motion) -> Quantity:
+    def value(self, motion: LimitState) -> Quantity:
         return at_place(motion.pose_rate(2))
 
     def use(self, low: Array, high: Array, piece: np.ndarray) -> Array:

@@ -8,11 +8,12 @@ from typing import ClassVar
 
 import numpy as np
 
-from kinematics.array import POSITIVE, Array, finite
-from planner.export.columns import Columns, columns
-from planner.export.format import Exported, Source, option
-from planner.export.knots import choose, seconds
+from kinematics.foundation.arrays import LEAST_POSITIVE, Array, finite_array
+from planner.export.columns import Columns, make_columns
+from planner.export.format import Exported, ExportSource
+from planner.export.knots import choose_knots, steps_to_seconds
 from planner.export.roundtrip import compare
+from planner.options import option
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,12 +23,12 @@ class Plc:
     suffix: ClassVar[str] = ".csv"
     period: float = option(4e-3, "time from row to row. Default 4 ms", "s")
 
-    def write(self, source: Source, path: Path) -> Exported:
-        finite(self.period, "period", (), unit="s", least=POSITIVE)
+    def write(self, source: ExportSource, path: Path) -> Exported:
+        finite_array(self.period, "period", (), unit="s", least=LEAST_POSITIVE)
         axes = source.machine.axes
-        knots = choose(source.counted, axes, 1, step=self.period, tolerance=None, spacing=self.period)
-        form = columns(source, None)
-        times = iter((seconds(knots.steps, knots.step) * 1e3).tolist())
+        knots = choose_knots(source.counted, axes, 1, step=self.period, tolerance=None, spacing=self.period)
+        form = make_columns(source, None)
+        times = iter((steps_to_seconds(knots.steps, knots.step) * 1e3).tolist())
         with path.open("w", encoding="utf-8", newline="") as file:
             table = csv.writer(file, lineterminator="\n")
             table.writerow(["ms", *(axis.name for axis in axes)])

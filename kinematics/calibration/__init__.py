@@ -17,8 +17,7 @@ d(offset + factor ∘ c) − ∂q/∂joints, exactly. (Length residuals weighted
 the whole pose is measured.) For fully measured poses the legs decouple into eight unknowns each [Zhuang and Roth 1991].
 """
 
-from kinematics.calibration.fit import calibrate
-from kinematics.calibration.foreseen import foreseen_errors
+from kinematics.calibration.fit import calibrate, foreseen_errors
 from kinematics.calibration.measurements import Measurements, Noise, measured_positions, whole_poses
 from kinematics.calibration.observability import Observability
 from kinematics.calibration.parameters import DEFAULT, PARTS, calibration_parts

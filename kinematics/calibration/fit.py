@@ -1,33 +1,99 @@
-"""The calibration of a machine: its parameters by least squares, and what they are worth."""
+"""The calibration of a machine: its parameters by least squares, and what they are worth.
+
+The machine with the parameters that were found.
+
+What a further measurement would be worth, before it is made.
+"""
 
 from collections.abc import Sequence
+from copy import copy
+from dataclasses import replace
 from math import inf, nan, sqrt
 from typing import Literal
 
 import numpy as np
 
-from kinematics.array import Array, frozen
-from kinematics.calibration.alignment import frame_start
-from kinematics.calibration.calibrated import calibrated
-from kinematics.calibration.measurements import AXIS, POSITION, Measurements, Noise
+from kinematics.calibration.checks import select_reachable
+from kinematics.calibration.measurements import AXIS, POSITION, Measurements, Noise, whole_poses
 from kinematics.calibration.observability import Observability, observe
-from kinematics.calibration.parameters import DEFAULT, Free, Full, free, full, selection
+from kinematics.calibration.parameters import (
+    DEFAULT,
+    FreeParameter,
+    FullVector,
+    free_parameters,
+    full_vector,
+    selection,
+)
 from kinematics.calibration.prediction import Prediction
-from kinematics.calibration.reach import reachable
-from kinematics.calibration.result import Calibration, Estimate, widening
-from kinematics.calibration.search import least_errors
-from kinematics.errors import MotionError
-from kinematics.machine import Machine
+from kinematics.calibration.result import Calibration, Estimate, error_scale
+from kinematics.calibration.search import frame_start, minimize_errors
+from kinematics.foundation.arrays import Array, freeze_array
+from kinematics.foundation.errors import MotionError
+from kinematics.kinds.hexapod import Hexapod
+from kinematics.machine.axis import Axis
+from kinematics.machine.machine import Machine
+from kinematics.machine.pose import Pose, from_numbers, to_numbers
+
+BODY_KEYS = ("leg_radius", "leg_ends", "base_disc", "platform_disc")
+"""What a hexapod says of the room that its parts take."""
+
+
+def build_calibrated(prediction: Prediction, theta: Array) -> Machine:
+    """The machine of a full vector (k,): pulse · factor, joints, and as home the pose that it takes at zero counts.
+
+    Offsets need no place of their own: home_q = q(home) of that pose is the nominal q_home + offset. The measuring
+    frame is no part of the machine. Raises MotionError where there is no pose at zero counts.
+    """
+    machine, vector = prediction.machine, prediction.vector
+    for axis, factor in zip(machine.axes, theta[vector.factors()], strict=True):
+        if factor <= 0:
+            raise MotionError(
+                f"machine {machine.name}: the measurements ask for a factor of {factor:.6g} on the pulse of "
+                f"{axis.name}, which must be above 0; check units and signs of the file"
+            )
+    axes = [
+        replace(axis, pulse=axis.pulse * float(factor))
+        for axis, factor in zip(machine.axes, theta[vector.factors()], strict=True)
+    ]
+    offsets, joints = theta[vector.offsets()], theta[vector.joints()]
+    home = machine.home
+    if offsets.any() or (joints != vector.nominal[vector.joints()]).any():
+        x = prediction.poses(theta, np.zeros((1, len(axes))), to_numbers(home))
+        if not np.isfinite(x).all():
+            raise MotionError(f"machine {machine.name}: with the parameters found it has no pose at zero counts")
+        home = from_numbers(x[0])
+    if isinstance(machine, Hexapod):
+        return _hexapod(machine, joints.reshape(2, 6, 3), axes, home)
+    moved = copy(machine)
+    moved.name, moved.axes, moved.home = f"{machine.name}-calibrated", tuple(axes), home
+    moved.home_q = freeze_array(machine.home_q + offsets)
+    return moved
+
+
+def _hexapod(machine: Hexapod, joints: Array, axes: list[Axis], home: Pose) -> Hexapod:
+    return Hexapod(
+        joints[0],
+        joints[1],
+        axes=axes,
+        home=home,
+        base_rest=machine.base_rest,
+        platform_rest=machine.platform_rest,
+        max_tilt=(float(machine.max_tilt[0]), float(machine.max_tilt[6])),
+        name=f"{machine.name}-calibrated",
+        load=machine.load,
+        **({} if machine.bodies is None else {key: getattr(machine.bodies, key) for key in BODY_KEYS}),
+    )
+
 
 Use = Literal["position", "all"]
 USES: dict[Use | None, int] = {"position": POSITION.stop, None: AXIS.start, "all": AXIS.stop}
 """How many of the components are fitted to, of those that were measured."""
 # Errors of a start over those of the best one up to which it is tried too.
-OTHER_START = 10.0
+MAX_START_RATIO = 10.0
 # Errors over those found before below which another minimum is the better one: less may be rounding.
-BETTER = 0.999
+MAX_IMPROVED_RATIO = 0.999
 # Share of a pose's own weight in its fit, short of one, beyond which the other poses do not determine it.
-DETERMINED = 1 - 1e-9
+MAX_LEVERAGE = 1 - 1e-9
 
 
 def calibrate(
@@ -46,11 +112,11 @@ def calibrate(
     an unknown part, fewer values than parameters, fitted poses that the machine cannot be sent to, a search that does
     not converge, and measurements that contradict the machine; never gives parameters that explain them worse.
     """
-    _known(machine, measured, use)
-    vector = full(machine)
-    parameters = free(vector, parts)
-    measured, skipped = reachable(machine, measured)
-    chosen = _used(measured, use)
+    _check_arguments(machine, measured, use)
+    vector = full_vector(machine)
+    parameters = free_parameters(vector, parts)
+    measured, skipped = select_reachable(machine, measured)
+    chosen = _used_components(measured, use)
     if chosen.sum() < len(parameters):
         raise MotionError(
             f"{measured.name}: {measured.fit.sum()} poses give {chosen.sum()} values for {len(parameters)} parameters "
@@ -62,61 +128,61 @@ def calibrate(
 
     framed = np.array(vector.nominal)
     framed[vector.frame()] = frame_start(measured, chosen, parts)
-    theta = _best(prediction, [framed, vector.nominal], weights, chosen, select)
+    theta = _find_best(prediction, [framed, vector.nominal], weights, chosen, select)
     after, jacobian = prediction.at(theta)
-    found = _observed(jacobian, weights, chosen, select, measured)
+    found = _find_observability(jacobian, weights, chosen, select, measured)
 
     degrees = int(chosen.sum()) - found.rank
-    scale = _size(after, weights, chosen) / sqrt(degrees) if degrees else nan
-    widened = widening(measured.noise, scale)
+    scale = _weighted_norm(after, weights, chosen) / sqrt(degrees) if degrees else nan
+    widened = error_scale(measured.noise, scale)
     known = np.where(measured.seen, 1.0, np.nan)
     return Calibration(
-        machine=calibrated(prediction, theta),
+        machine=build_calibrated(prediction, theta),
         nominal=machine,
         measurements=measured,
         parts=tuple(parts),
         parameters=_estimates(vector, parameters, theta, found, widened),
         observability=found,
         predicted=prediction.seen(theta),
-        before=frozen(before * known),
-        after=frozen(after * known),
-        left_out=frozen(_left_out(after, jacobian @ (select @ found.seen), weights, chosen)),
-        used=frozen(chosen, bool),
+        before=freeze_array(before * known),
+        after=freeze_array(after * known),
+        left_out=freeze_array(_leave_one_out_errors(after, jacobian @ (select @ found.seen), weights, chosen)),
+        used=freeze_array(chosen, bool),
         scale=scale,
         degrees=degrees,
         skipped=skipped,
     )
 
 
-def _best(prediction: Prediction, starts: list[Array], weights: Array, chosen: np.ndarray, select: Array) -> Array:
+def _find_best(prediction: Prediction, starts: list[Array], weights: Array, chosen: np.ndarray, select: Array) -> Array:
     """The full vector of least errors from the best start, or from another that is not far worse and leads to less:
     few data may have a minimum near each. Raises MotionError where none leads anywhere, of the best start."""
 
     def size(theta: Array) -> float:
-        return _size(prediction.at(theta)[0], weights, chosen)
+        return _weighted_norm(prediction.at(theta)[0], weights, chosen)
 
     ordered = sorted(starts, key=size)
     best: Array | None = None
     refusal: MotionError | None = None
     tried: list[Array] = []
     for start in ordered:
-        if size(start) > OTHER_START * size(ordered[0]) or any((start == other).all() for other in tried):
+        if size(start) > MAX_START_RATIO * size(ordered[0]) or any((start == other).all() for other in tried):
             continue
         tried.append(start)
-        seen = _observed(prediction.at(start)[1], weights, chosen, select, prediction.measurements).seen
+        seen = _find_observability(prediction.at(start)[1], weights, chosen, select, prediction.measurements).seen
         try:
-            theta = least_errors(prediction, start, weights, chosen, select @ seen)
+            theta = minimize_errors(prediction, start, weights, chosen, select @ seen)
         except MotionError as error:
             refusal = refusal or error
             continue
-        if best is None or size(theta) < BETTER * size(best):
+        if best is None or size(theta) < MAX_IMPROVED_RATIO * size(best):
             best = theta
     if best is None:
         raise refusal or MotionError(f"{prediction.measurements.name}: no start for the search")
     return best
 
 
-def _known(machine: object, measured: object, use: object) -> None:
+def _check_arguments(machine: object, measured: object, use: object) -> None:
     for value, kind, remedy in (
         (machine, Machine, "load_machine reads a file"),
         (measured, Measurements, "load_measurements reads a file, whole_poses takes arrays"),
@@ -127,11 +193,11 @@ def _known(machine: object, measured: object, use: object) -> None:
         raise MotionError(f'calibrate: use {use!r} must be "position", "all" or None')
 
 
-def _used(measured: Measurements, use: Use | None) -> np.ndarray:
+def _used_components(measured: Measurements, use: Use | None) -> np.ndarray:
     return np.asarray(measured.seen & measured.fit[:, None] & (np.arange(measured.seen.shape[1]) < USES[use]))
 
 
-def _size(errors: Array, weights: Array, chosen: np.ndarray) -> float:
+def _weighted_norm(errors: Array, weights: Array, chosen: np.ndarray) -> float:
     return float(np.linalg.norm((errors * weights)[chosen]))
 
 
@@ -141,14 +207,14 @@ def weights_of(machine: Machine, measured: Measurements) -> Array:
     return np.array([1 / noise.position] * 3 + [1 / noise.rotation] * 5)
 
 
-def _observed(
+def _find_observability(
     jacobian: Array, weights: Array, chosen: np.ndarray, select: Array, measured: Measurements
 ) -> Observability:
     return observe((jacobian * weights[:, None])[chosen] @ select, int(measured.fit.sum()))
 
 
 def _estimates(
-    vector: Full, parameters: Sequence[Free], theta: Array, found: Observability, widened: float
+    vector: FullVector, parameters: Sequence[FreeParameter], theta: Array, found: Observability, widened: float
 ) -> tuple[Estimate, ...]:
     error = widened * np.sqrt((found.seen**2).sum(1))
     return tuple(
@@ -163,7 +229,7 @@ def _estimates(
     )
 
 
-def _left_out(errors: Array, jacobian: Array, weights: Array, chosen: np.ndarray) -> Array:
+def _leave_one_out_errors(errors: Array, jacobian: Array, weights: Array, chosen: np.ndarray) -> Array:
     """(I − H_kk)⁻¹ e_k of every pose, H the projection onto the fit's tangent space."""
     rows = jacobian * weights[:, None] * chosen[..., None]
     normal = np.linalg.inv(np.einsum("nia,nib->ab", rows, rows))
@@ -172,7 +238,31 @@ def _left_out(errors: Array, jacobian: Array, weights: Array, chosen: np.ndarray
         entries = chosen[k]
         own = rows[k][entries]
         hat = own @ normal @ own.T
-        if np.linalg.eigvalsh(hat)[-1] < DETERMINED:
+        if np.linalg.eigvalsh(hat)[-1] < MAX_LEVERAGE:
             alone = np.linalg.solve(np.eye(len(hat)) - hat, (errors[k] * weights)[entries])
             left[k, entries] = alone / weights[entries]
     return left
+
+
+def foreseen_errors(calibration: Calibration, commanded: Pose) -> Array:
+    """Standard errors (N, m) of the parameters if one of N further poses were measured too, each on its own.
+
+    They depend on where a pose is and not on what will be read there: Σ⁻¹ = Σ₀⁻¹ + Jᵀ W J of its errors' Jacobian J at
+    the estimates, of the components that the calibration used and with its noise. A standard error stays infinite where
+    the pose does not show the parameter apart either.
+
+    commanded  relative to the machine's home pose. Raises MotionError for one that the machine cannot be sent to.
+    """
+    machine, data = calibration.nominal, calibration.measurements
+    vector = full_vector(machine)
+    select = selection(vector, free_parameters(vector, calibration.parts))
+    theta = vector.nominal + select @ [each.value - each.nominal for each in calibration.parameters]
+    further = select_reachable(machine, whole_poses(commanded, commanded, name="further measurements"))[0]
+    jacobian = Prediction.of(machine, vector, further).at(theta)[1]
+    kept = calibration.used.any(0)
+    rows = (jacobian * weights_of(machine, data)[:, None])[:, kept] @ select
+    known = calibration.observability
+    so_far = known.singular[:, None] * known.combinations / known.scale
+    found = [observe(np.concatenate([so_far, own]), known.poses + 1) for own in rows]
+    size = [np.where(each.separate, np.sqrt((each.seen**2).sum(1)), np.inf) for each in found]
+    return freeze_array(error_scale(data.noise, calibration.scale) * np.array(size))

@@ -7,21 +7,22 @@ import numpy as np
 from pydantic import AfterValidator, Field, model_validator
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from kinematics.array import Array, frozen
-from kinematics.calibration.measurements import AXIS, FAR, POSITION, Measurements, Noise
-from kinematics.document import read
-from kinematics.pose import Pose
-from kinematics.registry import find
-from kinematics.schema import File, Table, build, chosen, declared, either, unit_of, wrong
-from kinematics.units import Unit
+from kinematics.calibration.measurements import AXIS, MAX_HOME_DISTANCE, POSITION, Measurements, Noise
+from kinematics.files.schema import File, TableSchema, build, chosen, one_of_tables, read_declared_units, unit_validator
+from kinematics.files.toml_document import read
+from kinematics.foundation.arrays import Array, freeze_array
+from kinematics.foundation.errors import validation_error
+from kinematics.foundation.names import find
+from kinematics.foundation.units import Unit
+from kinematics.machine.pose import Pose
 
 PLAIN_UNITS = {"length": "m", "angle": "rad", "error": "m"}
 """The declarations that give plain numbers their unit, and the SI unit of each; "error" is of lengths in errors."""
-UNDECLARED = {"length": "mm", "angle": "deg", "error": "um"}
+DEFAULT_UNITS = {"length": "mm", "angle": "deg", "error": "um"}
 """What plain numbers are where a file declares nothing: as coordinate measuring machines print them."""
 NORM = 5e-3
 """How far the cosines of direction angles may be from a unit vector: angles to 0.3°, or differences of such."""
-SAME = np.deg2rad(0.01)
+SAME_ANGLE = np.deg2rad(0.01)
 """How far θ and the direction angles of one command may be apart: half a unit of the second decimal of a degree."""
 
 
@@ -36,7 +37,7 @@ def load_measurements(name_or_path: str | PathLike[str]) -> Measurements:
     """
     source = find("kinematics.calibration", "measurement file", name_or_path)
     document = read(source)
-    model = build(document, MeasurementFile, plain=declared({**UNDECLARED, **document.data}, PLAIN_UNITS))
+    model = build(document, MeasurementFile, plain=read_declared_units({**DEFAULT_UNITS, **document.data}, PLAIN_UNITS))
     entries: list[tuple[str, DirectionPose | WholePose | TurnedAxis]] = [
         (f"pose {k + 1}", entry) for k, entry in enumerate(model.pose)
     ]
@@ -45,10 +46,10 @@ def load_measurements(name_or_path: str | PathLike[str]) -> Measurements:
     return Measurements(
         commanded=RigidTransform.concatenate([row.commanded for row in rows]),
         measured=RigidTransform.concatenate([row.measured for row in rows]),
-        seen=frozen([row.seen for row in rows], bool),
-        spread=frozen([row.spread for row in rows]),
+        seen=freeze_array([row.seen for row in rows], bool),
+        spread=freeze_array([row.spread for row in rows]),
         labels=tuple(name if entry.table is None else f"{name} ({entry.table})" for name, entry in entries),
-        fit=frozen(np.arange(len(rows)) < len(model.pose), bool),
+        fit=freeze_array(np.arange(len(rows)) < len(model.pose), bool),
         noise=None if model.noise is None else Noise(model.noise.position, model.noise.rotation),
         name=document.file,
         notes=tuple(
@@ -62,7 +63,7 @@ def load_measurements(name_or_path: str | PathLike[str]) -> Measurements:
     )
 
 
-class Row(NamedTuple):
+class PoseRow(NamedTuple):
     """What a table says of one pose; the last two by `measurements.COMPONENTS`."""
 
     commanded: Pose
@@ -71,58 +72,58 @@ class Row(NamedTuple):
     spread: Array
 
 
-def _one_direction(angles: tuple[float, ...]) -> Array:
+def _unit_direction(angles: tuple[float, ...]) -> Array:
     """The unit vector of direction angles, which are redundant."""
     cosines = np.cos(angles)
     length = float(np.linalg.norm(cosines))
     if abs(length - 1) > NORM:
         shown_angles = ", ".join(f"{angle:.6g}" for angle in np.rad2deg(angles))
-        raise wrong(
+        raise validation_error(
             f"{shown_angles} deg are the direction angles of no axis: the sum of cos² is {length**2:.4f} instead of 1"
         )
     return np.asarray(cosines / length)
 
 
 def _direction_of_six(desired: tuple[float, ...]) -> tuple[float, ...]:
-    _one_direction(desired[3:])
+    _unit_direction(desired[3:])
     return desired
 
 
-def _not_turned(axis: Array) -> Rotation:
+def _rotation_to_axis(axis: Array) -> Rotation:
     """Rx(θx) · Ry(θy), whose z axis is the given one: a direction says nothing of the turn about itself."""
     return Rotation.from_euler("XYZ", [np.arctan2(-axis[1], axis[2]), np.arcsin(axis[0]), 0.0])
 
 
-def _axis_row(at: tuple[float, ...], turn: Rotation, error: tuple[float, ...], axis: Array, spread: Array) -> Row:
+def _axis_row(at: tuple[float, ...], turn: Rotation, error: tuple[float, ...], axis: Array, spread: Array) -> PoseRow:
     """A row with an axis measured, and a position where `error` has one."""
     position = np.array(at) - (error[:3] if len(error) == 6 else 0.0)
     # of the measured rotation only its z axis means anything; its x and y name the two components of the axis' error
-    measured = RigidTransform.from_components(position, _not_turned(axis))
+    measured = RigidTransform.from_components(position, _rotation_to_axis(axis))
     seen = np.arange(8) >= AXIS.start
     seen[POSITION] = len(error) == 6
-    return Row(RigidTransform.from_components(at, turn), measured, seen, spread)
+    return PoseRow(RigidTransform.from_components(at, turn), measured, seen, spread)
 
 
-def _spread(position: tuple[float, ...], angles: tuple[float, ...]) -> Array:
+def _spread_components(position: tuple[float, ...], angles: tuple[float, ...]) -> Array:
     """An axis near z turns about y by its α and about x by its β."""
     return np.array([*position, np.nan, np.nan, np.nan, angles[1], angles[0]])
 
 
-def _six_or_three(value: object) -> Any:
+def _place_type(value: object) -> Any:
     return Place if isinstance(value, tuple) and len(value) == 3 else PlaceAndTurn
 
 
-def _not_empty(poses: tuple[Any, ...]) -> tuple[Any, ...]:
+def _require_poses(poses: tuple[Any, ...]) -> tuple[Any, ...]:
     if not poses:
-        raise wrong(f"empty: {_SOME_POSE}")
+        raise validation_error(f"empty: {_POSE_REMEDY}")
     return poses
 
 
-_SOME_POSE = "give at least one [[pose]] that was measured"
+_POSE_REMEDY = "give at least one [[pose]] that was measured"
 
-Coordinate = Annotated[float, Unit("m", least=-FAR, most=FAR, plain="length")]
+Coordinate = Annotated[float, Unit("m", least=-MAX_HOME_DISTANCE, most=MAX_HOME_DISTANCE, plain="length")]
 PlainAngle = Annotated[float, Unit("rad", plain="angle")]
-ErrorLength = Annotated[float, Unit("m", least=-FAR, most=FAR, plain="error")]
+ErrorLength = Annotated[float, Unit("m", least=-MAX_HOME_DISTANCE, most=MAX_HOME_DISTANCE, plain="error")]
 SpreadLength = Annotated[float, Unit("m", least=0, plain="error")]
 SpreadAngle = Annotated[float, Unit("rad", least=0, plain="angle")]
 Place = tuple[Coordinate, Coordinate, Coordinate]
@@ -133,7 +134,7 @@ Error = tuple[ErrorLength, ErrorLength, ErrorLength, PlainAngle, PlainAngle, Pla
 Spread = tuple[SpreadLength, SpreadLength, SpreadLength, SpreadAngle, SpreadAngle, SpreadAngle]
 
 
-class Repeated(Table):
+class PublishedTable(TableSchema):
     """Where a figure was published, and of how many repetitions it is the mean.
 
     table  where it was published
@@ -144,7 +145,7 @@ class Repeated(Table):
     n: Annotated[int, Field(ge=1)] | None = None
 
 
-class DirectionPose(Repeated):
+class DirectionPose(PublishedTable):
     """A pose with the direction of the platform's z axis, as its error from what was commanded.
 
     desired  x, y, z and direction angles α, β, γ of the platform's z axis
@@ -162,15 +163,15 @@ class DirectionPose(Repeated):
         return self
 
     def axis(self) -> Array:
-        return _one_direction(tuple(np.subtract(self.desired[3:], self.error[3:])))
+        return _unit_direction(tuple(np.subtract(self.desired[3:], self.error[3:])))
 
-    def row(self) -> Row:
-        spread = np.full(8, np.nan) if self.spread is None else _spread(self.spread[:3], self.spread[3:])
-        turn = _not_turned(_one_direction(self.desired[3:]))
+    def row(self) -> PoseRow:
+        spread = np.full(8, np.nan) if self.spread is None else _spread_components(self.spread[:3], self.spread[3:])
+        turn = _rotation_to_axis(_unit_direction(self.desired[3:]))
         return _axis_row(self.desired[:3], turn, self.error, self.axis(), spread)
 
 
-class WholePose(Repeated):
+class WholePose(PublishedTable):
     """A pose as position and rotation, or its position alone.
 
     commanded  x, y, z, θx, θy, θz from home
@@ -178,18 +179,18 @@ class WholePose(Repeated):
     """
 
     commanded: PlaceAndTurn
-    measured: Annotated[tuple[float, ...], chosen(_six_or_three)]
+    measured: Annotated[tuple[float, ...], chosen(_place_type)]
 
-    def row(self) -> Row:
+    def row(self) -> PoseRow:
         whole = len(self.measured) == 6
         measured = RigidTransform.from_components(
             self.measured[:3], Rotation.from_euler("XYZ", self.measured[3:] if whole else [0.0, 0.0, 0.0])
         )
         commanded = RigidTransform.from_components(self.commanded[:3], Rotation.from_euler("XYZ", self.commanded[3:]))
-        return Row(commanded, measured, np.arange(8) < (6 if whole else 3), np.full(8, np.nan))
+        return PoseRow(commanded, measured, np.arange(8) < (6 if whole else 3), np.full(8, np.nan))
 
 
-class TurnedAxis(Repeated):
+class TurnedAxis(PublishedTable):
     """The direction of the platform's z axis after a turn θ.
 
     theta    θx, θy, θz of the turn
@@ -207,21 +208,23 @@ class TurnedAxis(Repeated):
 
     @model_validator(mode="after")
     def _same_command(self) -> Self:
-        axis, turned = _one_direction(self.desired), Rotation.from_euler("XYZ", self.theta).as_matrix()[:, 2]
-        if np.linalg.norm(np.cross(axis, turned)) > SAME:
+        axis, turned = _unit_direction(self.desired), Rotation.from_euler("XYZ", self.theta).as_matrix()[:, 2]
+        if np.linalg.norm(np.cross(axis, turned)) > SAME_ANGLE:
             angles = np.rad2deg(np.arccos(turned))
-            raise wrong(f"desired is not the direction of z after theta, {', '.join(f'{a:.6g}' for a in angles)} deg")
-        _one_direction(tuple(np.subtract(self.desired, self.error)))
+            raise validation_error(
+                f"desired is not the direction of z after theta, {', '.join(f'{a:.6g}' for a in angles)} deg"
+            )
+        _unit_direction(tuple(np.subtract(self.desired, self.error)))
         return self
 
-    def row(self) -> Row:
-        axis = _one_direction(tuple(np.subtract(self.desired, self.error)))
+    def row(self) -> PoseRow:
+        axis = _unit_direction(tuple(np.subtract(self.desired, self.error)))
         nothing = (np.nan, np.nan, np.nan)
-        spread = _spread(nothing, self.spread or nothing)
+        spread = _spread_components(nothing, self.spread or nothing)
         return _axis_row(self.at, Rotation.from_euler("XYZ", self.theta), self.error, axis, spread)
 
 
-class InitialPose(Repeated):
+class InitialPose(PublishedTable):
     """What was measured at home: error = measured − desired; the errors of the poses have it taken out already.
 
     desired  of home
@@ -234,7 +237,7 @@ class InitialPose(Repeated):
     spread: Spread | None = None
 
 
-class NoiseTable(Table):
+class NoiseTable(TableSchema):
     """Standard deviation of one component of a position and of a rotation.
 
     position  of one component
@@ -245,7 +248,7 @@ class NoiseTable(Table):
     rotation: Annotated[float, Unit("rad", above=0, like="20 urad")]
 
 
-PoseTable = Annotated[DirectionPose | WholePose, either(DirectionPose, WholePose)]
+PoseTable = Annotated[DirectionPose | WholePose, one_of_tables(DirectionPose, WholePose)]
 
 
 class MeasurementFile(File):
@@ -262,10 +265,10 @@ class MeasurementFile(File):
 
     what: ClassVar[str] = "measurement file"
     version: Literal[1] = Field(1, alias="schema")
-    length: Annotated[str, unit_of("m")] | None = None
-    angle: Annotated[str, unit_of("rad")] | None = None
-    error: Annotated[str, unit_of("m")] | None = None
+    length: Annotated[str, unit_validator("m")] | None = None
+    angle: Annotated[str, unit_validator("rad")] | None = None
+    error: Annotated[str, unit_validator("m")] | None = None
     noise: NoiseTable | None = None
     initial: InitialPose | None = None
-    pose: Annotated[tuple[PoseTable, ...], Field(description=_SOME_POSE), AfterValidator(_not_empty)]
+    pose: Annotated[tuple[PoseTable, ...], Field(description=_POSE_REMEDY), AfterValidator(_require_poses)]
     rotation: tuple[TurnedAxis, ...] = ()

@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform
 
-from kinematics.array import Array, finite, frozen
-from kinematics.errors import MotionError
-from kinematics.pose import Pose, numbers
-from kinematics.result import Result
-from kinematics.table import Column, Table
+from kinematics.foundation.arrays import Array, finite_array, freeze_array
+from kinematics.foundation.errors import MotionError
+from kinematics.foundation.result import Result
+from kinematics.foundation.table import Column, Table
+from kinematics.machine.pose import Pose, to_numbers
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -21,7 +21,7 @@ COMPONENTS = ("x", "y", "z", "rx", "ry", "rz", "axis u", "axis v")
 """Errors of a pose: position and turn in the measuring frame; where only the platform's z axis is known, its turn about
 the measured pose's own x and y."""
 POSITION, ROTATION, AXIS = slice(0, 3), slice(3, 6), slice(6, 8)
-FAR = 1e3
+MAX_HOME_DISTANCE = 1e3
 """m from home beyond which nothing is a measured pose of a machine, but a slip of units."""
 
 
@@ -38,9 +38,10 @@ class Noise:
 
     def __post_init__(self) -> None:
         for what, value in (("position", self.position), ("rotation", self.rotation)):
-            if not LEAST_NOISE <= finite(value, f"measurements: noise of the {what}", ()) <= FAR:
+            if not LEAST_NOISE <= finite_array(value, f"measurements: noise of the {what}", ()) <= MAX_HOME_DISTANCE:
                 raise MotionError(
-                    f"measurements: noise of the {what} {value} must lie between {LEAST_NOISE:g} and {FAR:g} (m or rad)"
+                    f"measurements: noise of the {what} {value} must lie between {LEAST_NOISE:g} and "
+                    f"{MAX_HOME_DISTANCE:g} (m or rad)"
                 )
 
 
@@ -84,10 +85,12 @@ class Measurements(Result):
             raise MotionError(f"{self.name}: {what} is a single pose; give a batch, of one pose or more")
         if len(pose) != len(self.labels):
             raise MotionError(f"{self.name}: {len(pose)} {what} poses for {len(self.labels)} labels; give one each")
-        bad = ~(np.isfinite(numbers(pose)).all(1) & (np.abs(pose.translation) <= FAR).all(1))
+        bad = ~(np.isfinite(to_numbers(pose)).all(1) & (np.abs(pose.translation) <= MAX_HOME_DISTANCE).all(1))
         if bad.any():
             label = self.labels[int(np.argmax(bad))]
-            raise MotionError(f"{self.name}: {label}: {what} must be finite, and within {FAR:g} m of home")
+            raise MotionError(
+                f"{self.name}: {label}: {what} must be finite, and within {MAX_HOME_DISTANCE:g} m of home"
+            )
 
     def __len__(self) -> int:
         return len(self.labels)
@@ -110,12 +113,12 @@ class Measurements(Result):
 
     def plot(self, ax: "Axes | None" = None) -> "Axes":
         """How far the measured position of each pose is from the commanded one."""
-        from kinematics.bars import bars
+        from kinematics.foundation.figure import draw_bars
 
         off = np.linalg.norm(self.measured.translation - self.commanded.translation, axis=1)
         known = np.asarray(self.seen[:, POSITION].all(1))
         names = [label for label, there in zip(self.labels, known.tolist(), strict=True) if there]
-        return bars(names, (1e6 * off[known]).tolist(), "measured − commanded position (µm)", ax)
+        return draw_bars(names, (1e6 * off[known]).tolist(), "measured − commanded position (µm)", ax)
 
 
 def whole_poses(
@@ -130,7 +133,7 @@ def whole_poses(
 
     Raises MotionError for poses that are no batches of the same length, not finite, or not one for each label.
     """
-    return _fitted(commanded, measured, ROTATION.stop, noise, labels, name)
+    return _build_measurements(commanded, measured, ROTATION.stop, noise, labels, name)
 
 
 def measured_positions(
@@ -142,13 +145,13 @@ def measured_positions(
     name: str = "measurements",
 ) -> Measurements:
     """Measurements of positions alone, (N, 3) m in the home pose's frame; the rest as `whole_poses`."""
-    places = finite(measured, f"{name}: measured", unit="m")
+    places = finite_array(measured, f"{name}: measured", unit="m")
     if places.ndim != 2 or places.shape[1] != 3:
         raise MotionError(f"{name}: measured must be positions (N, 3) in m, not of shape {places.shape}")
-    return _fitted(commanded, RigidTransform.from_translation(places), POSITION.stop, noise, labels, name)
+    return _build_measurements(commanded, RigidTransform.from_translation(places), POSITION.stop, noise, labels, name)
 
 
-def _fitted(
+def _build_measurements(
     commanded: Pose, measured: Pose, seen: int, noise: Noise | None, labels: Sequence[str] | None, name: str
 ) -> Measurements:
     count = len(commanded) if isinstance(commanded, Pose) and not commanded.single else 1
@@ -156,16 +159,16 @@ def _fitted(
     return Measurements(
         commanded=commanded,
         measured=measured,
-        seen=frozen(np.broadcast_to(np.arange(8) < seen, (len(named), 8)), bool),
+        seen=freeze_array(np.broadcast_to(np.arange(8) < seen, (len(named), 8)), bool),
         labels=named,
-        fit=frozen(np.ones(len(named)), bool),
-        spread=frozen(np.full((len(named), 8), np.nan)),
+        fit=freeze_array(np.ones(len(named)), bool),
+        spread=freeze_array(np.full((len(named), 8), np.nan)),
         noise=noise,
         name=name,
     )
 
 
-def taken(data: Measurements, rows: Sequence[int]) -> Measurements:
+def select_rows(data: Measurements, rows: Sequence[int]) -> Measurements:
     """Some of the measurements."""
     chosen = np.array(rows, int)
     return replace(

@@ -17,17 +17,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kinematics.array import Array, frozen
-from kinematics.errors import MotionError
-from kinematics.result import Result
-from kinematics.table import Column, Table
+from kinematics.foundation.arrays import Array, freeze_array
+from kinematics.foundation.errors import MotionError
+from kinematics.foundation.result import Result
+from kinematics.foundation.table import Column, Table
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+    pass
 
-BLIND = 1e-9
+MIN_SINGULAR_SHARE = 1e-9
 """σ / σ_1 below which a combination has no effect: far above the rounding of the Jacobian, below any measurement."""
-SHOWN = 0.05
+MIN_NAMED_SHARE = 0.05
 """Share of its largest coefficient from which on a parameter is named in a combination."""
 
 
@@ -50,16 +50,10 @@ class Observability(Result):
         numbered = Column("combination", range(1, len(self.singular) + 1))
         return Table("singular values of the identification Jacobian", (numbered, Column("σ", self.singular)))
 
-    def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """The singular value of each combination that is seen."""
-        from kinematics.calibration.plots import singular_values
-
-        return singular_values(self, ax)
-
     @property
     def rank(self) -> int:
         """How many combinations of parameters the data show."""
-        return int((self.singular > BLIND * self.singular[0]).sum())
+        return int((self.singular > MIN_SINGULAR_SHARE * self.singular[0]).sum())
 
     @property
     def indices(self) -> dict[str, float]:
@@ -99,12 +93,12 @@ def observe(jacobian: Array, poses: int) -> Observability:
     length = np.linalg.norm(jacobian, axis=0)
     scale = np.divide(1.0, length, out=np.ones_like(length), where=length > 0)  # a column of zeros stays one
     _, singular, combinations = np.linalg.svd(jacobian * scale, full_matrices=False)
-    return Observability(frozen(singular), frozen(scale), frozen(combinations), poses)
+    return Observability(freeze_array(singular), freeze_array(scale), freeze_array(combinations), poses)
 
 
-def spelled(change: Array, names: Sequence[str]) -> str:
+def describe_combination(change: Array, names: Sequence[str]) -> str:
     """A combination in words: its largest parameters with their coefficients, the largest first."""
     share = change / change[np.abs(change).argmax()]  # its sign means nothing
-    order = [k for k in np.argsort(-np.abs(share), kind="stable") if abs(share[k]) >= SHOWN]
+    order = [k for k in np.argsort(-np.abs(share), kind="stable") if abs(share[k]) >= MIN_NAMED_SHARE]
     text = " ".join(f"{'−' if share[k] < 0 else '+'} {abs(share[k]):.2g}·{names[k]}" for k in order[:8])
     return text.removeprefix("+ ") + (f" and {len(order) - 8} more" if len(order) > 8 else "")

@@ -5,11 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kinematics.array import Array, frozen
-from kinematics.errors import MotionError
-from kinematics.hexapod import Hexapod
-from kinematics.machine import Machine
-from kinematics.registry import nearest
+from kinematics.foundation.arrays import Array, freeze_array
+from kinematics.foundation.errors import MotionError
+from kinematics.foundation.names import nearest
+from kinematics.kinds.hexapod import Hexapod
+from kinematics.machine.machine import Machine
 
 XYZ = ("x", "y", "z")
 FRAME = (*XYZ, "rx", "ry", "rz")
@@ -18,7 +18,7 @@ DEFAULT = ("factor", "frame-yaw")
 
 
 @dataclass(frozen=True, slots=True)
-class Free:
+class FreeParameter:
     """One free parameter: it moves the entries `moves` of the full vector together."""
 
     name: str
@@ -27,7 +27,7 @@ class Free:
 
 
 @dataclass(frozen=True, slots=True)
-class Full:
+class FullVector:
     """Every number that a model can free, in one vector (k,): factors, offsets, joints (of a hexapod), frame.
 
     The frame is x, y, z (m) and rx, ry, rz (rad, about the moving axes in turn), in the home pose's frame.
@@ -55,17 +55,17 @@ class Full:
         return slice(self.size - 6, self.size)
 
 
-def full(machine: Machine) -> Full:
+def full_vector(machine: Machine) -> FullVector:
     """The full vector of a machine, as its file has it."""
     n = len(machine.axes)
     joints = np.zeros(0)
     if isinstance(machine, Hexapod):
         joints = np.concatenate([machine.base.ravel(), machine.platform.ravel()])
     names, units = tuple(axis.name for axis in machine.axes), tuple(axis.unit for axis in machine.axes)
-    return Full(names, units, frozen(np.concatenate([np.ones(n), np.zeros(n), joints, np.zeros(6)])))
+    return FullVector(names, units, freeze_array(np.concatenate([np.ones(n), np.zeros(n), joints, np.zeros(6)])))
 
 
-def free(vector: Full, parts: Sequence[str]) -> tuple[Free, ...]:
+def free_parameters(vector: FullVector, parts: Sequence[str]) -> tuple[FreeParameter, ...]:
     """The free parameters of a model that consists of `parts`. Raises MotionError for parts that make no model."""
     if isinstance(parts, str) or not isinstance(parts, Sequence):
         raise MotionError(f"calibration model: {parts!r} is no sequence of parts; parts: {', '.join(PARTS)}")
@@ -84,7 +84,7 @@ def free(vector: Full, parts: Sequence[str]) -> tuple[Free, ...]:
     return tuple(parameter for part in PARTS if part in parts for parameter in PARTS[part](vector))
 
 
-def selection(vector: Full, parameters: Sequence[Free]) -> Array:
+def selection(vector: FullVector, parameters: Sequence[FreeParameter]) -> Array:
     """S (k, m): full vector = nominal + S · parameters' changes."""
     chosen = np.zeros((vector.size, len(parameters)))
     for column, parameter in enumerate(parameters):
@@ -92,36 +92,36 @@ def selection(vector: Full, parameters: Sequence[Free]) -> Array:
     return chosen
 
 
-def _factor(vector: Full) -> Iterable[Free]:
-    yield Free("factor", "", tuple(range(len(vector.axes))))
+def _factor(vector: FullVector) -> Iterable[FreeParameter]:
+    yield FreeParameter("factor", "", tuple(range(len(vector.axes))))
 
 
-def _factors(vector: Full) -> Iterable[Free]:
+def _factors(vector: FullVector) -> Iterable[FreeParameter]:
     for k, axis in enumerate(vector.axes):
-        yield Free(f"{axis} factor", "", (k,))
+        yield FreeParameter(f"{axis} factor", "", (k,))
 
 
-def _offsets(vector: Full) -> Iterable[Free]:
+def _offsets(vector: FullVector) -> Iterable[FreeParameter]:
     first = vector.offsets().start
     for k, (axis, unit) in enumerate(zip(vector.axes, vector.units, strict=True)):
-        yield Free(f"{axis} offset", unit, (first + k,))
+        yield FreeParameter(f"{axis} offset", unit, (first + k,))
 
 
-def _joints(vector: Full) -> Iterable[Free]:
+def _joints(vector: FullVector) -> Iterable[FreeParameter]:
     entry = vector.joints().start
     for end in ("base", "platform"):
         for axis in vector.axes:
             for component in XYZ:
-                yield Free(f"{axis} {end} {component}", "m", (entry,))
+                yield FreeParameter(f"{axis} {end} {component}", "m", (entry,))
                 entry += 1
 
 
-def _frame(vector: Full) -> Iterable[Free]:
+def _frame(vector: FullVector) -> Iterable[FreeParameter]:
     for k, name in enumerate(FRAME):
-        yield Free(f"frame {name}", "m" if name in XYZ else "rad", (vector.frame().start + k,))
+        yield FreeParameter(f"frame {name}", "m" if name in XYZ else "rad", (vector.frame().start + k,))
 
 
-def _frame_yaw(vector: Full) -> Iterable[Free]:
+def _frame_yaw(vector: FullVector) -> Iterable[FreeParameter]:
     return (parameter for parameter in _frame(vector) if parameter.name not in ("frame rx", "frame ry"))
 
 
@@ -130,7 +130,7 @@ def calibration_parts() -> tuple[str, ...]:
     return tuple(PARTS)
 
 
-PARTS: dict[str, Callable[[Full], Iterable[Free]]] = {
+PARTS: dict[str, Callable[[FullVector], Iterable[FreeParameter]]] = {
     "factor": _factor,
     "factors": _factors,
     "offsets": _offsets,

@@ -7,20 +7,20 @@ import casadi as ca
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from kinematics.array import Array
 from kinematics.calibration.measurements import COMPONENTS, Measurements
-from kinematics.calibration.parameters import Full
-from kinematics.expression import Expression
-from kinematics.freedom import columns
-from kinematics.hexapod import Hexapod
-from kinematics.machine import Machine
-from kinematics.pose import Pose, from_numbers, numbers, symbols
+from kinematics.calibration.parameters import FullVector
+from kinematics.foundation.arrays import Array
+from kinematics.foundation.casadi_function import Expression
+from kinematics.kinds.hexapod import Hexapod
+from kinematics.machine.kind import columns
+from kinematics.machine.machine import Machine
+from kinematics.machine.pose import Pose, from_numbers, split_pose_symbols, to_numbers
 
-ITERATIONS = 30
+MAX_ITERATIONS = 30
 # m or rad of the coordinates at which Newton stops: rounding of lengths of decimetres, far below any measurement.
-CLOSED = 1e-13
+CLOSURE_TOLERANCE = 1e-13
 # The same, that a pose may be off where rounding kept Newton from stopping.
-NEARLY = 1e-9
+MAX_CLOSURE_GAP = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +35,7 @@ class Prediction:
     """
 
     machine: Machine
-    vector: Full
+    vector: FullVector
     measurements: Measurements
     sent: Array
     _closure: Expression
@@ -43,12 +43,12 @@ class Prediction:
     _commanded: Array
 
     @classmethod
-    def of(cls, machine: Machine, vector: Full, measurements: Measurements) -> "Prediction":
+    def of(cls, machine: Machine, vector: FullVector, measurements: Measurements) -> "Prediction":
         """Of commanded poses that the nominal machine can take (see `reach`)."""
         commanded = machine.home * measurements.commanded
         sent = machine.inverse(commanded) - machine.home_q
         closure, error = _expressions(machine, vector)
-        return cls(machine, vector, measurements, sent, closure, error, numbers(commanded))
+        return cls(machine, vector, measurements, sent, closure, error, to_numbers(commanded))
 
     def poses(self, theta: Array, sent: Array, start: Array) -> Array:
         """Pose numbers (N, 12) at displacements sent (N, n), by Newton from start; NaN where it does not get there."""
@@ -56,18 +56,18 @@ class Prediction:
         free = columns(self.machine)
         rows = np.concatenate([sent, np.broadcast_to(theta, (len(x), len(theta)))], 1)
         n = len(self.vector.axes)
-        for _ in range(ITERATIONS):
+        for _ in range(MAX_ITERATIONS):
             out = self._closure(np.concatenate([x, rows], 1))
             gap, jacobian = out[:, :n], out[:, n : n + n * n].reshape(-1, n, n)
-            if not np.isfinite(out).all() or np.abs(gap).max() < CLOSED * max(1.0, np.abs(sent).max()):
+            if not np.isfinite(out).all() or np.abs(gap).max() < CLOSURE_TOLERANCE * max(1.0, np.abs(sent).max()):
                 break
             step = np.zeros((len(x), 6))
-            step[:, free] = _solved(jacobian, -gap[..., None])[..., 0]
+            step[:, free] = _solve(jacobian, -gap[..., None])[..., 0]
             # a step of more than a radian says nothing: the machine is far from where it started, or singular
             step /= np.maximum(1.0, np.linalg.norm(step[:, 3:], axis=1))[:, None]
             x[:, :3] += step[:, :3]
             x[:, 3:] = (Rotation.from_rotvec(step[:, 3:]).as_matrix() @ x[:, 3:].reshape(-1, 3, 3)).reshape(-1, 9)
-        x[~(np.abs(gap).max(1) < NEARLY)] = np.nan
+        x[~(np.abs(gap).max(1) < MAX_CLOSURE_GAP)] = np.nan
         return x
 
     def seen(self, theta: Array) -> Pose:
@@ -88,13 +88,15 @@ class Prediction:
         if not np.isfinite(x).all():
             return nothing
         by_pose, by_theta = self._closed(theta, x)
-        if (_side(by_pose) != _side(self._closed(self.vector.nominal, self._commanded)[0])).any():
+        if (
+            _determinant_sign(by_pose) != _determinant_sign(self._closed(self.vector.nominal, self._commanded)[0])
+        ).any():
             return nothing
         n, theta = by_pose.shape[1], np.broadcast_to(theta, (len(x), k))
-        out = self._error(np.concatenate([x, theta, numbers(self.measurements.measured)], 1))
+        out = self._error(np.concatenate([x, theta, to_numbers(self.measurements.measured)], 1))
         error, e_pose = out[:, :m], out[:, m : m + m * n].reshape(-1, m, n)
         e_theta = out[:, m + m * n :].reshape(-1, m, k)
-        return error, e_theta - e_pose @ _solved(by_pose, by_theta)
+        return error, e_theta - e_pose @ _solve(by_pose, by_theta)
 
     def _closed(self, theta: Array, x: Array) -> tuple[Array, Array]:
         """Derivatives of the closure at pose numbers x (N, 12): by the pose (N, n, n), by the full vector (N, n, k)."""
@@ -103,26 +105,26 @@ class Prediction:
         return closed[:, n : n + n * n].reshape(-1, n, n), closed[:, n + n * n :].reshape(-1, n, k)
 
 
-def _side(jacobian: Array) -> Array:
+def _determinant_sign(jacobian: Array) -> Array:
     """(N,) sign of the determinant: it changes where the machine is singular [Gosselin and Angeles 1990]."""
     return np.asarray(np.linalg.slogdet(jacobian)[0])
 
 
-def _solved(matrix: Array, right: Array) -> Array:
+def _solve(matrix: Array, right: Array) -> Array:
     try:
         return np.asarray(np.linalg.solve(matrix, right), float)
     except np.linalg.LinAlgError:  # a pose is exactly singular
         return np.full(right.shape, np.nan)
 
 
-def _expressions(machine: Machine, vector: Full) -> tuple[Expression, Expression]:
+def _expressions(machine: Machine, vector: FullVector) -> tuple[Expression, Expression]:
     """(x, sent, θ) -> closure h (n), ∂h/∂pose (n, n), ∂h/∂θ (n, k); (x, θ, measured) -> errors, and both of theirs."""
     n, free = len(machine.axes), columns(machine).tolist()
     x, sent, theta = ca.SX.sym("x", 12), ca.SX.sym("sent", n), ca.SX.sym("theta", vector.size)
     measured, twist = ca.SX.sym("measured", 12), ca.SX.sym("twist", 6)
-    position, rotation = symbols(x)
+    position, rotation = split_pose_symbols(x)
     moved = position + twist[:3], rotation + ca.skew(twist[3:]) @ rotation
-    opened = _opened(machine, theta[vector.joints()])
+    opened = _symbolic_machine(machine, theta[vector.joints()])
     nominal = ca.DM(machine.home_q)
     lengths = opened.expression(*moved, nominal + sent)
     gap = lengths - (nominal + theta[vector.offsets()] + theta[vector.factors()] * sent)
@@ -137,7 +139,7 @@ def _with_derivatives(value: ca.SX, twist: ca.SX, free: list[int], theta: ca.SX)
     return ca.substitute(column, twist, ca.SX.zeros(6))
 
 
-def _opened(machine: Machine, joints: ca.SX) -> Machine:
+def _symbolic_machine(machine: Machine, joints: ca.SX) -> Machine:
     """The machine with symbols for joints, so that its own expression states their effect."""
     if not isinstance(machine, Hexapod):
         return machine
@@ -152,7 +154,7 @@ def _errors(machine: Machine, moved: tuple[ca.SX, ca.SX], frame: ca.SX, measured
     turn = _turn(frame[3:])
     position = frame[:3] + turn @ ca.DM(home[:3, :3]).T @ (moved[0] - ca.DM(home[:3, 3]))
     rotation = turn @ ca.DM(home[:3, :3]).T @ moved[1]
-    p, r = symbols(measured)
+    p, r = split_pose_symbols(measured)
     apart = rotation @ r.T
     about = ca.cross(r[:, 2], rotation[:, 2])
     return ca.vertcat(position - p, ca.inv_skew((apart - apart.T) / 2), (r.T @ about)[:2])

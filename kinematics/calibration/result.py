@@ -1,4 +1,7 @@
-"""What a calibration found."""
+"""What a calibration found.
+
+What an identified pulse length means: beside the machine file's, and the published step that it is near.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -6,31 +9,31 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kinematics.array import Array
 from kinematics.calibration.measurements import AXIS, COMPONENTS, POSITION, ROTATION, Measurements, Noise
 from kinematics.calibration.observability import Observability
-from kinematics.errors import MotionError
-from kinematics.machine import Machine
-from kinematics.pose import Pose
-from kinematics.registry import nearest
-from kinematics.result import Result
-from kinematics.table import Column, Table
+from kinematics.foundation.arrays import Array
+from kinematics.foundation.errors import MotionError
+from kinematics.foundation.names import nearest
+from kinematics.foundation.result import Result
+from kinematics.foundation.table import Column, Table
+from kinematics.machine.machine import Machine
+from kinematics.machine.pose import Pose
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+    pass
 
 GROUPS = {"position": POSITION, "rotation": ROTATION, "axis": AXIS}
 """Components that share a unit: position (m), rotation (rad), direction of the platform's z axis (rad)."""
 
 
-def known_group(name: str) -> str:
+def check_group(name: str) -> str:
     """A group's name. Raises MotionError for what is none."""
     if name not in GROUPS:
         raise MotionError(f'calibration: no group "{name}"{nearest(str(name), GROUPS)}; groups: {", ".join(GROUPS)}')
     return name
 
 
-def widening(noise: Noise | None, scale: float) -> float:
+def error_scale(noise: Noise | None, scale: float) -> float:
     """What standard errors of a noise are multiplied by: see `calibrate`. scale NaN: there are no data to spare."""
     if noise is None:
         return scale
@@ -86,7 +89,7 @@ class Calibration(Result):
 
     def rms(self, errors: Array, group: str = "position", *, fitted: bool = True) -> float:
         """Root mean square per component of a group of errors, over the fitted poses or the checks; NaN for none."""
-        chosen = errors[self.measurements.fit == fitted][:, GROUPS[known_group(group)]]
+        chosen = errors[self.measurements.fit == fitted][:, GROUPS[check_group(group)]]
         known = chosen[np.isfinite(chosen)]
         return float(np.sqrt(np.mean(known**2))) if known.size else np.nan
 
@@ -139,8 +142,60 @@ class Calibration(Result):
         """Names of the parameters, in the order of the observability's columns."""
         return [parameter.name for parameter in self.parameters]
 
-    def plot(self, ax: "Axes | None" = None, group: str = "position") -> "Axes":
-        """Errors of every pose before and after, on `ax` or a figure of its own."""
-        from kinematics.calibration.plots import errors_by_pose
 
-        return errors_by_pose(self, ax, group)
+INCH = 0.0254
+MAX_STEP_MISMATCH = 0.005
+"""Share of a published step by which an identified pulse may differ from it and still be worth a comparison."""
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """A length per pulse (m) that a catalogue states, and of what."""
+
+    length: float
+    name: str
+
+
+CATALOGUE = (
+    Step(0.0000600 * INCH, "full step of the Haydon 43K4U-05 linear stepper, 0.00006 in"),
+    Step(0.0000600 * INCH / 2, "half step of the Haydon 43K4U-05 linear stepper, half of 0.00006 in"),
+)
+"""Steps of linear actuators, by their catalogues [Sahbaz 2007 has this one]. Which actuators a machine has, its file
+does not say: a step near an identified pulse is a hint, no more."""
+
+
+@dataclass(frozen=True, slots=True)
+class Pulse:
+    """What one pulse of an axis (or of every axis) moves it by, in `unit`; step: the catalogue's that it is near."""
+
+    axis: str
+    unit: str
+    nominal: float
+    value: float
+    error: float
+    step: Step | None
+
+
+def identified_pulses(calibration: Calibration) -> tuple[Pulse, ...]:
+    """The pulse of each factor that was identified."""
+    named = {f"{axis.name} factor": axis for axis in calibration.nominal.axes}
+    found = []
+    for parameter in calibration.parameters:
+        if parameter.name == "factor":
+            alike = {(axis.pulse, axis.unit) for axis in calibration.nominal.axes}
+            # axes of different pulses share the factor, but no pulse
+            owners = [("every axis", *pair) for pair in alike] if len(alike) == 1 else []
+        else:
+            axis = named.get(parameter.name)
+            owners = [] if axis is None else [(axis.name, axis.pulse, axis.unit)]
+        for name, nominal, unit in owners:
+            value = nominal * parameter.value
+            step = nearest_step(value) if unit == "m" else None
+            found.append(Pulse(name, unit, nominal, value, nominal * parameter.error, step))
+    return tuple(found)
+
+
+def nearest_step(pulse: float) -> Step | None:
+    """The catalogue's step that a pulse (m) is nearest to; None where none is within half a percent."""
+    step = min(CATALOGUE, key=lambda step: abs(pulse / step.length - 1))
+    return step if abs(pulse / step.length - 1) < MAX_STEP_MISMATCH else None

@@ -1,27 +1,33 @@
-"""The search for the parameters of least error, and whether what it found is one."""
+"""The search for the parameters of least error, and whether what it found is one.
+
+Where the measuring frame may stand: a start for the fit, so that it may be turned by any angle.
+"""
+
+from collections.abc import Sequence
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
-from kinematics.array import Array
-from kinematics.calibration.measurements import POSITION
+from kinematics.calibration.measurements import POSITION, ROTATION, Measurements
 from kinematics.calibration.parameters import XYZ
 from kinematics.calibration.prediction import Prediction
-from kinematics.errors import MotionError
-from kinematics.units import describe, everyday
+from kinematics.foundation.arrays import Array
+from kinematics.foundation.errors import MotionError
+from kinematics.foundation.units import describe, everyday_unit
 
-FIRST = 0.01
+FIRST_STEP_SHARE = 0.01
 """Share of the machine's size by which the first step may change the parameters together."""
 EVALUATIONS = 5000
-CONVERGED = 1e-3
+MAX_RELATIVE_OFFSET = 1e-3
 """Relative offset [Bates and Watts 1981] up to which a search counts as converged: along no parameter would the errors
 fall by more than this share of what is left of them, degree of freedom by degree of freedom."""
-NOTHING = 1e-10
+NEGLIGIBLE_ERROR = 1e-10
 """m or rad per component: smaller errors are none, so that they need not fall any further."""
-BLIND = 1e-9
+MIN_EFFECT_SHARE = 1e-9
 """Share of the strongest effect below which a change of parameters has none: rounding."""
 
 
-def least_errors(prediction: Prediction, start: Array, weights: Array, chosen: np.ndarray, basis: Array) -> Array:
+def minimize_errors(prediction: Prediction, start: Array, weights: Array, chosen: np.ndarray, basis: Array) -> Array:
     """The full vector (k,) of least Σ (weight · error)² in start + the span of basis (k, r), from start.
 
     Errors are linear in the parameters as long as those change the machine little. So the trust region is a ball in
@@ -35,7 +41,7 @@ def least_errors(prediction: Prediction, start: Array, weights: Array, chosen: n
         return start
     size = _sizes(prediction)[:, None]
     columns = basis / size
-    steps = FIRST * size * np.linalg.qr(columns / np.linalg.norm(columns, axis=0))[0]
+    steps = FIRST_STEP_SHARE * size * np.linalg.qr(columns / np.linalg.norm(columns, axis=0))[0]
     whole = float(np.linalg.norm((prediction.at(start)[0] * weights)[chosen])) or 1.0
     latest: dict[bytes, tuple[Array, Array]] = {}
 
@@ -64,9 +70,9 @@ def least_errors(prediction: Prediction, start: Array, weights: Array, chosen: n
         max_nfev=EVALUATIONS,
     )
     theta = np.asarray(start + steps @ found.x)
-    least = NOTHING * float(np.linalg.norm(np.broadcast_to(weights, chosen.shape)[chosen])) / whole
+    least = NEGLIGIBLE_ERROR * float(np.linalg.norm(np.broadcast_to(weights, chosen.shape)[chosen])) / whole
     _refuse_outliers(prediction, theta, chosen)
-    if not _converged(errors(found.x), derivatives(found.x), least):
+    if not _has_converged(errors(found.x), derivatives(found.x), least):
         _refuse_unfinished(prediction, start, theta, chosen, used_up=found.status <= 0)
     _refuse_displaced(prediction, theta)
     return theta
@@ -86,12 +92,12 @@ def _sizes(prediction: Prediction) -> Array:
     return sizes
 
 
-def _converged(errors: Array, jacobian: Array, least: float) -> bool:
+def _has_converged(errors: Array, jacobian: Array, least: float) -> bool:
     """Whether what the tangent plane still promises is small beside what it cannot remove, or is nothing anyway."""
-    change, _, rank, _ = np.linalg.lstsq(jacobian, errors, rcond=BLIND)
+    change, _, rank, _ = np.linalg.lstsq(jacobian, errors, rcond=MIN_EFFECT_SHARE)
     promised, spare = jacobian @ change, len(errors) - int(rank)
     rest = float(np.linalg.norm(errors - promised)) * np.sqrt(rank / spare) if spare else 0.0
-    return bool(np.linalg.norm(promised) <= max(CONVERGED * rest, least))
+    return bool(np.linalg.norm(promised) <= max(MAX_RELATIVE_OFFSET * rest, least))
 
 
 def _refuse_unfinished(prediction: Prediction, start: Array, theta: Array, chosen: np.ndarray, used_up: bool) -> None:
@@ -123,8 +129,8 @@ def _refuse_outliers(prediction: Prediction, theta: Array, chosen: np.ndarray) -
     if left.max() > length:
         raise MotionError(
             f"{data.name}: {data.labels[int(left.argmax())]} contradicts the machine {machine.name}: with the best "
-            f"parameters it is {describe(left.max(), everyday('m'))} off, farther than the machine is large "
-            f"({describe(length, everyday('m'))}); check units, signs and home of the file, or leave that pose out"
+            f"parameters it is {describe(left.max(), everyday_unit('m'))} off, farther than the machine is large "
+            f"({describe(length, everyday_unit('m'))}); check units, signs and home of the file, or leave that pose out"
         )
 
 
@@ -135,10 +141,46 @@ def _refuse_displaced(prediction: Prediction, theta: Array) -> None:
     moved = np.linalg.norm((theta - vector.nominal)[vector.joints()].reshape(-1, 3), axis=1)
     if moved.size and moved.max() > length:
         end, axis = divmod(int(moved.argmax()), len(vector.axes))
-        what = f"{('base', 'platform')[end]} joint of {vector.axes[axis]} {describe(moved.max(), everyday('m'))} away"
+        what = (
+            f"{('base', 'platform')[end]} joint of {vector.axes[axis]} {describe(moved.max(), everyday_unit('m'))} away"
+        )
         raise MotionError(
             f"{prediction.measurements.name}: the measurements contradict the machine {machine.name}, or hardly show "
             f"the parameters: they ask for the {what} from where its file has it, farther than the machine is large "
-            f"({describe(length, everyday('m'))}); check units and signs, measure poses that are farther apart, or "
+            f"({describe(length, everyday_unit('m'))}); check units and signs, measure poses that are "
+            "farther apart, or "
             "free fewer parameters"
         )
+
+
+FLATNESS_SHARE = 1e-3
+"""Second extent of a set of positions over its first, from which on they lie on a line and show no turn about it."""
+
+
+def frame_start(measured: Measurements, used: np.ndarray, parts: Sequence[str]) -> Array:
+    """The frame x, y, z, rx, ry, rz that carries commanded poses nearest to the measured ones; zero where none is free.
+
+    Its turn is the mean of those between commanded and measured rotations, or where these were not measured the one
+    between the positions about their centres [Kabsch 1976]; none where the positions lie on a line.
+    """
+    rows = np.flatnonzero(used[:, POSITION].all(1))
+    if not {"frame", "frame-yaw"} & set(parts) or not len(rows):
+        return np.zeros(6)
+    commanded, seen = measured.commanded[rows], measured.measured[rows]
+    turn = _turn(commanded.translation, seen.translation, yaw="frame-yaw" in parts)
+    whole = np.flatnonzero(used[:, ROTATION].all(1))
+    if len(whole) and "frame" in parts:
+        turn = (measured.measured[whole].rotation * measured.commanded[whole].rotation.inv()).mean()
+    shift = seen.translation.mean(0) - turn.apply(commanded.translation.mean(0))
+    return np.concatenate([shift, turn.as_euler("XYZ")])
+
+
+def _turn(commanded: Array, seen: Array, yaw: bool) -> Rotation:
+    a, b = commanded - commanded.mean(0), seen - seen.mean(0)
+    if yaw:
+        across, along = np.sum(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]), np.sum(a[:, :2] * b[:, :2])
+        return Rotation.from_euler("z", np.arctan2(across, along))
+    extents = np.linalg.svd(a, compute_uv=False)
+    if len(extents) < 3 or extents[1] < FLATNESS_SHARE * extents[0]:
+        return Rotation.identity()
+    return Rotation.align_vectors(b, a)[0]

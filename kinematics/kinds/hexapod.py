@@ -1,19 +1,69 @@
-"""A hexapod's TOML: joints on circles, or one by one."""
+"""The hexapod: six legs of variable length between a base and a moving platform.
+
+What the parts of the thesis' hexapod weigh, as far as it is known: bodies for the preset `hexapod`.
+
+The thesis [Sahbaz 2007] prints the mass of an actuator (241 g, Table 3.1) and its size (43 × 43 × 162 mm), and the
+platform's plate (a disc 250 mm wide and 10 mm thick). ASSUMPTIONS: everything else here. How the 241 g are shared and
+spread, the plate's aluminium, that joints weigh nothing, and which way the universal joints are turned.
+
+A hexapod's TOML: joints on circles, or one by one.
+"""
 
 from importlib.resources.abc import Traversable
 from math import inf, nextafter, pi
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
+import numpy as np
 from numpy.typing import ArrayLike
 
-from kinematics.hexapod import Hexapod, joint_circle
-from kinematics.kinds.axes import LinearAxis, LinearDefaults, axes
-from kinematics.kinds.legs import Platforms, Radius, rests
-from kinematics.kinds.masses import Legs, LoadedFile
-from kinematics.kinds.poses import Point
-from kinematics.schema import either
-from kinematics.units import Length, Unit
+from kinematics.analysis.assembly_modes import assembly_modes
+from kinematics.files.schema import one_of_tables
+from kinematics.foundation.arrays import Array
+from kinematics.foundation.units import Length, Unit
+from kinematics.kinds.axis_tables import LinearAxis, LinearDefaults, axes
+from kinematics.kinds.legged import Legged, Platforms, Radius, rest_axes_type
+from kinematics.kinds.load_tables import LegsTable, LoadedFile, Point
+from kinematics.machine.load import Leg, cylinder
+from kinematics.machine.pose import Pose
+
+
+def joint_circle(radius: float, gap: float, height: float) -> Array:
+    """Joint centres (6, 3) on a circle, paired: azimuths γ/2, 120°∓γ/2, 240°∓γ/2, −γ/2 for the gap γ (rad) of a pair.
+
+    Source: [Sahbaz 2007, chapter 5].
+    """
+    third, half = np.deg2rad(120), gap / 2
+    azimuth = np.array([half, third - half, third + half, 2 * third - half, 2 * third + half, -half])
+    return np.stack([radius * np.cos(azimuth), radius * np.sin(azimuth), np.full(6, height)], 1)
+
+
+class Hexapod(Legged):
+    """Six legs, all six freedoms: joint centres (6, 3) in base and platform frames, of any geometry.
+
+    Everything else as `Legged` has it.
+    """
+
+    legs = 6
+    sorts = ("linear",) * 6
+
+    def assembly_modes(self, q: ArrayLike) -> Pose:
+        """Every pose with leg lengths q (6,), as far as they are found: see `kinematics.analysis.assembly_modes`."""
+        return assembly_modes(self, q)
+
+
+ALUMINIUM = 2700.0
+"""kg/m³."""
+
+PLATE = cylinder(ALUMINIUM * np.pi * 0.125**2 * 0.010, 0.125, -0.005, 0.005, "plate")
+"""The platform's plate about the platform's origin, the middle of its thickness."""
+
+# As wide as its square of 43 mm has area; the screw and its tip as a rod of steel of 41 g.
+LEG = Leg(
+    barrel=cylinder(0.200, 0.043 / np.sqrt(np.pi), 0.010, 0.110, "motor"),
+    rod=cylinder(0.041, 0.003, -0.162, -0.010, "screw"),
+)
+
 
 # up to 120 deg, which the file's reader rounds otherwise than a product of floats does
 Gap = Annotated[float, Unit("rad", least=0, most=nextafter(2 * pi / 3, inf))]
@@ -21,7 +71,7 @@ SixPoints = tuple[Point, Point, Point, Point, Point, Point]
 LEGS = tuple(f"leg{n}" for n in range(1, 7))
 
 
-class Leg(LinearAxis):
+class LegTable(LinearAxis):
     """What one leg has of its own."""
 
     name: Literal["leg1", "leg2", "leg3", "leg4", "leg5", "leg6"]
@@ -30,8 +80,8 @@ class Leg(LinearAxis):
 class SixLegs(Platforms):
     """Rest axes for six joints at either end."""
 
-    base_rest: Annotated[tuple[Any, ...], rests(6)] | None = None
-    platform_rest: Annotated[tuple[Any, ...], rests(6)] | None = None
+    base_rest: Annotated[tuple[Any, ...], rest_axes_type(6)] | None = None
+    platform_rest: Annotated[tuple[Any, ...], rest_axes_type(6)] | None = None
 
 
 class JointCircles(SixLegs):
@@ -77,13 +127,13 @@ class HexapodFile(LoadedFile):
     """A hexapod's TOML, key by key."""
 
     kind: Literal["hexapod"]
-    geometry: Annotated[JointCircles | JointPoints, either(JointCircles, JointPoints)]
+    geometry: Annotated[JointCircles | JointPoints, one_of_tables(JointCircles, JointPoints)]
     axes: LinearDefaults
-    axis: tuple[Leg, ...] = ()
-    legs: Legs | None = None
+    axis: tuple[LegTable, ...] = ()
+    legs: LegsTable | None = None
 
 
-def hexapod(file: HexapodFile, name: str, folder: Path | Traversable) -> Hexapod:
+def build_hexapod(file: HexapodFile, name: str, folder: Path | Traversable) -> Hexapod:
     base, platform = file.geometry.joints()
     own = axes(LEGS, dict.fromkeys(LEGS, file.axes), file.axis, file)
     return Hexapod(base, platform, axes=own, name=name, load=file.load(file.legs), **file.geometry.options())

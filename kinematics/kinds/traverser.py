@@ -1,20 +1,100 @@
-"""A traverser's TOML."""
+"""The traverser: slides on leadscrews, and a rotary axis that may turn any number of times.
 
+A traverser's TOML.
+"""
+
+from collections.abc import Iterable
 from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from kinematics.kinds.axes import LinearAxis, LinearDefaults, RotaryAxis, axes
-from kinematics.kinds.masses import LoadedFile
-from kinematics.kinds.poses import Home
-from kinematics.schema import Direction, Table, chosen
-from kinematics.traverser import Traverser
-from kinematics.units import Unit
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kinematics.files.schema import Direction, TableSchema, chosen
+from kinematics.foundation.arrays import LEAST_POSITIVE, finite_array, freeze_array, unit_vectors
+from kinematics.foundation.errors import MotionError
+from kinematics.foundation.units import Unit
+from kinematics.kinds.axis_tables import LinearAxis, LinearDefaults, RotaryAxis, axes
+from kinematics.kinds.load_tables import HomeTable, LoadedFile
+from kinematics.machine.axis import Axis
+from kinematics.machine.kind import Bar, Pivot, Skeleton, Sort
+from kinematics.machine.load import Load
+from kinematics.machine.machine import Machine
+from kinematics.machine.pose import Pose, check_pose
+
+# Sine of the angle between two slides below which they count as one.
+MIN_SLIDE_SINE = 1e-6
+
+
+class Traverser(Machine):
+    """q = (D⁻¹ p, φ): slide positions along the columns of D, and the turn about base z, the nearest to `near`.
+
+    directions  (3, 3) unit vectors of the X, Y and Z slides in the base frame, one per row; the base axes by default
+    length      m that count as one radian (the lever at which a turn is felt)
+
+    Source: [Sasidhar 1981].
+    """
+
+    freedom = ("x", "y", "z", "rz")
+    sorts = ("linear", "linear", "linear", "rotary")
+    branched = True
+
+    def __init__(
+        self,
+        *,
+        axes: Iterable[Axis],
+        home: Pose,
+        directions: ArrayLike | None = None,
+        length: float = 0.1,
+        name: str = "traverser",
+        load: Load | None = None,
+    ) -> None:
+        given = np.eye(3) if directions is None else directions
+        self.directions = freeze_array(unit_vectors(given, f"machine {name}: directions", (3, 3)))
+        if abs(np.linalg.det(self.directions)) < MIN_SLIDE_SINE:
+            raise MotionError(f"machine {name}: the slides' directions {self.directions.tolist()} do not span space")
+        self.characteristic_length = float(
+            finite_array(length, f"machine {name}: length", (), unit="m", least=LEAST_POSITIVE)
+        )
+        self._held = check_pose(name, "home", home, single=True)[0, 3:].reshape(3, 3)
+        super().__init__(name, axes, home, load=load)
+
+    def expression(self, position: ca.SX, rotation: ca.SX, near: ca.SX) -> ca.SX:
+        turn = rotation @ self._held.T
+        return ca.vertcat(np.linalg.inv(self.directions.T) @ position, nearest_turn(turn[1, 0], turn[0, 0], near[3]))
+
+    def skeleton(self, position: ca.SX, rotation: ca.SX, q: ca.SX) -> Skeleton:
+        """A rail for each slide, as long as its travel, and a hand as long as the lever that shows the turn.
+
+        ASSUMPTION, for the drawing alone: X carries Y, and Y carries Z; coordinates do not depend on it.
+        """
+        *slides, rotary = self.axes
+        ways = [ca.DM(direction) for direction in self.directions]
+        carriages = [sum((q[i] * ways[i] for i in range(k)), ca.SX.zeros(3)) for k in range(len(slides) + 1)]
+        rails, pivots = [], []
+        for k, axis in enumerate(slides):
+            # a slide whose travel has no end is drawn from its zero to where it is
+            low, high = (self.home_q[k] + end for end in axis.travel)
+            low, high = (low, high) if np.isfinite([low, high]).all() else (0.0, q[k])
+            sort: Sort = "link" if k else "frame"
+            rails.append(Bar(sort, carriages[k] + low * ways[k], carriages[k] + high * ways[k], axis.name))
+            pivots.append(Pivot(carriages[k + 1]))
+        hand = rotation[:, 0] * self.characteristic_length
+        return Skeleton((*rails, Bar("link", position, position + hand, rotary.name)), tuple(pivots))
+
+
+def nearest_turn(sine: ca.SX, cosine: ca.SX, near: ca.SX) -> ca.SX:
+    """The angle of r (cos φ, sin φ) within half a turn of `near`."""
+    s, c = ca.sin(near), ca.cos(near)
+    return near + ca.atan2(sine * c - cosine * s, cosine * c + sine * s)
+
 
 SLIDES, ROTARY = ("X", "Y", "Z"), "R"
 
 
-class Geometry(Table):
+class TraverserGeometry(TableSchema):
     """How a traverser is built.
 
     home        the pose from which travel and pulses count
@@ -22,7 +102,7 @@ class Geometry(Table):
     length      that counts as one radian where lengths and angles meet
     """
 
-    home: Home
+    home: HomeTable
     directions: tuple[Direction, Direction, Direction] | None = None
     length: Annotated[float, Unit("m", above=0)] = 0.1
 
@@ -35,7 +115,7 @@ class OwnRotary(RotaryAxis):
     name: Literal["R"]
 
 
-def _own(value: Any) -> type[Table]:
+def _axis_table_type(value: Any) -> type[TableSchema]:
     return OwnRotary if isinstance(value, dict) and value.get("name") == ROTARY else OwnSlide
 
 
@@ -43,13 +123,13 @@ class TraverserFile(LoadedFile):
     """A traverser, key by key: `axes` is what the slides have, `rotary` what the turning axis has."""
 
     kind: Literal["traverser"]
-    geometry: Geometry
+    geometry: TraverserGeometry
     axes: LinearDefaults
     rotary: RotaryAxis
-    axis: tuple[Annotated[Any, chosen(_own)], ...] = ()
+    axis: tuple[Annotated[Any, chosen(_axis_table_type)], ...] = ()
 
 
-def traverser(file: TraverserFile, name: str, folder: Path | Traversable) -> Traverser:
+def build_traverser(file: TraverserFile, name: str, folder: Path | Traversable) -> Traverser:
     return Traverser(
         axes=axes((*SLIDES, ROTARY), dict.fromkeys(SLIDES, file.axes) | {ROTARY: file.rotary}, file.axis, file),
         home=file.geometry.home.pose,

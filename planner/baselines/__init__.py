@@ -1,8 +1,7 @@
 """Classical timings of a program: what every saving is measured against."""
 
-from planner.baselines.between import Deviation
-from planner.baselines.classical import KINDS, Classical, classical
-from planner.baselines.unlike import describe_differences, missing_limits, pick_baseline
+from planner.baselines.classical import KINDS, Classical, classical, describe_differences, missing_limits, pick_baseline
+from planner.baselines.moves import Deviation
 
 __all__ = [
     "KINDS",

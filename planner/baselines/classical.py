@@ -1,35 +1,175 @@
-"""What a classical timing would take for the same program: the baseline of every saving that is quoted."""
+"""What a classical timing would take for the same program: the baseline of every saving that is quoted.
 
-from collections.abc import Sequence
+Classical timings along the path: one profile of speed per run, the quickest of its kind, scaled until certified.
+
+What a classical timing does otherwise than a plan: said beside every saving, so that like is compared with like.
+"""
+
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from typing import TYPE_CHECKING
 from weakref import WeakKeyDictionary
 
-from kinematics.axis import Axis
-from kinematics.errors import MotionError
-from kinematics.result import Result
-from kinematics.table import Column, Table
-from planner.actuation import MachinePath, actuate
-from planner.baselines.along import Along
-from planner.baselines.between import Deviation, deviation, independent, moves, synchronised
-from planner.certify import Certificate, certify
+import numpy as np
+
+from kinematics.foundation.arrays import Array
+from kinematics.foundation.errors import MotionError
+from kinematics.foundation.result import Result
+from kinematics.foundation.table import Column, Table
+from kinematics.machine.axis import Axis
+from planner.actuation import ActuatorPath, MachinePath, actuate
+from planner.baselines.moves import Deviation, deviation, independent_ramps, synchronised_ramps, time_moves
+from planner.certificate.certify import CROSSING, Certificate, certify
 from planner.course import Course
-from planner.limits import Limit, limits_of
-from planner.limits.travel import Travel
+from planner.limits import limits_of
+from planner.limits.geometric import Travel
+from planner.limits.limit import Limit, Term
+from planner.limits.resonance import Resonance
 from planner.plan import Plan
-from planner.program import stopping
-from planner.solve import proved
-from planner.timing.shapes import QUARTER_SINE, S_CURVE, TRAPEZOID
+from planner.program.model import stopping
+from planner.timing.certified_solve import solve_certified
+from planner.timing.problem import Block, Problem, Run, make_grid, pose_problem
+from planner.timing.profile import Profile
+from planner.timing.shapes import QUARTER_SINE, S_CURVE, TRAPEZOID, Shapes
 from planner.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+# Intervals of a run at least, and for each radian that it turns, at which the limits' rows are looked up.
+INTERVALS, PER_RADIAN = 500, 100
+# Values of each parameter tried at first, by how many parameters there are; then directions tried around the best, the
+# share of the step that is left where none of them is better, and the step at which the search ends.
+GRID_VALUES, SEARCH_DIRECTIONS, STEP_SHRINK, MIN_SEARCH_STEP = {1: 32, 2: 12}, {1: 2, 2: 8}, 0.6, 3e-4
+# By how much the directions turn after each look: a valley with a kink in it is never missed for long.
+GOLDEN_ANGLE = np.pi * (3 - np.sqrt(5))
+# Instants of a piece of a profile, and more for the share of the way that it makes.
+PIECE_INSTANTS, INSTANTS_PER_SHARE = 8, 400
+# By how much the first motion is too fast: a quantity's use goes with a power of time, so the proof of a motion that
+# breaks a limit tells exactly by how much to slow it.
+SPEED_EXCESS, MARGIN = 1e-2, 1e-6
+# Where a limit has terms of several powers of time it tells that only nearly: a finer grid, and less haste.
+GRID_REFINEMENT, FINE_SPEED_EXCESS = 6, 1e-4
+BISECTIONS = 50
+
+
+@dataclass(frozen=True, slots=True)
+class ScaledTiming:
+    """A profile of a given shape, which only time scales."""
+
+    profile: Profile
+    method: str
+
+    @property
+    def floor(self) -> float:
+        """None: of the least time of any motion it knows nothing."""
+        return 0.0
+
+    def tightened(self, use: Mapping[str, Array], slowness: float) -> "ScaledTiming":
+        return replace(self, profile=self.profile.slowed(slowness * (1 + MARGIN)))
+
+
+@dataclass(frozen=True, slots=True)
+class FamilyTiming:
+    """The quickest profile of a family along a run: what `planner.timing.certified_solve.solve_certified` asks of a
+    timing."""
+
+    shapes: Shapes
+
+    def __call__(self, path: ActuatorPath, limits: Sequence[Limit], run: Run) -> ScaledTiming:
+        intervals = max(INTERVALS, int(PER_RADIAN * path.turns[run.first : run.last + 1].sum()))
+        problem = pose_problem(path, limits, *make_grid(path, run, intervals))
+        mixed = any(len({term.per_time for term in block.start}) > 1 for block in problem.blocks)
+        if mixed:
+            problem = pose_problem(path, limits, *make_grid(path, run, GRID_REFINEMENT * intervals))
+        best = _find_quickest(self.shapes, problem)
+        unit = self.shapes.draw(*best)
+        breaks = path.breaks[run.first : run.last + 2]
+        return ScaledTiming(
+            unit.over(
+                breaks,
+                run.first,
+                (1 - (FINE_SPEED_EXCESS if mixed else SPEED_EXCESS)) * _required_duration(problem, unit),
+            ),
+            self.shapes.name,
+        )
+
+
+def _find_quickest(shapes: Shapes, problem: Problem) -> tuple[float, ...]:
+    """The parameters of the profile that takes the least time: the best of a grid, then whatever is better around it.
+
+    On logarithmic scales. The time is the largest of several, so it has kinks, and no slope is relied on.
+    """
+    low, high = np.log(shapes.spans).T
+
+    def time(point: Array) -> float:
+        return _required_duration(problem, shapes.draw(*np.exp(point)))
+
+    axes = [np.linspace(*ends, GRID_VALUES[len(low)]) for ends in zip(low, high, strict=True)]
+    best = min((np.array(point) for point in product(*axes)), key=time)
+    least, step, turned = time(best), float(axes[0][1] - axes[0][0]), 0.0
+    while step > MIN_SEARCH_STEP:
+        angles = turned + 2 * np.pi * np.arange(SEARCH_DIRECTIONS[len(low)]) / SEARCH_DIRECTIONS[len(low)]
+        ways = np.stack([np.cos(angles), np.sin(angles)], 1) if len(low) == 2 else np.array([[1.0], [-1.0]])
+        around = [np.clip(best + step * way, low, high) for way in ways]
+        times = [time(point) for point in around]
+        if min(times) < least:
+            least, best = min(times), around[int(np.argmin(times))]
+        else:
+            step *= STEP_SHRINK
+        turned += GOLDEN_ANGLE
+    return tuple(np.exp(best))
+
+
+def _required_duration(problem: Problem, unit: Profile) -> float:
+    """s that a unit profile must take over a run so that every row is kept, as nearly as the grid shows it."""
+    length = problem.s[-1] - problem.s[0]
+    ends = np.append(unit.s[1:], 1.0)
+    counts = PIECE_INSTANTS + np.ceil(INSTANTS_PER_SHARE * (ends - unit.s)).astype(int)
+    k = np.repeat(np.arange(len(counts)), counts)
+    share = np.concatenate([np.linspace(0.0, 1.0, count) for count in counts])
+    s, v, a, j = unit.at(k, share * unit.h[k])
+    interval = np.searchsorted(problem.s, problem.s[0] + length * s, side="right").clip(1, problem.intervals) - 1
+    v, a, j = length * v, length * a, length * j
+    values = {
+        Term.ONE: np.ones(len(s)),
+        Term.SD: v,
+        Term.SD2: v**2,
+        Term.SD3: v**3,
+        Term.SDD: a,
+        Term.SDSDD: v * a,
+        Term.SDDD: j,
+    }
+    return max(_block_time(block, interval, values, v) for block in problem.blocks)
+
+
+def _block_time(block: Block, interval: np.ndarray, values: Mapping[Term, Array], v: Array) -> float:
+    parts: dict[int, Array] = {}
+    for term, coefficients in block.start.items():
+        part = coefficients[interval] * values[term][:, None]
+        parts[term.per_time] = parts[term.per_time] + part if term.per_time in parts else part
+    if len(parts) == 1:
+        ((power, part),) = parts.items()
+        return float(block.share(part).max()) ** (1 / power) if power else 0.0
+    # terms of several powers of time: the use falls with time until only what acts at rest remains
+    low, high = 1e-9, 1e9
+    for _ in range(BISECTIONS):
+        time = float(np.sqrt(low * high))
+        total: Array = np.sum([part / time**power for power, part in parts.items()], axis=0)
+        if block.about is not None:  # rows that speak near some motions only
+            low_v, high_v = (values[interval] for values in block.about[:2])
+            total = np.where((low_v <= v[:, None] / time) & (v[:, None] / time < high_v), total, 0.0)
+        kept = block.share(total).max() <= 1
+        low, high = (low, time) if kept else (time, high)
+    return high
+
+
 # Along the path: one profile of speed for each run from rest to rest.
-ALONG = {shapes.name: shapes for shapes in (TRAPEZOID, S_CURVE, QUARTER_SINE)}
+PATH_SHAPES = {shapes.name: shapes for shapes in (TRAPEZOID, S_CURVE, QUARTER_SINE)}
 # Between poses: every axis on its own from the end of one segment to the end of the next.
-BETWEEN = {"synchronised": synchronised, "independent": independent}
-KINDS = (*ALONG, *BETWEEN)
+MOVE_RAMPS = {"synchronised": synchronised_ramps, "independent": independent_ramps}
+KINDS = (*PATH_SHAPES, *MOVE_RAMPS)
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +207,8 @@ class Classical(Result):
 
     def plot(self, ax: "Axes | None" = None) -> "Axes":
         """The speed along the path over time."""
-        return self.trajectory.plot(ax)
+        axes: Axes = self.trajectory.plot(ax)
+        return axes
 
 
 def classical(plan: Plan | Course, kind: str = "trapezoid") -> Classical:
@@ -80,23 +221,23 @@ def classical(plan: Plan | Course, kind: str = "trapezoid") -> Classical:
     path. Every join is a stop, from rest to rest, also where the program begins or ends at a speed, and no speed is
     kept constant. Raises MotionError for another kind, an s-curve without jerk limits, or where no proof is found.
     """
-    if kind in BETWEEN:
-        return _between(plan, kind)
-    if kind not in ALONG:
+    if kind in MOVE_RAMPS:
+        return _time_moves(plan, kind)
+    if kind not in PATH_SHAPES:
         raise MotionError(f'classical timing "{kind}" is not known; there are {", ".join(KINDS)}')
-    shapes = ALONG[kind]
+    shapes = PATH_SHAPES[kind]
     if shapes.order == 3 and all(axis.max_jerk is None for axis in plan.machine.axes):
         raise MotionError(f"classical timing {kind}: no axis states a jerk limit; state one, or choose another kind")
-    path, standing = _stopping(plan)
-    limits = _with(standing, limits_of(path, _axes(plan), shapes.order))
-    solution = proved(path, limits, shapes.order, Along(shapes))
+    path, standing = _stopping_path(plan)
+    limits = _reuse_limits(standing, limits_of(path, _axes(plan), shapes.order))
+    solution = solve_certified(path, limits, shapes.order, FamilyTiming(shapes))
     return Classical(kind, shapes.order, solution.trajectory, solution.certificate)
 
 
-_STOPPED: WeakKeyDictionary[MachinePath, tuple[MachinePath, tuple[Limit, ...]]] = WeakKeyDictionary()
+_STOPPING_PATHS: WeakKeyDictionary[MachinePath, tuple[MachinePath, tuple[Limit, ...]]] = WeakKeyDictionary()
 
 
-def _stopping(plan: Plan | Course) -> tuple[MachinePath, tuple[Limit, ...]]:
+def _stopping_path(plan: Plan | Course) -> tuple[MachinePath, tuple[Limit, ...]]:
     """The path with a stop at every join, and what no timing can help along it.
 
     It is one path for all kinds, and the plan's own if that stops so, since what place alone asks is proved once for
@@ -104,14 +245,14 @@ def _stopping(plan: Plan | Course) -> tuple[MachinePath, tuple[Limit, ...]]:
     """
     if plan.path.stops(2).all() and plan.path.end_speeds == (0.0, 0.0):
         return plan.path, tuple(limit for limit in plan.limits if limit.geometric)
-    if plan.path not in _STOPPED:
+    if plan.path not in _STOPPING_PATHS:
         path = actuate(replace(stopping(plan.program), start_speed=0.0, end_speed=0.0), plan.machine)
         limits = limits_of(path, plan.machine.axes, 2)
-        _STOPPED[plan.path] = path, tuple(limit for limit in limits if limit.geometric)
-    return _STOPPED[plan.path]
+        _STOPPING_PATHS[plan.path] = path, tuple(limit for limit in limits if limit.geometric)
+    return _STOPPING_PATHS[plan.path]
 
 
-def _with(standing: Sequence[Limit], limits: Sequence[Limit]) -> tuple[Limit, ...]:
+def _reuse_limits(standing: Sequence[Limit], limits: Sequence[Limit]) -> tuple[Limit, ...]:
     """The limits, those that no timing can help as they stand already."""
     known = {limit.name: limit for limit in standing}
     return tuple(known.get(limit.name, limit) for limit in limits)
@@ -125,10 +266,48 @@ def _axes(plan: Plan | Course) -> list[Axis]:
     ]
 
 
-def _between(plan: Plan | Course, kind: str) -> Classical:
-    machine, (path, _), axes = plan.machine, _stopping(plan), _axes(plan)
-    trajectory, begins = moves(path, axes, BETWEEN[kind])
+def _time_moves(plan: Plan | Course, kind: str) -> Classical:
+    machine, (path, _), axes = plan.machine, _stopping_path(plan), _axes(plan)
+    trajectory, begins = time_moves(path, axes, MOVE_RAMPS[kind])
     travel = Travel(machine.axes, machine.home_q)
     limits = [*limits_of(trajectory.path, axes, 2), *([travel] if (travel.bounds < float("inf")).any() else [])]
     certificate = certify(trajectory, limits)
     return Classical(kind, 2, trajectory, certificate, deviation(machine, path, trajectory, begins))
+
+
+def missing_limits(plan: Plan, timing: Classical) -> tuple[str, ...]:
+    """What the plan is proved to keep, and the timing is not, as certificates call it: left out of it, or broken."""
+    kept = _kept(timing)
+    missing = [name for name in plan.certificate.worst if name not in kept]
+    return tuple(name for name in missing if name != CROSSING or Resonance.name not in missing)
+
+
+def describe_differences(plan: Plan, timing: Classical) -> tuple[str, ...]:
+    """What else than its shape of speed is not as in the plan, each in a few words; nothing where all is alike."""
+    told = []
+    if missing := missing_limits(plan, timing):
+        told.append(f"without {', '.join(missing)}")
+    if more := [name for name in _kept(timing) if name not in plan.certificate.worst]:
+        told.append(f"keeps {', '.join(more)} too")
+    if not timing.certificate.holds:
+        told.append("not certified")
+    if timing.deviation is not None:
+        told.append(f"off the path by up to {1e3 * timing.deviation.distance:.3f} mm")
+    if not plan.path.stops(plan.order).all():
+        told.append("stops at every join")
+    if plan.path.end_speeds != (0.0, 0.0):
+        told.append("from rest to rest")
+    return tuple(told)
+
+
+def _kept(timing: Classical) -> list[str]:
+    return [name for name, worst in timing.certificate.worst.items() if worst <= 1]
+
+
+def pick_baseline(plan: Plan, timings: Sequence[Classical]) -> Classical:
+    """Of the timings along the path the one that leaves out the fewest of the plan's limits; of several, the quickest.
+
+    It is what a saving is told against: under the same limits wherever there is such a timing.
+    """
+    along = [timing for timing in timings if timing.deviation is None and timing.certificate.holds]
+    return min(along, key=lambda timing: (len(missing_limits(plan, timing)), timing.duration))

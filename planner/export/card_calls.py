@@ -18,27 +18,27 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kinematics.array import Array
-from kinematics.errors import MotionError
-from kinematics.units import apart
-from planner.export.card_replay import Call, counted, error
-from planner.export.format import Source
-from planner.pulses.counter import refuse_counter
+from kinematics.foundation.arrays import Array
+from kinematics.foundation.errors import MotionError
+from kinematics.foundation.units import apart
+from planner.export.card_replay import Call, replay_error, wired_counts
+from planner.export.format import ExportSource
+from planner.pulses.motion import refuse_counter
 from planner.trajectory import Trajectory
 
 REGISTER = 65535
 """Largest value of a speed register; its step is the range it is set to, divided by this [Sahbaz 2007, Appendix A]."""
-MICRO = 1_000_000
-LONGEST, SHORTEST = 64_000, 1_000
+MICROSECONDS = 1_000_000
+MAX_SPACING_US, MIN_SPACING_US = 64_000, 1_000
 """µs between calls that are tried, halved until the error is small enough."""
-ENOUGH = 1.0
+MAX_ERROR_PULSES = 1.0
 """pulses: ½ is rounding of the targets alone."""
-SPREAD = 1.001
+SPEED_HEADROOM = 1.001
 """Headroom of a speed range over the largest speed in it."""
 
 
 @dataclass(frozen=True, slots=True)
-class Kind:
+class CardKind:
     """A kind of card: its call, what a channel can emit (pulses/s), and how many axes its library numbers."""
 
     function: str
@@ -46,7 +46,7 @@ class Kind:
     axes: int
 
 
-KINDS = {"8132": Kind("_8132_ta_move", 2.4e6, 24), "8164": Kind("_8164_start_ta_move", 6.55e6, 48)}
+KINDS = {"8132": CardKind("_8132_ta_move", 2.4e6, 24), "8164": CardKind("_8164_start_ta_move", 6.55e6, 48)}
 """By the number in a card's name. Limits: [Sahbaz 2007, Appendix A]; twelve cards of two or of four axes."""
 
 
@@ -60,7 +60,7 @@ class CallList:
     notes: tuple[str, ...]
 
 
-def call_list(source: Source, spacing: float | None, speed_range: float | None) -> CallList:
+def call_list(source: ExportSource, spacing: float | None, speed_range: float | None) -> CallList:
     """The calls that make a motion; None: the longest spacing that errs by a pulse at most, the least speed range.
 
     Raises MotionError for an axis without a card, a count beyond the counters, a speed beyond the card or the range.
@@ -71,21 +71,21 @@ def call_list(source: Source, spacing: float | None, speed_range: float | None) 
     if spacing is not None:
         if not 1e-6 <= spacing <= 1e3:
             raise MotionError(f"adlink: spacing {spacing} s must be from 1 µs to 1000 s")
-        return _calls(source, kinds, round(spacing * MICRO), speed_range)
-    tried = LONGEST
-    while tried // 2 >= SHORTEST:
+        return _make_calls(source, kinds, round(spacing * MICROSECONDS), speed_range)
+    tried = MAX_SPACING_US
+    while tried // 2 >= MIN_SPACING_US:
         try:
-            made = _calls(source, kinds, tried, speed_range)
-            if error(source, made.calls) <= ENOUGH:
+            made = _make_calls(source, kinds, tried, speed_range)
+            if replay_error(source, made.calls) <= MAX_ERROR_PULSES:
                 return made
         except MotionError:
             pass  # coarse ramps overshoot the motion's speeds: finer ones may fit the cards
         tried //= 2
-    return _calls(source, kinds, tried, speed_range)
+    return _make_calls(source, kinds, tried, speed_range)
 
 
-def wired(source: Source) -> list[Kind]:
-    kinds: list[Kind] = []
+def wired(source: ExportSource) -> list[CardKind]:
+    kinds: list[CardKind] = []
     names: dict[str, str | None] = {}
     for axis in source.machine.axes:
         found = [number for number in KINDS if number in (axis.card or "")]
@@ -107,26 +107,26 @@ def wired(source: Source) -> list[Kind]:
     return kinds
 
 
-def _calls(source: Source, kinds: Sequence[Kind], spacing: int, speed_range: float | None) -> CallList:
+def _make_calls(source: ExportSource, kinds: Sequence[CardKind], spacing: int, speed_range: float | None) -> CallList:
     trajectory = source.trajectory
-    end = int(np.ceil(trajectory.duration * MICRO))
+    end = int(np.ceil(trajectory.duration * MICROSECONDS))
     grid = np.append(np.arange(0, end, spacing), end)
-    rests = _rests(trajectory)
+    rests = _find_rests(trajectory)
     found: list[Call] = []
     ranges = []
     for k, (axis, kind) in enumerate(zip(source.machine.axes, kinds, strict=True)):
-        t = _instants(grid, np.concatenate([rests, _turns(source, k)]))
-        x, v = counted(source, k, t / MICRO)
+        t = _merge_instants(grid, np.concatenate([rests, _find_turns(source, k)]))
+        x, v = wired_counts(source, k, t / MICROSECONDS)
         target = np.rint(x).astype(np.int64)
         pulses = source.pulses.axes[k]
         target[0], target[-1] = pulses.start * axis.direction, pulses.final * axis.direction
-        way, h = np.diff(target), np.diff(t) / MICRO
+        way, h = np.diff(target), np.diff(t) / MICROSECONDS
         mean, sign = abs(way) / h, np.sign(way)
         start = np.clip(mean + sign * (v[:-1] - v[1:]) / 2, 0.0, 2 * mean)
         fastest = float(np.maximum(start, 2 * mean - start).max(initial=0.0))
-        top = max(fastest * SPREAD, 1.0) if speed_range is None else speed_range
+        top = max(fastest * SPEED_HEADROOM, 1.0) if speed_range is None else speed_range
         if top > kind.max_speed or fastest > top:
-            when = float(t[int(np.maximum(start, 2 * mean - start).argmax())]) / MICRO
+            when = float(t[int(np.maximum(start, 2 * mean - start).argmax())]) / MICROSECONDS
             needed, range_, most = apart(fastest, top, kind.max_speed)
             raise MotionError(
                 f"adlink: axis {axis.name} needs {needed} pulses/s at t = {when:.6g} s, its speed range is "
@@ -139,15 +139,15 @@ def _calls(source: Source, kinds: Sequence[Kind], spacing: int, speed_range: flo
         for n in np.flatnonzero(way).tolist():
             found.append(
                 Call(
-                    int(t[n]) / MICRO, axis.name, kind.function, int(axis.channel or 0), int(target[n + 1]),
-                    float(low[n] * step), float(high[n] * step), int(t[n + 1] - t[n]) / MICRO,
+                    int(t[n]) / MICROSECONDS, axis.name, kind.function, int(axis.channel or 0), int(target[n + 1]),
+                    float(low[n] * step), float(high[n] * step), int(t[n + 1] - t[n]) / MICROSECONDS,
                 )
             )  # fmt: skip
     found.sort(key=lambda call: call.time)  # stable: axes stay in order within an instant
-    return CallList(tuple(found), spacing / MICRO, tuple(ranges), _notes(source, found, spacing, ranges))
+    return CallList(tuple(found), spacing / MICROSECONDS, tuple(ranges), _notes(source, found, spacing, ranges))
 
 
-def _notes(source: Source, calls: Sequence[Call], spacing: int, ranges: Sequence[float]) -> tuple[str, ...]:
+def _notes(source: ExportSource, calls: Sequence[Call], spacing: int, ranges: Sequence[float]) -> tuple[str, ...]:
     axes = source.machine.axes
     starts = [axis.direction * pulses.start for axis, pulses in zip(axes, source.pulses.axes, strict=True)]
     spans = ", ".join(f"{axis.name} {top:.1f}" for axis, top in zip(axes, ranges, strict=True))
@@ -159,7 +159,7 @@ def _notes(source: Source, calls: Sequence[Call], spacing: int, ranges: Sequence
     )
 
 
-def _instants(grid: np.ndarray, own: np.ndarray) -> np.ndarray:
+def _merge_instants(grid: np.ndarray, own: np.ndarray) -> np.ndarray:
     """The grid (µs) with an axis' own instants in place of the nearest inner ones."""
     inside = np.unique(np.rint(own).astype(np.int64))
     inside = inside[(inside > 0) & (inside < grid[-1])]
@@ -172,21 +172,21 @@ def _instants(grid: np.ndarray, own: np.ndarray) -> np.ndarray:
     return np.union1d(np.delete(grid, 1 + nearest), inside)
 
 
-def _rests(trajectory: Trajectory) -> Array:
+def _find_rests(trajectory: Trajectory) -> Array:
     """µs at which the motion is at rest at a knot."""
     speed = trajectory.at(trajectory.knots).sd
     still = speed <= 1e-9 * max(float(speed.max(initial=0.0)), 1e-300)
-    return np.asarray(trajectory.knots[still] * MICRO)
+    return np.asarray(trajectory.knots[still] * MICROSECONDS)
 
 
-def _turns(source: Source, k: int) -> Array:
+def _find_turns(source: ExportSource, k: int) -> Array:
     """µs at which an axis turns round, between two opposite pulses: halved until q̇ = 0 is known to below one."""
     pulses = source.pulses.axes[k]
     last = np.flatnonzero(np.diff(pulses.direction))
     lo, hi = (pulses.ticks[last + n] / source.pulses.clock_hz for n in (0, 1))
-    sign = np.sign(counted(source, k, lo)[1])
+    sign = np.sign(wired_counts(source, k, lo)[1])
     for _ in range(40 if len(last) else 0):
         middle = (lo + hi) / 2
-        before = np.sign(counted(source, k, middle)[1]) == sign
+        before = np.sign(wired_counts(source, k, middle)[1]) == sign
         lo, hi = np.where(before, middle, lo), np.where(before, hi, middle)
-    return np.asarray(lo * MICRO)
+    return np.asarray(lo * MICROSECONDS)

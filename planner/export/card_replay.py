@@ -6,10 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from kinematics.array import Array
-from planner.export.format import Source
-from planner.pulses.pieces import FINE, UNSEEN, Pieces, fit
-from planner.pulses.stretches import monotone, window
+from kinematics.foundation.arrays import Array
+from planner.export.format import ExportSource
+from planner.pulses.generation.pieces import FIT_TOLERANCE, UNSEEN_FACTOR, Pieces, cut_monotone, fit, shift_polynomials
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,25 +26,25 @@ class Call:
     tdec: float = 0.0
 
 
-def counted(source: Source, k: int, t: Array) -> tuple[Array, Array]:
+def wired_counts(source: ExportSource, k: int, t: Array) -> tuple[Array, Array]:
     """Position (pulses) and speed (pulses/s) of an axis at instants t (N,), in the counts of its wiring."""
     axis, state = source.machine.axes[k], source.counted.at(t)
     scale = axis.direction / axis.pulse
     return (state.q[:, k] - source.machine.home_q[k]) * scale, state.qd[:, k] * scale
 
 
-def error(source: Source, calls: Sequence[Call]) -> float:
+def replay_error(source: ExportSource, calls: Sequence[Call]) -> float:
     """Pulses by which command positions of the calls are from the motion at most, over continuous time.
 
     p(τ) = p₀ ± min(D, start τ + (max - start) τ²/(2 tacc)), then waiting. Between all instants at which either changes
     its piece, p - x is a quintic: it is cut where it turns round, and largest at one of the cuts. The motion's own
-    quintics are true to some 1e-6 pulse, which is added, as `planner.pulses.levels` does.
+    quintics are true to some 1e-6 pulse, which is added, as `planner.pulses.generation.levels` does.
     """
-    pieces = fit(source.counted, FINE * np.array([axis.pulse for axis in source.machine.axes]))
-    return max((_error(source, pieces, k, calls) for k in range(len(source.machine.axes))), default=0.0)
+    pieces = fit(source.counted, FIT_TOLERANCE * np.array([axis.pulse for axis in source.machine.axes]))
+    return max((_axis_replay_error(source, pieces, k, calls) for k in range(len(source.machine.axes))), default=0.0)
 
 
-def _error(source: Source, pieces: Pieces, k: int, calls: Sequence[Call]) -> float:
+def _axis_replay_error(source: ExportSource, pieces: Pieces, k: int, calls: Sequence[Call]) -> float:
     axis, duration = source.machine.axes[k], source.trajectory.duration
     own = [call for call in calls if call.name == axis.name]
     moves = _moves(own, float(source.pulses.axes[k].start * axis.direction))
@@ -54,14 +53,16 @@ def _error(source: Source, pieces: Pieces, k: int, calls: Sequence[Call]) -> flo
     lo, span = cuts[:-1], np.diff(cuts)
     middle = lo + span / 2
     of = np.searchsorted(pieces.start, middle, side="right") - 1
-    x = window(pieces.coefficients[k][:, of], (lo - pieces.start[of]) / pieces.length[of], span / pieces.length[of])
+    x = shift_polynomials(
+        pieces.coefficients[k][:, of], (lo - pieces.start[of]) / pieces.length[of], span / pieces.length[of]
+    )
     rests = middle > duration
     x[0, rests], x[1:, rests] = pieces.coefficients[k][:, -1].sum(), 0.0
     x[0] -= source.machine.home_q[k]
     away = x * (-axis.direction / axis.pulse)
     away[:3] += moves.at(lo, span, middle)
-    slack = (pieces.noise[k] + UNSEEN * pieces.error[k]) / axis.pulse
-    turns = monotone(lo, span, away, slack).coefficients
+    slack = (pieces.noise[k] + UNSEEN_FACTOR * pieces.error[k]) / axis.pulse
+    turns = cut_monotone(lo, span, away, slack).coefficients
     return float(max(abs(turns[0]).max(), abs(turns.sum(axis=0)).max()) + 2 * slack)
 
 

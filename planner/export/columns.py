@@ -1,4 +1,7 @@
-"""A motion in the numbers of a file: mm and degrees or pulses per axis, in as many decimals as its tolerance needs."""
+"""A motion in the numbers of a file: mm and degrees or pulses per axis, in as many decimals as its tolerance needs.
+
+The letters by which controllers know their axes.
+"""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -8,13 +11,16 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from kinematics.array import Array, frozen
-from planner.export.format import Source, option
-from planner.export.knots import TOLERANCE, Knots, rows_at, seconds
+from kinematics.foundation.arrays import Array, freeze_array
+from kinematics.foundation.errors import MotionError
+from kinematics.machine.axis import Axis
+from planner.export.format import ExportSource
+from planner.export.knots import TOLERANCE, Knots, rows_at, steps_to_seconds
+from planner.options import option
 
 BLOCK = 1 << 12  # points written or read together
-ROUNDING = 1e-3  # of the tolerance that half a unit of the last decimal may be
-DECIMALS = (6, 15)  # at least and at most
+ROUNDING_SHARE = 1e-3  # of the tolerance that half a unit of the last decimal may be
+DECIMALS_RANGE = (6, 15)  # at least and at most
 
 
 def origin_option(default: Literal["home", "natural"]) -> Any:
@@ -37,8 +43,8 @@ class Columns:
     decimals: int
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "factor", frozen(self.factor))
-        object.__setattr__(self, "zero", frozen(self.zero))
+        object.__setattr__(self, "factor", freeze_array(self.factor))
+        object.__setattr__(self, "zero", freeze_array(self.zero))
 
     @property
     def unit(self) -> str:
@@ -46,7 +52,7 @@ class Columns:
         return " and ".join(dict.fromkeys(self.units))
 
     def blocks(
-        self, source: Source, knots: Knots, rows: int, *, rest: bool = False
+        self, source: ExportSource, knots: Knots, rows: int, *, rest: bool = False
     ) -> Iterator[tuple[NDArray[np.int64], Array]]:
         """Durations (K,) in steps up to each knot, and there (rows, K, axes) in whole units of the last decimal.
 
@@ -58,7 +64,7 @@ class Columns:
         lasting = np.diff(knots.steps, prepend=0)
         for first in range(0, len(knots.steps), BLOCK):
             steps = knots.steps[first : first + BLOCK]
-            told = rows_at(source.counted, seconds(steps, knots.step), rows)
+            told = rows_at(source.counted, steps_to_seconds(steps, knots.step), rows)
             told[0] -= self.zero
             units = np.rint(told * scale)
             if rest and first == 0:
@@ -83,8 +89,8 @@ class Columns:
         return np.asarray(told)
 
 
-def columns(
-    source: Source,
+def make_columns(
+    source: ExportSource,
     tolerance: float | None,
     *,
     origin: Literal["home", "natural"] = "home",
@@ -98,8 +104,50 @@ def columns(
     signs = np.array([axis.direction for axis in axes])
     factor = signs / pulses if unit == "counts" else np.array([factors.get(key, 1.0) for key in own])
     names = {("mm", "rotary"): "deg", ("SI", "linear"): "m", ("SI", "rotary"): "rad"}
-    finest = float((pulses * abs(factor)).min()) * ROUNDING * 2 * min(tolerance or TOLERANCE, TOLERANCE)
-    decimals = min(max(DECIMALS[0], ceil(-log10(finest))), DECIMALS[1])
+    finest = float((pulses * abs(factor)).min()) * ROUNDING_SHARE * 2 * min(tolerance or TOLERANCE, TOLERANCE)
+    decimals = min(max(DECIMALS_RANGE[0], ceil(-log10(finest))), DECIMALS_RANGE[1])
     home = np.asarray(source.machine.home_q, float)
     zero = home if origin == "home" or unit == "counts" else np.zeros(len(axes))
     return Columns(factor, zero, tuple(names.get(key, unit) for key in own), decimals)
+
+
+USUAL = "XYZABCUVW"
+MAX_COMMENT_LENGTH = 200  # characters of a comment: G-code lines have 255 at most
+ALPHABET = "ABCDEFGHIJKLMNOPQRSTUVWXYZ"
+
+
+def letters_option() -> Any:
+    return option(
+        None, f"letters of the axes, in the machine's order. Default: their names where letters, else {USUAL}"
+    )
+
+
+def assign_letters(axes: tuple[Axis, ...], given: str | None, allowed: str, format_: str) -> str:
+    """A letter for each axis: those given, or the axes' own names where all are allowed letters, else the usual ones.
+
+    Raises MotionError where there are more axes than letters, or those given are not one allowed letter per axis.
+    """
+    if len(axes) > len(allowed):
+        raise MotionError(
+            f"axis {axes[len(allowed)].name}: {len(axes)} axes, but {format_} has at most {len(allowed)}, {allowed}; "
+            "choose another format"
+        )
+    if given is not None:
+        chosen = given.upper()
+        if len(chosen) != len(axes) or len(set(chosen)) != len(chosen) or not set(chosen) <= set(allowed):
+            raise MotionError(f"letters {given}: {format_} needs {len(axes)} different ones of {allowed}")
+        return chosen
+    names = "".join(axis.name.upper() for axis in axes if len(axis.name) == 1)
+    own = len(names) == len(axes) == len(set(names)) and set(names) <= set(allowed)
+    usual = USUAL if len(axes) <= len(USUAL) else USUAL + "".join(sorted(set(allowed) - set(USUAL)))
+    return names if own else usual[: len(axes)]
+
+
+def told(axes: tuple[Axis, ...], letters: str) -> str:
+    """Which letter is which axis, for the notes."""
+    return ", ".join(f"{letter} = {axis.name}" for letter, axis in zip(letters, axes, strict=True))
+
+
+def plain(text: str) -> str:
+    """The text as one line of printable ASCII, for comments; what is not shows as ?, and what is too long is cut."""
+    return "".join(char if " " <= char <= "~" else "?" for char in text[:MAX_COMMENT_LENGTH])

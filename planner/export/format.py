@@ -1,23 +1,32 @@
-"""The plug point of the export formats: what each is given, its options, and what it says of itself."""
+"""The plug point of the export formats: what each is given, its options, and what it says of itself.
 
+Which formats there are: one line each, loaded when one is asked for.
+
+A plan written in a format, by the format's name.
+"""
+
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from os import PathLike
 from pathlib import Path
-from typing import ClassVar, Protocol
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 
-from kinematics.errors import MotionError
-from kinematics.machine import Machine
-from planner.option import option as option
-from planner.parallel import Progress, silent
-from planner.pulses.compensate import counted
-from planner.pulses.motion import Motion
+from kinematics.files.atomic_files import Destination
+from kinematics.foundation.errors import MotionError
+from kinematics.machine.machine import Machine
+from planner.options import load_plugin
+from planner.options import option as option
+from planner.parallel import Progress, ignore_progress
+from planner.pulses.compensation.compensate import counted
+from planner.pulses.motion import AxesMotion
 from planner.pulses.schedule import PulseSchedule
 from planner.trajectory import Trajectory
 
 
 @dataclass(frozen=True, slots=True)
-class Source:
+class ExportSource:
     """What is exported: a certified motion of a machine, and its checked pulses.
 
     name  of the program, for formats that hold one
@@ -29,8 +38,8 @@ class Source:
     machine: Machine
     trajectory: Trajectory
     pulses: PulseSchedule
-    tell: Progress = silent
-    counted: Motion = field(init=False, repr=False)
+    tell: Progress = ignore_progress
+    counted: AxesMotion = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "counted", counted(self.trajectory, self.machine.axes, self.machine.home_q))
@@ -52,7 +61,7 @@ class Exported:
     moves: int | None = None
 
 
-def export(format_: "Format", name: str, source: Source, path: Path) -> Exported:
+def export(format_: "Format", name: str, source: ExportSource, path: Path) -> Exported:
     """Write a file in a format called `name`, and what its decoded contents are from the plan.
 
     Raises MotionError where they are another motion's, or no motion's while the plan's moves; else as the format does.
@@ -63,19 +72,19 @@ def export(format_: "Format", name: str, source: Source, path: Path) -> Exported
             f"format {name}: what was written decodes to another motion than the plan's, held against {done.against}; "
             "the file is not kept: report it, and use another format"
         )
-    if done.moves == 0 and moving(source):
+    if done.moves == 0 and is_moving(source):
         few = "keeps within half a pulse of where it begins: state a shorter pulse, or move farther"
         told = few if not source.pulses.total else "does not show in it: choose another format"
         raise MotionError(f"format {name}: the file would hold no move, and the plan's motion {told}")
     return done
 
 
-def moving(source: Source) -> bool:
+def is_moving(source: ExportSource) -> bool:
     """Whether what is exported moves at all."""
     return source.pulses.total > 0 or bool(np.ptp(source.trajectory.path.breaks) > 0)
 
 
-def refuse_compensated(source: Source, format_: str) -> None:
+def refuse_compensated(source: ExportSource, format_: str) -> None:
     """Raise MotionError for axes that compensate, in a format whose controller makes its own way from stop to stop."""
     for axis in source.machine.axes:
         if axis.compensate:
@@ -93,5 +102,48 @@ class Format(Protocol):
 
     suffix: ClassVar[str]
 
-    def write(self, source: Source, path: Path, /) -> Exported:
+    def write(self, source: ExportSource, path: Path, /) -> Exported:
         """Write the file. Raises MotionError, before anything is written where it can, for what it cannot hold."""
+
+
+FORMATS = {
+    "pulses": "planner.export.formats.pulse_csv:PulseCsv",
+    "vcd": "planner.export.formats.vcd:Vcd",
+    "steps": "planner.export.formats.steps:Steps",
+    "npz": "planner.export.formats.npz:Npz",
+    "zaber": "planner.export.formats.zaber:ZaberCsv",
+    "xps": "planner.export.formats.xps:Xps",
+    "pmac": "planner.export.formats.pmac:Pmac",
+    "g93": "planner.export.formats.g93:InverseTime",
+    "ros": "planner.export.formats.ros:JointTrajectory",
+    "halstreamer": "planner.export.formats.halstreamer:Halstreamer",
+    "galil": "planner.export.formats.galil:Galil",
+    "adlink": "planner.export.formats.adlink:AdlinkC",
+    "adlink-csv": "planner.export.formats.adlink:AdlinkCsv",
+    "kmitl-arms": "planner.export.formats.kmitl:KmitlArms",
+    "kmitl-positions": "planner.export.formats.kmitl:KmitlPositions",
+    "byte": "planner.export.formats.kmitl:KmitlByte",
+    "sahbaz": "planner.export.formats.sahbaz:Sahbaz",
+    "sasidhar": "planner.export.formats.sasidhar:Sasidhar",
+}
+"""Module and class by the name that the command line knows."""
+
+
+def find_format(name: str) -> type[Format]:
+    """The format of a name. Raises MotionError for an unknown one, with the nearest and all known ones."""
+    found: type[Format] = load_plugin("format", FORMATS, name)
+    return found
+
+
+def written(
+    source: ExportSource, name: str, path: str | PathLike[str], force: bool, options: Mapping[str, Any]
+) -> Exported:
+    """What `Plan.export` does; the file is there whole or not at all."""
+    kind = find_format(name)
+    try:
+        format_ = kind(**options)
+    except TypeError as error:
+        raise MotionError(f"format {name}: {error}") from None
+    target = Destination(Path(path), force=force, remedy="give force=True to replace it, or another path")
+    with target.staged() as file:
+        return export(format_, name, source, file)

@@ -1,29 +1,100 @@
-"""At which instants a motion is stated, so that what a consumer makes of it stays within a tolerance."""
+"""At which instants a motion is stated, so that what a consumer makes of it stays within a tolerance.
+
+What consumers make of points: one polynomial per segment that meets the rows given at both its ends.
+
+One row (position) is a straight line, two (and velocity) the cubic of PVT, three (and acceleration) a quintic.
+"""
 
 from dataclasses import dataclass
-from math import ceil, isfinite
+from functools import cache
+from math import ceil, factorial, isfinite
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from kinematics.array import Array
-from kinematics.axis import Axis
-from kinematics.errors import MotionError
-from kinematics.units import apart
-from planner.export.format import option
-from planner.export.hermite import Segments
-from planner.pulses.motion import Motion
+from kinematics.foundation.arrays import Array
+from kinematics.foundation.errors import MotionError
+from kinematics.foundation.units import apart
+from kinematics.machine.axis import Axis
+from planner.options import option
+from planner.pulses.motion import AxesMotion
+
+
+@dataclass(frozen=True, slots=True)
+class Segments:
+    """S segments, each from `start` to `end` (S,) s; `first` and `last` (rows, S, axes) are what its ends state."""
+
+    start: Array
+    end: Array
+    first: Array
+    last: Array
+
+    @property
+    def coefficients(self) -> Array:
+        """(2 rows, S, axes) c of q(u) - q(0) = Σ c_i uⁱ, u in [0, 1]: of the way, whose rounding is as small as it."""
+        rows = len(self.first)
+        scale = (self.end - self.start)[:, None] ** np.arange(rows)[:, None, None]
+        ends = np.concatenate([self.first * scale, self.last * scale])
+        ends[0], ends[rows] = 0.0, self.last[0] - self.first[0]
+        return np.tensordot(_from_ends(rows), ends, 1)
+
+    def deviation(self, motion: AxesMotion, probes: int) -> Array:
+        """(S, axes) how far the segments are from a motion, in its unit.
+
+        The largest |e| at the ends of `probes` equal parts of a segment, and what it may grow to between them: a part
+        of length d adds at most d² max|ë| / 8, with ë as it is inside (at an end q̈ may be that of the next piece).
+        """
+        u = np.linspace(0.0, 1.0, probes + 1)
+        length = self.end - self.start
+        state = motion.at((self.start[:, None] + length[:, None] * u).ravel())
+        shape = (len(length), len(u), -1)
+        c = self.coefficients
+        power = np.arange(len(c))
+        way = np.einsum("pi,isa->spa", u[:, None] ** power, c)
+        bend = np.einsum("pi,isa->spa", u[:, None] ** np.maximum(power - 2, 0) * power * (power - 1), c)
+        error = abs(self.first[0][:, None] + way - state.q.reshape(shape)).max(1)
+        bend -= state.qdd.reshape(shape) * (length**2)[:, None, None]  # ë times the square of the length
+        return np.asarray(error + abs(bend[:, 1:-1]).max(1) / (8 * probes**2))
+
+    def backward(self, motion: AxesMotion, probes: int) -> Array:
+        """(S, axes) how far a cubic runs back inside its segment where the motion runs one way only, else 0.
+
+        q̇(u) = c1 + 2 c2 u + 3 c3 u² is against the way between its roots r1 < r2 if both lie inside: by
+        |c3| (r2 - r1)³ / 2. Other segments than cubics are not looked at.
+        """
+        if len(self.first) != 2:
+            return np.zeros(self.first.shape[1:])
+        u = np.linspace(0.0, 1.0, probes + 1)
+        length = self.end - self.start
+        qd = motion.at((self.start[:, None] + length[:, None] * u).ravel()).qd.reshape(len(length), len(u), -1)
+        way = np.sign(qd.sum(1))
+        one_way = (qd * way[:, None] >= 0).all(1)
+        _, c1, c2, c3 = self.coefficients * way
+        with np.errstate(divide="ignore", invalid="ignore"):
+            middle, apart = -c2 / (3 * c3), 2 * np.sqrt(c2**2 - 3 * c1 * c3) / (3 * c3)
+            inside = one_way & (c3 > 0) & (middle > 0) & (middle < 1) & (apart > 0)
+            return np.where(inside, c3 * apart**3 / 2, 0.0)
+
+
+@cache
+def _from_ends(rows: int) -> Array:
+    """(2 rows, 2 rows) coefficients by powers of u from value and derivatives at u = 0, and at u = 1."""
+    powers = range(2 * rows)
+    at_start = [[factorial(i) if i == k else 0 for i in powers] for k in range(rows)]
+    at_end = [[factorial(i) / factorial(i - k) if i >= k else 0 for i in powers] for k in range(rows)]
+    return np.asarray(np.rint(np.linalg.inv(np.array(at_start + at_end, float)) * 2) / 2)  # they are halves
+
 
 TOLERANCE = 0.5  # pulses
-CHOSEN = 0.98  # of the tolerance is for the spacing, the rest for rounding
-BACKWARD = 0.01  # pulses that a segment may run back where the motion does not: rounding makes that much
-STANDING = 1.0  # pulses/s, slower is rest
-GROUP = 8  # pieces of the motion that one segment may span, so that no probe misses a swing
-PROBES = 8  # parts of a segment that is tried
-LONGEST = 10.0  # s, so that rounded speeds do not lead astray
-WINDOW = 256  # groups refined together
-MOST = 1 << 27  # points
+SPACING_SHARE = 0.98  # of the tolerance is for the spacing, the rest for rounding
+MAX_BACKWARD_PULSES = 0.01  # pulses that a segment may run back where the motion does not: rounding makes that much
+REST_SPEED = 1.0  # pulses/s, slower is rest
+GROUP_PIECES = 8  # pieces of the motion that one segment may span, so that no probe misses a swing
+SEGMENT_PROBES = 8  # parts of a segment that is tried
+MAX_SEGMENT_DURATION = 10.0  # s, so that rounded speeds do not lead astray
+GROUP_BATCH = 256  # groups refined together
+MAX_KNOTS = 1 << 27  # points
 
 Steps = NDArray[np.int64]
 
@@ -54,30 +125,30 @@ class Knots:
         return f"segments: {len(length)}, of {least if least == most else f'{least} to {most}'} ms"
 
 
-def seconds(steps: Steps, step: float) -> Array:
+def steps_to_seconds(steps: Steps, step: float) -> Array:
     return np.asarray(steps * step)
 
 
-def rows_at(motion: Motion, t: Array, rows: int) -> Array:
+def rows_at(motion: AxesMotion, t: Array, rows: int) -> Array:
     """(rows, N, axes) q, then q̇, then q̈ at instants t (N,); after the end they are as at the end."""
     state = motion.at(np.minimum(t, motion.duration))
     return np.stack([state.q, state.qd, state.qdd][:rows])
 
 
-def refuse_moving_ends(motion: Motion, axes: tuple[Axis, ...], format_: str) -> None:
+def refuse_moving_ends(motion: AxesMotion, axes: tuple[Axis, ...], format_: str) -> None:
     """Raise MotionError unless every axis starts and ends at rest."""
     speeds = motion.at(np.array([0.0, motion.duration])).qd
     for axis, column in zip(axes, speeds.T, strict=True):
         for speed, end in zip(column.tolist(), ("starts", "ends"), strict=True):
-            if abs(speed) > STANDING * axis.pulse:
+            if abs(speed) > REST_SPEED * axis.pulse:
                 raise MotionError(
                     f"axis {axis.name}: {end} at {speed:.4g} {axis.unit}/s, but {format_} is from rest to rest; "
                     "let the program start and end at rest"
                 )
 
 
-def choose(
-    motion: Motion,
+def choose_knots(
+    motion: AxesMotion,
     axes: tuple[Axis, ...],
     rows: int,
     *,
@@ -102,35 +173,35 @@ def choose(
     if end < 1:
         raise MotionError(f"motion of {motion.duration:.4g} s: there is nothing to export; let the program move")
     if spacing is not None:
-        return Knots(_even(end, spacing, step, longest), step, None)
+        return Knots(_even_steps(end, spacing, step, longest), step, None)
     wanted = TOLERANCE if tolerance is None else tolerance
     if not (isfinite(wanted) and wanted > 0):
         raise MotionError(f"tolerance {wanted:g} pulses: must be above 0")
-    marks, starts = _marks(motion, step, end, np.array([axis.pulse for axis in axes]))
-    starts = _cut(starts, min(ceil(LONGEST / step), longest or end))
+    marks, starts = _mark_steps(motion, step, end, np.array([axis.pulse for axis in axes]))
+    starts = _cut_long_segments(starts, min(ceil(MAX_SEGMENT_DURATION / step), longest or end))
     parts = [starts[:1]]
-    for first in range(0, len(starts) - 1, WINDOW):
-        group = starts[first : first + WINDOW + 1]
-        parts.append(_refined(motion, axes, rows, step, wanted, marks, group))
+    for first in range(0, len(starts) - 1, GROUP_BATCH):
+        group = starts[first : first + GROUP_BATCH + 1]
+        parts.append(_refine_segments(motion, axes, rows, step, wanted, marks, group))
     return Knots(np.concatenate(parts), step, wanted)
 
 
-def _even(end: int, spacing: float, step: float, longest: int | None) -> Steps:
+def _even_steps(end: int, spacing: float, step: float, longest: int | None) -> Steps:
     each = round(spacing / step) if isfinite(spacing) else 0
-    if each < 1 or end / each > MOST or (longest is not None and each > longest):
-        given, least, most = apart(spacing, max(step, end * step / MOST), (longest or 0) * step, digits=10)
+    if each < 1 or end / each > MAX_KNOTS or (longest is not None and each > longest):
+        given, least, most = apart(spacing, max(step, end * step / MAX_KNOTS), (longest or 0) * step, digits=10)
         upper = "" if longest is None else f" and at most {most} s"
         raise MotionError(f"spacing {given} s: must be at least {least} s{upper}; choose another")
     return np.arange(0, end + each, each)
 
 
-def _marks(motion: Motion, step: float, end: int, pulse: Array) -> tuple[Steps, Steps]:
+def _mark_steps(motion: AxesMotion, step: float, end: int, pulse: Array) -> tuple[Steps, Steps]:
     """The motion's knots in steps, and those that part the first segments: ends of rests, every GROUP-th from there.
 
     The ends of a rest are moved into it, where speeds are 0: a long cubic magnifies what is left of one.
     """
     t = motion.knots
-    rest, between = (_resting(motion, when, pulse) for when in (t, (t[1:] + t[:-1]) / 2))
+    rest, between = (_is_resting(motion, when, pulse) for when in (t, (t[1:] + t[:-1]) / 2))
     between &= rest[1:] & rest[:-1]
     before, after = np.append(False, between), np.append(between, False)
     exact = t / step
@@ -139,17 +210,17 @@ def _marks(motion: Motion, step: float, end: int, pulse: Array) -> tuple[Steps, 
     near = (steps == end - 1) & (end > 1)  # a rounded end
     index = np.arange(len(t))
     since = index - np.maximum.accumulate(np.where(rest, index, 0))
-    parting = (since % GROUP == 0) & ~(before & after)
+    parting = (since % GROUP_PIECES == 0) & ~(before & after)
     return np.union1d(steps[~near], [0, end]), np.union1d(steps[parting & ~near], [0, end])
 
 
-def _resting(motion: Motion, t: Array, pulse: Array) -> NDArray[np.bool_]:
+def _is_resting(motion: AxesMotion, t: Array, pulse: Array) -> NDArray[np.bool_]:
     """Whether every axis stands at t (N,), a batch at a time."""
-    parts = np.array_split(t, -(-len(t) // (WINDOW * PROBES)))
-    return np.concatenate([(abs(motion.at(part).qd) <= STANDING * pulse).all(1) for part in parts])
+    parts = np.array_split(t, -(-len(t) // (GROUP_BATCH * SEGMENT_PROBES)))
+    return np.concatenate([(abs(motion.at(part).qd) <= REST_SPEED * pulse).all(1) for part in parts])
 
 
-def _cut(starts: Steps, longest: int) -> Steps:
+def _cut_long_segments(starts: Steps, longest: int) -> Steps:
     """The segments with those longer than `longest` cut into equal parts."""
     length = np.diff(starts)
     parts = -(-length // longest)
@@ -158,8 +229,8 @@ def _cut(starts: Steps, longest: int) -> Steps:
     return np.append(starts[which] + length[which] * nth // parts[which], starts[-1])
 
 
-def _refined(
-    motion: Motion, axes: tuple[Axis, ...], rows: int, step: float, tolerance: float, marks: Steps, group: Steps
+def _refine_segments(
+    motion: AxesMotion, axes: tuple[Axis, ...], rows: int, step: float, tolerance: float, marks: Steps, group: Steps
 ) -> Steps:
     """The ends of the segments into which a row of adjacent ones is halved."""
     pulse = np.array([axis.pulse for axis in axes])
@@ -168,7 +239,7 @@ def _refined(
     while len(left):
         share = np.concatenate(
             [
-                _use(motion, rows, seconds(lo, step), seconds(hi, step), pulse, tolerance)
+                _tolerance_use(motion, rows, steps_to_seconds(lo, step), steps_to_seconds(hi, step), pulse, tolerance)
                 for lo, hi in zip(_batches(left), _batches(right), strict=True)
             ]
         )
@@ -181,24 +252,24 @@ def _refined(
                 f"axis {axes[int(share[segment].argmax())].name}: no spacing of whole {step:.4g} s keeps the reader "
                 f"within {tolerance:g} pulses at {left[segment] * step:.6g} s; give a greater tolerance, or a spacing"
             )
-        middle = _middle(marks, left, right)
+        middle = _find_middles(marks, left, right)
         left, right = np.concatenate([left, middle]), np.concatenate([middle, right])
     return np.sort(np.concatenate(done))
 
 
 def _batches(steps: Steps) -> list[Steps]:
-    return np.array_split(steps, -(-len(steps) // (WINDOW * PROBES)))
+    return np.array_split(steps, -(-len(steps) // (GROUP_BATCH * SEGMENT_PROBES)))
 
 
-def _use(motion: Motion, rows: int, start: Array, end: Array, pulse: Array, tolerance: float) -> Array:
+def _tolerance_use(motion: AxesMotion, rows: int, start: Array, end: Array, pulse: Array, tolerance: float) -> Array:
     """(S, axes) what segments use of what they may: above 1 one is too long."""
     segments = Segments(start, end, rows_at(motion, start, rows), rows_at(motion, end, rows))
-    off = segments.deviation(motion, PROBES) / (CHOSEN * tolerance)
-    back = segments.backward(motion, PROBES) / BACKWARD
+    off = segments.deviation(motion, SEGMENT_PROBES) / (SPACING_SHARE * tolerance)
+    back = segments.backward(motion, SEGMENT_PROBES) / MAX_BACKWARD_PULSES
     return np.maximum(off, back) / pulse
 
 
-def _middle(marks: Steps, left: Steps, right: Steps) -> Steps:
+def _find_middles(marks: Steps, left: Steps, right: Steps) -> Steps:
     """Where segments are halved: at the mark nearest the middle if it is in the middle half, else in the middle."""
     middle = (left + right) // 2
     after = np.clip(np.searchsorted(marks, middle), 1, len(marks) - 1)

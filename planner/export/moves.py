@@ -5,13 +5,13 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from kinematics.array import Array
+from kinematics.foundation.arrays import Array
 from planner.export.columns import Columns
-from planner.export.format import Source
+from planner.export.format import ExportSource
 from planner.export.knots import Knots, rows_at
 
 
-def moves(columns: Columns, source: Source, knots: Knots) -> Iterator[tuple[NDArray[np.int64], Array]]:
+def make_moves(columns: Columns, source: ExportSource, knots: Knots) -> Iterator[tuple[NDArray[np.int64], Array]]:
     """Durations (K,) of segments in steps, and their moves and end speeds (2, K, axes), in blocks.
 
     Both in whole units of the last decimal. A move leads from rounded point to rounded point, so the sum of any number
@@ -26,7 +26,9 @@ def moves(columns: Columns, source: Source, knots: Knots) -> Iterator[tuple[NDAr
             yield steps[skipped:], np.stack([np.diff(position, axis=0), units[1, skipped:]]) + 0.0
 
 
-def points(columns: Columns, source: Source, decoded: Iterable[tuple[Array, Array]]) -> Iterator[tuple[Array, Array]]:
+def sum_moves(
+    columns: Columns, source: ExportSource, decoded: Iterable[tuple[Array, Array]]
+) -> Iterator[tuple[Array, Array]]:
     """Where the moves of a file lead from the start of the motion, at rest: what `roundtrip.compare` takes.
 
     decoded  in blocks: durations (K,) s, and moves and end speeds (2, K, axes) in the units of the file

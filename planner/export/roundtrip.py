@@ -4,23 +4,22 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from kinematics.array import Array
-from kinematics.axis import Axis
-from kinematics.errors import MotionError
-from kinematics.units import apart
+from kinematics.foundation.arrays import Array
+from kinematics.foundation.errors import MotionError
+from kinematics.foundation.units import apart
+from kinematics.machine.axis import Axis
 from planner.export.format import Exported
-from planner.export.hermite import Segments
-from planner.export.knots import BACKWARD, Knots
-from planner.pulses.motion import Motion
+from planner.export.knots import MAX_BACKWARD_PULSES, Knots, Segments
+from planner.pulses.motion import AxesMotion
 
-PROBES = 16  # parts of a segment, and
-PER_PIECE = 4  # of every piece of the motion inside it
-INSTANTS = 1 << 16  # compared together
+SEGMENT_PROBES = 16  # parts of a segment, and
+PROBES_PER_PIECE = 4  # of every piece of the motion inside it
+INSTANT_BATCH = 1 << 16  # compared together
 READ = {1: "straight", 2: "cubic", 3: "quintic"}
 
 
 def compare(
-    motion: Motion,
+    motion: AxesMotion,
     axes: tuple[Axis, ...],
     knots: Knots,
     points: Iterable[tuple[Array, Array]],
@@ -45,7 +44,7 @@ def compare(
             probes = _probes(motion, segments.start, segments.end)
             worst = max(worst, float((segments.deviation(motion, probes) / pulse).max()))
             runs = (segments.backward(motion, probes) / pulse).max(1)
-            back, backs = max(back, float(runs.max())), backs + int((runs > 2 * BACKWARD).sum())
+            back, backs = max(back, float(runs.max())), backs + int((runs > 2 * MAX_BACKWARD_PULSES).sum())
     if knots.tolerance is not None and not worst <= knots.tolerance:
         off, most = apart(worst, knots.tolerance, digits=4)
         raise MotionError(
@@ -60,14 +59,14 @@ def compare(
     return Exported(worst, f"the motion, {READ[rows]} between the points", (knots.stated(), *notes), moves)
 
 
-def _probes(motion: Motion, start: Array, end: Array) -> int:
+def _probes(motion: AxesMotion, start: Array, end: Array) -> int:
     pieces = np.searchsorted(motion.knots, end) - np.searchsorted(motion.knots, start)
-    return max(PROBES, PER_PIECE * int(pieces.max()))
+    return max(SEGMENT_PROBES, PROBES_PER_PIECE * int(pieces.max()))
 
 
-def _parts(motion: Motion, t: Array) -> Iterable[slice]:
+def _parts(motion: AxesMotion, t: Array) -> Iterable[slice]:
     """Runs of segments of which all instants are compared together."""
     first, last = 0, len(t) - 1
-    size = max(1, INSTANTS // max(PROBES, _probes(motion, t[:-1], t[1:]))) if last > 0 else 1
+    size = max(1, INSTANT_BATCH // max(SEGMENT_PROBES, _probes(motion, t[:-1], t[1:]))) if last > 0 else 1
     for lo in range(first, last, size):
         yield slice(lo, min(lo + size, last))

@@ -8,14 +8,14 @@ from typing import Any, ClassVar, Protocol
 
 import numpy as np
 
-from kinematics.array import Array, frozen
-from kinematics.axis import Axis, Magnitude, sides
-from kinematics.clearance import Bodies
-from kinematics.errors import MotionError
-from kinematics.expression import Expression
+from kinematics.analysis.clearance import Bodies
+from kinematics.foundation.arrays import Array, freeze_array
+from kinematics.foundation.casadi_function import Expression
+from kinematics.foundation.errors import MotionError
+from kinematics.machine.axis import Axis, Magnitude, directional_bounds
 from planner.actuation import Points
 
-TIGHT = 5e-7
+MAX_OVERESTIMATE = 5e-7
 """How far above the largest use that is met its proven bound may stay, where a limit does not say otherwise."""
 Quantity = Any
 """An array (N, m), or a guaranteed `Series` of N cells: the same formula computes both."""
@@ -55,7 +55,7 @@ class Rows:
     hull: "Rows | None" = None
 
 
-class Motion(Protocol):
+class LimitState(Protocol):
     """What a limit may look at: a `State`, or its enclosure over cells of time."""
 
     @property
@@ -116,7 +116,7 @@ class Limit(ABC):
         return f"no timing can help: move the path so that it {self.relief.format(f'{over:.4g} {unit}')}"
 
     @abstractmethod
-    def value(self, motion: Motion) -> Quantity:
+    def value(self, motion: LimitState) -> Quantity:
         """The physical quantity (N, m); all that the certificate sees of the limit, beside `use`."""
 
     @abstractmethod
@@ -125,7 +125,7 @@ class Limit(ABC):
 
     def tight(self, met: Array) -> Array | float:
         """How far above the use that is met a proven bound may stay."""
-        return TIGHT
+        return MAX_OVERESTIMATE
 
     def told(self, value: float, channel: int) -> tuple[float, float]:
         """A value as people say it and the limit that it is held against, SI."""
@@ -149,7 +149,7 @@ class AxisLimit(Limit):
 
     def __init__(self, axes: Sequence[Axis], bounds: Sequence[Magnitude | None]) -> None:
         self.channels = tuple(axis.name for axis in axes)
-        self.below, self.bounds = (frozen(side) for side in zip(*map(sides, bounds), strict=True))
+        self.below, self.bounds = (freeze_array(side) for side in zip(*map(directional_bounds, bounds), strict=True))
         self.units = tuple(_UNITS[axis.kind](self.dimension) for axis in axes)
 
     def use(self, low: Array, high: Array, piece: np.ndarray) -> Array:

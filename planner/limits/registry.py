@@ -2,24 +2,15 @@
 
 from collections.abc import Callable, Sequence
 
-from kinematics.axis import Axis
-from kinematics.machine import Machine
+from kinematics.machine.axis import Axis
+from kinematics.machine.machine import Machine
 from planner.actuation import ActuatorPath, MachinePath
-from planner.limits.acceleration import Acceleration
-from planner.limits.angular_speed import AngularSpeed
-from planner.limits.clearance import Clearance
-from planner.limits.force import Force
-from planner.limits.holding import Holding
-from planner.limits.jerk import Jerk
+from planner.limits.axis import Acceleration, Jerk, PulseRate, Speed
+from planner.limits.force import Force, Holding, TorqueSpeed
+from planner.limits.geometric import Clearance, Tilt, Travel
 from planner.limits.limit import Limit
-from planner.limits.pulse_rate import PulseRate
 from planner.limits.resonance import Resonance
-from planner.limits.speed import Speed
-from planner.limits.tilt import Tilt
-from planner.limits.tool_acceleration import ToolAcceleration
-from planner.limits.tool_speed import ToolSpeed
-from planner.limits.torque_speed import TorqueSpeed
-from planner.limits.travel import Travel
+from planner.limits.tool import AngularSpeed, ToolAcceleration, ToolSpeed
 
 # Of the axes alone, with the order of motion that they belong to.
 AXIS_LIMITS: dict[type[Limit], tuple[int, Callable[[Sequence[Axis]], Limit]]] = {
@@ -58,10 +49,10 @@ def usual_order(axes: Sequence[Axis]) -> int:
 
 
 # What an axis may state that says nothing where the machine states no masses, friction or wrench.
-OF_LOADS = ("max_force", "torque_speed")
+LOAD_LIMITS = ("max_force", "torque_speed")
 
 
-def unkept(machine: Machine) -> tuple[str, ...]:
+def find_unkept_limits(machine: Machine) -> tuple[str, ...]:
     """The limits that some axis states and that no plan keeps, as its file calls them: nothing says what they bear."""
-    stated = tuple(field for field in OF_LOADS if any(getattr(axis, field) is not None for axis in machine.axes))
+    stated = tuple(field for field in LOAD_LIMITS if any(getattr(axis, field) is not None for axis in machine.axes))
     return stated if stated and not machine.loaded else ()

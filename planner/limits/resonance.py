@@ -5,13 +5,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from kinematics.array import Array
-from kinematics.axis import Axis
+from kinematics.foundation.arrays import Array
+from kinematics.machine.axis import Axis
 from planner.actuation import Points
-from planner.limits.limit import AxisLimit, Motion, Quantity, Rows, Term
+from planner.limits.limit import AxisLimit, LimitState, Quantity, Rows, Term
 
 # Room below a band where an axis is held: what lies between grid points must not touch the band.
-BELOW = 1e-3
+BAND_MARGIN = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,26 +25,27 @@ class Band:
 
 
 @dataclass(frozen=True, slots=True)
-class Held:
+class SpeedCap:
     """|q̇| < low of a band, by a share, from s = first to last, where the fastest motion stayed in the band too long."""
 
     band: Band
     first: float
     last: float
-    share: float = BELOW
+    share: float = BAND_MARGIN
 
 
 class Resonance(AxisLimit):
     """An axis that states no time keeps |q̇| ≤ the lower edge of its first band: starting from rest, it stays below.
 
-    One that does may cross: `bands` are proved by how long each stay in them lasts (planner.stays), which no value at
+    One that does may cross: `bands` are proved by how long each stay in them lasts
+    (planner.certificate.resonance_dwell), which no value at
     an instant tells. Where the fastest motion stays too long, the axis is `held` below the band.
     """
 
     name, dimension = "resonance", "/s"
     terms = frozenset({Term.SD})
 
-    def __init__(self, axes: Sequence[Axis], held: Sequence[Held] = ()) -> None:
+    def __init__(self, axes: Sequence[Axis], held: Sequence[SpeedCap] = ()) -> None:
         below = [axis.resonance[0][0] if axis.resonance and axis.resonance_time is None else None for axis in axes]
         super().__init__(axes, below)
         self.axes, self.held = tuple(axes), tuple(held)
@@ -59,7 +60,7 @@ class Resonance(AxisLimit):
     def binds(self) -> bool:
         return super().binds or bool(self.bands)
 
-    def holding(self, more: Sequence[Held]) -> "Resonance":
+    def holding(self, more: Sequence[SpeedCap]) -> "Resonance":
         """The same limit, held in more places."""
         return Resonance(self.axes, (*self.held, *more))
 
@@ -73,7 +74,7 @@ class Resonance(AxisLimit):
         low, high = (edge * scale for edge in (self.axes[channel].resonance or ((0.0, 0.0),))[0])
         return f"a resonance band from {low:.6g} to {high:.6g} {unit} that states no time to cross it, "
 
-    def value(self, motion: Motion) -> Quantity:
+    def value(self, motion: LimitState) -> Quantity:
         return motion.qd
 
     def rows(self, points: Points) -> Rows:

@@ -6,23 +6,21 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from kinematics.array import Array, frozen
-from kinematics.errors import Fault, FileError, MotionError
-from kinematics.machine import Machine
-from kinematics.magnitudes import MOST_TURNS, most
-from kinematics.pose import Pose
-from planner.path.arc import arc
+from kinematics.foundation.arrays import MAX_TURNS, Array, freeze_array, most
+from kinematics.foundation.errors import Fault, FileError, MotionError
+from kinematics.machine.machine import Machine
+from kinematics.machine.pose import Pose
+from planner.path.arc_length import even_speed
 from planner.path.curve import curve, ends
-from planner.path.even import evened
-from planner.path.free import DEGREE, freed
+from planner.path.free import DEGREE, free_piece
 from planner.path.join import Blended, join
-from planner.path.line import line, turn, turn_angle
-from planner.path.shape import Piece, turning
+from planner.path.shape import Piece, arc, line, turn, turn_angle, turning
 from planner.path.spline import spline
-from planner.path.synchronised import synchronised
-from planner.path.tool import carrying
-from planner.program import SAME, Arc, Curve, Dwell, Join, Line, Program, Segment, Spline, Synchronised, Turn
-from planner.wanted import CAPS
+from planner.path.synchronised import draw_synchronised
+from planner.path.tool import carry_tool
+from planner.program.model import SAME, Arc, Curve, Dwell, Line, Program, Segment, Spline, Synchronised, Turn
+from planner.program.modifiers import Join
+from planner.program.validation import CAPS
 
 # An arc may start this share of its radius out of its plane.
 IN_PLANE = 1e-6
@@ -43,18 +41,18 @@ class Chain:
     blends: tuple[Blended, ...]
 
 
-def chain(program: Program, machine: Machine) -> Chain:
+def chain_pieces(program: Program, machine: Machine) -> Chain:
     """The program's path for a machine. Raises MotionError naming the segment that cannot be drawn."""
-    drawn, joins, dwells = draw(program, machine)
+    drawn, joins, dwells = draw_segments(program, machine)
     pieces, stops, rests, blends = join(drawn, joins, dwells, machine.characteristic_length)
     if any(piece.constant for piece in pieces):
-        pieces, stops, rests = evened(pieces, stops, rests)
+        pieces, stops, rests = even_speed(pieces, stops, rests)
     if program.tool is not None:
-        pieces = tuple(carrying(piece, program.tool) for piece in pieces)
+        pieces = tuple(carry_tool(piece, program.tool) for piece in pieces)
     return Chain(pieces, stops, rests, blends)
 
 
-def draw(program: Program, machine: Machine) -> tuple[list[list[Piece]], list[Join], Array]:
+def draw_segments(program: Program, machine: Machine) -> tuple[list[list[Piece]], list[Join], Array]:
     """The tool's pieces of every segment that moves, repetition after repetition, and the joins at their ends.
 
     dwells (S+1,) s at the start and at the ends. Raises MotionError naming the segments that cannot be drawn, of a
@@ -77,27 +75,27 @@ def draw(program: Program, machine: Machine) -> tuple[list[list[Piece]], list[Jo
                 dwells[-1] += segment.duration
                 continue
             try:
-                there = end_of(segment, here)
+                there = segment_end(segment, here)
                 own = _pieces(segment, number, here, there, frame, machine, program.tool)
                 turned += sum(piece.turn for piece in own)
                 _refuse_turns(turned)
             except MotionError as wrong:
-                faults.append((number, _again(wrong, repetition) if repetition > 1 else wrong))
-                onward = _onward(segment, here)
+                faults.append((number, _repetition_error(wrong, repetition) if repetition > 1 else wrong))
+                onward = _end_of_undrawn(segment, here)
                 if onward is None or repetition > 1:
-                    raise _undrawn(program, faults) from None
+                    raise _segments_error(program, faults) from None
                 here = onward
                 continue
-            drawn.append([_finished(piece, segment, program, repetition) for piece in _freed(own, segment)])
+            drawn.append([_cap_piece(piece, segment, program, repetition) for piece in _free_pieces(own, segment)])
             joins.append(segment.join)
             dwells.append(0.0)
             here = there
         if faults:
-            raise _undrawn(program, faults)
+            raise _segments_error(program, faults)
     if not drawn:
         told = f"program {program.name}: nothing moves; add a line, an arc, a spline, a turn or a synchronised move"
         raise FileError(program.file, [Fault("segment", told, 1)]) if program.file else MotionError(told)
-    return drawn, joins, frozen(dwells)
+    return drawn, joins, freeze_array(dwells)
 
 
 def default_start(program: Program, machine: Machine) -> Pose:
@@ -108,7 +106,7 @@ def default_start(program: Program, machine: Machine) -> Pose:
     return start if program.work is None else program.work.inv() * start
 
 
-def _onward(segment: Moving, here: Pose) -> Pose | None:
+def _end_of_undrawn(segment: Moving, here: Pose) -> Pose | None:
     """Where the path goes on behind a segment that cannot be drawn, as far as it says that itself."""
     match segment:
         case Line() | Synchronised():
@@ -122,7 +120,7 @@ def _onward(segment: Moving, here: Pose) -> Pose | None:
     return RigidTransform.from_components(position, here.rotation if turned is None else turned)
 
 
-def _undrawn(program: Program, faults: Sequence[tuple[int, MotionError]]) -> MotionError:
+def _segments_error(program: Program, faults: Sequence[tuple[int, MotionError]]) -> MotionError:
     """Everything that is wrong with the segments of a program: of its file, if it is from one."""
     named = [(number, program.segments[number - 1], str(wrong)) for number, wrong in faults]
     if not program.file:
@@ -136,21 +134,21 @@ def _undrawn(program: Program, faults: Sequence[tuple[int, MotionError]]) -> Mot
     )
 
 
-def _again(wrong: MotionError, repetition: int) -> MotionError:
+def _repetition_error(wrong: MotionError, repetition: int) -> MotionError:
     return MotionError(f"repetition {repetition}: {wrong}; what only leads to the first repetition belongs into start")
 
 
-def _freed(pieces: list[Piece], segment: Moving) -> list[Piece]:
+def _free_pieces(pieces: list[Piece], segment: Moving) -> list[Piece]:
     """The pieces of a segment that leaves orientation free, turned as was chosen: not at all if nothing was."""
     if isinstance(segment, Turn | Synchronised) or segment.free is None:
         return pieces
     controls = np.zeros((3, DEGREE + 1)) if segment.free.controls is None else segment.free.controls
     ends = np.concatenate([[0.0], np.cumsum([piece.length for piece in pieces])])
-    turned = (freed(piece, controls, start, ends[-1]) for piece, start in zip(pieces, ends[:-1], strict=True))
+    turned = (free_piece(piece, controls, start, ends[-1]) for piece, start in zip(pieces, ends[:-1], strict=True))
     return [replace(piece, turn=turning(piece)) for piece in turned]
 
 
-def _finished(piece: Piece, segment: Moving, program: Program, repetition: int) -> Piece:
+def _cap_piece(piece: Piece, segment: Moving, program: Program, repetition: int) -> Piece:
     """The piece with what every kind of segment may say."""
     speed, acceleration, angular = (program.cap(segment, name) for name in CAPS)
     return replace(
@@ -167,7 +165,7 @@ def _refuse_turns(turned: float) -> None:
     """A path that bends and turns more often than grids along it can follow."""
     if not turned <= most("rad"):
         turns = f"{turned / (2 * np.pi):.6g} turns"
-        raise MotionError(f"up to its end the path bends and turns by {turns}, at most {MOST_TURNS}; run it in parts")
+        raise MotionError(f"up to its end the path bends and turns by {turns}, at most {MAX_TURNS}; run it in parts")
 
 
 def _refuse_lever(program: Program, machine: Machine) -> None:
@@ -197,7 +195,7 @@ def _name(segment: Segment, number: int) -> str:
     return f"segment {number}, {type(segment).__name__.lower()}{line_number}"
 
 
-def end_of(segment: Moving, here: Pose) -> Pose:
+def segment_end(segment: Moving, here: Pose) -> Pose:
     """The pose at a segment's end, in the program's frame."""
     match segment:
         case Turn():
@@ -277,7 +275,7 @@ def _pieces(
     start, end, characteristic = frame * here, frame * there, machine.characteristic_length
     match segment:
         case Synchronised():
-            return synchronised(machine, start, end, tool, number)
+            return draw_synchronised(machine, start, end, tool, number)
         case Turn():
             if segment.about is not None:
                 axis = start.rotation.inv().apply(frame.rotation.apply(np.array(segment.about)))

@@ -8,26 +8,24 @@ import casadi as ca
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from kinematics.array import Array, frozen
-from kinematics.errors import MotionError
-from kinematics.expression import Expression
-from kinematics.magnitudes import FARTHEST
-from kinematics.pose import Pose, column, numbers, symbols
-from kinematics.series import Series
-from planner.formula import formula
-from planner.path.even import drawn_by_length, uneven
+from kinematics.foundation.arrays import MAX_DISTANCE, Array, freeze_array
+from kinematics.foundation.casadi_function import Expression
+from kinematics.foundation.errors import MotionError
+from kinematics.foundation.taylor_model import Series
+from kinematics.machine.pose import Pose, column, split_pose_symbols, to_numbers
+from planner.path.arc_length import draw_by_length, measure_length, uneven
 from planner.path.shape import Piece, Shape, turning
-from planner.path.way import way
-from planner.program import SAME, Curve
+from planner.program.formula import formula
+from planner.program.model import SAME, Curve
 
 # Cells of t at first, how often each may be halved until it is proved, and how many there may be.
-CELLS, HALVINGS, MOST = 64, 24, 1 << 14
+FIRST_CELLS, MAX_HALVINGS, MAX_CELLS = 64, 24, 1 << 14
 # Derivatives that are proved to be finite: those that a certificate of jerk needs, and one more.
-ORDER = 4
+PROVED_DERIVATIVES = 4
 # Points of a part that show its turning, at first and at most, and by what share twice as many may differ.
-POINTS, MOST_POINTS, AGREED = 65, 4097, 1e-3
+POINTS, MAX_POINTS, TURNING_AGREEMENT = 65, 4097, 1e-3
 # Share of the largest |dp/dt| below which a curve stands still, for its user; places looked at, and zooms to the least.
-SLOW, SOUGHT, ZOOMS = 1e-4, 4097, 3
+STANDSTILL_SHARE, SEARCH_POINTS, ZOOMS = 1e-4, 4097, 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +40,7 @@ class Equations:
     pose: Expression
 
 
-def equations(curve: Curve) -> Equations:
+def curve_equations(curve: Curve) -> Equations:
     """Those of a segment; of the same formulas always the same, so that what is built on them is built once."""
     return _equations(curve.position, curve.rotate, curve.constants, curve.length, curve.angle)
 
@@ -61,20 +59,20 @@ def _equations(
         place = ca.vertcat(*(length * formula(text, known, t) for text in position))
         turned = ca.SX.eye(3)
         for axis, text in enumerate(rotate or ()):
-            turned = turned @ _turned(axis, angle * formula(text, known, t))
+            turned = turned @ _axis_rotation(axis, angle * formula(text, known, t))
         return place, turned
 
     def motion(s: ca.SX, parameters: ca.SX) -> tuple[ca.SX, ca.SX]:
         start, rate, before, after = ca.vertsplit(parameters, [0, 1, 2, 14, 23])
         place, turned = pose(start + rate * s)
-        offset, frame = symbols(before)
+        offset, frame = split_pose_symbols(before)
         return offset + frame @ place, frame @ turned @ ca.reshape(after, 3, 3).T
 
     t = ca.SX.sym("t")
     return Equations(Shape("curve", 23, motion), Expression("curve_pose", t, column(*pose(t))))
 
 
-def _turned(axis: int, angle: ca.SX) -> ca.SX:
+def _axis_rotation(axis: int, angle: ca.SX) -> ca.SX:
     i, j = (axis + 1) % 3, (axis + 2) % 3
     turn = ca.SX.eye(3)
     turn[i, i] = turn[j, j] = ca.cos(angle)
@@ -84,7 +82,7 @@ def _turned(axis: int, angle: ca.SX) -> ca.SX:
 
 def ends(curve: Curve) -> tuple[Pose, Pose]:
     """Where the formulas have the tool at both ends; where they do not turn it, the orientation is the identity's."""
-    x = equations(curve).pose(np.array([[curve.begin], [curve.end]]))
+    x = curve_equations(curve).pose(np.array([[curve.begin], [curve.end]]))
     for place, t in zip(x, (curve.begin, curve.end), strict=True):
         if not np.isfinite(place).all():
             raise MotionError(f"its equations have no finite value at t = {t:.6g}; let t run where they have")
@@ -95,33 +93,36 @@ def ends(curve: Curve) -> tuple[Pose, Pose]:
 def curve(start: Pose, segment: Curve, frame: Pose, number: int) -> list[Piece]:
     """The pieces from start (base frame) along a segment's equations, which hold in `frame`.
 
-    Their parameter is the way itself, to 1e-10 (planner.path.even). Where the equations begin within SAME of the start
+    Their parameter is the way itself, to 1e-10 (planner.path.arc_length). Where the equations begin within SAME of
+    the start
     they are moved to begin there. Raises MotionError, which names t, where they are not finite, not smooth, or stand
     still.
     """
-    made = equations(segment)
-    prove(made.pose, segment.begin, segment.end)
+    made = curve_equations(segment)
+    prove_smooth(made.pose, segment.begin, segment.end)
     first, _ = ends(segment)
     turn = first.rotation.inv() * frame.rotation.inv() * start.rotation  # what follows the formulas' own rotation
     place = start.translation - frame.rotation.apply(first.translation)
-    before = numbers(RigidTransform.from_components(place, frame.rotation))[0]
+    before = to_numbers(RigidTransform.from_components(place, frame.rotation))[0]
     after = turn.as_matrix().ravel()
 
     def piece(begin: float, end: float) -> Piece:
         span = abs(end - begin)
-        whole = Piece(made.shape, frozen(np.concatenate([[begin, np.sign(end - begin)], before, after])), span, number)
-        length = way(lambda s: np.linalg.norm(whole.derivatives(s)[1][:, :3], axis=1), 0.0, span).length
-        own = frozen(np.concatenate([[begin, (end - begin) / length], before, after]))
+        whole = Piece(
+            made.shape, freeze_array(np.concatenate([[begin, np.sign(end - begin)], before, after])), span, number
+        )
+        length = measure_length(lambda s: np.linalg.norm(whole.derivatives(s)[1][:, :3], axis=1), 0.0, span).length
+        own = freeze_array(np.concatenate([[begin, (end - begin) / length], before, after]))
         return Piece(made.shape, own, length, number)
 
     try:
-        pieces = _by_length(piece, segment.begin, segment.end, HALVINGS)
-    except _Uneven as uneven:
-        raise MotionError(_why(made.pose, segment.begin, segment.end, uneven.t)) from None
-    return [replace(each, turn=_turning(each)) for each in pieces]
+        pieces = _by_length(piece, segment.begin, segment.end, MAX_HALVINGS)
+    except _UnevenCurve as uneven:
+        raise MotionError(_explain_failure(made.pose, segment.begin, segment.end, uneven.t)) from None
+    return [replace(each, turn=_measure_turning(each)) for each in pieces]
 
 
-class _Uneven(Exception):
+class _UnevenCurve(Exception):
     """Around t the curve cannot be parted finely enough to have its length as its parameter."""
 
     def __init__(self, t: float) -> None:
@@ -129,16 +130,16 @@ class _Uneven(Exception):
         self.t = t
 
 
-def _why(pose: Expression, begin: float, end: float, t: float) -> str:
+def _explain_failure(pose: Expression, begin: float, end: float, t: float) -> str:
     """Whether a curve that failed around t is too slow, and where, or changes too fast for its interval."""
     low, high = sorted((begin, end))
-    own, fastest = np.linspace(low, high, SOUGHT), 0.0
+    own, fastest = np.linspace(low, high, SEARCH_POINTS), 0.0
     for _ in range(ZOOMS):  # towards the slowest place of all
-        speeds = _speeds(pose, own)
+        speeds = _curve_speeds(pose, own)
         slowest, fastest = int(np.argmin(speeds)), max(fastest, float(speeds.max()))
         slow, least = float(own[slowest]), float(speeds[slowest])
-        own = np.linspace(own[max(slowest - 1, 0)], own[min(slowest + 1, SOUGHT - 1)], SOUGHT)
-    if least < SLOW * fastest:
+        own = np.linspace(own[max(slowest - 1, 0)], own[min(slowest + 1, SEARCH_POINTS - 1)], SEARCH_POINTS)
+    if least < STANDSTILL_SHARE * fastest:
         at = round(slow, 6 - int(np.floor(np.log10(high - low)))) + 0.0
         return (
             f"it all but stands still around t = {at:.6g}, with {least / fastest:.1g} of its largest |dp/dt|; take "
@@ -156,29 +157,29 @@ def _by_length(piece: Callable[[float, float], Piece], begin: float, end: float,
     if not uneven(whole):
         return [whole]
     if whole.length <= SAME:
-        raise _Uneven(begin)
+        raise _UnevenCurve(begin)
     with np.errstate(over="ignore", invalid="ignore"):  # where a polynomial is far from what it should follow
-        drawn = drawn_by_length(whole)
+        drawn = draw_by_length(whole)
         if not uneven(drawn):
             return [drawn]
     if halvings == 0:
-        raise _Uneven(begin)
+        raise _UnevenCurve(begin)
     middle = (begin + end) / 2
     first, last = (_by_length(piece, *span, halvings - 1) for span in ((begin, middle), (middle, end)))
     return [*first, *last]
 
 
-def _turning(piece: Piece) -> float:
+def _measure_turning(piece: Piece) -> float:
     points, found = POINTS, turning(piece, POINTS)
-    while points < MOST_POINTS:
+    while points < MAX_POINTS:
         points, before = 2 * points - 1, found
         found = turning(piece, points)
-        if abs(found - before) <= AGREED * found:
+        if abs(found - before) <= TURNING_AGREEMENT * found:
             break
     return found
 
 
-def _speeds(pose: Expression, t: Array) -> Array:
+def _curve_speeds(pose: Expression, t: Array) -> Array:
     """|dp/dt| (N,)."""
     rates = _rates(pose)(t[:, None])
     return np.asarray(np.linalg.norm(rates, axis=1))
@@ -193,26 +194,26 @@ def _rates(pose: Expression) -> Expression:
 def _refuse_far(pose: Expression, t: Array) -> None:
     """A curve that leads, at some t (N,), farther away than any machine reaches."""
     away = np.abs(pose(t[:, None])[:, :3]).max(1)
-    if (away > FARTHEST).any() and np.isfinite(away).all():
+    if (away > MAX_DISTANCE).any() and np.isfinite(away).all():
         k = int(np.argmax(away))
-        raise MotionError(f"it leads {away[k]:g} m away at t = {t[k]:.6g}; at most {FARTHEST:g} m can be taken")
+        raise MotionError(f"it leads {away[k]:g} m away at t = {t[k]:.6g}; at most {MAX_DISTANCE:g} m can be taken")
 
 
-def prove(pose: Expression, begin: float, end: float) -> None:
+def prove_smooth(pose: Expression, begin: float, end: float) -> None:
     """That the equations have ORDER finite derivatives everywhere, and |dp/dt| > 0: by enclosures over cells of t.
 
     Raises MotionError naming a t around which that is not so, or cannot be told from it.
     """
-    edges = np.linspace(min(begin, end), max(begin, end), CELLS + 1)
+    edges = np.linspace(min(begin, end), max(begin, end), FIRST_CELLS + 1)
     _refuse_far(pose, edges)
     low, high = edges[:-1], edges[1:]
-    for _ in range(HALVINGS):
-        rough, still = _doubtful(pose, low, high)
+    for _ in range(MAX_HALVINGS):
+        rough, still = _find_doubtful_cells(pose, low, high)
         doubtful = rough | still
         if not doubtful.any():
             return
-        if doubtful.sum() > MOST:
-            speeds = _speeds(pose, (low + high) / 2)
+        if doubtful.sum() > MAX_CELLS:
+            speeds = _curve_speeds(pose, (low + high) / 2)
             if not (np.isfinite(speeds).all() and speeds.all()):
                 break
             raise MotionError(
@@ -222,7 +223,7 @@ def prove(pose: Expression, begin: float, end: float) -> None:
         low, high = low[doubtful], high[doubtful]
         middle = (low + high) / 2
         low, high = np.concatenate([low, middle]), np.concatenate([middle, high])
-    rough, still = _doubtful(pose, low, high)
+    rough, still = _find_doubtful_cells(pose, low, high)
     if rough.any():
         raise MotionError(
             f"its equations are not smooth, or not finite, at t = {_about(low, high, rough):.6g}: a root or log of 0, "
@@ -241,12 +242,12 @@ def _about(low: Array, high: Array, chosen: np.ndarray) -> float:
     return round(float(low[k] + high[k]) / 2, int(np.floor(-np.log10(4 * (high[k] - low[k])))))
 
 
-def _doubtful(pose: Expression, low: Array, high: Array) -> tuple[np.ndarray, np.ndarray]:
+def _find_doubtful_cells(pose: Expression, low: Array, high: Array) -> tuple[np.ndarray, np.ndarray]:
     """(N,) bool each: cells on which some derivative may be unbounded, and others on which the speed may be 0."""
     middle, half = (low + high) / 2, (high - low) / 2 * (1 + 1e-12)
     ones = np.ones_like(middle)
-    t = Series(np.stack([middle, ones]), np.stack([half, 0 * ones]), ORDER)
-    found = Series.stack([*pose.enclose([t]), Series.zeros(ORDER, low.shape)])
+    t = Series(np.stack([middle, ones]), np.stack([half, 0 * ones]), PROVED_DERIVATIVES)
+    found = Series.stack([*pose.enclose([t]), Series.zeros(PROVED_DERIVATIVES, low.shape)])
     with np.errstate(invalid="ignore", over="ignore"):
         rough = ~(np.isfinite(found.mid) & np.isfinite(found.rad)).all((0, 2))
         speed = np.linalg.norm(found.mid[1, :, :3], axis=1) - np.linalg.norm(found.rad[1, :, :3], axis=1)

@@ -1,23 +1,185 @@
-"""Joins: what becomes of the places where segments meet: stops, smooth passages and blends that never overlap."""
+"""Joins: what becomes of the places where segments meet: stops, smooth passages and blends that never overlap.
 
-from collections.abc import Sequence
+Blends: one motion begins while the one before it ends, within a tolerance of the path that they leave.
+"""
+
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cache, partial
+from typing import TypeVar
 
+import casadi as ca
 import numpy as np
 
-from kinematics.array import Array, frozen
-from kinematics.table import Column, Table
-from planner.path.blend import LOWEST, rounded
-from planner.path.shape import Piece
-from planner.program import Blend, Join, Stop
+from kinematics.foundation.arrays import Array, freeze_array
+from kinematics.foundation.table import Column, Table
+from planner.path.shape import Piece, Shape, turning
+from planner.program.modifiers import Blend, Join, Stop
+
+# Where the deviation may lie, as a share of the tolerance, and where the search aims: under 1 by more than what the
+# sampling of the largest deviation can miss.
+MIN_SHARE, TARGET_SHARE, MAX_SHARE = 0.97, 0.985, 0.998
+# Points of a blend that are looked at, and as often as ZOOMS says so many between the neighbours of the farthest.
+POINTS, ZOOMS = 33, 2
+# Newton steps to the nearest point of the unblended path, and the step (as a share of the reach) that is the last.
+NEWTON_STEPS, LAST_NEWTON_STEP = 8, 1e-4
+# Least speed along the path, as a share of what the neighbours have: a reversal comes to rest, and so close to one the
+# blend's curvature has no use.
+MIN_SPEED_SHARE = 0.01
+# Guesses of how far a blend reaches; four are usual.
+MAX_GUESSES = 60
+
+
+Numbers = TypeVar("Numbers", ca.SX, Array)
+
+
+@dataclass(frozen=True, slots=True)
+class BlendFit:
+    """A blend: how far it reaches (m), and by how much it leaves the unblended path, in position (m) and angle (rad).
+
+    halves: its pieces, each a part of the segment whose place it takes and under that segment's caps
+    """
+
+    halves: tuple[Piece, Piece]
+    reach: float
+    deviation: float
+    turned: float
+
+
+@cache
+def _shape(first: Shape, second: Shape) -> Shape:
+    """p = A(a) + B(b) − J,  R = R_A(a) R_Jᵀ R_B(b): A's last length d and B's first, overlapping.
+
+    J is the pose at the join, from which both are counted: over s from 0 to 2d, x = s/d − 1,
+
+        a = −d (1 − x)⁴ (x² + 4x + 5)/32,   b = d (1 + x)⁴ (x² − 4x + 5)/32,   a + b = s − d.
+
+    At the start a runs with s and b rests, at the end a rests and b runs, each with no second and third derivative:
+    so the blend meets its neighbours with three continuous derivatives, whatever they are. Between lines it is the
+    polynomial of degree 7 that does so.
+    """
+    return Shape(f"blend_{first.name}_{second.name}", 15 + first.size + second.size, partial(_motion, first, second))
+
+
+def _motion(first: Shape, second: Shape, s: ca.SX, parameters: ca.SX) -> tuple[ca.SX, ca.SX]:
+    reach, from_a, from_b, position, rows, of_a, of_b = ca.vertsplit(
+        parameters, np.cumsum([0, 1, 1, 1, 3, 9, first.size, second.size]).tolist()
+    )
+    a, b = overlap_lengths(s, reach)
+    p_a, r_a = first.motion(from_a + a, of_a)
+    p_b, r_b = second.motion(from_b + b, of_b)
+    return p_a + p_b - position, r_a @ ca.reshape(rows, 3, 3) @ r_b  # the rows, read as columns: R_Jᵀ
+
+
+def overlap_lengths(s: Numbers, reach: Numbers | float) -> tuple[Numbers, Numbers]:
+    """a(s) and b(s) of a blend, from the join."""
+    x = s / reach - 1
+    down, up = (1 - x) ** 2, (1 + x) ** 2
+    return -reach / 32 * down * down * (x * x + 4 * x + 5), reach / 32 * up * up * (x * x - 4 * x + 5)
+
+
+def fit_blend(a: Piece, b: Piece, most: float, tolerance: float, angle: float) -> BlendFit | None:
+    """The blend of the end of `a` and the start of `b` that uses the tolerances, or takes `most` (m) of each.
+
+    Deviation: a pose of the blend is compared with the nearest of the unblended path (the two pieces), where an angle
+    counts as tolerance/angle times so many metres; the larger of the two, each as a share of its tolerance, has to lie
+    between LOWEST and HIGHEST. None where the motion all but reverses, in space (or in orientation, where one of the
+    two only turns).
+    """
+    found: dict[float, tuple[float, float]] = {}
+
+    def share(reach: float) -> float:
+        found[reach] = _deviation(a, b, reach, tolerance / angle)
+        return max(found[reach][0] / tolerance, found[reach][1] / angle)
+
+    reach = _find_reach(share, most)
+    whole = _blend_piece(a, b, reach)
+    if _min_speed_share(whole, a, b, tolerance / angle) < MIN_SPEED_SHARE:
+        return None
+    first, second = whole.cut(2)
+    second = replace(b, shape=whole.shape, parameters=whole.parameters, length=reach, start=second.start)
+    halves = (replace(first, turn=turning(first)), replace(second, turn=turning(second)))
+    return BlendFit(halves, reach, *found[reach])
+
+
+def _find_reach(share: Callable[[float], float], most: float) -> float:
+    """The length at which the share meets its aim, or `most`: secants of a share that grows like a power."""
+    reach, used, power = most, share(most), 1.0
+    low, high = 0.0, most
+    for _ in range(MAX_GUESSES):
+        if MIN_SHARE <= used <= MAX_SHARE or (used < MIN_SHARE and reach == most):
+            break
+        low, high = (reach, high) if used < TARGET_SHARE else (low, reach)
+        guess = reach * (TARGET_SHARE / max(used, 1e-12)) ** (1 / power)
+        if not low < guess < high:
+            guess = (low + high) / 2
+        before, reach = (reach, used), guess
+        used = share(reach)
+        slope = np.log(used / before[1]) / np.log(reach / before[0]) if used > 0 < before[1] else 1.0
+        power = float(np.clip(slope, 0.5, 8.0))
+    return reach
+
+
+def _blend_piece(a: Piece, b: Piece, reach: float) -> Piece:
+    join = b.poses(np.array([b.start]))[0]
+    numbers = np.concatenate([[reach, a.start + a.length, b.start], join, a.parameters, b.parameters])
+    return replace(a, shape=_shape(a.shape, b.shape), parameters=freeze_array(numbers), length=2 * reach, start=0.0)
+
+
+def _deviation(a: Piece, b: Piece, reach: float, weight: float) -> tuple[float, float]:
+    """The largest deviations of the blend of some reach, in position (m) and angle (rad)."""
+    piece = _blend_piece(a, b, reach)
+    low, high = 0.0, 2 * reach
+    most = np.zeros(2)
+    for _ in range(1 + ZOOMS):
+        s = np.linspace(low, high, POINTS)
+        x = piece.poses(s)
+        on_a, on_b = overlap_lengths(s, reach)
+        feet = [
+            _pose_deviation(x, a, a.start + a.length + on_a, weight, LAST_NEWTON_STEP * reach),
+            _pose_deviation(x, b, b.start + on_b, weight, LAST_NEWTON_STEP * reach),
+        ]
+        apart = [np.hypot(off[0], weight * off[1]) for off in feet]
+        off = np.where(apart[0] < apart[1], feet[0], feet[1])
+        most = np.maximum(most, off.max(1))
+        top = int(np.argmax(np.maximum(off[0], weight * off[1])))
+        low, high = s[max(top - 1, 0)], s[min(top + 1, POINTS - 1)]
+    return float(most[0]), float(most[1])
+
+
+def _pose_deviation(x: Array, piece: Piece, s: Array, weight: float, last: float) -> Array:
+    """(2, N) distance and angle from poses x (N, 12) to the nearest ones of a piece, by Newton from s (N,)."""
+    size = np.concatenate([np.ones(3), np.full(9, weight / np.sqrt(2))])  # |ΔR|/√2 is the angle, while it is small
+    for _ in range(NEWTON_STEPS):
+        y, y1, y2, _ = piece.derivatives(s)
+        away, along = (x - y) * size, y1 * size
+        square = (along**2).sum(1)
+        bend = square - (away * y2 * size).sum(1)
+        step = (away * along).sum(1) / np.where(bend > square / 4, bend, square)
+        before, s = s, np.clip(s + step, piece.start, piece.start + piece.length)
+        if np.abs(s - before).max() <= last:
+            break
+    away = x - piece.poses(s)
+    chord = np.linalg.norm(away[:, 3:], axis=1) / np.sqrt(8)
+    return np.stack([np.linalg.norm(away[:, :3], axis=1), 2 * np.arcsin(np.minimum(chord, 1.0))])
+
+
+def _min_speed_share(piece: Piece, a: Piece, b: Piece, weight: float) -> float:
+    """The least speed along a blend, as a share of its neighbours'; angles count where one of them only turns."""
+    ends = [part.derivatives(np.array([s]))[1][0] for part, s in ((a, a.start + a.length), (b, b.start))]
+    still = any(np.linalg.norm(end[:3]) < MIN_SPEED_SHARE for end in ends)
+    size = np.concatenate([np.ones(3), np.full(9, weight / np.sqrt(2) if still else 0.0)])
+    slowest = np.linalg.norm(piece.derivatives(np.linspace(0.0, piece.length, POINTS))[1] * size, axis=1).min()
+    return float(slowest / min(np.linalg.norm(end * size) for end in ends))
+
 
 # A jump of a derivative of the pose that is rounding, as a share of its size: a tenth of what the certificate allows.
 ROUNDING = 1e-10
-ALWAYS, NEVER = 1, 0
+ALWAYS_REST, NEVER_REST = 1, 0
 # The least that a blend may reach, as a share of the machine's characteristic length: its curvature goes with 1/reach,
 # and below so much the rounding of coordinates leaves no proof of an acceleration within the certificate's tolerance.
 # It is some 0.1 µm, far less than a pulse of the machines at hand.
-SMALLEST = 1e-6
+MIN_REACH_SHARE = 1e-6
 # Share by which two lengths may differ and be the same: rounding.
 SAME_LENGTH = 1e-12
 
@@ -28,7 +190,7 @@ class Blended:
 
     segment     number of the one before it; the blend leads to the next that moves
     tolerance   m, and angle (rad): what it may leave the unblended path by
-    deviation   m, and turned (rad): by how much it does, at most (see planner.path.blend)
+    deviation   m, and turned (rad): by how much it does, at most (see planner.path.join)
     reach       m of each segment that it takes the place of
     half_of     the segments of which it takes half, or all that can be had, though the tolerance would allow more
     stop        why the motion rests there instead, or ""
@@ -79,34 +241,34 @@ def join(
     characteristic  m that count like a radian: the machine's characteristic length
     """
     pieces: list[Piece] = []
-    stops, rests, blends = [ALWAYS], [float(dwells[0])], list[Blended]()
+    stops, rests, blends = [ALWAYS_REST], [float(dwells[0])], list[Blended]()
     before = 0.0
     for n, own in enumerate(segments):
         last = n == len(segments) - 1
-        rest, made = ALWAYS, list[Piece]()
+        rest, made = ALWAYS_REST, list[Piece]()
         if not (last or isinstance(joins[n], Stop)):
-            rest = _rest(own[-1], segments[n + 1][0], dwells[n + 1], characteristic)
+            rest = _rest_order(own[-1], segments[n + 1][0], dwells[n + 1], characteristic)
             asked = joins[n]
-            if isinstance(asked, Blend) and rest != NEVER:
+            if isinstance(asked, Blend) and rest != NEVER_REST:
                 made, told = _blend(own, segments[n + 1], asked, dwells[n + 1], characteristic)
                 blends.append(told)
-                rest = NEVER if made else ALWAYS
+                rest = NEVER_REST if made else ALWAYS_REST
         reach = made[0].length if made else 0.0
-        pieces += [*_kept(own, before, reach), *made]
+        pieces += [*_trim_pieces(own, before, reach), *made]
         inner = len(pieces) - len(stops)
-        stops += [NEVER] * inner + [rest]
+        stops += [NEVER_REST] * inner + [rest]
         rests += [0.0] * inner + [float(dwells[n + 1])]
         before = reach
-    return tuple(pieces), frozen(stops), frozen(rests), tuple(blends)
+    return tuple(pieces), freeze_array(stops), freeze_array(rests), tuple(blends)
 
 
-def _rest(a: Piece, b: Piece, dwell: float, characteristic: float) -> int:
+def _rest_order(a: Piece, b: Piece, dwell: float, characteristic: float) -> int:
     """The order of motion from which it has to rest between two pieces: that of the first derivative that jumps, + 1.
 
     Orientation counts in metres, and curvatures against that of the machine's own size.
     """
     if dwell > 0:
-        return ALWAYS
+        return ALWAYS_REST
     size = np.concatenate([np.ones(3), np.full(9, characteristic / np.sqrt(2))])
     ends = zip(a.derivatives(np.array([a.start + a.length])), b.derivatives(np.array([b.start])), strict=True)
     for order, (left, right) in enumerate(ends):
@@ -115,7 +277,7 @@ def _rest(a: Piece, b: Piece, dwell: float, characteristic: float) -> int:
             least, *np.abs(np.stack([left, right]) * size).max((1, 2))
         ):
             return order + 1
-    return NEVER
+    return NEVER_REST
 
 
 def _blend(
@@ -127,25 +289,25 @@ def _blend(
     told = Blended(a.segment, asked.tolerance, angle)
     if dwell > 0:
         return [], replace(told, stop="a dwell")
-    most = {part.segment: _half(own, part) for own, part in ((before, a), (after, b))}
-    made = rounded(a, b, min(most.values()), asked.tolerance, angle)
+    most = {part.segment: _available_length(own, part) for own, part in ((before, a), (after, b))}
+    made = fit_blend(a, b, min(most.values()), asked.tolerance, angle)
     if made is None:
         return [], replace(told, stop="it turns back")
-    if made.reach < SMALLEST * characteristic:
+    if made.reach < MIN_REACH_SHARE * characteristic:
         return [], replace(told, stop=f"it would reach {made.reach * 1e6:.2g} um, too little beside rounding")
     told = replace(told, deviation=made.deviation, turned=made.turned, reach=made.reach)
-    if told.used < LOWEST:
+    if told.used < MIN_SHARE:
         told = replace(told, half_of=tuple(n for n, length in most.items() if length <= made.reach * (1 + SAME_LENGTH)))
     return list(made.halves), told
 
 
-def _half(own: Sequence[Piece], end: Piece) -> float:
+def _available_length(own: Sequence[Piece], end: Piece) -> float:
     """What a blend may take of a segment at one of its ends: half of it, and not more than its piece there (m)."""
     half = sum(piece.length for piece in own) / 2
     return min(half, end.length / 2 if len(own) == 1 else end.length)
 
 
-def _kept(own: Sequence[Piece], before: float, after: float) -> list[Piece]:
+def _trim_pieces(own: Sequence[Piece], before: float, after: float) -> list[Piece]:
     """A segment's pieces without the lengths that blends take of the first and the last."""
     if len(own) == 1:
         kept = [own[0].trimmed(before, after)]

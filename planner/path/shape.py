@@ -1,4 +1,9 @@
-"""What a smooth piece of path is: a shape (one expression of path length and parameters) and its numbers."""
+"""What a smooth piece of path is: a shape (one expression of path length and parameters) and its numbers.
+
+Straight lines, and turns on the spot: both straight motions, each with its own meaning of path length.
+
+Circular arcs in any plane, by any signed angle, and helices: arcs that rise along their normal.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -6,10 +11,20 @@ from functools import cache
 
 import casadi as ca
 import numpy as np
+from scipy.spatial.transform import Rotation
 
-from kinematics.array import Array
-from kinematics.expression import Expression
-from kinematics.pose import column
+from kinematics.foundation.arrays import Array, freeze_array
+from kinematics.foundation.casadi_function import Expression
+from kinematics.machine.pose import (
+    STRAIGHT_SIZE,
+    Pose,
+    axis_angle,
+    column,
+    rotate_about,
+    straight_parameters,
+    straight_pose,
+    to_numbers,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +45,7 @@ class Piece:
 
     Path length is the path's parameter: the way of the platform's origin on lines and arcs, the length of the chords
     on splines, never less than the way on blends, and angle times a length on turns. Where a constant speed is asked
-    for it is the way on all of them (planner.path.even).
+    for it is the way on all of them (planner.path.arc_length).
 
     turn        rad by which its direction or the platform turns in all: how finely it must be looked at
     tool_speed, tool_acceleration  caps of the tool, m/s and m/s² (None: none, or it does not move)
@@ -84,10 +99,10 @@ def pose_map(shape: Shape) -> Expression:
 @cache
 def _pose_derivatives(shape: Shape) -> Expression:
     s, parameters = ca.SX.sym("s"), ca.SX.sym("parameters", shape.size)
-    return differentiated(f"{shape.name}_moved", column(*shape.motion(s, parameters)), s, ca.vertcat(s, parameters))
+    return differentiate(f"{shape.name}_moved", column(*shape.motion(s, parameters)), s, ca.vertcat(s, parameters))
 
 
-def differentiated(name: str, values: ca.SX, s: ca.SX, inputs: ca.SX, highest: int = 3) -> Expression:
+def differentiate(name: str, values: ca.SX, s: ca.SX, inputs: ca.SX, highest: int = 3) -> Expression:
     """Inputs -> values and their derivatives by s, one after the other."""
     orders = [values]
     for _ in range(highest):
@@ -103,3 +118,72 @@ def turning(piece: Piece, points: int = 33) -> float:
     direction = np.diff(x1[:, :3] / np.where(speed > 0, speed, 1.0), axis=0)
     bent = np.linalg.norm(direction, axis=1) * (speed[1:, 0] > 0) * (speed[:-1, 0] > 0)
     return float((turned + bent).sum())
+
+
+LINE = Shape("line", STRAIGHT_SIZE, straight_pose)
+
+
+def line(start: Pose, end: Pose, length: float, segment: int) -> Piece:
+    """The straight motion from start to end over a length, turning the shorter way in proportion to the path."""
+    turn = turn_angle(start, end)
+    return Piece(LINE, freeze_array(straight_parameters(start, end, length)[0]), length, segment, turn=turn)
+
+
+def turn_angle(start: Pose, end: Pose) -> float:
+    """Angle of the shorter turn from start to end, rad."""
+    return float(axis_angle(start.rotation, end.rotation)[1][0])
+
+
+def turn(start: Pose, axis: Array, angle: float, characteristic: float, segment: int) -> Piece:
+    """On the spot about a unit axis of the moving frame, by a signed angle; `characteristic` m of path for a radian."""
+    place, rows = np.split(to_numbers(start)[0], [3])
+    rate = np.sign(angle) / characteristic
+    length = abs(angle) * characteristic
+    return Piece(
+        LINE, freeze_array(np.concatenate([place, np.zeros(3), rows, axis, [rate]])), length, segment, turn=abs(angle)
+    )
+
+
+def _motion(s: ca.SX, parameters: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """p = c + u cos(ks) + v sin(ks) + h s, R = R0 exp(s · rate · axis×).
+
+    u is the start's radius vector, v = normal × u, k the angle and h (along the normal) the rise by path length.
+    """
+    centre, u, v, angle_rate, rise_rate, r0, axis, rate = ca.vertsplit(parameters, [0, 3, 6, 9, 10, 13, 22, 25, 26])
+    turn = angle_rate * s
+    position = centre + u * ca.cos(turn) + v * ca.sin(turn) + rise_rate * s
+    return position, rotate_about(ca.reshape(r0, 3, 3).T, axis, rate * s)
+
+
+ARC = Shape("arc", 26, _motion)
+
+
+def arc(
+    start: Pose,
+    centre: Array,
+    normal: Array,
+    angle: float,
+    end_rotation: Rotation,
+    segment: int,
+    rise: float = 0.0,
+) -> Piece:
+    """The arc from start about `centre` by the signed angle, right hand about the unit normal, to `end_rotation`.
+
+    rise (m, along the normal) makes it a helix, of length √((radius · angle)² + rise²).
+    """
+    centre = centre + ((start.translation - centre) @ normal) * normal  # in the start's own plane, to the last digit
+    u = start.translation - centre
+    length = float(np.hypot(np.linalg.norm(u) * angle, rise))
+    axis, turn = axis_angle(start.rotation, end_rotation)
+    numbers = [
+        centre,
+        u,
+        np.cross(normal, u),
+        [angle / length],
+        normal * (rise / length),
+        start.rotation.as_matrix().ravel(),
+        axis[0],
+        turn / length,
+    ]
+    whole = abs(angle) + float(turn[0])
+    return Piece(ARC, freeze_array(np.concatenate(numbers)), length, segment, turn=whole)

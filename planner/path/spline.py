@@ -6,16 +6,16 @@ import casadi as ca
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from kinematics.array import Array, frozen
-from kinematics.errors import MotionError
-from kinematics.pose import Pose
+from kinematics.foundation.arrays import Array, freeze_array
+from kinematics.foundation.errors import MotionError
+from kinematics.machine.pose import Pose
 from planner.path.shape import Piece, Shape, turning
 
 DEGREE = 5
 # Places of a span at which its speed is looked at.
-LOOKED = 201
+SPAN_POINTS = 201
 # Least |dp/ds|, which is about 1: less is a cusp.
-SLOWEST = 0.05
+MIN_SPEED = 0.05
 # Least product of two unit quaternions that follow each other: 120°.
 NEAREST = 0.5
 # Third and fourth derivative of a quintic at its start and its end, by v, a, w, b there: factors, and powers of h.
@@ -53,10 +53,10 @@ def spline(start: Pose, through: Array, rotate: Rotation | None, segment: int) -
     points = np.concatenate([start.translation[None], through])
     values = np.concatenate([points, _quaternions(start, rotate, len(through))], 1)
     spans = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    numbers = _interpolated(values, spans)
-    speed = _speeds(numbers, spans)
+    numbers = _span_coefficients(values, spans)
+    speed = _span_speeds(numbers, spans)
     slowest = int(np.argmin(speed.min(1)))
-    if speed[slowest].min() < SLOWEST:
+    if speed[slowest].min() < MIN_SPEED:
         raise MotionError(
             f"the curve turns back between {_name(slowest)} and {_name(slowest + 1)}; "
             "add points that lead it round, or end the spline there and start another"
@@ -93,17 +93,17 @@ def along(points: Array, share: Array) -> tuple[Array, Array]:
     """
     spans = np.linalg.norm(np.diff(points, axis=-2), axis=-1)
     k = np.arange(DEGREE + 1)
-    powers = _powers(points, spans) * (spans[..., None] ** k)[..., None]
+    powers = _span_powers(points, spans) * (spans[..., None] ** k)[..., None]
     slopes = (k[1:] * share[:, None] ** k[:-1]) @ powers[..., 1:, :]
     return share[:, None] ** k @ powers, slopes / spans[..., None, None]
 
 
-def _interpolated(values: Array, spans: Array) -> Array:
+def _span_coefficients(values: Array, spans: Array) -> Array:
     """(N, 6 k) coefficients of every span through k values (N+1, k), by powers of s from its start."""
-    return frozen(_powers(values, spans).reshape(len(spans), -1))
+    return freeze_array(_span_powers(values, spans).reshape(len(spans), -1))
 
 
-def _powers(values: Array, spans: Array) -> Array:
+def _span_powers(values: Array, spans: Array) -> Array:
     """(…, N, 6, k) coefficients of every span through values (…, N+1, k), by powers of s from its start.
 
     A span h from p to q = p + d, with first derivatives v, w and second ones a, b at its ends, is the quintic of these;
@@ -156,9 +156,9 @@ def _powers(values: Array, spans: Array) -> Array:
     return np.asarray(powers)
 
 
-def _speeds(numbers: Array, spans: Array) -> Array:
+def _span_speeds(numbers: Array, spans: Array) -> Array:
     """|dp/ds| (N, LOOKED) over every span."""
-    s = spans[:, None] * np.linspace(0.0, 1.0, LOOKED)
+    s = spans[:, None] * np.linspace(0.0, 1.0, SPAN_POINTS)
     powers = numbers.reshape(len(spans), DEGREE + 1, 7)[:, None, :, :3]
     slope = sum(k * powers[:, :, k] * s[..., None] ** (k - 1) for k in range(1, DEGREE + 1))
     return np.asarray(np.linalg.norm(slope, axis=2))

@@ -14,23 +14,22 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from kinematics.array import Array, frozen
-from kinematics.errors import MotionError, OutOfReach
-from kinematics.forward import CONVERGED, settle
-from kinematics.machine import Machine
-from kinematics.pose import Pose, from_numbers, numbers
-from planner.path.line import line, turn_angle
-from planner.path.shape import Piece, Shape, turning
+from kinematics.analysis.forward import RESIDUAL_TOLERANCE, iterate_newton
+from kinematics.foundation.arrays import Array, freeze_array
+from kinematics.foundation.errors import MotionError, OutOfReach
+from kinematics.machine.machine import Machine
+from kinematics.machine.pose import Pose, from_numbers, to_numbers
+from planner.path.shape import Piece, Shape, line, turn_angle, turning
 
 NAME, DEGREES = "synchronised", (8, 16, 24)
 """Of the polynomial: the least that does, since each costs whenever the path is looked at."""
-NODES = 72
+FORWARD_NODES = 72
 """Forward solutions through which it goes, in the mean: more than coefficients, so that their rounding averages out."""
-STRAIGHT = 1e-12
+STRAIGHTNESS_SHARE = 1e-12
 """By which coordinates may leave the straight line, as a share of the largest of them (or 1 m, 1 rad)."""
-HALVINGS = 4
+MAX_HALVINGS = 4
 """How often a move is halved, for a polynomial each, until they are that straight."""
-LOOKED = 129
+CHECK_POINTS = 129
 
 
 @cache
@@ -51,7 +50,7 @@ def _motion(degree: int, s: ca.SX, parameters: ca.SX) -> tuple[ca.SX, ca.SX]:
     return value[:3], turned
 
 
-def synchronised(machine: Machine, start: Pose, end: Pose, tool: Pose | None, segment: int) -> list[Piece]:
+def draw_synchronised(machine: Machine, start: Pose, end: Pose, tool: Pose | None, segment: int) -> list[Piece]:
     """The tool's way from start to end (base frame) on which all axes' coordinates go straight, in proportion.
 
     Its parameter goes with the coordinates, so q′ is constant; the length is that of the tool's chord, or of its turn
@@ -66,7 +65,7 @@ def synchronised(machine: Machine, start: Pose, end: Pose, tool: Pose | None, se
         last = machine.inverse(end * back, first)
     except OutOfReach:  # whoever looks at the limits says so, as of a line
         return [line(start, end, length, segment)]
-    for count in 2 ** np.arange(HALVINGS + 1):
+    for count in 2 ** np.arange(MAX_HALVINGS + 1):
         made = _pieces(machine, (first, last), (start * back, end * back), back.inv(), length, int(count), segment)
         for pieces in made:
             return [replace(piece, turn=turning(piece)) for piece in pieces]
@@ -87,20 +86,20 @@ def _pieces(
 ) -> Iterator[list[Piece]]:
     """In so many parts, between coordinates and poses of the platform: of every degree that is straight enough."""
     (first, last), (start, end) = axes, ends
-    angle = np.pi * (np.arange(NODES) + 0.5) / NODES
+    angle = np.pi * (np.arange(FORWARD_NODES) + 0.5) / FORWARD_NODES
     x = np.concatenate([[-1.0], -np.cos(angle), [1.0]])
     shares = (np.arange(count)[:, None] + (x + 1) / 2) / count
-    poses = _followed(machine, first, last, start, end, shares.ravel())
+    poses = _follow_poses(machine, first, last, start, end, shares.ravel())
     if poses is None:
         return
     moved = poses * tool
-    values = np.concatenate([moved.translation, _alike(moved.rotation.as_quat())], 1).reshape(count, len(x), 7)
-    allowed = STRAIGHT * max(1.0, float(np.abs(axes).max()))
+    values = np.concatenate([moved.translation, _align_signs(moved.rotation.as_quat())], 1).reshape(count, len(x), 7)
+    allowed = STRAIGHTNESS_SHARE * max(1.0, float(np.abs(axes).max()))
     for degree in DEGREES:
         pieces = []
         for own in values:
             parameters = np.concatenate([[2 * count / length], _polynomial(x, own, degree).ravel()])
-            pieces.append(Piece(_shape(degree), frozen(parameters), length / count, segment))
+            pieces.append(Piece(_shape(degree), freeze_array(parameters), length / count, segment))
         if straightness(machine, pieces, tool, first, last) <= allowed:
             yield pieces
 
@@ -109,15 +108,15 @@ def straightness(machine: Machine, pieces: list[Piece], tool: Pose, first: Array
     """By how much coordinates leave the straight line along pieces of equal lengths at most, m or rad."""
     worst, back = 0.0, tool.inv()
     for n, piece in enumerate(pieces):
-        share = np.linspace(0.0, 1.0, LOOKED)
-        x = numbers(from_numbers(piece.poses(piece.length * share)) * back)
+        share = np.linspace(0.0, 1.0, CHECK_POINTS)
+        x = to_numbers(from_numbers(piece.poses(piece.length * share)) * back)
         wanted = first + ((n + share) / len(pieces))[:, None] * (last - first)
         found = machine.inverse_map(machine.inputs(x, wanted))
         worst = max(worst, float(np.abs(found - wanted).max())) if np.isfinite(found).all() else np.inf
     return worst
 
 
-def _followed(machine: Machine, first: Array, last: Array, start: Pose, end: Pose, shares: Array) -> Pose | None:
+def _follow_poses(machine: Machine, first: Array, last: Array, start: Pose, end: Pose, shares: Array) -> Pose | None:
     """The platform's poses at shares of the way, sought from the straight motion in space; None where one is not found.
 
     One that belongs to another assembly of the legs shows as a way that no polynomial follows.
@@ -125,11 +124,11 @@ def _followed(machine: Machine, first: Array, last: Array, start: Pose, end: Pos
     turn = (start.rotation.inv() * end.rotation).as_rotvec()
     place = start.translation + shares[:, None] * (end.translation - start.translation)
     near = RigidTransform.from_components(place, start.rotation * Rotation.from_rotvec(shares[:, None] * turn))
-    found, residual = settle(machine, first + shares[:, None] * (last - first), numbers(near))
-    return from_numbers(found) if (residual <= CONVERGED).all() else None
+    found, residual = iterate_newton(machine, first + shares[:, None] * (last - first), to_numbers(near))
+    return from_numbers(found) if (residual <= RESIDUAL_TOLERANCE).all() else None
 
 
-def _alike(quaternions: Array) -> Array:
+def _align_signs(quaternions: Array) -> Array:
     """Each on the side of the one before it."""
     sides = np.cumprod(np.concatenate([[1.0], np.sign((quaternions[1:] * quaternions[:-1]).sum(1))]))
     return np.asarray(quaternions * sides[:, None])

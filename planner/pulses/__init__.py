@@ -1,24 +1,23 @@
 """Pulse schedules: from a motion to exact clock ticks, and the independent proof that they stand for it."""
 
-from planner.pulses.check import check
-from planner.pulses.compress import compress
-from planner.pulses.file_check import check_file
-from planner.pulses.generate import generate, paced
-from planner.pulses.motion import Motion, MotionState
-from planner.pulses.realised import realised
-from planner.pulses.realised_path import RealisedError, RealisedPath
-from planner.pulses.rules import RULES, Rule, find_rule
-from planner.pulses.schedule import AxisPulses, Moved, PulseSchedule
+from planner.pulses.checking import check
+from planner.pulses.checking.file_check import check_file
+from planner.pulses.checking.verdict import AxisCheck, PulseCheck, PulseFault
+from planner.pulses.compression import compress
+from planner.pulses.generation.generate import RULES, find_rule, generate, pace_axes
+from planner.pulses.generation.rule import Rule
+from planner.pulses.motion import AxesMotion, MotionState
+from planner.pulses.realised_path import RealisedError, RealisedPath, realised
+from planner.pulses.schedule import AxisPulses, MovedPulses, PulseSchedule
 from planner.pulses.step_queue import StepQueue, decompress
-from planner.pulses.verdict import AxisCheck, PulseCheck, PulseFault
 
 __all__ = [
     "RULES",
+    "AxesMotion",
     "AxisCheck",
     "AxisPulses",
-    "Motion",
     "MotionState",
-    "Moved",
+    "MovedPulses",
     "PulseCheck",
     "PulseFault",
     "PulseSchedule",
@@ -32,6 +31,6 @@ __all__ = [
     "decompress",
     "find_rule",
     "generate",
-    "paced",
+    "pace_axes",
     "realised",
 ]

@@ -1,8 +1,18 @@
-"""What a pulse schedule is made from and checked against: a motion that can be sampled."""
+"""What a pulse schedule is made from and checked against: a motion that can be sampled.
+
+What an axis' mechanics make of where its motor stands: its play, then its screw. Compensation is held against it.
+
+The position counters of the motion cards: what they hold, and the refusal of a motion that leaves them.
+"""
 
 from typing import Protocol, runtime_checkable
 
-from kinematics.array import Array
+import numpy as np
+
+from kinematics.foundation.arrays import Array
+from kinematics.foundation.errors import MotionError
+from kinematics.machine.axis import Axis
+from planner.pulses.schedule import AxisPulses
 
 
 class MotionState(Protocol):
@@ -20,7 +30,7 @@ class MotionState(Protocol):
     def qddd(self) -> Array: ...
 
 
-class Motion(Protocol):
+class AxesMotion(Protocol):
     """Axis positions over time; `planner.trajectory.Trajectory` is one.
 
     knots     (M+1,) s, never decreasing, from 0 to the duration: q(t) is smooth inside an interval, q and q̇ are
@@ -36,15 +46,86 @@ class Motion(Protocol):
 
 
 @runtime_checkable
-class AxisMotion(Motion, Protocol):
+class SingleAxisMotion(AxesMotion, Protocol):
     """A motion that tells of one axis in a fraction of the time: a state whose q, q̇, q̈, q⃛ are (N, 1)."""
 
     def axis_at(self, t: Array, axis: int, /) -> MotionState: ...
 
 
 @runtime_checkable
-class MotorMotion(Motion, Protocol):
+class MotorMotion(AxesMotion, Protocol):
     """What motors do so that behind play and screws their axes do what is planned; planned: of the axes."""
 
     @property
-    def planned(self) -> Motion: ...
+    def planned(self) -> AxesMotion: ...
+
+
+def play_operator(motor: Array, width: float, before: float) -> Array:
+    """(N,) where play of a width leaves what a motor at (N,) pushes: yᵢ = min(max(yᵢ₋₁, mᵢ), mᵢ + width).
+
+    Towards greater q it is pushed at y = m, towards smaller q at y = m + width, and between them it stays where it is:
+    the play operator of [Krasnosel'skii and Pokrovskii 1989]. before: y before the first place; a machine that has been
+    homed towards greater q starts at y = m, one towards smaller q at the far side (`apply_play`). Only the turns are
+    gone through one by one: along a run that has one sense y depends on where the run began alone.
+    """
+    if not len(motor):
+        return motor
+    rises = np.diff(motor) >= 0
+    turns = np.flatnonzero(rises[1:] != rises[:-1]) + 1
+    held = [min(max(before, float(motor[0])), float(motor[0]) + width)]
+    for m in motor[turns].tolist():
+        held.append(min(max(held[-1], m), m + width))
+    lengths = np.diff(turns, prepend=-1, append=len(motor) - 1)  # a turn is the last place of its run
+    return np.asarray(np.minimum(np.maximum(np.repeat(held, lengths), motor), motor + width))
+
+
+def apply_play(motor: Array, axis: Axis, before: float) -> Array:
+    """(N,) where an axis' play leaves what its motor pushes, which was homed on the side that `pushed` says."""
+    return play_operator(motor - axis.backlash if axis.pushed == "-" else motor, axis.backlash, before)
+
+
+def apply_screw(place: Array, axis: Axis) -> Array:
+    """(N,) where the axis is, from home, with its screw at (N,): y + error(y), past either end the error as there."""
+    return place if axis.lead_error is None else place + np.interp(place, *np.array(axis.lead_error).T)
+
+
+def invert_screw(wanted: Array, axis: Axis) -> Array:
+    """(N,) the inverse of `apply_screw`: between two points the error is linear over where the axis is, too."""
+    if axis.lead_error is None:
+        return wanted
+    counted, error = np.array(axis.lead_error).T
+    return np.asarray(wanted - np.interp(wanted, counted + error, error))
+
+
+def told(axis: Axis, off: float) -> str:
+    """The axis' mechanics in words, for those who read what was simulated; empty where it states none.
+
+    off: m or rad by which it is behind at most while play that is made up for is crossed.
+    """
+    parts = []
+    if axis.backlash > 0:
+        made = f"made up for, off by up to {1e6 * off:.3g} while crossed" if "backlash" in axis.compensate else "not"
+        parts.append(f"play {1e6 * axis.backlash:.4g} ({made})")
+    if axis.lead_error is not None:
+        most = 1e6 * max(abs(error) for _, error in axis.lead_error)
+        parts.append(f"lead error up to {most:.4g} ({'made up for' if 'lead' in axis.compensate else 'not'})")
+    return f"{', '.join(parts)} µ{axis.unit}" if parts else ""
+
+
+COUNTER = -(1 << 27), (1 << 27) - 1
+"""What the 28-bit position counters of the cards hold [Sahbaz 2007]."""
+
+
+def refuse_counter(pulses: AxisPulses, axis: Axis) -> None:
+    """Raise MotionError where an axis, at rest or moving, stands at a count that its card's register does not hold.
+
+    The register counts as the wiring does: an axis of direction -1 the other way.
+    """
+    counts = np.cumsum(pulses.direction, dtype=np.int64)
+    for away in (counts.min(initial=0), counts.max(initial=0)):
+        wired = (pulses.start + int(away)) * axis.direction
+        if not COUNTER[0] <= wired <= COUNTER[1]:
+            raise MotionError(
+                f"axis {axis.name}: the motion counts to {wired}, beyond the {COUNTER[0]} .. {COUNTER[1]} of the "
+                f"28-bit position counter of card {axis.card}; use a longer pulse, or work nearer to home"
+            )

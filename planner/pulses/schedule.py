@@ -1,27 +1,26 @@
-"""A pulse schedule: for every axis the clock ticks at which it is stepped, and which way."""
+"""A pulse schedule: for every axis the clock ticks at which it is stepped, and which way.
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
-from functools import partial
-from importlib import import_module
-from pathlib import Path
+A schedule in parts that follow each other in time: joined, or compared without ever being whole.
+"""
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from kinematics.array import frozen
-from kinematics.errors import MotionError
-from kinematics.result import Result
-from kinematics.table import Table
-from planner.pulses import schedule_tables
+from kinematics.foundation.arrays import freeze_array
+from kinematics.foundation.errors import MotionError
+from kinematics.foundation.result import Result
+from kinematics.foundation.table import Column, Table
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+    pass
 
 Ticks = NDArray[np.int64]
 Signs = NDArray[np.int8]
-BINS = 600
+RATE_WINDOWS = 600
 """Windows of time over which figures average pulse rates."""
 
 
@@ -36,7 +35,8 @@ class AxisPulses:
     home       m or rad, the axis coordinate from which pulses count
     bound      pulses: |count - (q(t) - home) / pulse| stays within it and one tick's travel
 
-    The class holds what it is given: that the ticks rise and follow the motion is for `planner.pulses.check` to prove.
+    The class holds what it is given: that the ticks rise and follow the motion is for `planner.pulses.checking` to
+    prove.
     """
 
     name: str
@@ -48,8 +48,8 @@ class AxisPulses:
     bound: float = 0.5
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "ticks", frozen(self.ticks, np.int64))
-        object.__setattr__(self, "direction", frozen(self.direction, np.int8))
+        object.__setattr__(self, "ticks", freeze_array(self.ticks, np.int64))
+        object.__setattr__(self, "direction", freeze_array(self.direction, np.int8))
         if self.ticks.ndim != 1 or self.ticks.shape != self.direction.shape:
             shapes = f"ticks {self.ticks.shape} and directions {self.direction.shape}"
             raise MotionError(f"axis {self.name}: {shapes} differ in shape; give one direction per tick")
@@ -69,7 +69,7 @@ class AxisPulses:
 
 
 @dataclass(frozen=True, slots=True)
-class Moved:
+class MovedPulses:
     """What keeping its pulses as far apart as it takes them cost an axis.
 
     pulses  how many were moved
@@ -127,7 +127,7 @@ class PulseSchedule(Result):
     axes: tuple[AxisPulses, ...]
     duration: float
     rule: str = "nearest"
-    moves: tuple[Moved, ...] = ()
+    moves: tuple[MovedPulses, ...] = ()
     compensations: tuple[Compensation, ...] = ()
 
     def __post_init__(self) -> None:
@@ -137,28 +137,11 @@ class PulseSchedule(Result):
 
     def tables(self) -> tuple[Table, ...]:
         """The pulses of each axis; what keeping them apart and the compensation cost, if anything."""
-        return tuple(schedule_tables.tables(self, {}))
+        return tuple(schedule_tables(self, {}))
 
     def data(self) -> Table:
         """Every pulse."""
-        return schedule_tables.every_pulse(self)
-
-    def files(self) -> Mapping[str, Callable[[Path], None]]:
-        """.npz: exact, as `export` writes it; .csv: every pulse; .json: the tables."""
-        # a plugged format: what proves schedules must not come to import what formats import
-        return {
-            ".npz": partial(import_module("planner.export.npz").write, self),
-            ".csv": self._csv,
-            ".json": self._json,
-        }
-
-    def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """Pulse rates over time."""
-        from planner.pulses.schedule_plot import pulse_rate
-
-        ax = pulse_rate(self, ax)
-        ax.legend(frameon=False, loc="center left", bbox_to_anchor=(1, 0.5))
-        return ax
+        return pulse_table(self)
 
     def counts(self, t: ArrayLike) -> Ticks:
         """(N, axes) the counts at the instants t (s); a pulse counts from its own instant, ticks / clock_hz, on."""
@@ -176,3 +159,114 @@ class PulseSchedule(Result):
         """Ticks between the two closest pulses of any one axis; None where no axis has two."""
         closest = [int(np.diff(axis.ticks).min()) for axis in self.axes if len(axis) > 1]
         return min(closest, default=None)
+
+
+def join_schedules(parts: Iterable[PulseSchedule]) -> PulseSchedule:
+    """The whole of one or more parts: what holds for all of it is the last's, start counts are the first's."""
+    held = list(parts)
+    axes = tuple(
+        replace(
+            each[0],
+            ticks=np.concatenate([axis.ticks for axis in each]),
+            direction=np.concatenate([axis.direction for axis in each]),
+        )
+        for each in zip(*(part.axes for part in held), strict=True)
+    )
+    return replace(held[-1], axes=axes)
+
+
+def holds_same_pulses(schedule: PulseSchedule, parts: Iterable[PulseSchedule]) -> bool:
+    """The parts hold exactly the pulses of a schedule."""
+    done = [0] * len(schedule.axes)
+    for part in parts:
+        for k, (got, axis) in enumerate(zip(part.axes, schedule.axes, strict=True)):
+            here = slice(done[k], done[k] + len(got))
+            if not np.array_equal(got.ticks, axis.ticks[here]):
+                return False
+            if not np.array_equal(got.direction, axis.direction[here]):
+                return False
+            done[k] += len(got)
+    return done == [len(axis) for axis in schedule.axes]
+
+
+UNKNOWN_UNIT = "m or rad"
+BESIDE = "of the counts at all times, and what the axis moves in one tick of the clock beside"
+
+
+def schedule_tables(schedule: PulseSchedule, units: Mapping[str, str]) -> Iterator[Table]:
+    """units: m or rad by axis, where it is known. What costs nothing has no table."""
+    axes = schedule.axes
+    yield Table(
+        f"pulses by the rule {schedule.rule}, on a clock of {schedule.clock_hz / 1e6:g} MHz",
+        (
+            Column("axis", [axis.name for axis in axes]),
+            Column("pulses", [len(axis) for axis in axes]),
+            Column("net count", [axis.final - axis.start for axis in axes]),
+            Column("error ≤", [axis.bound for axis in axes], "pulses", form=".3f", up=True),
+        ),
+        (f"{schedule.total} pulses of all axes", f"error: {BESIDE}"),
+    )
+    if moved := schedule.moves:
+        yield Table(
+            "moved apart, as the axes take them",
+            (
+                Column("axis", [one.axis for one in moved]),
+                Column("pulses", [one.pulses for one in moved]),
+                Column("by at most", [one.time for one in moved], "s", "micro", ".3f"),
+                Column("error ≤", [one.error for one in moved], "pulses", form=".4f", up=True),
+                Column(
+                    "length ≤",
+                    [one.length for one in moved],
+                    [units.get(one.axis, UNKNOWN_UNIT) for one in moved],
+                    "micro",
+                    ".4f",
+                    up=True,
+                ),
+            ),
+        )
+    if costs := [cost for cost in schedule.compensations if cost.kinds]:
+        own = [units.get(cost.axis, UNKNOWN_UNIT) for cost in costs]
+        rates = {
+            "speed": ([cost.speed for cost in costs], [cost.max_speed for cost in costs], "/s"),
+            "acceleration": ([cost.acceleration for cost in costs], [cost.max_acceleration for cost in costs], "/s^2"),
+        }
+        yield Table(
+            "made up for",
+            (
+                Column("axis", [cost.axis for cost in costs]),
+                Column("kinds", [" and ".join(cost.kinds) for cost in costs]),
+                Column("reversals", [cost.crossings for cost in costs]),
+                Column("off by ≤", [cost.off for cost in costs], own, "micro", ".3f", up=True),
+            ),
+        )
+        yield Table(
+            "the motors while they cross the play, beside what is certified",
+            (
+                Column("axis", [cost.axis for cost in costs]),
+                *(
+                    Column(f"{name}{of}", values, [f"{unit}{per}" for unit in own], "human", ".3f")
+                    for name, (reached, limits, per) in rates.items()
+                    for of, values in (("", reached), (" limit", limits))
+                ),
+                Column("jerk", [cost.jerk for cost in costs], [f"{unit}/s^3" for unit in own], "human", ".3g"),
+            ),
+        )
+
+
+def pulse_table(schedule: PulseSchedule) -> Table:
+    """A row for each pulse, in the order of time: its tick and time, which axis, which way in q, and its count then."""
+    axes = schedule.axes
+    ticks = np.concatenate([axis.ticks for axis in axes])
+    whose = np.repeat(np.arange(len(axes)), [len(axis) for axis in axes])
+    counts = np.concatenate([axis.start + np.cumsum(axis.direction, dtype=np.int64) for axis in axes])
+    order = np.lexsort((whose, ticks))
+    return Table(
+        f"pulses by the rule {schedule.rule}",
+        (
+            Column("tick", ticks[order]),
+            Column("t", ticks[order] / schedule.clock_hz, "s"),
+            Column("axis", np.array([axis.name for axis in axes], dtype=object)[whose[order]]),
+            Column("direction", np.concatenate([axis.direction for axis in axes])[order]),
+            Column("count", counts[order]),
+        ),
+    )

@@ -5,14 +5,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from kinematics.array import frozen
+from kinematics.foundation.arrays import freeze_array
 from planner.pulses.schedule import Signs, Ticks
 
-COUNT = 65535
+MAX_COUNT = 65535
 """Most pulses of a command, an unsigned 16-bit number."""
-ADD = 32767
+MAX_ADD = 32767
 """Largest magnitude of a command's add, a signed 16-bit number."""
-INTERVAL = 2**32 - 1
+MAX_INTERVAL = 2**32 - 1
 """Most ticks of a command's interval, an unsigned 32-bit number."""
 
 
@@ -40,8 +40,8 @@ class StepQueue:
 
     def __post_init__(self) -> None:
         for field in ("interval", "count", "add", "reset"):
-            object.__setattr__(self, field, frozen(getattr(self, field), np.int64))
-        object.__setattr__(self, "direction", frozen(self.direction, np.int8))
+            object.__setattr__(self, field, freeze_array(getattr(self, field), np.int64))
+        object.__setattr__(self, "direction", freeze_array(self.direction, np.int8))
 
     def __len__(self) -> int:
         return len(self.interval)

@@ -10,21 +10,21 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from kinematics.array import Array, frozen
-from kinematics.errors import MotionError
-from kinematics.machine import Machine
-from kinematics.result import Result
-from kinematics.table import Column, Table
-from kinematics.tripod import Tripod
+from kinematics.foundation.arrays import Array, freeze_array
+from kinematics.foundation.errors import MotionError
+from kinematics.foundation.result import Result
+from kinematics.foundation.table import Column, Table
+from kinematics.kinds.tripod import Tripod
+from kinematics.machine.machine import Machine
 from planner.sources.position_list import PositionList
-from planner.sources.position_ways import step_poses
+from planner.sources.positions import step_poses
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+    pass
 
-TURNED = 1e-9
+ANGLE_TOLERANCE = 1e-9
 """rad by which a plate is held as it is at home, but for rounding."""
-CLOSE = 1e-9
+LENGTH_TOLERANCE = 1e-9
 """m by which arms may miss their lengths where the held plate is looked for."""
 
 
@@ -52,7 +52,7 @@ class ArmSimulation(Result):
 
     def __post_init__(self) -> None:
         for name in ("lengths", "stroke", "within", "turned", "off"):
-            object.__setattr__(self, name, frozen(getattr(self, name)))
+            object.__setattr__(self, name, freeze_array(getattr(self, name)))
 
     def tables(self) -> tuple[Table, ...]:
         """Pose by pose: the arms' lengths, and what the machine can make of them."""
@@ -76,12 +76,6 @@ class ArmSimulation(Result):
         title = f"arm lengths of {self.machine} at {len(self.listed)} poses from {self.listed.frame}"
         return (Table(title, columns, (*self.notes, *(told if count else ()), *(beyond if any(short) else ()))),)
 
-    def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """The arms' lengths from pose to pose; turned ones shaded."""
-        from planner.sources.plots import arms
-
-        return arms(self.lengths, self.turned, ax, f"arm lengths of {self.machine}")
-
 
 def simulate_arms(listed: PositionList, machine: Machine, *, unit: float | None = None) -> ArmSimulation:
     """The arm lengths of a list's poses, R = Ry · Rz · Rx where the list says so.
@@ -102,19 +96,19 @@ def simulate_arms(listed: PositionList, machine: Machine, *, unit: float | None 
     lengths = machine.arm_lengths(pose)
     stroke = lengths - machine.home_q
     low, high = np.array([axis.travel for axis in machine.axes]).T
-    turned = np.asarray((machine.home.rotation.inv() * pose.rotation).magnitude() > TURNED)
+    turned = np.asarray((machine.home.rotation.inv() * pose.rotation).magnitude() > ANGLE_TOLERANCE)
     off = np.zeros(len(lengths))
     if turned.any():
-        off[turned] = _off(machine, lengths[turned], pose.translation[turned])
-    within = (stroke >= low - CLOSE) & (stroke <= high + CLOSE)
+        off[turned] = _position_error(machine, lengths[turned], pose.translation[turned])
+    within = (stroke >= low - LENGTH_TOLERANCE) & (stroke <= high + LENGTH_TOLERANCE)
     return ArmSimulation(machine.name, listed, lengths, stroke, within, turned, off, tuple(notes))
 
 
-def _off(machine: Tripod, lengths: Array, wanted: Array) -> Array:
+def _position_error(machine: Tripod, lengths: Array, wanted: Array) -> Array:
     """(K,) m between places and those of the end point with the plate held; nan where no pose has the lengths."""
     near = RigidTransform.from_components(
         wanted, Rotation.from_matrix([machine.home.rotation.as_matrix()] * len(wanted))
     )
     found = machine.forward(lengths, near=near, certify=False)
     gap = np.linalg.norm(found.pose.translation - wanted, axis=1)
-    return np.where(found.residual <= CLOSE, gap, np.nan)
+    return np.where(found.residual <= LENGTH_TOLERANCE, gap, np.nan)

@@ -11,27 +11,158 @@ Everything else is a fault, told by its handle, layer and kind: leave its layer 
 whose ends are within `tolerance` become one contour, turned round where they have to be. What lies between the ends is
 closed by leading the next one from where the path stands. Widths and thicknesses are not looked at. Coordinates stay
 the drawing's: the option `origin` makes the program's work frame, in which its plane lies anywhere.
+
+A DXF file as ezdxf reads it: its entities in model space, the layers that count, and its unit.
+
+On which line of a DXF file an entity or a variable of its header stands: ezdxf keeps no places.
 """
 
-from collections import Counter
+import re
+from collections import Counter, defaultdict
 from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 
-from kinematics.errors import MotionError
-from planner.program import Blend, Line, Program, Stop, Through
-from planner.sources.chains import chained
-from planner.sources.cutting import Cutting, program_of
-from planner.sources.dxf_file import HANDLE, drawing, refuse_unknown
-from planner.sources.dxf_lines import line_of
-from planner.sources.dxf_shapes import Shapes
-from planner.sources.faults import Faults
-from planner.sources.placed import placed
-from planner.sources.source import Imported, option
+from kinematics.foundation.errors import Fault, FileError, MotionError, NotInstalled
+from kinematics.foundation.names import nearest
+from kinematics.foundation.units import describe_value
+from planner.options import option
+from planner.program.model import Line, Program
+from planner.program.modifiers import Blend, Stop, Through
+from planner.program.validation import check_positive
+from planner.sources.contours import Cutting, chain_strokes, make_segments
+from planner.sources.dxf_shapes import StrokeMaker
+from planner.sources.positions import read_frame
+from planner.sources.source import Faults, Imported, read_all_bytes
 from planner.sources.stroke import Chain
-from planner.wanted import positive
+
+
+def find_line(path: Path, code: int, value: str) -> int | None:
+    """The first line whose value is this one, behind its group code; None where there is none, as in a binary file.
+
+    A handle stands behind code 5, a variable's name behind 9.
+    """
+    lines = [line.strip() for line in read_all_bytes(path).decode("utf-8", "replace").splitlines()]
+    for n in range(0, len(lines) - 1, 2):
+        if lines[n] == str(code) and lines[n + 1].upper() == value.upper():
+            return n + 2
+    return None
+
+
+METRES = {
+    1: 0.0254, 2: 0.3048, 3: 1609.344, 4: 1e-3, 5: 1e-2, 6: 1.0, 7: 1e3, 8: 25.4e-9, 9: 25.4e-6, 10: 0.9144,
+    13: 1e-6, 14: 0.1, 15: 10.0, 16: 100.0,
+}  # fmt: skip
+"""m of the units that $INSUNITS can name."""
+LAST_CODE = 24
+HANDLE_CODE, VARIABLE_CODE = 5, 9
+"""Group codes."""
+HANDLES = 1000
+"""Entities of a kind and layer that are named one by one."""
+
+
+@dataclass(frozen=True, slots=True)
+class Drawing:
+    """Its entities, in their order; m of its unit; and what its user has to know."""
+
+    entities: list[Any]
+    metres: float
+    warnings: list[str]
+
+
+def read_drawing(path: Path, options: "Dxf") -> Drawing:
+    """Raises FileError for what is no DXF file, is broken or has no unit; NotInstalled where ezdxf is not there."""
+    try:
+        from ezdxf.filemanagement import readfile
+    except ImportError:
+        raise NotInstalled("a DXF file", "ezdxf", "cad") from None
+    raw = read_all_bytes(path)
+    try:
+        document = readfile(path)
+        entities = list(document.modelspace())
+        layers = {layer.dxf.name.lower(): layer for layer in document.layers}
+        papers = Counter(
+            {name: len(document.layout(name)) for name in document.layout_names() if name.lower() != "model"}
+        )
+    except Exception as error:  # whatever its parser comes upon
+        told = str(error).removeprefix(f"{type(error).__name__}: ").replace(str(path), "it").replace("File 'it'", "it")
+        line = int(at[1]) if (at := re.search(r"near line: (\d+)", told)) else raw.count(b"\n") if raw else 1
+        more = "" if told.endswith("is not a DXF file.") else "; what follows is not looked at"
+        message = f"not a DXF file that can be read: {describe_value(told)}{more}"
+        raise FileError(str(path), [Fault("", message, line if more else 1)]) from None
+    warnings = [
+        f"{count} entities of layout {describe_value(name)} are not read" for name, count in papers.items() if count
+    ]
+    metres = _read_unit(path, document.units if b"$INSUNITS" in raw else 0, options.length, warnings)
+    taken = _select_entities(path, entities, layers, options, warnings)
+    return Drawing(taken, metres, warnings)
+
+
+def _read_unit(path: Path, code: int, length: str | None, warnings: list[str]) -> float:
+    """ezdxf takes metres where a file says nothing: so whether it says something is asked of the file itself."""
+    from kinematics.foundation.units import unit_value
+
+    said = METRES.get(code)
+    if length is None:
+        if said is None:
+            told = "states no unit ($INSUNITS)" if not code else f"states unit {code} ($INSUNITS), which is not known"
+            line = find_line(path, VARIABLE_CODE, "$INSUNITS") or 1
+            told = f'the drawing {told}; give the option length, e.g. "mm"'
+            raise FileError(str(path), [Fault("$INSUNITS", told, line)])
+        return said
+    given = unit_value(length, "m")
+    if said is not None and said != given:
+        warnings.append(f"the drawing states units of {said * 1e3:g} mm; {length} was taken, as the option says")
+    return given
+
+
+def _select_entities(
+    path: Path, entities: list[Any], layers: dict[str, Any], options: "Dxf", warnings: list[str]
+) -> list[Any]:
+    """Those of the layers that count: named ones, or all but skipped and hidden ones."""
+    named, skipped = options.named, options.skipped
+    known = layers.keys() | {layer_of(entity).lower() for entity in entities}
+    for name in [*named, *skipped]:
+        if name not in known:
+            offered = ", ".join(describe_value(layer) for layer in sorted(known)[:20])
+            raise FileError(str(path), [Fault("", f'no layer "{name}"{nearest(name, known)}; its layers: {offered}')])
+    hidden = {name for name, layer in layers.items() if layer.is_off() or layer.is_frozen()} - set(named)
+    left, taken = Counter[str](), []
+    for entity in entities:
+        layer = layer_of(entity).lower()
+        if (named and layer not in named) or layer in skipped:
+            left[f"on layer {describe_value(layer_of(entity))}, as the options say"] += 1
+        elif layer in hidden:
+            left[f"on layer {describe_value(layer_of(entity))}, which is off or frozen"] += 1
+        elif entity.dxf.hasattr("invisible") and entity.dxf.invisible:
+            left["that are invisible"] += 1
+        else:
+            taken.append(entity)
+    warnings += [f"{count} entities {why} were left out" for why, count in left.items()]
+    return taken
+
+
+def layer_of(entity: Any) -> str:
+    """Its layer; of kinds that ezdxf does not know too."""
+    return str(entity.dxf.layer if entity.dxf.hasattr("layer") else entity.graphic_properties().get("layer", "0"))
+
+
+def refuse_unknown(path: Path, entities: list[Any], faults: Faults) -> None:
+    """One fault for each kind and layer of entities that are not supported: line of the first, handles of them all."""
+    groups = defaultdict(list)
+    for entity in entities:
+        groups[entity.dxftype(), layer_of(entity)].append(str(entity.dxf.handle))
+    for (kind, layer), handles in groups.items():
+        more = f" and {len(handles) - HANDLES} more" if len(handles) > HANDLES else ""
+        remedy = "explode it" if kind in ("INSERT", "DIMENSION", "MLINE", "POLYLINE") else "take it out"
+        faults.add(
+            f"{kind} is not supported: {remedy}, or skip its layer; handle{'s' * (len(handles) > 1)} "
+            f"{', '.join(handles[:HANDLES])}{more}",
+            find_line(path, HANDLE_CODE, handles[0]),
+            f"layer {describe_value(layer)}",
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +198,7 @@ class Dxf:
     def __post_init__(self) -> None:
         units = {"blend": "m", "speed": "m/s", "rapid": "m/s", "lead_in": "m", "tolerance": "m", "deviation": "m"}
         for name, unit in units.items():
-            positive("dxf", name, getattr(self, name), unit)
+            check_positive("dxf", name, getattr(self, name), unit)
         if not (np.isfinite(self.approach) and self.approach >= 0 and np.isfinite(self.retract or 0)):
             raise MotionError("dxf: retract and approach must be finite, and approach not negative")
         if self.approach and self.retract is None:
@@ -84,8 +215,8 @@ class Dxf:
     def read(self, path: Path) -> Imported:
         """The program of a DXF file. Raises FileError with its faults; MotionError where ezdxf is not installed."""
         faults = Faults(str(path))
-        found = drawing(path, self)
-        shapes = Shapes(found.metres, self.deviation)
+        found = read_drawing(path, self)
+        shapes = StrokeMaker(found.metres, self.deviation)
         refuse_unknown(path, [entity for entity in found.entities if not shapes.knows(entity)], faults)
         parts: list[Chain] = []
         for entity in found.entities:
@@ -94,19 +225,19 @@ class Dxf:
                     parts += shapes.strokes(entity)
                 except MotionError as wrong:
                     named = f"{entity.dxftype()} {entity.dxf.handle}"
-                    faults.add(str(wrong), line_of(path, HANDLE, str(entity.dxf.handle)), named)
+                    faults.add(str(wrong), find_line(path, HANDLE_CODE, str(entity.dxf.handle)), named)
                 except Exception as wrong:  # what ezdxf comes upon in an entity that it has read
                     named = f"{entity.dxftype()} {entity.dxf.handle}"
-                    faults.add(f"broken: {wrong}", line_of(path, HANDLE, str(entity.dxf.handle)), named)
-        kept, short = _long_enough(parts, self.tolerance)
+                    faults.add(f"broken: {wrong}", find_line(path, HANDLE_CODE, str(entity.dxf.handle)), named)
+        kept, short = _drop_short_lines(parts, self.tolerance)
         if not faults and not kept:
             faults.add("nothing to run: it has no lines and no curves on these layers, none longer than the tolerance")
         faults.refuse()
-        chains, forks = chained(kept, self.tolerance)
+        chains, forks = chain_strokes(kept, self.tolerance)
         closed = [bool(np.linalg.norm(chain[0].start - chain[-1].end) <= self.tolerance) for chain in chains]
-        work = None if self.origin is None else placed(self.origin)
+        work = None if self.origin is None else read_frame(self.origin)
         start = np.zeros(3) if work is None else work.inv().translation
-        segments = program_of(chains, closed, self._cutting(), np.asarray(start))
+        segments = make_segments(chains, closed, self._cutting(), np.asarray(start))
         program = Program(segments, "home", name=path.stem, work=work)
         told = [*found.warnings, *self._warnings(shapes, short, forks, len(chains))]
         entities = dict(sorted(Counter(entity.dxftype() for entity in found.entities).items()))
@@ -119,7 +250,7 @@ class Dxf:
             self.order == "nearest",
         )  # fmt: skip
 
-    def _warnings(self, shapes: Shapes, short: int, forks: int, contours: int) -> list[str]:
+    def _warnings(self, shapes: StrokeMaker, short: int, forks: int, contours: int) -> list[str]:
         told = []
         if shapes.worst:
             told.append(f"ellipses and splines are curves through points, off by {shapes.worst * 1e6:.3g} um at most")
@@ -140,7 +271,7 @@ def _names(text: str | None) -> list[str]:
     return [name.strip().lower() for name in (text or "").split(",") if name.strip()]
 
 
-def _long_enough(parts: list[Chain], tolerance: float) -> tuple[list[Chain], int]:
+def _drop_short_lines(parts: list[Chain], tolerance: float) -> tuple[list[Chain], int]:
     """Without lines that are all within the tolerance, which their own two ends would close; and how many they are."""
     kept = [
         chain

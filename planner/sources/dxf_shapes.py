@@ -1,4 +1,7 @@
-"""What DXF entities are in space: the strokes of each kind, exact but for ellipses and splines."""
+"""What DXF entities are in space: the strokes of each kind, exact but for ellipses and splines.
+
+Points on a curve, dense enough that the spline through them stays within a tolerance of it.
+"""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
@@ -8,15 +11,59 @@ from typing import Any
 
 import numpy as np
 
-from kinematics.array import Array
-from kinematics.errors import MotionError
-from planner.program import SAME
-from planner.sources.fitted import Curve, fitted
-from planner.sources.stroke import Chain, Stroke, arc, cross, curve, line
+from kinematics.foundation.arrays import Array
+from kinematics.foundation.errors import MotionError
+from planner.path.spline import along
+from planner.program.model import SAME
+from planner.sources.stroke import Chain, Stroke, arc, cross_product, curve, line
+
+FIRST_POINTS, MAX_ROUNDS, MAX_POINTS = 17, 40, 20_000
+"""Points to begin with, how often spans are halved, and points at most."""
+SPAN_SHARES = np.arange(1, 8) / 8
+"""Places of a span at which it is held against the curve."""
+NEWTON_STEPS = 2
+"""Steps towards the nearest point of the curve: what they leave makes a distance larger, never smaller."""
+
+Curve = Callable[[Array], tuple[Array, Array]]
+"""Points (N, 3) and their first derivatives at parameters (N,)."""
+
+
+def fit_spline(curve: Curve, low: float, high: float, tolerance: float) -> tuple[Array, float]:
+    """Points (N, 3) from low to high, and by how much (m) the program's spline through them leaves the curve.
+
+    Spans that leave it by more than the tolerance are halved, and so are their neighbours. Measured at seven places of
+    each span, against the nearest point of the curve. Raises MotionError where the curve does not let itself be fitted.
+    """
+    t = np.linspace(low, high, FIRST_POINTS)
+    for _ in range(MAX_ROUNDS):
+        points = curve(t)[0]
+        spans = np.linalg.norm(np.diff(points, axis=0), axis=1)
+        if not np.isfinite(points).all() or spans.min() == 0 or len(t) > MAX_POINTS:
+            break
+        off = _curve_deviation(curve, t, points)
+        bad = off > tolerance
+        if not bad.any():
+            return points, float(off.max())
+        bad[1:] |= bad[:-1].copy()
+        bad[:-1] |= bad[1:].copy()
+        t = np.sort(np.concatenate([t, (t[:-1] + t[1:])[bad] / 2]))
+    raise MotionError(f"no smooth curve follows it within {tolerance * 1e3:g} mm; explode it into lines and arcs")
+
+
+def _curve_deviation(curve: Curve, t: Array, points: Array) -> Array:
+    """m, the largest distance of each span from the curve."""
+    x = along(points, SPAN_SHARES)[0].reshape(-1, 3)
+    near = (t[:-1, None] + np.diff(t)[:, None] * SPAN_SHARES).ravel()
+    for _ in range(NEWTON_STEPS):
+        p, slope = curve(near)
+        steep = np.maximum((slope**2).sum(1), np.finfo(float).tiny)
+        near = np.clip(near + ((x - p) * slope).sum(1) / steep, t[0], t[-1])
+    return np.asarray(np.linalg.norm(x - curve(near)[0], axis=1).reshape(len(t) - 1, -1).max(1))
+
 
 LARGEST = 1e5
 """m; no coordinate of a drawing that means something comes near it."""
-ASKED = {
+REQUIRED_ATTRIBUTES = {
     "LINE": ("start", "end"), "CIRCLE": ("center", "radius"), "ARC": ("center", "radius", "start_angle", "end_angle"),
     "ELLIPSE": ("center", "major_axis", "ratio"),
 }  # fmt: skip
@@ -24,7 +71,7 @@ ASKED = {
 
 
 @dataclass(slots=True)
-class Shapes:
+class StrokeMaker:
     """Makes strokes of entities, and remembers what its user has to know.
 
     metres     of one unit of the drawing
@@ -55,7 +102,7 @@ class Shapes:
 
     def strokes(self, entity: Any) -> list[Chain]:
         """Its chains: one, none where it has no length, more where a spline has corners. Raises MotionError."""
-        if missing := [name for name in ASKED.get(entity.dxftype(), ()) if not entity.dxf.hasattr(name)]:
+        if missing := [name for name in REQUIRED_ATTRIBUTES.get(entity.dxftype(), ()) if not entity.dxf.hasattr(name)]:
             raise MotionError(f"it states no {missing[0]}")
         self.flattened += any(
             entity.dxf.hasattr(name) and entity.dxf.get(name) for name in ("thickness", "const_width")
@@ -80,8 +127,8 @@ class Shapes:
 
     def _arc(self, entity: Any) -> Iterator[Stroke]:
         """ARC and CIRCLE: against the clock about the direction of extrusion, which −z turns round."""
-        ocs = _turned(entity)
-        ux, uy, normal = _axes(ocs)
+        ocs = _object_coordinates(entity)
+        ux, uy, normal = _coordinate_axes(ocs)
         centre, radius = self._point(ocs.to_wcs(entity.dxf.center)), entity.dxf.radius * self.metres
         if not 0 <= radius <= LARGEST:
             raise MotionError(f"radius {entity.dxf.radius:g} must not be negative, and be less than {LARGEST:g} m")
@@ -109,7 +156,7 @@ class Shapes:
         rows = [vertex.dxf for vertex in entity.vertices if not vertex.dxf.flags & 16]  # control frame
         if entity.is_3d_polyline:
             places = [self._point(row.location) for row in rows]
-            for start, end in _sides(places, bool(entity.is_closed)):
+            for start, end in _pair_sides(places, bool(entity.is_closed)):
                 yield from self._straight(start, end)
             return
         self.flattened += any(row.get("start_width", 0) or row.get("end_width", 0) for row in rows)
@@ -124,17 +171,17 @@ class Shapes:
 
         The centre lies (1 − b²)/(4 b) of the side beside its middle, on its left where b is positive and less than 1.
         """
-        ocs = _turned(entity)
-        normal = _axes(ocs)[2]
+        ocs = _object_coordinates(entity)
+        normal = _coordinate_axes(ocs)[2]
         places = [self._point(ocs.to_wcs((x, y, height))) for x, y, _ in rows]
-        for (start, end), (_, _, bulge) in zip(_sides(places, closed), rows, strict=False):
+        for (start, end), (_, _, bulge) in zip(_pair_sides(places, closed), rows, strict=False):
             if not isfinite(bulge):
                 raise MotionError(f"bulge {bulge} must be finite")
             side = end - start
             if bulge == 0 or np.linalg.norm(side) <= SAME:
                 yield from self._straight(start, end)
                 continue
-            centre = (start + end) / 2 + cross(normal, side) * ((1 - bulge**2) / (4 * bulge))
+            centre = (start + end) / 2 + cross_product(normal, side) * ((1 - bulge**2) / (4 * bulge))
             if not (abs(centre) <= LARGEST).all():  # nor is what is no number
                 raise MotionError(f"bulge {bulge:g} makes an arc of a radius beyond {LARGEST:g} m; make it straight")
             yield arc(start, centre, normal, 4 * atan(bulge), end)
@@ -142,10 +189,10 @@ class Shapes:
     def _ellipse(self, entity: Any) -> Iterator[Stroke]:
         """c + a cos t + b sin t; where both axes are alike an arc, else a curve through points."""
         centre, major = self._point(entity.dxf.center), self._point(entity.dxf.major_axis)
-        normal, ratio = _axes(_turned(entity))[2], entity.dxf.ratio
+        normal, ratio = _coordinate_axes(_object_coordinates(entity))[2], entity.dxf.ratio
         if not 0 < abs(ratio) <= 1 or np.linalg.norm(major) <= SAME:
             raise MotionError(f"axes of {entity.dxf.major_axis.magnitude:g} and {ratio:g} of that make no ellipse")
-        minor = cross(normal, major) * ratio
+        minor = cross_product(normal, major) * ratio
         low, high = entity.dxf.get("start_param", 0.0), entity.dxf.get("end_param", 2 * pi)
         if not (isfinite(low) and isfinite(high)):
             raise MotionError(f"parameters {low:g} and {high:g} must be finite")
@@ -172,7 +219,7 @@ class Shapes:
         if not (np.isfinite(knots).all() and (np.diff(knots) >= 0).all() and (weights > 0).all() and degree >= 1):
             raise MotionError("its knots must rise, and its weights be positive and finite")
         if degree == 1:
-            for start, end in _sides(list(points), False):
+            for start, end in _pair_sides(list(points), False):
                 yield from self._straight(start, end)
             return
         from scipy.interpolate import BSpline
@@ -193,12 +240,12 @@ class Shapes:
             yield self._fitted(along, begin + hair * (begin > low), end - hair * (end < high))
 
     def _fitted(self, along: Curve, low: float, high: float) -> Stroke:
-        points, off = fitted(along, low, high, self.deviation)
+        points, off = fit_spline(along, low, high, self.deviation)
         self.worst = max(self.worst, off)
         return curve(points)
 
 
-def _turned(entity: Any) -> Any:
+def _object_coordinates(entity: Any) -> Any:
     """The coordinates that an entity with an extrusion is stated in: ezdxf's OCS."""
     from ezdxf.math import OCS
 
@@ -208,12 +255,12 @@ def _turned(entity: Any) -> Any:
     return OCS(extrusion)
 
 
-def _axes(ocs: Any) -> tuple[Array, Array, Array]:
+def _coordinate_axes(ocs: Any) -> tuple[Array, Array, Array]:
     """Their axes (3,) in the drawing's coordinates."""
     ux, uy, uz = (np.array(list(ocs.to_wcs(axis))) for axis in ((1, 0, 0), (0, 1, 0), (0, 0, 1)))
     return ux, uy, uz
 
 
-def _sides(places: list[Array], closed: bool) -> Iterator[tuple[Array, Array]]:
+def _pair_sides(places: list[Array], closed: bool) -> Iterator[tuple[Array, Array]]:
     ends = [*places[1:], places[0]] if closed else places[1:]
     return zip(places, ends, strict=False)

@@ -24,23 +24,319 @@ the option `machine`, and without that it is refused (planner.sources.gcode_join
 Everything else is a fault with its line and column; words named in the option `ignore` are left out and counted, where
 leaving them out leaves the path as it is. F is a cap: the machine is as fast as it can under it. Coordinates that are
 rounded make small corners where curves were smooth, at which G61 stops: G64 P passes them.
+
+G-code, run: what holds from block to block, and the segments that blocks make of it.
 """
 
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from math import cos, degrees, dist, hypot, pi, radians, sin
 from pathlib import Path
 from typing import ClassVar, Literal
 
-from kinematics.errors import MotionError
-from planner.program import Blend, Dwell, Join, Program, Stop, Through
-from planner.sources.faults import Faults
-from planner.sources.gcode_ignored import ignorable
+import numpy as np
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from kinematics.foundation.errors import MotionError
+from kinematics.machine.pose import Pose
+from planner.options import option
+from planner.program.model import SAME, Arc, Dwell, Line, Program, Segment, Turn
+from planner.program.modifiers import Blend, Join, Stop, Through
+from planner.program.validation import check_positive
 from planner.sources.gcode_joints import find_header, read_joints, refuse_options
-from planner.sources.gcode_run import Run
-from planner.sources.gcode_words import words
-from planner.sources.placed import placed
-from planner.sources.source import Imported, option
-from planner.sources.texts import text_of
-from planner.wanted import positive
+from planner.sources.gcode_words import (
+    MAX_NUMBER,
+    Offsets,
+    Words,
+    arc_by_centre,
+    arc_by_radius,
+    column_of,
+    ignored,
+    is_ignorable,
+    words,
+)
+from planner.sources.positions import read_frame
+from planner.sources.source import Faults, Imported, decode_text
+
+GROUPS: Mapping[float, str] = {
+    **dict.fromkeys((0.0, 1.0, 2.0, 3.0), "motion"),
+    **dict.fromkeys((17.0, 18.0, 19.0), "plane"),
+    **dict.fromkeys((20.0, 21.0), "length"),
+    **dict.fromkeys((61.0, 61.1, 64.0), "join"),
+    **dict.fromkeys((90.0, 91.0), "distance"),
+    **dict.fromkeys((90.1, 91.1), "centre"),
+    **dict.fromkeys((93.0, 94.0), "feed"),
+    4.0: "dwell",
+}
+"""What each G says something about: of each, a block says one."""
+PLANES = {17.0: (0, 1, 2), 18.0: (2, 0, 1), 19.0: (1, 2, 0)}
+"""First and second axis of the plane, and its normal."""
+UNIT_METRES = {20.0: 0.0254, 21.0: 1e-3}
+AXES, OFFSETS = "XYZABC", "IJK"
+VALUE_LETTERS = frozenset("XYZABCIJKRFPN")
+HALF_TURN = pi * (1 - 1e-12)
+
+
+class WordFault(MotionError):
+    """What is wrong with a block, at one of its words or, for "", all of it."""
+
+    def __init__(self, word: str, message: str) -> None:
+        self.word = word
+        super().__init__(message)
+
+
+class GcodeRun:
+    """A controller's state, changed block by block, and the segments so far.
+
+    place   x, y, z (m), a, b, c (rad) that the blocks have led to
+    stands  (3,) where the segments lead to: an arc may end a rounding beside its place
+    """
+
+    def __init__(self, options: "Gcode", work: Pose | None, faults: Faults) -> None:
+        self.options, self.faults = options, faults
+        self.segments: list[Segment] = []
+        self.entities: Counter[str] = Counter()
+        self.left_out: Counter[str] = Counter()
+        self.nowhere, self.several, self.off, self.unstated = 0, 0, 0.0, True
+        self.ended, self.offsets = False, Offsets()
+        start = RigidTransform.identity() if work is None else work.inv()
+        self.place = [*start.translation.tolist(), *start.rotation.as_euler("XYZ").tolist()]
+        self.stands: list[float] = self.place[:3]
+        self.motion: float | None = None
+        self.plane, self.unit = 17.0, UNIT_METRES[20.0 if options.length == "in" else 21.0]
+        self.absolute, self.from_start, self.timed = True, True, False
+        self.feed: float | None = None
+        self.join: Join = options.first_join
+
+    def block(self, number: int, line: str, found: Words) -> None:
+        """One line's words; what is wrong with them becomes a fault."""
+        try:
+            codes, values = self._sorted(found)
+            if codes or "F" in values or "P" in values:
+                self._modal(codes, values)
+            if "dwell" in codes:
+                self._dwell(number, values)
+            elif not values.keys() <= {"F", "P", "N"}:
+                self._move(number, values, "F" in values)
+        except MotionError as wrong:
+            key = wrong.word if isinstance(wrong, WordFault) else ""
+            nth = [k for k, (letter, text) in enumerate(found) if key in (letter.upper(), letter + text)]
+            self.faults.add(str(wrong), number, f"column {column_of(line, nth[-1] if nth else 0)}")
+
+    def _sorted(self, found: Words) -> tuple[dict[str, float], dict[str, float]]:
+        """The block's G by group, and the numbers of its other words by letter."""
+        codes: dict[str, float] = {}
+        values: dict[str, float] = {}
+        silent: list[tuple[str, float]] = []
+        for given, text in found:
+            value = float(text)
+            if not -MAX_NUMBER <= value <= MAX_NUMBER:
+                raise WordFault(given + text, f"{given}{text[:20]}…: no such number makes sense")
+            letter = given.upper()
+            if letter in VALUE_LETTERS:
+                if letter in values:
+                    raise WordFault(letter, f"{letter} stands twice in its block")
+                values[letter] = value
+            elif letter == "G" and value in GROUPS:
+                group = GROUPS[value]
+                if group in codes:
+                    raise WordFault(given + text, f"G{value:g} and G{codes[group]:g} exclude each other in a block")
+                codes[group] = value
+            elif letter == "M" and value in (2, 30):
+                self.ended = True
+            elif (word := ignored(letter, value, self.options.ignored)) is not None:
+                self.left_out[word] += 1
+                silent.append((letter, value))
+            else:
+                word = f"{letter}{value:g}"
+                remedy = f', or leave it out by the option ignore="{word}"' if is_ignorable(word) else ""
+                raise WordFault(given + text, f"{given}{text[:20]} is not supported; take it out{remedy}")
+        if silent:
+            self.offsets.block(silent)
+            if ("G", 80.0) in silent:
+                self.motion = None  # bare axis words mean nothing after it
+        return codes, values
+
+    def _modal(self, codes: dict[str, float], values: dict[str, float]) -> None:
+        """What holds from this block on."""
+        self.motion = codes.get("motion", self.motion)
+        self.plane = codes.get("plane", self.plane)
+        if "length" in codes:
+            self.unit, self.unstated = UNIT_METRES[codes["length"]], False
+        if "distance" in codes:
+            self.absolute = codes["distance"] == 90
+        if "centre" in codes:
+            self.from_start = codes["centre"] == 91.1
+        if "feed" in codes and self.timed != (codes["feed"] == 93):
+            self.timed, self.feed = not self.timed, None
+        if "F" in values:
+            if values["F"] <= 0:
+                raise WordFault("F", f"F{values['F']:g} must be above 0")
+            self.feed = values["F"] / 60
+        if "join" in codes:
+            self.join = self._joining(codes["join"], values)
+        if "P" in values and "dwell" not in codes and codes.get("join") != 64:
+            raise WordFault("P", "P belongs to G4 or G64")
+
+    def _joining(self, code: float, values: dict[str, float]) -> Join:
+        if code != 64:
+            return Through() if code == 61 else Stop()
+        if values.get("P", 0.0) <= 0:
+            raise WordFault("G64", "G64 needs P, the tolerance within which joins are rounded, above 0")
+        return Blend(values["P"] * self.unit)
+
+    def _dwell(self, number: int, values: dict[str, float]) -> None:
+        if values.get("P", -1.0) < 0:
+            raise WordFault("P", f"G4 needs P, the time to rest in {self.options.dwell}, not negative")
+        if more := values.keys() - {"P", "N", "F"}:
+            raise WordFault(min(more), f"{min(more)} has no meaning beside G4")
+        self.entities["G4"] += 1
+        if self.segments and not isinstance(self.segments[-1], Dwell):
+            self.segments[-1] = replace(self.segments[-1], join=Stop())
+        if values["P"] > 0:
+            self.segments.append(Dwell(values["P"] * (1e-3 if self.options.dwell == "ms" else 1), line_number=number))
+
+    def _move(self, number: int, values: dict[str, float], fed: bool) -> None:
+        if self.motion is None:
+            raise WordFault("", "no G0, G1, G2 or G3 before it, or after G80, says how to get there")
+        if changed := self.offsets.changed():
+            raise WordFault(
+                "",
+                f"it moved under {changed[0]} and moves under {changed[1]}: leaving both out would change the path; "
+                "part the program there, or put their offsets into its numbers",
+            )
+        end = self._end(values)
+        place, self.place = self.place, end
+        try:
+            if self.motion in (2, 3):
+                self._arc(number, values, place, end, fed)
+            elif more := values.keys() & {"I", "J", "K", "R"}:
+                raise WordFault(min(more), f"{min(more)} belongs to G2 or G3")
+            elif dist(self.stands, end[:3]) > SAME and end[:3] != place[:3]:
+                self._line(number, place, end, fed)
+            elif dist(place[3:], end[3:]) > SAME:
+                self._turn(number, place, end, fed)
+            else:
+                self.nowhere += 1
+        except MotionError:
+            self.stands = end[:3]  # so that what follows is held against what was meant
+            raise
+
+    def _line(self, number: int, place: list[float], end: list[float], fed: bool) -> None:
+        length = dist(self.stands, end[:3])
+        speed = self.options.rapid if self.motion == 0 else self._speed(length, self.unit, fed)
+        turned = self._turned(place, end)
+        self.segments.append(Line(np.array(end[:3]), turned, speed, self.join, line_number=number))
+        self.entities[f"G{self.motion:.0f}"] += 1
+        self.stands = end[:3]
+
+    def _end(self, values: dict[str, float]) -> list[float]:
+        """The place that a block leads to."""
+        end = list(self.place)
+        for k, axis in enumerate(AXES):
+            if axis in values:
+                said = values[axis] * self.unit if k < 3 else radians(values[axis])
+                end[k] = said if self.absolute else end[k] + said
+        return end
+
+    def _speed(self, way: float, unit: float, fed: bool) -> float | None:
+        """The cap that F makes on a way in m or rad; unit: what F counts, in m or rad."""
+        if self.timed:
+            if not fed or self.feed is None:
+                raise WordFault("", "G93 needs F on every block that moves: one by its minutes")
+            return way * self.feed
+        if self.feed is not None:
+            return self.feed * unit
+        if self.options.feed is None:
+            raise WordFault("", "no F before it says how fast; add one, or give the option feed")
+        return self.options.feed if unit == self.unit else None
+
+    def _turned(self, place: list[float], end: list[float]) -> Rotation | None:
+        """The orientation at a block's end; None where it stays."""
+        changed = [k for k in range(3, 6) if place[k] != end[k]]
+        if not changed:
+            return None
+        for k in changed:
+            if abs(end[k] - place[k]) >= HALF_TURN:
+                raise WordFault(
+                    AXES[k], f"{AXES[k]} turns by {degrees(abs(end[k] - place[k])):.6g}° along a path; part it"
+                )
+        self.several += len(changed) > 1
+        return Rotation.from_euler("XYZ", end[3:])
+
+    def _turn(self, number: int, place: list[float], end: list[float], fed: bool) -> None:
+        """On the spot: of one letter by any angle about the axis that it stands for, of several the shortest way."""
+        changed = [k for k in range(3, 6) if place[k] != end[k]]
+        before, after = (Rotation.from_euler("XYZ", angles[3:]) for angles in (place, end))
+        if len(changed) == 1:
+            angle, first = end[changed[0]] - place[changed[0]], changed[0] - 3
+            ahead = Rotation.from_euler("XYZ", [*place[3 : 3 + first], *[0.0] * (3 - first)])
+            turn = Turn(None, self.join, about=ahead.as_matrix()[:, first], angle=angle, line_number=number)
+        else:
+            angle = float((before.inv() * after).magnitude())
+            self.several += 1
+            turn = Turn(after, self.join, line_number=number)
+        speed = None if self.motion == 0 else self._speed(abs(angle), radians(1), fed)
+        self.segments.append(replace(turn, angular_speed=speed))
+        self.entities[f"G{self.motion:.0f}"] += 1
+
+    def _arc(self, number: int, values: dict[str, float], place: list[float], end: list[float], fed: bool) -> None:
+        first, second, normal = PLANES[self.plane]
+        word = f"G{self.motion:.0f}"
+        offsets = values.keys() & set(OFFSETS)
+        if ("R" in values) == bool(offsets):
+            raise WordFault(
+                "R" if offsets else "", f"{word} needs its centre by I J K or its radius by R, one of the two"
+            )
+        if OFFSETS[normal] in offsets:
+            raise WordFault(OFFSETS[normal], f"{OFFSETS[normal]} lies out of the plane of G{self.plane:.0f}")
+        stands, start, there = ((p[first], p[second]) for p in (self.stands, place, end))
+        if offsets:
+            said = [values.get(OFFSETS[k], 0.0 if self.from_start else None) for k in (first, second)]
+            if None in said:
+                raise WordFault("", f"G90.1 asks for both {OFFSETS[first]} and {OFFSETS[second]}")
+            offset = [
+                (value or 0.0) * self.unit - (0.0 if self.from_start else at)
+                for value, at in zip(said, start, strict=True)
+            ]
+            arc = arc_by_centre(stands, start, there, (offset[0], offset[1]), self.motion == 2)
+        else:
+            arc = arc_by_radius(stands, start, there, values["R"] * self.unit, self.motion == 2)
+        centre, axis = [0.0] * 3, [0.0] * 3
+        centre[first], centre[second], centre[normal] = *arc.centre, self.stands[normal]
+        axis[normal] = 1.0
+        rise = end[normal] - self.stands[normal]
+        u, v = stands[0] - arc.centre[0], stands[1] - arc.centre[1]
+        speed = self._speed(hypot(hypot(u, v) * arc.angle, rise), self.unit, fed)
+        turned = self._turned(place, end)
+        about = np.array(centre), np.array(axis)
+        self.segments.append(Arc(*about, arc.angle, turned, speed, self.join, rise=rise, line_number=number))
+        turn = arc.angle
+        self.stands = list(end[:3])
+        self.stands[first] = arc.centre[0] + u * cos(turn) - v * sin(turn)
+        self.stands[second] = arc.centre[1] + u * sin(turn) + v * cos(turn)
+        self.off = max(self.off, arc.off)
+        self.entities[word] += 1
+
+    def warnings(self, after: int) -> tuple[str, ...]:
+        """What was taken to mean something, and what was left out; after: lines that stand after the end."""
+        told = []
+        if self.unstated:
+            told.append(f"neither G20 nor G21 says the unit: {self.options.length} was taken")
+        told += [f"{word} was left out {count} times" for word, count in sorted(self.left_out.items())]
+        if self.nowhere:
+            told.append(f"{self.nowhere} blocks lead to where they start, and were left out")
+        if self.several:
+            told.append(
+                f"{self.several} blocks turn about several axes at once: by the shortest way, where controllers take "
+                "the letters one by one"
+            )
+        if self.off > 1e-9:
+            told.append(f"arcs end up to {self.off * 1e6:.3g} um beside their end points, as their radii differ")
+        if after:
+            told.append(f"{after} lines after the end of the program are not read")
+        return tuple(told)
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,9 +362,9 @@ class Gcode:
 
     def __post_init__(self) -> None:
         for name, unit in (("blend", "m"), ("rapid", "m/s"), ("feed", "m/s")):
-            positive("gcode", name, getattr(self, name), unit)
+            check_positive("gcode", name, getattr(self, name), unit)
         for word in self.ignored:
-            if not ignorable(word):
+            if not is_ignorable(word):
                 raise MotionError(
                     f'ignore "{word}": leaving it out would change the path, or it is no word, or one that is '
                     "understood; what may be left out is M, S, T, H, D, and G without a path of its own, as G54"
@@ -87,15 +383,15 @@ class Gcode:
     def read(self, path: Path) -> Imported:
         """The program of a G-code file. Raises FileError with its faults, each with its line and column."""
         faults = Faults(str(path))
-        work = None if self.origin is None else placed(self.origin)
-        text = text_of(path)
+        work = None if self.origin is None else read_frame(self.origin)
+        text = decode_text(path)
         header = find_header(text)
         if header is not None:
             refuse_options([name for name in ("rapid", "feed", "origin", "ignore") if getattr(self, name) is not None])
             return read_joints(path, text, header, self.machine, self.first_join, faults)
         if self.machine is not None:
             raise MotionError(f"gcode: machine is for files of joint axes, which {path.name} is not by its header")
-        run = Run(self, work, faults)
+        run = GcodeRun(self, work, faults)
         number = 0
         for number, line, found in words(text, faults):
             run.block(number, line, found)

@@ -1,5 +1,5 @@
-"""G-code of joint axes, as `planner.export.g93` writes it: its words are actuators, so its places are found by forward
-kinematics of the machine that it is for.
+"""G-code of joint axes, as `planner.export.formats.g93` writes it: its words are actuators, so its places are found
+by forward kinematics of the machine that it is for.
 
 The way is taken over: a straight line from point to point, and the rests. The times are not: what is made of it is a
 program, which is planned as any other.
@@ -13,21 +13,21 @@ from pathlib import Path
 
 import numpy as np
 
-from kinematics.array import Array
-from kinematics.errors import MotionError
-from kinematics.machine import Machine
-from planner.export.g93 import header_name
-from planner.program import SAME, Dwell, Join, Line, Program, Segment, Stop, Turn
-from planner.sources.faults import Faults
+from kinematics.foundation.arrays import Array
+from kinematics.foundation.errors import MotionError
+from kinematics.machine.machine import Machine
+from planner.export.formats.g93 import header_name
+from planner.program.model import SAME, Dwell, Line, Program, Segment, Turn
+from planner.program.modifiers import Join, Stop
 from planner.sources.gcode_words import WORD, Words, words
-from planner.sources.source import Imported
+from planner.sources.source import Faults, Imported
 
 _AXIS = re.compile(r"\(([A-Z]) = (.+) in (mm|deg): a joint axis, not Cartesian\)")
 _ORIGIN = re.compile(r"\(positions from (home|natural), in the sense of the axes\)")
 _STAND = re.compile(r"\(the axes must stand at (.+)\)")
-FACTOR = {"mm": 1e3, "deg": 180 / pi}
+UNIT_FACTORS = {"mm": 1e3, "deg": 180 / pi}
 MODES = {("G", "21"), ("G", "90"), ("G", "93"), ("G", "94"), ("M", "2")}
-MET = 1e-6
+POSE_RESIDUAL = 1e-6
 """m or rad: residual of a pose that has been found, of coordinates with six decimals or more."""
 
 
@@ -74,16 +74,16 @@ def read_joints(path: Path, text: str, header: Header, machine: str | None, join
             header.line,
         )
         faults.refuse()
-    from kinematics.registry import load_machine
+    from kinematics.machine.machine_file import load_machine
 
     of = load_machine(machine or "")
     _refuse_other(of, header, said, faults)
     numbers, rows, rests = _points(text, header, faults)
     faults.refuse()
-    factors = np.array([FACTOR[unit] for unit in header.units])
+    factors = np.array([UNIT_FACTORS[unit] for unit in header.units])
     q = np.array(rows) / factors + (of.home_q if header.origin == "home" else 0.0)
     found = of.forward(q)
-    for k in np.flatnonzero((found.residual > MET) | ~found.certified).tolist():
+    for k in np.flatnonzero((found.residual > POSE_RESIDUAL) | ~found.certified).tolist():
         faults.add(f"with axes there {of.name} has no pose that it is proved to come to from home", numbers[k])
     faults.refuse()
     turns = bool({"rx", "ry", "rz"} & set(of.freedom))

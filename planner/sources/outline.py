@@ -7,21 +7,21 @@ from math import ceil, pi
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from kinematics.array import Array, frozen
+from kinematics.foundation.arrays import Array, freeze_array
+from planner.path.arc_length import measure_length
 from planner.path.curve import curve
 from planner.path.shape import Piece
 from planner.path.spline import along
-from planner.path.way import way
-from planner.program import Arc, Curve, Line, Program, Segment, Spline, Synchronised
+from planner.program.model import Arc, Curve, Line, Program, Segment, Spline, Synchronised
 
-STEP = pi / 48
+ARC_STEP = pi / 48
 """rad between two points of an arc: the chord is off by 5e-4 of the radius."""
-POINTS, FEW = 33, 9
+POINTS, SPAN_POINTS = 33, 9
 """Points of a piece of a curve, and of a span of a spline that has MANY spans or more."""
-MANY = 8
-PARTS, AGREED = 8, 1e-10
+MANY_SPANS = 8
+PARTS, LENGTH_AGREEMENT = 8, 1e-10
 """Parts of a span of a spline where its length in one part is not known to that share of it."""
-AT_ONCE = 4096
+SPAN_BATCH = 4096
 """Spans of splines that are worked out at once."""
 _PLACES, _WEIGHTS = zip(*(np.polynomial.legendre.leggauss(count) for count in (8, 16)), strict=True)
 
@@ -57,7 +57,7 @@ def outline(program: Program) -> Outline:
         strokes.append(drawn)
         here, length = drawn[-1], length + own
     for same in splines.values():
-        each = max(1, AT_ONCE // len(same[0][1]))
+        each = max(1, SPAN_BATCH // len(same[0][1]))
         for begin in range(0, len(same), each):
             numbers, corners = zip(*same[begin : begin + each], strict=True)
             points, own = _splines(np.stack(corners))
@@ -67,7 +67,7 @@ def outline(program: Program) -> Outline:
     if strokes:
         every = np.concatenate(strokes)
         low, high = np.minimum(low, every.min(0)), np.maximum(high, every.max(0))
-    return Outline(tuple(map(frozen, strokes)), frozen(low), frozen(high), length)
+    return Outline(tuple(map(freeze_array, strokes)), freeze_array(low), freeze_array(high), length)
 
 
 def _start(program: Program) -> Array:
@@ -105,12 +105,12 @@ def _splines(corners: Array) -> tuple[Array, float]:
     By Gauss and Legendre, in one part of every span where 8 places say what 16 do, else in PARTS.
     """
     spans = np.linalg.norm(np.diff(corners, axis=1), axis=2)
-    points = POINTS if spans.shape[1] < MANY else FEW
+    points = POINTS if spans.shape[1] < MANY_SPANS else SPAN_POINTS
     shares = np.concatenate([np.linspace(0, 1, points), *((places + 1) / 2 for places in _PLACES)])
     drawn, slopes = along(corners, shares)
     speed = np.linalg.norm(slopes[:, :, points:], axis=3)
     coarse, fine = speed[..., :8] @ _WEIGHTS[0] / 2, speed[..., 8:] @ _WEIGHTS[1] / 2
-    rough = (abs(fine - coarse) > AGREED * fine).any(1)
+    rough = (abs(fine - coarse) > LENGTH_AGREEMENT * fine).any(1)
     if rough.any():
         places = ((np.arange(PARTS)[:, None] + (_PLACES[1] + 1) / 2) / PARTS).ravel()
         speed = np.linalg.norm(along(corners[rough], places)[1], axis=3)
@@ -119,7 +119,7 @@ def _splines(corners: Array) -> tuple[Array, float]:
 
 
 def _length(piece: Piece) -> float:
-    return way(lambda s: np.linalg.norm(piece.derivatives(s)[1][:, :3], axis=1), 0.0, piece.length).length
+    return measure_length(lambda s: np.linalg.norm(piece.derivatives(s)[1][:, :3], axis=1), 0.0, piece.length).length
 
 
 def _arc(arc: Arc, here: Array) -> tuple[Array, float]:
@@ -135,7 +135,7 @@ def _arc(arc: Arc, here: Array) -> tuple[Array, float]:
     turns = 2 * pi * np.arange(np.floor(low / (2 * pi)) - 1, np.ceil(high / (2 * pi)) + 2)
     extreme = np.concatenate([phase + lean, phase + pi - lean])[:, None] + turns
     extreme = extreme[(low < extreme) & (extreme < high)]  # what is not a number is not taken
-    even = np.linspace(0.0, arc.angle, ceil(abs(arc.angle) / STEP) + 1)
+    even = np.linspace(0.0, arc.angle, ceil(abs(arc.angle) / ARC_STEP) + 1)
     angle = np.unique(np.concatenate([even, extreme]))
     angle = angle if arc.angle > 0 else angle[::-1]
     points = arc.centre + np.cos(angle)[:, None] * u + np.sin(angle)[:, None] * v + angle[:, None] * rise

@@ -1,7 +1,20 @@
-"""Position lists: the poses that an operator records one by one, to be run all, or from one to another."""
+"""Position lists: the poses that an operator records one by one, to be run all, or from one to another.
 
-from collections.abc import Callable, Mapping
+Position lists as CSV: a column for each of x, y, z and three angles, and for rests, its unit in the header.
+
+    # rotation = xyz
+    # frame = home
+    x [mm], y [mm], z [mm], rx [deg], ry [deg], rz [deg], dwell [s]
+    15, 0, 25, 0, 0, 0, 0.2
+
+Lines that begin with # come first, if at all, and say what angles mean and what coordinates are relative to. Columns
+may stand in any order and be left out, and are then 0; commas or semicolons part them, and decimals have points.
+"""
+
+import csv
+import re
 from dataclasses import dataclass, replace
+from math import degrees
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -9,20 +22,25 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
-from kinematics.array import Array, finite, frozen
-from kinematics.errors import MotionError
-from kinematics.result import Result
-from kinematics.table import Column, Table
-from planner.program import Frame
+from kinematics.files.atomic_files import write_whole
+from kinematics.files.toml_writer import format_decimal
+from kinematics.foundation.arrays import Array, finite_array, freeze_array
+from kinematics.foundation.errors import BadValue, MotionError
+from kinematics.foundation.names import closest, nearest
+from kinematics.foundation.result import Result
+from kinematics.foundation.table import Column, Table
+from kinematics.foundation.units import describe_value, unit_value
+from planner.program.model import Frame
+from planner.sources.source import Faults
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+    pass
 
 Order = Literal["xyz", "yzx"]
 """How three angles combine: Rx · Ry · Rz, or Ry · Rz · Rx as [KMITL 2005] has it."""
 FARTHEST = 1e5
 """m and rad; nothing that means something is listed beyond."""
-LONGEST = 1e5
+MAX_DWELL = 1e5
 """s of a rest, likewise."""
 
 
@@ -47,11 +65,11 @@ class PositionList(Result):
                 f'position list: order "{self.order}" is neither "xyz" nor "yzx", or frame "{self.frame}" neither '
                 '"home" nor "base"'
             )
-        poses = finite(self.poses, "position list: poses", (None, 6), least=-FARTHEST, most=FARTHEST)
-        object.__setattr__(self, "poses", frozen(poses))
+        poses = finite_array(self.poses, "position list: poses", (None, 6), least=-FARTHEST, most=FARTHEST)
+        object.__setattr__(self, "poses", freeze_array(poses))
         given = np.zeros(len(poses)) if self.dwells is None else self.dwells
-        dwells = finite(given, "position list: dwells", (len(poses),), least=0.0, most=LONGEST, unit="s")
-        object.__setattr__(self, "dwells", frozen(dwells))
+        dwells = finite_array(given, "position list: dwells", (len(poses),), least=0.0, most=MAX_DWELL, unit="s")
+        object.__setattr__(self, "dwells", freeze_array(dwells))
 
     def __len__(self) -> int:
         return len(self.poses)
@@ -79,18 +97,6 @@ class PositionList(Result):
         )
         return (Table(f"{len(self)} poses from {self.frame}, {meaning}", columns),)
 
-    def files(self) -> Mapping[str, Callable[[Path], None]]:
-        """.csv: a list that `load_positions` reads, in mm and degrees; .json: the table."""
-        from planner.sources.positions_csv import positions_csv
-
-        return {".csv": lambda path: path.write_bytes(positions_csv(self).encode()), ".json": self._json}
-
-    def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """The positions in their order, joined by straight lines."""
-        from planner.sources.plots import positions
-
-        return positions(self.poses[:, :3], ax, f"{len(self)} poses from {self.frame}")
-
     def record(self, pose: ArrayLike, dwell: float = 0.0) -> "PositionList":
         """With one more pose at the end, and s of rest there."""
         return self._with(len(self), pose, dwell)
@@ -114,7 +120,7 @@ class PositionList(Result):
         return replace(self, poses=self.poses[first - 1 : last], dwells=self.rests[first - 1 : last])
 
     def _with(self, place: int, pose: ArrayLike, dwell: float) -> "PositionList":
-        one = finite(pose, "position list: a pose (x, y, z, θx, θy, θz)", (6,), least=-FARTHEST, most=FARTHEST)
+        one = finite_array(pose, "position list: a pose (x, y, z, θx, θy, θz)", (6,), least=-FARTHEST, most=FARTHEST)
         return replace(
             self, poses=np.insert(self.poses, place, one, axis=0), dwells=np.insert(self.rests, place, dwell)
         )
@@ -129,3 +135,138 @@ class PositionList(Result):
         self._known(last)
         if first > last:
             raise MotionError(f"position list: from {first} to {last} is no part of it; give the lower number first")
+
+
+NAMES = ("x", "y", "z", "rx", "ry", "rz", "dwell")
+DWELL_INDEX = NAMES.index("dwell")
+UNITS = ("m",) * 3 + ("rad",) * 3 + ("s",)
+COLUMNS = {
+    **{name: k for k, name in enumerate(NAMES)},
+    **{f"{word}{axis}": 3 + k for word in ("θ", "theta", "theta_") for k, axis in enumerate("xyz")},
+}
+"""Place of a column's name in a row: of six numbers of a pose, and its rest."""
+HEAD_VALUES = {"rotation": ("xyz", "yzx"), "frame": ("home", "base")}
+_HEAD = re.compile(r"#\s*(\w+)\s*=\s*(\w+)\s*")
+_COLUMN = re.compile(r"\s*([^\s\[(]+)\s*(?:[\[(]\s*([^\])]+?)\s*[\])])?\s*")
+_NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?", re.ASCII)
+
+
+def read_csv(path: Path, text: str, length: str | None, angle: str | None) -> tuple[PositionList, list[str]]:
+    """The list, and what to know of it. length, angle: units of columns that state none.
+
+    Raises FileError with all faults, each with its line.
+    """
+    faults, heads = Faults(str(path)), {"rotation": "xyz", "frame": "home"}
+    lines = text.split("\n")
+    begin = next((k for k, line in enumerate(lines) if not line.startswith("#") and line.strip()), len(lines))
+    for number, line in enumerate(lines[:begin], 1):
+        if line.strip():
+            _head(number, line, heads, faults)
+    if begin == len(lines):
+        faults.add('no header; the first line names the columns and their units, as "x [mm], y [mm], z [mm]"')
+        faults.refuse()
+    delimiter = ";" if ";" in lines[begin] else ","
+    columns = _columns(begin + 1, lines[begin].split(delimiter), length, angle, faults)
+    faults.refuse()
+    poses = []
+    for number, line in enumerate(lines[begin + 1 :], begin + 2):
+        if line.strip():
+            cells = next(csv.reader([line], delimiter=delimiter, skipinitialspace=True))
+            poses.append(_row(number, cells, columns, faults))
+    if not poses:
+        faults.add("no pose: a header, and nothing below it")
+    faults.refuse()
+    missing = [name for name in ("x", "y", "z") if COLUMNS[name] not in {place for place, _ in columns}]
+    told = [f"no column {name}: 0 was taken" for name in missing]
+    rows = np.array(poses)
+    order, frame = heads["rotation"], heads["frame"]
+    return PositionList(rows[:, :DWELL_INDEX], order, frame, rows[:, DWELL_INDEX]), told  # type: ignore[arg-type]  # by _head
+
+
+def _head(number: int, line: str, heads: dict[str, str], faults: Faults) -> None:
+    found = _HEAD.fullmatch(line)
+    if found is None or found[1] not in HEAD_VALUES or found[2] not in HEAD_VALUES[found[1]]:
+        known = " or ".join(f'"# {name} = {value}"' for name, values in HEAD_VALUES.items() for value in values)
+        faults.add(f"{describe_value(line)}: what may stand before the header is {known}", number)
+    else:
+        heads[found[1]] = found[2]
+
+
+def _columns(
+    number: int, names: list[str], length: str | None, angle: str | None, faults: Faults
+) -> list[tuple[int, float]]:
+    """Place in a pose and SI value of the unit, column by column."""
+    columns: list[tuple[int, float]] = []
+    if all(_NUMBER.fullmatch(cell.strip()) for cell in names):
+        faults.add('no header: the first line names the columns and their units, as "x [mm], y [mm], z [mm]"', number)
+        return columns
+    for cell in names:
+        found = _COLUMN.fullmatch(cell)
+        name = found[1].lower() if found else ""
+        if found is None or name not in COLUMNS:
+            known = ", ".join(COLUMNS)
+            told = f"column {describe_value(cell.strip())}{nearest(name, COLUMNS)}; known are {known}"
+            no = BadValue(told, allowed=known, nearest=closest(name, COLUMNS))
+            faults.add(no, number, value=cell.strip())
+            continue
+        place = COLUMNS[name]
+        unit = found[2] or {"m": length, "rad": angle}.get(UNITS[place])
+        if any(place == other for other, _ in columns):
+            faults.add(f"column {name} stands twice", number)
+        elif unit is None:
+            like = {"m": f"{name} [mm]", "rad": f"{name} [deg]", "s": f"{name} [s]"}[UNITS[place]]
+            option = {"m": ", or give the option length", "rad": ", or give the option angle"}.get(UNITS[place], "")
+            faults.add(f'column {name} has no unit: write it as "{like}"{option}', number)
+        else:
+            try:
+                columns.append((place, unit_value(unit, UNITS[place])))
+            except MotionError as error:
+                faults.add(error, number, f"column {name}", cell.strip())
+    return columns
+
+
+def _row(number: int, cells: list[str], columns: list[tuple[int, float]], faults: Faults) -> list[float]:
+    pose = [0.0] * len(NAMES)
+    if len(cells) != len(columns):
+        faults.add(f"{len(cells)} entries for {len(columns)} columns", number)
+        return pose
+    for cell, (place, unit) in zip(cells, columns, strict=True):
+        text = cell.strip()
+        name = NAMES[place]
+        if not _NUMBER.fullmatch(text):
+            faults.add(f"{describe_value(text)} is not a number", number, f"column {name}", text)
+        elif not abs(float(text) * unit) <= FARTHEST:
+            allowed = f"at most {FARTHEST / unit:g} of its unit either way"
+            faults.add(
+                BadValue(f"{describe_value(text)} must be {allowed}", allowed=allowed), number, f"column {name}", text
+            )
+        elif place == DWELL_INDEX and float(text) < 0:
+            faults.add(
+                BadValue(f"{describe_value(text)} must be at least 0 s", allowed="at least 0 s"),
+                number,
+                "column dwell",
+                text,
+            )
+        else:
+            pose[place] = float(text) * unit
+    return pose
+
+
+def positions_csv(listed: PositionList) -> str:
+    """The text of a list: mm, degrees, and s where it rests anywhere.
+
+    Lengths are read back within a unit in the last place, and so are angles.
+    """
+    lines = [f"# rotation = {listed.order}", f"# frame = {listed.frame}"]
+    rests = bool(listed.rests.any())
+    heads = [*(f"{name} [mm]" for name in "xyz"), *(f"r{name} [deg]" for name in "xyz")]
+    lines.append(",".join([*heads, "dwell [s]"] if rests else heads))
+    for pose, rest in zip(listed.poses.tolist(), listed.rests.tolist(), strict=True):
+        cells = [*(format_decimal(value, 3) for value in pose[:3]), *(repr(degrees(a)) for a in pose[3:])]
+        lines.append(",".join([*cells, repr(rest)] if rests else cells))
+    return "\n".join(lines) + "\n"
+
+
+def save_positions(listed: PositionList, path: Path) -> None:
+    """Write the text of a list so that it is there complete, or as it was before."""
+    write_whole(path, positions_csv(listed))

@@ -1,19 +1,66 @@
-"""The plug point of the formats that programs come in: what each says of itself, and what it makes of a file."""
+"""The plug point of the formats that programs come in: what each says of itself, and what it makes of a file.
+
+Which formats programs come in: one line each, loaded when one is asked for.
+
+What rounding leaves of a zero, taken away: -0 and 4.3e-16 m are 0 in a program that was read from elsewhere.
+
+What is wrong with a file, gathered in one pass and bounded: a reader adds, and in the end refuses.
+
+The text of a file from elsewhere: bounded, and with whatever bytes it has.
+"""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar, Protocol
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
-from kinematics.result import Result
-from kinematics.table import Column, Table
-from planner.option import option as option
-from planner.program import Program
+import numpy as np
+
+from kinematics.files import toml_document as text_file
+from kinematics.foundation.arrays import Array
+from kinematics.foundation.errors import BadValue, Fault, FileError, MotionError
+from kinematics.foundation.result import Result
+from kinematics.foundation.table import Column, Table
+from planner.options import load_plugin
+from planner.options import option as option
+from planner.program.model import Arc, Line, Program, Segment, Spline
 from planner.sources.outline import Outline, outline
-from planner.sources.tidy import tidy
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+ZERO_ROUNDING = 1e-15
+"""m, and share of a unit vector: no machine tells it from 0."""
+_POINTS: dict[type, tuple[str, ...]] = {Line: ("to",), Arc: ("centre", "normal"), Spline: ("through",)}
+
+
+def zero_small_numbers(program: Program) -> Program:
+    """The same program, its coordinates below LEAST and its negative zeros made 0."""
+    held = [(k, getattr(part, name)) for k, part in enumerate(program.segments) for name in _POINTS.get(type(part), ())]
+    if not held:
+        return program
+    flat = np.concatenate([values.ravel() for _, values in held])
+    owner = np.repeat([k for k, _ in held], [values.size for _, values in held])
+    changed = set(owner[(abs(flat) < ZERO_ROUNDING) & ((flat != 0) | np.signbit(flat))].tolist())
+    changed |= {
+        k for k, part in enumerate(program.segments) if isinstance(part, Arc) and 0 < abs(part.rise) < ZERO_ROUNDING
+    }
+    if not changed:
+        return program
+    segments = tuple(_tidy_part(part) if k in changed else part for k, part in enumerate(program.segments))
+    return replace(program, segments=segments)
+
+
+def _tidy_part(part: Segment) -> Segment:
+    changes: dict[str, Array | float] = {name: _zero_small(getattr(part, name)) for name in _POINTS[type(part)]}
+    if isinstance(part, Arc) and abs(part.rise) < ZERO_ROUNDING:
+        changes["rise"] = 0.0
+    return replace(part, **changes)  # type: ignore[arg-type]
+
+
+def _zero_small(values: Array) -> Array:
+    return np.where(abs(values) < ZERO_ROUNDING, 0.0, values)
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,7 +76,7 @@ class Imported(Result):
     warnings: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "program", tidy(self.program))
+        object.__setattr__(self, "program", zero_small_numbers(self.program))
 
     @property
     def outline(self) -> Outline:
@@ -47,14 +94,15 @@ class Imported(Result):
 
     def plot(self, ax: "Axes | None" = None) -> "Axes":
         """The tool's way in the program's coordinates."""
-        return self.program.plot(ax)
+        axes: Axes = self.program.plot(ax)
+        return axes
 
 
 class Source(Protocol):
     """A file format: a frozen dataclass whose fields, made by `option`, are its options.
 
     The first line of its docstring is what the command's help says of it; the rest states what is taken, and how.
-    Registered by one line in planner/sources/registry.py.
+    Registered by one line in planner/sources/source.py.
     """
 
     suffixes: ClassVar[tuple[str, ...]]
@@ -65,3 +113,93 @@ class Source(Protocol):
         Raises FileError with every fault of it (a bounded list, each with its line), MotionError for an option that
         does not fit. What it does not understand is a fault; what it leaves out or takes to mean something, a warning.
         """
+
+
+SOURCES = {
+    "dxf": "planner.sources.dxf:Dxf",
+    "gcode": "planner.sources.gcode:Gcode",
+    "positions": "planner.sources.positions:Positions",
+}
+"""Module and class by the name that the command line knows."""
+
+
+def find_source(name: str) -> type[Source]:
+    """The format of a name. Raises MotionError for an unknown one, with the nearest and all known ones."""
+    found: type[Source] = load_plugin("format", SOURCES, name)
+    return found
+
+
+def source_name(path: Path) -> str:
+    """The name of the format that a file's suffix stands for. Raises MotionError where it stands for none."""
+    known = {suffix: name for name in SOURCES for suffix in find_source(name).suffixes}
+    if path.suffix.lower() not in known:
+        suffixes = ", ".join(f"{suffix} ({name})" for suffix, name in known.items())
+        told = f'suffix "{path.suffix}" stands for no format' if path.suffix else "no suffix says what it is"
+        raise MotionError(f"{path}: {told}; name its format, or give it a suffix that is known: {suffixes}")
+    return known[path.suffix.lower()]
+
+
+def import_program(path: str | PathLike[str], format: str | None = None, **options: Any) -> Imported:
+    """The program in a file of another format, and what was understood of the file.
+
+    format   its name, as SOURCES has it; None: by the file's suffix
+    options  the fields of the format's dataclass, in SI units
+    Raises FileError with every fault of the file; MotionError for an unknown format or option.
+    """
+    kind = find_source(source_name(Path(path)) if format is None else format)
+    try:
+        source = kind(**options)
+    except TypeError as error:
+        raise MotionError(f"format {format or source_name(Path(path))}: {error}") from None
+    return source.read(Path(path))
+
+
+MOST = 100
+"""Faults that are told; a file with more is another format as a rule, or broken."""
+
+
+class Faults:
+    """The faults of a file, in the order in which they are found."""
+
+    def __init__(self, file: str) -> None:
+        self.file = file
+        self._found: list[Fault] = []
+
+    def add(self, told: str | MotionError, line: int | None = 1, key: str = "", value: str | None = None) -> None:
+        """One fault; key says where on its line, or in which entity, value what stands there.
+
+        Raises FileError where there are too many.
+        """
+        known = (told.allowed, told.nearest) if isinstance(told, BadValue) else ()
+        self._found.append(Fault(key, str(told), line, value, *known))
+        if len(self._found) == MOST:
+            last = Fault("", f"{MOST} faults, and what follows is not looked at", line)
+            raise FileError(self.file, [*self._found, last])
+
+    def __bool__(self) -> bool:
+        return bool(self._found)
+
+    def refuse(self) -> None:
+        """Raise FileError if there is any, with the faults in the order of their lines."""
+        if self._found:
+            raise FileError(self.file, sorted(self._found, key=lambda fault: fault.line or 0))
+
+
+MAX_BYTES = 64 * 2**20
+"""Size of the largest file that is read."""
+
+
+def read_all_bytes(path: Path) -> bytes:
+    """All of a file. Raises FileError for one that is missing, unreadable or too large."""
+    return text_file.bytes_of(path, MAX_BYTES)
+
+
+def decode_text(path: Path) -> str:
+    """The text, line ends as \\n; bytes that are not UTF-8 stand in it as lone surrogates, for its reader to refuse.
+
+    Raises FileError for a file that is missing, unreadable, too large or UTF-16.
+    """
+    raw = read_all_bytes(path)
+    text_file.refuse_utf16(str(path), raw)
+    text = raw.decode("utf-8", "surrogateescape").removeprefix("\ufeff")
+    return text.replace("\r\n", "\n").replace("\r", "\n")

@@ -12,7 +12,7 @@ which holds wherever no interval of the motion is shorter than w.
 
 import numpy as np
 
-from kinematics.array import Array
+from kinematics.foundation.arrays import Array
 from planner.timing.profile import Profile
 
 # A window up to this share of the motion is brief, and one of at least LEAST of it is told from the rounding of

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from kinematics.errors import MotionError
+from kinematics.foundation.errors import MotionError
 from planner.limits.limit import Term
 from planner.timing.problem import POWERS, Problem
 
@@ -28,7 +28,7 @@ class TooFast(MotionError):
         return ("start speed", "end speed")[self.end]
 
 
-def largest_there(problem: Problem, end: int) -> float:
+def largest_end_speed(problem: Problem, end: int) -> float:
     """The largest speed at an end, up to the problem's, at which the rows without s⃛ leave room there, s̈ being 0.
 
     A solver keeps such rows inside a run only: at its ends there is nothing to choose between given speeds.
@@ -36,15 +36,15 @@ def largest_there(problem: Problem, end: int) -> float:
     last = problem.intervals - 1
     there = problem.part(slice(last, last + 1) if end else slice(0, 1))
     low, high = 0.0, problem.speeds[end]
-    if _room(there, end, high):
+    if _has_room(there, end, high):
         return high
     for _ in range(HALVINGS):
         middle = (low + high) / 2
-        low, high = (middle, high) if _room(there, end, middle) else (low, middle)
+        low, high = (middle, high) if _has_room(there, end, middle) else (low, middle)
     return low
 
 
-def _room(there: Problem, end: int, speed: float) -> bool:
+def _has_room(there: Problem, end: int, speed: float) -> bool:
     """Whether the rows at the start or the end of one interval leave room for a speed."""
     for block in there.around(np.array([speed]), np.array([speed])).blocks:
         side = block.end if end else block.start

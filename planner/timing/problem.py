@@ -7,19 +7,19 @@ from typing import Literal
 
 import numpy as np
 
-from kinematics.array import Array
-from planner.actuation import ActuatorPath, points_of
+from kinematics.foundation.arrays import Array
+from planner.actuation import ActuatorPath, make_points
 from planner.limits.limit import Limit, Rows, Term, order_of
 
 SIDES = ("start", "end")
-IDLE = 0.9
+IDLE_SHARE = 0.9
 """Share of a limit on force up to which its rows are left out; the rest is for what happens between grid points."""
-BOUNDING = ({Term.SD}, {Term.SD2}, {Term.SDD, Term.SD2}, {Term.SDD})
+BOUNDING_TERMS = ({Term.SD}, {Term.SD2}, {Term.SDD, Term.SD2}, {Term.SDD})
 """Terms of the rows that bound ṡ and s̈: of speed, and of acceleration."""
 # Shares of the limits that motions aim at: those of solvers, whose tolerance is near 1e-7, and closed forms.
-AIM, EXACTLY = 1 - 1e-6, 1 - 1e-9
+SOLVER_AIM, EXACT_AIM = 1 - 1e-6, 1 - 1e-9
 # What holding still may use of a limit, as a share, and still leave a motion to be found.
-HOLDING = 1 - 1e-9
+MAX_HOLDING_SHARE = 1 - 1e-9
 
 
 Solver = Literal["passes", "toppra"]
@@ -33,7 +33,8 @@ class Run:
     Under jerk limits s̈ is 0 at both ends.
 
     since, until  path lengths inside the first and the last piece between which it is run; None: all of them
-    stands  whether the path itself stands at the start and at the end, q′ = 0 and q″ is not (planner.stands): what is
+    stands  whether the path itself stands at the start and at the end, q′ = 0 and q″ is not (planner.path.stands):
+    what is
             at rest there is so whatever ṡ is, or under jerk limits s̈, so that these are free
     solver  of motions of order 2
     """
@@ -59,7 +60,7 @@ class Run:
         return breaks
 
 
-About = tuple[Array, Array, Array, Array]
+Midpoints = tuple[Array, Array, Array, Array]
 # The power of ṡ that a term is where s̈ is 0; with s⃛ a row leaves its choice.
 POWERS = {Term.ONE: 0, Term.SD: 1, Term.SD2: 2, Term.SD3: 3}
 
@@ -81,7 +82,7 @@ class Block:
     end: Mapping[Term, Array]
     room: Array
     middle: Array
-    about: About | None = None
+    about: Midpoints | None = None
     hull: "Block | None" = None
 
     def around(self, start: Array, end: Array) -> "Block":
@@ -111,7 +112,7 @@ class Block:
         for side in (self.start, self.end):
             if Term.ONE in side:
                 np.maximum(used, self.share(side[Term.ONE]).max(1), out=used)
-        return np.minimum(used, HOLDING * self.room)
+        return np.minimum(used, MAX_HOLDING_SHARE * self.room)
 
     def aimed(self, share: Array | float) -> "Block":
         """With so much of what holding still leaves of the room."""
@@ -155,7 +156,7 @@ class Problem:
         return replace(self, blocks=tuple(block.around(start, end) for block in self.blocks))
 
 
-def grid(
+def make_grid(
     path: ActuatorPath, run: Run, intervals: int, spread: Array | None = None, *, least: Array | None = None
 ) -> tuple[Array, np.ndarray]:
     """Grid of about `intervals` intervals that holds every break of the run, and the piece of each interval.
@@ -171,14 +172,14 @@ def grid(
         gap = np.abs(s[:, None] - breaks[None, :]).min(1)
         near = np.maximum(np.gradient(s), 0) / 3
         s = np.union1d(s[gap > near], breaks)
-        s = s if least is None else _filled(s, breaks, least)
+        s = s if least is None else _fill_pieces(s, breaks, least)
     else:
         s[0], s[-1] = breaks
     piece = run.first + np.clip(np.searchsorted(breaks, (s[1:] + s[:-1]) / 2, side="right") - 1, 0, len(breaks) - 2)
     return s, piece
 
 
-def _filled(s: Array, breaks: Array, least: Array) -> Array:
+def _fill_pieces(s: Array, breaks: Array, least: Array) -> Array:
     at = np.searchsorted(s, breaks)
     parts = [s[a:b] for a, b in pairwise(at)]
     for k in np.flatnonzero(np.diff(at) < least):
@@ -204,7 +205,7 @@ def pose_problem(
     alone = np.append(np.diff(piece) != 0, True)
     end = np.where(alone, count - 1 + np.cumsum(alone), np.arange(1, count + 1))
     places, pieces = np.concatenate([s[:-1], s[1:][alone]]), np.concatenate([piece, piece[alone]])
-    points = points_of(path, places, pieces, order_of(limits))
+    points = make_points(path, places, pieces, order_of(limits))
     blocks = []
     for limit in limits:
         if limit.geometric:
@@ -213,7 +214,9 @@ def pose_problem(
         if block is not None:
             blocks.append(block)
     first, last = (still and speed == 0 for still, speed in zip(stands, speeds, strict=True))
-    return Problem(s, piece, tuple(_opened(block, speeds) for block in _busy(blocks)), speeds, (first, last))
+    return Problem(
+        s, piece, tuple(_opened(block, speeds) for block in _drop_idle_blocks(blocks)), speeds, (first, last)
+    )
 
 
 def _opened(block: Block, speeds: tuple[float, float]) -> Block:
@@ -234,17 +237,17 @@ def _block(name: str, rows: Rows, end: np.ndarray) -> Block | None:
     None where nothing is bound.
     """
     count = len(end)
-    scaled, middle, about = _normalised(rows, max(count, int(end.max()) + 1))
+    scaled, middle, about = _normalise_rows(rows, max(count, int(end.max()) + 1))
     if not scaled:
         return None
     starts = {term: values[:count] for term, values in scaled.items()}
     ends = {term: values[end] for term, values in scaled.items()}
     speaks = None if about is None else (about[0][:count], about[1][:count], about[0][end], about[1][end])
     hull = None if rows.hull is None else _block(name, rows.hull, end)
-    return Block(name, starts, ends, np.ones(count), middle, speaks, hull).aimed(AIM)
+    return Block(name, starts, ends, np.ones(count), middle, speaks, hull).aimed(SOLVER_AIM)
 
 
-def _normalised(rows: Rows, points: int) -> tuple[dict[Term, Array], Array, tuple[Array, Array] | None]:
+def _normalise_rows(rows: Rows, points: int) -> tuple[dict[Term, Array], Array, tuple[Array, Array] | None]:
     """Coefficients of the channels that are bound, over half their range; its middle; and where they speak."""
     bound = np.broadcast_to(rows.bound, (points, np.shape(rows.bound)[-1]))
     binding = np.isfinite(bound).any(0)
@@ -259,21 +262,22 @@ def _normalised(rows: Rows, points: int) -> tuple[dict[Term, Array], Array, tupl
     return {term: values[:, binding] / half for term, values in rows.coefficients.items()}, middle, about
 
 
-def _busy(blocks: Sequence[Block]) -> tuple[Block, ...]:
+def _drop_idle_blocks(blocks: Sequence[Block]) -> tuple[Block, ...]:
     """The blocks without those of forces that no motion within the others can use more than IDLE of."""
     if not any(Term.ONE in block.start for block in blocks):
         return tuple(blocks)
     bounds = [
-        _bounds([(getattr(block, side), 1 + np.abs(block.middle)) for block in _bounding(blocks)]) for side in SIDES
+        _bound_terms([(getattr(block, side), 1 + np.abs(block.middle)) for block in _select_bounding(blocks)])
+        for side in SIDES
     ]
-    return tuple(block for block in blocks if not _idle(block, bounds))
+    return tuple(block for block in blocks if not _is_idle(block, bounds))
 
 
-def _bounding(blocks: Sequence[Block]) -> list[Block]:
-    return [block for block in blocks if block.about is None and set(block.start) in BOUNDING]
+def _select_bounding(blocks: Sequence[Block]) -> list[Block]:
+    return [block for block in blocks if block.about is None and set(block.start) in BOUNDING_TERMS]
 
 
-def _bounds(rows: Sequence[tuple[Mapping[Term, Array], Array]]) -> dict[Term, Array]:
+def _bound_terms(rows: Sequence[tuple[Mapping[Term, Array], Array]]) -> dict[Term, Array]:
     """Largest size (N,) of each term at grid points, ∞ where no row holds it; of rows, and what each may be (m,)."""
     count = len(next(iter(rows[0][0].values()))) if rows else 1
     v, a = np.full(count, np.inf), np.full(count, np.inf)
@@ -289,7 +293,7 @@ def _bounds(rows: Sequence[tuple[Mapping[Term, Array], Array]]) -> dict[Term, Ar
     return {Term.ONE: np.ones(count), Term.SD: v, Term.SD2: v**2, Term.SDD: a}
 
 
-def _idle(block: Block, bounds: Sequence[Mapping[Term, Array]]) -> bool:
+def _is_idle(block: Block, bounds: Sequence[Mapping[Term, Array]]) -> bool:
     if Term.ONE not in block.start or block.about is not None or not set(block.start) <= set(bounds[0]):
         return False
     most = 0.0
@@ -297,4 +301,4 @@ def _idle(block: Block, bounds: Sequence[Mapping[Term, Array]]) -> bool:
         with np.errstate(invalid="ignore"):
             terms = [np.where(rows == 0, 0.0, np.abs(rows) * size[term][:, None]) for term, rows in side.items()]
         most = max(most, float((np.sum(terms, axis=0) / (1 - np.abs(block.middle))).max()))
-    return most <= IDLE
+    return most <= IDLE_SHARE

@@ -1,45 +1,172 @@
-"""One run, on its way to a motion that holds: posed, solved, tightened, solved again; with rests if need be."""
+"""One run, on its way to a motion that holds: posed, solved, tightened, solved again; with rests if need be.
+
+A leg: a part of a run between two places where it rests, or all of it, on its way to a motion that holds.
+"""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
-from kinematics.array import Array
-from kinematics.errors import MotionError
+from kinematics.foundation.arrays import Array
+from kinematics.foundation.errors import MotionError
 from planner.actuation import ActuatorPath
 from planner.limits.limit import Limit
 from planner.place import Infeasible
 from planner.timing.brief import ramped
-from planner.timing.ends import TooFast, largest_there
-from planner.timing.floor import floor
-from planner.timing.leg import AVERAGED, HARDLY, MARGIN, STRAIGHT, TRIES, Leg, jerk_limited, slowest
-from planner.timing.posing import START, brief_problem, jerk_problem, order_2_problem, order_3_coarse, refined
-from planner.timing.problem import EXACTLY, Problem, Run
-from planner.timing.profile import Profile
-from planner.timing.second_order import TERMS as SECOND
-from planner.timing.second_order import second_order
-from planner.timing.seen import seen
-from planner.timing.straight import straight
-from planner.timing.third_order import third_order
+from planner.timing.discretization import (
+    START_GRID,
+    acceleration_problem,
+    brief_problem,
+    coarse_jerk_problem,
+    jerk_problem,
+    refine_problem,
+)
+from planner.timing.ends import TooFast, largest_end_speed
+from planner.timing.lower_bound import floor
+from planner.timing.problem import EXACT_AIM, SOLVER_AIM, Block, Problem, Run
+from planner.timing.profile import Profile, sample_limit_use
+from planner.timing.solvers.closed_form import straight
+from planner.timing.solvers.second_order import TERMS as SECOND
+from planner.timing.solvers.second_order import second_order
+from planner.timing.solvers.third_order import third_order
+
+# Room taken off: this share of the excess, more with every try, and a little for the solver's own tolerance.
+EXCESS_FACTOR, SOLVER_MARGIN = 1.1, 2e-7
+# How often a leg is solved before it is slowed instead.
+MAX_TRIES = 5
+# A motion that only so much slowness keeps from holding is slowed: solving again would cost more than it gains.
+MAX_CHEAP_SLOWNESS = 1 + 3e-5
+# Up to here slowness is told as what it is: the last touch of a motion, not its maker.
+MAX_UNTOLD_SLOWNESS = 1 + 1e-4
+AVERAGED, STRAIGHT = "averaged", "straight"
+# How often an order-3 leg is solved where rows depend on the motion, unless a round gains less than this share.
+MAX_ROUNDS, MIN_ROUND_GAIN = 4, 1e-4
+# Intervals up to which IPOPT is asked where FATROP gives no answer: its time grows faster than theirs.
+MAX_IPOPT_INTERVALS = 600
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """A problem, the profile that answers it, and who gave it.
+
+    floor: an estimate of the least time that the leg can take (s)
+    tries: how often it was solved. The peaks between grid points heed the room only in part: each try takes off more
+    slowness: how many times as long as the answer the profile is, where it was slowed as a whole
+    """
+
+    run: Run
+    problem: Problem
+    profile: Profile
+    by: str
+    order: int
+    floor: float
+    tries: int = 1
+    slowness: float = 1.0
+
+    @property
+    def method(self) -> str:
+        if self.slowness == 1:
+            return self.by
+        return f"{self.by}, slowed" if self.slowness > MAX_UNTOLD_SLOWNESS else f"{self.by}, slowed by less than 0.01 %"
+
+    @property
+    def aim(self) -> float:
+        """The share of every limit that it aims at."""
+        return EXACT_AIM if self.by == STRAIGHT else SOLVER_AIM
+
+    def aimed(self, use: Mapping[str, Array]) -> dict[str, Array]:
+        """Shares of the limits as shares of what it aims at."""
+        return {name: values / self.aim for name, values in use.items()}
+
+    def tightened(self, use: Mapping[str, Array], slowness: float) -> "Candidate":
+        """Solved again with less room wherever a limit was found exceeded: use per limit and interval, as `aimed`.
+
+        Where that does not help, or would cost more than it gains, the same motion slowed as a whole: what holds
+        wherever anything does. Only a leg from rest to rest can be slowed: another is tried on.
+        """
+        moving, solved = max(self.problem.speeds) > 0, self.by not in (AVERAGED, STRAIGHT) and self.slowness == 1
+        if solved and (moving or (slowness > MAX_CHEAP_SLOWNESS and self.tries < MAX_TRIES)):
+            blocks = tuple(
+                tightened(block, use[block.name], self.tries) if block.name in use else block  # START is no limit
+                for block in self.problem.blocks
+            )
+            problem = replace(self.problem, blocks=blocks)
+            try:
+                profile, by = self._solved(problem)
+                return replace(self, problem=problem, profile=profile, by=by, tries=self.tries + 1)
+            except MotionError:
+                if moving:
+                    raise
+        if moving:
+            raise MotionError(
+                f"no motion from {self.problem.speeds[0]:.6g} to {self.problem.speeds[1]:.6g} along the path was found "
+                "that keeps every limit; ask for slower ends"
+            )
+        return replace(self, profile=self.profile.slowed(slowness), slowness=self.slowness * slowness)
+
+    def _solved(self, problem: Problem) -> tuple[Profile, str]:
+        if self.order == 2:
+            return second_order(problem, solver=self.run.solver), self.run.solver
+        return solve_jerk_limited(problem, self.profile.columns())
+
+
+def required_slowness(limits: Sequence[Limit], use: Mapping[str, Array]) -> float:
+    """How many times slower a motion that uses so much of the limits must be, to keep them all."""
+    return max(limit.slowness(float(use[limit.name].max())) for limit in limits if limit.name in use)
+
+
+def tightened(block: Block, excess: Array, tries: int) -> Block:
+    """With less room where there was an excess (N,): of the part of it that holding still does not use."""
+    less = block.aimed((1 - SOLVER_MARGIN) / (1 + EXCESS_FACTOR * tries * (excess - 1) / (1 - block.still)))
+    return replace(block, room=np.where(excess > 1 + SOLVER_MARGIN, less.room, block.room))
+
+
+def solve_jerk_limited(
+    problem: Problem, guess: Array, *, patient: bool | None = None, **options: Any
+) -> tuple[Profile, str]:
+    """By FATROP, or by IPOPT where that gives no answer to a problem of few intervals; which of them is told.
+
+    patient: whether IPOPT is asked. If not told, from rest to rest only: between given speeds there may be no answer,
+    which takes it up to a minute to find out.
+    Rows that speak only near some motions are taken near the guess, and then near each answer in turn.
+    """
+    if not problem.settled:
+        for _ in range(MAX_ROUNDS):
+            v, a, j, h = guess
+            speed = v + h / 2 * (a + h * j / 4)  # in the middle, for both sides
+            profile, method = solve_jerk_limited(problem.around(speed, speed), guess, patient=patient, **options)
+            gained, guess = 1 - profile.duration / h.sum(), profile.columns()
+            if abs(gained) < MIN_ROUND_GAIN:
+                break
+        return profile, method
+    try:
+        return third_order(problem, guess, **options), "fatrop"
+    except MotionError:
+        asked = max(problem.speeds) == 0 if patient is None else patient
+        if not asked or problem.intervals > MAX_IPOPT_INTERVALS:
+            raise
+        return third_order(problem, guess, solver="ipopt", **options), "ipopt"
+
 
 # A leg that has to be this much slower as a whole is tried in two, with a rest between: what is slow there stays there.
-WORTH = 1.01
+MIN_SPLIT_SLOWNESS = 1.01
 # Shares of the largest speed at an end without a jerk limit, from which the largest with one is sought.
-SHARES = (0.9, 0.5, 0.2)
+END_SPEED_SHARES = (0.9, 0.5, 0.2)
 # From its answer a solver finds a larger one still, as the grid is made for the motion to start from: until it changes
 # by no more than this share, and so often at most.
-SETTLED, AGAIN = 1e-4, 3
+SETTLED_CHANGE, MAX_RESOLVES = 1e-4, 3
 # Shares of the largest speed that a solver finds for an end, tried in turn until one leads to a motion that holds; then
 # halvings between that and the one before it.
-NEARLY, HALVINGS = (0.9995, 0.998, 0.99, 0.95, 0.8, 0.5), 3
+NEAR_SHARES, HALVINGS = (0.9995, 0.998, 0.99, 0.95, 0.8, 0.5), 3
 
 
 @dataclass(frozen=True, slots=True)
 class Attempt:
     """A motion along a run: one leg, or several with a rest between each two."""
 
-    legs: tuple[Leg, ...]
+    legs: tuple[Candidate, ...]
     limits: tuple[Limit, ...] = field(repr=False)
 
     @property
@@ -63,8 +190,8 @@ class Attempt:
         for leg in self.legs:
             last = first + len(leg.profile.h)
             own = leg.aimed({name: values[first:last] for name, values in use.items()})
-            slower, first = slowest(self.limits, own), last
-            legs.append(leg.tightened(own, slower) if slower > 1 + MARGIN or len(self.legs) == 1 else leg)
+            slower, first = required_slowness(self.limits, own), last
+            legs.append(leg.tightened(own, slower) if slower > 1 + SOLVER_MARGIN or len(self.legs) == 1 else leg)
         return replace(self, legs=tuple(legs))
 
     def slowed(self, slowness: float) -> "Attempt | None":
@@ -77,13 +204,13 @@ class Attempt:
         return replace(self, legs=tuple(legs))
 
 
-def attempt(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int, *, probing: bool = False) -> Attempt:
+def solve_run(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int, *, probing: bool = False) -> Attempt:
     """The first solve of a run. Raises Infeasible for end speeds that cannot be, MotionError if nothing bounds it.
 
     probing: just that one solve, for whoever has other runs to try if it gives no answer or none that holds.
     """
     try:
-        legs = [_solved(path, limits, run, order)] if probing else [*_legs(path, limits, run, order)]
+        legs = [_solved(path, limits, run, order)] if probing else [*_solve_legs(path, limits, run, order)]
         return Attempt(tuple(legs), tuple(limits))
     except TooFast as no:
         end = (run.first, run.last)[no.end]
@@ -94,89 +221,96 @@ def attempt(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int, *
         raise Infeasible(no.name, "path", place, no.speed * scale, no.largest * scale, unit, remedy) from None
 
 
-def _legs(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int) -> Iterator[Leg]:
+def _solve_legs(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int) -> Iterator[Candidate]:
     """The run in one leg; in two, and so on, where a solver has no answer for it or none that holds unslowed."""
     try:
-        leg = _settled(path, limits, _solved(path, limits, run, order))
+        leg = _settle_leg(path, limits, _solved(path, limits, run, order))
     except TooFast:
         if order == 3:
-            straight(order_3_coarse(path, limits, run))  # what that refuses, it refuses exactly
+            straight(coarse_jerk_problem(path, limits, run))  # what that refuses, it refuses exactly
             _refuse_ends(path, limits, run)
         raise
     except MotionError:
         if order == 2:
             raise
         _refuse_ends(path, limits, run)
-        yield from _patient(path, limits, run) or _parted(path, limits, run) or [_averaged(path, limits, run)]
+        yield from (
+            _solve_patiently(path, limits, run) or _solve_halves(path, limits, run) or [_average_leg(path, limits, run)]
+        )
         return
-    if order == 3 and leg.slowness > WORTH:
-        others = [_parted(path, limits, run)]
+    if order == 3 and leg.slowness > MIN_SPLIT_SLOWNESS:
+        others = [_solve_halves(path, limits, run)]
         if max(run.speeds) == 0:  # what the solver started from may be faster than its answer, slowed
-            others.append([_averaged(path, limits, run)])
+            others.append([_average_leg(path, limits, run)])
         yield from min([[leg], *filter(None, others)], key=lambda legs: sum(part.profile.duration for part in legs))
         return
     yield leg
 
 
-def _patient(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> list[Leg]:
+def _solve_patiently(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> list[Candidate]:
     """Between speeds that are not refused: by whatever solver finds a motion. Empty where none does."""
     if max(run.speeds) == 0:
         return []
     try:
-        return [_settled(path, limits, _solved(path, limits, run, 3, patient=True))]
+        return [_settle_leg(path, limits, _solved(path, limits, run, 3, patient=True))]
     except MotionError:
         return []
 
 
-def _solved(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int, *, patient: bool | None = None) -> Leg:
-    """The run in one leg, solved once; patient: as `jerk_limited` has it."""
+def _solved(
+    path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int, *, patient: bool | None = None
+) -> Candidate:
+    """The run in one leg, solved once; patient: as `solve_jerk_limited` has it."""
     if order == 2:
-        problem = order_2_problem(path, limits, run)
+        problem = acceleration_problem(path, limits, run)
         profile = straight(problem) if run.solver == "passes" else None
         if profile is not None:
-            return Leg(run, problem, profile, STRAIGHT, order, EXACTLY * profile.duration)
+            return Candidate(run, problem, profile, STRAIGHT, order, EXACT_AIM * profile.duration)
         profile = second_order(problem, solver=run.solver)
-        finer = refined(path, limits, problem, profile)
+        finer = refine_problem(path, limits, problem, profile)
         if finer is not None:
             problem, profile = finer, second_order(finer, solver=run.solver)
         least = floor(problem, profile if run.solver == "passes" else None)
-        return Leg(run, problem, profile, run.solver, order, least)
-    coarse = order_3_coarse(path, limits, run)
+        return Candidate(run, problem, profile, run.solver, order, least)
+    coarse = coarse_jerk_problem(path, limits, run)
     profile = straight(coarse)
     if profile is not None:
-        return Leg(run, coarse, profile, STRAIGHT, order, EXACTLY * profile.duration)
+        return Candidate(run, coarse, profile, STRAIGHT, order, EXACT_AIM * profile.duration)
     leg = _ramped(path, limits, run, coarse)
-    if leg is not None and slowest(limits, leg.aimed(seen(path, limits, leg.profile))) <= HARDLY:
+    if (
+        leg is not None
+        and required_slowness(limits, leg.aimed(sample_limit_use(path, limits, leg.profile))) <= MAX_UNTOLD_SLOWNESS
+    ):
         return leg
     problem, start = jerk_problem(path, limits, run, coarse)
-    profile, by = jerk_limited(problem, start.on(problem.s), patient=patient)
-    return Leg(run, problem, profile, by, order, floor(coarse))
+    profile, by = solve_jerk_limited(problem, start.on(problem.s), patient=patient)
+    return Candidate(run, problem, profile, by, order, floor(coarse))
 
 
-def _ramped(path: ActuatorPath, limits: Sequence[Limit], run: Run, coarse: Problem) -> Leg | None:
+def _ramped(path: ActuatorPath, limits: Sequence[Limit], run: Run, coarse: Problem) -> Candidate | None:
     """The order-2 motion with ramps of s̈ that are brief beside it, where they are: no longer than it by more."""
     brief = brief_problem(path, limits, run, coarse)
     if brief is None:
         return None
     problem, window = brief
-    sharp = Leg(run, problem, second_order(problem), run.solver, 2, 0.0)
-    sharp = _settled(path, [limit for limit in limits if limit.terms <= SECOND], sharp)
+    sharp = Candidate(run, problem, second_order(problem), run.solver, 2, 0.0)
+    sharp = _settle_leg(path, [limit for limit in limits if limit.terms <= SECOND], sharp)
     profile = ramped(sharp.profile, window, run.breaks(path), run.first)
     if profile is None:
         return None
-    stated = replace(problem, blocks=tuple(block for block in problem.blocks if block.name != START))
-    return Leg(run, problem, profile, AVERAGED, 3, floor(stated))
+    stated = replace(problem, blocks=tuple(block for block in problem.blocks if block.name != START_GRID))
+    return Candidate(run, problem, profile, AVERAGED, 3, floor(stated))
 
 
-def _settled(path: ActuatorPath, limits: Sequence[Limit], leg: Leg) -> Leg:
+def _settle_leg(path: ActuatorPath, limits: Sequence[Limit], leg: Candidate) -> Candidate:
     """Solved again, or slowed where that costs next to nothing, until no limit is seen to be exceeded.
 
     A proof takes far longer than a look: most runs need one only.
     """
-    while leg.tries < TRIES:
-        use = leg.aimed(seen(path, limits, leg.profile))
-        slowness = slowest(limits, use)
-        if slowness <= 1 + MARGIN:
+    while leg.tries < MAX_TRIES:
+        use = leg.aimed(sample_limit_use(path, limits, leg.profile))
+        slowness = required_slowness(limits, use)
+        if slowness <= 1 + SOLVER_MARGIN:
             break
         before, leg = leg, leg.tightened(use, slowness)
         if leg.problem is before.problem:  # slowed as a whole: that holds
@@ -184,17 +318,17 @@ def _settled(path: ActuatorPath, limits: Sequence[Limit], leg: Leg) -> Leg:
     return leg
 
 
-def _averaged(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> Leg:
+def _average_leg(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> Candidate:
     """What an order-3 solve starts from: a motion whatever solvers do, though it has to be slowed."""
-    coarse = order_3_coarse(path, limits, run)
+    coarse = coarse_jerk_problem(path, limits, run)
     leg = _ramped(path, limits, run, coarse)
     if leg is None:
         problem, start = jerk_problem(path, limits, run, coarse)
-        leg = Leg(run, problem, start.profile(problem), AVERAGED, 3, floor(coarse))
-    return _settled(path, limits, leg)
+        leg = Candidate(run, problem, start.profile(problem), AVERAGED, 3, floor(coarse))
+    return _settle_leg(path, limits, leg)
 
 
-def _parted(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> list[Leg]:
+def _solve_halves(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> list[Candidate]:
     """The run with a rest about its middle, at the break where it is slowest anyway. Empty where that is no way."""
     if run.first == run.last:
         return []
@@ -208,7 +342,7 @@ def _parted(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> list[Leg]:
             replace(run, last=rest - 1, end_speed=0.0, until=None, stands=(run.stands[0], False)),
             replace(run, first=rest, start_speed=0.0, since=None, stands=(False, run.stands[1])),
         )
-        return [leg for part in parts for leg in _legs(path, limits, part, 3)]
+        return [leg for part in parts for leg in _solve_legs(path, limits, part, 3)]
     except MotionError:  # no room for a rest beside a speed at an end
         return []
 
@@ -218,51 +352,53 @@ def _refuse_ends(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> None:
     for beside in (run, None):
         for end in (0, 1):
             asked = run.speeds[end]
-            largest = _largest_end(path, limits, beside or _with_end(run, 1 - end, 0.0), end) if asked > 0 else 0.0
+            largest = (
+                _largest_end_speed(path, limits, beside or _with_end(run, 1 - end, 0.0), end) if asked > 0 else 0.0
+            )
             if 0 < largest < asked:
                 raise TooFast(end, asked, largest, beside is None)
         if min(run.speeds) == 0:  # beside a rest already
             return
 
 
-def _largest_end(path: ActuatorPath, limits: Sequence[Limit], run: Run, end: int) -> float:
+def _largest_end_speed(path: ActuatorPath, limits: Sequence[Limit], run: Run, end: int) -> float:
     """The largest speed up to the run's that is found for an end of it and leads to a motion; 0 if none does."""
-    bound, most = largest_there(order_3_coarse(path, limits, run), end), 0.0
-    for share in SHARES:
+    bound, most = largest_end_speed(coarse_jerk_problem(path, limits, run), end), 0.0
+    for share in END_SPEED_SHARES:
         if share * bound > most:
-            most = max(most, _fastest_end(path, limits, _with_end(run, end, share * bound), end, bound))
-    for _ in range(AGAIN if most > 0 else 0):
-        before, again = most, _fastest_end(path, limits, _with_end(run, end, NEARLY[1] * most), end, bound)
+            most = max(most, _fastest_end_speed(path, limits, _with_end(run, end, share * bound), end, bound))
+    for _ in range(MAX_RESOLVES if most > 0 else 0):
+        before, again = most, _fastest_end_speed(path, limits, _with_end(run, end, NEAR_SHARES[1] * most), end, bound)
         most = again or before
-        if abs(most / before - 1) < SETTLED:
+        if abs(most / before - 1) < SETTLED_CHANGE:
             break
     high = 1.0
-    for low in NEARLY if most > 0 else ():
-        if _holds(path, limits, _with_end(run, end, low * most)):
+    for low in NEAR_SHARES if most > 0 else ():
+        if _is_feasible(path, limits, _with_end(run, end, low * most)):
             break
         high = low
     else:
         return 0.0
     for _ in range(HALVINGS if high < 1 else 0):
         middle = (low + high) / 2
-        low, high = (middle, high) if _holds(path, limits, _with_end(run, end, middle * most)) else (low, middle)
+        low, high = (middle, high) if _is_feasible(path, limits, _with_end(run, end, middle * most)) else (low, middle)
     return low * most
 
 
-def _holds(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> bool:
+def _is_feasible(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> bool:
     """Whether a motion is found along a run, between its speeds, that is seen to keep every limit."""
     try:
-        leg = _settled(path, limits, _solved(path, limits, run, 3))
+        leg = _settle_leg(path, limits, _solved(path, limits, run, 3))
     except MotionError:
         return False
-    return slowest(limits, leg.aimed(seen(path, limits, leg.profile))) <= 1 + MARGIN
+    return required_slowness(limits, leg.aimed(sample_limit_use(path, limits, leg.profile))) <= 1 + SOLVER_MARGIN
 
 
 def _with_end(run: Run, end: int, speed: float) -> Run:
     return replace(run, start_speed=speed) if end == 0 else replace(run, end_speed=speed)
 
 
-def _fastest_end(path: ActuatorPath, limits: Sequence[Limit], run: Run, end: int, bound: float) -> float:
+def _fastest_end_speed(path: ActuatorPath, limits: Sequence[Limit], run: Run, end: int, bound: float) -> float:
     """The largest speed at an end, up to the bound, that a solver finds from a motion with the run's; 0 if none."""
     try:
         problem, start = jerk_problem(path, limits, run)

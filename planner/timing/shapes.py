@@ -5,12 +5,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kinematics.array import Array
+from kinematics.foundation.arrays import Array
 from planner.timing.profile import Profile
 
 # Parts of a quarter sine, each of constant jerk: s and ṡ are exact at their ends, and in between ṡ is off by at most
 # (π/2/parts)³/124 of its largest, 2.3e-6.
-PARTS = 24
+SINE_PARTS = 24
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,8 +51,8 @@ def quarter_sine(ramp: float) -> Profile:
     """
     omega = np.pi / 2 / ramp
     top = 1 / (2 / omega + 1 - 2 * ramp)
-    angle = np.linspace(0.0, np.pi / 2, PARTS + 1)
-    h = np.full(PARTS, ramp / PARTS)
+    angle = np.linspace(0.0, np.pi / 2, SINE_PARTS + 1)
+    h = np.full(SINE_PARTS, ramp / SINE_PARTS)
     v, way = top * np.sin(angle), top / omega * -np.diff(np.cos(angle))
     # ṡ on a part: through its values at both ends, and as much way as the sine makes
     a = (6 * way / h - 4 * v[:-1] - 2 * v[1:]) / h
@@ -72,7 +72,7 @@ def _unit(h: Array, a: Array, j: Array) -> Profile:
 
 
 # A ramp of a hundred-thousandth of the time, or half of it; a rounding of a hundredth of the ramp, or half of it.
-RAMP, ROUNDING = (1e-5, 0.5), (1e-2, 0.5)
-TRAPEZOID = Shapes("trapezoid", 2, trapezoid, (RAMP,))
-S_CURVE = Shapes("s-curve", 3, s_curve, (RAMP, ROUNDING))
-QUARTER_SINE = Shapes("quarter-sine", 2, quarter_sine, (RAMP,))
+RAMP_RANGE, ROUNDING_RANGE = (1e-5, 0.5), (1e-2, 0.5)
+TRAPEZOID = Shapes("trapezoid", 2, trapezoid, (RAMP_RANGE,))
+S_CURVE = Shapes("s-curve", 3, s_curve, (RAMP_RANGE, ROUNDING_RANGE))
+QUARTER_SINE = Shapes("quarter-sine", 2, quarter_sine, (RAMP_RANGE,))

@@ -1,4 +1,4 @@
-"""Every module of the folder that is run as `python -m benchmarks.NAME` prints something; the others serve these."""
+"""Every module of the folder that is run as `python -m benchmarks.evidence.NAME` prints something; the others serve these."""
 
 from importlib import import_module
 from pathlib import Path
@@ -6,40 +6,56 @@ from re import findall
 
 import pytest
 
-import benchmarks
+from benchmarks import evidence
 
-FOLDER = Path(benchmarks.__file__).parent
-SERVE = {"__init__", "calibration_report", "compared", "markdown_page", "page", "published_lines", "report"}
+FOLDER = Path(evidence.__file__).parent
+SERVE = {"published.compared", "published.published_lines"}
 """Reports and tables that commands write; they have nothing of their own to print."""
-QUICK = ("conformance", "initial_design", "raster", "sahbaz_geometry", "sasidhar_deflection", "sasidhar_sizing")
+PACKAGES = {"peers", "thesis"}
+"""Run as a whole."""
+QUICK = (
+    "published.conformance",
+    "published.initial_design",
+    "published.sahbaz_geometry",
+    "published.sasidhar_deflection",
+    "published.sasidhar_sizing",
+    "speed.raster",
+)
+
+
+def commands():
+    """Every module of the folder by its dotted name, and its text."""
+    for file in FOLDER.rglob("*.py"):
+        if file.stem != "__init__" and file.parent.name not in PACKAGES:
+            yield ".".join(file.relative_to(FOLDER).with_suffix("").parts), file.read_text("utf-8")
 
 
 def test_every_module_that_is_not_there_for_others_can_be_run():
-    runs = {file.stem for file in FOLDER.glob("*.py") if 'if __name__ == "__main__":' in file.read_text("utf-8")}
-    assert {file.stem for file in FOLDER.glob("*.py")} - runs == SERVE
+    assert {name for name, text in commands() if 'if __name__ == "__main__":' not in text} == SERVE
 
 
 def test_every_command_that_the_documentation_names_is_there():
-    docs = FOLDER.parent / "docs"
-    files = [FOLDER.parent / "README.md", *docs.rglob("*.md"), *FOLDER.rglob("*.py")]
-    named = {name for file in files for name in findall(r"python -m benchmarks\.(\w+)", file.read_text("utf-8"))}
+    root = FOLDER.parents[1]
+    files = [root / "README.md", *(root / "docs").rglob("*.md"), *FOLDER.rglob("*.py")]
+    named = {name for file in files for name in findall(r"python -m (benchmarks\.[\w.]*\w)", file.read_text("utf-8"))}
     assert len(named) > 20
     for name in named:
-        assert (FOLDER / f"{name}.py").is_file() or (FOLDER / name / "__main__.py").is_file(), name
-        assert name not in SERVE
+        file = root.joinpath(*name.split("."))
+        assert file.with_suffix(".py").is_file() or (file / "__main__.py").is_file(), name
+        assert name.removeprefix("benchmarks.evidence.") not in SERVE
 
 
 @pytest.mark.parametrize("name", QUICK)
 def test_it_prints_what_it_found(name, capsys, monkeypatch):
     monkeypatch.setattr("sys.argv", [name])
-    import_module(f"benchmarks.{name}").main()
+    import_module(f"benchmarks.evidence.{name}").main()
     said = capsys.readouterr().out
     assert len(said.splitlines()) > 5
     assert any(sign.isdigit() for sign in said)
 
 
 def test_the_initial_design_is_told_beside_print(capsys):
-    import_module("benchmarks.initial_design").main()
+    import_module("benchmarks.evidence.published.initial_design").main()
     said = capsys.readouterr().out
     assert "47.58" in said
     assert "54.563" in said

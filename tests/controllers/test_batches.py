@@ -5,15 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.closed_loop import all_runs
+from benchmarks.evidence.speed.closed_loop import simulate_runs
 from controllers.card import PCI_8164
-from controllers.drives.bank import bank
 from controllers.host import Host
 from controllers.laws.registry import find_law
-from controllers.motions import along
-from controllers.rig import disturbed, load_rig
-from controllers.simulate import sample, simulate, together
-from kinematics.errors import MotionError
+from controllers.rig import disturbed
+from controllers.rig_file import load_rig
+from controllers.simulate import bank, sample, simulate, stack_references
+from controllers.task import time_path
+from kinematics.foundation.errors import MotionError
 
 SAME = 1e-12
 """Of the largest value: what a run may differ by, in a batch and alone."""
@@ -73,19 +73,19 @@ def test_paths_of_different_lengths_share_a_batch(rig, short):
         position=np.concatenate([short.position, short.position[::-1][1:]]),
         speed=np.concatenate([short.speed, -short.speed[::-1][1:]]),
     )
-    both = simulate(together([short, longer]), find_law("6r"), [rig, rig], settle=0.1)
+    both = simulate(stack_references([short, longer]), find_law("6r"), [rig, rig], settle=0.1)
     for b, own in enumerate((short, longer)):
         alone = simulate(own, find_law("6r"), [rig], settle=0.1)
         np.testing.assert_allclose(both.actual[: len(alone.t), b], alone.actual[:, 0], rtol=0, atol=SAME * 1e5)
     with pytest.raises(MotionError, match="steps of references"):
-        together([short, replace(short, dt=0.025)])
+        stack_references([short, replace(short, dt=0.025)])
 
 
 def test_figures_do_not_depend_on_parts_and_workers():
     gains = [0.0, 0.4, 0.7]
-    whole = all_runs(gains, 0, 3)
-    np.testing.assert_allclose(all_runs(gains, 0, 1), whole, rtol=SAME)
-    np.testing.assert_allclose(all_runs(gains, 2, 2), whole, rtol=SAME)
+    whole = simulate_runs(gains, 0, 3)
+    np.testing.assert_allclose(simulate_runs(gains, 0, 1), whole, rtol=SAME)
+    np.testing.assert_allclose(simulate_runs(gains, 2, 2), whole, rtol=SAME)
 
 
 def test_a_host_that_sleeps_ends_late_by_what_its_steps_were(rig, short):
@@ -106,7 +106,7 @@ def test_steppers_follow_their_task_and_lose_steps_when_it_is_hurried():
     task = rig.task("circle")
 
     def runs(duration):
-        motion = along(task.motion.path, "quarter-sine", 1 / 6, duration)
+        motion = time_path(task.motion.path, "quarter-sine", 1 / 6, duration)
         return simulate(sample(motion, rig.machine, task.dt), find_law("3"), [rig], settle=0.1)
 
     calm, hurried = runs(1.0), runs(0.8)
@@ -145,6 +145,6 @@ def test_what_is_no_batch_is_refused(rig, short):
     with pytest.raises(MotionError, match="machine or card"):
         simulate(short, law, [rig, replace(rig, card=replace(rig.card, while_moving="queue"))])
     with pytest.raises(MotionError, match="2 x 3 for 3 rigs of 3 axes"):
-        simulate(together([short, short]), law, [rig, rig, rig])
+        simulate(stack_references([short, short]), law, [rig, rig, rig])
     with pytest.raises(MotionError, match="reference of 2 for 1 rigs of 3 axes"):
         simulate(replace(short, position=short.position[:, :2], speed=short.speed[:, :2]), law, [rig])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from controllers.host import Host, instants
-from kinematics.errors import MotionError
+from kinematics.foundation.errors import MotionError
 
 
 def test_a_counter_is_exact():

@@ -7,12 +7,11 @@ import numpy as np
 import pytest
 
 from controllers.card import PCI_8164, TAMove, at_rest, current_speed, send
+from controllers.drives.servo import leg_servo
 from controllers.host import Host
-from controllers.laws.closed_error import ClosedErrorSpeed
-from controllers.laws.open_position import OpenPosition
-from controllers.laws.open_velocity import OpenVelocity
+from controllers.laws.closed_loop import ClosedErrorSpeed
+from controllers.laws.open_loop import OpenPosition, OpenVelocity
 from controllers.rig import Rig
-from controllers.servo import leg_servo
 from controllers.simulate import sample, simulate
 
 DT = 0.05

@@ -5,16 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from controllers.drives.servo import leg_servo
 from controllers.laws.feedforward import Feedforward
 from controllers.laws.horizon import Horizon
-from controllers.laws.nominal import nominal
-from controllers.learning import TAIL, learn, modelled
+from controllers.laws.nominal import nominal_axes
+from controllers.learning import TAIL, fit_feedforward, learn
 from controllers.rig import Rig
-from controllers.servo import leg_servo
 from controllers.simulate import sample
 from controllers.task import Task
 from controllers.tracking import track
-from kinematics.errors import MotionError
+from kinematics.foundation.errors import MotionError
 
 PULSE = 0.75e-6
 DT = 0.125
@@ -43,7 +43,7 @@ def test_the_update_without_limits_is_norm_optimal_in_closed_form(bench):
     """u⁺ = u + (PᵀP + s I)⁻¹ Pᵀ e, by numpy, for errors of some motion; the program's own tolerance is 1e-4 pulses."""
     rig, _ = bench
     s, steps = 0.1, 8
-    program = Horizon(nominal(rig), DT, steps, s)
+    program = Horizon(nominal_axes(rig), DT, steps, s)
     rng = np.random.default_rng(0)
     u, e = np.full((3, 2 * steps), 800.0), rng.normal(size=(3, len(program.instants)))
     P = program.driven
@@ -77,12 +77,14 @@ def test_a_gain_that_the_data_sheet_has_wrong_is_learned_and_taken_along(bench, 
     rig, task = bench
     plant = replace(rig, drives=tuple(replace(drive, position_gain=24.0) for drive in rig.drives))
     learning = learn(rig, task, 3, plant=plant)
-    told = modelled(sample(task.motion, rig.machine, DT), learning.best, nominal(rig))
+    told = fit_feedforward(sample(task.motion, rig.machine, DT), learning.best, nominal_axes(rig))
     np.testing.assert_allclose(told.position_gain, 24.0, rtol=0.01)
     other = axis_motion("smooth", (9_000, 20_000, -14_000), 2.0)
     rms = [
         np.sqrt(np.mean((run.actual - run.reference) ** 2, 0))
-        for run in (track(other, rig.machine, Feedforward(axes=of), dt=DT, rig=plant) for of in (nominal(rig), told))
+        for run in (
+            track(other, rig.machine, Feedforward(axes=of), dt=DT, rig=plant) for of in (nominal_axes(rig), told)
+        )
     ]
     assert np.all(rms[1] < rms[0] / 5)
 

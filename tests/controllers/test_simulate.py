@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from controllers.card import Refused
-from controllers.laws.closed_position import ClosedPosition
-from controllers.laws.open_position import OpenPosition
-from controllers.servo import leg_servo
+from controllers.drives.servo import leg_servo
+from controllers.laws.closed_loop import ClosedPosition
+from controllers.laws.open_loop import OpenPosition
 from controllers.simulate import sample
-from kinematics.errors import MotionError
+from kinematics.foundation.errors import MotionError
 from tests.controllers.servos import track
 
 PULSE = 0.75e-6

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.peers.page import COMMAND, MEASURED, page
-from benchmarks.peers.table import cells, read
+from benchmarks.evidence.peers.page import COMMAND, MEASURED_FILE, page
+from benchmarks.evidence.peers.table import cells, read_answers
 
 ROOT = Path(__file__).parents[2]
 COMMANDS = re.compile(r"python\s-m\s(benchmarks[\w.]*)")
@@ -19,7 +19,7 @@ def commands(path):
 
 @pytest.mark.parametrize("path", ["README.md", "docs/evidence.md", "docs/findings.md", "docs/peers.md"])
 def test_every_command_that_shows_a_figure_is_in_the_index(path):
-    named = commands(path) - {"benchmarks.peers.page"}  # makes a page of what is measured
+    named = commands(path) - {"benchmarks.evidence.peers.page"}  # makes a page of what is measured
     assert named <= commands("docs/evidence/index.md")
 
 
@@ -39,15 +39,18 @@ def test_the_page_of_peers_is_what_its_command_makes():
 
 
 def test_what_is_read_of_the_measurements_is_what_was_written():
-    lines = MEASURED.read_text(encoding="utf-8").splitlines()
-    again = [",".join(f'"{cell}"' if "," in cell else cell for cell in cells(answer)) for answer in read(MEASURED)]
+    lines = MEASURED_FILE.read_text(encoding="utf-8").splitlines()
+    again = [
+        ",".join(f'"{cell}"' if "," in cell else cell for cell in cells(answer))
+        for answer in read_answers(MEASURED_FILE)
+    ]
     # the last number is worked out of those before it, which are rounded
     assert [line.split(",")[:-2] for line in again] == [line.split(",")[:-2] for line in lines[1:]]
 
 
 def test_what_the_page_says_of_peers_is_what_was_measured():
     """Its words between the tables, each with room for the next run on another machine."""
-    found = {(a.case, a.order, a.method, a.intervals): a for a in read(MEASURED)}
+    found = {(a.case, a.order, a.method, a.intervals): a for a in read_answers(MEASURED_FILE)}
     circle, spline, line = "hexapod, circle", "spline, 50 waypoints", "straight, one axis"
 
     def ratio(one, other):

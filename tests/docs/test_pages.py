@@ -5,10 +5,10 @@ import sys
 import pytest
 
 from controllers.laws.registry import LAWS
-from kinematics.machine_file import KINDS
-from planner.export.formats import FORMATS
+from kinematics.machine.machine_file import KINDS
+from planner.export.format import FORMATS
 from planner.limits.registry import AXIS_LIMITS, MACHINE_LIMITS
-from planner.sources.registry import SOURCES
+from planner.sources.source import SOURCES
 from tests.docs.pages import DOCS, agree, fences, run
 
 PAGES = [

@@ -42,8 +42,8 @@ def test_what_docstrings_set_in_columns_is_set_as_such(site):
 
 
 def test_every_command_and_every_key_is_there(site):
-    from kinematics.kinds.axes import LinearDefaults
-    from planner.entries import ProgramFile
+    from kinematics.kinds.axis_tables import LinearDefaults
+    from planner.program.program_file import ProgramFile
     from pulsepath.cli import main
 
     commands = (site / "reference" / "commands.html").read_text(encoding="utf-8")
@@ -113,9 +113,9 @@ def test_a_key_takes_what_its_annotation_says(monkeypatch):
     monkeypatch.syspath_prepend(str(ROOT / "docs" / "_ext"))
     from file_keys import default, meanings, takes
 
-    from kinematics.kinds.axes import LinearDefaults
-    from kinematics.kinds.masses import LoadedFile
-    from planner.entry import Drawn
+    from kinematics.kinds.axis_tables import LinearDefaults
+    from kinematics.kinds.load_tables import LoadedFile
+    from planner.program.segment_tables import PathEntry
 
     def of(table, key):
         field = table.model_fields[key]
@@ -126,8 +126,11 @@ def test_a_key_takes_what_its_annotation_says(monkeypatch):
     assert of(LinearDefaults, "max_speed") == (
         'quantity, as `"20 mm/s"`; above 0, or 2 × quantity, as `"20 mm/s"`; above 0'
     )
-    assert of(Drawn, "join") == '`"stop"` or `"through"` or table'
+    assert of(PathEntry, "join") == '`"stop"` or `"through"` or table'
     assert of(LoadedFile, "gravity") == '3 × quantity, as `"20 mm/s^2"`'
     assert default(LoadedFile.model_fields["gravity"]) == "0, 0, -9806.65 mm/s^2"
     assert default(LinearDefaults.model_fields["travel"]) == "**needed**"
-    assert meanings(Drawn) == meanings(Drawn) | {"speed": "cap of the tool's speed", "trigger": "an event along it"}
+    assert meanings(PathEntry) == meanings(PathEntry) | {
+        "speed": "cap of the tool's speed",
+        "trigger": "an event along it",
+    }

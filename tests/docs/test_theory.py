@@ -7,11 +7,11 @@ import pytest
 from numpy.polynomial import Polynomial
 from scipy.interpolate import CubicSpline, PPoly
 
-from benchmarks.peers.case import circle, spline
+from benchmarks.evidence.peers.case import circle, spline
 from planner import time_optimal
-from planner.enclosure import _control
-from planner.path.blend import overlap
-from planner.timing.passes import largest_speeds
+from planner.certificate.enclosure import _coefficient_range
+from planner.path.join import overlap_lengths
+from planner.timing.solvers.passes import largest_speeds
 from tests.docs.pages import DOCS
 
 INTERVALS = 1000
@@ -74,7 +74,7 @@ def test_rows_at_starts_are_broken_at_ends(case, starts, both):
 def test_a_blend_meets_its_neighbours_with_three_derivatives():
     """path.md: a = s − d and b = 0 to the third derivative at the start, a = 0 and b = s − d at the end."""
     reach = 0.7
-    a, b = overlap(Polynomial([0, 1]), reach)
+    a, b = overlap_lengths(Polynomial([0, 1]), reach)
     assert np.abs((a + b - Polynomial([-reach, 1])).coef).max() < 1e-13
     for order, run in enumerate((-reach, 1.0, 0.0, 0.0)):
         first, last = (one.deriv(order) if order else one for one in (a, b))
@@ -106,7 +106,7 @@ def test_a_line_that_reaches_all_its_limits(length):
 
 def test_bernstein_coefficients_of_degree_16_over_estimate_a_parabola_by_a_fifteenth():
     """certificate.md."""
-    low, high = _control(np.array([[1.0], [0.0], [-1.0]]))  # 1 − τ² on [−1, 1], of height 1
+    low, high = _coefficient_range(np.array([[1.0], [0.0], [-1.0]]))  # 1 − τ² on [−1, 1], of height 1
     assert 1 <= high[0] <= 1 + 1 / 15 + 1e-12
     assert low[0] == pytest.approx(0, abs=1e-12)
 

@@ -5,15 +5,15 @@ import pytest
 from numpy.polynomial import chebyshev
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from benchmarks.conformance import PUBLISHED, mini_tetra, rubin
-from benchmarks.sahbaz_geometry import table_4_3
+from benchmarks.evidence.published.conformance import PUBLISHED, mini_tetra, rubin
+from benchmarks.evidence.published.sahbaz_geometry import table_4_3
 from kinematics import Axis, Hexapod, load_machine
-from kinematics.document import read
-from kinematics.freedom import COMPONENTS, columns
-from kinematics.hexapod import joint_circle
-from kinematics.load import Load
-from kinematics.motion import motion_of_poses
-from kinematics.pose import from_numbers, numbers
+from kinematics.files.toml_document import read
+from kinematics.kinds.hexapod import joint_circle
+from kinematics.machine.kind import columns
+from kinematics.machine.load import Load
+from kinematics.machine.motion import motion_of_poses
+from kinematics.machine.pose import COMPONENTS, from_numbers, to_numbers
 
 
 def hexapod(base, platform, home, **options):
@@ -145,7 +145,7 @@ def poses_about(room):
         poses = RigidTransform.from_components(pose.translation + shift, Rotation.from_rotvec(turn) * pose.rotation)
         if not machine.follows:
             return poses
-        return from_numbers(machine.carried_map(machine.inputs(numbers(poses), machine.home_q)))
+        return from_numbers(machine.carried_map(machine.inputs(to_numbers(poses), machine.home_q)))
 
     return make
 

@@ -8,7 +8,7 @@ from scipy.integrate import cumulative_trapezoid
 from scipy.spatial.transform import RigidTransform
 
 from kinematics import Axis, Body, Traverser, load_machine
-from kinematics.load import Load
+from kinematics.machine.load import Load
 from planner import load_program, plan
 
 

@@ -13,8 +13,8 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from planner import Arc, Line, Program, Turn, load_program
 from planner.actuation import actuate
-from planner.enclosure import Cells, bounds, enclose
-from planner.polynomial import PolynomialPath
+from planner.certificate.enclosure import Cells, bound_series, enclose
+from planner.path.polynomial import PolynomialPath
 from planner.trajectory import Trajectory
 
 HOME = np.array([0, 0, 0.2336362])
@@ -195,17 +195,17 @@ def test_enclosures_contain_the_motion(hexapod, rodrigues, kind, order):
     state, shape = looked_at(trajectory)
     enclosure = enclose(trajectory, whole(trajectory), order)
     for name in ("q", "qd", "qdd", "qddd"):
-        low, high = bounds(getattr(enclosure, name), 40)
+        low, high = bound_series(getattr(enclosure, name), 40)
         sampled = getattr(state, name).reshape(shape)
         rounding = 1e-12 * np.abs(sampled).max()  # of the samples
         assert (low <= sampled + rounding).all(), name
         assert (high >= sampled - rounding).all(), name
     if kind == "machine":
-        low, high = bounds(enclosure.evaluate(hexapod.tilt_map, enclosure.pose_rate(0)), 40)
+        low, high = bound_series(enclosure.evaluate(hexapod.tilt_map, enclosure.pose_rate(0)), 40)
         cosines = state.evaluate(hexapod.tilt_map, state.pose_rate(0)).reshape(shape)
         assert (low <= cosines + 1e-14).all()
         assert (high >= cosines - 1e-14).all()
-        low, high = bounds(enclosure.pose_rate(1)[:, :3], 40)
+        low, high = bound_series(enclosure.pose_rate(1)[:, :3], 40)
         velocity = state.tool_velocity.reshape(shape)
         assert (low <= velocity + 1e-14).all()
         assert (high >= velocity - 1e-14).all()
@@ -217,7 +217,7 @@ def test_enclosures_shrink_with_their_cells(hexapod, rodrigues):
     trajectory = loose_motion(path, np.random.default_rng(1), 10)
     overshoot = []
     for cells in (whole(trajectory), whole(trajectory).parts(4)):
-        low, high = bounds(enclose(trajectory, cells, 6).qddd, len(cells.k))
+        low, high = bound_series(enclose(trajectory, cells, 6).qddd, len(cells.k))
         share = np.linspace(0, 1, 101)[:, None]
         state = trajectory.within(np.tile(cells.k, 101), (cells.lo + share * (cells.hi - cells.lo)).ravel())
         sampled = state.qddd.reshape(101, len(cells.k), -1)

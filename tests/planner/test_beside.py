@@ -7,7 +7,7 @@ from functools import partial
 import pytest
 
 from kinematics import MotionError
-from planner.beside import NOTHING, beside
+from planner.beside import NO_PROCESS, side_process
 from planner.workers import Worker
 
 
@@ -22,7 +22,7 @@ def refused():
 @pytest.fixture(scope="module")
 def other():
     worker = Worker()
-    with beside((worker.process, worker.pipe)) as found:
+    with side_process((worker.process, worker.pipe)) as found:
         yield found
 
 
@@ -36,7 +36,7 @@ def test_one_after_the_other(other):
 
 
 def test_without_a_process_it_is_done_here():
-    assert NOTHING.start(die).result(os.getpid) == os.getpid()
+    assert NO_PROCESS.start(die).result(os.getpid) == os.getpid()
 
 
 def test_what_cannot_be_sent_is_done_here(other):
@@ -50,13 +50,13 @@ def test_what_raised_there_raises_here(other):
 
 def test_where_the_process_dies_it_is_done_here():
     worker = Worker()
-    with beside((worker.process, worker.pipe)) as other:
+    with side_process((worker.process, worker.pipe)) as other:
         first, second = other.start(die), other.start(die)
         assert first.result(os.getpid) == second.result(os.getpid) == os.getpid()
 
 
 def interrupted(worker):
-    with beside((worker.process, worker.pipe)) as other:
+    with side_process((worker.process, worker.pipe)) as other:
         other.start(partial(pow, 10, 10**9))  # takes for ever
         raise KeyboardInterrupt
 

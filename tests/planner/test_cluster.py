@@ -12,8 +12,8 @@ import pytest
 import planner
 from kinematics import MotionError, load_machine
 from planner import Line, Program, plan_many
-from planner.cluster import _after_comparing, on_cluster
-from planner.environment import FIRST, differences, looking
+from planner.cluster import _wrap_checked, run_on_cluster
+from planner.environment import FIRST, describe_mismatches, make_fact_finder
 
 LOADED = "import sys, cloudpickle; print(cloudpickle.loads(bytes.fromhex(sys.argv[1]))())"
 
@@ -50,13 +50,13 @@ def test_other_sources_on_a_worker_are_refused_before_any_work(tmp_path, monkeyp
 
 def test_another_library_on_the_workers_is_refused(monkeypatch):
     distributed = pytest.importorskip("distributed", reason="the extra cluster")
-    look = looking()
+    look = make_fact_finder()
     key = next(key for key, facts in FIRST.items() if facts == look())
     with distributed.LocalCluster(n_workers=1, threads_per_worker=1, processes=True, dashboard_address=None) as cluster:
         numpy = look()["numpy"]
         monkeypatch.setitem(FIRST, key, {**look(), "numpy": "1.0"})
         with pytest.raises(MotionError, match=rf"other results: numpy {numpy} \(here 1\.0\)\. Install the same"):
-            list(on_cluster(divmod, [7], 2, cluster.scheduler_address))
+            list(run_on_cluster(divmod, [7], 2, cluster.scheduler_address))
 
 
 def test_a_cluster_without_workers_is_told(monkeypatch):
@@ -66,15 +66,15 @@ def test_a_cluster_without_workers_is_told(monkeypatch):
         distributed.LocalCluster(n_workers=0, processes=False, dashboard_address=None) as cluster,
         pytest.raises(MotionError, match=r"no worker after 0\.5 s: start some"),
     ):
-        list(on_cluster(divmod, [7], 2, cluster.scheduler_address))
+        list(run_on_cluster(divmod, [7], 2, cluster.scheduler_address))
 
 
 def test_a_worker_looks_again_before_each_task():
     """One that joins later: its facts in place of a result, before anything of ours is unpacked there."""
-    look = looking()
+    look = make_fact_finder()
     task, shared = pickle.dumps(7), pickle.dumps(2)
-    assert _after_comparing(divmod, look, look())(task, shared) == ((3, 1), None)
-    assert _after_comparing(divmod, look, {**look(), "python": "2.7"})(b"of another world", b"") == (None, look())
+    assert _wrap_checked(divmod, look, look())(task, shared) == ((3, 1), None)
+    assert _wrap_checked(divmod, look, {**look(), "python": "2.7"})(b"of another world", b"") == (None, look())
 
 
 def test_it_looks_where_another_version_is(tmp_path):
@@ -82,7 +82,7 @@ def test_it_looks_where_another_version_is(tmp_path):
     cloudpickle = pytest.importorskip("cloudpickle", reason="the extra cluster")
     (tmp_path / "planner").mkdir()
     (tmp_path / "planner" / "__init__.py").write_text("old = True\n")
-    sent = cloudpickle.dumps(looking()).hex()
+    sent = cloudpickle.dumps(make_fact_finder()).hex()
     done = subprocess.run(
         [sys.executable, "-c", LOADED, sent],
         cwd=tmp_path,
@@ -92,7 +92,9 @@ def test_it_looks_where_another_version_is(tmp_path):
         timeout=60,
         env=os.environ | {"PYTHONPATH": os.pathsep.join([str(tmp_path), *filter(None, sys.path)])},
     )
-    here, there = looking()(), eval(done.stdout)  # noqa: S307  # of our own process
-    assert differences(here, there) == ["other sources of planner"]
-    assert differences(here, here) == []
-    assert differences(here, {}) == [f"{what} not installed (here {value[:12]})" for what, value in here.items()]
+    here, there = make_fact_finder()(), eval(done.stdout)  # noqa: S307  # of our own process
+    assert describe_mismatches(here, there) == ["other sources of planner"]
+    assert describe_mismatches(here, here) == []
+    assert describe_mismatches(here, {}) == [
+        f"{what} not installed (here {value[:12]})" for what, value in here.items()
+    ]

@@ -5,10 +5,10 @@ import sys
 import pytest
 
 from kinematics import MotionError
-from kinematics.errors import NotInstalled
+from kinematics.foundation.errors import NotInstalled
 from planner import Line, Program, load_program, plan
 from planner.cross_check import cross_check
-from planner.timing import toppra_adapter
+from planner.timing.solvers import toppra_ as toppra_adapter
 
 
 @pytest.fixture(scope="module")

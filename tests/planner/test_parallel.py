@@ -15,12 +15,12 @@ from functools import partial
 import numpy as np
 import pytest
 
-from benchmarks.raster import raster
+from benchmarks.evidence.speed.raster import raster
 from kinematics import Fault, FileError, MotionError, OutOfReach, load_machine, machine_names
 from planner import Infeasible, Place, parallel, plan
 from planner.actuation import actuate
 from planner.limits import limits_of
-from planner.solve import fastest
+from planner.timing.certified_solve import fastest
 
 
 @pytest.fixture
@@ -123,7 +123,7 @@ def test_the_same_motion_to_the_bit(eager, monkeypatch, order):
     machine = load_machine("hexapod")
     path = actuate(raster(8), machine)
     limits, told = limits_of(path, machine.axes, order), []
-    monkeypatch.setattr("planner.solve.PART", 2)
+    monkeypatch.setattr("planner.timing.certified_solve.PART", 2)
     spread = fastest(path, limits, order, lambda done, of: told.append((done, of)))
     monkeypatch.setattr(parallel, "ENOUGH", np.inf)
     alone = fastest(path, limits, order)

@@ -10,8 +10,8 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics import MotionError
 from planner import Arc, Dwell, Line, Program, Spline, Trigger, Turn, plan
-from planner.actuation import actuate, points_of
-from planner.export import trigger_csv
+from planner.actuation import actuate, make_points
+from planner.export import plan_files as trigger_csv
 
 TWIST = Rotation.from_euler("XYZ", [0.05, 0.0, 0.0])
 SEGMENTS = (
@@ -61,7 +61,7 @@ def test_on_a_spline_it_is_a_share_of_the_way(hexapod, tool):
 
     def length(low, high, piece):
         x = np.linspace(low, high, 4001)
-        points = points_of(path, x, np.full(len(x), piece))
+        points = make_points(path, x, np.full(len(x), piece))
         return simpson(np.linalg.norm(points.tool_derivatives[1][:, :3], axis=1), x=x)
 
     whole = sum(length(path.breaks[k], path.breaks[k + 1], k) for k in (1, 2))
@@ -101,7 +101,7 @@ def test_counts_are_those_of_the_pulses(marked):
 
 
 def test_the_table_reads_back(marked, tmp_path):
-    trigger_csv.write(marked, tmp_path / "triggers.csv")
+    trigger_csv.write_trigger_csv(marked, tmp_path / "triggers.csv")
     with (tmp_path / "triggers.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
     assert [row["name"] for row in rows] == [event.name for event in marked.triggers]

@@ -3,11 +3,11 @@
 import pytest
 from click.testing import CliRunner
 
-from kinematics.errors import NotInstalled
+from kinematics.foundation.errors import NotInstalled
 from pulsepath.cli import main
-from pulsepath.exits import told
 from pulsepath.inputs import read_inputs
 from pulsepath.job import run
+from pulsepath.process.exits import told
 
 
 @pytest.fixture(scope="session")
@@ -29,7 +29,7 @@ def absent_packages_skip(monkeypatch):
             pytest.skip(str(error))
         return told(error)
 
-    monkeypatch.setattr("pulsepath.commands.told", telling)
+    monkeypatch.setattr("pulsepath.command_group.told", telling)
 
 
 @pytest.fixture
@@ -47,7 +47,7 @@ def planned(monkeypatch, job):
 @pytest.fixture(scope="session")
 def directory(tmp_path_factory, inputs, job):
     """What `plan` writes for the shared plan; not to be changed."""
-    from pulsepath import plan_directory
+    from pulsepath.output import plan_directory
 
     folder = tmp_path_factory.mktemp("plans") / "bare-circle"
     folder.mkdir()

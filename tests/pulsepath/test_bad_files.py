@@ -16,7 +16,7 @@ from click.testing import CliRunner
 
 from kinematics import FileError, load_machine
 from kinematics.calibration.measurement_file import load_measurements
-from kinematics.catalogue import load_actuators
+from kinematics.design.catalogue import load_actuators
 from planner import load_program
 from pulsepath.cli import main
 

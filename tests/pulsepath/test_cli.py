@@ -45,7 +45,7 @@ def program(tmp_path):
 @pytest.fixture
 def tilting(tmp_path):
     """The hexapod with joints that tilt less."""
-    from kinematics.registry import presets
+    from kinematics.foundation.names import presets
 
     text = presets("kinematics")["hexapod"].read_text()
     assert 'max_tilt = "35 deg"' in text
@@ -382,7 +382,7 @@ class TestOverwriting:
         def fail(*_, **__):
             raise end
 
-        monkeypatch.setattr("benchmarks.report.write_report", fail)
+        monkeypatch.setattr("benchmarks.reports.plan_report.write_report", fail)
         done = call("plan", "bare-circle", "--out", old, "--force")
         assert done.exit_code == code
         assert told in done.stderr

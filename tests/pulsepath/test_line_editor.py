@@ -2,7 +2,7 @@
 
 import pytest
 
-from pulsepath.line_editor import Editor
+from pulsepath.terminal import Editor
 
 WORDS = ("JOG", "POS", "MOVE", "MAN", "EXIT", "CW", "CCW", "X", "Y")
 

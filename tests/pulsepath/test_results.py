@@ -13,17 +13,15 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 import pulsepath as pp
-from benchmarks.compare.table import Against, Comparison, Entry, Row
-from benchmarks.compare.verdict import Margin, Verdict
+from benchmarks.reports.gain.comparison import BaselineRatio, Comparison, ComparisonRow, SettingEntry
+from benchmarks.reports.gain.verdict import Margin, Verdict
 from benchmarks.sweep.cell import Cell, Setting
-from benchmarks.sweep.result import Result as Run
-from benchmarks.sweep.store import Runs
+from benchmarks.sweep.result import RunResult as Run
+from benchmarks.sweep.store import SavedRuns
 from controllers.metrics.circular_test import Circle, circular_test
-from controllers.metrics.iso_style import IsoStyle
-from controllers.metrics.path_accuracy import PathAccuracy
-from controllers.metrics.pose_accuracy import PoseAccuracy
-from controllers.metrics.velocity_accuracy import VelocityAccuracy
-from kinematics.result import Result
+from controllers.metrics.iso_style import IsoStyle, VelocityAccuracy
+from controllers.metrics.pose_and_path_accuracy import PathAccuracy, PoseAccuracy
+from kinematics.foundation.result import Result
 from planner.cross_check import CrossCheck
 from planner.sources.source import Imported
 
@@ -79,8 +77,8 @@ def sizing():
 
 
 def comparison():
-    entry = Entry(0, Setting("6", (("gain", 0.7),)))
-    row = Row(entry, "<i>", 2, {"contour_rms": 1.5e-6}, (1e-6, 2e-6), (), 0, 0, Against(0.5, 0.4, 0.6))
+    entry = SettingEntry(0, Setting("6", (("gain", 0.7),)))
+    row = ComparisonRow(entry, "<i>", 2, {"contour_rms": 1.5e-6}, (1e-6, 2e-6), (), 0, 0, BaselineRatio(0.5, 0.4, 0.6))
     return Comparison((), entry, (row,), ("<i>",), ("<i>",))
 
 
@@ -88,7 +86,7 @@ def runs():
     cells = [Cell(Setting("6", (("gain", gain),)), "line") for gain in (0.5, 0.7)]
     record = {"axes": {"a": "m"}, "tasks": {"line": {"unit": "m"}}}
     done = {"contour_rms": 1.5e-6, "following_max.a": 3e-6, "end_time": np.inf}
-    return Runs(Path("<i>"), record, {"0": Run(cells[0], done), "1": Run(cells[1], failure="<b>")})
+    return SavedRuns(Path("<i>"), record, {"0": Run(cells[0], done), "1": Run(cells[1], failure="<b>")})
 
 
 PATH = PathAccuracy(3, np.array([1e-6, 2e-6]), np.array([3e-6, 4e-6]))
@@ -134,7 +132,7 @@ MAKERS = {
     "CircularTest": round_trip,
     "Comparison": comparison,
     "Verdict": lambda: Verdict(comparison().baseline, 0.5, (Margin("gain", 0.7, None, 1.4),), "<i>"),
-    "Runs": runs,
+    "SavedRuns": runs,
     "Observability": lambda: made("Calibration").observability,
 }  # fmt: skip
 
@@ -340,7 +338,7 @@ def test_a_position_list_is_read_back(tmp_path):
 
 
 def test_a_schedule_a_program_and_a_machine_are_read_back(tmp_path):
-    from planner.export import npz
+    from planner.export.formats import npz
 
     plan().pulses.save(tmp_path / "a.npz")
     held = npz.read(tmp_path / "a.npz")

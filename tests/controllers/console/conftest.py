@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from controllers.console import CONSOLE, Desk, Line, heard, opened, passed
+from controllers.console import CONSOLE, Dispatcher, TextLine, advance_time, open_session, take_line
 from kinematics import load_machine
 
 
@@ -13,15 +13,15 @@ class Talk:
     """A desk that is spoken to at instants; every pulse of every motion is counted on the side, one by one."""
 
     def __init__(self, machine, *, homed=True, mode="MAN"):
-        session = opened(load_machine(machine))
+        session = open_session(load_machine(machine))
         n = len(session.counts)
-        self.desk = Desk(replace(session, homed=np.full(n, homed), mode=mode))
+        self.desk = Dispatcher(replace(session, homed=np.full(n, homed), mode=mode))
         self.t, self.fired, self._seen = 0.0, np.zeros(n, np.int64), 0.0
 
     def say(self, text, who=CONSOLE):
         """Replies to a line, as texts."""
         before = self._counted(self.t)
-        self.desk, replies = heard(self.desk, who, Line(text), self.t)
+        self.desk, replies = take_line(self.desk, who, TextLine(text), self.t)
         self._resume(before)
         return [reply for _, reply in replies]
 
@@ -31,7 +31,7 @@ class Talk:
         while self.desk.end is not None and self.desk.end <= until:
             self.t = self.desk.end
             before = self._counted(np.nextafter(self.t, np.inf))
-            self.desk, told = passed(self.desk, self.t)
+            self.desk, told = advance_time(self.desk, self.t)
             self._resume(before)
             replies += [reply for _, reply in told]
         if seconds is not None:

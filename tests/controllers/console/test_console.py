@@ -6,12 +6,21 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from controllers.console import CONSOLE, Desk, Line, gone, heard, opened, passed, saved
-from controllers.console.desk import WAITING
-from controllers.console.interpret import offer
+from controllers.console import (
+    CONSOLE,
+    Dispatcher,
+    TextLine,
+    advance_time,
+    drop_remote,
+    open_session,
+    snapshot_session,
+    take_line,
+)
+from controllers.console.dispatcher import WAITING
+from controllers.console.interpret import describe_offer
 from kinematics import MotionError, load_machine
 from planner.plan import plan
-from planner.program import Program, Turn
+from planner.program.model import Program, Turn
 from tests.controllers.console.conftest import Talk
 
 REMOTE = 1
@@ -170,7 +179,7 @@ def test_a_client_that_vanishes_leaves_the_move_under_way(talk):
     console.say("P X + 5000", REMOTE)
     console.say("P X + 5000", REMOTE)
     console.wait(1.0)
-    console.desk = gone(console.desk, REMOTE)
+    console.desk = drop_remote(console.desk, REMOTE)
     assert console.wait() == []
     assert console.registers()[0] == 5000
     console.assert_true()
@@ -181,22 +190,22 @@ def test_registers_are_offered_and_not_assumed(talk):
     console.say("HOME X Y Z R")
     console.say("POS X CW 300 Y CW 20")
     console.wait()
-    last = saved(console.desk.session, console.t)
+    last = snapshot_session(console.desk.session, console.t)
     machine = load_machine("traverser")
-    again = opened(machine, last)
+    again = open_session(machine, last)
     assert again.unknown() == ("X", "Y", "Z", "R")
     assert again.registers(0.0).tolist() == [0] * 4
-    assert offer(again) == "last known position X 300 Y 20 Z 0 R 0: ACCEPT or HOME"
+    assert describe_offer(again) == "last known position X 300 Y 20 Z 0 R 0: ACCEPT or HOME"
     # what was offered and not taken is offered the next time
-    assert saved(again, 0.0) == last
+    assert snapshot_session(again, 0.0) == last
 
-    desk, replies = heard(Desk(again), CONSOLE, Line("ACCEPT"), 0.0)
+    desk, replies = take_line(Dispatcher(again), CONSOLE, TextLine("ACCEPT"), 0.0)
     assert replies == ((CONSOLE, "ACCEPTED X 300 Y 20 Z 0 R 0"),)
     assert desk.session.unknown() == ()
     # an axis that has moved is no longer where it was
-    desk, _ = heard(Desk(again), CONSOLE, Line("POS X CW 1"), 0.0)
-    desk, _ = passed(desk, desk.end)
-    desk, replies = heard(desk, CONSOLE, Line("ACCEPT"), 1.0)
+    desk, _ = take_line(Dispatcher(again), CONSOLE, TextLine("POS X CW 1"), 0.0)
+    desk, _ = advance_time(desk, desk.end)
+    desk, replies = take_line(desk, CONSOLE, TextLine("ACCEPT"), 1.0)
     assert "nothing is offered" in replies[0][1]
 
 
@@ -204,18 +213,18 @@ def test_an_axis_that_was_moving_is_not_offered(talk):
     console = talk()
     console.say("POS X CW 30000")
     console.wait(3.0)
-    last = saved(console.desk.session, console.t)
+    last = snapshot_session(console.desk.session, console.t)
     assert last.moving == {"X": True, "Y": False, "Z": False, "R": False}
-    again = opened(load_machine("traverser"), last)
-    assert offer(again) == "last known position Y 0 Z 0 R 0: ACCEPT or HOME; X unknown: HOME"
-    desk, _ = heard(Desk(again), CONSOLE, Line("ACCEPT"), 0.0)
+    again = open_session(load_machine("traverser"), last)
+    assert describe_offer(again) == "last known position Y 0 Z 0 R 0: ACCEPT or HOME; X unknown: HOME"
+    desk, _ = take_line(Dispatcher(again), CONSOLE, TextLine("ACCEPT"), 0.0)
     assert desk.session.unknown() == ("X",)
 
 
 def test_registers_of_another_machine_are_refused(talk):
-    last = saved(talk("hexapod").desk.session, 0.0)
+    last = snapshot_session(talk("hexapod").desk.session, 0.0)
     with pytest.raises(MotionError, match="machine hexapod with axes LEG1"):
-        opened(load_machine("traverser"), last)
+        open_session(load_machine("traverser"), last)
 
 
 def test_the_hexapod_runs_lines_through_the_planner(talk):

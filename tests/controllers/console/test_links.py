@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from controllers.console import Desk, opened
+from controllers.console import Dispatcher, open_session
 from controllers.console.links import CLIENTS, Socket, serial_line
 from controllers.console.serve import Clock, Server
 from kinematics import MotionError, load_machine
@@ -21,8 +21,8 @@ pty, tty = pytest.importorskip("pty"), pytest.importorskip("tty")  # not on Wind
 @pytest.fixture
 def server():
     def serving(*transports, fast=True):
-        session = replace(opened(load_machine("traverser")), mode="REM", homed=np.ones(4, bool))
-        return Server(Desk(session), Clock(fast=fast), remote=transports)
+        session = replace(open_session(load_machine("traverser")), mode="REM", homed=np.ones(4, bool))
+        return Server(Dispatcher(session), Clock(fast=fast), remote=transports)
 
     return serving
 
@@ -84,8 +84,8 @@ def test_motions_take_as_long_as_they_take(server, wire):
 
 
 def test_axes_do_not_move_while_they_are_planned_for():
-    session = replace(opened(load_machine("hexapod")), homed=np.ones(6, bool))
-    server = Server(Desk(session), Clock())
+    session = replace(open_session(load_machine("hexapod")), homed=np.ones(6, bool))
+    server = Server(Dispatcher(session), Clock())
     begin = time.monotonic()
     server.say("MOVE 0 0 25")
     planned = time.monotonic() - begin

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from controllers.console.drives import driven
-from controllers.console.motion import to
+from controllers.console.drives import machine_drives
+from controllers.console.motion import trapezoid_motion
 from kinematics import load_machine
 
 INCH = 0.0254
@@ -13,13 +13,13 @@ STEP = 0.000625 * INCH
 
 @pytest.fixture(scope="module")
 def drives():
-    return driven(load_machine("traverser"))
+    return machine_drives(load_machine("traverser"))
 
 
 def moved(drives, steps, axis=0):
     target = np.zeros(4, np.int64)
     target[axis] = steps
-    return to(drives, np.zeros(4, np.int64), target, drives.speed, 0.0)
+    return trapezoid_motion(drives, np.zeros(4, np.int64), target, drives.speed, 0.0)
 
 
 def test_a_step_is_0_000625_in_and_1200_full_steps_a_second_are_2400_half_steps(drives):
@@ -70,7 +70,8 @@ def test_axes_start_together_and_end_when_they_end(talk):
     console.say("POS X CW 48000 Y CW 1200 Z CW 12000")
     motion = console.desk.session.motion
     alone = [
-        moved(driven(load_machine("traverser")), steps, axis).end for axis, steps in enumerate((48000, 1200, 12000))
+        moved(machine_drives(load_machine("traverser")), steps, axis).end
+        for axis, steps in enumerate((48000, 1200, 12000))
     ]
     move = motion.state.moves[-1]
     assert move.begin[:3].tolist() == [0.0] * 3

@@ -7,10 +7,9 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.spatial.transform import Rotation
 
-from controllers.metrics.path_accuracy import Stations, path_accuracy
-from controllers.metrics.pose_accuracy import pose_accuracy
-from controllers.metrics.velocity_accuracy import velocity_accuracy
-from kinematics.errors import MotionError
+from controllers.metrics.iso_style import velocity_accuracy
+from controllers.metrics.pose_and_path_accuracy import Stations, path_accuracy, pose_accuracy
+from kinematics.foundation.errors import MotionError
 
 X = np.array([1.0, 0, 0])
 

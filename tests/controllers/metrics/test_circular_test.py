@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from controllers.laws.open_position import OpenPosition
+from controllers.drives.servo import leg_servo
+from controllers.laws.open_loop import OpenPosition
 from controllers.metrics import evaluate_runs
 from controllers.metrics.circular_test import Circle, circular_test, full_turn
 from controllers.rig import assumed_rig
-from controllers.servo import leg_servo
 from controllers.simulate import sample, simulate
 from controllers.task import Task
-from kinematics.errors import MotionError
+from kinematics.foundation.errors import MotionError
 
 TILT = Rotation.from_rotvec([0.3, -0.5, 0.2])
 CENTRE = np.array([0.1, -0.2, 0.35])

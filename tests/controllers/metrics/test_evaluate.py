@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform
 
-from controllers.laws.open_position import OpenPosition
+from controllers.drives.servo import leg_servo
+from controllers.laws.open_loop import OpenPosition
 from controllers.metrics import ErrorSeries, evaluate
-from controllers.servo import leg_servo
 from controllers.tracking import Tracking
-from kinematics.axis import Axis
-from kinematics.errors import MotionError
+from kinematics.foundation.errors import MotionError
+from kinematics.machine.axis import Axis
+from planner.path.polynomial import PolynomialPath
 from planner.place import Place
-from planner.polynomial import PolynomialPath
 from planner.trajectory import Trajectory
 from tests.controllers.servos import track
 

@@ -9,12 +9,12 @@ from controllers.card import PCI_8164
 from controllers.host import Host
 from controllers.laws.registry import find_law
 from controllers.metrics import FIGURES, evaluate, evaluate_runs, iso_style
-from controllers.motions import Sine
-from controllers.rig import assumed_rig, load_rig
+from controllers.rig import assumed_rig
+from controllers.rig_file import load_rig
 from controllers.simulate import Runs, sample, simulate
-from controllers.task import Task
+from controllers.task import Sine, Task
 from controllers.tracking import Tracking
-from kinematics.errors import MotionError
+from kinematics.foundation.errors import MotionError
 
 SETTLE = 0.25
 ENDS = 1e-12

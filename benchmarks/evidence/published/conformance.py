@@ -1,0 +1,113 @@
+"""Numbers that others published (conformance.toml), and what we find for them."""
+
+import tomllib
+from pathlib import Path
+
+import numpy as np
+from scipy.interpolate import PPoly
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from benchmarks.evidence.published.compared import NumberComparison, comparison
+from kinematics import Axis, Hexapod
+from kinematics.foundation.arrays import Array
+from planner import time_optimal
+from planner.pulses import generate
+
+PUBLISHED = tomllib.loads((Path(__file__).parent / "conformance.toml").read_text(encoding="utf-8"))
+INCH = 0.0254
+
+
+def rubin() -> Hexapod:
+    """The hexapod of the Vera Rubin Observatory: a platform that hangs below its base."""
+    data = PUBLISHED["rubin_simulink"]
+    base, platform = (1e-6 * np.stack([data[f"{end}_{c}"] for c in "xyz"], 1) for end in ("fixed", "moved"))
+    return _hexapod(base, platform, RigidTransform.identity(), rest=(0, 0, -1))
+
+
+def mini_tetra() -> Hexapod:
+    """Pairs of base joints coincide; in metres."""
+    data = PUBLISHED["mini_tetra"]
+    base, platform, home = (INCH * np.array(data[key]) for key in ("base", "platform", "home"))
+    return _hexapod(base, platform, RigidTransform.from_translation(home))
+
+
+def dietmaier() -> Hexapod:
+    """The platform with 40 real assembly modes for one set of leg lengths [Dietmaier 1998], as printed; home is one."""
+    data = PUBLISHED["dietmaier"]
+    home = RigidTransform.from_translation(data["one_position"])
+    return _hexapod(np.array(data["base"]), np.array(data["platform"]), home)
+
+
+def _hexapod(
+    base: Array, platform: Array, home: RigidTransform, rest: tuple[float, float, float] = (0, 0, 1)
+) -> Hexapod:
+    axes = [Axis(f"leg{n}") for n in range(1, 7)]
+    return Hexapod(base, platform, axes=axes, home=home, base_rest=rest, platform_rest=rest)
+
+
+def length_changes() -> list[NumberComparison]:
+    """Turned about a pivot on the axis: the platform's origin moves along."""
+    data, machine = PUBLISHED["rubin_simulink"], rubin()
+    shift, pivot = np.array(data["pose"][:3]), np.array(data["pivot_m"])
+    turn = Rotation.from_euler("XYZ", data["pose"][3:])
+    pose = RigidTransform.from_components(shift + pivot - turn.apply(pivot), turn)
+    found = machine.inverse(pose) - machine.home_q
+    return [
+        NumberComparison(f"leg {k}", "m", f"{printed:.5f}", ours)
+        for k, (printed, ours) in enumerate(zip(data["length_change_m"], found, strict=True), 1)
+    ]
+
+
+def home_lengths() -> list[NumberComparison]:
+    found = mini_tetra().home_q / INCH
+    printed = PUBLISHED["mini_tetra"]["home_lengths"]
+    return [
+        NumberComparison(f"leg {k}", "in", f"{value:.5f}", ours)
+        for k, (value, ours) in enumerate(zip(printed, found, strict=True), 1)
+    ]
+
+
+def modes() -> list[NumberComparison]:
+    """How many there are, and the one of them that is printed."""
+    data, machine = PUBLISHED["dietmaier"], dietmaier()
+    found = machine.assembly_modes(data["lengths"])
+    place, rows = found.translation, found.rotation.as_matrix()[:, 0]
+    position, row = np.array(data["one_position"]), np.array(data["one_rotation_row_1"])
+    nearest = int(np.argmin(np.abs(place - position).max(1) + np.abs(rows - row).max(1)))
+    return [
+        NumberComparison("real assembly modes", "", str(data["real_modes"]), len(found)),
+        *(
+            NumberComparison(f"one mode, {axis}", "", f"{printed:.9f}", ours)
+            for axis, printed, ours in zip("xyz", position, place[nearest], strict=True)
+        ),
+        *(
+            NumberComparison(f"its rotation, row 1, column {k}", "", f"{printed:.6f}", ours)
+            for k, (printed, ours) in enumerate(zip(row, rows[nearest], strict=True), 1)
+        ),
+    ]
+
+
+def pulse_count() -> NumberComparison:
+    """Pulses of one axis that moves from rest to rest over the printed position."""
+    data = PUBLISHED["pulse_counts"]
+    line = PPoly([[data["position"]], [0.0]], [0.0, 1.0])
+    motion = time_optimal(line, max_speed=0.1, max_acceleration=1.0).trajectory
+    schedule = generate(motion, [Axis("x", pulse=1 / data["steps_per_unit"])], [0.0])
+    return NumberComparison(
+        "pulses", "", str(data["pulses"]), float(schedule.counts(np.array([motion.duration]))[0, 0])
+    )
+
+
+def main() -> None:
+    """Print all of them."""
+    for title, rows in (
+        ("Leg length changes of the Vera Rubin Observatory's hexapod", length_changes()),
+        ("Leg lengths of the mini-tetra at home", home_lengths()),
+        ("Dietmaier's assembly modes", modes()),
+        ("Pulses of a printed position", [pulse_count()]),
+    ):
+        print(f"{title}\n\n{comparison(rows)}\n")
+
+
+if __name__ == "__main__":
+    main()

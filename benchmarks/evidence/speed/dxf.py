@@ -1,0 +1,133 @@
+"""How long a drawing of 10 000 entities takes to become a program: python -m benchmarks.evidence.speed.dxf --kind
+sheet|mixed|splines
+
+Parts of a sheet, as a drawing program leaves them: outlines of lines and arcs, shuffled and turned round; slots as
+polylines with bulges; holes; a share of ellipses and splines. Time of the processor, the least of a few, from file to
+program: reading, chaining, the order of contours and the way between them; and of the outline, that the figure and the
+length are from. `mixed` is equal sixths of lines, arcs, circles, polylines, ellipses and splines, `splines` those only,
+each entity a contour: the most that there is to fit. Needs the extra `cad`.
+"""
+
+import argparse
+import random
+from collections.abc import Callable
+from functools import partial
+from math import ceil, sqrt
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from time import process_time
+from typing import Any
+
+from planner import import_program
+
+ENTITIES, TIMES = 10_000, 3
+SECONDS = 10.0
+"""What is asked for."""
+PART = 20
+"""Entities of one part: an outline of 12 in 6 lines and 6 arcs, 3 slots, 4 holes, and an ellipse or a spline."""
+
+
+def draw(path: Path, count: int) -> int:
+    """A sheet of that many entities; how many contours they are."""
+    from ezdxf.filemanagement import new
+
+    rng = random.Random(1)
+    document = new(units=4)
+    sheet = document.modelspace()
+    parts = count // PART
+    across = ceil(sqrt(parts))
+    drawn: list[tuple[str, tuple[Any, ...], dict[str, Any]]] = []
+    for part in range(parts):
+        x, y = 60.0 * (part % across), 60.0 * (part // across)
+        drawn += _outline(rng, x, y)
+        for slot in range(3):
+            left, low = x + 10 + 10 * slot, y + 8
+            corners = [(left, low, 0), (left + 6, low, 1), (left + 6, low + 3, 0), (left, low + 3, 1)]
+            drawn.append(("add_lwpolyline", (corners,), {"format": "xyb", "close": True}))
+        drawn += [("add_circle", ((x + 12 + 9 * hole, y + 20), rng.uniform(1, 3)), {}) for hole in range(4)]
+        if part % 2:
+            drawn.append(("add_ellipse", ((x + 25, y + 34), (8, 0), rng.uniform(0.3, 0.9)), {}))
+        else:
+            through = [(x + 10 + 6 * k, y + rng.uniform(28, 40)) for k in range(6)]
+            drawn.append(("add_spline", (through,), {}))
+    rng.shuffle(drawn)
+    for name, given, options in drawn:
+        getattr(sheet, name)(*given, **options)
+    document.saveas(path)
+    return parts * 9
+
+
+def _outline(rng: random.Random, x: float, y: float) -> list[tuple[str, tuple[Any, ...], dict[str, Any]]]:
+    """A rounded rectangle of 50 × 45 mm, its two long sides parted where half circles are cut in: 6 lines, 6 arcs."""
+    lines = [
+        ((5, 0), (20, 0)), ((30, 0), (45, 0)), ((50, 5), (50, 40)), ((45, 45), (30, 45)), ((20, 45), (5, 45)),
+        ((0, 40), (0, 5)),
+    ]  # fmt: skip
+    arcs = [
+        ((45, 5), 5, 270, 360), ((45, 40), 5, 0, 90), ((5, 40), 5, 90, 180), ((5, 5), 5, 180, 270),
+        ((25, 0), 5, 0, 180), ((25, 45), 5, 180, 360),
+    ]  # fmt: skip
+    drawn: list[tuple[str, tuple[Any, ...], dict[str, Any]]] = []
+    for ends in lines:
+        places = [(x + a, y + b) for a, b in ends]
+        rng.shuffle(places)
+        drawn.append(("add_line", tuple(places), {}))
+    return drawn + [("add_arc", ((x + a, y + b), radius, first, last), {}) for (a, b), radius, first, last in arcs]
+
+
+def scatter(path: Path, count: int, splines: bool = False) -> int:
+    """Entities that lie anywhere, of six kinds in turn or splines only; how many contours they are."""
+    from ezdxf.filemanagement import new
+
+    rng = random.Random(5)
+    document = new(units=4)
+    sheet = document.modelspace()
+    for nth in range(count):
+        x, y = rng.uniform(0, 500), rng.uniform(0, 500)
+        match 5 if splines else nth % 6:
+            case 0:
+                sheet.add_circle((x, y), rng.uniform(0.5, 3))
+            case 1:
+                sheet.add_arc((x, y), 2, 10, 200)
+            case 2:
+                sheet.add_line((x, y), (x + 3, y + 1))
+            case 3:
+                corners = [(x, y, 0.3), (x + 2, y, 0), (x + 2, y + 2, -0.2)]
+                sheet.add_lwpolyline(corners, format="xyb", close=True)
+            case 4:
+                sheet.add_ellipse((x, y), (2, 0), 0.4)
+            case _:
+                sheet.add_spline([(x, y), (x + 3, y + rng.random()), (x + 5, y - 2), (x + 8, y)])
+    document.saveas(path)
+    return count
+
+
+KINDS: dict[str, Callable[[Path, int], int]] = {
+    "sheet": draw,
+    "mixed": scatter,
+    "splines": partial(scatter, splines=True),
+}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--kind", choices=KINDS, default="sheet")
+    kind = parser.parse_args().kind
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "sheet.dxf"
+        contours = KINDS[kind](path, ENTITIES)
+        took, drawn = [], []
+        for _ in range(TIMES):
+            begin = process_time()
+            found = import_program(path, retract=5e-3, speed=0.02)
+            took.append(process_time() - begin)
+            found.outline  # noqa: B018  what it takes is what is asked for
+            drawn.append(process_time() - begin - took[-1])
+    print(
+        f"{kind}: {ENTITIES} entities, {contours} contours, {len(found.program.segments)} segments: {min(took):.2f} s, "
+        f"and {min(drawn):.2f} s for the outline; at most {SECONDS} s are allowed; {'; '.join(found.warnings)}"
+    )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,158 @@
+"""Speed and memory of pulse schedules, from 1e5 to 1e8 pulses: `python -m benchmarks.evidence.speed.pulses`, some
+three minutes.
+
+On the program `circle` with the hexapod, all six legs, at 10 MHz: coarser pulses for the fewest, then the program run
+again and again, as a long one would be. Every row is a process of its own: processor time (of several runs the best)
+and peak memory are its alone, which begins at some 120 MB for Python and the planner's libraries.
+
+    generate   motion to ticks, exact to one
+    check      the independent check of the schedule against the motion
+    npz        the schedule on disk in parts, read back part by part and compared
+    csv        the edges as text, to the null device: what a disk takes is not counted
+    file       such a file read back and checked, as `plan` does: 100 bytes a pulse on the disk for temporary files
+
+check, csv and file go up to 1e7 pulses, with --full to 1e8 (some twenty minutes more, and 10 GB on the disk).
+"""
+
+import json
+import os
+import resource
+import subprocess
+import sys
+from argparse import ArgumentParser, RawDescriptionHelpFormatter
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from time import process_time
+from typing import TypeVar
+
+import numpy as np
+
+from kinematics import Hexapod, Machine, load_machine
+from planner import load_program, plan
+from planner.actuation import actuate
+from planner.export import plan_files as motion_json
+from planner.export.format import ExportSource
+from planner.export.formats import npz, pulse_csv
+from planner.pulses import PulseSchedule, check, check_file, generate
+from planner.pulses.motion import AxesMotion
+from planner.trajectory import Trajectory
+
+CLOCK = 10_000_000
+CASES = {100_000: (1, 8.83), 1_000_000: (1, 1.0), 10_000_000: (12, 1.0), 100_000_000: (114, 1.0)}
+"""Repetitions, and how much coarser the pulses are, for about so many pulses."""
+STAGES = ("generate", "npz", "check", "csv", "file")
+LARGE = ("check", "csv", "file")
+TARGET, STRETCH, MEMORY = 5e6, 15e6, 2e9
+SINGLE_RUN_PULSES = 3_000_000  # pulses from which once has to do
+REPEATS = 7
+
+Result = TypeVar("Result")
+
+
+def main() -> None:
+    """Print a row for each stage and number of pulses."""
+    parser = ArgumentParser(description=__doc__, formatter_class=RawDescriptionHelpFormatter)
+    parser.add_argument("--full", action="store_true", help="check, csv and file up to 1e8 pulses as well")
+    parser.add_argument(
+        "--row", nargs=3, metavar=("STAGE", "COUNT", "MOTION"), help="one row, as the rest calls itself"
+    )
+    options = parser.parse_args()
+    if options.row:
+        stage, count, path = options.row
+        print(json.dumps(measure_stage(stage, int(count), Path(path))))
+        return
+    print(f"targets: generate {TARGET / 1e6:.0f} M pulses per CPU-second, {STRETCH / 1e6:.0f} at best; 1e8 in 2 GB")
+    print("stage         pulses   CPU s   M pulses/s   peak MB   bytes/pulse above the fewest")
+    with TemporaryDirectory() as folder:
+        motion = Path(folder) / "motion.json"
+        motion_json.write_motion_json(plan(load_program("circle"), load_machine("hexapod")).trajectory, motion)
+        for stage in STAGES:
+            least: tuple[int, float] | None = None
+            for count in CASES:
+                if count == max(CASES) and stage in LARGE and not options.full:
+                    continue
+                command = [
+                    sys.executable,
+                    "-m",
+                    "benchmarks.evidence.speed.pulses",
+                    "--row",
+                    stage,
+                    str(count),
+                    str(motion),
+                ]
+                pulses, seconds, peak = json.loads(subprocess.run(command, check=True, capture_output=True).stdout)
+                least = least or (pulses, peak)
+                more = (peak - least[1]) / (pulses - least[0]) if pulses > least[0] else np.nan
+                figures = f"{seconds:>8.2f}{pulses / seconds / 1e6:>13.2f}{peak / 1e6:>10.0f}{more:>10.1f}"
+                print(f"{stage:<9}{pulses:>11}{figures}", flush=True)
+
+
+def measure_stage(stage: str, count: int, motion: Path) -> tuple[int, float, int]:
+    """Pulses, CPU seconds of the stage, and peak bytes of this process."""
+    repetitions, coarser = CASES[count]
+    machine = load_coarse_hexapod(coarser)
+    trajectory = repeat_motion(motion_json.read(motion, actuate(load_program("circle"), machine)), repetitions)
+    axes = machine.axes
+    schedule, seconds = time_best(lambda: generate(trajectory, axes, machine.home_q, CLOCK), count)
+    if stage == "check":
+        verdict, seconds = time_best(lambda: check(schedule, trajectory, axes, machine.home_q), count)
+        if not verdict.holds:
+            raise SystemExit(f"the schedule is wrong: {verdict.faults[0]}")
+    elif stage == "npz":
+        source = ExportSource("circle", machine, trajectory, schedule)
+        exported, seconds = time_best(lambda: npz.Npz().write(source, motion.with_name("pulses.npz")), count)
+        if exported.error:
+            raise SystemExit("the file does not hold the schedule")
+    elif stage == "csv":
+        wiring = [axis.direction for axis in axes]
+        _, seconds = time_best(lambda: pulse_csv.write(schedule, os.devnull, wiring), count)
+    elif stage == "file":
+        written = WrittenPulses(machine, trajectory, schedule)
+        with TemporaryDirectory() as folder:
+            path = Path(folder) / "pulses.csv"
+            pulse_csv.write(schedule, path, [axis.direction for axis in axes])
+            verdict, seconds = time_best(lambda: check_file(path, written), count)
+        if not verdict.holds:
+            raise SystemExit(f"the file is wrong: {verdict.faults[0]}")
+    return schedule.total, seconds, 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+
+
+@dataclass(frozen=True, slots=True)
+class WrittenPulses:
+    """What the file stands for."""
+
+    machine: Machine
+    counted: AxesMotion
+    pulses: PulseSchedule
+
+
+def load_coarse_hexapod(coarser: float) -> Hexapod:
+    """The preset, its pulses so many times longer."""
+    usual = load_machine("hexapod")
+    if not isinstance(usual, Hexapod):
+        raise SystemExit("the preset hexapod is another machine")
+    axes = [replace(axis, pulse=axis.pulse * coarser) for axis in usual.axes]
+    return Hexapod(usual.base, usual.platform, axes=axes, home=usual.home)
+
+
+def time_best(work: Callable[[], Result], count: int) -> tuple[Result, float]:
+    """The result, and the CPU seconds of the best run; of long ones the only."""
+    times = []
+    for _ in range(1 if count > SINGLE_RUN_PULSES else REPEATS):
+        begin = process_time()
+        result = work()
+        times.append(process_time() - begin)
+    return result, min(times)
+
+
+def repeat_motion(motion: Trajectory, times: int) -> Trajectory:
+    """A motion that ends where it begins, again and again."""
+    knots = motion.knots[:-1] + motion.duration * np.arange(times)[:, None]
+    parts = (np.tile(each, times) for each in (motion.s, motion.v, motion.a, motion.j, motion.piece))
+    return Trajectory(motion.path, np.append(knots.ravel(), motion.duration * times), *parts)
+
+
+if __name__ == "__main__":
+    main()

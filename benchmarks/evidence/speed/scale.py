@@ -1,0 +1,91 @@
+"""How planning grows with the program: `python -m benchmarks.evidence.speed.scale [--segments N] [--order 2|3]`.
+
+A raster of lines, half circles and stops on the hexapod, of a quarter, half and all of N segments. Each is planned in a
+process of its own; times are those of the clock on the wall and of the processors, memory is the largest that the
+planning process held, and the largest that one of the processes held that it started.
+"""
+
+import json
+import subprocess
+import sys
+from argparse import ArgumentParser
+from dataclasses import asdict, dataclass
+from math import log
+from time import perf_counter
+
+from benchmarks.evidence.published.compared import markdown
+from benchmarks.evidence.speed.raster import raster
+from kinematics import load_machine
+from planner import plan
+
+# What a thousand segments may take (s), by order, and the memory of all processes together (MB).
+TARGETS, MOST = {2: 30.0, 3: 120.0}, 1000.0
+
+
+@dataclass(frozen=True, slots=True)
+class PlanRun:
+    """One plan: wall and processor time (s), memory (MB) of the process and of the largest that it started."""
+
+    segments: int
+    motion: float
+    pulses: int
+    wall: float
+    processor: float
+    memory: float
+    others: float
+
+
+def run(segments: int, order: int) -> PlanRun:
+    """Plan in this process."""
+    import resource
+
+    machine = load_machine("hexapod")
+    begin = perf_counter()
+    planned = plan(raster(segments), machine, order=order)
+    wall = perf_counter() - begin
+    used = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
+    processor = sum(one.ru_utime + one.ru_stime for one in used)
+    memory, others = (one.ru_maxrss / 1024 for one in used)
+    return PlanRun(segments, planned.trajectory.duration, planned.pulses.total, wall, processor, memory, others)
+
+
+def plan_in_new_process(segments: int, order: int) -> PlanRun:
+    """The same in a process of its own, so that nothing is warm and no memory is counted twice."""
+    command = [sys.executable, "-m", "benchmarks.evidence.speed.scale", "--one", str(segments), "--order", str(order)]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    return PlanRun(**json.loads(done.stdout))
+
+
+def table(runs: list[PlanRun]) -> str:
+    """One row per run, with the power of the number of segments by which its wall time grew from the run before."""
+    head = ("segments", "motion (s)", "pulses", "wall (s)", "grows as", "processors (s)", "memory (MB)", "others (MB)")
+    rows = []
+    for n, one in enumerate(runs):
+        growth = ""
+        if n:
+            before = runs[n - 1]
+            growth = f"N^{log(one.wall / before.wall) / log(one.segments / before.segments):.2f}"
+        figures = (f"{one.motion:.1f}", f"{one.pulses}", f"{one.wall:.1f}", growth)
+        rows.append((f"{one.segments}", *figures, f"{one.processor:.1f}", f"{one.memory:.0f}", f"{one.others:.0f}"))
+    return markdown(head, rows)
+
+
+def main() -> None:
+    parser = ArgumentParser(description=__doc__)
+    parser.add_argument("--segments", type=int, default=1000)
+    parser.add_argument("--order", type=int, choices=(2, 3))
+    parser.add_argument("--one", type=int, help="plan so many segments in this process, and print the figures")
+    chosen = parser.parse_args()
+    if chosen.one is not None:
+        print(json.dumps(asdict(run(chosen.one, chosen.order))))
+        return
+    for order in (chosen.order,) if chosen.order else (2, 3):
+        runs = [plan_in_new_process(chosen.segments // part, order) for part in (4, 2, 1)]
+        print(
+            f"order {order}; wanted for 1000 segments: {TARGETS[order]:.0f} s, {MOST:.0f} MB\n\n{table(runs)}\n",
+            flush=True,
+        )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,81 @@
+"""How long the bare circle takes to solve and certify, beside the solvers alone: `python -m
+benchmarks.evidence.speed.solve_times`.
+
+The circle has a radius of 15 mm and lies 25 mm above home; rest to rest. Reference durations: independent solves on
+graded grids found 1.2615 to 1.2617 s with jerk limits, toppra with 4000 points 1.2040 s without.
+"""
+
+from collections.abc import Callable
+from functools import partial
+from statistics import median
+from time import perf_counter
+from typing import TypeVar
+
+from kinematics import Machine, load_machine
+from planner import Program, Solution, load_program
+from planner.actuation import actuate
+from planner.limits import limits_of
+from planner.timing.certified_solve import fastest
+from planner.timing.discretization import jerk_problem
+from planner.timing.problem import Run, make_grid, pose_problem
+from planner.timing.solvers.second_order import second_order
+from planner.timing.solvers.third_order import Solver, third_order
+
+REPEATS = 7
+JERK_SOLVERS: tuple[Solver, ...] = ("fatrop", "ipopt")
+# What order 2 and 3 are held against, and the time that solving and certifying may take (s).
+TARGETS = {2: (1.2046, 0.4), 3: (1.2630, 1.5)}
+
+Result = TypeVar("Result")
+
+
+def time_calls(work: Callable[[], Result]) -> tuple[Result, float, float]:
+    """The result, the time of the first call, and the median time of those after it (s)."""
+    times = []
+    for _ in range(REPEATS):
+        begin = perf_counter()
+        result = work()
+        times.append(perf_counter() - begin)
+    return result, times[0], median(times[1:])
+
+
+def main() -> None:
+    machine, program = load_machine("hexapod"), load_program("bare-circle")
+    path = actuate(program, machine)
+    tiny = pose_problem(path, limits_of(path, machine.axes, 2), *make_grid(path, Run(0, 0), 10))
+    second_order(tiny, solver="toppra")  # its imports
+    print(f"{'':<44}{'duration':>12}{'first call':>12}{'again':>12}")
+    for order in (2, 3):
+        solution, first, again = time_calls(partial(solve_program, program, machine, order))
+        worst = max(solution.certificate.worst.values())
+        print_times(
+            f"order {order}, solved and certified ({solution.rounds} rounds)",
+            solution.trajectory.duration,
+            first,
+            again,
+        )
+        longest, slowest = TARGETS[order]
+        print(f"    worst proven ratio {worst:.9f}; wanted: at most {longest} s, solved within {slowest} s")
+    for points in (1000, 4000):
+        problem = pose_problem(path, limits_of(path, machine.axes, 2), *make_grid(path, Run(0, 0), points))
+        for solver in ("passes", "toppra"):
+            profile, first, again = time_calls(partial(second_order, problem, solver=solver))
+            print_times(f"{solver} alone, {points} intervals, not certified", profile.duration, first, again)
+    third, start = jerk_problem(path, limits_of(path, machine.axes, 3), Run(0, 0))
+    for name in JERK_SOLVERS:
+        profile, first, again = time_calls(partial(third_order, third, start.on(third.s), solver=name))
+        print_times(f"{name} alone, {third.intervals} intervals, not certified", profile.duration, first, again)
+
+
+def solve_program(program: Program, machine: Machine, order: int) -> Solution:
+    """From the program on: what geometry uses is proved once for a path, so each call gets a path of its own."""
+    path = actuate(program, machine)
+    return fastest(path, limits_of(path, machine.axes, order), order)
+
+
+def print_times(what: str, duration: float, first: float, again: float) -> None:
+    print(f"{what:<44}{duration:>10.6f} s{first:>10.3f} s{again:>10.3f} s")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""Random and exhaustive trials that look for faults."""

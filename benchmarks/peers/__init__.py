@@ -1,4 +1,0 @@
-"""Ours beside toppra, copp-py, ruckig and IPOPT on the same paths, in one go: `python -m benchmarks.peers`.
-
-Peers come with `pip install pulsepath[peers]`; those that are absent are listed as absent.
-"""

@@ -1,0 +1,103 @@
+"""How the runs that a report shows went over time, and what their paths are."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from benchmarks.reports.gain.comparison import Comparison, SettingEntry
+from benchmarks.reports.gain.verdict import Verdict
+from benchmarks.sweep import RunSeries
+from benchmarks.sweep.cell import NOMINAL
+from controllers.metrics import Circle
+from kinematics.foundation.arrays import Array
+
+MAX_SETTINGS_DRAWN = 5
+"""Settings that share the axes of a figure: more lines are not told apart."""
+CIRCLE_TOLERANCE_SHARE = 1e-6
+"""Of the radius, by which a circle's points may be off it: they are kept in single precision."""
+
+
+@dataclass(frozen=True, slots=True)
+class SettingSeries:
+    """The series of some settings on the rig as stated, with the first seed; those that failed there are missing."""
+
+    entries: tuple[SettingEntry, ...]
+    series: Mapping[tuple[SettingEntry, str], RunSeries]
+
+    def on(self, task: str) -> list[tuple[SettingEntry, RunSeries]]:
+        return [(entry, self.series[entry, task]) for entry in self.entries if (entry, task) in self.series]
+
+
+def select_series(comparison: Comparison, verdict: Verdict) -> SettingSeries:
+    """Of the baseline, the best, that of the least error, and the best setting of each of the next best laws."""
+    ranked = sorted(comparison.entries, key=comparison.score)
+    named = (comparison.baseline, verdict.best, verdict.least)
+    chosen = list(dict.fromkeys(entry for entry in named if entry is not None))
+    laws = {entry.setting.law for entry in chosen}
+    for entry in ranked:
+        stable = all(row.stable for row in comparison.of(entry))
+        if len(chosen) < MAX_SETTINGS_DRAWN and stable and entry.setting.law not in laws:
+            chosen.append(entry)
+            laws.add(entry.setting.law)
+    found: dict[tuple[SettingEntry, str], RunSeries] = {}
+    for entry in chosen:
+        for (task, rig, _), series in collect_series(comparison, entry).items():
+            if rig == NOMINAL.name:
+                found.setdefault((entry, task), series)
+    return SettingSeries(tuple(chosen), found)
+
+
+def collect_series(comparison: Comparison, entry: SettingEntry) -> dict[tuple[str, str, int], RunSeries]:
+    """The series of all runs of a setting that did not fail, by path, rig and seed."""
+    source, found = comparison.sources[entry.source], {}
+    for key, result in source.results.items():
+        cell = result.cell
+        if cell.setting == entry.setting and not result.failure:
+            series = source.series(key)
+            if series is not None:
+                found[cell.task, cell.variation.name, cell.seed] = series
+    return found
+
+
+def path_offsets(series: RunSeries) -> Array:
+    """(N, d) from the nearest point of the path, among those planned within half a second, to the actual one."""
+    planned, actual = series.planned, series.actual
+    step = max(float(series.t[1] - series.t[0]), 1e-9)
+    reach = int(0.5 / step)
+    side = np.diff(planned, axis=0)
+    length2 = np.maximum((side**2).sum(1), 1e-30)
+    out = np.empty_like(actual)
+    for k, point in enumerate(actual):
+        window = slice(max(k - reach, 0), min(k + reach, len(side)))
+        offset = point - planned[window]
+        share = np.clip((offset * side[window]).sum(1) / length2[window], 0.0, 1.0)
+        offset = offset - share[:, None] * side[window]
+        out[k] = offset[int(np.argmin((offset**2).sum(1)))]
+    return out
+
+
+def fit_circle(series: RunSeries) -> Circle | None:
+    """The full circle that a planned path in space is, its normal by the right hand; None of any other path."""
+    points = series.planned
+    middle = points.mean(0)
+    _, size, axes = np.linalg.svd(points - middle, full_matrices=False)
+    if size[1] <= CIRCLE_TOLERANCE_SHARE * size[0] or size[2] > 10 * CIRCLE_TOLERANCE_SHARE * size[0]:
+        return None
+    flat = (points - middle) @ axes[:2].T
+    solved = np.linalg.lstsq(np.column_stack([2 * flat, np.ones(len(flat))]), (flat**2).sum(1), rcond=None)[0]
+    radius = float(np.sqrt(solved[2] + solved[:2] @ solved[:2]))
+    arms = flat - solved[:2]
+    off = np.abs(np.linalg.norm(arms, axis=1) - radius).max()
+    turned = float(np.ptp(np.unwrap(np.arctan2(arms[:, 1], arms[:, 0]))))
+    if off > 10 * CIRCLE_TOLERANCE_SHARE * radius or turned < 2 * np.pi * (1 - 1e-3):
+        return None
+    centre = middle + solved[:2] @ axes[:2]
+    quarter = len(points) // 8
+    normal = sum(
+        np.cross(points[k] - centre, points[k + 1] - centre) for k in range(0, len(points) - 1, max(quarter // 8, 1))
+    )
+    speed = np.linalg.norm(np.diff(points, axis=0), axis=1).max() / (series.t[1] - series.t[0])
+    return Circle(centre, np.asarray(normal), radius, float(speed))

@@ -1,0 +1,193 @@
+"""Figures of settings rather than of runs: error against gain, and against time.
+
+What the figures of a gain report share: lines, marks, panels and one legend for all of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import inf, isfinite
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from benchmarks.reports.gain.comparison import RANK, Comparison, ComparisonRow, SettingEntry
+from benchmarks.reports.gain.criteria import HUMAN
+from kinematics.foundation.figure import PALETTE
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+DASHES: tuple[Any, ...] = ("-", (0, (6, 2)), (0, (2, 1.2)), (0, (7, 2, 1.5, 2)), (0, (1, 1)))
+MARKS = "osD^vPX*<>hp"
+COLOURS = (*PALETTE, "#5D3A9B", "#8A5A00", "#882255", "#004D40", "#4D4D4D")
+"""As many as there are marks: more settings than the palette has colours share none."""
+WIDTH = 11.0
+"""Inches: as wide as a page of A4 on its side, so that text stays as large as it was drawn."""
+
+
+def line_style(n: int) -> dict[str, Any]:
+    return {
+        "color": line_colour(n),
+        "linestyle": DASHES[n % len(DASHES)],
+        "linewidth": 1.7 if n < 2 else 1.2,
+    }
+
+
+def line_colour(n: int) -> str:
+    return COLOURS[n % len(COLOURS)]
+
+
+def marker_style(n: int) -> dict[str, Any]:
+    """Hollow beyond the palette."""
+    return {"marker": MARKS[n % len(MARKS)], "markerfacecolor": line_colour(n) if n < len(PALETTE) else "white"}
+
+
+def make_panels(count: int, columns: int, height: float) -> list[Axes]:
+    """So many panels of a height in inches, in up to so many columns."""
+    from matplotlib.figure import Figure
+
+    columns = min(columns, count)
+    rows = -(-count // columns)
+    figure = Figure(figsize=(WIDTH, rows * height + 0.9), layout="constrained")
+    axes = list(figure.subplots(rows, columns, squeeze=False).ravel())
+    for ax in axes[count:]:
+        ax.remove()
+    return axes[:count]
+
+
+def add_shared_legend(axes: Sequence[Axes], columns: int = 3) -> list[Axes]:
+    """One legend above all axes, of every line that any has."""
+    known: dict[str, Any] = {}
+    for ax in axes:
+        known.update(dict(zip(*ax.get_legend_handles_labels()[::-1], strict=True)))
+    figure = axes[0].get_figure(root=True)
+    if figure is not None and known:
+        figure.legend(known.values(), known.keys(), loc="outside upper center", ncols=columns, frameon=False)
+    return list(axes)
+
+
+def gains(comparison: Comparison) -> list[Axes]:
+    """Error over each law's first gain, with the spread over rigs, and where it is unstable."""
+    tasks = list(comparison.ranked)
+    if not tasks:
+        return []
+    axes = make_panels(len(tasks), 2 if len(tasks) in (2, 4) else 3, 2.9)
+    lines = _gain_lines(comparison)
+    if not lines:
+        return []
+    for ax, task in zip(axes, tasks, strict=True):
+        unit, scale = HUMAN[comparison.unit(RANK, task)]
+        for n, (name, entries) in enumerate(lines.items()):
+            rows = [(_first_gain(entry), row) for entry in entries if (row := comparison.row(entry, task)) is not None]
+            rows.sort(key=lambda one: one[0])
+            _gain_line(ax, rows, scale, name, n)
+        baseline = comparison.row(comparison.baseline, task)
+        if baseline is not None and baseline.figures:
+            ax.axhline(
+                scale * baseline.figures[RANK], color="black", linewidth=1, linestyle=(0, (6, 3)), label="baseline"
+            )
+        _scale_error_axis(ax)
+        ax.set(xlabel="first gain of the law", ylabel=f"RMS contour error ({unit})")
+        ax.set_title(task, loc="left", fontsize="medium", fontweight="bold")
+    return add_shared_legend(axes, 2)
+
+
+def _gain_line(ax: Axes, rows: Sequence[tuple[float, ComparisonRow]], scale: float, name: str, n: int) -> None:
+    good = [(x, row) for x, row in rows if row.figures and row.spread]
+    if good:
+        gains = [x for x, _ in good]
+        error = np.array([row.figures[RANK] for _, row in good])
+        spread = np.array([row.spread for _, row in good if row.spread]).T
+        drawn = {**line_style(n), "linewidth": 1.2}
+        ax.plot(gains, scale * error, markersize=4.5, label=name, **marker_style(n), **drawn)
+        ax.vlines(gains, scale * spread[0], scale * spread[1], color=line_colour(n), linewidth=2.5, alpha=0.45)
+    unstable = [x for x, row in rows if not row.stable]
+    height = 0.98 - 0.045 * n
+    for k, x in enumerate(unstable):
+        ax.plot(
+            x,
+            height,
+            marker="x",
+            color=line_colour(n),
+            markersize=6,
+            transform=ax.get_xaxis_transform(),
+            linestyle="none",
+            label="unstable on some rig" if k == 0 and n == 0 else None,
+        )
+    if unstable and any(row.stable for x, row in rows):
+        ax.axvline(min(unstable), color=line_colour(n), linestyle=DASHES[n % len(DASHES)], linewidth=0.9, zorder=0)
+
+
+def _gain_lines(comparison: Comparison) -> dict[str, list[SettingEntry]]:
+    """Settings of one law that differ in their first gain alone, by the law and what they have in common."""
+    found: dict[str, list[SettingEntry]] = {}
+    for entry in comparison.entries:
+        if entry.setting.gains:
+            rest = [f"{name.replace('_', ' ')} {value:g}" for name, value in entry.setting.gains[1:]]
+            several = f"{comparison.sources[entry.source].name}: " if len(comparison.sources) > 1 else ""
+            found.setdefault(" ".join([several + entry.setting.law, *rest]), []).append(entry)
+    return found
+
+
+def _first_gain(entry: SettingEntry) -> float:
+    return entry.setting.gains[0][1]
+
+
+def pareto(comparison: Comparison) -> list[Axes]:
+    """Every stable setting: how late it is at its goal, against its error; the front of those that no other beats."""
+    laws = list(dict.fromkeys(entry.setting.law for entry in comparison.entries))
+    of_task = {task: _lateness_points(comparison, task) for task in comparison.ranked}
+    of_task = {task: points for task, points in of_task.items() if points}
+    if not of_task:
+        return []
+    axes = make_panels(len(of_task), 2 if len(of_task) in (2, 4) else 3, 2.9)
+    for ax, (task, points) in zip(axes, of_task.items(), strict=True):
+        unit, scale = HUMAN[comparison.unit(RANK, task)]
+        for n, law in enumerate(laws):
+            here = np.array([point for of, point in points if of == law])
+            if len(here):
+                ax.plot(
+                    here[:, 0],
+                    scale * here[:, 1],
+                    linestyle="none",
+                    markersize=5.5,
+                    color=line_colour(n),
+                    label=law,
+                    alpha=0.85,
+                    **marker_style(n),
+                )
+        best = np.array(pareto_front([point for _, point in points]))
+        ax.step(best[:, 0], scale * best[:, 1], where="post", color="black", linewidth=0.9, zorder=0, label="front")
+        _scale_error_axis(ax)
+        ax.set(xlabel="at its goal after the planned end (s)", ylabel=f"RMS contour error ({unit})")
+        ax.set_title(task, loc="left", fontsize="medium", fontweight="bold")
+    return add_shared_legend(axes, 3)
+
+
+def _lateness_points(comparison: Comparison, task: str) -> list[tuple[str, tuple[float, float]]]:
+    """Law, lateness and error of every stable setting that is at its goal in the end."""
+    return [
+        (row.entry.setting.law, (row.figures["late"], row.figures[RANK]))
+        for row in comparison.rows
+        if row.task == task and row.stable and isfinite(row.figures.get("late", inf))
+    ]
+
+
+def pareto_front(points: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
+    """Those that no other is at least as good as in both, by the first."""
+    found: list[tuple[float, float]] = []
+    for point in sorted(points):
+        if not found or point[1] < found[-1][1]:
+            found.append(point)
+    return found
+
+
+def _scale_error_axis(ax: Axes) -> None:
+    """A logarithmic axis of errors that says 200 and 500, not powers, also where it spans less than a decade."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    ax.set_yscale("log")
+    ax.yaxis.set_major_locator(LogLocator(subs=(1, 2, 3, 5, 7)))
+    ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    ax.yaxis.set_minor_formatter(NullFormatter())

@@ -1,0 +1,220 @@
+"""What comes out of a comparison, in one paragraph."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from math import inf, isfinite
+from typing import TYPE_CHECKING
+
+from benchmarks.reports.gain.comparison import RANK, Comparison, SettingEntry
+from benchmarks.reports.gain.criteria import CRITERIA, TRADE, shown, weights_text
+from benchmarks.sweep import Setting
+from kinematics.foundation.result import Result
+from kinematics.foundation.table import Column, Table
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+@dataclass(frozen=True, slots=True)
+class Margin:
+    """How far one gain may rise until the law is unstable on some path or rig of the sweep.
+
+    edge  the lowest value above the setting's own that is unstable; None where none was tried that is
+    up_to the highest value tried
+    """
+
+    gain: str
+    value: float
+    edge: float | None
+    up_to: float
+
+    def __str__(self) -> str:
+        name = self.gain.replace("_", " ")
+        if self.edge is not None:
+            return f"{name} may rise ×{self.edge / self.value:.3g} until {self.edge:g}, the lowest value found unstable"
+        if self.up_to > self.value:
+            return f"{name} stays stable up to {self.up_to:g} (×{self.up_to / self.value:.3g}), the highest value tried"
+        return f"{name} {self.value:g} is the highest value tried, so its margin is not known"
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict(Result):
+    """The best setting other than the baseline, by all criteria weighed; None where none holds on every path and rig.
+
+    ratio   of its RMS contour error to the baseline's: geometric mean over paths, rigs and seeds
+    score   its weighed ratio to the baseline
+    ratios  of it to the baseline, by criterion
+    least   the setting of the least RMS contour error, whatever that costs; the best one, or another
+    """
+
+    best: SettingEntry | None
+    ratio: float
+    margins: tuple[Margin, ...]
+    text: str
+    score: float = inf
+    ratios: Mapping[str, float] = field(default_factory=dict)
+    least: SettingEntry | None = None
+
+    def tables(self) -> tuple[Table, ...]:
+        """The best setting and, below, what it gains and costs; how far each of its gains may rise."""
+        best = (
+            Column("best setting", [None if self.best is None else self.best.setting.text], words={"None": "none"}),
+            Column("weighed ratio to the baseline", [self.score], form=".3f"),
+            Column("RMS contour error over the baseline's", [self.ratio], form=".3f"),
+        )
+        margins = (
+            Column("gain", [margin.gain for margin in self.margins]),
+            Column("value", [margin.value for margin in self.margins]),
+            Column("unstable from", [margin.edge for margin in self.margins], words={"None": "none tried"}),
+            Column("tried up to", [margin.up_to for margin in self.margins]),
+        )
+        first = Table("verdict", best, (self.text,))
+        return (first, Table("margins", margins)) if self.margins else (first,)
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """How many times its value each gain may have: to where it is unstable, or to the highest that was tried."""
+        from kinematics.foundation.figure import draw_bars
+
+        ends = [margin.up_to if margin.edge is None else margin.edge for margin in self.margins]
+        named = [f"{one.gain}{', tried' if one.edge is None else ', unstable'}" for one in self.margins]
+        shares = [end / margin.value for end, margin in zip(ends, self.margins, strict=True)]
+        return draw_bars(named, shares, "times the gain", ax, 1.0)
+
+    @property
+    def gains(self) -> str:
+        """What to paste: the setting on the command line and in Python."""
+        return "" if self.best is None else gain_block(self.best.setting)
+
+
+def gain_block(setting: Setting) -> str:
+    """The setting as an option of the commands, and as a call."""
+    gains = "".join(f", {name}={value!r}" for name, value in setting.gains)
+    return f'--law {setting.text}\nfind_law("{setting.law}"{gains})'
+
+
+def verdict_of(comparison: Comparison) -> Verdict:
+    """The best of all settings that hold on every path and rig, by what `criteria` weighs; what it gains and costs.
+
+    Where another setting has the least contour error it is named, with what it pays for that.
+    """
+    others = [entry for entry in comparison.entries if entry != comparison.baseline]
+    full = [entry for entry in others if {row.task for row in comparison.of(entry)} == set(comparison.tasks)]
+    ranked = sorted(((comparison.score(entry), n) for n, entry in enumerate(full)), key=lambda one: one[0])
+    name = comparison.label(comparison.baseline)
+    if not ranked or not isfinite(ranked[0][0]):
+        why = "no other setting was run" if not others else "no other setting is stable on every path and rig"
+        why = why if comparison.ranked else "no path ranks settings"
+        text = " ".join([f"The baseline {name} stands alone: {why}.", *describe_unranked(comparison)])
+        return Verdict(None, inf, (), text)
+    score, best = ranked[0][0], full[ranked[0][1]]
+    ratio, least = comparison.mean_ratio(best), min(full, key=comparison.mean_ratio)
+    margins = _margins(comparison, best)
+    text = _describe_verdict(comparison, best, least, margins, len(others))
+    return Verdict(best, ratio, margins, text, score, comparison.ratios(best), least)
+
+
+def _costs(comparison: Comparison, entry: SettingEntry) -> str:
+    """By which criteria a setting is much worse than the baseline, by how much, and what it comes to where most."""
+    told = []
+    for one in CRITERIA:
+        ratio = comparison.ratios(entry).get(one.name, 1.0)
+        if ratio <= TRADE:
+            continue
+        values = [
+            (own / base, own, base, row.task)
+            for row in comparison.of(entry)
+            if row.task in comparison.ranked and (other := comparison.row(comparison.baseline, row.task))
+            for about in [comparison.criteria_of(row.task)]
+            for own, base in [(one.value(row.figures, about), one.value(other.figures, about))]
+            if own is not None and base is not None
+        ]
+        where = ""
+        if values:
+            _, own, base, task = max(values)
+            unit = comparison.unit(RANK, task)
+            where = f" ({one.shown(own, unit)} against {one.shown(base, unit)} on {task})"
+        told.append(f"{ratio:.3g} times the {one.name}{where}")
+    return ", ".join(told)
+
+
+def describe_unranked(comparison: Comparison) -> list[str]:
+    """A sentence for each path that does not count, and why."""
+    return [
+        f"Not ranked: {task}, since some laws stay on it to less than a hundredth of a pulse, however they track."
+        for task in comparison.tasks
+        if task not in comparison.ranked
+    ]
+
+
+def _margins(comparison: Comparison, best: SettingEntry) -> tuple[Margin, ...]:
+    found = []
+    for gain, value in best.setting.gains:
+        alike = {
+            dict(entry.setting.gains)[gain]: all(row.stable for row in comparison.of(entry))
+            for entry in comparison.entries
+            if entry.source == best.source and _differ_in_one_gain(entry.setting, best.setting, gain)
+        }
+        if len(alike) > 1 and value > 0:
+            edges = [other for other, stable in alike.items() if other > value and not stable]
+            found.append(Margin(gain, value, min(edges, default=None), max(alike)))
+    return tuple(found)
+
+
+def _differ_in_one_gain(one: Setting, other: Setting, gain: str) -> bool:
+    """Of the same law, and of the same gains but for one."""
+    same = [dict(setting.gains) | {gain: 0.0} for setting in (one, other)]
+    return one.law == other.law and same[0] == same[1]
+
+
+def _describe_verdict(
+    comparison: Comparison, best: SettingEntry, least: SettingEntry, margins: tuple[Margin, ...], others: int
+) -> str:
+    ratio, score = comparison.mean_ratio(best), comparison.score(best)
+    name, baseline = comparison.label(best), comparison.label(comparison.baseline)
+    rows = comparison.of(best)
+    marks = [row.against.mark for row in rows if row.against]
+    verb = "is the best" if score < 1 else "comes nearest to the baseline, which stays the best,"
+    counts = ", ".join(f"{mark} on {marks.count(mark)}" for mark in ("better", "neither", "worse") if mark in marks)
+    many = f"{len(comparison.ranked)} path{'s' if len(comparison.ranked) > 1 else ''}"
+    pieces = [
+        f"{name} {verb} of {others} settings, weighed ({weights_text()}): {score:.3g} times the baseline, {baseline}. "
+        f"Its RMS contour error is {ratio:.3g} times that of the baseline "
+        f"(geometric mean over {many} and {rows[0].runs} runs of each; {counts})."
+    ]
+    both = [(row, comparison.row(comparison.baseline, row.task)) for row in rows]
+    errors = [
+        f"{shown(other.figures[RANK], unit)} to {shown(row.figures[RANK], unit)} on {row.task}"
+        for row, other in both
+        if row.task in comparison.ranked and other is not None and other.figures and row.figures
+        for unit in [comparison.unit(RANK, row.task)]
+    ]
+    pieces.append(f"As the rig is stated, that is from {', '.join(errors)}.")
+    costs = _costs(comparison, best)
+    if costs:
+        pieces.append(f"It pays with {costs}.")
+    if away := sum(row.away for row in rows):
+        theirs = comparison.of(comparison.baseline)
+        pieces.append(
+            f"It ends off its goal in {away} of its {sum(row.runs for row in rows)} runs "
+            f"(baseline in {sum(row.away for row in theirs)} of {sum(row.runs for row in theirs)})."
+        )
+    if least != best:
+        dearer = _costs(comparison, least)
+        why = f"but it pays with {dearer}" if dearer else "but it is behind by all that is weighed together"
+        error = comparison.mean_ratio(least)
+        pieces.append(f"Less RMS contour error has {comparison.label(least)}, {error:.3g} times the baseline's, {why}.")
+    for figure, what in (("torque_rms", "RMS torque"), ("torque_peak", "peak torque")):
+        pair = [
+            (row.figures[figure], other.figures[figure])
+            for row, other in both
+            if other is not None and figure in row.figures and figure in other.figures
+        ]
+        if pair:
+            own, base = max(pair)[0], max(other for _, other in pair)
+            pieces.append(f"Its {what} is at most {shown(own, '')} of the limit (baseline {shown(base, '')}).")
+    pieces += (
+        [f"Margin: {'; '.join(map(str, margins))}."] if margins else ["Margin: the law has no gain that was varied."]
+    )
+    return " ".join([*pieces, *describe_unranked(comparison)])

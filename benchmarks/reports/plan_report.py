@@ -1,0 +1,279 @@
+"""The report of a plan: one HTML page that holds everything it shows, and its figures as PNG files beside it."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import cycle
+from math import isfinite
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from benchmarks.reports.page import grouped, render, render_png, style
+from controllers.metrics import Metrics
+from controllers.rig import Rig
+from planner.baselines import Classical, describe_differences, missing_limits
+from planner.certificate.certify import CROSSING
+from planner.certificate.constant_speed import CONSTANT_SPEED, STEADY
+from planner.cross_check import CrossCheck
+from planner.limits import Limit
+from planner.plan import ACTIVE_SHARE, Plan, active_limits
+from planner.pulses import PulseCheck, RealisedPath
+from planner.pulses.schedule import RATE_WINDOWS
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from planner.figures import Quantity
+
+
+def write_report(
+    plan: Plan,
+    classical: Classical,
+    metrics: Sequence[Metrics],
+    path: Path,
+    *,
+    verdict: PulseCheck,
+    others: Sequence[Classical] = (),
+    realised: RealisedPath | None = None,
+    figures: Mapping[str, bytes] | None = None,
+    rig: Rig | None = None,
+    untracked: str = "",
+    crossed: CrossCheck | None = None,
+) -> None:
+    """Write the page to `path` and its figures to `figures/*.png` beside it.
+
+    classical  the baseline of the saving
+    metrics    the errors of each tracking law; none: the page says how to get them
+    verdict    of the independent check of the plan's pulses
+    others     further classical timings, for the table
+    realised   the path that the pulses make; None: the page has no such part
+    figures    as `draw` gives them, any of them, or none; None: they are drawn here
+    rig        that the laws were run on, which the page names
+    untracked  why the page has no errors of laws, or what rig to take for them
+    crossed    toppra's motion beside the plan's, if there is to be such a part
+    """
+    figures = draw(plan, classical, metrics, realised) if figures is None else figures
+    path.write_text(
+        _page(plan, classical, metrics, verdict, others, realised, figures, rig, untracked, crossed), encoding="utf-8"
+    )
+    folder = path.parent / "figures"
+    for name, image in figures.items():
+        folder.mkdir(exist_ok=True)
+        (folder / f"{name}.png").write_bytes(image)
+
+
+def summary(plan: Plan, classical: Classical, verdict: PulseCheck) -> dict[str, str]:
+    """The table that the page begins with, as it stands there."""
+    saved = classical.duration - plan.trajectory.duration
+    kept = "speed and acceleration" if plan.order == 2 else "speed, acceleration and jerk"
+    missing = missing_limits(plan, classical)
+    unlike = f"; the classical timing is without {', '.join(missing)}" if missing else ""
+    what = "; ".join([classical.kind, *describe_differences(plan, classical)])
+    again = f", run {plan.program.repeat} times" if plan.program.repeat > 1 else ""
+    radian = f"a pure turn counts its angle times {1e3 * plan.machine.characteristic_length:.3f} mm"
+    return {
+        "Duration": f"{plan.trajectory.duration:.6f} s{'' if plan.stated_duration is None else ', as stated'}",
+        "Classical timing": f"{classical.duration:.6f} s ({what})",
+        "Time saved": f"{saved:.6f} s ({100 * saved / classical.duration:.2f} %{unlike})",
+        "Segments": f"{len(plan.program.segments)}{again}",
+        "Length of the path": f"{1e3 * float(plan.path.breaks[-1]):.3f} mm ({radian})",
+        **_departures(plan),
+        "Order": f"{plan.order} ({kept})",
+        "Solved by": f"{', '.join(sorted(set(plan.methods)))}; the proof held in round {plan.rounds}",
+        "Pulses": f"{grouped(plan.pulses.total)} on a clock of {grouped(plan.pulses.clock_hz)} Hz",
+        "Highest pulse rate": f"{verdict.highest_rate:.1f} 1/s",
+        "Pulse check": f"{verdict.fault_count} faults; {_exactness(plan, verdict)}",
+    }
+
+
+def _departures(plan: Plan) -> dict[str, str]:
+    """How far synchronised moves leave the straight line at most, where there are any."""
+    found = plan.departures
+    if not found:
+        return {}
+    worst = max(found, key=lambda one: one.distance)
+    turned = np.rad2deg(max(one.turned for one in found))
+    told = (
+        f"up to {1e3 * worst.distance:.4g} mm off the straight line, at {worst.where}; turned up to {turned:.4g}° off"
+    )
+    return {"Synchronised moves": f"{len(found)}, straight in the axes: {told}"}
+
+
+def _exactness(plan: Plan, verdict: PulseCheck) -> str:
+    """What the check proved of the pulses: exact times where they stand for crossings, else the bounds they state."""
+    if verdict.time_error is not None:
+        return f"largest time error {verdict.time_error:.4f} ticks"
+    widest = max(axis.bound for axis in plan.pulses.axes)
+    return f"within {widest:.3g} pulses, as the rule {plan.pulses.rule} states"
+
+
+def draw(
+    plan: Plan, classical: Classical, metrics: Sequence[Metrics], realised: RealisedPath | None = None
+) -> dict[str, bytes]:
+    """Every figure of the page as a PNG, by name."""
+    return draw_axes(plan) | draw_path(plan) | draw_comparisons(plan, classical, realised) | draw_tracking(metrics)
+
+
+def draw_axes(plan: Plan) -> dict[str, bytes]:
+    """The figures of what the axes do."""
+    from planner.figures import pulse_rate
+
+    with style():
+        return {"axes": render_png(*_draw_axis_motion(plan)), "pulses": render_png(_add_legend(pulse_rate(plan)))}
+
+
+def draw_path(plan: Plan) -> dict[str, bytes]:
+    """The figures of the path, and of the limits along it."""
+    from planner.figures import path_in_space
+
+    with style():
+        return {"path": render_png(path_in_space(plan)), "limits": render_png(*_draw_limit_use(plan))}
+
+
+def draw_comparisons(plan: Plan, classical: Classical, realised: RealisedPath | None) -> dict[str, bytes]:
+    """The figures of the classical timing, and of the path of the pulses."""
+    with style():
+        figures = {"classical": render_png(_draw_classical(plan, classical))}
+        return figures | ({"realised": render_png(*_draw_realised(realised))} if realised else {})
+
+
+def draw_tracking(metrics: Sequence[Metrics]) -> dict[str, bytes]:
+    """The figure of the laws' errors, if there are any."""
+    with style():
+        return {"tracking": render_png(*_draw_law_errors(metrics))} if metrics else {}
+
+
+def _draw_axis_motion(plan: Plan) -> "list[Axes]":
+    from planner.figures import axis_motion
+
+    every: tuple[Quantity, ...] = ("position", "speed", "acceleration", "jerk")
+    kinds = sorted({axis.kind for axis in plan.machine.axes})
+    # order 2 leaves the jerk without bound
+    panels = [(quantity, kind) for quantity in every[: plan.order + 1] for kind in kinds]
+    axes = _stack_axes(len(panels), 2.3)
+    for ax, (quantity, kind) in zip(axes, panels, strict=True):
+        axis_motion(plan, quantity, ax, kind)
+    _add_legend(axes[0])
+    return axes
+
+
+def _draw_limit_use(plan: Plan) -> "list[Axes]":
+    from planner.figures import limit_use
+
+    axes = _stack_axes(2, 3.2, share=False)
+    limit_use(plan, axes[0], "path")
+    limit_use(plan, axes[1], "time")
+    _add_legend(axes[0])
+    return axes
+
+
+def _draw_realised(realised: RealisedPath) -> "list[Axes]":
+    from planner.figures import realised_error
+
+    names = [error.name for error in realised.errors if error.name in ("position", "orientation")]
+    axes = _stack_axes(len(names), 2.6)
+    for name, ax in zip(names, axes, strict=True):
+        realised_error(realised, name, ax)
+    _add_legend(axes[0])
+    return axes
+
+
+def _draw_law_errors(metrics: Sequence[Metrics]) -> "list[Axes]":
+    from controllers.figures import contour_error, tracking_error
+    from kinematics.foundation.figure import PALETTE
+
+    axes = _stack_axes(2, 2.6)
+    for law, color in zip(metrics, cycle(PALETTE)):
+        contour_error(law, axes[0], color=color)
+        tracking_error(law, axes[1], color=color)
+    _add_legend(axes[0])
+    return axes
+
+
+def _draw_classical(plan: Plan, classical: Classical) -> "Axes":
+    from kinematics.foundation.figure import PALETTE
+    from planner.figures import path_speed
+
+    (ax,) = _stack_axes(1, 3.0)
+    path_speed(plan.trajectory, ax, label=f"this plan, {plan.trajectory.duration:.4f} s", color=PALETTE[0])
+    named = f"{classical.kind}, {classical.duration:.4f} s"
+    path_speed(classical.trajectory, ax, label=named, color=PALETTE[3], linewidth=1)
+    ax.set(xlim=(0, max(plan.trajectory.duration, classical.duration)), ylim=(0, None))
+    return _add_legend(ax)
+
+
+def _stack_axes(count: int, height: float, share: bool = True) -> "list[Axes]":
+    """Axes of one figure, one below the other; with `share`, on one time axis."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(9, count * height + 0.4), layout="constrained")
+    return list(figure.subplots(count, 1, sharex=share, squeeze=False)[:, 0])
+
+
+def _add_legend(ax: "Axes") -> "Axes":
+    """The axes with their legend above them, where it hides nothing."""
+    ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=6, frameon=False)
+    return ax
+
+
+def _page(
+    plan: Plan,
+    classical: Classical,
+    metrics: Sequence[Metrics],
+    verdict: PulseCheck,
+    others: Sequence[Classical],
+    realised: RealisedPath | None,
+    figures: Mapping[str, bytes],
+    rig: Rig | None,
+    untracked: str,
+    crossed: CrossCheck | None,
+) -> str:
+    return render(
+        "report.html.j2",
+        figures,
+        plan=plan,
+        classical=classical,
+        others=others,
+        metrics=metrics,
+        rig=rig,
+        untracked=untracked,
+        crossed=crossed,
+        verdict=verdict,
+        realised=realised,
+        triggers=plan.triggers,
+        summary=summary(plan, classical, verdict),
+        saved=classical.duration - plan.trajectory.duration,
+        missing=missing_limits(plan, classical),
+        differences={one.kind: describe_differences(plan, one) for one in others},
+        allowed={limit.name: _format_bounds(limit) for limit in plan.limits} | CLAIMS,
+        active=dict(_active_time(plan)),
+        active_share=ACTIVE_SHARE,
+        window=plan.pulses.duration / RATE_WINDOWS,
+        axes=list(zip(plan.pulses.axes, verdict.axes, plan.machine.axes, strict=True)),
+    )
+
+
+# What is proved beside the limits, and what it is held against.
+CLAIMS = {CROSSING: "the time of its axis", CONSTANT_SPEED: f"{STEADY:g} off the speed"}
+
+
+def _format_bounds(limit: Limit) -> str:
+    """The bounds of a limit in the units that people read; their range where the channels differ."""
+    shown: dict[str, list[float]] = {}
+    for channel, (unit, scale) in enumerate(limit.units):
+        both = (limit.told(side, channel)[1] for side in (-1.0, 1.0))
+        shown.setdefault(unit, []).extend(bound * scale for bound in both if isfinite(bound))
+    return ", ".join(
+        f"{' … '.join(f'{bound:.6g}' for bound in sorted({min(bounds), max(bounds)}))} {unit}"
+        for unit, bounds in shown.items()
+        if bounds
+    )
+
+
+def _active_time(plan: Plan) -> Iterator[tuple[str, float]]:
+    """For how many seconds each limit that timing can help holds the motion back, and for how many none does."""
+    active, lengths = active_limits(plan), np.diff(plan.trajectory.knots)
+    for n, limit in enumerate(plan.limits):
+        if not limit.geometric:
+            yield limit.name, float(lengths[active == n].sum())
+    yield "none of them", float(lengths[active < 0].sum())

@@ -1,0 +1,115 @@
+"""Laws 6 and 7: closed loop, the target moved by the error; absolute and relative, as printed and repaired.
+
+Laws 4 and 5: closed loop, the error itself sent as target; of position, and of position and speed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from controllers.card import TAMove, TRMove
+from controllers.laws.law import Feedback, Gain, Grid, Reference, Timer, check_gain, format_gain
+
+
+@dataclass(frozen=True, slots=True)
+class ClosedPosition:
+    """e = k·(ang(k) − pos(k−1)); TAMove(ang(k+1) + e, npuls(k), npuls(k+1), dt, 0).
+
+    [Sahbaz 2007, Table 7.5, algorithms 6 and 7]; `gain` is k, 0.7 the best value by the thesis. pos(k−1) is read at the
+    end of step k−1, when the reference is at ang(k), so e is the following error of that instant times k.
+
+    Algorithm 6 moves the target only; the top speed stays that of the reference. So while an axis runs one way, a
+    target further ahead is not reached any sooner and the command is that of law 3, whatever k, to the pulse that law 3
+    may wait at its own target. Where an axis turns round, the error still points the old way and, speeds being
+    magnitudes, sends the command on that way for a while; no later command may catch up, so the loss stays until the
+    axis rests.
+
+    relative  algorithm 7: TRMove(ang(k+1) − ang(k) + e, …), counted from the command position of the instant
+    repaired  ours: the top speed carries the correction, npuls(k+1) + e/dt. The ramp to it lasts the whole step, in
+              which half of e is caught up
+    """
+
+    gain: Gain = 0.7
+    relative: bool = False
+    repaired: bool = False
+    host: ClassVar[Timer] = "counter"
+    grid: ClassVar[Grid] = {"gain": (0.1, 0.3, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0)}
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "gain", check_gain("closed-position", "gain", self.gain, "the thesis used 0.5 to 0.9"))
+
+    @property
+    def name(self) -> str:
+        variant = "-relative" * self.relative + "-repaired" * self.repaired
+        return f"closed-position{variant} k={format_gain(self.gain)}"
+
+    def command(self, k: int | np.ndarray, reference: Reference, feedback: Feedback) -> TAMove | TRMove:
+        here, there, dt = reference.ang(k), reference.ang(k + 1), reference.dt
+        error = self.gain * (here - feedback.position)
+        top = reference.npuls(k + 1) + (error / dt if self.repaired else 0.0)
+        if self.relative:
+            return TRMove(there - here + error, reference.npuls(k), top, dt, 0.0)
+        return TAMove(there + error, reference.npuls(k), top, dt, 0.0)
+
+
+_ADVICE = "the thesis used 0.7 for the position, 1 for the speed"
+
+
+@dataclass(frozen=True, slots=True)
+class ClosedError:
+    """TAMove(kp·(ang(k+1) − pos(k−1)), npuls(k), npuls(k+1), dt, 0) [Sahbaz 2007, Table 7.5, algorithm 4].
+
+    The *error* is sent as an absolute target, so the axis is called to a place near zero as soon as it follows well:
+    the thesis found it unstable (its figure 7.14, kp = 0.7). `gain` is kp.
+    """
+
+    gain: Gain = 0.7
+    host: ClassVar[Timer] = "counter"
+    grid: ClassVar[Grid] = {"gain": (0.1, 0.3, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0)}
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "gain", check_gain("closed-error", "gain", self.gain, _ADVICE))
+
+    @property
+    def name(self) -> str:
+        return f"closed-error kp={format_gain(self.gain)}"
+
+    def command(self, k: int | np.ndarray, reference: Reference, feedback: Feedback) -> TAMove:
+        target = self.gain * (reference.ang(k + 1) - feedback.position)
+        return TAMove(target, reference.npuls(k), reference.npuls(k + 1), reference.dt, 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class ClosedErrorSpeed:
+    """TAMove(kp·(ang(k+1) − pos(k−1)), npuls(k), kv·(npuls(k+1) − v(k−1)), dt, 0).
+
+    [Sahbaz 2007, Table 7.5, algorithm 5]. The table is implemented. The program printed in the thesis'
+    appendix differs: its first command is the table's, but later ones start at kverr(k−1), the top speed of the step
+    before, instead of npuls(k); where npuls(k+1) < 0 it adds v(k−1) instead of subtracting it; and since that stands in
+    a one-line If, kverr is multiplied out for negative speeds only and stays zero for the others. Its v(k−1) is
+    `GetCurrentSpeed`, the card's output rate (`Host.speed_from`). If that has no sign (`Card.current_speed`), to add it
+    where npuls(k+1) < 0 is what the table means, as long as the axis runs the way it is commanded to.
+
+    `gain` is kp, `speed_gain` kv.
+    """
+
+    gain: Gain = 0.7
+    speed_gain: Gain = 1.0
+    host: ClassVar[Timer] = "counter"
+    grid: ClassVar[Grid] = {"gain": (0.1, 0.3, 0.5, 0.7, 0.9), "speed_gain": (0.5, 1.0)}
+
+    def __post_init__(self) -> None:
+        for name in ("gain", "speed_gain"):
+            object.__setattr__(self, name, check_gain("closed-error-speed", name, getattr(self, name), _ADVICE))
+
+    @property
+    def name(self) -> str:
+        return f"closed-error-speed kp={format_gain(self.gain)} kv={format_gain(self.speed_gain)}"
+
+    def command(self, k: int | np.ndarray, reference: Reference, feedback: Feedback) -> TAMove:
+        target = self.gain * (reference.ang(k + 1) - feedback.position)
+        top = self.speed_gain * (reference.npuls(k + 1) - feedback.speed)
+        return TAMove(target, reference.npuls(k), top, reference.dt, 0.0)

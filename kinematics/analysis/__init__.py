@@ -1,0 +1,1 @@
+"""What is computed of a machine: forward kinematics, singularities, workspace, clearance, forces."""

@@ -1,0 +1,199 @@
+"""Clearance: how far legs stay from each other and from the platforms' discs.
+
+A leg is a capsule: all points within `leg_radius` of a segment of the line between its joint centres. A platform is a
+disc: a flat cylinder. Both distances are those of convex bodies, and exact: what a formula cannot settle (parallel,
+crossing, shrunk to a point) is settled by the ends.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kinematics.foundation.arrays import LEAST_POSITIVE, Array, finite_array, freeze_array, unit_vectors
+from kinematics.foundation.errors import MotionError
+
+BLOCK = 1024
+"""Poses measured at a time."""
+HALVINGS = 55
+"""Until the last place of a parameter in [0, 1]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Disc:
+    """A platform's plate in its own frame: a cylinder of `radius` and `thickness` (m) about `normal` at `centre`."""
+
+    radius: float
+    thickness: float
+    centre: ArrayLike = (0.0, 0.0, 0.0)
+    normal: ArrayLike = (0.0, 0.0, 1.0)
+
+    def __post_init__(self) -> None:
+        finite_array(self.radius, "disc: radius", (), unit="m", least=LEAST_POSITIVE)
+        finite_array(self.thickness, "disc: thickness", (), unit="m", least=0)
+        object.__setattr__(self, "centre", freeze_array(finite_array(self.centre, "disc: centre", (3,), unit="m")))
+        object.__setattr__(self, "normal", freeze_array(unit_vectors(self.normal, "disc: normal", (3,))))
+
+
+@dataclass(frozen=True)
+class Bodies:
+    """What of a machine with legs takes up room.
+
+    base, platform  (n, 3) joint centres in the frames of base and platform, m
+    legs            (n,) names
+    leg_radius      m, of every leg
+    leg_ends        m from either joint centre to where the segment begins; None: leg_radius, so that the capsule's
+                    round tips end in the joint centres
+    base_disc, platform_disc  the plates, in the frames of base and platform; None: not looked at
+
+    Moving the platform without turning it by v changes no distance by more than ‖v‖: a point of a leg, or of a disc,
+    moves by A v with a symmetric A between 0 and 1, so any two of them by (A − A') v, and ‖A − A'‖ ≤ 1. Turning it
+    moves the joint at r from its origin by no more than ‖r‖ times the angle: see `change`.
+    """
+
+    base: Array
+    platform: Array
+    legs: tuple[str, ...]
+    leg_radius: float
+    leg_ends: float | None = None
+    base_disc: Disc | None = None
+    platform_disc: Disc | None = None
+
+    def __post_init__(self) -> None:
+        finite_array(self.leg_radius, "legs: leg_radius", (), unit="m", least=LEAST_POSITIVE)
+        finite_array(self.ends, "legs: leg_ends", (), unit="m", least=0)
+        for what, disc in (("base_disc", self.base_disc), ("platform_disc", self.platform_disc)):
+            if disc is not None and not isinstance(disc, Disc):
+                raise MotionError(f"legs: {what} must be a Disc, not {disc!r:.100}")
+
+    @property
+    def ends(self) -> float:
+        return self.leg_radius if self.leg_ends is None else self.leg_ends
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """(k,) what is near what, in the order of `distances`."""
+        discs = [name for name, disc in (("base", self.base_disc), ("platform", self.platform_disc)) if disc]
+        pairs = [f"{a}–{b}" for a, b in combinations(self.legs, 2)]
+        return (*pairs, *(f"{leg}–{disc}" for disc in discs for leg in self.legs))
+
+    @cached_property
+    def contact(self) -> Array:
+        """(k,) m: the distance of axes, or of axis and disc, at which the bodies touch."""
+        pairs = len(self.legs) * (len(self.legs) - 1) // 2
+        return freeze_array(self.leg_radius * np.array([2.0] * pairs + [1.0] * (len(self.names) - pairs)))
+
+    def distances(self, x: Array) -> Array:
+        """(N, k) m between the axes of any two legs, then between legs and discs, at the poses of numbers x (N, 12)."""
+        # blocks that fit into the processor's cache
+        blocks = [self._distances(x[first : first + BLOCK]) for first in range(0, len(x), BLOCK)]
+        return np.concatenate([np.zeros((0, len(self.names))), *blocks])
+
+    def change(self, x: Array, way: Array, turn: Array) -> Array:
+        """(N, k) m by which no distance changes on any path of the platform from x (N, 12), with its origin's way (N,)
+        m and its turn (N,) rad at most.
+
+        Legs i and j: way + turn (‖rᵢ‖ + ‖rⱼ‖);  leg and base: way + turn ‖r‖;  leg and platform, as seen from there,
+        where the joint in the base moves: way + turn ‖base − origin‖.
+        """
+        way, turn = way[:, None], turn[:, None]
+        arm = turn * _length(self.platform)
+        i, j = np.array(list(combinations(range(len(self.legs)), 2))).T
+        found = [way + arm[:, i] + arm[:, j]]
+        if self.base_disc:
+            found.append(way + arm)
+        if self.platform_disc:
+            found.append(way + turn * (_length(self.base - x[:, None, :3]) + way))
+        return np.concatenate(found, 1)
+
+    def _distances(self, x: Array) -> Array:
+        position, rotation = x[:, None, :3], x[:, 3:].reshape(-1, 3, 3)
+        joints = position + self.platform @ rotation.swapaxes(1, 2)
+        legs = joints - self.base
+        length = _length(legs)[..., None]
+        share = np.minimum(self.ends / np.where(length > 0, length, 1.0), 0.5)
+        low, high = self.base + share * legs, joints - share * legs
+        i, j = np.array(list(combinations(range(len(self.legs)), 2))).T
+        found = [segment_distance(low[:, i], high[:, i], low[:, j], high[:, j])]
+        if self.base_disc:
+            found.append(segment_disc_distance(low, high, self.base_disc))
+        if self.platform_disc:  # seen from the platform
+            found.append(
+                segment_disc_distance((low - position) @ rotation, (high - position) @ rotation, self.platform_disc)
+            )
+        return np.concatenate(found, 1)
+
+
+def segment_distance(p0: Array, p1: Array, q0: Array, q1: Array) -> Array:
+    """Distance (...) of the segments p0 p1 and q0 q1 (..., 3), exact for parallel, crossing and zero-length ones.
+
+    The nearest points are an end of one of them and a point of the other, or lie inside both, where the common
+    perpendicular of the two lines meets them: n = u × v, s = (w × v)·n/‖n‖², t = (w × u)·n/‖n‖² with w = q0 − p0. Every
+    candidate is a pair of points of the two segments, so none can be too small. Cross products keep what a determinant
+    of dot products would lose for nearly parallel lines.
+    """
+    ends = (
+        point_segment_distance(p0, q0, q1),
+        point_segment_distance(p1, q0, q1),
+        point_segment_distance(q0, p0, p1),
+        point_segment_distance(q1, p0, p1),
+    )
+    u, v, w = p1 - p0, q1 - q0, q0 - p0
+    normal = np.cross(u, v)
+    square = _dot(normal, normal)
+    safe = np.where(square > 0, square, 1.0)
+    s, t = (np.clip(_dot(np.cross(w, along), normal) / safe, 0.0, 1.0)[..., None] for along in (v, u))
+    inside = _length(w + t * v - s * u)
+    return np.asarray(np.minimum.reduce([*ends, inside]))
+
+
+def point_segment_distance(point: Array, start: Array, end: Array) -> Array:
+    """Distance (...) of a point from a segment (..., 3)."""
+    along, to = end - start, point - start
+    square = _dot(along, along)
+    share = np.clip(_dot(to, along) / np.where(square > 0, square, 1.0), 0.0, 1.0)
+    return _length(to - share[..., None] * along)
+
+
+def segment_disc_distance(start: Array, end: Array, disc: Disc) -> Array:
+    """Distance (...) of a segment (..., 3) from a disc in the disc's frame; 0 where they meet.
+
+    At radius ρ and height h from the centre, a point is √(max(ρ − R, 0)² + max(|h| − T/2, 0)²) away. Along a segment
+    the square of it is convex with a continuous slope: the nearest point is an end unless the slope changes its sign
+    between them; then it is found by halving.
+    """
+    shape = start.shape[:-1]
+    start, along = (start - np.asarray(disc.centre)).reshape(-1, 3), (end - start).reshape(-1, 3)
+    low, high = np.zeros(len(start)), np.ones(len(start))
+    (first, falling), (last, rising) = (_point_disc(start, along, s, disc) for s in (low, high))
+    distance = np.minimum(first, last)
+    rows = np.flatnonzero((falling < 0) & (rising > 0))
+    start, along, low, high = start[rows], along[rows], low[rows], high[rows]
+    for _ in range(HALVINGS if len(rows) else 0):
+        middle = (low + high) / 2
+        falls = _point_disc(start, along, middle, disc)[1] < 0
+        low, high = np.where(falls, middle, low), np.where(falls, high, middle)
+    distance[rows] = np.minimum(*(_point_disc(start, along, s, disc)[0] for s in (low, high)))
+    return distance.reshape(shape)
+
+
+def _point_disc(start: Array, along: Array, s: Array, disc: Disc) -> tuple[Array, Array]:
+    """Distance (N,) of start + s along from a disc at the origin, and half the slope of its square."""
+    normal = np.asarray(disc.normal)
+    point = start + s[:, None] * along
+    height, rate = point @ normal, along @ normal
+    flat = point - height[:, None] * normal
+    radius = _length(flat)
+    over, aside = np.maximum(np.abs(height) - disc.thickness / 2, 0.0), np.maximum(radius - disc.radius, 0.0)
+    outwards = _dot(flat, along) / np.where(radius > 0, radius, 1.0)
+    return np.hypot(over, aside), over * np.sign(height) * rate + aside * outwards
+
+
+def _dot(a: Array, b: Array) -> Array:
+    return np.asarray(np.einsum("...i,...i->...", a, b))
+
+
+def _length(vectors: Array) -> Array:
+    return np.asarray(np.sqrt(_dot(vectors, vectors)))

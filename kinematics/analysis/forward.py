@@ -1,0 +1,190 @@
+"""From actuator coordinates to the pose: Newton on SE(3), and the proof that it is the pose the machine is in."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from kinematics.analysis.singularity import prove_regular
+from kinematics.foundation.arrays import Array, freeze_array, numeric_array
+from kinematics.foundation.errors import MotionError, OutOfReach
+from kinematics.foundation.result import Result
+from kinematics.foundation.table import Column, Table
+from kinematics.machine.kind import HELD_TOLERANCE, columns, refuse_uncontrolled
+from kinematics.machine.model import MachineModel, square_jacobian
+from kinematics.machine.pose import Pose, check_pose, from_numbers, to_numbers
+
+MAX_ITERATIONS = 50
+RESIDUAL_TOLERANCE = 1e-9
+"""m or rad: residual under which a pose counts as a solution (Newton leaves 1e-16; the rest is for scale)."""
+# Share of the coordinates at which Newton stops: some thirty units in the last place.
+ROUNDING = 1e-14
+# m or rad by which coordinates of one pose on the same branch differ at most: rounding, where the machine is regular.
+BRANCH_TOLERANCE = 1e-6
+# Rows solved at a time, so that the memory that proofs take does not grow with the number of rows.
+BLOCK = 4096
+
+
+@dataclass(frozen=True, slots=True)
+class Forward(Result):
+    """pose; residual (N,) largest |inverse(pose) − q|; certified (N,) bool. Plain scalars for a single q.
+
+    residual: infinite where the search ended in a pose that no coordinates reach.
+    certified: inverse(pose) is q, and the straight motion from `near` to this pose meets no singularity, proved cell by
+    cell over the whole motion: a machine that goes this way from `near` arrives in this pose and no other. At home the
+    machine has home's coordinates, up to full turns: from there, poses on another elbow are not certified. False
+    throughout where no proof was asked for.
+    """
+
+    pose: Pose
+    residual: Array
+    certified: np.ndarray
+
+    def tables(self) -> tuple[Table, ...]:
+        """The poses, what is left of their coordinates, and whether they are proved."""
+        positions = np.atleast_2d(self.pose.translation)
+        angles = np.atleast_2d(self.pose.rotation.as_euler("XYZ", suppress_warnings=True))
+        columns = (
+            Column("row", range(len(positions))),
+            *(Column(name, positions[:, k], "m", "human") for k, name in enumerate("xyz")),
+            *(Column(f"r{name}", angles[:, k], "rad", "human") for k, name in enumerate("xyz")),
+            Column("residual", np.atleast_1d(self.residual), "m or rad", form=".3g"),
+            Column("certified", np.atleast_1d(self.certified), words={"False": "NO"}),
+        )
+        return (Table("poses in the base frame", columns),)
+
+
+def solve(machine: MachineModel, q: ArrayLike, near: Pose, certify: bool = True) -> Forward:
+    """Damped Newton in the twist of the platform, batched, then the certificate if it is asked for.
+
+    See `Machine.forward` for what it raises.
+    """
+    given = _coordinates(machine, q)
+    rows = np.atleast_2d(given)
+    start = to_numbers(near) if near is machine.home else check_pose(machine.name, "near", near)
+    if len(start) not in (1, len(rows)):
+        raise MotionError(
+            f"machine {machine.name}: forward takes one pose `near`, or one for each of {len(rows)} rows of q, "
+            f"not {len(start)}"
+        )
+    refuse_uncontrolled(machine, start, "near {}".format)
+    blocks = [slice(first, first + BLOCK) for first in range(0, max(1, len(rows)), BLOCK)]
+    found = [_solve(machine, rows[b], near if len(start) == 1 else near[b], certify) for b in blocks]
+    pose = RigidTransform.concatenate([each[0] for each in found]) if len(found) > 1 else found[0][0]
+    residual, certified = (np.concatenate([each[k] for each in found]) for k in (1, 2))
+    if given.ndim == 2:
+        return Forward(pose, freeze_array(residual), freeze_array(certified))
+    if machine.lengths and not residual[0] <= RESIDUAL_TOLERANCE * max(1.0, rows.max()):
+        least = f"the nearest leaves {residual[0] * 1e3:.6g} mm"
+        raise OutOfReach(
+            f"machine {machine.name}: no pose was found that has the lengths {given * 1e3} mm; "
+            f"{least if np.isfinite(residual[0]) else 'it was asked from one that is itself out of reach'}; "
+            "they may be out of reach: change them, or ask from a nearer pose"
+        )
+    return Forward(pose[0], residual[0], certified[0])
+
+
+def _coordinates(machine: MachineModel, q: ArrayLike) -> Array:
+    """(N, n) or (n,), finite, and not below 0 where they are lengths."""
+    n = len(machine.axes)
+    told, given = f"machine {machine.name}: forward takes finite coordinates (N, {n})", numeric_array(q)
+    if given is None or given.ndim not in (1, 2) or given.shape[-1] != n:
+        raise MotionError(f"{told}, not {f'{q!r:.100}' if given is None else f'shape {given.shape}'}")
+    rows, least = np.atleast_2d(given), 0.0 if machine.lengths else -np.inf
+    wrong = ~(np.isfinite(rows) & (rows >= least))
+    if wrong.any():
+        row, k = np.argwhere(wrong)[0]
+        axis = machine.axes[k]
+        below = "; a length is not below 0" if rows[row, k] < least else ""
+        raise MotionError(f"{told}, not {rows[row, k]} {axis.unit} for {axis.name} in row {row}{below}")
+    return given
+
+
+def iterate_newton(machine: MachineModel, q: Array, start: Array) -> tuple[Array, Array]:
+    """Pose numbers (N, 12) and residual (N,) of coordinates q (N, n), by Newton from pose numbers start (N, 12).
+
+    What `solve` does before its proof, for many rows at once: nothing is checked of what is given, and where a machine
+    has several poses of the same coordinates, which one is found is not proved.
+    """
+    x = _newton(machine, q, machine.start(q, start).copy())
+    if machine.follows:
+        carried = machine.carried_map(machine.inputs(x, q))
+        x = np.where(np.isfinite(carried).all(1, keepdims=True), carried, x)
+    return x, _residual(machine, q, x)
+
+
+def _residual(machine: MachineModel, q: Array, x: Array) -> Array:
+    residual = np.abs(machine.inverse_map(machine.inputs(x, q)) - q).max(1)
+    residual[np.isnan(residual)] = np.inf  # Newton stayed where no coordinates reach
+    return np.asarray(residual)
+
+
+def _solve(machine: MachineModel, q: Array, near: Pose, certify: bool) -> tuple[Pose, Array, np.ndarray]:
+    """N poses, residual (N,) and certified (N,) of coordinates q (N, n), asked from near (one, or N)."""
+    start = np.broadcast_to(to_numbers(near), (len(q), 12))
+    pose = from_numbers(iterate_newton(machine, q, start)[0])
+    residual = _residual(machine, q, to_numbers(pose))
+    certified = (residual < RESIDUAL_TOLERANCE) & certify & _starts_on_branch(machine, q, start)
+    origin = near if len(to_numbers(near)) == 1 else near[certified]
+    certified[certified] = prove_regular(machine, origin, pose[certified], q[certified])
+    return pose, residual, certified
+
+
+def _starts_on_branch(machine: MachineModel, q: Array, start: Array) -> np.ndarray:
+    """(N,) bool: the machine stands at pose start (N, 12) on the branch of coordinates q (N, n).
+
+    At home it has home's coordinates, up to full turns, and is not on the other elbow; in any other pose that it is
+    asked from, it is taken to stand on the branch of q.
+    """
+    if not machine.branched:
+        return np.ones(len(q), bool)
+    apart = machine.inverse_map(machine.inputs(start, q)) - machine.home_q
+    turning = np.array([axis.kind == "rotary" for axis in machine.axes])
+    apart = np.where(turning, np.arctan2(np.sin(apart), np.cos(apart)), apart)
+    elsewhere = (np.abs(start - to_numbers(machine.home)) > HELD_TOLERANCE).any(1)
+    return np.asarray(elsewhere | (np.abs(apart) < BRANCH_TOLERANCE).all(1))
+
+
+def _newton(machine: MachineModel, q: Array, x: Array) -> Array:
+    """x ← exp(δ) x with J δ = q − inverse(x), turning one radian at most; a step that gains nothing is quartered.
+
+    δ moves what the machine controls; what is held or follows stays.
+    """
+    free = columns(machine)
+    error = q - machine.inverse_map(machine.inputs(x, q))
+    active, floor = np.arange(len(q)), max(1.0, np.abs(q).max(initial=0.0))
+    damping = np.ones(len(q))
+    for _ in range(MAX_ITERATIONS):
+        size = np.abs(error[active]).max(1)
+        # a hopeless damping ends the search
+        active = active[(size > ROUNDING * floor) & (damping[active] > 1e-6)]
+        if not len(active):
+            break
+        step = np.zeros((len(active), 6))
+        step[:, free] = _newton_step(square_jacobian(machine, x[active], q[active]), error[active])
+        turn = np.linalg.norm(step[:, 3:], axis=1)
+        step *= (damping[active] / np.maximum(turn, 1.0))[:, None]
+        trial = _apply_twist(x[active], step)
+        error_trial = q[active] - machine.inverse_map(machine.inputs(trial, q[active]))
+        better = np.abs(error_trial).max(1) < np.abs(error[active]).max(1)
+        won = active[better]
+        x[won], error[won] = trial[better], error_trial[better]
+        damping[won] = np.minimum(1.0, 2 * damping[won])
+        lost = active[~better]
+        damping[lost] /= 4
+    return x
+
+
+def _newton_step(jacobian: Array, error: Array) -> Array:
+    try:
+        return np.asarray(np.linalg.solve(jacobian, error[..., None])[..., 0], float)
+    except np.linalg.LinAlgError:  # a pose of the batch is exactly singular
+        return np.asarray((np.linalg.pinv(jacobian) @ error[..., None])[..., 0], float)
+
+
+def _apply_twist(x: Array, twist: Array) -> Array:
+    turned = Rotation.from_rotvec(twist[:, 3:]).as_matrix() @ x[:, 3:].reshape(-1, 3, 3)
+    return np.concatenate([x[:, :3] + twist[:, :3], turned.reshape(-1, 9)], 1)

@@ -1,0 +1,235 @@
+"""A posture: one pose with the coordinates of every actuator, the tilt of every joint, its margins and its proof."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kinematics.analysis.margins import ROUNDING, Margins
+from kinematics.foundation.arrays import Array, freeze_array
+from kinematics.foundation.errors import MotionError, OutOfReach
+from kinematics.foundation.result import Result
+from kinematics.foundation.table import SCALES, Column, Table
+from kinematics.machine.pose import COMPONENTS, Pose, from_numbers, to_numbers
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from kinematics.machine.machine import Machine
+
+SAME = 1e-6
+"""m, or of a rotation's entries, by which two poses differ at most that are one."""
+MOST = 2.0**53
+"""Pulses from home that are told apart."""
+UNLIMITED = {"inf": "unlimited", "-inf": "unlimited"}
+
+
+@dataclass(frozen=True, slots=True)
+class Posture(Result):
+    """A machine in one pose.
+
+    pose       in the base frame, with what follows as the axes lead it
+    q          (n,) coordinates of the actuators: leg lengths between joint centres, slide positions, joint angles
+    margins    travel, tilt, clearance, conditioning and distance to singularity
+    residual   m or rad, the largest |inverse(pose) − q|
+    certified  whether the straight motion from home arrives in this pose and no other, as `Forward` has it
+    """
+
+    machine: Machine = field(repr=False)
+    pose: Pose
+    q: Array
+    margins: Margins = field(repr=False)
+    residual: float
+    certified: bool
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "q", freeze_array(self.q))
+
+    @property
+    def from_home(self) -> Pose:
+        """The same pose, relative to home: what a program in the frame "home" states."""
+        return self.machine.home.inv() * self.pose
+
+    @property
+    def travel(self) -> Array:
+        """(n,) coordinates from home."""
+        return np.asarray(self.q - self.machine.home_q)
+
+    @property
+    def counts(self) -> np.ndarray:
+        """(n,) whole pulses from home, in the sense of the axes; what compensation adds is left out."""
+        return np.rint(self.travel / [axis.pulse for axis in self.machine.axes]).astype(np.int64)
+
+    @property
+    def directions(self) -> Array:
+        """(3,) α, β, γ (rad): between the base frame's x, y, z and the platform's z axis [Sahbaz 2007].
+
+        cos α = R[0, 2], cos β = R[1, 2], cos γ = R[2, 2]; by atan2, so that small angles keep their digits.
+        """
+        axis = self.pose.rotation.as_matrix()[:, 2]
+        across = [np.linalg.norm(np.delete(axis, k)) for k in range(3)]
+        return np.arctan2(across, axis)
+
+    @property
+    def tilt(self) -> Array:
+        """(m,) rad, of each joint of `margins.tilt_names` from its rest axis."""
+        return np.asarray(self.margins.tilt[0] * self.margins.max_tilt)
+
+    @property
+    def violations(self) -> tuple[str, ...]:
+        """Every limit that the pose breaks: which, by how much, and what to do."""
+        margins, told = self.margins, []
+        for axis, value, use in zip(self.machine.axes, self.travel, margins.travel[0], strict=True):
+            if use > 1 + ROUNDING:
+                unit, scale = SCALES["human"][axis.unit]
+                low, high = (f"{scale * end:.6g}" for end in axis.travel)
+                told.append(f"{axis.name} travel: {scale * value:.6g} {unit} from home, outside {low} to {high} {unit}")
+        for name, tilt, limit in zip(margins.tilt_names, self.tilt, margins.max_tilt, strict=True):
+            if limit < np.pi and tilt > limit * (1 + ROUNDING):
+                told.append(f"{name} tilt: {np.degrees(tilt):.6g}°, more than {np.degrees(limit):.6g}°")
+        for name, gap in zip(margins.clearance_names, margins.clearance[0], strict=True):
+            if gap < 0:
+                told.append(f"{name} clearance: they overlap by {-1e3 * gap:.4g} mm")
+        return tuple(f"{what}; take a pose that is nearer home, or turned less" for what in told)
+
+    def tables(self) -> tuple[Table, ...]:
+        """The pose in both frames, the platform's directions, every axis, every joint, and the margins."""
+        parts = [self._poses(), self._directions(), self._axes()]
+        if self.margins.tilt_names:
+            parts.append(self._joints())
+        return *parts, self._margins()
+
+    def data(self) -> Table:
+        """Every axis."""
+        return self._axes()
+
+    def files(self) -> Mapping[str, Callable[[Path], None]]:
+        """.csv: every axis; .json: all tables."""
+        return {".csv": self._csv, ".json": self._json}
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """The use of every limit."""
+        return self.margins.plot(ax)
+
+    def _poses(self) -> Table:
+        both = (self.from_home, self.pose)
+        places = np.array([pose.translation for pose in both])
+        angles = np.array([pose.rotation.as_euler("XYZ", suppress_warnings=True) for pose in both])
+        columns = (
+            Column("pose", ["from home", "in the base frame"]),
+            *(Column(name, _tidy(places[:, k]), "m", "human", ".9g") for k, name in enumerate("xyz")),
+            *(Column(f"θ{name}", _tidy(angles[:, k]), "rad", "human", ".9g") for k, name in enumerate("xyz")),
+        )
+        proof = (
+            "certified: the straight motion from home arrives in this pose and no other"
+            if self.certified
+            else "NOT CERTIFIED: the straight motion from home is not proved to be free of singularities"
+        )
+        return Table(f"{self.machine.name}: {type(self.machine).__name__.lower()}", columns, (proof,))
+
+    def _directions(self) -> Table:
+        columns = (
+            Column(name, [angle], "rad", "human", ".7g") for name, angle in zip("αβγ", self.directions, strict=True)
+        )
+        return Table("the platform's z axis against x, y, z of the base frame", tuple(columns))
+
+    def _axes(self) -> Table:
+        axes = self.machine.axes
+        units = [axis.unit for axis in axes]
+        what = "length" if self.machine.lengths else "position"
+        columns = (
+            Column("axis", [axis.name for axis in axes]),
+            Column(what, self.q, units, "human", ".9g"),
+            Column("from home", _tidy(self.travel), units, "human", ".9g"),
+            Column("pulses", self.counts),
+            Column("travel from", [axis.travel[0] for axis in axes], units, "human", words=UNLIMITED),
+            Column("to", [axis.travel[1] for axis in axes], units, "human", words=UNLIMITED),
+            Column("use", self.margins.travel[0], form=".4f"),
+        )
+        corrected = [axis.name for axis in axes if axis.compensate]
+        notes = (f"pulses without what {', '.join(corrected)} compensate",) if corrected else ()
+        return Table("the axes; pulses from home, in the sense of the axes", columns, notes)
+
+    def _joints(self) -> Table:
+        limit = self.margins.max_tilt
+        bound = limit < np.pi
+        columns = (
+            Column("joint", self.margins.tilt_names),
+            Column("tilt", self.tilt, "rad", "human", ".7g"),
+            Column("limit", np.where(bound, limit, np.inf), "rad", "human", words=UNLIMITED),
+            Column("use", np.where(bound, self.margins.tilt[0], 0.0), form=".4f"),
+        )
+        return Table("the joints; tilt from the rest axis", columns)
+
+    def _margins(self) -> Table:
+        (table,) = self.margins.tables()
+        return Table(table.title, table.columns[1:], table.notes)
+
+
+def posture_of_pose(machine: Machine, pose: Pose, near: ArrayLike | None = None) -> Posture:
+    """Lengths, tilts, margins and proof of a pose in the base frame: inverse kinematics.
+
+    near (n,) picks the branch, as in `Machine.inverse`. Raises OutOfReach where no coordinates lead there, and
+    MotionError for a pose that is none, or several.
+    """
+    if not pose.single:
+        raise MotionError(f"machine {machine.name}: a posture is of one pose, not of {len(pose)}")
+    x, q = machine.located(pose, near)
+    return _posture(machine, x, q[0])
+
+
+def posture_of_axes(machine: Machine, q: ArrayLike, near: Pose | None = None) -> Posture:
+    """Pose, tilts, margins and proof of coordinates (n,): forward kinematics from `near`, home by default.
+
+    The proof is about the way from home. Raises OutOfReach where no pose has these coordinates, and MotionError for
+    what are none, or several rows of them.
+    """
+    rows = np.asarray(q, float)
+    if rows.ndim != 1:
+        raise MotionError(f"machine {machine.name}: a posture is of one row of coordinates, not of shape {rows.shape}")
+    found = machine.forward(rows, near, certify=False)
+    return _posture(machine, to_numbers(found.pose), rows)
+
+
+def _posture(machine: Machine, x: Array, q: Array) -> Posture:
+    pulses = np.abs(q - machine.home_q) / [axis.pulse for axis in machine.axes]
+    if not pulses.max() < MOST:
+        axis = machine.axes[int(pulses.argmax())].name
+        raise OutOfReach(
+            f"machine {machine.name}: {axis} would be {pulses.max():.3g} pulses from home; take a pose that is nearer"
+        )
+    if machine.follows:
+        x = machine.carried_map(machine.inputs(x, q))
+    pose = from_numbers(x)[0]
+    margins = machine.check(pose, q)
+    residual = float(np.abs(machine.inverse(pose, q) - q).max())
+    return Posture(machine, pose, q, margins, residual, _comes_to(machine, x, q))
+
+
+def _comes_to(machine: Machine, x: Array, q: Array) -> bool:
+    """Whether the machine is proved to come from home to the pose of numbers x (1, 12) by coordinates q (n,)."""
+    try:
+        proof = machine.forward(q)
+    except OutOfReach:  # far from home: Newton finds no pose at all
+        return False
+    return bool(proof.certified) and bool(np.abs(to_numbers(proof.pose) - x).max() < SAME)
+
+
+def refuse_dependent(machine: Machine, stated: Mapping[str, float]) -> None:
+    """Raise MotionError for components of a pose (x … rz) that are stated, not 0, and follow from the others."""
+    follows = [name for name in COMPONENTS if stated.get(name) and name in machine.follows]
+    if follows:
+        raise MotionError(
+            f"machine {machine.name}: {', '.join(follows)} follow from the rest of the pose, so they cannot be asked "
+            f"for; it moves {', '.join(machine.freedom)}: leave them out"
+        )
+
+
+def _tidy(values: Array) -> Array:
+    """Without what rounding left of zeros: a thousandth of a nanometre, or as much of a radian."""
+    return np.where(np.abs(values) < 1e-12, 0.0, values)

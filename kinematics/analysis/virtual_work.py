@@ -1,0 +1,206 @@
+"""Actuator forces as one expression of the motion, for every kind of machine: what limits and certificates enclose.
+
+A body's frame is twelve numbers y of the pose x and the coordinates q. With S = ∫ r rᵀ dm about the frame's origin, its
+inertia less its weight does on any small change δy = (δp, δR) the work
+
+    m (p̈ + R̈ c − g) · δp + (m (p̈ − g) cᵀ + R̈ S) : δR
+
+which is linear in ÿ: no angular velocity appears. The sum over all bodies, carried back to x and q by the transposed
+derivatives of y, is the work of the actuators: W_x on a change of the pose, W_q on one of the coordinates, so that
+
+    f = W_q + J⁻ᵀ Bᵀ W_x + reflected · q̈ + friction · q̇
+
+with J the square Jacobian of what is controlled and B the change of x with it. Lagrange's equations in coordinates with
+constraints; see Udwadia and Kalaba, Analytical Dynamics (1996), chapter 3.
+
+Linear systems A f = b, numerically in batches and in Taylor series with guaranteed error.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import overload
+
+import casadi as ca
+import numpy as np
+
+from kinematics.foundation.arrays import Array
+from kinematics.foundation.casadi_function import Expression
+from kinematics.foundation.taylor_model import EPS, Ball, Series
+from kinematics.machine.kind import columns
+from kinematics.machine.load import Body
+from kinematics.machine.model import MachineModel
+from kinematics.machine.pose import column, split_pose_symbols
+
+
+def solve(matrix: Array, right: Array) -> Array:
+    """f (N, n) of A (N, n, n) and b (N, n); nan where A is singular."""
+    try:
+        return np.asarray(np.linalg.solve(matrix, right[:, :, None])[:, :, 0])
+    except np.linalg.LinAlgError:
+        return np.asarray((_inverse(matrix) @ right[:, :, None])[:, :, 0])
+
+
+def solve_series(matrix: Series, right: Series) -> Series:
+    """The same of series: A₀ f_k = b_k − Σ_{j>0} A_j f_{k−j}.
+
+    With C ≈ A₀⁻¹ and E = 1 − C A₀, f = C b + E f, so that |f − C b| ≤ |E| 1 · ‖C b‖/(1 − ‖E‖), the norms largest row
+    sums (Rump, Acta Numerica 19 (2010), section 10); no bound where ‖E‖ ≥ 1.
+    """
+    order = min(matrix.order, right.order)
+    matrix, right = matrix.cut(order), right.cut(order).padded(order)
+    guess = _inverse(matrix.mid[0])
+    size, terms = np.abs(guess), matrix.mid.shape[-1] + 2
+    with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
+        off = np.abs(np.eye(terms - 2) - guess @ matrix.mid[0]) + size @ matrix.rad[0]
+        off += terms * EPS * (size @ np.abs(matrix.mid[0]) + 1)
+        rows = off.sum(-1) * (1 + terms * EPS)
+        norm = rows.max(-1, keepdims=True)
+        spread = np.where(norm < 1, rows / (1 - norm), np.inf) * (1 + 4 * EPS)
+        out = Series.zeros(order, right.mid.shape[1:])
+        for k in range(order + 1):
+            mid, rad = right.mid[k], right.rad[k]
+            for j in range(1, min(k, matrix.degree) + 1):
+                part = _times((matrix.mid[j], matrix.rad[j]), (out.mid[k - j], out.rad[k - j]))
+                mid, rad = mid - part[0], (rad + part[1]) * (1 + EPS) + EPS * np.abs(mid - part[0])
+            mid, rad = _times((guess, np.zeros_like(guess)), (mid, rad))
+            most = (np.abs(mid) + rad).max(-1, keepdims=True)
+            out.mid[k], out.rad[k] = mid, (rad + spread * most) * (1 + 4 * EPS)
+        out.rad[:] = np.where(np.isnan(out.rad) | np.isnan(out.mid), np.inf, out.rad)
+        out.mid[:] = np.nan_to_num(out.mid)
+    return out
+
+
+def _times(matrix: Ball, vector: Ball) -> Ball:
+    (am, ar), (vm, vr) = matrix, vector
+    mid = (am @ vm[..., None])[..., 0]
+    size, terms = np.abs(am), am.shape[-1]
+    rad = size @ vr[..., None] + ar @ (np.abs(vm) + vr)[..., None] + terms * EPS * (size @ np.abs(vm)[..., None])
+    return mid, rad[..., 0] * (1 + (terms + 3) * EPS)
+
+
+def _inverse(matrix: Array) -> Array:
+    """A⁻¹ (N, n, n); nan where there is none."""
+    finite: np.ndarray = np.asarray(np.isfinite(matrix).all((1, 2)))
+    safe = np.where(finite[:, None, None], matrix, np.eye(matrix.shape[-1]))
+    try:
+        found = np.linalg.inv(safe)
+    except np.linalg.LinAlgError:  # one singular matrix fails the whole batch
+        regular = np.linalg.matrix_rank(safe) >= matrix.shape[-1]
+        found = np.full(safe.shape, np.nan)
+        found[regular] = np.linalg.inv(safe[regular])
+    return np.asarray(np.where(finite[:, None, None], found, np.nan))
+
+
+@dataclass(frozen=True, slots=True)
+class Balance:
+    """What gives the forces: those that need no solving, and the system Jᵀ f = Bᵀ W_x where there are others.
+
+    expression  inputs -> W_q and the axes' own (n), then Bᵀ W_x (n) and Jᵀ row by row (n, n) where they are needed
+    axes        n
+    """
+
+    expression: Expression
+    axes: int
+
+    @overload
+    def force(self, values: Array) -> Array: ...
+    @overload
+    def force(self, values: Series) -> Series: ...
+    def force(self, values: Array | Series) -> Array | Series:
+        """Forces (N, n) of the expression's values (N, m); nan, or no bound, where the machine is singular."""
+        n = self.axes
+        if self.expression.size[1] == n:
+            return values
+        if isinstance(values, Series):
+            flat = values[:, 2 * n :]
+            shape = (*flat.mid.shape[:-1], n, n)
+            matrix = Series(flat.mid.reshape(shape), flat.rad.reshape(shape), flat.order)
+            return values[:, :n] + solve_series(matrix, values[:, n : 2 * n])
+        return np.asarray(values[:, :n] + solve(values[:, 2 * n :].reshape(-1, n, n), values[:, n : 2 * n]))
+
+    def __call__(self, inputs: Array) -> Array:
+        return self.force(self.expression(inputs))
+
+
+def force_map(machine: MachineModel) -> Balance:
+    """x, ẋ, ẍ (12 each), q, q̇, q̈ (n each) -> actuator forces f (n), N or N·m, positive towards greater q.
+
+    x has what follows filled in; q tells the branch too.
+    """
+    x, q = _Rates(12, "x"), _Rates(len(machine.axes), "q")
+    reflected, friction = (ca.DM([getattr(axis, name) for axis in machine.axes]) for name in ("reflected", "friction"))
+    own, solved = _load_forces(machine, x, q)
+    values = ca.vertcat(own + reflected * q.second + friction * q.first, solved)
+    return Balance(Expression("force", ca.vertcat(*x.all, *q.all), values), len(machine.axes))
+
+
+def holding_map(machine: MachineModel) -> Balance:
+    """x (12), q (n) -> the forces that hold the machine still."""
+    x, q = _Rates(12, "x"), _Rates(len(machine.axes), "q")
+    moving = ca.vertcat(x.first, x.second, q.first, q.second)
+    values = ca.substitute(ca.vertcat(*_load_forces(machine, x, q)), moving, ca.SX.zeros(moving.numel()))
+    return Balance(Expression("holding", ca.vertcat(x.value, q.value), values), len(machine.axes))
+
+
+def loaded(machine: MachineModel) -> bool:
+    """Whether the machine states anything that its actuators have to push."""
+    x, q = _Rates(12, "x"), _Rates(len(machine.axes), "q")
+    moved = machine.moved(*split_pose_symbols(x.value), q.value)
+    own = any(axis.friction or axis.reflected for axis in machine.axes)
+    return own or bool(machine.load.wrench.any()) or any(body.mass > 0 for body, _ in moved)
+
+
+class _Rates:
+    """A column of symbols, and of its first and second rates in time."""
+
+    def __init__(self, size: int, name: str) -> None:
+        self.all = tuple(ca.SX.sym(name + dots, size) for dots in ("", "d", "dd"))
+        self.value, self.first, self.second = self.all
+
+
+def _load_forces(machine: MachineModel, x: _Rates, q: _Rates) -> tuple[ca.SX, ca.SX]:
+    """W_q, and Bᵀ W_x with Jᵀ row by row: nothing where W_x is zero."""
+    position, rotation = split_pose_symbols(x.value)
+    moved = machine.moved(position, rotation, q.value)
+    state, first, second = (ca.vertcat(*both) for both in zip(x.all, q.all, strict=True))
+    work = ca.SX.zeros(state.numel())
+    for body, frame in moved:
+        if body.mass > 0:
+            rate = ca.jtimes(frame, state, first)
+            acceleration = ca.jtimes(rate, state, first) + ca.jtimes(frame, state, second)
+            work += ca.jtimes(frame, state, _inertial_force(body, acceleration, machine.load.gravity), True)
+    if machine.load.wrench.any():
+        platform = moved[0][1]
+        work -= ca.jtimes(platform, state, _wrench_force(machine.load.wrench, split_pose_symbols(platform)[1]), True)
+    on_pose, on_axes = work[:12], work[12:]
+    push, turns = split_pose_symbols(on_pose)
+    moment = sum((ca.cross(rotation[:, k], turns[:, k]) for k in range(3)), ca.SX.zeros(3))
+    generalized = ca.vertcat(push, moment)[columns(machine).tolist()]
+    if generalized.is_zero():
+        return on_axes, ca.SX(0, 1)
+    return on_axes, ca.vertcat(generalized, ca.vec(_square_jacobian(machine, position, rotation, q.value)))
+
+
+def _inertial_force(body: Body, acceleration: ca.SX, gravity: Array) -> ca.SX:
+    """What ÿ asks for: conjugate to the frame's twelve numbers."""
+    linear, turning = split_pose_symbols(acceleration)
+    spread = body.inertia
+    about_origin = np.trace(spread) / 2 * np.eye(3) - spread + body.mass * np.outer(body.centre, body.centre)
+    centre, free = ca.DM(body.centre), linear - ca.DM(gravity)
+    return column(body.mass * (free + turning @ centre), body.mass * free @ centre.T + turning @ ca.DM(about_origin))
+
+
+def _wrench_force(wrench: Array, rotation: ca.SX) -> ca.SX:
+    """The same of a force and a moment M on the frame: M · δθ = ½ Σ (M × r_k) · δr_k over the columns of R."""
+    moment = ca.DM(wrench[3:])
+    turns = ca.horzcat(*(ca.cross(moment, rotation[:, k]) / 2 for k in range(3)))
+    return column(ca.SX(ca.DM(wrench[:3])), turns)
+
+
+def _square_jacobian(machine: MachineModel, position: ca.SX, rotation: ca.SX, near: ca.SX) -> ca.SX:
+    """J (n, n): q by a small motion of what is controlled."""
+    twist = ca.SX.sym("twist", 6)
+    moved = machine.expression(position + twist[:3], rotation + ca.skew(twist[3:]) @ rotation, near)
+    jacobian = ca.substitute(ca.jacobian(moved, twist), twist, ca.SX.zeros(6))
+    return jacobian[:, columns(machine).tolist()]

@@ -1,0 +1,1 @@
+"""Parts for a machine: accuracy budget, catalogues, selection, sizing."""

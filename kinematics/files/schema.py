@@ -1,0 +1,273 @@
+"""Schemas of files: typed tables, and every fault of a document in one pass, in words that bring the remedy.
+
+A file's schema is a `Table` whose fields are annotated with what they accept, so that it reads like the file:
+
+    class Leg(Table):
+        travel: tuple[Length, Length]
+        max_speed: Annotated[float, Unit("m/s", above=0)] | None = None
+
+The kinds of TOML files, by keys that only one of them has: so that one given for another is called what it is.
+"""
+
+import re
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping
+from functools import cache
+from typing import Annotated, Any, ClassVar, Literal, Self, TypeVar, get_args, get_origin
+
+from pydantic import (
+    AfterValidator,
+    AllowInfNan,
+    BaseModel,
+    ConfigDict,
+    Field,
+    ModelWrapValidatorHandler,
+    PlainValidator,
+    TypeAdapter,
+    ValidationError,
+    ValidationInfo,
+    model_validator,
+)
+from pydantic_core import ErrorDetails, InitErrorDetails
+
+from kinematics.files.toml_document import Document, Key
+from kinematics.foundation.errors import BadValue, Fault, FileError, MotionError, validation_error
+from kinematics.foundation.names import closest, nearest
+from kinematics.foundation.units import Unit, describe_value, everyday_unit, unit_value
+
+KIND_KEYS = {
+    "machine file": ("kind", "geometry", "axes", "wiring", "rotary"),
+    "program": ("segment",),
+    "rig": ("servo", "stepper", "task", "card", "host"),
+    "measurement file": ("pose", "rotation", "initial", "noise"),
+}
+"""At the top level."""
+_INPUT_HINTS = {
+    "machine file": "by --machine, or where a MACHINE is asked for",
+    "program": "where a PROGRAM is asked for",
+    "rig": "to compare",
+    "measurement file": "to calibrate, after its MACHINE",
+}
+
+
+def describe_wrong_kind(data: Mapping[str, Any], wanted: str) -> str:
+    """What to say of data that has no key of the kind wanted and some of just one other; else empty."""
+    found = {what: present for what, keys in KIND_KEYS.items() if (present := [key for key in keys if key in data])}
+    if wanted not in KIND_KEYS or wanted in found or len(found) != 1:
+        return ""
+    ((what, keys),) = found.items()
+    return f"this is a {what}, by its {', '.join(keys)}, and a {wanted} is asked for here: give it {_INPUT_HINTS[what]}"
+
+
+class TableSchema(BaseModel):
+    """A table of a file: every key known and of its exact type, else a fault that names the nearest or the remedy."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _explain(cls, data: object, handler: ModelWrapValidatorHandler[Self]) -> Self:
+        try:
+            return handler(data)
+        except ValidationError as error:
+            explained = [cls._explained(e) for e in error.errors()]
+            raise ValidationError.from_exception_data(cls.__name__, explained) from None
+
+    @classmethod
+    def _explained(cls, error: ErrorDetails) -> InitErrorDetails:
+        """The error in words that only its own table can find, since only it knows its keys; outer tables keep them."""
+        keys = {field.alias or name: field for name, field in cls.model_fields.items()}
+        last, value = str(error["loc"][-1]) if error["loc"] else "", error["input"]
+        told = BadValue("")
+        match error["type"]:
+            case "explained":
+                told = BadValue(**error["ctx"])
+            case "fault":
+                told = BadValue(**error["ctx"])
+                if not isinstance(value, dict) and describe_value(value) not in str(told):
+                    told = BadValue(f"{describe_value(value)}: {told}", allowed=told.allowed, nearest=told.nearest)
+            case "extra_forbidden":
+                message = f"{_UNKNOWN}{nearest(last, keys)}; valid keys: {', '.join(keys)}"
+                told = BadValue(message, allowed=", ".join(keys), nearest=closest(last, keys))
+            case "missing" if last in keys:
+                example = keys[last].description or _example(last, keys[last].annotation, keys[last].metadata)
+                told = BadValue(": ".join(filter(None, ["missing", example])), allowed=example)
+            case "missing":
+                told = BadValue("missing: the array is too short")
+            case "too_long":
+                most = error["ctx"]["max_length"]
+                message = f"{describe_value(value)}: the array is too long: {len(value)} entries instead of {most}"
+                told = BadValue(message, allowed=f"{most} entries")
+            case "literal_error":
+                expected = error["ctx"]["expected"].replace("'", '"')
+                choices = re.findall('"(.*?)"', expected)
+                message = f"{describe_value(value)} is not {expected}{nearest(str(value), choices)}"
+                if expected == "1" and isinstance(value, int) and value > 1:
+                    message = f"{value} is newer than this version of pulsepath, which reads schema = 1: update it"
+                told = BadValue(message, allowed=expected, nearest=closest(str(value), choices))
+            case "tuple_type" if isinstance(value, dict):
+                told = BadValue(f"is one table, and an array of them is asked for: write [[{last}]]")
+            case "model_type" | "tuple_type" as kind:
+                told = BadValue(f"{describe_value(value)} is not {'a table' if kind == 'model_type' else 'an array'}")
+            case kind if kind in _BOUNDS:
+                allowed = f"{_BOUNDS[kind]} {next(iter(error['ctx'].values())):g}"
+                told = BadValue(f"{describe_value(value)} must be {allowed}", allowed=allowed)
+            case kind if kind in _TYPES:
+                told = BadValue(f"{describe_value(value)} is not {_TYPES[kind]}", allowed=_TYPES[kind])
+            case _:
+                told = BadValue(f"{describe_value(value)}: {error['msg'][0].lower()}{error['msg'][1:]}")
+        return {"type": validation_error(told, "explained"), "loc": error["loc"], "input": value}
+
+
+_UNKNOWN = "unknown key"
+_BOUNDS = {
+    "greater_than": "above",
+    "greater_than_equal": "at least",
+    "less_than": "below",
+    "less_than_equal": "at most",
+}
+_TYPES = {
+    "int_type": "a whole number",
+    "float_type": "a number",
+    "finite_number": "a finite number",
+    "bool_type": "true or false",
+    "string_type": 'a text in quotes, as "a"',
+}
+
+
+class File(TableSchema):
+    """What every file says first.
+
+    schema  the version of the format: 1
+    what    what the file is, as `kinematics.files.schema` has it
+    """
+
+    what: ClassVar[str] = ""
+    version: Literal[1] = Field(alias="schema", description="write schema = 1")
+
+
+Model = TypeVar("Model", bound=File)
+Rule = Callable[[dict[str, Any]], Iterable[tuple[Key, str | MotionError]]]
+
+
+def build(document: Document, model: type[Model], *rules: Rule, plain: Mapping[str, float] | None = None) -> Model:
+    """The document as a model; raises FileError with every fault, in the order of the lines.
+
+    rules  find what no single value shows, in the raw data: (key, message) of each fault
+    plain  SI value of a number without unit, by the name that `Unit.plain` gives (nothing: such numbers are faults)
+    """
+    refuse_wrong_kind(document, model.what)
+    faults = [document.fault(key, message) for rule in rules for key, message in rule(document.data)]
+    try:
+        made = model.model_validate(document.data, context=plain)
+    except ValidationError as error:
+        faults += [
+            document.fault(e["loc"], _hint_top_level(e["loc"], BadValue(**e["ctx"]), model)) for e in error.errors()
+        ]
+    if faults:
+        raise FileError(document.file, sorted(faults, key=lambda fault: fault.line or 0))
+    return made
+
+
+def _hint_top_level(key: Key, told: BadValue, model: type[File]) -> BadValue:
+    """Of a key that stands in a table and belongs above all of them, that; else what was told."""
+    top = {field.alias or name for name, field in model.model_fields.items()}
+    if len(key) == 1 or key[-1] not in top or not str(told).startswith(_UNKNOWN):
+        return told
+    message = f"{_UNKNOWN} in this table: it belongs at the top of the file, above the first [table]"
+    return BadValue(message, allowed=told.allowed, nearest=told.nearest)
+
+
+def refuse_wrong_kind(document: Document, what: str) -> None:
+    """Raise FileError for a file that is of another kind by its keys."""
+    if told := describe_wrong_kind(document.data, what):
+        raise FileError(document.file, [Fault("", told, 1)])
+
+
+def _example(key: str, annotation: Any, metadata: Iterable[Any]) -> str:
+    """What a missing value may look like, from its type; empty where that does not say."""
+    for part in metadata:
+        if isinstance(part, Unit):
+            return part.example
+    entries = [get_args(entry)[1:] for entry in get_args(annotation)]
+    units = [part for entry in entries for part in entry if isinstance(part, Unit)]
+    if get_origin(annotation) is tuple and len(units) == len(entries) > 0:
+        likely = (
+            "0" if unit.plain else describe_value(unit.like or f"20 {everyday_unit(unit.unit)}") for unit in units
+        )
+        return f"write e.g. [{', '.join(likely)}]"
+    if get_origin(annotation) is Literal:
+        return f"write {' or '.join(map(describe_value, get_args(annotation)))}"
+    if annotation is str:
+        return 'write a text in quotes, as "a"'
+    tables = [entry for entry in (annotation, *get_args(annotation)) if isinstance(entry, type)]
+    return f"add the table [{key}]" if any(issubclass(table, TableSchema) for table in tables) else ""
+
+
+def require_nonzero(value: Any) -> Any:
+    """Validator of a number or a vector."""
+    if not any(value if isinstance(value, tuple) else (value,)):
+        raise validation_error("must not be zero")
+    return value
+
+
+Number = Annotated[float, AllowInfNan(False)]
+Direction = Annotated[tuple[Number, Number, Number], AfterValidator(require_nonzero)]
+
+
+_adapter = cache(TypeAdapter[Any])
+
+
+def unit_validator(unit: str) -> AfterValidator:
+    """Validator of the name of a unit of the dimension of `unit`."""
+
+    def check(name: str) -> str:
+        try:
+            unit_value(name, unit)
+        except MotionError as error:
+            raise validation_error(error) from None
+        return name
+
+    return AfterValidator(check)
+
+
+def read_declared_units(data: Mapping[str, Any], units: Mapping[str, str]) -> dict[str, float]:
+    """SI value of one plain number, per declaration in `units`; 1 for a faulty one, which is a fault of its own."""
+    values = {}
+    for name in units.keys() & data.keys():
+        try:
+            values[name] = unit_value(data[name], units[name])
+        except MotionError:
+            values[name] = 1.0
+    return values
+
+
+def chosen(pick: Callable[[Any], Any]) -> PlainValidator:
+    """Annotation of a value whose own shape says which type it has to fit: `pick` maps the raw value to that type."""
+
+    def validate(value: object, info: ValidationInfo) -> Any:
+        return _adapter(pick(value)).validate_python(value, strict=True, context=info.context)
+
+    return PlainValidator(validate)
+
+
+def one_of_tables(*tables: type[TableSchema]) -> PlainValidator:
+    """Annotation of a table that is exactly one of the given: the one whose own keys (in no other) are present."""
+    counts = Counter(key for table in tables for key in table.model_fields)
+    own = {table: [key for key in table.model_fields if counts[key] == 1] for table in tables}
+
+    def pick(value: Any) -> type[TableSchema]:
+        given = list(value) if isinstance(value, dict) else own[tables[0]]  # what is no table fits none, and is told so
+        present = {table: found for table, keys in own.items() if (found := [key for key in given if key in keys])}
+        if len(present) == 1:
+            return next(iter(present))
+        asked = " or ".join(", ".join(keys) for keys in own.values())
+        if present:
+            clash = " and ".join(", ".join(keys) for keys in present.values())
+            raise validation_error(f"{clash} exclude each other: give {asked}")
+        unknown = [key for key in given if key not in counts][:1]
+        odd = "".join(f"; unknown key {describe_value(key)}{nearest(key, counts)}" for key in unknown)
+        near = "".join(closest(key, counts) for key in unknown)
+        raise validation_error(BadValue(f"incomplete: give {asked}{odd}", allowed=asked, nearest=near))
+
+    return chosen(pick)

@@ -1,0 +1,1 @@
+"""What every floor shares: arrays, errors, names, units, tables, figures, guaranteed arithmetic."""

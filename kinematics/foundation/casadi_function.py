@@ -1,0 +1,132 @@
+"""One CasADi expression, evaluated in compiled code on batches, or walked through in guaranteed arithmetic."""
+
+from collections.abc import Callable, Sequence
+from functools import cached_property
+from threading import Lock
+from typing import Any, TypeVar
+
+import casadi as ca
+import numpy as np
+
+from kinematics.foundation.arrays import Array
+from kinematics.foundation.errors import MotionError
+from kinematics.foundation.taylor_model import Series
+
+# Greedy block sizes: one call of the virtual machine evaluates a whole block without leaving compiled code.
+_BLOCKS = (256, 16, 1)
+
+T = TypeVar("T")
+
+
+class Expression:
+    """A function of one column of inputs, x (k,) -> values (m,); called on (N, k) it returns (N, m).
+
+    The input is handed to CasADi as it lies in memory: time first is column-major for CasADi, so nothing is copied
+    twice.
+    """
+
+    def __init__(self, name: str, inputs: ca.SX, outputs: ca.SX) -> None:
+        self._compiled(ca.Function(name, [ca.vec(inputs)], [ca.densify(ca.vec(outputs))], {"cse": True}))
+
+    def _compiled(self, function: ca.Function) -> None:
+        self.function = function
+        self.size = int(self.function.size1_in(0)), int(self.function.size1_out(0))
+        self._lock = Lock()
+        self._alive: list[object] = []  # `run` holds raw pointers into these
+        self._blocks: dict[int, tuple[Array, Array, Callable[[], None]]] = {}
+
+    def only(self, rows: Sequence[int]) -> "Expression":
+        """The same of some of its values, without the work for the others."""
+        x = ca.SX.sym("x", self.size[0])
+        return Expression(self.function.name(), x, self.function(x)[list(rows)])
+
+    def __getstate__(self) -> ca.Function:
+        return self.function  # the rest is made from it, or cannot leave the process
+
+    def __setstate__(self, function: ca.Function) -> None:
+        self._compiled(function)
+
+    def __call__(self, x: Array) -> Array:
+        rows, out = len(x), np.empty((len(x), self.size[1]))
+        done = 0
+        with self._lock:  # the blocks' memory is shared by all callers
+            for size in _BLOCKS:
+                while rows - done >= size:
+                    arguments, results, run = self._block(size)
+                    arguments[:] = x[done : done + size]
+                    run()
+                    out[done : done + size] = results
+                    done += size
+        return out
+
+    def _block(self, size: int) -> tuple[Array, Array, Callable[[], None]]:
+        if size not in self._blocks:
+            mapped = self.function.map(size)
+            buffer, run = mapped.buffer()
+            arguments, results = np.zeros((size, self.size[0])), np.zeros((size, self.size[1]))
+            buffer.set_arg(0, memoryview(arguments))  # type: ignore[call-arg, arg-type]  # CasADi's stubs miss this overload
+            buffer.set_res(0, memoryview(results))  # type: ignore[call-arg, arg-type]
+            self._alive += [mapped, buffer]
+            self._blocks[size] = (arguments, results, run)
+        return self._blocks[size]
+
+    @cached_property
+    def _program(self) -> list[tuple[int, tuple[int, ...], tuple[int, ...], float]]:
+        f = self.function
+        return [
+            (
+                f.instruction_id(k),
+                tuple(f.instruction_input(k)),
+                tuple(f.instruction_output(k)),
+                f.instruction_constant(k) if f.instruction_id(k) == ca.OP_CONST else 0.0,
+            )
+            for k in range(f.n_instructions())
+        ]
+
+    def enclose(self, x: Sequence[Series]) -> list[Series]:
+        """The same expression in Taylor series with guaranteed error: k series in, m series out."""
+        order = x[0].order
+        # an unbounded ball may turn into nan: both read as "no bound"
+        with np.errstate(invalid="ignore", over="ignore"):
+            return self.walk(x, lambda value: Series.constant(np.array([value]), order))
+
+    def walk(self, x: Sequence[T], constant: Callable[[float], T]) -> list[T]:
+        """The same expression, operation by operation, in another arithmetic: k values in, m out."""
+        work: dict[int, T] = {}
+        out = [constant(0.0)] * self.size[1]
+        for operation, read, write, value in self._program:
+            if operation == ca.OP_INPUT:
+                work[write[0]] = x[read[1]]
+            elif operation == ca.OP_OUTPUT:
+                out[write[1]] = work[read[0]]
+            elif operation == ca.OP_CONST:
+                work[write[0]] = constant(value)
+            elif operation in _RULES:
+                work[write[0]] = _RULES[operation](*(work[k] for k in read))
+            else:
+                raise MotionError(
+                    f"{self.function.name()}: CasADi operation {operation} has no rule for enclosures; add it to _RULES"
+                )
+        return out
+
+
+# What an arithmetic of enclosures has to know.
+_RULES: dict[int, Callable[..., Any]] = {
+    ca.OP_ASSIGN: lambda a: a,
+    ca.OP_ADD: lambda a, b: a + b,
+    ca.OP_SUB: lambda a, b: a - b,
+    ca.OP_NEG: lambda a: -a,
+    ca.OP_MUL: lambda a, b: a * b,
+    ca.OP_DIV: lambda a, b: a / b,
+    ca.OP_INV: lambda a: 1.0 / a,
+    ca.OP_TWICE: lambda a: a * 2.0,
+    ca.OP_SQ: lambda a: a * a,
+    ca.OP_SQRT: lambda a: a.sqrt(),
+    ca.OP_SIN: lambda a: a.sincos()[0],
+    ca.OP_COS: lambda a: a.sincos()[1],
+    ca.OP_EXP: lambda a: a.exp(),
+    ca.OP_LOG: lambda a: a.log(),
+    ca.OP_FABS: lambda a: a * a.sign(),
+    ca.OP_SIGN: lambda a: a.sign(),
+    ca.OP_ATAN2: lambda y, x: y.atan2(x),
+}

@@ -1,0 +1,87 @@
+"""Every error that is raised on purpose, from one root.
+
+What a validator of a file's values raises.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from pydantic_core import PydanticCustomError
+
+
+class MotionError(Exception):
+    """Something the user can act on: the message names what, where, value, limit, unit and remedy."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """As it is: Python's own way calls the class with the message alone, which few of these take."""
+        return _restore_error, (type(self), self.args, self.__dict__)
+
+
+def _restore_error(kind: type[MotionError], args: tuple[Any, ...], state: dict[str, Any]) -> MotionError:
+    error = kind.__new__(kind, *args)
+    error.__dict__.update(state)
+    return error
+
+
+class BadValue(MotionError):
+    """A value that cannot be: `allowed` is what may stand there, `nearest` the valid name that it is nearest to.
+
+    key  where it stands in the table that was read, if it is not all of it
+    """
+
+    def __init__(self, message: str, *, allowed: str = "", nearest: str = "", key: tuple[str | int, ...] = ()) -> None:
+        self.allowed, self.nearest, self.key = allowed, nearest, key
+        super().__init__(message)
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """One thing wrong with a file.
+
+    `key` is the dotted path (`axes.travel`, `segment[2].arc.angle`), `line` counts from 1 (None: not in the text).
+    As far as the fault has them: `value` as it is written, what is `allowed` there, and the `nearest` valid name.
+    """
+
+    key: str
+    message: str
+    line: int | None = None
+    value: Any = None
+    allowed: str = ""
+    nearest: str = ""
+
+
+class FileError(MotionError):
+    """A file that cannot be used; `faults` holds everything wrong with it, found in one pass."""
+
+    def __init__(self, file: str, faults: Sequence[Fault]) -> None:
+        self.file = file
+        self.faults = tuple(faults)
+        super().__init__("\n".join(self._describe(fault) for fault in self.faults))
+
+    def _describe(self, fault: Fault) -> str:
+        place = self.file if fault.line is None else f"{self.file}:{fault.line}"
+        return f"{place}: {fault.key}: {fault.message}" if fault.key else f"{place}: {fault.message}"
+
+
+class NotInstalled(MotionError):
+    """A package that `what` needs is not there. `extra`: ours, which brings it; None: no wheel for this platform."""
+
+    def __init__(self, what: str, package: str, extra: str | None = None, instead: str = "") -> None:
+        self.package = package
+        remedy = "it has no wheel for this platform" if extra is None else f"pip install 'pulsepath[{extra}]' brings it"
+        super().__init__(f"{what} needs {package}, which is not installed: {remedy}{instead and f'; {instead}'}")
+
+
+class OutOfReach(MotionError):
+    """No actuator coordinates exist for a pose (or no pose for actuator coordinates)."""
+
+
+class NotFree(OutOfReach):
+    """A pose that is off home in a component that its machine does not move: no scale of the others helps."""
+
+
+def validation_error(told: str | MotionError, kind: str = "fault") -> PydanticCustomError:
+    """What a validator raises; the message becomes the fault's, and what a BadValue knows beside it."""
+    known = {"allowed": told.allowed, "nearest": told.nearest} if isinstance(told, BadValue) else {}
+    return PydanticCustomError(kind, "{message}", {"message": str(told), **known})

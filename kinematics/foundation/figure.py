@@ -1,0 +1,104 @@
+"""Figures that a notebook shows without pyplot: the axes, and the figure they are on, as the value of a cell.
+
+Bars: one figure for each of a few names.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from io import BytesIO
+from typing import Any, cast
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from mpl_toolkits.mplot3d import Axes3D
+
+from kinematics.foundation.errors import MotionError
+
+PALETTE = ("#0072B2", "#E69F00", "#009E73", "#D55E00", "#CC79A7", "#56B4E9", "#7F7F7F")
+"""Colours that colour-blind readers tell apart [Okabe and Ito 2008], with grey for their yellow and black."""
+DASHES = ("-", "--", "-.", ":")
+
+
+class NotebookFigure(Figure):
+    """A figure that draws itself where it is the value of a cell; pyplot does not know it, so it is shown once."""
+
+    def _repr_png_(self) -> bytes:
+        buffer = BytesIO()
+        self.savefig(buffer, format="png", bbox_inches="tight")
+        return buffer.getvalue()
+
+
+class _Shown:
+    """Axes that show the figure they are on."""
+
+    def _repr_png_(self) -> bytes | None:
+        root = cast(Axes, self).get_figure(root=True)
+        return root._repr_png_() if isinstance(root, NotebookFigure) else None
+
+
+class NotebookAxes(_Shown, Axes):
+    """Axes, flat."""
+
+
+class NotebookAxes3D(_Shown, Axes3D):  # type: ignore[misc]  # mpl_toolkits comes without types
+    """Axes in space."""
+
+
+def new_axes(ax: Axes | None, size: tuple[float, float] = (9, 3.4)) -> Axes:
+    """`ax`, or the axes of a new figure of so many inches. Raises MotionError for axes in space."""
+    if isinstance(ax, Axes3D):
+        raise MotionError("this figure is flat, and its axes are in space; give others: plt.subplots(), or none")
+    return _new_figure(size).add_subplot(axes_class=NotebookAxes) if ax is None else ax
+
+
+def new_axes_3d(ax: Axes3D | None, size: tuple[float, float] = (9, 5.4)) -> Axes3D:
+    """The same in space. Raises MotionError for flat axes."""
+    if ax is not None and not isinstance(ax, Axes3D):
+        raise MotionError(
+            "this figure is in space, and its axes are flat; give others: "
+            'plt.subplots(subplot_kw={"projection": "3d"}), or none'
+        )
+    return cast(Axes3D, _new_figure(size).add_subplot(axes_class=NotebookAxes3D)) if ax is None else ax
+
+
+def line_style(n: int) -> dict[str, Any]:
+    """Colour and dash of the n-th line."""
+    return {"color": PALETTE[n % len(PALETTE)], "linestyle": DASHES[n // len(PALETTE) % len(DASHES)], "linewidth": 1.3}
+
+
+def escape_dollars(text: str) -> str:
+    """A name as it stands: between two dollars matplotlib would read it as maths."""
+    return text.replace("$", r"\$")
+
+
+def unique_labels(names: Iterable[str]) -> list[str]:
+    """Names, literal, the second of a name with its number: bars of one name would lie upon each other."""
+    told, met = [], Counter[str]()
+    for name in names:
+        met[name] += 1
+        told.append(escape_dollars(name if met[name] == 1 else f"{name} ({met[name]})"))
+    return told
+
+
+def invert_y_axis(ax: Axes) -> None:
+    """The first at the top, however often something is drawn."""
+    ax.yaxis.set_inverted(True)
+
+
+def _new_figure(size: tuple[float, float]) -> Figure:
+    return NotebookFigure(figsize=size, layout="constrained")
+
+
+def draw_bars(
+    names: Sequence[str], values: Sequence[float], label: str, ax: Axes | None = None, limit: float | None = None
+) -> Axes:
+    """Lying bars, the first on top; a dashed line at the limit."""
+    ax = new_axes(ax, (7, max(2.2, 0.3 * len(names) + 1)))
+    ax.barh(unique_labels(names), list(values), color=PALETTE[0])
+    invert_y_axis(ax)
+    if limit is not None:
+        ax.axvline(limit, color="black", linestyle=(0, (6, 3)), linewidth=1)
+    ax.set(xlabel=label)
+    return ax

@@ -1,0 +1,56 @@
+"""Machines by name, and what every table of names shares: bundled presets, and the nearest name to a mistaken one."""
+
+from collections.abc import Iterable
+from difflib import get_close_matches
+from importlib.resources import files
+from importlib.resources.abc import Traversable
+from os import PathLike, fspath
+from pathlib import Path
+
+from kinematics.foundation.errors import BadValue, MotionError
+
+
+def presets(package: str) -> dict[str, Traversable]:
+    """The TOML files in a package's folder `presets`, by name."""
+    entries = (files(package) / "presets").iterdir()
+    return {e.name.removesuffix(".toml"): e for e in sorted(entries, key=lambda e: e.name) if e.name.endswith(".toml")}
+
+
+def find(package: str, what: str, name_or_path: str | PathLike[str]) -> Path | Traversable:
+    """Where a preset or a file is: a plain word is a preset's name, anything with a folder or suffix a file's path."""
+    if not isinstance(name_or_path, str | PathLike):
+        raise MotionError(f"a {what} is given by its name or the path of a file, not as {name_or_path!r}")
+    path = Path(name_or_path)
+    name = fspath(name_or_path)
+    if isinstance(name_or_path, PathLike) or path.suffix or path.name != name:
+        return path
+    known = presets(package)
+    if name not in known:
+        raise BadValue(
+            f'no {what} is called "{name}"{nearest(name, known)}; bundled: {", ".join(known)}; '
+            f"or give the path of a file, e.g. {name or what}.toml",
+            allowed=", ".join(known),
+            nearest=closest(name, known),
+        )
+    return known[name]
+
+
+def source_folder(package: str, source: Path | Traversable) -> Path | Traversable:
+    """The folder of what `find` found, where the files are that it names."""
+    return source.parent if isinstance(source, Path) else files(package) / "presets"
+
+
+def nearest(name: str, choices: Iterable[str]) -> str:
+    """The clause that names the choice nearest to a mistaken name, empty if none comes close."""
+    found = closest(name, choices)
+    return f', nearest is "{found}"' if found else ""
+
+
+def closest(name: str, choices: Iterable[str]) -> str:
+    """The choice nearest to a mistaken name, empty if none comes close."""
+    choices = tuple(choices)
+    lower = {choice.lower(): choice for choice in reversed(choices)}
+    matches = get_close_matches(name, choices, 1) or [
+        lower[match] for match in get_close_matches(name.lower(), lower, 1)
+    ]
+    return matches[0] if matches else ""

@@ -1,0 +1,170 @@
+"""What every result can do: print itself as tables, draw itself, become a data frame, and be saved.
+
+The figures and file formats of results, registered by the result's type.
+
+A result imports neither: the modules `figures` and `saving` of its top-level package stand above it, and are loaded
+when a figure or a file is first asked for.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
+from importlib import import_module
+from importlib.util import find_spec
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
+
+from kinematics.files.atomic_files import Destination
+from kinematics.foundation.errors import MotionError
+from kinematics.foundation.names import nearest
+from kinematics.foundation.table import Table
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+Role = Literal["figures", "saving"]
+F = TypeVar("F", bound=Callable[..., Any])
+
+_REGISTRY: dict[tuple[Role, type], Callable[..., Any]] = {}
+
+
+def draws(kind: type) -> Callable[[F], F]:
+    """Register a function (result, ax=None, **options) -> axes as the figure of a type of result."""
+    return _make_decorator("figures", kind)
+
+
+def saves(kind: type) -> Callable[[F], F]:
+    """Register a function result -> {suffix: function of a path} as the file formats of a type of result."""
+    return _make_decorator("saving", kind)
+
+
+def find_registered(role: Role, kind: type) -> Callable[..., Any] | None:
+    """What is registered for a type or the nearest of its bases; None where nothing is."""
+    for base in kind.__mro__:
+        _load(role, base.__module__.partition(".")[0])
+        if (role, base) in _REGISTRY:
+            return _REGISTRY[role, base]
+    return None
+
+
+def _make_decorator(role: Role, kind: type) -> Callable[[F], F]:
+    def register(function: F) -> F:
+        _REGISTRY[role, kind] = function
+        return function
+
+    return register
+
+
+def _load(role: Role, package: str) -> None:
+    """Load the module of a top-level package that registers what it has in a role, if there is one."""
+    try:
+        found = find_spec(f"{package}.{role}")
+    except (ModuleNotFoundError, ValueError):  # a module that is no package, or a script
+        return
+    if found is not None:
+        import_module(f"{package}.{role}")
+
+
+class Result(ABC):
+    """A result: it states its `tables` and draws itself by `plot`; the rest follows from these.
+
+    A terminal prints the tables, a notebook shows them; `to_pandas` gives `data()`, raw and in SI, and `save` writes.
+    """
+
+    __slots__ = ()
+
+    @abstractmethod
+    def tables(self) -> tuple[Table, ...]:
+        """What it tells, the main thing first."""
+
+    def plot(self, ax: Any = None, *args: Any, **options: Any) -> Any:
+        """The figure that tells most of it, on `ax` or a figure of its own; the axes, which a notebook shows.
+
+        It is the one registered for the type (`kinematics.foundation.result`), which says what options it has.
+        Raises MotionError where there is none.
+        """
+        draw = find_registered("figures", type(self))
+        if draw is None:
+            raise MotionError(f"a {type(self).__name__} has no figure; print it, or draw its data()")
+        return draw(self, ax, *args, **options)
+
+    def data(self) -> Table:
+        """The table that `to_pandas` gives and CSV holds: the first one, or a series over time."""
+        return self.tables()[0]
+
+    def files(self) -> Mapping[str, Callable[[Path], None]]:
+        """How it is written, by the suffix: as tables, and as is registered for the type beside them or instead."""
+        saved = find_registered("saving", type(self))
+        own = saved(self) if saved else {}
+        return {**own, ".csv": self._csv, ".json": self._json, **own}
+
+    def __str__(self) -> str:
+        return "\n\n".join(map(str, self.tables()))
+
+    def _repr_mimebundle_(self, **_: Any) -> dict[str, str]:
+        """In IPython, and beside a notebook's HTML, the tables instead of the fields.
+
+        `_repr_pretty_` would not do: IPython prefers the __repr__ that a dataclass gets.
+        """
+        return {"text/plain": str(self)}
+
+    def _repr_html_(self) -> str:
+        return "".join(table._repr_html_() for table in self.tables())
+
+    def to_pandas(self) -> pd.DataFrame:
+        """`data()` as a frame: raw SI values, units in the columns' names.
+
+        Raises MotionError where pandas is not installed.
+        """
+        return self.data().to_pandas()
+
+    def save(self, path: str | PathLike[str], *, force: bool = False) -> None:
+        """Write a file, whole or not at all; its suffix says what: .csv holds `data()`, .json all tables.
+
+        Some results have others, or more of them. Raises MotionError for a suffix that the result does not have, a
+        file that is there already (unless forced), and a folder that is not.
+        """
+        place, known = Path(path), self.files()
+        what = f"save {place}"
+        if place.suffix not in known:
+            raise MotionError(
+                f'{what}: "{place.suffix}" is no suffix of what a {type(self).__name__} is saved as'
+                f"{nearest(place.suffix, known)}; there are {', '.join(known)}"
+            )
+        if not place.parent.is_dir():
+            raise MotionError(f"{what}: there is no folder {place.parent}; make it first")
+        if place.is_dir():
+            raise MotionError(f"{what}: it is a folder; give the name of a file")
+        with Destination(place, force=force, remedy="give another name, or force=True to replace it").staged() as file:
+            known[place.suffix](file)
+
+    def _csv(self, path: Path) -> None:
+        text = io.StringIO()
+        csv.writer(text, lineterminator="\n").writerows(self.data().csv_rows())
+        path.write_bytes(text.getvalue().encode())
+
+    def _json(self, path: Path) -> None:
+        """Numbers as Python's json has them: shortest decimals that read back as the same floats."""
+        tables = [
+            {
+                "title": table.title,
+                "columns": [{"name": c.name, "unit": "" if c.mixed else c.unit} for c in table.full],
+                "rows": [
+                    [_json_value(value) for value in row] for row in zip(*(c.raw for c in table.full), strict=True)
+                ],
+                "notes": list(table.notes),
+            }
+            for table in self.tables()
+        ]
+        told = {"result": type(self).__name__, "tables": tables}
+        path.write_bytes((json.dumps(told, indent=1, ensure_ascii=False, allow_nan=False) + "\n").encode())
+
+
+def _json_value(value: Any) -> Any:
+    """JSON has no infinities and no NaN: texts, which float() reads."""
+    return str(value) if isinstance(value, float) and (value != value or abs(value) == float("inf")) else value

@@ -1,0 +1,129 @@
+"""What a machine moves: the masses of its parts, gravity, and what pushes on its platform.
+
+Rigid bodies as data: mass, centre of mass, inertia.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from kinematics.foundation.arrays import Array, finite_array, freeze_array
+from kinematics.foundation.errors import MotionError
+
+# Rounding, as a share of the largest moment, that an inertia may be off what a rigid body can have.
+ROUNDING = 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class Body:
+    """A rigid body in the frame of the part that it belongs to.
+
+    mass     kg; 0 for what weighs nothing
+    centre   (3,) m, its centre of mass
+    inertia  (3, 3) kg·m² about the centre of mass, along the axes of the frame
+    name     what an error calls it
+
+    Raises MotionError for what no rigid body has: principal moments must be ≥ 0, none above the sum of the others.
+    """
+
+    mass: float = 0.0
+    centre: Array = field(default_factory=lambda: np.zeros(3))
+    inertia: Array = field(default_factory=lambda: np.zeros((3, 3)))
+    name: str = "body"
+
+    def __post_init__(self) -> None:
+        if finite_array(self.mass, f"{self.name}: mass", (), unit="kg") < 0:
+            raise MotionError(f"{self.name}: mass {self.mass} kg must be finite and not below 0")
+        centre = finite_array(self.centre, f"{self.name}: centre", (3,), unit="m")
+        inertia = finite_array(self.inertia, f"{self.name}: inertia", (3, 3), unit="kg·m²")
+        slack = ROUNDING * float(np.abs(inertia).max())
+        if np.abs(inertia - inertia.T).max() > slack:
+            raise MotionError(f"{self.name}: inertia {inertia.tolist()} kg·m² must be symmetric")
+        low, middle, high = np.linalg.eigvalsh(inertia)
+        if low < -slack or high > low + middle + slack:
+            raise MotionError(
+                f"{self.name}: principal moments {low:.6g}, {middle:.6g}, {high:.6g} kg·m² are no rigid body's: "
+                "each must be at least 0 and at most the sum of the other two"
+            )
+        if self.mass == 0 and inertia.any():
+            raise MotionError(f"{self.name}: inertia without mass; state the mass")
+        object.__setattr__(self, "centre", freeze_array(centre))
+        object.__setattr__(self, "inertia", freeze_array(inertia))
+
+
+def cylinder(mass: float, radius: float, low: float, high: float, name: str = "cylinder") -> Body:
+    """A solid cylinder along z from low to high (m): I_z = m r²/2, I_x = I_y = m (3 r² + h²)/12."""
+    if not (0 <= radius < np.inf and low < high):
+        raise MotionError(f"{name}: radius {radius} m must not be below 0, and {low} m must lie below {high} m")
+    across, along = mass * (3 * radius**2 + (high - low) ** 2) / 12, mass * radius**2 / 2
+    return Body(mass, freeze_array([0, 0, (low + high) / 2]), freeze_array(np.diag([across, across, along])), name)
+
+
+def combine_bodies(*bodies: Body, name: str = "bodies") -> Body:
+    """Bodies in one frame as one: I = Σ Iₖ + mₖ (|dₖ|² 1 − dₖ dₖᵀ), dₖ from the common centre (Steiner)."""
+    mass = sum(body.mass for body in bodies)
+    if mass == 0:
+        return Body(name=name)
+    centre = sum((body.mass * body.centre for body in bodies), np.zeros(3)) / mass
+    inertia = np.zeros((3, 3))
+    for body in bodies:
+        off = body.centre - centre
+        inertia += body.inertia + body.mass * (off @ off * np.eye(3) - np.outer(off, off))
+    return Body(mass, centre, inertia, name)
+
+
+@dataclass(frozen=True, slots=True)
+class Leg:
+    """The two parts of a linear actuator between a universal joint on the base and a spherical one on the platform.
+
+    barrel      what turns about the base joint: in a frame at that joint's centre, z along the leg to the platform
+    rod         what also slides: in a frame at the platform joint's centre, its axes parallel to the barrel's
+    first_axis  (3,) axis of the universal joint that stands still in the base frame; its part along the leg at home
+                does not count. None: the axis of the base that lies most across the leg at home
+
+    At home, x of both frames is the first axis made perpendicular to the leg.
+    """
+
+    barrel: Body
+    rod: Body
+    first_axis: Array | None = None
+
+    def __post_init__(self) -> None:
+        for part in ("barrel", "rod"):
+            if not isinstance(getattr(self, part), Body):
+                raise MotionError(f"leg: {part} must be a Body, not {getattr(self, part)!r}")
+        if self.first_axis is None:
+            return
+        axis = finite_array(self.first_axis, "leg: first_axis", (3,))
+        if not axis.any():
+            raise MotionError("leg: first_axis is a direction, which must not be zero")
+        object.__setattr__(self, "first_axis", freeze_array(axis))
+
+
+GRAVITY = (0.0, 0.0, -9.80665)
+"""m/s², where the base stands upright."""
+
+
+@dataclass(frozen=True, slots=True)
+class Load:
+    """Masses and outside forces of a machine; nothing by default.
+
+    platform  what moves with the platform's (tool's) frame, in that frame
+    legs      of machines with legs: one for each, or one for all; none: legs without mass
+    gravity   (3,) m/s² in the base frame; that of a base that stands upright by default
+    wrench    (6,) N and N·m that act on the platform from outside at its origin, in the base frame
+
+    What an axis carries by itself (`friction`, `reflected`) is the axis' own.
+    """
+
+    platform: Body = field(default_factory=Body)
+    legs: tuple[Leg, ...] = ()
+    gravity: Array = field(default_factory=lambda: freeze_array(GRAVITY))
+    wrench: Array = field(default_factory=lambda: freeze_array(np.zeros(6)))
+
+    def __post_init__(self) -> None:
+        legs = (self.legs,) if isinstance(self.legs, Leg) else tuple(self.legs)
+        object.__setattr__(self, "legs", legs)
+        for name, size, unit in (("gravity", 3, "m/s²"), ("wrench", 6, "N and N·m")):
+            values = finite_array(getattr(self, name), f"load: {name}", (size,), unit=unit)
+            object.__setattr__(self, name, freeze_array(values))

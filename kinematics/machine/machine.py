@@ -1,0 +1,91 @@
+"""What a machine is to its users: its maps, and what is computed with them."""
+
+from collections.abc import Callable
+
+from numpy.typing import ArrayLike
+
+from kinematics.analysis.forward import Forward, solve
+from kinematics.analysis.margins import Margins, measure
+from kinematics.analysis.virtual_work import Balance, force_map, holding_map, loaded
+from kinematics.foundation.result import Result
+from kinematics.foundation.table import Column, Table
+from kinematics.machine.axis import Axis, Magnitude, directional_bounds
+from kinematics.machine.model import MachineModel
+from kinematics.machine.pose import Pose
+
+UNLIMITED = {"inf": "unlimited", "-inf": "unlimited", "None": "unlimited"}
+
+
+def axes_table(machine: "Machine") -> Table:
+    """Travel, pulse and limits of each axis; both ways, towards smaller positions first, where they differ on one."""
+    axes, units = machine.axes, [axis.unit for axis in machine.axes]
+    forces = ["N" if axis.kind == "linear" else "N m" for axis in axes]
+    columns = [
+        Column("axis", [axis.name for axis in axes]),
+        Column("travel from", [axis.travel[0] for axis in axes], units, "human", words=UNLIMITED),
+        Column("to", [axis.travel[1] for axis in axes], units, "human", words=UNLIMITED),
+        Column("pulse", [axis.pulse for axis in axes], units, "micro"),
+    ]
+    limits: tuple[tuple[str, Callable[[Axis], Magnitude | None], str], ...] = (
+        ("speed", lambda axis: axis.max_speed, "/s"),
+        ("acceleration", lambda axis: axis.max_acceleration, "/s^2"),
+        ("jerk", lambda axis: axis.max_jerk, "/s^3"),
+    )
+    for name, bound, per in limits:
+        below, above = zip(*(directional_bounds(bound(axis)) for axis in axes), strict=True)
+        ways = {name: above} if below == above else {f"{name} down": below, f"{name} up": above}
+        columns += [
+            Column(way, values, [f"{unit}{per}" for unit in units], "human", words=UNLIMITED)
+            for way, values in ways.items()
+        ]
+    if any(axis.max_force is not None for axis in axes):
+        columns.append(Column("force", [axis.max_force for axis in axes], forces, words=UNLIMITED))
+    if any(axis.max_pulse_rate is not None for axis in axes):
+        columns.append(Column("pulse rate", [axis.max_pulse_rate for axis in axes], "1/s", words=UNLIMITED))
+    title = f"{machine.name}: {type(machine).__name__.lower()}, moves {' '.join(machine.freedom)}"
+    return Table(title, tuple(columns))
+
+
+class Machine(MachineModel, Result):
+    """A machine of n axes that carries a platform (or tool).
+
+    Its kind states the inverse map once; all else here follows from that: see `kinematics.machine.kind`.
+    """
+
+    @property
+    def force_map(self) -> Balance:
+        """x, ẋ, ẍ (12 each), q, q̇, q̈ (n each) -> actuator forces (n): see `kinematics.analysis.virtual_work`."""
+        return self.derived(force_map, of_load=True)
+
+    @property
+    def holding_map(self) -> Balance:
+        """x (12), q (n) -> the forces (n) that hold the machine still."""
+        return self.derived(holding_map, of_load=True)
+
+    @property
+    def loaded(self) -> bool:
+        """Whether it states masses, friction or a wrench: without any, its actuators have nothing to push."""
+        return self.derived(loaded, of_load=True)
+
+    def forward(self, q: ArrayLike, near: Pose | None = None, *, certify: bool = True) -> Forward:
+        """The pose of actuator coordinates q (N, n) or (n,), by Newton on SE(3) from `near` (home by default).
+
+        certify=False leaves the proof out, which takes most of the time: nothing is certified then. Raises MotionError
+        for coordinates that are none, OutOfReach where no pose is found that has the lengths q (n,); among several,
+        their `residual` tells.
+        """
+        return solve(self, q, self.home if near is None else near, certify)
+
+    def check(self, pose: Pose, near: ArrayLike | None = None) -> Margins:
+        """Travel, tilt and clearance against their limits, conditioning, and distance to the nearest singularity.
+
+        near (n,) as in `inverse`: which of a pose's coordinates are meant, where there are several.
+        """
+        return measure(self, pose, near)
+
+    def tables(self) -> tuple[Table, ...]:
+        """Its axes and their limits."""
+        return (axes_table(self),)
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__} {self.name}: {len(self.axes)} axes>"

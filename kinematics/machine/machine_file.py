@@ -1,0 +1,101 @@
+"""Machine files: the schema of each kind's TOML, and the machine that one describes."""
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from importlib.resources.abc import Traversable
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+from kinematics.files.schema import File, build, refuse_wrong_kind
+from kinematics.files.toml_document import Key, read
+from kinematics.foundation.errors import BadValue, FileError, MotionError, NotInstalled
+from kinematics.foundation.names import closest, find, nearest, presets, source_folder
+from kinematics.foundation.units import describe_value
+from kinematics.kinds import tripod as kmitl_geometry
+from kinematics.kinds.arm import ArmFile, build_arm, find_stray_axis_tables, joints_of
+from kinematics.kinds.axis_tables import MachineFile, find_pulse_faults, find_repeated_names, find_wiring_faults
+from kinematics.kinds.hexapod import LEGS, HexapodFile, build_hexapod
+from kinematics.kinds.linkage import NAMES, LinkageFile, build_linkage
+from kinematics.kinds.traverser import ROTARY, SLIDES, TraverserFile, build_traverser
+from kinematics.kinds.tripod import ARMS, TripodFile, build_tripod, is_basic_lengths, read_basic_lengths
+from kinematics.machine.machine import Machine
+
+
+def read_machine(source: Path | Traversable) -> Machine:
+    """The machine that a file describes, named after the file. Raises FileError with every fault of the file.
+
+    Also that of the geometry file of [KMITL 2005] (`kmitl_geometry`), which is no TOML.
+    """
+    if is_basic_lengths(source):
+        return read_basic_lengths(source, read_machine(find("kinematics", "machine", kmitl_geometry.TEMPLATE_MACHINE)))
+    document = read(source)
+    refuse_wrong_kind(document, MachineFile.what)
+    kind = document.data.get("kind")
+    if not isinstance(kind, str) or kind not in KINDS:
+        told = "missing" if kind is None else f"{describe_value(kind)} is no kind of machine{nearest(str(kind), KINDS)}"
+        known = ", ".join(map(describe_value, KINDS))
+        no = BadValue(f"{told}; kinds: {known}", allowed=known, nearest=closest(str(kind), KINDS))
+        raise FileError(document.file, [document.fault(("kind",), no)])
+    schema, construct, names = KINDS[kind]
+    wired = partial(find_wiring_faults, names or joints_of(document.data))
+    model = build(document, schema, find_repeated_names, find_pulse_faults, find_stray_axis_tables, wired)
+    try:
+        return construct(model, Path(source.name).stem, source_folder("kinematics", source))
+    except FileError as error:  # of a file that this one names
+        geometry = document.data["geometry"]
+        faults = [
+            document.fault(("geometry", fault.key if fault.key in geometry else "urdf"), told)
+            for fault, told in zip(error.faults, str(error).split("\n"), strict=True)
+        ]
+        raise FileError(document.file, faults) from error
+    except NotInstalled:  # which is no fault of the file
+        raise
+    except MotionError as error:  # what only the whole machine shows, such as a home pose out of reach
+        raise FileError(document.file, [document.fault(_locate_fault(document.data, error), str(error))]) from error
+
+
+def toml_of(source: Path | Traversable) -> bytes:
+    """The TOML of a machine's file as it stands; of one that is no TOML, one that says the same."""
+    if not is_basic_lengths(source):
+        return source.read_bytes()
+    from kinematics.machine.machine_writer import machine_toml
+
+    return machine_toml(
+        read_basic_lengths(source, read_machine(find("kinematics", "machine", kmitl_geometry.TEMPLATE_MACHINE))),
+        f"from {source.name}; {kmitl_geometry.ASSUMED}",
+    ).encode()
+
+
+def _locate_fault(data: Mapping[str, Any], error: MotionError) -> Key:
+    """Where the file says what its machine refuses: the table that has the error's key, an axis' own one first."""
+    *of, name = getattr(error, "key", ()) or ("geometry",)
+    own = [("axis", n) for n, table in enumerate(data.get("axis", ())) if table.get("name") in of]
+    tables: list[tuple[Key, Any]] = [(place, data["axis"][place[1]]) for place in own]
+    tables += [((key,), data.get(key)) for key in ("axes", "rotary", "geometry", "wiring")]
+    places = ((*place, name) for place, table in tables if isinstance(table, dict) and name in table)
+    return next(places, ("geometry",))
+
+
+KINDS: dict[str, tuple[type[File], Callable[[Any, str, Path | Traversable], Machine], Sequence[str]]] = {
+    "hexapod": (HexapodFile, build_hexapod, LEGS),
+    "tripod": (TripodFile, build_tripod, ARMS),
+    "linkage": (LinkageFile, build_linkage, NAMES),
+    "traverser": (TraverserFile, build_traverser, (*SLIDES, ROTARY)),
+    "arm": (ArmFile, build_arm, ()),
+}
+"""Every kind of machine: the schema of its file, what makes the machine of a valid one, its name and folder, and the
+names of its axes where the kind says them."""
+
+
+def load_machine(name_or_path: str | PathLike[str]) -> Machine:
+    """The machine of a preset's name or of a TOML file.
+
+    Raises FileError with every fault of the file; MotionError for an unknown name, with the nearest and all known ones.
+    """
+    return read_machine(find("kinematics", "machine", name_or_path))
+
+
+def machine_names() -> tuple[str, ...]:
+    """Names of the bundled machines."""
+    return tuple(presets("kinematics"))

@@ -1,0 +1,265 @@
+"""The maps of a machine: everything numeric that follows from its kind's one expression.
+
+Whether the axes and the load that a machine is given fit it.
+"""
+
+from collections import Counter
+from collections.abc import Callable, Iterable
+from copy import copy
+from functools import cached_property
+from typing import Any, Self, TypeVar
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kinematics.foundation.arrays import Array, finite_array, freeze_array
+from kinematics.foundation.casadi_function import Expression
+from kinematics.foundation.errors import BadValue, MotionError, OutOfReach
+from kinematics.machine.axis import Axis
+from kinematics.machine.kind import Kind, PlacedSkeleton, Skeleton, columns, refuse_uncontrolled
+from kinematics.machine.load import Load
+from kinematics.machine.pose import Pose, check_pose, column, split_pose_symbols, to_numbers
+from kinematics.machine.rates import rates
+
+M = TypeVar("M", bound="MachineModel")
+T = TypeVar("T")
+
+
+def check_axes(of: Kind, name: str, given: Iterable[Axis]) -> tuple[Axis, ...]:
+    """As many axes as there are freedoms, each of its sort, no two with the same name or the same driver."""
+    kind, count = type(of).__name__.lower(), len(of.freedom)
+    axes = tuple(given) if isinstance(given, Iterable) else (given,)
+    strange = [axis for axis in axes if not isinstance(axis, Axis)]
+    if strange:
+        raise MotionError(f"machine {name}: axes must be {count} of Axis, not {strange[0]!r:.100}")
+    if len(axes) != count:
+        raise MotionError(f"machine {name}: {len(axes)} axes; a {kind} has {count}, for {', '.join(of.freedom)}")
+    for axis, sort in zip(axes, of.sorts, strict=False):
+        if axis.kind != sort:
+            raise MotionError(f"machine {name}: axis {axis.name} is {axis.kind}; a {kind} has a {sort} one there")
+    if len({axis.name for axis in axes}) < count:
+        raise MotionError(f"machine {name}: two axes have the same name; names tell the limits of one from another's")
+    wired = Counter((axis.card, axis.channel) for axis in axes if axis.card is not None)
+    for (card, channel), times in wired.items():
+        if times > 1:
+            both = [axis.name for axis in axes if (axis.card, axis.channel) == (card, channel)]
+            raise BadValue(
+                f"machine {name}: {' and '.join(both)} are both on channel {channel} of card {card}; "
+                "give each one of its own",
+                key=(both[-1],),
+            )
+    return axes
+
+
+def check_load(of: Kind, name: str, load: Load) -> Load:
+    """A load that fits the machine. Raises MotionError for legs that it has not."""
+    if load.legs and of.legs == 0:
+        raise MotionError(f"machine {name} has no legs that could have masses")
+    if len(load.legs) not in (0, 1, of.legs):
+        raise MotionError(f"machine {name}: {len(load.legs)} legs with masses; give one for all, or {of.legs}")
+    return load
+
+
+class MachineModel(Kind):
+    """A machine of n axes that carries a platform (or tool): its maps, without what is computed with them.
+
+    Its kind states the inverse map once; all else here follows from that: see `kinematics.machine.kind`.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        axes: Iterable[Axis],
+        home: Pose,
+        near: ArrayLike | None = None,
+        load: Load | None = None,
+    ) -> None:
+        """near (n,): which of the home pose's coordinates are meant, where there are several (zeros by default)."""
+        if not isinstance(name, str) or not name:
+            raise MotionError(f"a machine needs a name, a text that is not empty, not {name!r}")
+        check_pose(name, "home", home, single=True)
+        self.name, self.axes, self.home = name, check_axes(self, name, axes), home
+        self._derived: dict[Callable[..., Any], Any] = {}
+        self._of_load: dict[Callable[..., Any], Any] = {}
+        self.load = check_load(self, self.name, Load() if load is None else load)
+        self.home_q: Array = freeze_array(self.inverse(home, np.zeros(len(self.axes)) if near is None else near))
+
+    def carrying(self, load: Load) -> Self:
+        """The same machine with another load."""
+        other = copy(self)
+        other.load = check_load(self, self.name, load)
+        other._of_load = {}
+        return other
+
+    def driven_by(self, axes: Iterable[Axis]) -> Self:
+        """The same machine with other actuators: what each may do and how it counts; names, kinds and home stay.
+
+        Raises MotionError for axes that are not as many, or not called as the machine's own.
+        """
+        other, names = copy(self), tuple(axis.name for axis in self.axes)
+        other.axes = check_axes(self, self.name, axes)
+        given = tuple(axis.name for axis in other.axes)
+        if given != names:
+            raise MotionError(
+                f"machine {self.name}: its axes are called {', '.join(names)}, not {', '.join(given)}; keep their names"
+            )
+        other._of_load = {}
+        return other
+
+    def called(self, name: str) -> Self:
+        """The same machine by another name, as of a copy of its file."""
+        other = copy(self)
+        other.name = name
+        return other
+
+    def symbolic(self, x: ca.SX, near: ca.SX) -> ca.SX:
+        """Coordinates (n,) of pose numbers (12), to be composed with whatever they depend on."""
+        return self.expression(*split_pose_symbols(x), near)
+
+    @cached_property
+    def inverse_map(self) -> Expression:
+        """Pose numbers (12), and near (n) where branched -> q (n)."""
+        x, near = self._symbols()
+        return Expression("inverse", self._inputs(x, near), self.symbolic(x, near))
+
+    @cached_property
+    def jacobian_map(self) -> Expression:
+        """The same -> J (n, 6) row by row, as in `jacobian`."""
+        (x, near), twist = self._symbols(), ca.SX.sym("twist", 6)
+        position, rotation = split_pose_symbols(x)
+        moved = self.expression(position + twist[:3], rotation + ca.skew(twist[3:]) @ rotation, near)
+        jacobian = ca.substitute(ca.jacobian(moved, twist), twist, ca.SX.zeros(6))
+        return Expression("jacobian", self._inputs(x, near), ca.vec(jacobian.T))
+
+    @cached_property
+    def carried_map(self) -> Expression:
+        """The same -> pose numbers (12) with what follows filled in."""
+        x, near = self._symbols()
+        return Expression(
+            "carried", self._inputs(x, near), column(*self.carried(*split_pose_symbols(x), self.symbolic(x, near)))
+        )
+
+    @cached_property
+    def tilt_map(self) -> Expression:
+        """Pose numbers (12) -> cosines of the joints' tilts (m)."""
+        x = ca.SX.sym("x", 12)
+        return Expression("tilts", x, self.tilts(*split_pose_symbols(x)))
+
+    @property
+    def parts(self) -> Skeleton:
+        """The skeleton at home: which bars and pivots there are. Not kept: CasADi's symbols go to no other process."""
+        x, q = (ca.SX(ca.DM(values)) for values in (to_numbers(self.home)[0], self.home_q))
+        return self.skeleton(*self.carried(*split_pose_symbols(x), q), q)
+
+    @cached_property
+    def rates_map(self) -> Expression:
+        """The same, a twist (6) and its rate (6) -> q̇ (n), q̈ (n), and twist and rate (6, 6) of what is carried."""
+        x, near = self._symbols()
+        return rates(self, x, near, self._inputs(x, near))
+
+    def _symbols(self) -> tuple[ca.SX, ca.SX]:
+        return ca.SX.sym("x", 12), ca.SX.sym("near", len(self.axes))
+
+    def _inputs(self, x: ca.SX, near: ca.SX) -> ca.SX:
+        return ca.vertcat(x, near) if self.branched else x
+
+    def inputs(self, x: Array, near: Array) -> Array:
+        """What the maps take: pose numbers (N, 12), and near (n,) or (N, n) beside them where branched."""
+        if not self.branched:
+            return x
+        return np.concatenate([x, np.broadcast_to(near, (len(x), len(self.axes)))], 1)
+
+    def inverse(self, pose: Pose, near: ArrayLike | None = None) -> Array:
+        """Actuator coordinates q (N, n) of N poses, (n,) of one.
+
+        near (n,) picks branch and turn where there are several (home's by default). Raises OutOfReach where no solution
+        exists: too far, or off the machine's freedom; MotionError for what is no pose, such as a mirrored one.
+        """
+        q = self.located(pose, near)[1]
+        return q[0] if pose.single else q
+
+    def located(self, pose: Pose, near: ArrayLike | None = None) -> tuple[Array, Array]:
+        """Numbers (N, 12) and coordinates (N, n) of the poses that a caller gives; see `inverse` for what it raises."""
+        x = check_pose(self.name, "pose", pose)
+        refuse_uncontrolled(self, x)
+        chosen = self._near(near)
+        q = self.inverse_map(self.inputs(x, chosen))
+        lost = self._lost(q)
+        for other in self.alternatives(chosen) if lost.any() else ():
+            q[lost] = self.inverse_map(self.inputs(x[lost], other))
+            lost = self._lost(q)
+        if lost.any():
+            first = int(np.argmax(lost))
+            raise OutOfReach(
+                f"machine {self.name}: no actuator coordinates reach pose {first}, "
+                f"position {x[first, :3] * 1e3} mm; bring it nearer"
+            )
+        return x, q
+
+    def _lost(self, q: Array) -> np.ndarray:
+        return np.asarray(~(np.isfinite(q) & (q >= (0.0 if self.lengths else -np.inf))).all(1))
+
+    def jacobian(self, pose: Pose, near: ArrayLike | None = None) -> Array:
+        """J (N, n, 6) of N poses, (n, 6) of one: dq = J [dx, dy, dz, wx, wy, wz] in the base frame.
+
+        The velocity is that of the platform's origin, the reference point. near as in `inverse`. Raises what `inverse`
+        does, and MotionError where coordinates have no finite rates: an arm stretched out, a leg of no length.
+        """
+        x, q = self.located(pose, near)
+        j = self.jacobian_map(self.inputs(x, q)).reshape(-1, len(self.axes), 6)
+        endless = ~np.isfinite(j).all((1, 2))
+        if endless.any():
+            first = int(np.argmax(endless))
+            raise MotionError(
+                f"machine {self.name} is singular at pose {first}, position {x[first, :3] * 1e3} mm: its coordinates "
+                "have no finite rates there; keep away from it (check tells how near it is)"
+            )
+        return j[0] if pose.single else j
+
+    def _near(self, near: ArrayLike | None) -> Array:
+        if near is None:
+            return self.home_q
+        return finite_array(near, f"machine {self.name}: near", (len(self.axes),))
+
+    def start(self, q: Array, near: Array) -> Array:
+        """Pose numbers (N, 12) from which `forward` looks for coordinates q (N, n), asked from near (N, 12)."""
+        return near
+
+    @cached_property
+    def skeleton_map(self) -> Expression:
+        """x (12), q (n) -> all points of the skeleton, bars first, one after the other: see `place_skeleton`."""
+        x, q = ca.SX.sym("x", 12), ca.SX.sym("q", len(self.axes))
+        parts = self.skeleton(*self.carried(*split_pose_symbols(x), q), q)
+        points = [end for bar in parts.bars for end in (bar.start, bar.end)] + [pivot.at for pivot in parts.pivots]
+        return Expression("skeleton", ca.vertcat(x, q), ca.vertcat(*points) if points else ca.SX(0, 1))
+
+    def derived(self: M, build: Callable[[M], T], *, of_load: bool = False) -> T:
+        """What a function makes of this machine, made once.
+
+        of_load: it depends on what the machine carries and on its actuators, so that copies with others make it anew.
+        """
+        made = self._of_load if of_load else self._derived
+        if build not in made:
+            made[build] = build(self)
+        found: T = made[build]
+        return found
+
+
+def square_jacobian(machine: MachineModel, x: Array, near: Array) -> Array:
+    """(N, n, n) of pose numbers x (N, 12): the columns that the machine controls."""
+    full = machine.jacobian_map(machine.inputs(x, near)).reshape(len(x), len(machine.axes), 6)
+    return full[:, :, columns(machine)]
+
+
+def scaled_jacobian(machine: MachineModel, x: Array, near: Array) -> Array:
+    """(N, n, n) the same with every column in axis units per metre: turns count at the characteristic length."""
+    scale = np.where(columns(machine) < 3, 1.0, 1.0 / machine.characteristic_length)
+    return square_jacobian(machine, x, near) * scale
+
+
+def place_skeleton(machine: MachineModel, x: Array, q: Array) -> PlacedSkeleton:
+    """A machine's skeleton at pose numbers x (N, 12) and the coordinates q (N, n) that belong to them."""
+    points = machine.skeleton_map(np.concatenate([x, q], 1)).reshape(len(x), -1, 3)
+    ends = 2 * len(machine.parts.bars)
+    return PlacedSkeleton(freeze_array(points[:, :ends].reshape(len(x), -1, 2, 3)), freeze_array(points[:, ends:]))

@@ -1,0 +1,392 @@
+"""The certificate: a bound of every limit over continuous time, from the trajectory and the limits' `value` alone.
+
+Time is cut into cells; over each, the motion is enclosed by Taylor series (planner.certificate.enclosure) and a
+limit's value
+follows by its own formula. A cell's bound is its largest Bernstein coefficient plus the error; cells are cut until the
+bounds are tight.
+
+Whether a motion is one: nothing jumps, and it runs the whole path once, forwards, between the speeds stated.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from kinematics.foundation.arrays import Array, freeze_array
+from kinematics.foundation.result import Result
+from kinematics.foundation.table import Column, Table
+from planner.actuation import ActuatorPath
+from planner.certificate.constant_speed import CONSTANT_SPEED, claimed_speeds, prove_speed_deviation
+from planner.certificate.enclosure import Cells, bound_series, enclose
+from planner.certificate.resonance_dwell import find_stays
+from planner.limits.limit import Limit, order_of
+from planner.limits.resonance import Resonance
+from planner.place import Place, where_columns
+from planner.trajectory import Trajectory, unit_speed_trajectory
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+# A jump of q, q̇ (and q̈ under jerk limits) between two pieces up to this share of the largest value met is rounding.
+MAX_JUMP = 1e-9
+# Rounding of what all axes are computed from, as a share of the largest of them.
+ROUNDING = 1e-13
+# Rounding of an instant, as a share of it: of a sum of durations, and of the difference of two instants.
+INSTANT = 8 * float(np.finfo(float).eps)
+# Rounding of a value of the path or of its derivatives, as a share of the largest on a piece.
+EVALUATED = 8 * float(np.finfo(float).eps)
+# States that are computed together: a state holds far more than what is kept of it.
+STATE_BATCH = 1 << 14
+
+
+def find_jumps(trajectory: Trajectory, order: int) -> dict[str, Place]:
+    """Each quantity that is not continuous between the pieces, or at an end not as stated, and where it jumps most.
+
+    At an end ṡ is what the path states, rest if nothing, and s̈ is 0: q̇ = q′ ṡ and q̈ = q″ ṡ² there.
+    """
+    lengths = np.diff(trajectory.knots)
+    start, end = _states(trajectory, order, np.zeros(len(lengths))), _states(trajectory, order, lengths)
+    path = trajectory.path
+    _, q1, q2 = path.derivatives(path.breaks[[0, -1]], np.array([0, len(path.breaks) - 2]), 2)
+    stated = np.array(path.end_speeds)[:, None]
+    asked = [np.stack([start[0][0], end[0][-1]]), q1 * stated, q2 * stated**2]
+    found: dict[str, Place] = {}
+    rounded = _rounded(trajectory)
+    blur = INSTANT * trajectory.knots[:, None]
+    for n, name in enumerate(("position jump", "speed jump", "acceleration jump")[:order]):
+        begun, ended = start[n], end[n]
+        before, after = asked[n][:1], asked[n][1:]
+        gap = np.abs(np.concatenate([begun, after]) - np.concatenate([before, ended]))
+        # rounding is that of each axis' own values, and of what they were made from together
+        scale = np.ptp(begun, axis=0) + 1e-6 * np.abs(begun).max(0)
+        # an instant is known to a share of itself, in which a value goes on by its derivative
+        goes = np.abs(np.concatenate([start[n + 1], 0 * after])), np.abs(np.concatenate([0 * before, end[n + 1]]))
+        beyond = gap - MAX_JUMP * scale - ROUNDING * scale.max() - blur * np.maximum(*goes) - rounded[n]
+        if not beyond.max() <= 0:
+            knot, axis = np.unravel_index(int(np.argmax(np.where(np.isnan(beyond), np.inf, beyond))), beyond.shape)
+            found[name] = place_at(trajectory, float(trajectory.knots[knot]), trajectory.path.names[axis])
+    return found
+
+
+def _rounded(trajectory: Trajectory) -> tuple[Array, Array, Array]:
+    """What rounding of q, q′ and q″, to a share of the largest on their piece, makes of q, q̇ and q̈: (M+1, n) each.
+
+    A motion near rest at a place where q′ is all but nothing multiplies what rounding leaves of it by a large s̈.
+    """
+    path, pieces = trajectory.path, len(trajectory.path.breaks) - 1
+    values = path.derivatives(trajectory.s, trajectory.piece, 2)
+    largest = [np.zeros((pieces, value.shape[1])) for value in values]
+    for most, value in zip(largest, values, strict=True):
+        np.maximum.at(most, trajectory.piece, EVALUATED * np.abs(value))
+    q, q1, q2 = (most[trajectory.piece] for most in largest)
+    h, v, a, j = np.diff(trajectory.knots), trajectory.v, trajectory.a, trajectory.j
+    found: list[Array] = []
+    for speed, push in ((v, a), (v + h * (a + h * j / 2), a + h * j)):
+        fast, hard = np.abs(speed)[:, None], np.abs(push)[:, None]
+        found.append(np.stack([q, q1 * fast, q1 * hard + q2 * fast**2]))
+    start, end = found
+    both = np.concatenate([start, np.zeros_like(start[:, :1])], 1), np.concatenate([np.zeros_like(end[:, :1]), end], 1)
+    one, two, three = np.maximum(*both)
+    return one, two, three
+
+
+def _states(trajectory: Trajectory, order: int, tau: Array) -> list[Array]:
+    """q, q̇, q̈ (and q⃛ at order 3), each (M, n), tau (M,) after the start of every time piece."""
+    parts = []
+    for first in range(0, len(tau), STATE_BATCH):
+        k = np.arange(first, min(first + STATE_BATCH, len(tau)))
+        state = trajectory.within(k, tau[first : first + STATE_BATCH], jerk=order == 3)
+        parts.append((state.q, state.qd, state.qdd, *((state.qddd,) if order == 3 else ())))
+    return [np.concatenate(each) for each in zip(*parts, strict=True)]
+
+
+def find_gaps(trajectory: Trajectory) -> dict[str, Place]:
+    """Where the motion leaves out, repeats or leaves the path: its first such place."""
+    path, length = trajectory.path, float(trajectory.path.breaks[-1] - trajectory.path.breaks[0])
+    h, v, a, j = np.diff(trajectory.knots), trajectory.v, trajectory.a, trajectory.j
+    end = piece_end_lengths(trajectory)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        turn = np.where((j > 0) & (-a / j > 0) & (-a / j < h), v - a**2 / (2 * j), np.inf)  # least ṡ inside a piece
+    slowest = np.minimum(np.minimum(v, v + h * (a + h * j / 2)), turn)
+    low, high = path.breaks[trajectory.piece], path.breaks[trajectory.piece + 1]
+    blur = INSTANT * trajectory.knots[1:]
+    slack = MAX_JUMP * length + blur * np.abs(v + h * (a + h * j / 2))
+    wrong = {
+        "start off the path's": (np.arange(len(h)) == 0) & ~(np.abs(trajectory.s - path.breaks[0]) <= slack),
+        "end off the path's": (np.arange(len(h)) == len(h) - 1) & ~(np.abs(end - path.breaks[-1]) <= slack),
+        "motion backwards": ~(slowest >= -MAX_JUMP * np.abs(v).max() - blur * np.abs(a + h * j)),
+        "place off its piece": ~((trajectory.s >= low - slack) & (end <= high + slack)),
+        "piece out of turn": np.concatenate([[False], ~np.isin(np.diff(trajectory.piece), (0, 1))]),
+    }
+    return {
+        name: place_at(trajectory, float(trajectory.knots[int(np.argmax(where))]), "")
+        for name, where in wrong.items()
+        if where.any()
+    }
+
+
+def piece_end_lengths(trajectory: Trajectory) -> Array:
+    """Path lengths (M,) at which the time pieces end."""
+    h, v, a, j = np.diff(trajectory.knots), trajectory.v, trajectory.a, trajectory.j
+    return np.asarray(trajectory.s + h * (v + h * (a / 2 + h * j / 6)))
+
+
+def place_at(trajectory: Trajectory, t: float, axis: str) -> Place:
+    state = trajectory.at(t)
+    return trajectory.path.place(float(state.along[0]), int(state.piece[0]), t, axis)
+
+
+LIMIT_ROUNDING = 1e-9
+"""What is stated may reach a limit exactly, and then counts as 1: places, and motions that have to meet stated speeds,
+whose bounds may be beyond 1 by so much rounding. What the timing chooses freely is never above 1."""
+# How small and how many cells may become until their bounds are tight.
+MIN_CELL_SHARE, MAX_CELLS = 2.0**-24, 400_000
+# Cells are cut in two; up to so many, where an evaluation costs the same for one as for all, in more.
+FEW_CELLS, CELL_PARTS = 64, 8
+CROSSING = "resonance crossing"
+"""What no value at an instant tells: the longest stay of an axis in a band of speed, over the time allowed."""
+# Order of the expansions in time, by the highest derivative: q̈ or q⃛ keep a polynomial of degree 3 or 4.
+EXPANSION = {2: 6, 3: 8}
+# Instants of a time piece that are looked at for where it uses a limit most (the bound itself needs none).
+WORST_PLACE_INSTANTS = 201
+# Cells that are looked at together: their series stay in the processor's cache.
+CELL_BATCH = 1024
+
+
+@dataclass(frozen=True, slots=True)
+class Certificate(Result):
+    """worst: proven upper bound of value/limit over continuous time, per limit; where: the place of each.
+
+    use       per limit, the proven bound over each time piece of the trajectory (M,); worst is its maximum
+    attained  per limit, the largest value/limit met in each time piece (M,): the truth lies between the two
+    """
+
+    holds: bool
+    worst: dict[str, float]
+    where: dict[str, Place]
+    use: dict[str, Array] = field(repr=False)
+    attained: dict[str, Array] = field(repr=False)
+
+    def tables(self) -> tuple[Table, ...]:
+        """The worst proven use of each limit, and where."""
+        head = "the certificate holds" if self.holds else "THE CERTIFICATE DOES NOT HOLD"
+        ratios = Column("bound", [*self.worst.values()], form=".7f", up=True)
+        where = where_columns([self.where[name] for name in self.worst])
+        names = Column("limit", [*self.worst])
+        return (Table(f"{head}: value/limit, bounded over continuous time", (names, ratios, *where)),)
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """The worst proven use of each limit; planner.figures.limit_use shows that of a plan over time."""
+        from kinematics.foundation.figure import draw_bars
+
+        return draw_bars([*self.worst], [*self.worst.values()], "bound of value/limit", ax, 1.0)
+
+
+@dataclass(frozen=True, slots=True)
+class ProvedUse:
+    """What is proved already: per limit, use and attained of each time piece (M,), NaN where nothing is yet.
+
+    Of geometric limits, what is attained: what they use is proved along the path.
+    """
+
+    use: dict[str, Array]
+    attained: dict[str, Array]
+
+    @classmethod
+    def nothing(cls, limits: Sequence[Limit], pieces: int) -> "ProvedUse":
+        names = [[limit.name for limit in some] for some in ([each for each in limits if not each.geometric], limits)]
+        use, attained = ({name: np.full(pieces, np.nan) for name in each} for each in names)
+        return cls(use, attained)
+
+    @classmethod
+    def joined(cls, parts: "Sequence[ProvedUse]") -> "ProvedUse":
+        """Of time pieces one after the other."""
+        use, attained = (
+            {name: np.concatenate([getattr(part, each)[name] for part in parts]) for name in getattr(parts[0], each)}
+            for each in ("use", "attained")
+        )
+        return cls(use, attained)
+
+
+def certify(trajectory: Trajectory, limits: Sequence[Limit], known: ProvedUse | None = None) -> Certificate:
+    """Prove what the trajectory uses of every limit, and that it is the motion asked for.
+
+    It runs the whole path once, forwards, from rest to rest or between the speeds that the path states for its ends,
+    and is as smooth as its order asks: nothing jumps.
+
+    known spares the work on time pieces of which the timing limits are proved already. What a geometric limit uses
+    depends on the place alone: it is proved once along the path, and each time piece has what the parts of the path
+    use through which it passes.
+    """
+    order = order_of(limits)
+    timed, standing = ([limit for limit in limits if limit.geometric is still] for still in (False, True))
+    use, attained = prove(trajectory, timed, order, known)
+    use |= _geometric_use(trajectory, standing)
+    attained |= use_at_knots(trajectory, standing, known)
+    worst = {name: float(values.max()) for name, values in use.items()}
+    most = {limit.name: attained if limit.geometric else use for limit in limits}
+    where = {
+        limit.name: _find_worst_place(trajectory, limit, int(np.argmax(most[limit.name][limit.name])))
+        for limit in limits
+    }
+    for limit in limits:
+        if isinstance(limit, Resonance) and limit.bands:
+            use[CROSSING], attained[CROSSING], where[CROSSING] = _prove_crossing(trajectory, limit)
+            worst[CROSSING] = float(use[CROSSING].max())
+    if np.isfinite(claimed_speeds(trajectory)).any():
+        use[CONSTANT_SPEED], attained[CONSTANT_SPEED], where[CONSTANT_SPEED] = prove_speed_deviation(trajectory)
+        worst[CONSTANT_SPEED] = float(use[CONSTANT_SPEED].max())
+    for name, place in (find_jumps(trajectory, order) | find_gaps(trajectory)).items():
+        worst[name], where[name] = float("inf"), place
+    return Certificate(
+        holds=all(value <= 1 for value in worst.values()),
+        worst=worst,
+        where=where,
+        use={name: freeze_array(values) for name, values in use.items()},
+        attained={name: freeze_array(values) for name, values in attained.items()},
+    )
+
+
+def prove(
+    trajectory: Trajectory, limits: Sequence[Limit], order: int, known: ProvedUse | None = None
+) -> tuple[dict[str, Array], dict[str, Array]]:
+    """Per limit, the proven bound of its use over each time piece (M,), and the largest use met there."""
+    lengths = np.diff(trajectory.knots)
+    whole = Cells(np.arange(len(lengths)), np.zeros(len(lengths)), lengths)[lengths > 0]
+    use = {limit.name: np.zeros(len(lengths)) for limit in limits}
+    attained = {limit.name: np.zeros(len(lengths)) for limit in limits}
+    cells = whole
+    if known is not None:
+        for name, values in use.items():
+            for new, old in ((values, known.use[name]), (attained[name], known.attained[name])):
+                new[:] = np.where(np.isnan(old), 0.0, old)
+        cells = whole[np.isnan(known.use[limits[0].name])[whole.k]]
+    share, stated = 1.0, _has_stated_speeds(trajectory.path)
+    while True:
+        bound, met = _bound_use(trajectory, limits, cells, order)
+        for n, limit in enumerate(limits):
+            if limit.geometric or stated:
+                bound[n], met[n] = round_reached_use(bound[n]), round_reached_use(met[n])
+        loose = np.zeros(len(cells.k), bool)
+        for n, limit in enumerate(limits):
+            values = attained[limit.name]
+            np.maximum.at(values, cells.k, met[n])
+            loose |= bound[n] > np.maximum(met[n], min(values.max(), 1.0)) + limit.tight(met[n])
+            loose |= (bound[n] > 1) & (met[n] <= 1)
+        parts = CELL_PARTS if loose.sum() <= FEW_CELLS else 2
+        share /= parts
+        if share < MIN_CELL_SHARE or parts * loose.sum() > MAX_CELLS:
+            loose[:] = False
+        for n, values in enumerate(use.values()):
+            np.maximum.at(values, cells.k[~loose], bound[n, ~loose])
+        if not loose.any():
+            break
+        cells = cells[loose].parts(parts)
+    return use, attained
+
+
+def round_reached_use(use: Array) -> Array:
+    """Shares of limits, of which those that are beyond 1 by rounding count as 1."""
+    return np.where((use > 1) & (use <= 1 + LIMIT_ROUNDING), 1.0, use)
+
+
+def _has_stated_speeds(path: ActuatorPath) -> bool:
+    """Whether a path states speeds, which its motion then has to meet exactly."""
+    return max(path.end_speeds) > 0 or any(path.constant(k) is not None for k in range(len(path.breaks) - 1))
+
+
+_PATH_USE: WeakKeyDictionary[ActuatorPath, tuple[tuple[Limit, ...], dict[str, Array]]] = WeakKeyDictionary()
+
+
+def prove_path_use(path: ActuatorPath, limits: Sequence[Limit]) -> dict[str, Array]:
+    """Per geometric limit, the proven bound of its use on every part of `unit_speed_trajectory(path)`; proved once
+    for a path."""
+    known, use = _PATH_USE.get(path, ((), {}))
+    if len(known) != len(limits) or any(a is not b for a, b in zip(known, limits, strict=True)):
+        use, _ = prove(unit_speed_trajectory(path), limits, 2)
+        _PATH_USE[path] = tuple(limits), use
+    return use
+
+
+def _geometric_use(trajectory: Trajectory, limits: Sequence[Limit]) -> dict[str, Array]:
+    """Per geometric limit, the proven bound of its use over each time piece (M,): that of the parts of the path met."""
+    if not limits:
+        return {}
+    along = unit_speed_trajectory(trajectory.path)
+    proven = prove_path_use(trajectory.path, limits)
+    s = np.append(trajectory.s, piece_end_lengths(trajectory)[-1:])
+    slack = MAX_JUMP * (along.s[-1] - along.s[0])  # by which `find_gaps` lets a motion stray
+    first = np.searchsorted(along.s, np.minimum(s[:-1], s[1:]) - slack, side="right") - 1
+    last = np.searchsorted(along.s, np.maximum(s[:-1], s[1:]) + slack, side="right")
+    ranges = np.stack([np.clip(first, 0, len(along.s) - 1), np.maximum(last, 1)], 1).ravel()
+    return {name: np.maximum.reduceat(np.append(values, 0.0), ranges)[::2] for name, values in proven.items()}
+
+
+def use_at_knots(trajectory: Trajectory, limits: Sequence[Limit], known: ProvedUse | None = None) -> dict[str, Array]:
+    """Per geometric limit, the larger use attained at the two ends of each time piece (M,); known: what is already.
+
+    A knot is one place: what the path uses there is the same on both sides.
+    """
+    pieces = len(trajectory.s)
+    nothing = np.full(pieces, np.nan)
+    found = {limit.name: nothing.copy() if known is None else known.attained[limit.name].copy() for limit in limits}
+    new = np.flatnonzero(np.isnan(found[limits[0].name])) if limits else np.zeros(0, int)
+    knots = np.union1d(new, new + 1)
+    k = np.minimum(knots, pieces - 1)
+    tau = np.where(knots < pieces, 0.0, np.diff(trajectory.knots)[k])
+    met = {limit.name: np.empty(pieces + 1) for limit in limits}
+    for some in (slice(first, first + STATE_BATCH) for first in range(0, len(knots), STATE_BATCH)):
+        state = trajectory.within(k[some], tau[some])
+        for limit in limits:
+            value = limit.value(state)
+            met[limit.name][knots[some]] = limit.use(value, value, state.piece).max(1)
+    for name, values in met.items():
+        found[name][new] = round_reached_use(np.maximum(values[new], values[new + 1]))
+    return found
+
+
+def _bound_use(trajectory: Trajectory, limits: Sequence[Limit], cells: Cells, order: int) -> tuple[Array, Array]:
+    """Over each of N cells, the bound of every limit's use over all its channels, and the use attained: (limits, N).
+
+    The bound comes from the enclosure, the attained use from the motion itself at each cell's ends and centre.
+    """
+    bound, met = np.zeros((len(limits), len(cells.k))), np.zeros((len(limits), len(cells.k)))
+    for first in range(0, len(cells.k), CELL_BATCH):
+        chosen = np.arange(first, min(first + CELL_BATCH, len(cells.k)))
+        some = cells[chosen]
+        enclosure = enclose(trajectory, some, EXPANSION[order])
+        places = np.concatenate([some.lo, (some.lo + some.hi) / 2, some.hi])
+        seen = trajectory.within(np.tile(some.k, 3), places, jerk=order == 3)
+        with np.errstate(invalid="ignore", over="ignore"):
+            for n, limit in enumerate(limits):
+                bound[n, chosen] = limit.use(*bound_series(limit.value(enclosure), len(chosen)), enclosure.piece).max(1)
+                value = limit.value(seen)
+                met[n, chosen] = limit.use(value, value, seen.piece).max(1).reshape(3, -1).max(0)
+    return np.where(np.isnan(bound), np.inf, bound), np.where(np.isnan(met), np.inf, met)
+
+
+def _prove_crossing(trajectory: Trajectory, limit: Resonance) -> tuple[Array, Array, Place]:
+    """The longest stay that each time piece has part in, as a share of the time allowed: what is proved and what is
+    attained (M,), and where the longest of all begins.
+    """
+    use, attained = np.zeros((2, len(trajectory.s)))
+    longest, place = 0.0, place_at(trajectory, 0.0, "")
+    for stay in find_stays(trajectory, limit):
+        part = slice(stay.first, stay.last + 1)
+        np.maximum(use[part], stay.use, out=use[part])
+        np.maximum(attained[part], stay.inside / stay.band.time, out=attained[part])
+        if stay.use > longest:
+            longest, place = stay.use, place_at(trajectory, stay.start, limit.channels[stay.band.axis])
+    return use, attained, place
+
+
+def _find_worst_place(trajectory: Trajectory, limit: Limit, k: int) -> Place:
+    """Where in time piece k, and in which channel, a limit is used most."""
+    span = trajectory.knots[k + 1] - trajectory.knots[k]
+    state = trajectory.within(np.full(WORST_PLACE_INSTANTS, k), span * np.linspace(0.0, 1.0, WORST_PLACE_INSTANTS))
+    value = limit.value(state)
+    row, channel = np.unravel_index(int(np.argmax(limit.use(value, value, state.piece))), value.shape)
+    return place_at(trajectory, float(state.t[row]), limit.channels[int(channel)])

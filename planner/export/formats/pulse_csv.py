@@ -1,0 +1,179 @@
+"""Pulse CSV, as a logic analyser would have recorded it: one row per edge with the levels of every line.
+
+    Time[s], leg1 STEP, leg1 DIR, leg2 STEP, leg2 DIR
+    0.000000000, 0, 1, 0, 0
+    0.012345600, 1, 1, 0, 0
+
+- A rising STEP is a pulse, at its tick; STEP falls one pulse width later. Before the first row every STEP is low.
+- DIR 1 is a positive count of the wiring: the pulse moves q by +axis.direction pulses; DIR 0 is a negative one. For
+  axes wired +1 that is +1 in q. DIR changes when the pulse before falls, and is right for the first pulse from time 0
+  on, so its set-up time is as long as it can be.
+- The first row, at time 0, states the level of every line; the last is the last falling edge.
+- Times are exact decimals of the tick where the clock allows (10 MHz: 7 of the 9 digits), else rounded to 1/20 tick.
+- UTF-8, line ends \\n, decimal points whatever the locale. The file holds no start counts: keep them beside it.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinematics.foundation.arrays import merge_rising
+from kinematics.foundation.errors import MotionError
+from kinematics.machine.axis import StepTiming, ceil_ticks
+from planner.export.format import Exported, ExportSource
+from planner.options import option
+from planner.parallel import Progress, ignore_progress, share_progress
+from planner.pulses.checking import edge_reader as lines
+from planner.pulses.schedule import PulseSchedule, Ticks, holds_same_pulses
+
+STEP_WIDTH = 2e-6  # s, enough for every common drive
+WINDOW = 1 << 15  # pulses per axis written together
+DECIMALS = 9
+
+
+@dataclass(frozen=True, slots=True)
+class PulseCsv:
+    """Every edge of the step and direction lines, as a logic analyser records them."""
+
+    suffix: ClassVar[str] = ".csv"
+    width: float | None = option(None, "how long STEP stays high; default 2 us, or half the smallest interval", "s")
+
+    def write(self, source: ExportSource, path: Path) -> Exported:
+        axes, pulses = source.machine.axes, source.pulses
+        wiring, timing = [axis.direction for axis in axes], [axis.timing for axis in axes]
+        write(pulses, path, wiring, width=self.width, timing=timing, tell=share_progress(source.tell, 0, 2))
+        held = lines.parts(path, pulses.clock_hz, axes, source.machine.home_q, tell=share_progress(source.tell, 1, 2))
+        exact = holds_same_pulses(pulses, (part.schedule for part in held))
+        notes = (describe_high(pulses, self.width, timing),)
+        return Exported(0.0 if exact else np.inf, "the pulses, edge by edge", notes, pulses.total)
+
+
+def write(
+    schedule: PulseSchedule,
+    path: str | PathLike[str],
+    wiring: Sequence[int],
+    *,
+    width: float | None = None,
+    timing: Sequence[StepTiming | None] = (),
+    tell: Progress = ignore_progress,
+) -> None:
+    """Write the edges of every axis, in pieces of bounded memory.
+
+    wiring  (n,) +1/-1, the `direction` of each machine axis
+    width   s that STEP stays high, rounded to ticks; None: 2 µs, or half the smallest pulse interval if that is less,
+            or else what the drives allow
+    timing  (n,) what each drive asks of its inputs
+    tell    told up to which tick the file is written, of how many
+    Raises MotionError where the width leaves STEP no time to be low or a drive another, or the wiring does not match.
+    """
+    if len(wiring) != len(schedule.axes) or any(sign not in (1, -1) for sign in wiring):
+        raise MotionError(f"wiring {tuple(wiring)}: give +1 or -1 for each of the {len(schedule.axes)} axes")
+    high = high_ticks(schedule, width, timing)
+    names = [f"{axis.name} {line}" for axis in schedule.axes for line in ("STEP", "DIR")]
+    end = high + max((int(axis.ticks[-1]) for axis in schedule.axes if len(axis)), default=0)
+    with Path(path).open("wb") as file:
+        file.write((", ".join(["Time[s]", *map(_quoted, names)]) + "\n").encode())
+        for ticks, levels in edge_rows(schedule, wiring, high):
+            file.write(_text(ticks, levels, schedule.clock_hz))
+            tell(int(ticks[-1]), end)
+
+
+def high_ticks(schedule: PulseSchedule, width: float | None, timing: Sequence[StepTiming | None]) -> int:
+    """Ticks that STEP stays high: as the drives ask, and leaving the closest pulses what these need of a low one.
+
+    DIR changes when STEP falls, so that a reversal has to leave the set-up of its drive as well.
+    """
+    clock, closest = schedule.clock_hz, schedule.smallest_interval
+    drives = [drive for drive in timing if drive is not None]
+    least = max([1, *(ceil_ticks(max(drive.high, drive.hold), clock) for drive in drives)])
+    room = np.inf if closest is None else closest - max([1, *(ceil_ticks(drive.low, clock) for drive in drives)])
+    for axis, drive in zip(schedule.axes, timing, strict=False):
+        back = np.diff(axis.ticks)[np.diff(axis.direction) != 0]
+        if drive is not None and len(back):
+            room = min(room, int(back.min()) - ceil_ticks(drive.setup, clock))
+    usual = min(STEP_WIDTH * clock, np.inf if closest is None else closest // 2)
+    high = int(min(max(round(usual), least), room)) if width is None else round(width * clock)
+    if not least <= high <= room:
+        raise MotionError(
+            f"pulse width {high} ticks of {1e6 / clock:.4g} µs: must be at least {least} and at most {room:.0f} "
+            "to leave the closest pulses and reversals apart; choose another width, a faster clock, or a slower motion"
+        )
+    return high
+
+
+def describe_high(schedule: PulseSchedule, width: float | None, timing: Sequence[StepTiming | None]) -> str:
+    """How long STEP is high, for the notes."""
+    return f"STEP is high for {1e6 * high_ticks(schedule, width, timing) / schedule.clock_hz:.6g} us"
+
+
+def _quoted(name: str) -> str:
+    return '"' + name.replace('"', '""') + '"' if set(name) & set(',"\n\r') else name
+
+
+def edge_rows(schedule: PulseSchedule, wiring: Sequence[int], high: int) -> Iterator[tuple[Ticks, NDArray[np.uint8]]]:
+    """Edge instants (N,) and the levels of all lines there (N, 2 n), in windows of time."""
+    marks = np.unique(np.concatenate([[0], *(axis.ticks[WINDOW::WINDOW] for axis in schedule.axes)]))
+    ends = [*marks[1:].tolist(), np.iinfo(np.int64).max]
+    for lo, hi in zip(marks.tolist(), ends, strict=True):
+        # Pulses that rise or fall from lo on, before hi.
+        spans = [np.searchsorted(axis.ticks, (lo - high, lo, hi - high, hi)).tolist() for axis in schedule.axes]
+        edges = [np.zeros(int(lo == 0), np.int64)]
+        for axis, (falling, rising, fallen, risen) in zip(schedule.axes, spans, strict=True):
+            edges += [axis.ticks[rising:risen], axis.ticks[falling:fallen] + high]
+        instants = merge_rising(*edges)
+        levels = np.zeros((len(instants), 2 * len(wiring)), np.uint8)
+        for k, (axis, (falling, _, _, risen)) in enumerate(zip(schedule.axes, spans, strict=True)):
+            if not len(axis):
+                continue
+            near = axis.ticks[falling:risen]
+            up = np.searchsorted(near, instants, side="right")
+            down = np.searchsorted(near, instants - high, side="right")
+            levels[:, 2 * k] = up - down
+            following = np.minimum(falling + down, len(axis) - 1)
+            levels[:, 2 * k + 1] = axis.direction[following] == wiring[k]
+        yield instants, levels
+
+
+def _decimals(clock_hz: int) -> tuple[int, int]:
+    """Digits after the point, and ten to that power: exact where 15 digits can be, else good to 1/20 tick."""
+    for digits in range(DECIMALS, 16):
+        if 10**digits % clock_hz == 0:
+            return digits, 10**digits
+    digits = max(DECIMALS, len(str(clock_hz)) + 1)
+    if clock_hz * 10**digits >= 2**63:
+        raise MotionError(
+            f"clock {clock_hz} Hz: too fine for decimal seconds; use one below 900 MHz, or a divisor of 1e15 Hz"
+        )
+    return digits, 10**digits
+
+
+def _text(ticks: Ticks, levels: NDArray[np.uint8], clock_hz: int) -> bytes:
+    """The rows as text, in whole numbers throughout: float formatting could move an edge."""
+    digits, scale = _decimals(clock_hz)
+    second, rest = np.divmod(ticks, clock_hz)
+    fraction = rest * (scale // clock_hz) if scale % clock_hz == 0 else (rest * scale + clock_hz // 2) // clock_hz
+    parts = []
+    # Rows with equally long whole seconds share one table of characters.
+    sizes = [len(str(n)) for n in (second[:1].tolist() + second[-1:].tolist())]
+    for size in range(sizes[0], sizes[-1] + 1) if sizes else ():
+        lo, hi = np.searchsorted(second, (10 ** (size - 1) if size > 1 else 0, 10**size))
+        table = np.empty((hi - lo, size + 1 + digits + 3 * levels.shape[1] + 1), np.uint8)
+        _put_digits(table[:, :size], second[lo:hi])
+        table[:, size] = ord(".")
+        _put_digits(table[:, size + 1 : size + 1 + digits], fraction[lo:hi])
+        lines = table[:, size + 1 + digits : -1].reshape(hi - lo, levels.shape[1], 3)
+        lines[:, :, 0], lines[:, :, 1], lines[:, :, 2] = ord(","), ord(" "), levels[lo:hi] + ord("0")
+        table[:, -1] = ord("\n")
+        parts.append(table.tobytes())
+    return b"".join(parts)
+
+
+def _put_digits(table: NDArray[np.uint8], number: Ticks) -> None:
+    for column in range(table.shape[1] - 1, -1, -1):
+        number, digit = np.divmod(number, 10)
+        table[:, column] = digit + ord("0")

@@ -1,0 +1,84 @@
+"""ROS `trajectory_msgs/JointTrajectory` as YAML: positions, velocities and accelerations at times from the start.
+
+    joint_names: ["leg1", "leg2"]
+    points:
+      - positions: [0.2310935915, 0.2370092485]
+        velocities: [0.0000000000, 0.0000000000]
+        accelerations: [0.1331785200, -0.2000000000]
+        effort: []
+        time_from_start: {sec: 0, nanosec: 0}
+
+- Metres and radians; natural coordinates (a joint's angle, a leg's length) or, with origin home, from the machine's.
+- The usual controller goes from point to point by the quintic that meets all three at both.
+- Times are whole nanoseconds: sec and nanosec (ROS 2), or secs and nsecs (ROS 1).
+- ASCII YAML, names in double quotes with escapes, line ends \\n, decimal points whatever the locale.
+"""
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+from typing import ClassVar, Literal
+
+import numpy as np
+
+from kinematics.foundation.arrays import Array
+from planner.export.columns import BLOCK, Columns, make_columns, origin_option
+from planner.export.format import Exported, ExportSource
+from planner.export.knots import choose_knots, spacing_option, tolerance_option
+from planner.export.roundtrip import compare
+from planner.options import option
+
+PER_SECOND = 10**9
+ROWS = ("positions", "velocities", "accelerations")
+TIMES = {"1": ("secs", "nsecs"), "2": ("sec", "nanosec")}
+LINES = 5  # per point
+
+
+@dataclass(frozen=True, slots=True)
+class JointTrajectory:
+    """ROS JointTrajectory as YAML: positions, velocities, accelerations; quintic between the points."""
+
+    suffix: ClassVar[str] = ".yaml"
+    tolerance: float | None = tolerance_option()
+    spacing: float | None = spacing_option()
+    origin: Literal["home", "natural"] = origin_option("natural")
+    ros: Literal["1", "2"] = option("2", "names of the times: 1 has secs and nsecs, 2 sec and nanosec. Default 2")
+
+    def write(self, source: ExportSource, path: Path) -> Exported:
+        axes, motion = source.machine.axes, source.counted
+        knots = choose_knots(motion, axes, 3, step=1 / PER_SECOND, tolerance=self.tolerance, spacing=self.spacing)
+        form = make_columns(source, knots.tolerance, origin=self.origin, unit="SI")
+        whole, rest = TIMES[self.ros]
+        with path.open("w", encoding="ascii", newline="") as file:
+            names = ", ".join(quoted(axis.name) for axis in axes)
+            file.write(f"joint_names: [{names}]\npoints:\n")
+            at = 0
+            for steps, units in form.blocks(source, knots, 3):
+                for lasting, row in zip(steps.tolist(), form.text_rows(units), strict=True):
+                    at += lasting
+                    told = (f"{name}: [{', '.join(row[k::3])}]" for k, name in enumerate(ROWS))
+                    second, nanosecond = divmod(at, PER_SECOND)
+                    file.write("  - " + "\n    ".join(told) + "\n    effort: []\n")
+                    file.write(f"    time_from_start: {{{whole}: {second}, {rest}: {nanosecond}}}\n")
+        notes = (
+            f"positions {'of' if self.origin == 'natural' else 'from home,'} the axes, in their sense; in {form.unit}",
+        )
+        return compare(motion, axes, knots, _points(path, form), notes)
+
+
+def quoted(name: str) -> str:
+    """A YAML double-quoted scalar of printable ASCII that stands for any text."""
+    plain = (c if " " <= c <= "~" and c not in '"\\' else f"\\U{ord(c):08X}" for c in name)
+    return f'"{"".join(plain)}"'
+
+
+def _points(path: Path, form: Columns) -> Iterator[tuple[Array, Array]]:
+    with path.open(encoding="ascii", newline="") as file:
+        list(islice(file, 2))
+        while lines := list(islice(file, LINES * BLOCK)):
+            rows = [[json.loads(line.partition(":")[2]) for line in lines[k::LINES]] for k in range(len(ROWS))]
+            parts = [line.strip("}\n").replace(",", ":").split(":") for line in lines[LINES - 1 :: LINES]]
+            t = [int(part[2]) + int(part[4]) / PER_SECOND for part in parts]
+            yield np.array(t), form.natural(np.array(rows))

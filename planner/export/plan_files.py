@@ -1,0 +1,75 @@
+"""A trajectory as a table: one row per instant, for spreadsheets and plots; the exact pieces are in motion.json.
+
+Columns are time, distance along the path, the pose of the platform in the base frame (rx, ry, rz about the moving axes
+in turn), and position (natural coordinate), speed, acceleration and jerk of every axis. SI units, as the header says.
+
+The triggers of a plan as a table: one row per event, in the order of time.
+
+Columns are name, segment, repetition (1 where the program runs once), time, distance along the path, the pose of the
+platform in the base frame (rx, ry, rz about the moving axes in turn), and the count of every axis. SI units.
+
+A trajectory's closed-form pieces as JSON: exact to the last bit, so that a plan can be taken up without solving.
+"""
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+
+from kinematics import Fault, FileError
+from planner.actuation import ActuatorPath
+from planner.plan import Plan
+from planner.trajectory import Trajectory, column_headings, row_instants, rows
+
+BLOCK = 1 << 13
+"""Rows computed and written together, so that memory stays bounded."""
+
+
+def write_trajectory_csv(trajectory: Trajectory, path: Path) -> None:
+    """Write the table: 12 significant digits, line ends \\n, decimal points whatever the locale."""
+    t = row_instants(trajectory)
+    header = [f"{name} [{unit}]" if unit else name for name, unit in column_headings(trajectory.path)]
+    with path.open("w", encoding="utf-8", newline="") as file:
+        csv.writer(file, lineterminator="\n").writerow(header)
+        for first in range(0, len(t), BLOCK):
+            np.savetxt(file, rows(trajectory, t[first : first + BLOCK]), fmt="%.12g", delimiter=",")
+
+
+def write_trigger_csv(plan: Plan, path: Path) -> None:
+    """Write the table: numbers as Python's shortest decimals, which read back as the same floats; line ends \\n."""
+    place = [*(f"{name} [m]" for name in "xyz"), *(f"r{name} [rad]" for name in "xyz")]
+    counts = [f"{axis.name} [counts]" for axis in plan.machine.axes]
+    with path.open("w", encoding="utf-8", newline="") as file:
+        table = csv.writer(file, lineterminator="\n")
+        table.writerow(["name", "segment", "repetition", "t [s]", "s [m]", *place, *counts])
+        for event in sorted(plan.triggers, key=lambda event: event.time):
+            at, angles = event.where, event.pose.rotation.as_euler("XYZ", suppress_warnings=True)
+            pose = [value + 0.0 for value in (*event.pose.translation.tolist(), *angles.tolist())]  # no −0
+            table.writerow([event.name, at.segment, at.repetition or 1, event.time, at.s, *pose, *event.counts])
+
+
+PIECES = ("s", "v", "a", "j", "piece")
+"""One entry per time piece, as `Trajectory` has them; its knots are one more."""
+
+
+def write_motion_json(trajectory: Trajectory, path: Path) -> None:
+    """Write knots and pieces; Python's shortest decimals read back as the same floats."""
+    path.write_text(json.dumps({name: getattr(trajectory, name).tolist() for name in ("knots", *PIECES)}) + "\n")
+
+
+def read(path: Path, along: ActuatorPath) -> Trajectory:
+    """The trajectory in a file, along its path. Raises FileError where it is damaged or belongs to another path."""
+    try:
+        table = json.loads(path.read_bytes())
+        knots = np.array(table["knots"], float)
+        s, v, a, j = (np.array(table[name], float) for name in PIECES[:4])
+        piece = np.array(table["piece"], int)
+    except (ValueError, TypeError, KeyError) as error:
+        raise FileError(str(path), [Fault("", f"no motion can be read from it: {error}")]) from None
+    fits = len({values.shape for values in (s, v, a, j, piece)}) == 1 and knots.shape == (len(piece) + 1,)
+    if not fits or not np.isfinite(np.concatenate([knots, s, v, a, j])).all() or (np.diff(knots) < 0).any():
+        raise FileError(str(path), [Fault("", "its pieces do not make a motion: plan it again")])
+    if not len(piece) or piece.min() < 0 or piece.max() >= len(along.breaks) - 1:
+        raise FileError(str(path), [Fault("piece", "belongs to another path: plan it again")])
+    return Trajectory(along, knots, s, v, a, j, piece)

@@ -1,0 +1,305 @@
+"""Figures of a plan: each function draws on `ax`, or on a figure of its own, and returns the axes.
+
+Figures of a motion alone: each function draws on `ax`, or on a figure of its own, and returns the axes.
+
+The figure of an imported program: flat where it lies in a plane of the axes, else in space.
+
+The figure of a pulse schedule.
+"""
+
+from itertools import groupby, pairwise
+from typing import Any, Literal, cast
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.patches import StepPatch
+from matplotlib.ticker import MaxNLocator
+from mpl_toolkits.mplot3d import Axes3D
+from mpl_toolkits.mplot3d.art3d import Line3DCollection
+
+from kinematics.foundation.arrays import Array
+from kinematics.foundation.figure import PALETTE, escape_dollars, line_style, new_axes, new_axes_3d
+from kinematics.foundation.result import draws
+from kinematics.machine.axis import Axis
+from kinematics.machine.pose import from_numbers
+from planner.actuation import MachinePath
+from planner.plan import Plan, active_limits
+from planner.program.model import Program
+from planner.pulses.realised_path import RealisedPath
+from planner.pulses.schedule import RATE_WINDOWS, PulseSchedule
+from planner.sources.arm_simulation import ArmSimulation
+from planner.sources.outline import Outline, outline
+from planner.sources.position_list import PositionList
+from planner.trajectory import Trajectory
+
+DRAWN_INSTANTS = 2000
+"""Instants drawn, beside the knots of the trajectory."""
+
+
+@draws(Trajectory)
+def path_speed(trajectory: Trajectory, ax: Axes | None = None, **style: Any) -> Axes:
+    """The speed along the path over time; `style` goes to the line, so that two timings can share the axes."""
+    ax = new_axes(ax)
+    t = drawn(trajectory)
+    unit, scale = ("mm/s", 1e3) if isinstance(trajectory.path, MachinePath) else ("1/s", 1.0)
+    ax.plot(t, scale * trajectory.at(t).sd, **style)
+    ax.set(xlabel="time (s)", ylabel=f"speed along the path ({unit})")
+    return ax
+
+
+def drawn(trajectory: Trajectory) -> Array:
+    """Instants (N,) to draw a trajectory at: evenly spaced ones, and its knots."""
+    return np.union1d(np.linspace(0, trajectory.duration, DRAWN_INSTANTS), trajectory.knots)
+
+
+Quantity = Literal["position", "speed", "acceleration", "jerk"]
+
+_UNIT = {"linear": ("mm", 1e3), "rotary": ("°", 180 / np.pi)}
+_DERIVATIVE = {"position": ("q", ""), "speed": ("qd", "/s"), "acceleration": ("qdd", "/s²"), "jerk": ("qddd", "/s³")}
+
+
+@draws(Plan)
+def path_in_space(plan: Plan, ax: Axes3D | None = None) -> Axes3D:
+    """The way of the tool (else the platform's origin) in the program's frame, coloured by its speed; its rests."""
+    ax = new_axes_3d(ax)
+    state = plan.trajectory.at(drawn(plan.trajectory))
+    pose = from_numbers(state.tool_rate(0))
+    from_home = plan.program.frame == "home"
+    mover = "platform's origin" if plan.path.tool is None else "tool"
+    position = 1e3 * (plan.machine.home.inv() * pose if from_home else pose).translation
+    speed = 1e3 * np.linalg.norm(state.tool_velocity, axis=1)
+    line = Line3DCollection(list(np.stack([position[:-1], position[1:]], 1)), cmap="viridis", linewidths=2.5)
+    line.set_array((speed[:-1] + speed[1:]) / 2)
+    ax.add_collection3d(line)
+    rest = position[speed <= 1e-6 * speed.max(initial=0.0)]
+    ax.scatter(*rest.T, color="black", s=14, depthshade=False, label="at rest")
+    ax.scatter(*position[0], s=80, facecolor="none", edgecolor="black", depthshade=False, label="start")
+    extent = np.ptp(position, axis=0)
+    for name, low, size in zip("xyz", position.min(0), extent, strict=True):
+        half = max(size, extent.max() / 10) / 2
+        ax.set(**{f"{name}lim": (low + size / 2 - half, low + size / 2 + half), f"{name}label": f"{name} (mm)"})
+        getattr(ax, f"{name}axis").set_major_locator(MaxNLocator(2 if 4 * size < extent.max() else 6))
+    ax.set_aspect("equal")
+    ax.set_title(f"Path in space, from the machine's {'home pose' if from_home else 'base frame'}")
+    ax.legend(loc="upper left", frameon=False)
+    root = ax.get_figure(root=True)
+    if root is not None:
+        root.colorbar(line, ax=ax, label=f"speed of the {mover} (mm/s)", shrink=0.7, pad=0.1)
+    return ax
+
+
+def axis_motion(
+    plan: Plan, quantity: Quantity, ax: Axes | None = None, kind: Literal["linear", "rotary"] | None = None
+) -> Axes:
+    """Position (from home), speed, acceleration or jerk of every axis over time, between its limits.
+
+    kind  which axes, since lengths and angles share no scale; None: the kind of the first axis
+    """
+    ax = new_axes(ax)
+    axes = plan.machine.axes
+    kind = axes[0].kind if kind is None else kind
+    unit, scale = _UNIT[kind]
+    attribute, per = _DERIVATIVE[quantity]
+    t = drawn(plan.trajectory)
+    values: Array = getattr(plan.trajectory.at(t), attribute) - (plan.machine.home_q if quantity == "position" else 0.0)
+    chosen = [n for n, axis in enumerate(axes) if axis.kind == kind]
+    for place, n in enumerate(chosen):
+        ax.plot(t, scale * values[:, n], label=escape_dollars(axes[n].name), **line_style(place))
+    bounds = [_quantity_range(axes[n], quantity) for n in chosen]
+    for level in sorted({bound for pair in bounds for bound in pair if np.isfinite(bound)}):
+        owners = [place for place, pair in enumerate(bounds) if level in pair]
+        color = "black" if len(owners) == len(chosen) else PALETTE[owners[0] % len(PALETTE)]
+        ax.axhline(scale * level, color=color, linestyle=(0, (6, 3)), linewidth=1)
+    ax.set(xlabel="time (s)", ylabel=f"{quantity} ({unit}{per})", xlim=(0, plan.trajectory.duration))
+    return ax
+
+
+def limit_use(plan: Plan, ax: Axes | None = None, over: Literal["path", "time"] = "path") -> Axes:
+    """The proven use of every limit, along the path or over time, under a band in the colour of the active limit."""
+    ax = new_axes(ax)
+    trajectory = plan.trajectory
+    s = np.append(trajectory.s, trajectory.at(trajectory.duration).s)
+    edges = trajectory.knots if over == "time" else 1e3 * s
+    for n, limit in enumerate(plan.limits):
+        _draw_stairs(ax, plan.certificate.use[limit.name], edges, label=limit.name, **line_style(n))
+    ax.set_axisbelow(True)
+    active = active_limits(plan)
+    bands: dict[int, list[tuple[float, float]]] = {}
+    for owner, run in groupby(range(len(active)), key=lambda k: int(active[k])):
+        pieces = list(run)
+        low, high = edges[pieces[0]], edges[pieces[-1] + 1]
+        bands.setdefault(owner, []).append((low, high - low))
+    for owner, spans in bands.items():
+        color = "#E8E8E8" if owner < 0 else PALETTE[owner % len(PALETTE)]
+        ax.broken_barh(spans, (1.06, 0.12), facecolor=color, linewidth=0)
+    for edge, number in _segments(trajectory, edges):
+        ax.axvline(edge, color="#B0B0B0", linewidth=0.8, zorder=0)
+        ax.annotate(
+            f"{number}", (edge, 1.2), xytext=(2, 0), textcoords="offset points", fontsize="small", color="#606060"
+        )
+    ax.axhline(1.0, color="black", linestyle=(0, (6, 3)), linewidth=1)
+    label = "time (s)" if over == "time" else "distance along the path (mm)"
+    ax.set(
+        xlabel=label,
+        ylabel="proven share of the limit",
+        xlim=(edges[0], edges[-1]),
+        ylim=(0, 1.3),
+        yticks=np.linspace(0, 1, 5),
+    )
+    return ax
+
+
+def pulse_rate(plan: Plan, ax: Axes | None = None) -> Axes:
+    """Pulses per second of every axis over time, as of the schedule alone, and their limits."""
+    ax = draw_pulse_rate(plan.pulses, ax)
+    for rate in {axis.max_pulse_rate for axis in plan.machine.axes if axis.max_pulse_rate is not None}:
+        ax.axhline(rate / 1e3, color="black", linestyle=(0, (6, 3)), linewidth=1)
+    return ax
+
+
+def realised_error(result: RealisedPath, name: str = "position", ax: Axes | None = None, **style: Any) -> Axes:
+    """One error of a realised path over time, the largest in each of its windows, under what bounds it.
+
+    `style` goes to the error's line, so that the paths of several firing rules can share the axes.
+    """
+    ax = new_axes(ax)
+    error = result[name]
+    _draw_stairs(ax, 1e6 * error.series, result.edges, label=result.rule, **{**line_style(0), **style})
+    _draw_stairs(ax, 1e6 * error.bounds, result.edges, label="bound", color="black", linestyle=(0, (6, 3)))
+    ax.set_axisbelow(True)
+    ax.set(xlabel="time (s)", ylabel=f"{name} error (µ{error.unit})", xlim=(0, result.edges[-1]))
+    ax.set_ylim(bottom=0)
+    return ax
+
+
+def _draw_stairs(ax: Axes, values: Array, edges: Array, **style: Any) -> None:
+    """What `Axes.stairs` draws, which takes longer to find the ends of every step than to draw it."""
+    ax.add_artist(StepPatch(values, edges, baseline=None, fill=False, **style))  # type: ignore[arg-type]  # a float only
+    ax.update_datalim([(edges[0], values.min()), (edges[-1], values.max())])
+    ax.autoscale_view()
+
+
+def _quantity_range(axis: Axis, quantity: Quantity) -> tuple[float, float]:
+    if quantity == "position":
+        return axis.travel
+    bound = getattr(axis, f"max_{quantity}")
+    return (-np.inf, np.inf) if bound is None else (-bound, bound)
+
+
+def _segments(trajectory: Trajectory, edges: Array) -> list[tuple[float, int]]:
+    """Where each segment of the program begins, and its number."""
+    starts = np.flatnonzero(np.diff(trajectory.piece, prepend=-1))
+    numbered = [(float(edges[k]), trajectory.path.segment(int(trajectory.piece[k]))) for k in starts]
+    return [(edge, number) for edge, number in numbered if number is not None]
+
+
+FLATNESS_SHARE = 1e-2
+"""Share of the largest extent up to which a program is drawn as if it were flat."""
+MAX_MARKED_SEGMENTS = 60
+"""Segments up to which their ends are marked."""
+
+
+def program_path(outline: Outline, ax: Axes | None = None, title: str = "") -> Axes:
+    """The tool's way in the program's coordinates, coloured from its start to its end."""
+    extent = outline.high - outline.low
+    thin = [k for k in range(3) if extent[k] <= FLATNESS_SHARE * extent.max()]
+    shown = [k for k in range(3) if k != thin[-1]] if thin else [0, 1, 2]
+    ax = new_axes(ax, (7.5, 5.4)) if thin else new_axes_3d(cast("Axes3D | None", ax), (7.5, 5.4))
+    strokes = [1e3 * stroke[:, shown] for stroke in outline.strokes]
+    order = np.arange(len(strokes), dtype=float) + 1
+    drawn = (LineCollection if thin else Line3DCollection)(strokes, cmap="viridis", linewidths=1.5)
+    drawn.set_array(order)
+    if thin:
+        ax.add_collection(drawn)
+    else:
+        cast(Axes3D, ax).add_collection3d(drawn)
+        cast(Axes3D, ax).zaxis.set_major_locator(MaxNLocator(3))
+    if strokes:
+        start = strokes[0][0]
+        ax.plot(*start[:, None], "o", markersize=9, markerfacecolor="none", color="black", label="start")
+        if len(strokes) <= MAX_MARKED_SEGMENTS:
+            ends = np.array([stroke[-1] for stroke in strokes])
+            ax.plot(*ends.T, ".", color="black", markersize=4, label="ends of segments")
+        ax.legend(loc="upper right", frameon=False)
+    for place, k in enumerate(shown):
+        half = max(extent[k], extent.max() / 10, 1e-6) * 0.55e3
+        middle = 0.5e3 * (outline.low[k] + outline.high[k])
+        ax.set(**{f"{'xyz'[place]}lim": (middle - half, middle + half), f"{'xyz'[place]}label": f"{'xyz'[k]} (mm)"})
+    ax.set_aspect("equal")
+    ax.set_title(escape_dollars(title) or f"{len(strokes)} segments, {1e3 * outline.length:.6g} mm")
+    root = ax.get_figure(root=True)
+    if root is not None and len(strokes) > 1:
+        root.colorbar(drawn, ax=ax, label="segment", shrink=0.7, pad=0.1 if not thin else 0.02)
+    return ax
+
+
+def listed_positions(points: Array, ax: Axes | None = None, title: str = "") -> Axes:
+    """Positions (N, 3) in m, joined in their order by straight lines."""
+    strokes = tuple(np.stack([a, b]) for a, b in pairwise(points))
+    low, high = (of(points, axis=0, initial=0.0) if not len(points) else of(points, axis=0) for of in (np.min, np.max))
+    length = sum(float(np.linalg.norm(b - a)) for a, b in strokes)
+    return program_path(Outline(strokes, low, high, length), ax, title)
+
+
+def arm_lengths(lengths: Array, turned: np.ndarray, ax: Axes | None = None, title: str = "") -> Axes:
+    """Lengths (N, 3) in m of three arms from pose to pose; those of turned poses marked."""
+    ax = new_axes(ax, (7.5, 4.5))
+    pose = np.arange(1, len(lengths) + 1)
+    for k, length in enumerate(1e3 * lengths.T):
+        ax.plot(pose, length, ".-", label=f"arm{k + 1}")
+        ax.plot(pose[turned], length[turned], "o", markerfacecolor="none", color=ax.lines[-1].get_color())
+    if turned.any():
+        ax.plot([], [], "o", markerfacecolor="none", color="black", label="turned: simulated only")
+    ax.set(xlabel="pose", ylabel="length (mm)")
+    ax.legend(frameon=False)
+    ax.set_title(escape_dollars(title))
+    return ax
+
+
+@draws(Program)
+def program_way(program: Program, ax: Axes | None = None) -> Axes:
+    """The tool's way in the program's coordinates."""
+    return program_path(outline(program), ax, program.name)
+
+
+@draws(PositionList)
+def list_of_positions(listed: PositionList, ax: Axes | None = None) -> Axes:
+    """The positions in their order, joined by straight lines."""
+    return listed_positions(listed.poses[:, :3], ax, f"{len(listed)} poses from {listed.frame}")
+
+
+@draws(ArmSimulation)
+def simulated_arms(simulation: ArmSimulation, ax: Axes | None = None) -> Axes:
+    """The arms' lengths from pose to pose; turned ones shaded."""
+    return arm_lengths(simulation.lengths, simulation.turned, ax, f"arm lengths of {simulation.machine}")
+
+
+@draws(RealisedPath)
+def realised_in_space(realised: RealisedPath, ax: Axes | None = None) -> Axes:
+    """The error in space over time and its bound; `realised_error` has the other errors."""
+    ax = realised_error(realised, ax=ax)
+    ax.legend(frameon=False, loc="lower center")
+    return ax
+
+
+@draws(PulseSchedule)
+def schedule_rates(schedule: PulseSchedule, ax: Axes | None = None) -> Axes:
+    """Pulse rates over time."""
+    ax = draw_pulse_rate(schedule, ax)
+    ax.legend(frameon=False, loc="center left", bbox_to_anchor=(1, 0.5))
+    return ax
+
+
+def draw_pulse_rate(schedule: PulseSchedule, ax: Axes | None = None) -> Axes:
+    """Pulses per second of every axis over time, averaged over windows of 1/600 of the duration."""
+    ax = new_axes(ax)
+    edges = np.linspace(0, schedule.duration, RATE_WINDOWS + 1)
+    for n, axis in enumerate(schedule.axes):
+        fired, _ = np.histogram(axis.ticks / schedule.clock_hz, edges)
+        ax.plot(
+            (edges[1:] + edges[:-1]) / 2, fired / np.diff(edges) / 1e3, label=escape_dollars(axis.name), **line_style(n)
+        )
+    ax.set(xlabel="time (s)", ylabel="pulse rate (1000/s)", xlim=(0, schedule.duration))
+    ax.set_ylim(bottom=0)
+    return ax

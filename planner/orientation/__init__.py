@@ -1,0 +1,1 @@
+"""Orientation where a program leaves it free."""

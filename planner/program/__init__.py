@@ -1,0 +1,1 @@
+"""Programs: segments and joins, the files that state them, and formulas in them."""

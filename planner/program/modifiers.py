@@ -1,0 +1,81 @@
+"""What segments say beside where they lead: how they join, events along them, freedom of orientation."""
+
+from dataclasses import dataclass
+from math import pi
+
+from kinematics.foundation.arrays import Array, freeze_array
+from kinematics.foundation.errors import MotionError
+from planner.program.validation import check_positive, legible
+
+
+@dataclass(frozen=True, slots=True)
+class Stop:
+    """The join at which the motion comes to rest."""
+
+
+@dataclass(frozen=True, slots=True)
+class Through:
+    """The join that is passed where the path is smooth enough for the motion's order, and a stop elsewhere.
+
+    Order 2 needs a common tangent (and turning rate), order 3 a common curvature too.
+    """
+
+
+@dataclass(frozen=True, slots=True)
+class Blend:
+    """The join that is rounded: it leaves the programmed corner by at most `tolerance` (m), and `angle` (rad).
+
+    angle  None: what turns points at the machine's characteristic length by the tolerance
+    """
+
+    tolerance: float
+    angle: float | None = None
+
+    def __post_init__(self) -> None:
+        check_positive("blend", "tolerance", self.tolerance, "m")
+        check_positive("blend", "angle", self.angle, "rad")
+
+
+Join = Stop | Through | Blend
+STOP = Stop()
+"""What is meant where nothing is said."""
+
+
+@dataclass(frozen=True, slots=True)
+class Trigger:
+    """An event at a position: named, at a share of the tool's way along its segment (1: at its end).
+
+    Where the segment only turns the tool, at a share of the angle.
+    """
+
+    name: str
+    at: float = 1.0
+
+    def __post_init__(self) -> None:
+        if not self.name:
+            raise MotionError("trigger: its name is empty; give the output line or the event that it stands for")
+        legible("trigger", "its name", self.name)
+        if not 0 <= self.at <= 1:
+            raise MotionError(f"trigger {self.name}: at {self.at} must be a share of its segment, from 0 to 1")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Free:
+    """Orientation that a segment leaves free: the turn about the tool's own z axis, and a tilt of that axis.
+
+    yaw       whether the turn is free
+    tilt      rad by which the axis may lean from where the program has it, any way; 0: not at all
+    controls  what was chosen, as `planner.path.free` has it; None: nothing yet
+    """
+
+    yaw: bool = True
+    tilt: float = 0.0
+    controls: Array | None = None
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.tilt < pi / 2:
+            raise MotionError(f"free: tilt {self.tilt} rad must not be negative, and be less than a right angle")
+        if not self.yaw and self.tilt == 0:
+            raise MotionError("free: leave yaw free, or a tilt, or both; else leave free out")
+        if self.controls is not None:
+            object.__setattr__(self, "controls", freeze_array(self.controls))

@@ -1,0 +1,250 @@
+"""The schema of what every segment of a program's TOML may say beside where it leads.
+
+The schema of a segment by equations.
+
+    [[segment]]
+    curve = { x = "r*cos(t)", y = "r*sin(t)", z = 25, from = 0, to = "2*pi", constants = { r = 15 } }
+
+t is a number without a unit, and sin, cos and tan take radians, whatever the file declares. The equations must begin
+where the path stands, and be smooth.
+"""
+
+from typing import Annotated, Any, Literal, Self
+
+from casadi import SX
+from pydantic import AfterValidator, Field, PlainValidator, ValidationInfo, model_validator
+
+from kinematics.files.schema import Number, TableSchema, chosen
+from kinematics.foundation.errors import MotionError, validation_error
+from kinematics.foundation.units import Unit, describe_value
+from planner.program.formula import check_names, constant, formula
+from planner.program.model import Curve, Segment
+from planner.program.modifiers import Blend, Free, Join, Stop, Through, Trigger
+
+
+def _check_has_speed(constant: bool, info: ValidationInfo) -> bool:
+    if constant and info.data.get("speed", 1.0) is None:  # a faulty speed is not there, and told of already
+        raise validation_error('asks for a speed: add e.g. speed = "20 mm/s"')
+    return constant
+
+
+def _check_name(name: str) -> str:
+    if not name:
+        raise validation_error("empty: give the name of the output line or event")
+    return name
+
+
+def _trigger_type(value: object) -> Any:
+    return TriggerTable if isinstance(value, dict) else Name
+
+
+def _join_type(value: object) -> Any:
+    if isinstance(value, dict):
+        return BlendTable
+    if value not in ("stop", "through"):
+        raise validation_error(
+            f'{describe_value(value)} is not a join: write "stop", "through" or {{ blend = "0.05 mm" }}'
+        )
+    return Literal["stop", "through"]
+
+
+ToolSpeed = Annotated[float, Unit("m/s", above=0)]
+ToolAcceleration = Annotated[float, Unit("m/s^2", above=0)]
+AngularSpeed = Annotated[float, Unit("rad/s", above=0)]
+Name = Annotated[str, AfterValidator(_check_name)]
+
+
+class BlendTable(TableSchema):
+    """A join that is rounded.
+
+    blend  by how much the path may leave the corner
+    angle  by how much the orientation may; if not stated, what turns points at the machine's characteristic length by
+           as much
+    """
+
+    blend: Annotated[float, Unit("m", above=0, plain="length")]
+    angle: Annotated[float, Unit("rad", above=0, plain="angle")] | None = None
+
+
+JoinEntry = Annotated[Literal["stop", "through"] | BlendTable, chosen(_join_type)]
+
+
+class TriggerTable(TableSchema):
+    """An event along a segment.
+
+    name  of the output line or event
+    at    share of the segment, from 0 to 1
+    """
+
+    name: Name
+    at: Annotated[float, Field(ge=0, le=1)] = 1.0
+
+
+class FreeTable(TableSchema):
+    """Orientation that is left free.
+
+    yaw   whether the turn about the tool's z axis is free
+    tilt  by how much that axis may lean
+    """
+
+    yaw: bool = False
+    tilt: Annotated[float, Unit("rad", least=0, most=1.57, plain="angle")] = 0.0
+
+
+FreeEntry = Annotated[
+    Literal["yaw"] | FreeTable, chosen(lambda value: FreeTable if isinstance(value, dict) else Literal["yaw"])
+]
+TriggerEntry = Annotated[Name | TriggerTable, chosen(_trigger_type)]
+
+
+class MovingEntry(TableSchema):
+    """What every segment that moves has.
+
+    join           to the next segment
+    angular_speed  cap of the platform's turning
+    trigger        an event along it
+    """
+
+    join: JoinEntry = "stop"
+    angular_speed: AngularSpeed | None = None
+    trigger: TriggerEntry | None = None
+
+    @property
+    def after(self) -> Join:
+        if isinstance(self.join, BlendTable):
+            return Blend(self.join.blend, self.join.angle)
+        return Stop() if self.join == "stop" else Through()
+
+    @property
+    def event(self) -> Trigger | None:
+        entry = self.trigger
+        if entry is None:
+            return None
+        return Trigger(entry.name, entry.at) if isinstance(entry, TriggerTable) else Trigger(entry)
+
+
+class PathEntry(MovingEntry):
+    """What every segment that moves the tool has beside it.
+
+    speed           cap of the tool's speed
+    acceleration    cap of the tool's acceleration
+    speed_constant  exactly this speed, between ramps
+    free            what of the orientation is chosen for time
+    """
+
+    speed: ToolSpeed | None = None
+    acceleration: ToolAcceleration | None = None
+    speed_constant: Annotated[bool, AfterValidator(_check_has_speed)] = False
+    free: FreeEntry | None = None
+
+    @property
+    def freedom(self) -> Free | None:
+        return Free(self.free.yaw, self.free.tilt) if isinstance(self.free, FreeTable) else self.free and Free()
+
+    @property
+    def said(self) -> dict[str, Any]:
+        """What its segment takes by name."""
+        return {
+            "speed": self.speed,
+            "join": self.after,
+            "acceleration": self.acceleration,
+            "angular_speed": self.angular_speed,
+            "speed_constant": self.speed_constant,
+            "trigger": self.event,
+            "free": self.freedom,
+        }
+
+
+def _constants(given: dict[str, float]) -> dict[str, float]:
+    try:
+        check_names(given)
+    except MotionError as no:
+        raise validation_error(no) from None
+    return given
+
+
+def _text(value: object) -> str:
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        try:
+            return repr(float(value))
+        except OverflowError:
+            raise validation_error(f"{describe_value(value)}: not a finite number") from None
+    if not isinstance(value, str):
+        raise validation_error(f'{describe_value(value)} is no formula: write e.g. "15*cos(t)"')
+    return value
+
+
+def _formula_validator(declared: str, unit: str) -> PlainValidator:
+    """Validator of a formula of t whose values are plain numbers of a declared unit: its text, and the unit in SI."""
+
+    def validate(value: object, info: ValidationInfo) -> tuple[str, float]:
+        text = _text(value)
+        try:
+            formula(text, info.data.get("constants", {}), SX.sym("t"))
+        except MotionError as no:
+            raise validation_error(no) from None
+        scales = info.context or {}
+        if declared not in scales:
+            raise validation_error(f'values without a unit: add the line {declared} = "{unit}" at the top')
+        return text, scales[declared]
+
+    return PlainValidator(validate)
+
+
+def _read_bound(value: object, info: ValidationInfo) -> float:
+    try:
+        return constant(_text(value), info.data.get("constants", {}))
+    except MotionError as no:
+        raise validation_error(no) from None
+
+
+Length = Annotated[tuple[str, float], _formula_validator("length", "mm")]
+Angle = Annotated[tuple[str, float], _formula_validator("angle", "deg")]
+Bound = Annotated[float, PlainValidator(_read_bound)]
+
+
+class CurveTable(TableSchema):
+    """A curve by equations.
+
+    x, y, z     formulas of t, or numbers, in the unit of `length`
+    rx, ry, rz  likewise of the orientation, Rx · Ry · Rz, in the unit of `angle`; 0 where some are given, else kept
+    from, to    where t begins and ends: numbers, or formulas without t
+    constants   names of numbers, for all of them
+    """
+
+    # first: the others are read with them
+    constants: Annotated[dict[str, Number], AfterValidator(_constants)] = Field(default_factory=dict)
+    x: Length
+    y: Length
+    z: Length
+    rx: Angle | None = None
+    ry: Angle | None = None
+    rz: Angle | None = None
+    begin: Bound = Field(alias="from")
+    end: Bound = Field(alias="to")
+
+    @model_validator(mode="after")
+    def _some_way(self) -> Self:
+        if self.begin == self.end:
+            raise validation_error(f"t runs from {self.begin:g} to {self.end:g}: the two must not be the same")
+        return self
+
+
+class CurveEntry(PathEntry):
+    curve: CurveTable
+
+    def segment(self, line_number: int | None) -> Segment:
+        table = self.curve
+        turns = [given for given in (table.rx, table.ry, table.rz) if given is not None]
+        rx, ry, rz = ("0" if given is None else given[0] for given in (table.rx, table.ry, table.rz))
+        return Curve(
+            (table.x[0], table.y[0], table.z[0]),
+            table.begin,
+            table.end,
+            (rx, ry, rz) if turns else None,
+            **self.said,
+            constants=tuple(table.constants.items()),
+            length=table.x[1],
+            angle=turns[0][1] if turns else 1.0,
+            line_number=line_number,
+        )

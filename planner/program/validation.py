@@ -1,0 +1,101 @@
+"""What a program may give: points, directions and magnitudes that make sense, or a refusal that says what is wanted."""
+
+from math import isfinite
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kinematics.files.plain_text import obeyed
+from kinematics.foundation.arrays import MAX_DISTANCE, MAX_TURNS, MIN_MAGNITUDE, Array, freeze_array, most
+from kinematics.foundation.errors import MotionError
+
+CAPS = {"speed": "m/s", "acceleration": "m/s²", "angular_speed": "rad/s"}
+"""What segments may cap, as far as they have it, and its unit."""
+MAX_REPEATS, MOST_SEGMENTS = 1_000_000, 1_000_000
+"""Of a program: how often it may be run, and the segments that this comes to."""
+ROUNDING = 4 * float(np.finfo(float).eps)
+"""By which an entry of a unit vector may be off: of a norm of three squares and the division by it, twice."""
+
+
+def check_point(segment: str, name: str, value: ArrayLike) -> Array:
+    """Three finite numbers."""
+    try:
+        found = freeze_array(value, float)
+    except (TypeError, ValueError):
+        found = freeze_array([])
+    if found.shape != (3,) or not np.isfinite(found).all():
+        raise MotionError(f"{segment}: {name} must be three finite numbers, not {value!r}")
+    return found
+
+
+def check_place(segment: str, name: str, value: ArrayLike) -> Array:
+    """A point (3,) in m that is not farther away than any machine reaches."""
+    found = check_point(segment, name, value)
+    _refuse_far(segment, name, found)
+    return found
+
+
+def _refuse_far(segment: str, name: str, found: Array) -> None:
+    farthest = float(np.abs(found).max())
+    if farthest > MAX_DISTANCE:
+        raise MotionError(f"{segment}: {name} lies {farthest:g} m away; at most {MAX_DISTANCE:g} m can be taken")
+
+
+def check_angle(segment: str, angle: float) -> None:
+    """An angle (rad) that is none, or of more turns than can be taken."""
+    if not isfinite(angle) or angle == 0:
+        raise MotionError(f"{segment}: angle {angle} rad must be finite and not zero")
+    if abs(angle) > most("rad"):
+        turns = abs(angle) / (2 * np.pi)
+        raise MotionError(f"{segment}: angle {angle:g} rad is {turns:g} turns; at most {MAX_TURNS} can be taken")
+
+
+def check_points(segment: str, name: str, value: ArrayLike) -> Array:
+    """(N, 3) of them, at least one."""
+    try:
+        found = freeze_array(value, float)
+    except (TypeError, ValueError):
+        found = freeze_array([])
+    if found.ndim != 2 or found.shape[1:] != (3,) or not len(found) or not np.isfinite(found).all():
+        raise MotionError(f"{segment}: {name} must be points of three finite numbers, at least one, not {value!r:.100}")
+    _refuse_far(segment, name, found)
+    return found
+
+
+def unit_direction(segment: str, name: str, value: ArrayLike) -> Array:
+    """A unit vector (3,) of one of any length; of one that is a unit vector to rounding, itself: so files keep it."""
+    given = check_point(segment, name, value)
+    largest = np.abs(given).max()
+    if largest == 0:
+        raise MotionError(f"{segment}: {name} is zero; give the direction about which it turns, e.g. [0, 0, 1]")
+    scaled = given / largest  # the norm of very large or very small vectors would overflow
+    unit = scaled / np.linalg.norm(scaled)
+    return freeze_array(given if np.abs(given - unit).max() <= ROUNDING else unit)
+
+
+def check_positive(segment: str, name: str, value: float | None, unit: str) -> None:
+    """A magnitude, or nothing."""
+    if value is not None and not (isfinite(value) and value > 0):
+        raise MotionError(f"{segment}: {name} {value} {unit} must be positive and finite")
+    if value is not None and not MIN_MAGNITUDE <= value <= most(unit):
+        limit = f"at most {most(unit):g}" if value > MIN_MAGNITUDE else f"at least {MIN_MAGNITUDE:g}"
+        raise MotionError(f"{segment}: {name} {value:g} {unit} cannot be taken, {limit} {unit} can")
+
+
+def legible(segment: str, name: str, value: str | None) -> None:
+    """A name that a file may state, or none."""
+    if value is not None and (told := obeyed(value)):
+        raise MotionError(f"{segment}: {name} {told}")
+
+
+def check_caps(stated: object, what: str) -> None:
+    """The caps that a segment or a program states, and the speed that a constant one needs."""
+    for name, unit in CAPS.items():
+        check_positive(what, name, getattr(stated, name, None), unit)
+    if getattr(stated, "speed_constant", False) and getattr(stated, "speed", None) is None:
+        raise MotionError(f"{what}: speed_constant asks for a speed: give speed as well")
+
+
+def repeats(number: int) -> str:
+    """What to say of a spline whose point of a number, from 1, is its next one as well."""
+    return f"points {number} and {number + 1} are the same; leave one of them out"

@@ -1,5 +1,0 @@
-"""The independent check of a pulse schedule against the motion it stands for. It shares no code with the generator."""
-
-from planner.pulses.check.prove import check, check_parts
-
-__all__ = ["check", "check_parts"]

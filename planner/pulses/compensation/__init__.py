@@ -1,0 +1,1 @@
+"""What motors do so that play and screw errors do not show."""

@@ -1,0 +1,1 @@
+"""From a motion to pulses: firing rules, level crossings, spacing."""

@@ -1,0 +1,234 @@
+"""Pulses where a motion crosses evenly spaced levels, at the true crossing times rounded to whole ticks."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+from math import ceil
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinematics.foundation.arrays import Array, freeze_array
+from kinematics.foundation.errors import MotionError
+from kinematics.foundation.units import apart
+from kinematics.machine.axis import Axis
+from planner.parallel import Progress, share_progress
+from planner.place import Infeasible, Place
+from planner.pulses.generation.crossing import solve_heights
+from planner.pulses.generation.pieces import (
+    FIT_TOLERANCE,
+    ROUNDING,
+    UNSEEN_FACTOR,
+    Stretches,
+    cut_monotone,
+    derivative,
+    fit,
+)
+from planner.pulses.motion import AxesMotion
+from planner.pulses.schedule import AxisPulses, Signs, Ticks
+
+BLOCK = 1 << 14  # pulses solved together: their arrays stay in the processor's cache
+BLOCK_INDICES = freeze_array(np.arange(BLOCK, dtype=float))
+TICK_ERROR = 1e-4  # of a crossing time before it is rounded to a whole tick
+MAX_COUNT_BLUR = 1e-3  # of a pulse: rounding may not blur a count by more
+POLISHING = 5  # looks at the motion itself, each a Newton step from the one before
+POLISHED_TICKS = 1e-6  # ticks: a step that no longer matters
+
+Refuse = Callable[[], Infeasible]
+Exact = Callable[[Array, Array], Array]
+
+
+@dataclass(frozen=True, slots=True)
+class Levels:
+    """One level between each two counts k and k+1, k + above pulses from home.
+
+    hysteresis  pulses: the first pulse after one the other way, and the very first, fires so much beyond its level
+    """
+
+    above: float
+    hysteresis: float = 0.0
+
+    @property
+    def bound(self) -> float:
+        """Pulses by which x may be from the count before a pulse fires."""
+        return max(self.above, 1 - self.above) + self.hysteresis
+
+
+def find_crossings(
+    motion: AxesMotion, axes: Sequence[Axis], home: Array, clock_hz: int, levels: Levels, tell: Progress
+) -> tuple[AxisPulses, ...]:
+    """A pulse of every axis wherever x = (q(t) - home)/pulse crosses a level, on the nearest tick.
+
+    - A level counts as crossed once the motion is beyond it by more than rounding noise (some 1e-9 pulse); a motion
+      that only touches a level, or rests or ends on it, does not fire. One that starts on a level has the lower count.
+    - Two opposite pulses whose crossings round to the same tick cancel: both are left out.
+    tell is told the pulses that are made of an axis, each a share of the whole.
+    Raises Infeasible where an axis needs more than one pulse per tick, MotionError where rounding drowns one.
+    """
+    pulse = np.array([axis.pulse for axis in axes])
+    pieces = fit(motion, FIT_TOLERANCE * pulse)
+    slack = (pieces.noise + ROUNDING * abs(home)) / pulse
+    fired = []
+    for k, axis in enumerate(axes):
+        if slack[k] > MAX_COUNT_BLUR:
+            blur, most = apart(slack[k], MAX_COUNT_BLUR, digits=2)
+            raise MotionError(
+                f"axis {axis.name}: pulse {axis.pulse:.3g} {axis.unit} is blurred by {blur} pulse of "
+                f"rounding, limit {most}; use a longer pulse or count from nearer than "
+                f"{abs(home[k]):.3g} {axis.unit}"
+            )
+        counted = pieces.coefficients[k].copy()
+        counted[0] -= home[k]
+        stretches = cut_monotone(pieces.start * clock_hz, pieces.length * clock_hz, counted / pulse[k], slack[k])
+        counts = _follow_levels(stretches.ends, slack[k], levels)
+        refuse = partial(_rate_error, motion, axis, stretches, clock_hz)
+        exact = partial(_polish_crossings, motion, k, axis.pulse, float(home[k]), clock_hz)
+        blur = UNSEEN_FACTOR * pieces.error[k] / pulse[k] + slack[k]
+        made = _fire_pulses(stretches, counts, levels, refuse, exact, blur, share_progress(tell, k, len(axes)))
+        ticks, direction = _cancel_pairs(*made, refuse)
+        ticks.flags.writeable = direction.flags.writeable = False
+        fired.append(AxisPulses(axis.name, ticks, direction, int(counts[0]), axis.pulse, float(home[k]), levels.bound))
+    return tuple(fired)
+
+
+def _rate_error(trajectory: AxesMotion, axis: Axis, stretches: Stretches, clock_hz: int) -> Infeasible:
+    """More than one pulse per tick: named where the rate is highest."""
+    v = np.linspace(0.0, 1.0, 33)
+    rate = abs(derivative(stretches.coefficients).T @ v ** np.arange(5)[:, None]) / stretches.length[:, None]
+    worst, nth = np.unravel_index(rate.argmax(), rate.shape)
+    t = float(stretches.start[worst] + stretches.length[worst] * v[nth]) / clock_hz
+    highest = max(float(rate.max()), 1.0) * clock_hz
+    place = Place(float(trajectory.at(np.array([t])).s[0]), t=t, axis=axis.name)
+    remedy = f"slow the motion, use a longer pulse, or a clock above {ceil(highest)} Hz"
+    return Infeasible("pulse rate", axis.name, place, highest, clock_hz, "1/s", remedy)
+
+
+def _follow_levels(x: Array, slack: float, levels: Levels) -> Ticks:
+    """The count at each end of the stretches: the one it came with, until x is beyond a level by more than `slack`."""
+    low = np.ceil(x - levels.above - slack).astype(np.int64)
+    high = np.floor(x + 1 - levels.above + slack).astype(np.int64)
+    if levels.hysteresis:
+        return _follow_with_hysteresis(x, low, high, slack, levels)
+    counts = low.copy()
+    for i in np.flatnonzero(high > low):
+        if i > 0 and counts[i - 1] > low[i]:
+            counts[i] = high[i]
+    return counts
+
+
+def _follow_with_hysteresis(x: Array, low: Ticks, high: Ticks, slack: float, levels: Levels) -> Ticks:
+    """The same with hysteresis: the first pulse the other way waits until x is so much further beyond its level."""
+    count, way, counts = int(low[0]), 0, low.copy()
+    late = levels.hysteresis + slack
+    for i, (here, least, most) in enumerate(zip(x.tolist(), low.tolist(), high.tolist(), strict=True)):
+        if least > count and (way > 0 or here > count + levels.above + late):
+            count, way = least, 1
+        elif most < count and (way < 0 or here < count - 1 + levels.above - late):
+            count, way = most, -1
+        counts[i] = count
+    return counts
+
+
+def _polish_crossings(
+    trajectory: AxesMotion, k: int, pulse: float, home: float, clock_hz: int, time: Array, level: Array
+) -> Array:
+    """Crossing times (N,) in ticks by the motion itself, from times that are good but not to the tick."""
+    nearest, least = time.copy(), np.full(len(time), np.inf)
+    rest = np.arange(len(time))
+    for _ in range(POLISHING):
+        state = trajectory.at(np.clip(time / clock_hz, 0.0, trajectory.duration))
+        off = (state.q[:, k] - home) / pulse - level[rest]
+        nearer = abs(off) < least[rest]
+        nearest[rest[nearer]], least[rest] = time[nearer], np.minimum(abs(off), least[rest])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            step = off / (state.qd[:, k] / pulse / clock_hz)
+        moves = nearer & np.isfinite(step) & (abs(step) > POLISHED_TICKS)  # at a turning point the nearest stays
+        if not moves.any():
+            break
+        rest, time = rest[moves], (time - step)[moves]
+    return nearest
+
+
+def _fire_pulses(
+    stretches: Stretches, counts: Ticks, levels: Levels, refuse: Refuse, exact: Exact, blur: float, tell: Progress
+) -> tuple[Ticks, Signs]:
+    """Tick and direction of every level between the counts at both ends of each stretch.
+
+    Where the blur (pulses) of the stretches might turn the rounding to the other tick, `exact` decides.
+    """
+    change = np.diff(counts)
+    sign: Ticks = np.sign(change)
+    pulses: Ticks = abs(change)
+    crowded = pulses > stretches.length + 1
+    if crowded.any():  # known before room is made for them
+        raise refuse()
+    climb = stretches.coefficients[1:] * sign
+    lead = np.where(sign > 0, levels.above, 1 - levels.above)  # from the count to its first level
+    first = sign * (counts[:-1] - stretches.coefficients[0]) + lead
+    late = levels.hysteresis * _find_reversals(sign)
+    blurred = 2 * blur * stretches.length
+    with np.errstate(divide="ignore"):
+        tolerance = TICK_ERROR / stretches.length
+    ticks = np.empty(pulses.sum(), np.int64)
+    doubts: list[tuple[NDArray[np.intp], Array, Array]] = []
+    for lo, hi, part, index, nth in _blocks(pulses):
+        height = (first[part] + nth).take(index)
+        height += BLOCK_INDICES[: hi - lo]
+        if levels.hysteresis:
+            opening = np.flatnonzero((nth <= 0) & (pulses[part] > 0))
+            height[-nth[opening]] += late[part][opening]
+        v, slope = solve_heights(climb[:, part], index, height, tolerance[part])
+        v *= stretches.length[part].take(index)
+        v += stretches.start[part].take(index)
+        tick = np.rint(v)
+        ticks[lo:hi] = tick
+        tick -= v
+        np.abs(tick, out=tick)
+        np.subtract(0.5 - TICK_ERROR, tick, out=tick)
+        tick *= slope
+        unsure = np.flatnonzero(tick < blurred[part].take(index))
+        if len(unsure):
+            stretch = part.start + index[unsure]
+            doubts.append((lo + unsure, v[unsure], stretches.coefficients[0, stretch] + sign[stretch] * height[unsure]))
+        tell(hi, len(ticks))
+    if doubts:  # together: the motion tells of a few instants hardly faster than of many
+        place, time, level = (np.concatenate(parts) for parts in zip(*doubts, strict=True))
+        ticks[place] = np.rint(exact(time, level))
+    return ticks, np.repeat(sign.astype(np.int8), pulses)
+
+
+def _find_reversals(sign: Ticks) -> NDArray[np.bool_]:
+    """(S,) the stretches whose first pulse is the very first of all, or follows one the other way."""
+    turned = np.zeros(len(sign), bool)
+    firing = np.flatnonzero(sign)
+    turned[firing] = np.diff(sign[firing], prepend=0) != 0
+    return turned
+
+
+def _blocks(pulses: Ticks) -> Iterator[tuple[int, int, slice, NDArray[np.intp], Ticks]]:
+    """Blocks lo to hi of the pulses: their stretches (S,), which of these each is on, and the number there of lo (S,).
+
+    That number is negative for the stretches that begin later.
+    """
+    end = np.cumsum(pulses)
+    begin, total = end - pulses, int(end[-1])
+    for lo in range(0, total, BLOCK):
+        hi = min(lo + BLOCK, total)
+        part = slice(int(np.searchsorted(end, lo, side="right")), int(np.searchsorted(end, hi, side="left")) + 1)
+        inside = np.minimum(end[part], hi) - np.maximum(begin[part], lo)
+        yield lo, hi, part, np.repeat(np.arange(len(inside)), inside), lo - begin[part]
+
+
+def _cancel_pairs(ticks: Ticks, direction: Signs, refuse: Refuse) -> tuple[Ticks, Signs]:
+    """Leave out the pairs of opposite pulses in one tick: the excursion between them is below one tick's travel."""
+    while True:
+        same = np.flatnonzero(ticks[1:] <= ticks[:-1])
+        if not len(same):
+            return ticks, direction
+        opposite = same[direction[same] != direction[same + 1]]
+        if not len(opposite):
+            raise refuse()
+        first = opposite[np.diff(opposite, prepend=-2) > 1]
+        kept = np.ones(len(ticks), bool)
+        kept[first] = kept[first + 1] = False
+        ticks, direction = ticks[kept], direction[kept]

@@ -1,0 +1,47 @@
+"""The firing rule `nearest`: an axis is stepped when it is half-way between two counts."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+from kinematics.foundation.arrays import Array
+from kinematics.foundation.errors import MotionError
+from kinematics.machine.axis import Axis
+from planner.options import option
+from planner.parallel import Progress
+from planner.pulses.generation.levels import Levels, find_crossings
+from planner.pulses.generation.rule import kept_rates, told
+from planner.pulses.motion import AxesMotion
+from planner.pulses.schedule import PulseSchedule
+
+
+@dataclass(frozen=True, slots=True)
+class Nearest:
+    """A pulse wherever x = (q(t) - home)/pulse crosses k + ½, at the true crossing time rounded to the nearest tick.
+
+    |count - x| ≤ ½ pulse + one tick's travel at all times, and the final counts are exact.
+
+    hysteresis h keeps an axis that hovers on a crossing from chattering: the first pulse after one the other way, and
+    the very first, fires h beyond its level. It costs |count - x| ≤ ½ + h. Below ½, so that a motion which ends on
+    a whole count ends with it.
+    """
+
+    name: ClassVar[str] = "nearest"
+    hysteresis: float = option(0.0, "pulses by which an axis comes back before it fires the other way; below 0.5")
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.hysteresis < 0.5:
+            raise MotionError(f"hysteresis {self.hysteresis!r} pulses: must be from 0 to below 0.5, e.g. 0.2")
+
+    def grain(self, clock_hz: int) -> int:
+        return 1
+
+    def rates(self, axes: Sequence[Axis], clock_hz: int) -> list[float]:
+        return kept_rates(axes, clock_hz)
+
+    def fire(
+        self, motion: AxesMotion, axes: Sequence[Axis], home: Array, clock_hz: int, tell: Progress
+    ) -> PulseSchedule:
+        """Raises as `planner.pulses.generation.levels.find_crossings` does."""
+        fired = find_crossings(motion, axes, home, clock_hz, Levels(0.5, self.hysteresis), tell)
+        return PulseSchedule(clock_hz, fired, motion.duration, told(self))

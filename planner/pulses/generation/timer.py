@@ -1,0 +1,111 @@
+"""The firing rule `timer`: a 16-bit counter times each pulse, and its count is changed pulse by pulse."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinematics.foundation.arrays import Array
+from kinematics.foundation.errors import MotionError
+from kinematics.machine.axis import Axis
+from planner.options import option
+from planner.parallel import Progress
+from planner.pulses.generation.levels import Levels, find_crossings
+from planner.pulses.generation.pieces import FIT_TOLERANCE, bound_rate, fit, rate_error
+from planner.pulses.generation.rule import kept_rates, told
+from planner.pulses.motion import AxesMotion
+from planner.pulses.schedule import AxisPulses, PulseSchedule, Ticks
+
+MOST = (1 << 16) - 1  # the greatest count of an Intel 8253
+
+
+@dataclass(frozen=True, slots=True)
+class Timer:
+    """Intervals of whole timer counts, each the nearest that keeps its pulse at its crossing [Sasidhar 1981, 5.2].
+
+    A counter counts down at a fixed clock; at zero it fires a pulse and starts again from the count it is given for the
+    next. The crossings are those of `nearest`, and what rounding took from one interval the next one makes good, so
+    errors never add up: |count - x| ≤ ½ + the travel in one timer count, + one tick's travel.
+
+    An interval of more than 65535 counts (33 ms at 2 MHz: at rest, or as slow) is counted down in several loads, with
+    the gate that follows the timer shut but for the last; `counter_loads` lists them. It costs nothing in the bound.
+
+    Assumption: the source prints no timer clock. Its trigger pulse of 0.5 µs is one clock of 2 MHz, if the 8253 runs
+    as a rate generator.
+    """
+
+    name: ClassVar[str] = "timer"
+    clock: float = option(2e6, "of the timer; the clock of the pulses must be a whole multiple of it", "1/s")
+
+    def __post_init__(self) -> None:
+        if not (0 < self.clock < np.inf and self.clock == int(self.clock)):
+            raise MotionError(f"timer clock {self.clock!r} Hz: must be a positive whole number, e.g. 2 MHz")
+
+    def grain(self, clock_hz: int) -> int:
+        timer = int(self.clock)
+        if clock_hz % timer:
+            raise MotionError(
+                f"timer clock {timer} Hz does not divide the {clock_hz} Hz of the pulses; use one that does"
+            )
+        return clock_hz // timer
+
+    def rates(self, axes: Sequence[Axis], clock_hz: int) -> list[float]:
+        return kept_rates(axes, clock_hz, self.grain(clock_hz))
+
+    def fire(
+        self, motion: AxesMotion, axes: Sequence[Axis], home: Array, clock_hz: int, tell: Progress
+    ) -> PulseSchedule:
+        """Raises as `planner.pulses.generation.levels.find_crossings`, MotionError for a timer clock that does not
+        divide the pulses'."""
+        grain, timer = self.grain(clock_hz), int(self.clock)
+        pieces = fit(motion, np.array([FIT_TOLERANCE * axis.pulse for axis in axes]))
+        last = int(np.floor(motion.duration * timer))
+        crossings = find_crossings(motion, axes, home, timer, Levels(0.5), tell)
+        fired = []
+        for k, (axis, crossed) in enumerate(zip(axes, crossings, strict=True)):
+            speed, t = bound_rate(pieces, k, 1)
+            counts = np.minimum(crossed.ticks, last)  # no pulse after the end of the motion
+            if (counts[-1:] <= counts[-2:-1]).any():
+                raise rate_error(motion, axis, t, speed / axis.pulse, timer, "use a faster timer clock")
+            bound = 0.5 + speed / axis.pulse / timer
+            fired.append(replace(crossed, ticks=counts * grain, bound=bound))
+        return PulseSchedule(clock_hz, tuple(fired), motion.duration, told(self))
+
+
+def counter_loads(pulses: AxisPulses, per_count: int) -> tuple[Ticks, NDArray[np.bool_]]:
+    """What the counter is loaded with from the start on (L,), 1 to 65535, and whether the gate is open at its end.
+
+    per_count  ticks of the schedule's clock in one timer count
+    Long intervals become loads of 65535 and a rest. Raises MotionError for a pulse that is no whole count after the one
+    before, or after the start.
+    """
+    counts, odd = np.divmod(np.diff(pulses.ticks, prepend=0), per_count)
+    wrong = np.flatnonzero((odd != 0) | (counts < 1))
+    if len(wrong):
+        tick = pulses.ticks[wrong[0]]
+        raise MotionError(f"axis {pulses.name}: the pulse at tick {tick} is no whole timer count after the one before")
+    loads = -(-counts // MOST)
+    values = np.full(int(loads.sum()), MOST, np.int64)
+    final = np.cumsum(loads) - 1
+    values[final] = counts - (loads - 1) * MOST
+    opened = np.zeros(len(values), bool)
+    opened[final] = True
+    return values, opened
+
+
+def equal_steps(first: int, step: int, pulses: int) -> Ticks:
+    """The source's own ramp, (pulses,) counts: each is the one before, less `step` [Sasidhar 1981, 5.2].
+
+    A ramp of equal steps is none of equal acceleration: with count c the rate is f/c and grows by step·(f/c)³ per s,
+    so it is gentle at first and steep at the end. Raises MotionError where a count leaves 1 to 65535.
+    """
+    counts = first - step * np.arange(pulses, dtype=np.int64)
+    wrong = np.flatnonzero((counts < 1) | (counts > MOST))
+    if len(wrong):
+        raise MotionError(
+            f"pulse {wrong[0] + 1} of the ramp would have a count of {counts[wrong[0]]}: must be 1 to {MOST}; "
+            "use a smaller step, fewer pulses, or another first count"
+        )
+    return counts

@@ -1,0 +1,44 @@
+"""What results of this package are saved as, beside tables."""
+
+from collections.abc import Callable, Mapping
+from functools import partial
+from pathlib import Path
+
+from kinematics.foundation.result import saves
+from planner.export import plan_files as motion_json
+from planner.export import plan_files as trajectory_csv
+from planner.export.formats import npz
+from planner.program.model import Program
+from planner.program.program_writer import program_toml
+from planner.pulses.schedule import PulseSchedule
+from planner.sources.position_list import PositionList, positions_csv
+from planner.trajectory import Trajectory
+
+Files = Mapping[str, Callable[[Path], object]]
+
+
+@saves(Program)
+def program_files(program: Program) -> Files:
+    """.toml: a file that `load_program` reads."""
+    return {".toml": lambda path: path.write_bytes(program_toml(program).encode())}
+
+
+@saves(Trajectory)
+def trajectory_files(trajectory: Trajectory) -> Files:
+    """.csv: `data()` in 12 digits; .json: the closed-form pieces, exact."""
+    return {
+        ".csv": partial(trajectory_csv.write_trajectory_csv, trajectory),
+        ".json": partial(motion_json.write_motion_json, trajectory),
+    }
+
+
+@saves(PulseSchedule)
+def schedule_files(schedule: PulseSchedule) -> Files:
+    """.npz: exact, as `export` writes it."""
+    return {".npz": partial(npz.write, schedule)}
+
+
+@saves(PositionList)
+def list_files(listed: PositionList) -> Files:
+    """.csv: a list that `load_positions` reads, in mm and degrees."""
+    return {".csv": lambda path: path.write_bytes(positions_csv(listed).encode())}

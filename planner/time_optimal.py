@@ -1,0 +1,159 @@
+"""Time-optimal motion without a machine: any piecewise polynomial of axis values."""
+
+from collections.abc import Sequence
+from math import factorial
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kinematics.foundation.arrays import Array
+from kinematics.foundation.errors import MotionError
+from kinematics.machine.axis import Axis, Magnitude
+from planner.limits import limits_of
+from planner.path.polynomial import ROUNDING, PolynomialPath, Section, cut_sections, join_sections
+from planner.timing.certified_solve import Solution, fastest
+
+# A jump of an axis' values at a break, as a share of their range, up to which it is rounding.
+MAX_JUMP = 1e-9
+
+
+def time_optimal(
+    path: Any,
+    *,
+    max_speed: ArrayLike,
+    max_acceleration: ArrayLike,
+    max_jerk: ArrayLike | None = None,
+    start_speed: float = 0.0,
+    end_speed: float = 0.0,
+) -> Solution:
+    """The fastest certified motion along s -> (n,) axis values, by default from rest to rest, stopping at corners.
+
+    path: a SciPy piecewise polynomial (PPoly, CubicSpline, Akima, …, BSpline, BPoly) of any parameter; limits: scalars
+    or (n,), on |q̇|, |q̈| and, where given, |q⃛|, in units of the values per second; or (n, 2), towards smaller and
+    towards greater values. Corners are breaks where q′ jumps, and under a jerk limit also breaks where q″ jumps.
+    start_speed and end_speed are ṡ at the ends: how much of the parameter passes per second; under a jerk limit s̈ is 0
+    there. A stretch on which nothing moves is left out; where the path stands, q′ = 0, as where it turns back, the
+    motion rests or passes, whichever is the faster; straight stretches are timed by their way
+    (planner.path.polynomial), so
+    that a corner on one straight line is none unless it turns back. Raises MotionError for what is no path: a jump, a
+    value that is not finite, nothing that moves; Infeasible for a speed at an end that cannot be.
+    """
+    breaks, coefficients = _pieces(path)
+    count = coefficients.shape[2]
+    bounds = [
+        _per_axis(name, values, count)
+        for name, values in (("max_speed", max_speed), ("max_acceleration", max_acceleration), ("max_jerk", max_jerk))
+    ]
+    axes = [
+        Axis(name=f"axis{k + 1}", max_speed=speed, max_acceleration=acceleration, max_jerk=jerk)
+        for k, (speed, acceleration, jerk) in enumerate(zip(*bounds, strict=True))
+    ]
+    order = 2 if max_jerk is None else 3
+    actuated = PolynomialPath(
+        breaks, coefficients, [axis.name for axis in axes], _check_end_speeds(start_speed, end_speed)
+    )
+    _check(actuated)
+    parts = cut_sections(actuated, order)
+    chosen = [_choose_faster(part, axes, order) for part in parts]
+    whole = join_sections(chosen)
+    return fastest(whole, limits_of(whole, axes, order), order)
+
+
+def _choose_faster(part: Section, axes: Sequence[Axis], order: int) -> PolynomialPath:
+    """A section of the path with rests where it stands, or without, whichever leads to the faster motion."""
+    if part.passing is None:
+        return part.resting
+    times = []
+    for way in (part.resting, part.passing):
+        try:
+            times.append(fastest(way, limits_of(way, axes, order), order).trajectory.duration)
+        except MotionError:
+            times.append(np.inf)
+    return part.resting if times[0] <= times[1] else part.passing
+
+
+def _check_end_speeds(start_speed: float, end_speed: float) -> tuple[float, float]:
+    for name, speed in (("start_speed", start_speed), ("end_speed", end_speed)):
+        if isinstance(speed, bool) or not isinstance(speed, (int, float)) or not 0 <= speed < float("inf"):
+            raise MotionError(f"{name} = {speed!r} must be a finite number, not negative")
+    return float(start_speed), float(end_speed)
+
+
+def _per_axis(name: str, values: ArrayLike | None, count: int) -> Sequence[Magnitude | None]:
+    if values is None:
+        return [None] * count
+    try:
+        bounds = np.asarray(values, float)
+    except (TypeError, ValueError):
+        bounds = np.array(np.nan)  # words, complex numbers, ragged lists
+    if bounds.shape not in ((), (1,), (count,), (count, 2)) or not (bounds > 0).all() or not np.isfinite(bounds).all():
+        raise MotionError(f"{name} = {values} must be one positive number, or one for each of the {count} axes, or two")
+    if bounds.ndim == 2:
+        return [(below, above) for below, above in bounds.tolist()]
+    return [float(value) for value in np.broadcast_to(bounds, count)]
+
+
+def _pieces(path: Any) -> tuple[Array, Array]:
+    """Breaks (P+1,) and coefficients (degree+1, P, n), pieces of no length and those where nothing moves left out."""
+    from scipy.interpolate import BPoly, BSpline, PPoly
+
+    if isinstance(path, BSpline):
+        low, high = path.t[path.k], path.t[len(path.t) - path.k - 1]
+        path = polynomials(path)
+        inside = (path.x[:-1] >= low) & (path.x[1:] <= high)
+    elif isinstance(path, BPoly):
+        path = PPoly.from_bernstein_basis(path)
+        inside = np.ones(len(path.x) - 1, bool)
+    elif isinstance(path, PPoly):
+        inside = np.ones(len(path.x) - 1, bool)
+    else:
+        raise MotionError(
+            f"a path is a SciPy piecewise polynomial (PPoly, CubicSpline, BSpline, BPoly, …), not {type(path).__name__}"
+        )
+    if not (np.isfinite(path.c).all() and np.isfinite(path.x).all()) or path.c.dtype.kind != "f":
+        raise MotionError("the path holds coefficients or breaks that are not finite real numbers")
+    if path.c.ndim > 3:
+        raise MotionError(
+            f"the path's values have shape {path.c.shape[2:]}; they must be one value, or (n,) axis values"
+        )
+    if (np.diff(path.x) < 0).any():
+        raise MotionError("the path's breaks fall; turn it round so that they rise")
+    inside &= np.diff(path.x) > 0
+    if not inside.any():
+        raise MotionError("the path has no length: all its breaks are the same")
+    coefficients = path.c.reshape(*path.c.shape[:2], -1)
+    stands = inside & ~coefficients[:-1].any((0, 2))
+    if stands.any() and not (stands == inside).all():  # a repeated point: the path goes on from there
+        inside &= ~stands
+    else:
+        stands[:] = False
+    left_out = np.append(0.0, np.cumsum(np.where(stands, np.diff(path.x), 0.0)))
+    s = path.x - left_out
+    return np.append(s[:-1][inside], s[1:][inside][-1]), coefficients[:, inside]
+
+
+def polynomials(spline: Any) -> Any:
+    """A B-spline of any degree as a PPoly: SciPy's own conversion reads beyond its memory above degree 5."""
+    from scipy.interpolate import PPoly
+
+    starts = spline.t[:-1]
+    powers = range(spline.k, -1, -1)
+    return PPoly(np.stack([spline(starts, nu=power) / factorial(power) for power in powers]), spline.t)
+
+
+def _check(path: PolynomialPath) -> None:
+    pieces = np.arange(len(path.breaks) - 1)
+    left, right = path.derivatives(path.breaks[:-1], pieces)[0], path.derivatives(path.breaks[1:], pieces)[0]
+    if not np.abs(path.coefficients[:-1]).max(initial=0.0) > 0:
+        raise MotionError("nothing moves along the path: every axis stays where it is")
+    gap = np.abs(left[1:] - right[:-1])
+    both = np.concatenate([left, right])
+    extent = np.ptp(both, axis=0) + 1e-3 * np.abs(both).max(0)
+    beyond = gap - MAX_JUMP * extent - ROUNDING * extent.max()
+    if beyond.max(initial=0.0) > 0:
+        at, axis = np.unravel_index(int(np.argmax(beyond)), gap.shape)
+        raise MotionError(
+            f"the path jumps by {gap[at, axis]:.6g} in {path.names[axis]} "
+            f"at s = {path.breaks[at + 1]:.6g}; a motion cannot"
+        )

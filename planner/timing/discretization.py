@@ -1,0 +1,244 @@
+"""A run's problem, posed: on which grid, and from which motion an order-3 solve starts."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+
+from kinematics.foundation.arrays import Array
+from kinematics.foundation.errors import MotionError
+from planner.actuation import ActuatorPath
+from planner.limits.limit import Limit, Term
+from planner.timing.brief import BRIEF, WIDE
+from planner.timing.initial_guess import Passing, Smoothed, slow_breaks
+from planner.timing.problem import Block, Problem, Run, make_grid, pose_problem
+from planner.timing.profile import Profile
+from planner.timing.solvers.second_order import TERMS as SECOND
+from planner.timing.solvers.second_order import second_order
+
+# Intervals of a run at least, for each piece in it, and for each radian that it turns; COARSE is for the order-2 motion
+# that starts an order-3 solve.
+SECOND_ORDER, THIRD_ORDER, COARSE = (1000, 50, 40), (240, 32, 15), (400, 20, 20)
+# Intervals of a run at most, at order 2 and 3: these hold some 5 kB each, and 0.15 MB.
+MOST = (1_000_000, 50_000)
+# The first two of a part between breaks that the jerk lets by only slowly; and of one whose length is less than such a
+# share of the others', on average: little time goes by there.
+PART_GRID, SHORT_SHARE, SHORT_PART_GRID = (32, 32), 0.2, (32, 16)
+# At order 2 fewer do where the axes' directions q′ hardly change along a piece: so many for each change by the whole of
+# themselves, rounded up to one of a few sizes. Measured on lines of the hexapod: durations stay within 3e-4 of those on
+# 8000 intervals, since each interval at whose ends s̈ steps by a share of the largest is cut in so many.
+PER_CHANGE, FEW_INTERVALS = 2000, (250, 350, 500, 700)
+MIN_STEP_SHARE, STEP_PARTS = 0.2, 8
+# Points of a piece at which its directions are looked at.
+DIRECTION_POINTS = 17
+START_GRID = "start"
+"""Name of the rows that bound s̈ by what the jerk lets a motion reach: no limit's."""
+# Window of the average, as a share of what the run allows, where a gentle start finds no way between two speeds.
+SHORTENED = 1e-2
+
+
+def acceleration_problem(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> Problem:
+    """A run's rows on an even grid, or a graded one. Raises MotionError where nothing bounds the acceleration."""
+    mixed = any(Term.SD in limit.terms and len(limit.terms) > 1 for limit in limits)
+    few = None if mixed or any(run.stands) else _few_intervals(path, run)
+    spread = _graded_shares(_interval_count(SECOND_ORDER, path, run)) if mixed else None
+    placed = _grid(SECOND_ORDER, path, run, spread) if few is None else make_grid(path, run, few)
+    problem = pose_problem(path, limits, *placed, run.speeds, run.stands)
+    _require_term(problem, Term.SDD, "acceleration")
+    return problem
+
+
+def refine_problem(path: ActuatorPath, limits: Sequence[Limit], problem: Problem, motion: Profile) -> Problem | None:
+    """A problem of few intervals, each about which s̈ steps cut in PARTS: it cannot step inside one, and that takes
+    time. None for the others.
+    """
+    if problem.intervals not in FEW_INTERVALS:
+        return None
+    step = np.abs(np.diff(motion.a, prepend=0.0, append=0.0)) > MIN_STEP_SHARE * np.abs(motion.a).max()
+    count = np.where(step[:-1] | step[1:], STEP_PARTS, 1)
+    first = np.repeat(np.cumsum(count) - count, count)
+    share = (np.arange(count.sum()) - first) / np.repeat(count, count)
+    s = np.repeat(problem.s[:-1], count) + share * np.repeat(np.diff(problem.s), count)
+    placed = np.append(s, problem.s[-1]), np.repeat(problem.piece, count)
+    return pose_problem(path, limits, *placed, problem.speeds, problem.free)
+
+
+def coarse_jerk_problem(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> Problem:
+    """A run's rows on an even grid, to start from. Raises MotionError where nothing bounds the jerk."""
+    coarse = pose_problem(path, limits, *_grid(COARSE, path, run), run.speeds, run.stands)
+    _require_term(coarse, Term.SDDD, "jerk")
+    return coarse
+
+
+def brief_problem(
+    path: ActuatorPath, limits: Sequence[Limit], run: Run, coarse: Problem
+) -> tuple[Problem, float] | None:
+    """The order-2 problem of a run from rest to rest, and the window of its average; None where that is not brief."""
+    if max(run.speeds) > 0 or not coarse.settled:
+        return None
+    gentle, window = _second_order_start(replace(coarse, free=(False, False)))
+    if WIDE * window > BRIEF * second_order(gentle).duration:
+        return None
+    placed = _grid(SECOND_ORDER, path, run, _graded_shares(_interval_count(SECOND_ORDER, path, run)))
+    return _second_order_start(pose_problem(path, limits, *placed))
+
+
+def jerk_problem(
+    path: ActuatorPath, limits: Sequence[Limit], run: Run, coarse: Problem | None = None
+) -> tuple[Problem, Smoothed | Passing]:
+    """The order-3 problem of a run, on a grid graded for it, and the averaged order-2 motion to start from.
+
+    Where that passes breaks faster than the jerk lets, there are such motions from one of them to the next.
+    """
+    coarse = coarse_jerk_problem(path, limits, run) if coarse is None else coarse
+    start = _smooth_motion(coarse)
+    breaks = run.breaks(path)
+    slow, speeds = slow_breaks(coarse, start, breaks)
+    if len(slow):
+        try:
+            return _pass_breaks(path, limits, run, breaks, slow, speeds)
+        except MotionError:  # a speed that leads nowhere: on as if there were none
+            pass
+
+    def shares(intervals: int) -> Array:
+        return _shares(start, coarse.s, intervals)
+
+    return grade_problem(path, limits, run, shares), start
+
+
+def _pass_breaks(
+    path: ActuatorPath, limits: Sequence[Limit], run: Run, breaks: Array, slow: np.ndarray, speeds: Array
+) -> tuple[Problem, Passing]:
+    """The problem and its start, made of parts between breaks that are passed slowly."""
+    least, per_piece, per_radian = THIRD_ORDER
+    ends = np.concatenate([[0], slow, [len(breaks) - 1]])
+    short = np.diff(breaks[ends]) < SHORT_SHARE * (breaks[-1] - breaks[0]) / (len(ends) - 1)
+    passed = np.concatenate([run.speeds[:1], speeds, run.speeds[1:]])
+    parts, grids, pieces = [], [breaks[:1]], []
+    for n, (a, b) in enumerate(pairwise(ends.tolist())):
+        own = Run(run.first + a, run.first + b - 1, passed[n], passed[n + 1], breaks[a], breaks[b])
+        coarse = coarse_jerk_problem(path, limits, own)
+        fewest, some = SHORT_PART_GRID if short[n] else PART_GRID
+        rule = (max(fewest, least // len(short)), min(per_piece, some), per_radian)
+        parts.append(_smooth_motion(coarse))
+        s, piece = _grid(rule, path, own, _shares(parts[-1], coarse.s, _interval_count(rule, path, own)))
+        grids.append(s[1:])
+        pieces.append(piece)
+    problem = pose_problem(path, limits, np.concatenate(grids), np.concatenate(pieces), run.speeds, run.stands)
+    return problem, Passing(parts, breaks[ends])
+
+
+def _shares(start: Smoothed, s: Array, intervals: int) -> Array:
+    """Where a grid for a motion has its points, as shares of the run over s."""
+    return np.asarray(np.clip((start.spread(intervals) - s[0]) / (s[-1] - s[0]), 0.0, 1.0))
+
+
+def grade_problem(path: ActuatorPath, limits: Sequence[Limit], run: Run, shares: Callable[[int], Array]) -> Problem:
+    """The order-3 problem of a run on a grid whose points lie at such shares of it, for a number of intervals."""
+    spread = shares(_interval_count(THIRD_ORDER, path, run))
+    return pose_problem(path, limits, *_grid(THIRD_ORDER, path, run, spread), run.speeds, run.stands)
+
+
+def _grid(
+    rule: tuple[int, int, int], path: ActuatorPath, run: Run, spread: Array | None = None
+) -> tuple[Array, np.ndarray]:
+    """A run's grid by a rule, of which every piece by itself has its share."""
+    least = np.maximum(rule[1], rule[2] * path.turns[run.first : run.last + 1])
+    return make_grid(path, run, _interval_count(rule, path, run), spread, least=least)
+
+
+def _graded_shares(intervals: int) -> Array:
+    """Shares of a run, ever denser towards its ends: what falls with ṡ, as √x does, changes fastest there."""
+    even = np.linspace(0.0, 1.0, intervals + 1)
+    return np.asarray(even**2 * (3 - 2 * even))
+
+
+def _interval_count(rule: tuple[int, int, int], path: ActuatorPath, run: Run) -> int:
+    least, per_piece, per_radian = rule
+    turn = float(path.turns[run.first : run.last + 1].sum())
+    size, most = max(least, per_piece * (run.last - run.first + 1), int(per_radian * turn)), MOST[rule != SECOND_ORDER]
+    if size > most:
+        since, until = (
+            path.place(float(s), k)
+            for s, k in zip(path.breaks[[run.first, run.last + 1]], (run.first, run.last), strict=True)
+        )
+        order = ", or plan at order 2" if rule != SECOND_ORDER else ""
+        raise MotionError(
+            f"from {since} to {until} the motion does not stop, and takes {size} intervals to time, "
+            f'at most {most}: write join = "stop" on the way, or part a segment that turns on and on{order}'
+        )
+    return size
+
+
+def _few_intervals(path: ActuatorPath, run: Run) -> int | None:
+    """Intervals that do for a run of one piece along which the axes' directions hardly change; None: the rule's."""
+    if run.first != run.last:
+        return None
+    start, end = run.breaks(path)
+    slope = path.derivatives(np.linspace(start, end, DIRECTION_POINTS), np.full(DIRECTION_POINTS, run.first), 2)[1]
+    change = float(np.abs(np.diff(slope, axis=0)).max(1).sum() / np.abs(slope).max())
+    return min([size for size in FEW_INTERVALS if size >= PER_CHANGE * change], default=None)
+
+
+def _require_term(problem: Problem, term: Term, name: str) -> None:
+    if not any(np.any(block.start.get(term, 0.0)) for block in problem.blocks):
+        raise MotionError(
+            f"nothing bounds the motion: no axis that moves states a limit of {name}; "
+            "state one, or plan at another order"
+        )
+
+
+def _smooth_motion(coarse: Problem) -> Smoothed:
+    """The averaged order-2 motion over a run; begun and ended at a speed, of a shorter one."""
+    gentle, window = _second_order_start(replace(coarse, free=(False, False)))  # averages begin and end at rest
+    onward = sum(coarse.speeds)
+    if onward == 0:
+        return Smoothed(second_order(gentle), window)
+    whole = (coarse.s[-1] - coarse.s[0]) / onward
+    try:
+        return _average_motion(gentle, min(window, whole))
+    except MotionError:
+        blocks = tuple(block for block in coarse.blocks if set(block.start) <= SECOND)
+        return _average_motion(replace(gentle, blocks=blocks), SHORTENED * whole)
+
+
+def _average_motion(problem: Problem, window: float) -> Smoothed:
+    low = problem.s[0] + problem.speeds[0] * window / 2
+    high = problem.s[-1] - problem.speeds[1] * window / 2
+    sliver = 1e-9 * (high - low)
+    kept = np.flatnonzero((problem.s[1:] > low + sliver) & (problem.s[:-1] < high - sliver))
+    chosen = slice(kept[0], kept[-1] + 1)
+    s = problem.s[kept[0] : kept[-1] + 2].copy()
+    s[0], s[-1] = low, high
+    part = replace(problem.part(chosen), s=s)
+    return Smoothed(second_order(part), window, problem.speeds)
+
+
+def _second_order_start(problem: Problem) -> tuple[Problem, float]:
+    """The problem without its jerk rows, and the window A/J over which its motion is averaged.
+
+    A is the least of the limit on acceleration and what the jerk lets a motion reach before full speed, √(V J), or
+    halfway, (J² L/2)^⅓; speeds, accelerations and jerks are along the path, on average. It shapes the start only,
+    never the answer.
+    """
+    jerk, speed, push = _mean_bound(problem, Term.SDDD), _mean_bound(problem, Term.SD), _mean_bound(problem, Term.SDD)
+    reached = min(np.sqrt(speed * jerk), np.cbrt(jerk**2 * (problem.s[-1] - problem.s[0]) / 2))
+    if not np.isfinite(reached):
+        raise MotionError(
+            "nothing bounds the motion: no axis that moves states a limit of speed or acceleration; state one"
+        )
+    blocks = [block for block in problem.blocks if set(block.start) <= SECOND]
+    if reached < push:
+        size = np.full((problem.intervals, 1), 1 / reached)
+        blocks.append(Block(START_GRID, {Term.SDD: size}, {Term.SDD: size}, np.ones(problem.intervals), np.zeros(1)))
+    return replace(problem, blocks=tuple(blocks)), min(reached, push) / jerk
+
+
+def _mean_bound(problem: Problem, term: Term) -> float:
+    """How large a term may be along the path by itself, on average; ∞ where no row holds it."""
+    size = np.zeros(problem.intervals)
+    for block in problem.blocks:
+        if term in block.start:
+            np.maximum(size, np.abs(block.start[term]).max(1), out=size)
+    return 1 / float(size.mean()) if size.any() else float("inf")

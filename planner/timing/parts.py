@@ -1,0 +1,198 @@
+"""A run in parts, each timed by itself: passages as fast as can be, and constant speeds with their ramps.
+
+A segment is at its constant speed from its first place to its last wherever it is joined without a stop: the ramp lies
+in the neighbour, where that is free to be as fast. Of two constant speeds the ramp lies in the faster: each is its
+segment's cap as well. Where the motion comes from rest, or out of a slower segment, the ramp lies in its own segment.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import chain, pairwise
+
+import numpy as np
+
+from kinematics.foundation.arrays import Array
+from kinematics.foundation.errors import MotionError
+from planner.actuation import ActuatorPath
+from planner.limits.limit import Limit
+from planner.limits.tool import ToolSpeed
+from planner.place import ConstantRefused, Infeasible
+from planner.timing.constant_speed import refuse_joined, refuse_speed, solve_constant_speed
+from planner.timing.problem import Run
+from planner.timing.profile import Profile
+from planner.timing.prover import ROUNDS, Prover, RunTiming
+from planner.timing.run import Attempt, solve_run
+
+# Slower speeds that are tried where one is refused, each this share of what the last refusal left possible.
+MAX_TRIALS, SPEED_SHARE = 4, 0.9995
+AskedSpeeds = Mapping[int, float | None]
+"""Of each piece of a run, the constant speed that is asked for, if any."""
+
+
+@dataclass(frozen=True, slots=True)
+class JoinedTiming:
+    """Motions one after the other, as one."""
+
+    path: ActuatorPath
+    parts: tuple[RunTiming, ...]
+
+    @property
+    def profile(self) -> Profile:
+        return Profile.joined([part.profile for part in self.parts])
+
+    @property
+    def method(self) -> str:
+        """That of the first part which was solved for."""
+        return next((part.method for part in self.parts if isinstance(part, Attempt)), self.parts[0].method)
+
+    @property
+    def floor(self) -> float:
+        return sum(part.floor for part in self.parts)
+
+    def tightened(self, use: Mapping[str, Array], slowness: float) -> "JoinedTiming":
+        """The parts that exceed a limit, each tightened by itself."""
+        ends = np.cumsum([0, *(len(part.profile.h) for part in self.parts)])
+        own = [{name: values[a:b] for name, values in use.items()} for a, b in pairwise(ends)]
+        return replace(
+            self,
+            parts=tuple(
+                self._tightened(part, used, slowness) if max(map(np.max, used.values())) > 1 else part
+                for part, used in zip(self.parts, own, strict=True)
+            ),
+        )
+
+    def _tightened(self, part: RunTiming, use: Mapping[str, Array], slowness: float) -> RunTiming:
+        try:
+            return part.tightened(use, slowness)
+        except Infeasible:
+            raise
+        except MotionError as no:  # a ramp between given speeds, which does not know where it lies
+            place = self.path.place(float(part.profile.s[0]), int(part.profile.piece[0]))
+            raise MotionError(
+                f"the ramp from {place}: {no}: lower the constant speed that it joins, or write join = "
+                '"stop" where its segments meet'
+            ) from None
+
+
+def solve_in_parts(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int) -> Attempt | JoinedTiming:
+    """The first solve of a run, in parts where its segments ask for constant speeds.
+
+    Raises Infeasible where a constant speed cannot be, or where the passage before or after it cannot reach it: with
+    one that was proved to do, where one was found.
+    """
+    asked = {piece: path.constant(piece) for piece in range(run.first, run.last + 1)}
+    try:
+        return _solve_parts(path, limits, run, order, asked)
+    except ConstantRefused as no:
+        found = _find_slower_speed(path, limits, run, order, asked, no)
+        if found is None:
+            raise
+        raise no.found(found) from None
+
+
+def _find_slower_speed(
+    path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int, asked: AskedSpeeds, no: ConstantRefused
+) -> float | None:
+    """A constant speed instead of the one refused, just below what is possible there, at which the run is proved."""
+    speed = no.possible
+    for _ in range(MAX_TRIALS):
+        speed *= SPEED_SHARE
+        instead = {piece: speed if one == no.asked else one for piece, one in asked.items()}
+        changed = [piece for piece, one in asked.items() if one == no.asked]
+        if not changed or speed <= 0:
+            return None
+        prover = Prover(
+            path, _cap_tool_speed(limits, changed, speed), order, partial(_solve_parts, order=order, asked=instead)
+        )
+        try:
+            (found,) = prover([run])
+        except ConstantRefused as again:
+            if again.asked != speed:
+                return None
+            speed = min(speed, again.possible)
+            continue
+        except MotionError:
+            continue
+        if found.rounds < ROUNDS and all(np.max(use) < np.inf for use in found.known.use.values()):
+            return speed
+    return None
+
+
+def _cap_tool_speed(limits: Sequence[Limit], pieces: Sequence[int], speed: float) -> tuple[Limit, ...]:
+    """The limits, with the tool no faster on some pieces."""
+    slower: list[Limit] = []
+    for limit in limits:
+        if isinstance(limit, ToolSpeed):
+            caps = np.array(limit.caps)
+            caps[pieces] = np.minimum(caps[pieces], speed)
+            slower.append(ToolSpeed(caps))
+        else:
+            slower.append(limit)
+    return tuple(slower)
+
+
+def _solve_parts(
+    path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int, asked: AskedSpeeds
+) -> Attempt | JoinedTiming:
+    """The run in parts, at the constant speeds asked for."""
+    blocks = _split_blocks(limits, run, asked)
+    if len(blocks) == 1 and asked[run.first] is None:
+        return solve_run(path, limits, run, order)
+    for block in blocks:
+        speed = asked[block.first]
+        if speed is not None:
+            refuse_joined(path, limits, block, order, speed)
+    for before, after in pairwise(blocks):
+        both = np.array([before.last, after.first])
+        refuse_speed(path, limits, path.breaks[[after.first, after.first]], both, after.start_speed)
+    parts: dict[int, Sequence[RunTiming]] = {}
+    # constant speeds first: why they cannot be is soon known
+    for block in sorted(blocks, key=lambda block: asked[block.first] is None):
+        speed = asked[block.first]
+        try:
+            if speed is None:
+                parts[block.first] = [solve_run(path, limits, block, order)]
+            else:
+                parts[block.first] = solve_constant_speed(path, limits, block, order, speed)
+        except MotionError as no:
+            raise _end_speed_error(path, block, run, speed, no) from None
+    return JoinedTiming(path, tuple(chain(*(parts[block.first] for block in blocks))))
+
+
+def _split_blocks(limits: Sequence[Limit], run: Run, asked: AskedSpeeds) -> list[Run]:
+    """The parts of a run that ask for different speeds, each from and to the largest that both sides are allowed."""
+    inner = range(run.first + 1, run.last + 1)
+    starts = [run.first, *(piece for piece in inner if asked[piece] != asked[piece - 1]), run.last + 1]
+    if len(starts) == 2:
+        return [run]
+    (caps,) = (limit.caps for limit in limits if isinstance(limit, ToolSpeed))  # a constant speed is one of them
+    speeds = [run.start_speed, *(float(caps[[k - 1, k]].min()) for k in starts[1:-1]), run.end_speed]
+    return [
+        Run(first, after - 1, start_speed, end_speed, solver=run.solver)
+        for (first, after), (start_speed, end_speed) in zip(pairwise(starts), pairwise(speeds), strict=True)
+    ]
+
+
+def _end_speed_error(path: ActuatorPath, block: Run, run: Run, own: float | None, no: MotionError) -> MotionError:
+    """What to say where a part cannot be run from or to the constant speeds about it: which of them, and the remedy."""
+    kind, joint = no.kind if isinstance(no, Infeasible) else "", block.speeds
+    for kinds, joined, end, piece, words in (
+        (("start speed", ""), block.first > run.first, 0, block.first, ("from", "before")),
+        (("end speed", ""), block.last < run.last, -1, block.last, ("to", "after")),
+    ):
+        if kind in kinds and joined:
+            place = path.place(float(block.breaks(path)[end]), piece)
+            lies = (
+                f"segment {place.segment} is at its constant speed where it joins the segment {words[1]} "
+                f"it without a stop, and no motion {words[0]} that speed was found in it"
+                if own == joint[end]
+                else f"the ramp {words[0]} the constant speed of the segment {words[1]} lies in segment "
+                f"{place.segment}, joined to it without a stop"
+            )
+            remedy = f'{lies}: lower that speed, or write join = "stop" between the two'
+            if isinstance(no, Infeasible):
+                told = "constant speed", no.axis, place, no.value, no.limit, no.unit, remedy
+                return ConstantRefused(*told, asked=joint[end], possible=no.limit / 1e3)
+            return MotionError(f"{place}: {no}; {remedy}")
+    return no

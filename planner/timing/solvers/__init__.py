@@ -1,0 +1,1 @@
+"""Solvers of timing problems: one file each; adapters of libraries end in an underscore."""

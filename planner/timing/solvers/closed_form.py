@@ -1,0 +1,184 @@
+"""Runs that are straight in the actuators: their fastest motion in closed form, seven pieces of constant jerk.
+
+Where q′ is constant for every axis, the limits on speed, acceleration and jerk are constants of ṡ, s̈, s⃛ (∞ where there
+is none): ṡ ≤ V, −B ≤ s̈ ≤ A, −K ≤ s⃛ ≤ J. A ramp up by D, s̈ = 0 at its ends, has jerk J until s̈ = A, then none, then −K;
+that takes D/A + (A/J + A/K)/2, or √(2 D (1/J + 1/K)) where A is not reached. A ramp down is one up with B for A, run
+backwards. The fastest motion ramps to the largest speed that the length allows, at most V, and back.
+Biagiotti and Melchiorri, Trajectory Planning for Automatic Machines and Robots (2008), 3.4, for A = B and J = K.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from kinematics.foundation.arrays import Array
+from planner.limits.limit import Term
+from planner.timing.ends import TooFast
+from planner.timing.problem import EXACT_AIM, SOLVER_AIM, Problem
+from planner.timing.profile import Profile
+
+# Share of a limit that rows may vary by, or that curvature may use, and still count as straight: what is left of the
+# axes' ways where a synchronised move is drawn by a polynomial. What is aimed at is less than the limits by it.
+STRAIGHTNESS_SHARE = 1e-8
+# Share by which a speed at an end may be beyond what its run allows: rounding.
+ROUNDING = 1e-11
+# Halvings that bring a bracket of one order of magnitude down to rounding, and doublings that may bracket at all.
+MAX_HALVINGS, MAX_DOUBLINGS = 60, 2000
+# Share of the duration below which a piece of the motion is none.
+MIN_PIECE_SHARE = 1e-20
+
+
+@dataclass(frozen=True, slots=True)
+class _Limits:
+    """Of the motion along a straight run: ṡ, s̈ on ramps up and down, s⃛ upwards and downwards."""
+
+    speed: float
+    up: float
+    down: float
+    jerk: float
+    back: float
+
+    def ramp(self, change: float, most: float) -> tuple[float, float, float]:
+        """How long s̈ rises, stays and falls on a ramp up by a change of speed, with s̈ at most `most`."""
+        if change <= 0:
+            return 0.0, 0.0, 0.0
+        slowness = (1 / self.jerk + 1 / self.back) / 2
+        if change >= most**2 * slowness:
+            return most / self.jerk, change / most - most * slowness, most / self.back
+        push = float(np.sqrt(change / slowness))
+        return push / self.jerk, 0.0, push / self.back
+
+    def way(self, low: float, high: float, most: float) -> float:
+        """How far a ramp up goes."""
+        rise, held, fall = self.ramp(high - low, most)
+        if rise + held == 0:
+            return 0.0
+        push = (high - low) / (rise / 2 + held + fall / 2)
+        more = rise**2 / 6 + held * (rise + held) / 2 + fall * (rise / 2 + held + fall / 3)
+        return low * (rise + held + fall) + push * more
+
+
+def straight(problem: Problem) -> Profile | None:
+    """The fastest motion of a run with constant rows, exact to rounding; None where the run is not straight.
+
+    Raises TooFast where a speed at an end is beyond its limit, or the way to the other end too short for it.
+    """
+    limits = _aimed_limits(problem)
+    if limits is None:
+        return None
+    length, (first, last) = float(problem.s[-1] - problem.s[0]), problem.speeds
+    low, high, most = min(first, last), max(first, last), limits.up if last > first else limits.down
+    # a speed that is given may be the limit itself
+    if high * EXACT_AIM > limits.speed * (1 + STRAIGHTNESS_SHARE) or limits.way(low, high, most) > length * (
+        1 + ROUNDING
+    ):
+        largest = min(limits.speed / EXACT_AIM, _find_root(lambda v: limits.way(low, v, most) - length, low))
+        raise TooFast(int(last > first), high, largest)
+
+    def ramps(top: float) -> float:
+        return limits.way(first, top, limits.up) + limits.way(last, top, limits.down)
+
+    top = max(high, min(_find_root(lambda v: ramps(v) - length, high), limits.speed))
+    return _profile(problem, limits, top, max(0.0, length - ramps(top)) / top)
+
+
+def _aimed_limits(problem: Problem) -> _Limits | None:
+    """What is aimed at of the limits, where every row is constant and holds ṡ, s̈ or s⃛ alone; None elsewhere."""
+    if not problem.settled:
+        return None
+    forwards, backwards = (dict.fromkeys((Term.SD, Term.SDD, Term.SDDD), 0.0) for _ in range(2))
+    others: list[tuple[Term, float]] = []
+    varies = 0.0
+    for block in problem.blocks:
+        mixed = sum(bool(np.any(block.start[term])) for term in block.start if term in forwards) > 1
+        if ((block.room != SOLVER_AIM) & (block.room != 1)).any() or mixed:
+            return None
+        for term in block.start:
+            values = np.concatenate([block.start[term], block.end[term]])
+            if term not in forwards:
+                others.append((term, float(np.abs(values).max(initial=0.0))))
+                continue
+            one, size = values[0], float(np.abs(values).max(initial=0.0))
+            if size:
+                varies = max(varies, float(np.abs(values - one).max()) / size)
+            for most, way in ((forwards, one), (backwards, -one)):
+                most[term] = max(most[term], float(block.share(way).max(initial=0.0)))
+    if not forwards[Term.SDDD] and not forwards[Term.SDD]:
+        return None
+    (speed, up, jerk), (_, down, back) = (
+        (1 / size if size else float("inf") for size in side.values()) for side in (forwards, backwards)
+    )
+    length = problem.s[-1] - problem.s[0]
+    # what speed and acceleration can come to within the length, where no limit says so
+    sharp = max(jerk, back)
+    fast = min(speed, np.sqrt(2 * max(up, down) * length), np.cbrt(sharp * length**2) * 2)
+    hard = min(max(up, down), np.cbrt(sharp**2 * length) * 2)
+    used = {Term.SD2: fast**2, Term.SD3: fast**3, Term.SDSDD: fast * hard, Term.ONE: np.inf}
+    beside = sum(size * used[term] for term, size in others if size)
+    if max(varies, beside) > STRAIGHTNESS_SHARE:
+        return None
+    aim = EXACT_AIM - 2 * varies - beside
+    return _Limits(*(aim * most for most in (speed, up, down, jerk, back)))
+
+
+def _find_root(rising: Callable[[float], float], low: float) -> float:
+    """Where a rising function is zero, from a place where it is not above; ∞ where it never is."""
+    step = low if low > 0 else 1.0
+    while step > 0 and rising(low + step) > 0:
+        step /= 2
+    high = low + 2 * step
+    for _ in range(MAX_DOUBLINGS):
+        if rising(high) > 0:
+            break
+        low, high = high, 2 * high
+    else:
+        return float("inf")
+    for _ in range(MAX_HALVINGS):
+        middle = (low + high) / 2
+        low, high = (low, middle) if rising(middle) > 0 else (middle, high)
+    return low
+
+
+def _profile(problem: Problem, limits: _Limits, top: float, cruise: float) -> Profile:
+    """Up, along, down; cut where the path's own pieces end."""
+    first, last = problem.speeds
+    parts = [*_ramp(limits, top - first, limits.up), (0.0, 0.0, cruise), *_ramp(limits, top - last, -limits.down)]
+    j, a, h = np.array(parts).T
+    j, a, h = (values[h > MIN_PIECE_SHARE * h.sum()] for values in (j, a, h))
+    v = first + np.append(0.0, np.cumsum(h * (a + h * j / 2)))[:-1]
+    s = problem.s[0] + np.append(0.0, np.cumsum(h * (v + h * (a / 2 + h * j / 6))))[:-1]
+    knots = np.append(0.0, np.cumsum(h))
+
+    def at(t: Array) -> tuple[Array, Array, Array, Array]:
+        k = np.clip(np.searchsorted(knots, t, side="right") - 1, 0, len(h) - 1)
+        tau = t - knots[k]
+        return (
+            s[k] + tau * (v[k] + tau * (a[k] / 2 + tau * j[k] / 6)),
+            v[k] + tau * (a[k] + tau * j[k] / 2),
+            a[k] + tau * j[k],
+            j[k],
+        )
+
+    breaks = problem.s[1:-1][np.diff(problem.piece) > 0]
+    low, high = np.zeros(len(breaks)), np.full(len(breaks), knots[-1])
+    for _ in range(MAX_HALVINGS):
+        middle = (low + high) / 2
+        early = at(middle)[0] < breaks
+        low, high = np.where(early, middle, low), np.where(early, high, middle)
+    apart = np.abs(high[:, None] - knots).min(1, initial=np.inf) > MIN_PIECE_SHARE * knots[-1]
+    cuts = np.union1d(knots, high[apart])
+    piece = problem.piece[0] + np.searchsorted(breaks, at((cuts[1:] + cuts[:-1]) / 2)[0], side="right")
+    return Profile(*at(cuts[:-1]), np.diff(cuts), piece)
+
+
+def _ramp(limits: _Limits, change: float, most: float) -> list[tuple[float, float, float]]:
+    """s⃛, s̈ at the start and duration of the three pieces of a ramp up; down, and so backwards, where most < 0."""
+    rise, held, fall = limits.ramp(change, abs(most))
+    if rise + held == 0:
+        return []
+    push = change / (rise / 2 + held + fall / 2)
+    sharp, soft = (push / time if time > 0 else 0.0 for time in (rise, fall))
+    if most < 0:
+        return [(-soft, 0.0, fall), (0.0, -push, held), (sharp, -push, rise)]
+    return [(sharp, 0.0, rise), (0.0, push, held), (-soft, push, fall)]

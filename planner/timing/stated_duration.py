@@ -1,0 +1,324 @@
+"""A motion of a stated duration: the smoothest that there is within it, certified.
+
+The smoothest motion of a stated duration: least integral of squared actuator jerk, by CasADi and FATROP.
+
+The stages are those of planner.timing.solvers.third_order with one more state, the time t, and another cost:
+
+    minimise ∫ Σ_i (q⃛_i/w_i)² dt
+    such that t rises from 0 to T, the next state follows, and every row is kept
+
+with q⃛ = q′ s⃛ + 3 q″ ṡ s̈ + q‴ ṡ³ at both ends of every interval, weighed half each.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from itertools import pairwise
+from math import ceil, inf
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from kinematics.foundation.arrays import Array
+from kinematics.foundation.errors import MotionError
+from kinematics.machine.axis import Axis, directional_bounds
+from planner.actuation import ActuatorPath
+from planner.limits.limit import Limit
+from planner.parallel import Progress
+from planner.place import Infeasible
+from planner.timing.certified_solve import Solution, fastest, solve_certified
+from planner.timing.discretization import grade_problem
+from planner.timing.pacing import Pacer
+from planner.timing.problem import SOLVER_AIM, Problem, Run
+from planner.timing.profile import Profile, close_profile
+from planner.timing.run import MAX_TRIES, tightened
+from planner.timing.solvers.patience import EvaluationLimit, silence_stderr
+from planner.timing.solvers.third_order import _ONE_AT_A_TIME, Signature, _rows, _stage, chain_stages, derivatives
+
+ITERATIONS, EVALUATIONS, TOLERANCE = 300, 600, 1e-8
+# Least duration of an interval, as a share of its guess.
+MIN_INTERVAL_SHARE = 0.05
+HALVINGS = 60
+
+
+def solve_smoothest(path: ActuatorPath, problem: Problem, weights: Array, guess: Array) -> Profile:
+    """The smoothest motion from rest to rest, s̈ zero at both ends, that takes as long as the guess.
+
+    weights (n,): w of each axis, ∞ for one that does not count. guess (4, N): ṡ, s̈, s⃛, h to start from. Raises
+    MotionError when the solver does not converge.
+    """
+    length, time, count = problem.s[-1] - problem.s[0], float(guess[3].sum()), problem.intervals
+    unit = np.array([length / time, length / time**2, length / time**3, time])
+    start = guess / unit[:, None]
+    scale = np.repeat(np.abs(start).max(1, keepdims=True), count, 1)
+    scale[3] = start[3]
+    signature, coefficients, least, most = _rows(problem, length, time)
+    # jerks of the axes, counted in what they are on average under the guess
+    sides = [path.derivatives(s, problem.piece)[1:] for s in (problem.s[:-1], problem.s[1:])]
+    rough = np.stack([d / weights * unit[2] * length**k for side in sides for k, d in enumerate(side)])
+    v, a, j = start[:3]
+    jerks = rough[0] * j[:, None] + 3 * rough[1] * (v * a)[:, None] + rough[2] * (v**3)[:, None]
+    rough /= np.sqrt((jerks**2 * start[3][:, None]).sum())
+    data = np.concatenate(
+        [np.diff(problem.s)[None] / length, scale, np.zeros((1, count)), coefficients, *rough.transpose(0, 2, 1)]
+    )
+    solver, patience = _assemble(count, signature, rough.shape[2])
+    variables = np.insert(start / scale, 2, np.concatenate([[0.0], np.cumsum(start[3])[:-1]]), axis=0)
+    low = np.tile([0.0, -np.inf, -np.inf, -np.inf, MIN_INTERVAL_SHARE], (count, 1))
+    high = np.full((count, 5), np.inf)
+    low[0, :3] = high[0, :3] = 0.0
+    last = [0.0, 0.0, 1.0]
+    equal = np.zeros((4, count))
+    try:
+        with _ONE_AT_A_TIME, silence_stderr(), patience.asked():
+            answer = solver(
+                x0=np.concatenate([variables.T.ravel(), last]),
+                p=data.T.ravel(),
+                lbx=np.concatenate([low.ravel(), last]),
+                ubx=np.concatenate([high.ravel(), last]),
+                lbg=np.concatenate([equal, least]).T.ravel(),
+                ubg=np.concatenate([equal, most]).T.ravel(),
+            )
+            stats = solver.stats()
+    except RuntimeError as failure:  # CasADi's own
+        raise MotionError(f"the solver of the smoothest motion failed: {failure}") from failure
+    found = np.asarray(answer["x"]).ravel()[:-3].reshape(count, 5).T
+    if not stats["success"] or not np.isfinite(found).all():
+        _assemble.cache_clear()  # a failed solve can leave infinities in the solver
+        raise MotionError(f"the solver of the smoothest motion stopped: {stats['return_status']}")
+    profile = close_profile(problem, np.delete(found, 2, axis=0) * scale * unit[:, None])
+    return profile.slowed(time / profile.duration)
+
+
+def quintic_motion(s: Array, duration: float) -> Array:
+    """(4, N) of ṡ, s̈, s⃛, h on a grid s (N+1,) of 10 τ³ − 15 τ⁴ + 6 τ⁵: the smoothest straight motion without limits."""
+    share = (s - s[0]) / (s[-1] - s[0])
+    low, high = np.zeros(len(s)), np.ones(len(s))
+    for _ in range(HALVINGS):
+        tau = (low + high) / 2
+        early = tau**3 * (10 - 15 * tau + 6 * tau**2) < share
+        low, high = np.where(early, tau, low), np.where(early, high, tau)
+    tau[0], tau[-1] = 0.0, 1.0
+    length, h = s[-1] - s[0], np.diff(tau)
+    v, a = 30 * (tau * (1 - tau)) ** 2, 60 * tau * (1 - tau) * (1 - 2 * tau)
+    scale = length / duration ** np.arange(1, 4)
+    return np.stack([v[:-1] * scale[0], a[:-1] * scale[1], np.diff(a) / h * scale[2], h * duration])
+
+
+def even_time_shares(intervals: int) -> Array:
+    """Where a grid's points lie, as shares of the way (intervals+1,), for the quintic to take as long over each."""
+    tau = np.linspace(0.0, 1.0, intervals + 1)
+    return np.asarray(tau**3 * (10 - 15 * tau + 6 * tau**2))
+
+
+@lru_cache(maxsize=4)
+def _assemble(intervals: int, signature: Signature, axes: int) -> tuple[ca.Function, EvaluationLimit]:
+    stage = _stage(signature)
+    size, rows = stage.size1_in(1), stage.size1_out(2)
+    x, data = ca.SX.sym("x", 5), ca.SX.sym("data", size + 6 * axes)
+    ends, travelled, values = stage(ca.vertcat(x[:2], x[3:]), data[:size])
+    v, a, j, h = ca.vertsplit(ca.vertcat(x[:2], x[3:]) * data[1:5])
+    cost: ca.SX = ca.SX(0)
+    for side, (speed, push) in enumerate(((v, a), (v + h * (a + h * j / 2), a + h * j))):
+        first, second, third = (data[size + (3 * side + k) * axes : size + (3 * side + k + 1) * axes] for k in range(3))
+        cost += h / 2 * ca.sumsqr(first * j + 3 * second * speed * push + third * speed**3)
+    interval = ca.Function(
+        "interval", [x, data], [ca.vertcat(ends, x[2] + h), ca.vertcat(travelled, values), cost], {"cse": True}
+    )
+    patience = EvaluationLimit(EVALUATIONS)
+    options: dict[str, Any] = {
+        "print_time": False,
+        "error_on_fail": False,
+        "show_eval_warnings": False,
+        "structure_detection": "auto",
+        "equality": np.tile(np.arange(4 + rows) < 4, intervals).tolist(),
+        "cache": derivatives(interval, intervals),
+        "fatrop": {
+            "print_level": 0,
+            "max_iter": ITERATIONS,
+            "tol": TOLERANCE,
+            "mu_init": 1e-1,
+            "alpha_min_frac": 0.0,  # see Patience
+        },
+    }
+    problem = chain_stages(interval, intervals, patience)
+    return ca.nlpsol("smoothest", "fatrop", problem, options), patience
+
+
+# A duration so little above the shortest leaves no choice of motion.
+MIN_SLACK_SHARE = 1e-6
+# Points of a piece at which the ranges of the axes are looked at.
+RANGE_POINTS = 17
+SMOOTHEST, SLOWED, PACED = "smoothest", "slowed", "paced"
+
+
+def solve_stated(
+    path: ActuatorPath,
+    limits: Sequence[Limit],
+    axes: Sequence[Axis],
+    order: int,
+    duration: float,
+    progress: Progress | None = None,
+) -> Solution:
+    """The smoothest motion that takes `duration` (s), dwells included: least ∫ Σ_i (q⃛_i/w_i)² dt, within all limits.
+
+    w_i is the jerk limit of axis i where it states one (the smaller of two), else its range over the path per s³. Every
+    run from rest to rest takes as much longer than its shortest as the whole does, dwells aside: on short moves, whose
+    shortest time goes with the cube root of their length, that is also how the total becomes least. Where an axis would
+    stay in a resonance band too long, a run is the smoother of two: below all bands, or gentle but fast enough.
+    Raises Infeasible, with the shortest, for less than that, and where nothing was found that crosses the bands in
+    time; MotionError where the path asks for speeds.
+    """
+    _refuse(path)
+    best = fastest(path, limits, order, progress)
+    shortest = best.trajectory.duration
+    if not duration >= shortest:
+        least = ceil(shortest * 1e6) / 1e6
+        remedy = f"no motion within the limits is shorter than {least:.6f} s: state that, or more"
+        raise Infeasible("duration", "", None, duration, least, "s", remedy)
+    if duration <= shortest * (1 + MIN_SLACK_SHARE):
+        return best
+    rests = float(path.dwells.sum())
+    slower = (duration - rests) / (shortest - rests)
+    smooth = SmoothTiming(order, tuple(axes), _axis_weights(path, axes), slower, _runs(path, best, order))
+    return replace(solve_certified(path, best.limits, order, smooth, progress), lower_estimate=best.lower_estimate)
+
+
+def _refuse(path: ActuatorPath) -> None:
+    """Raise MotionError for a path that asks for speeds, which a motion of another duration would not have."""
+    pieces = range(len(path.breaks) - 1)
+    asked = next((piece for piece in pieces if path.constant(piece) is not None), None)
+    if asked is not None:
+        where = path.place(float(path.breaks[asked]), asked)
+        raise MotionError(f"{where}: a constant speed leaves no choice of duration: leave out one of the two")
+    if max(path.end_speeds) > 0:
+        raise MotionError(
+            f"a stated duration goes from rest to rest, and this motion begins and ends at {path.end_speeds} along the "
+            "path: leave out the duration, or start_speed and end_speed"
+        )
+
+
+def _runs(path: ActuatorPath, best: Solution, order: int) -> dict[int, Profile]:
+    """The fastest motion of each run, out of the whole, by the run's first piece."""
+    motion = best.trajectory
+    moves = (motion.v != 0) | (motion.a != 0) | (motion.j != 0)
+    h, found = np.diff(motion.knots), {}
+    for a, b in pairwise(np.flatnonzero(path.stops(order))):
+        k = np.flatnonzero(moves & (motion.piece >= a) & (motion.piece < b))
+        found[int(a)] = Profile(motion.s[k], motion.v[k], motion.a[k], motion.j[k], h[k], motion.piece[k])
+    return found
+
+
+def _axis_weights(path: ActuatorPath, axes: Sequence[Axis]) -> Array:
+    breaks, pieces = path.breaks, np.arange(len(path.breaks) - 1)
+    s = breaks[:-1, None] + np.diff(breaks)[:, None] * np.linspace(0.0, 1.0, RANGE_POINTS)
+    ranges = np.ptp(path.derivatives(s.ravel(), np.repeat(pieces, RANGE_POINTS))[0], axis=0)
+    ranges = np.where(ranges > 1e-9 * ranges.max(), ranges, np.inf)
+    bounds = [min(directional_bounds(axis.max_jerk)) for axis in axes]
+    return np.where(np.isfinite(bounds), bounds, ranges)
+
+
+@dataclass(frozen=True, slots=True)
+class SmoothTiming:
+    """The smoothest motion along a run: what `planner.timing.certified_solve.solve_certified` asks of a timing.
+
+    slower   how many times as long as its fastest motion it shall take
+    fastest  these motions, by the runs' first pieces
+    """
+
+    order: int
+    axes: tuple[Axis, ...]
+    weights: Array
+    slower: float
+    fastest: Mapping[int, Profile]
+
+    def __call__(self, path: ActuatorPath, limits: Sequence[Limit], run: Run) -> "StatedMotion":
+        slowed = self.fastest[run.first].slowed(self.slower)
+        pacer = Pacer(path, tuple(limits), self.axes, run, self.order)
+        first = self._posed(path, limits, run, slowed).solved()
+        if not pacer.late(first.profile):
+            return first
+        # below all bands, or through them fast: the smoother of the two
+        tried, duration = [], slowed.duration
+        paced = pacer.paced(duration)
+        if paced is not None:
+            tried.append(replace(first, slowed=paced, profile=paced, method=PACED, tries=MAX_TRIES))
+        below = pacer.fastest(pacer.below())
+        if below is not None and below.duration <= duration:
+            gentle = below.slowed(duration / below.duration)
+            tried.append(self._posed(path, pacer.below(), run, gentle).solved())
+        kept = [one for one in tried if not pacer.late(one.profile)]
+        if not kept:
+            raise _stays_error(pacer, first.profile, duration, below)
+        return min(kept, key=StatedMotion.roughness)
+
+    def _posed(self, path: ActuatorPath, limits: Sequence[Limit], run: Run, slowed: Profile) -> "StatedMotion":
+        return StatedMotion(
+            path, grade_problem(path, limits, run, even_time_shares), self.weights, slowed, slowed, SLOWED, 0
+        )
+
+
+def _stays_error(pacer: Pacer, profile: Profile, duration: float, below: Profile | None) -> Infeasible:
+    """What to say where axes stay in resonance bands too long, however the run is timed."""
+    worst = max(pacer.late(profile), key=lambda stay: stay.use)
+    axis = pacer.axes[worst.band.axis]
+    scale, unit = (1e3, "mm/s") if axis.kind == "linear" else (180 / np.pi, "deg/s")
+    band = f"{worst.band.low * scale:.6g} to {worst.band.high * scale:.6g} {unit}"
+    where = profile.along(pacer.path).at(np.array([worst.start]))
+    place = pacer.path.place(float(where.along[0]), int(where.piece[0]), None, axis.name)
+    longer = inf if below is None else below.duration / duration
+    more = f"state one {ceil(longer * 1000) / 1000:.3f} times as long, below all bands, or" if longer < inf else "state"
+    remedy = (
+        f"no motion of the stated duration was found that crosses the band from {band} in time: {more} a shorter one"
+    )
+    return Infeasible("resonance crossing", axis.name, place, worst.use * worst.band.time, worst.band.time, "s", remedy)
+
+
+@dataclass(frozen=True, slots=True)
+class StatedMotion:
+    """A motion that takes as long as `slowed`, the fastest one slowed, which holds whatever else does not."""
+
+    path: ActuatorPath = field(repr=False)
+    problem: Problem
+    weights: Array
+    slowed: Profile
+    profile: Profile
+    method: str
+    tries: int
+
+    @property
+    def floor(self) -> float:
+        """None of its own: the fastest motion has an estimate."""
+        return 0.0
+
+    def roughness(self) -> float:
+        """∫ Σ_i (q⃛_i/w_i)² dt, by Simpson's rule on every time piece; ∞ where s̈ only steps, as without jerk limits."""
+        if not self.profile.j.any():
+            return inf
+        motion, h, k = self.profile.along(self.path), self.profile.h, np.arange(len(self.profile.h))
+        at = [((motion.within(k, share * h).qddd / self.weights) ** 2).sum(1) for share in (0.0, 0.5, 1.0)]
+        return float((h / 6 * (at[0] + 4 * at[1] + at[2])).sum())
+
+    def solved(self) -> "StatedMotion":
+        """Solved within the rooms that are left; the fastest motion slowed where there is no answer, or a rougher one.
+
+        First from that one, which holds: from a motion outside the limits the solver often does not get inside.
+        """
+        slowed = replace(self, profile=self.slowed, method=SLOWED, tries=MAX_TRIES)
+        s = self.problem.s
+        for guess in (self.slowed.on(s), quintic_motion(s, self.slowed.duration)):
+            try:
+                profile = solve_smoothest(self.path, self.problem, self.weights, guess)
+            except MotionError:
+                continue
+            found = replace(self, profile=profile, method=SMOOTHEST, tries=self.tries + 1)
+            if found.roughness() <= slowed.roughness():
+                return found
+        return slowed
+
+    def tightened(self, use: Mapping[str, Array], slowness: float) -> "StatedMotion":
+        if self.tries >= MAX_TRIES:
+            return replace(self, profile=self.slowed, method=SLOWED, tries=MAX_TRIES)
+        blocks = tuple(tightened(block, use[block.name] / SOLVER_AIM, self.tries) for block in self.problem.blocks)
+        return replace(self, problem=replace(self.problem, blocks=blocks)).solved()

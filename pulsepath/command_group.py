@@ -1,0 +1,109 @@
+"""The group of commands: what all of them share, and how each ends."""
+
+import os
+import sys
+from collections.abc import Mapping, Sequence
+from io import StringIO
+from pathlib import Path
+from typing import Any
+
+import click
+
+from pulsepath import progress as talk
+from pulsepath.process import supervisor
+from pulsepath.process.ending import EndSignal, raise_on_signal
+from pulsepath.process.exits import INTERRUPTED, JSON, TRACEBACK, told
+from pulsepath.process.intent import describe_interruption
+from pulsepath.progress import say
+
+OTHERS_TITLE = "Others"
+
+
+class Commands(click.Group):
+    """Commands that take -q and -v, and whose errors become exit codes; click's own usage errors exit with 2.
+
+    sections  titles of the commands' list, and the names under each; those that are in none come last
+    """
+
+    def __init__(self, *args: Any, sections: Mapping[str, Sequence[str]] | None = None, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        self.sections = dict(sections or {})
+        self.params.extend(talk.options())
+
+    def add_command(self, cmd: click.Command, name: str | None = None) -> None:
+        if not isinstance(cmd, Commands):
+            cmd.params.extend(talk.options())
+        super().add_command(cmd, name)
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        listed = {name for names in self.sections.values() for name in names}
+        others = [name for name in self.list_commands(ctx) if name not in listed]
+        sections = {**self.sections, OTHERS_TITLE if self.sections else "Commands": others}
+        width = max(map(len, self.commands), default=0)
+        for title, names in sections.items():
+            known = {name: self.commands[name] for name in names if name in self.commands}
+            if known:
+                with formatter.section(title):
+                    short = formatter.width - 6 - width
+                    formatter.write_dl([(f"{n:<{width}}", cmd.get_short_help_str(short)) for n, cmd in known.items()])
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        ctx.meta[JSON] = ctx.meta.get(JSON, False) or "--json" in args
+        return super().parse_args(ctx, args)
+
+    def invoke(self, ctx: click.Context) -> Any:
+        if ctx.parent is not None:  # of a group within the group
+            return super().invoke(ctx)
+        _reopen_closed_streams()
+        _replace_unprintable()
+        try:
+            with raise_on_signal(last=True):
+                result = super().invoke(ctx)
+                sys.stdout.flush()
+                return result
+        except click.exceptions.Exit:
+            raise
+        except click.ClickException as error:
+            _print_json_error(ctx, error, error.exit_code)
+            shown = StringIO()
+            error.show(shown)
+            say(shown.getvalue().rstrip("\n"), err=True)
+            ctx.exit(error.exit_code)
+        except KeyboardInterrupt as end:
+            supervisor.tell(said=True)
+            say(describe_interruption(ctx), err=True)
+            ctx.exit(end.code if isinstance(end, EndSignal) else INTERRUPTED)
+        except BrokenPipeError:
+            # the reader has seen enough; what is still buffered must not fail when the interpreter ends
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            ctx.exit(0)
+        except Exception as error:  # every kind of failure ends here
+            if os.environ.get(TRACEBACK) == "1":
+                raise
+            code, message = told(error)
+            _print_json_error(ctx, error, code)
+            say(message, err=True)
+            ctx.exit(code)
+
+
+def _print_json_error(ctx: click.Context, error: Exception, code: int) -> None:
+    """The error on stdout, where JSON is asked for."""
+    if ctx.meta[JSON]:
+        from pulsepath.process.exits import error_json
+
+        click.echo(error_json(error, code), nl=False)
+
+
+def _reopen_closed_streams() -> None:
+    """Streams that a shell closed, as by >&-, lead to /dev/null: so no file that is opened is taken for one."""
+    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
+        if getattr(sys, name) is None:
+            setattr(sys, name, Path(os.devnull).open(mode, encoding="utf-8"))  # noqa: SIM115  # to the end
+
+
+def _replace_unprintable() -> None:
+    """≤ and µ must not end a command on a terminal that has no such letters."""
+    for stream in (sys.stdout, sys.stderr):
+        reconfigure = getattr(stream, "reconfigure", None)
+        if reconfigure is not None:
+            reconfigure(errors="replace")

@@ -1,0 +1,43 @@
+"""`pulsepath check`: what no timing can help along a program's path."""
+
+from pathlib import Path
+
+import click
+
+from pulsepath.options import apply_motion, dump_option, json_option, machine_option, motion_option, program_argument
+from pulsepath.process.exits import INFEASIBLE
+from pulsepath.progress import say
+
+
+@click.command()
+@program_argument
+@machine_option
+@motion_option
+@dump_option
+@click.option("--force", is_flag=True, help="Replace what --dump-config writes.")
+@json_option
+def check(program: str, machine: str | None, motion: str, dumped: Path | None, force: bool, as_json: bool) -> None:
+    """Check what no timing can help: reach, travel and tilt.
+
+    Lists every violation along the path of PROGRAM, or else how near it comes to each limit.
+
+    Example: pulsepath check circle --machine hexapod
+    """
+    from planner import check as look
+    from pulsepath.inputs import read_inputs
+    from pulsepath.output import record, tables
+    from pulsepath.output.dump import dump
+
+    inputs = apply_motion(motion, read_inputs(program, machine))
+    if dumped is not None:
+        dump(dumped, inputs, "check", {}, force, as_json)
+        return
+    found = look(inputs.program, inputs.machine)
+    if as_json:
+        click.echo(record.as_json(record.of_check(found)), nl=False)
+    elif found.violations:
+        say("\n".join(map(str, found.violations)))
+    else:
+        tables.show(tables.of_check(found))
+    if found.violations:
+        click.get_current_context().exit(INFEASIBLE)

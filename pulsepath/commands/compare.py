@@ -1,0 +1,186 @@
+"""`pulsepath compare`: tracking laws over their gains on a rig, or saved runs, in one report.
+
+What `compare` leaves behind: the report, its table as JSON, its runs as CSV; and the runs themselves, for later.
+"""
+
+from itertools import product
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from benchmarks.reports.gain import Comparison, Verdict
+from kinematics.files.atomic_files import Destination, stage_files
+from kinematics.foundation.errors import MotionError
+from pulsepath import known_names
+from pulsepath.known_names import make_completer
+from pulsepath.process.exits import INFEASIBLE
+from pulsepath.process.intent import writes
+from pulsepath.progress import say
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from benchmarks.reports.gain import Condition
+    from benchmarks.sweep import SavedRuns
+    from controllers.rig import Rig
+
+THESIS_LAWS = ("1", "2", "3", "4", "5", "6", "7")
+"""The algorithms of [Sahbaz 2007, Table 7.5]."""
+
+
+@click.command()
+@click.argument("rig", required=False, shell_complete=make_completer(known_names.rigs, files=True))
+@click.option("--out", type=click.Path(path_type=Path), required=True, metavar="DIR", help="Directory to write.")
+@click.option(
+    "--law",
+    "laws",
+    multiple=True,
+    metavar="LAW",
+    help='Over its own gains, or with given ones as "6:gain=0.7"; may be repeated. Default: the seven published.',
+    shell_complete=make_completer(known_names.laws),
+)
+@click.option("--task", "tasks", multiple=True, metavar="TASK", help="Of the rig; may be repeated. Default: all.")
+@click.option("--seeds", type=click.IntRange(min=1), default=1, show_default=True, help="Runs of each by chance.")
+@click.option(
+    "--from",
+    "saved",
+    multiple=True,
+    type=click.Path(path_type=Path),
+    metavar="DIR",
+    help="Compare the runs saved there instead of running any; may be repeated.",
+)
+@click.option("--baseline", metavar="LAW", help='Default: "6:gain=0.7" where it was run, else the first setting.')
+@click.option(
+    "--fail-if",
+    "conditions",
+    multiple=True,
+    metavar="CONDITION",
+    help='Exit with 1 where it holds of the best setting on any path: "contour_rms > 1.1x" (times the baseline).',
+)
+@click.option("--address", metavar="ADDRESS", help="Of a Dask scheduler. Default: the cores of this computer.")
+@click.option("--force", is_flag=True, help="Replace an earlier comparison in DIR; its runs are kept.")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON instead of text.")
+def compare(
+    rig: str | None,
+    out: Path,
+    laws: tuple[str, ...],
+    tasks: tuple[str, ...],
+    seeds: int,
+    saved: tuple[Path, ...],
+    baseline: str | None,
+    conditions: tuple[str, ...],
+    address: str | None,
+    force: bool,
+    as_json: bool,
+) -> None:
+    """Compare tracking laws and their gains on RIG.
+
+    RIG is the name of a bundled one, or a TOML file; servo-rig if it is not given.
+
+    Every law is run over its gains on every task, with inertia and friction as stated and 30 % off, and the runs are
+    saved in DIR: those that are there already are not run again, and `--from DIR` compares them later.
+
+    Example: pulsepath compare servo-rig --law 3 --law 6 --out out/laws
+    """
+    writes(out / "compare.json", kept="" if saved else f"runs that are done are kept in {out}, for the next time")
+    from benchmarks.reports.gain import compare as compared
+    from benchmarks.reports.gain import read_condition
+    from benchmarks.sweep import load_runs
+    from controllers.rig_file import load_rig
+    from kinematics import MotionError
+    from pulsepath.output import record
+    from pulsepath.progress import step
+
+    if saved and (rig or laws or tasks or address or seeds != 1):
+        raise MotionError("compare: with --from nothing is run, so give no RIG, --law, --task, --seeds or --address")
+    asked = [read_condition(text) for text in conditions]
+    to = destinations(out, force)
+    if saved:
+        runs = [load_runs(folder) for folder in saved]
+        for condition, one in product(asked, runs):
+            condition.check(one.record)
+    else:
+        runs = [_run(load_rig(rig or "servo-rig"), out, laws, tasks, seeds, address, baseline, asked)]
+    with step("comparing"):
+        found = compared(runs, baseline)
+        verdict = write(to, found)
+    met = [reason for condition in asked for reason in condition.met(found, verdict.best)]
+    report = str(out / REPORT)
+    if as_json:
+        told = {"verdict": verdict.text, "gains": verdict.gains, "report": report, "failed": met}
+        click.echo(record.as_json(told), nl=False)
+    else:
+        say(verdict.text)
+        say(f"{verdict.gains}\nreport: {report}" if verdict.gains else f"report: {report}")
+        for reason in met:
+            say(f"failed: {reason}", err=True)
+    if met:
+        click.get_current_context().exit(INFEASIBLE)
+
+
+def _run(
+    rig: "Rig",
+    out: Path,
+    laws: tuple[str, ...],
+    tasks: tuple[str, ...],
+    seeds: int,
+    address: str | None,
+    baseline: str | None,
+    asked: "Sequence[Condition]",
+) -> "SavedRuns":
+    """The runs of a rig, once all that was asked is understood; those in the directory already are not made again."""
+    from benchmarks.sweep import Grid, described, read_setting, settings_of, sweep
+    from kinematics import MotionError
+    from pulsepath.progress import note, step
+
+    settings = [
+        setting for law in laws or THESIS_LAWS for setting in ([read_setting(law)] if ":" in law else settings_of(law))
+    ]
+    if baseline is not None and read_setting(baseline) not in settings:
+        known = ", ".join(setting.text for setting in settings)
+        raise MotionError(f"compare: the baseline {baseline} is not among the settings to run: {known}")
+    grid = Grid(tuple(settings), tasks or tuple(task.name for task in rig.tasks), seeds=tuple(range(seeds)))
+    facts = described(grid, rig)
+    for condition in asked:
+        condition.check(facts)
+    with step(f"running {rig.name}") as tell:
+        return sweep(grid, rig, out, address=address, progress=tell, tell=note)
+
+
+RECORD, KIND = "compare.json", "pulsepath compare"
+REPORT, TABLE = "report.html", "runs.csv"
+
+
+def destinations(target: Path, force: bool) -> list[Destination]:
+    """What a comparison writes: the report, its table, the record.
+
+    Raises MotionError unless it may be written: nothing there but saved runs, or, with `force`, another comparison.
+
+    Saved runs may stay since each is found by the hash of what it depends on: an interrupted comparison goes on.
+    """
+    from benchmarks.sweep.store import CELLS
+
+    if target.exists() and not target.is_dir():
+        raise MotionError(f"{target} exists and is no directory; give another --out")
+    if (target / RECORD).exists():
+        if not force:
+            raise MotionError(f"{target} holds a comparison; give another --out, or --force to replace it")
+    elif target.exists() and any(target.iterdir()) and not (target / CELLS).is_dir():
+        raise MotionError(f"{target} is not empty, and holds no saved runs; give another --out")
+    return [Destination(target / name, force=True) for name in (REPORT, TABLE, RECORD)]
+
+
+def write(to: list[Destination], comparison: Comparison) -> Verdict:
+    """Write everything: all files or none, each whole, the record last."""
+    from benchmarks.reports.gain.gain_report import gain_report
+    from benchmarks.reports.gain.record import comparison_record, runs_csv
+    from pulsepath.output import record
+
+    verdict, page = gain_report(comparison)
+    text = record.as_json({"schema": record.SCHEMA, "kind": KIND, **comparison_record(comparison, verdict)})
+    to[0].place.parent.mkdir(parents=True, exist_ok=True)
+    with stage_files(to) as files:
+        for file, content in zip(files, (page, runs_csv(comparison), text), strict=True):
+            file.write_bytes(content.encode())
+    return verdict

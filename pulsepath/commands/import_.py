@@ -1,0 +1,88 @@
+"""`pulsepath import`: a program from another format, as the TOML that `plan` takes."""
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from pulsepath import known_names
+from pulsepath.format_command import FormatCommand
+from pulsepath.known_names import make_completer
+from pulsepath.process.intent import writes
+from pulsepath.progress import say
+
+FIGURES = (".png", ".svg", ".pdf")
+
+
+class Import(FormatCommand):
+    """Options of the formats that programs come in."""
+
+    formats = "IMPORTS"
+
+
+@click.command("import", cls=Import)
+@click.argument("file", type=click.Path(path_type=Path))
+@click.option("--out", type=click.Path(path_type=Path), required=True, metavar="PROGRAM", help="TOML file to write.")
+@click.option(
+    "--format",
+    "name",
+    metavar="FORMAT",
+    help="One of those below. Default: what the suffix of FILE says.",
+    shell_complete=make_completer(known_names.imports),
+)
+@click.option(
+    "--figure", type=click.Path(path_type=Path), metavar="IMAGE", help="PNG, SVG or PDF. Default: PROGRAM with .png."
+)
+@click.option("--force", is_flag=True, help="Replace PROGRAM and IMAGE.")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON instead of text.")
+def import_(
+    file: Path, out: Path, name: str | None, figure: Path | None, force: bool, as_json: bool, **given: Any
+) -> None:
+    """Turn FILE into a program, and draw it.
+
+    It is told what was understood of it. Options in brackets belong to the formats that are named there.
+
+    Example: pulsepath import part.dxf --out part.toml
+    """
+    image = figure or out.with_suffix(".png")
+    writes(out, image)
+
+    import numpy as np
+
+    from kinematics import MotionError
+    from kinematics.files.atomic_files import Destination, stage_files
+    from planner.program.program_writer import program_toml
+    from planner.sources.source import source_name
+    from pulsepath.format_options import IMPORTS
+    from pulsepath.output import record
+    from pulsepath.progress import step
+
+    if image.suffix.lower() not in FIGURES:
+        raise MotionError(f"{image}: a figure is one of {', '.join(FIGURES)}; give --figure such a suffix")
+    if len({path.absolute() for path in (file, out, image)}) < 3:
+        raise MotionError(f"{file}, {out} and {image} must be three different files; give another --out or --figure")
+    destinations = [Destination(target, force=force) for target in (out, image)]
+    name = name or source_name(file)
+    source = IMPORTS.make(name, given)
+    with step(f"reading {file}"):
+        found = source.read(file)
+        way = found.outline
+    with step(f"writing {out} and {image}"), stage_files(destinations) as (written, drawn):
+        from planner import figures as plots
+
+        told = f"{found.program.name}, imported from {file.name} ({name})"
+        written.write_text(program_toml(found.program, told), encoding="utf-8")
+        figure_of = plots.program_path(way).get_figure(root=True)
+        if figure_of is not None:
+            figure_of.savefig(drawn, dpi=150)
+    about = record.of_import(name, found, way, str(out), str(image))
+    if as_json:
+        click.echo(record.as_json(about), nl=False)
+        return
+    say(f"{out}: {about['segments']} segments from {file}, read as {name}; drawn in {image}")
+    say("  entities: " + ", ".join(f"{count} {kind}" for kind, count in found.entities.items()))
+    ranges = zip("xyz", *(np.round(corner * 1e3, 9) + 0.0 for corner in (way.low, way.high)), strict=True)
+    say("  extents: " + ", ".join(f"{axis} {low:.6g} to {high:.6g} mm" for axis, low, high in ranges))
+    say(f"  length: {way.length * 1e3:.7g} mm")
+    for warning in found.warnings:
+        say(f"  warning: {warning}")

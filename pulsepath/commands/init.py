@@ -1,0 +1,65 @@
+"""`pulsepath init`: a commented machine and a commented program to start from."""
+
+from pathlib import Path
+
+import click
+
+from pulsepath import known_names
+from pulsepath.known_names import make_completer
+from pulsepath.options import json_option
+from pulsepath.process.intent import writes
+from pulsepath.progress import say
+
+MACHINE, PROGRAM = "machine.toml", "program.toml"
+
+
+@click.command()
+@click.argument("directory", metavar="[DIR]", default=".", type=click.Path(file_okay=False, path_type=Path))
+@click.option(
+    "--machine",
+    metavar="MACHINE",
+    help="Bundled machine, or kind, to start from. Default: that of the program, else hexapod.",
+    shell_complete=make_completer(known_names.machines),
+)
+@click.option(
+    "--program",
+    metavar="PROGRAM",
+    help="Bundled program to start from. Default: a line, a circle and a way back.",
+    shell_complete=make_completer(known_names.programs),
+)
+@click.option("--force", is_flag=True, help=f"Replace {MACHINE} and {PROGRAM}.")
+@json_option
+def init(directory: Path, machine: str | None, program: str | None, force: bool, as_json: bool) -> None:
+    """Write a commented machine and program to start from.
+
+    DIR is here unless it is given. Every key of both files is there: set, or as a comment that only needs its # taken
+    away.
+
+    Example: pulsepath init mine --machine tripod
+    """
+    from kinematics import load_machine
+    from kinematics.machine.machine_starter import companions, machine_starter
+    from planner.program.program_starter import machine_of, program_starter
+    from pulsepath.output import record
+    from pulsepath.output.directory import write_files
+
+    machine = machine or (None if program is None else machine_of(program)) or "hexapod"
+    driven = load_machine(machine)
+    files = {
+        MACHINE: machine_starter(machine).encode(),
+        PROGRAM: program_starter(MACHINE, type(driven).__name__.lower(), program).encode(),
+        **companions(machine),
+    }
+    targets = [directory / name for name in files]
+    writes(*targets)
+    write_files(directory, files, force)
+    path = directory / PROGRAM
+    following = [f"pulsepath check {path}", f"pulsepath plan {path} --out {directory / 'plan'}"]
+    if as_json:
+        click.echo(record.as_json({"files": [str(target) for target in targets], "next": following}), nl=False)
+        return
+    for target in targets:
+        say(f"written: {target}")
+    say("next:")
+    for command in following:
+        say(f"  {command}")

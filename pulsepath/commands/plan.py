@@ -1,0 +1,156 @@
+"""`pulsepath plan`: the fastest motion of a program, proved, with its pulses and a report, in a directory."""
+
+import json
+from pathlib import Path
+
+import click
+
+from pulsepath import known_names
+from pulsepath.known_names import make_completer
+from pulsepath.options import (
+    apply_motion,
+    dump_option,
+    json_option,
+    machine_option,
+    motion_option,
+    program_argument,
+    read_quantity,
+)
+from pulsepath.process.intent import writes
+from pulsepath.progress import say
+
+
+@click.command()
+@program_argument
+@machine_option
+@click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="Directory to write.")
+@click.option(
+    "--order",
+    type=click.Choice(["2", "3"]),
+    help="2: speed and acceleration; 3: and jerk. Default: 3 if the machine limits jerk.",
+)
+@click.option(
+    "--clock-hz", type=click.IntRange(min=1), default=10_000_000, show_default=True, help="Ticks/s of pulses."
+)
+@click.option(
+    "--duration", metavar="TIME", help='As "12 s": not the fastest motion, but the smoothest that takes so long.'
+)
+@click.option(
+    "--rule",
+    default="nearest",
+    shell_complete=make_completer(known_names.rules),
+    show_default=True,
+    metavar="RULE",
+    help='When pulses fire; "pulsepath rules" lists them. With options as sampled:period=50us.',
+)
+@click.option(
+    "--figures/--no-figures",
+    default=True,
+    show_default=True,
+    help="Pictures in the report; without them it has its text and all its tables, and is there sooner.",
+)
+@motion_option
+@click.option(
+    "--rig",
+    metavar="RIG",
+    help='Track the plan on this rig too, preset or file; "pulsepath rigs" lists them. Default: it is not tracked.',
+    shell_complete=make_completer(known_names.rigs, files=True),
+)
+@click.option(
+    "--cross-check",
+    "crossed",
+    is_flag=True,
+    help="Also solve for order 2 by toppra, and put its motion and certificate beside ours.",
+)
+@dump_option
+@click.option("--force", is_flag=True, help="Replace DIR, if an earlier plan is in it.")
+@json_option
+def plan(
+    program: str,
+    machine: str | None,
+    out: Path | None,
+    order: str | None,
+    clock_hz: int,
+    duration: str | None,
+    rule: str,
+    figures: bool,
+    motion: str,
+    rig: str | None,
+    crossed: bool,
+    dumped: Path | None,
+    force: bool,
+    as_json: bool,
+) -> None:
+    """Plan PROGRAM: motion, pulses and report go into DIR.
+
+    The motion is the fastest that the machine's limits allow, proved to keep every one of them.
+
+    Example: pulsepath plan circle --out out/circle
+    """
+    if dumped is not None:
+        _dump(dumped, program, machine, motion, order, clock_hz, duration, rule, rig, crossed, force, as_json)
+        return
+    if out is None:
+        raise click.UsageError("Missing option '--out'.", click.get_current_context())
+    writes(out)
+    from pulsepath.process.second import reduce_garbage_collection, second
+
+    # before what is slow to load, so that both processes load at once
+    with reduce_garbage_collection(), second(figures) as other:
+        from planner.timing.solvers.toppra_ import require
+        from pulsepath.inputs import read_inputs, read_rig
+        from pulsepath.job import run
+        from pulsepath.output import plan_directory, record, tables
+        from pulsepath.output.directory import RECORD, refuse_overwrite, replacing
+
+        refuse_overwrite(out, force)
+        seconds = None if duration is None else read_quantity("--duration", duration, "s", above=0.0)
+        inputs = apply_motion(motion, read_inputs(program, machine))
+        kind = None if order is None else int(order)
+        if crossed:  # said before the work
+            require("--cross-check")
+        behind = read_rig(rig, inputs.machine)
+        with replacing(out, force) as folder:  # where nothing can be written, that is said before the work
+            job = run(inputs.program, inputs.machine, kind, clock_hz, seconds, rule, other, figures, behind, crossed)
+            plan_directory.write(folder, job, inputs)
+    report = str(out / plan_directory.REPORT)
+    if as_json:
+        written = json.loads((out / RECORD).read_bytes())
+        click.echo(record.as_json({**written, "report": report}), nl=False)
+    else:
+        tables.show(tables.of_plan(job))
+        say(f"report: {report}")
+
+
+def _dump(
+    folder: Path,
+    program: str,
+    machine: str | None,
+    motion: str,
+    order: str | None,
+    clock_hz: int,
+    duration: str | None,
+    rule: str,
+    rig: str | None,
+    crossed: bool,
+    force: bool,
+    as_json: bool,
+) -> None:
+    from planner.limits import usual_order
+    from planner.pulses import find_rule
+    from pulsepath.inputs import read_inputs, read_rig
+    from pulsepath.output.dump import dump
+
+    inputs = apply_motion(motion, read_inputs(program, machine))
+    read_rig(rig, inputs.machine)  # refuses one that does not fit
+    find_rule(rule)  # refuses what is none
+    chosen = usual_order(inputs.machine.axes) if order is None else int(order)
+    options: dict[str, int | str] = {"order": chosen, "clock-hz": clock_hz, "rule": rule}
+    if duration is not None:
+        read_quantity("--duration", duration, "s", above=0.0)
+        options["duration"] = duration
+    if rig is not None:
+        options["rig"] = rig
+    if crossed:
+        options["cross-check"] = True
+    dump(folder, inputs, "plan", options, force, as_json)

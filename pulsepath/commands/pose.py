@@ -1,0 +1,154 @@
+"""`pulsepath pose`: from a pose to every axis and joint of a machine, and back."""
+
+import re
+from math import degrees, pi
+from typing import TYPE_CHECKING
+
+import click
+
+from pulsepath import known_names
+from pulsepath.known_names import make_completer
+from pulsepath.options import json_option
+from pulsepath.process.exits import INFEASIBLE
+from pulsepath.progress import say
+
+if TYPE_CHECKING:
+    from kinematics import Machine, Pose
+
+ALLOW_MINUS = {"ignore_unknown_options": True}
+"""So that "-5,5,35" is a pose."""
+PLAIN = {"m": "mm", "rad": "deg"}
+"""The unit of plain numbers."""
+_NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?", re.ASCII)
+
+
+@click.command(context_settings=ALLOW_MINUS)
+@click.argument("machine", shell_complete=make_completer(known_names.machines, files=True))
+@click.argument("pose", required=False)
+@click.option("--turn", metavar="A,B,C", help="Angles about the moving axes x, y, z in turn. Default: 0,0,0.")
+@click.option(
+    "--frame",
+    type=click.Choice(["home", "base"]),
+    default="home",
+    show_default=True,
+    help="What POSE is relative to, as in programs.",
+)
+@click.option("--lengths", metavar="Q1,Q2,…", help="Instead of POSE: leg lengths between joints, positions or angles.")
+@click.option("--travel", metavar="Q1,Q2,…", help="Instead of POSE: the same, counted from home.")
+@click.option("--counts", metavar="N1,N2,…", help="Instead of POSE: pulses from home, in the sense of the axes.")
+@json_option
+def pose(
+    machine: str,
+    pose: str | None,
+    turn: str | None,
+    frame: str,
+    lengths: str | None,
+    travel: str | None,
+    counts: str | None,
+    as_json: bool,
+) -> None:
+    """Show what every axis and joint of MACHINE does in a POSE.
+
+    POSE is "x,y,z"; without it, home. Plain numbers are mm and degrees, others carry their unit ("0.2 in").
+    Told are lengths, pulses, tilts, the platform's directions α β γ, margins, and whether the way from home is proved.
+    With --lengths, --travel or --counts it is the other way round: from the axes to the pose.
+
+    Exit code 1 where the pose is out of reach or breaks a limit, and where axes lead to a pose that is not certified.
+
+    Example: pulsepath pose hexapod 5,5,35 --turn 3,-4,2
+    """
+    from kinematics import MotionError, load_machine
+    from kinematics.analysis.posture import posture_of_axes, posture_of_pose
+    from pulsepath.output import record, tables
+
+    axes = {"--lengths": lengths, "--travel": travel, "--counts": counts}
+    given = [option for option, text in axes.items() if text is not None]
+    if len(given) > 1 or (given and (pose is not None or turn is not None)):
+        beside = " beside a POSE" if len(given) == 1 else ""
+        raise MotionError(f"pose: {' and '.join(given)}{beside}: give a POSE, or one of {', '.join(axes)}")
+    of = load_machine(machine)
+    if given:
+        found = posture_of_axes(of, _read_coordinates(of, given[0], axes[given[0]] or ""))
+    else:
+        found = posture_of_pose(of, _read_pose(of, pose, turn, frame))
+    if as_json:
+        click.echo(record.as_json(record.of_posture(found)), nl=False)
+    else:
+        tables.show(tables.of_results(found))
+    for violation in found.violations:
+        say(f"infeasible: {violation}", err=True)
+    if not found.margins.ok.all() or (given and not found.certified):
+        click.get_current_context().exit(INFEASIBLE)
+
+
+def _read_pose(machine: "Machine", position: str | None, turn: str | None, frame: str) -> "Pose":
+    """In the base frame. Raises MotionError for what is none, or states what the machine lets follow."""
+    from scipy.spatial.transform import RigidTransform, Rotation
+
+    from kinematics import MotionError
+    from kinematics.analysis.posture import refuse_dependent
+
+    home = [0.0] * 3 if frame == "home" else machine.home.translation.tolist()
+    place = home if position is None else _read_values("POSE", position, ("m",) * 3, "x, y, z")
+    angles = [0.0] * 3 if turn is None else _read_values("--turn", turn, ("rad",) * 3, "θx, θy, θz")
+    for angle, name in zip(angles, ("θx", "θy", "θz"), strict=True):
+        if abs(angle) > 2 * pi * (1 + 1e-12):
+            raise MotionError(
+                f"--turn: {name} of {degrees(angle):.6g}° is more than a whole turn, which a pose does not tell from "
+                "none; give the rest of it, or the axes by --travel"
+            )
+    refuse_dependent(machine, dict(zip(("rx", "ry", "rz"), angles, strict=True)))
+    stated = RigidTransform.from_components(place, Rotation.from_euler("XYZ", angles))
+    if frame == "home":
+        return machine.home * stated
+    if turn is None and not {"rx", "ry", "rz"} & set(machine.freedom):  # as it is held, or follows
+        return RigidTransform.from_components(place, machine.home.rotation)
+    return stated
+
+
+def _read_coordinates(machine: "Machine", option: str, text: str) -> list[float]:
+    """(n,) coordinates of the axes, natural, in SI."""
+    axes = machine.axes
+    names = ", ".join(axis.name for axis in axes)
+    if option == "--counts":
+        numbers = _split(option, text, len(axes), names)
+        ways = [_read_count(number) * axis.pulse for number, axis in zip(numbers, axes, strict=True)]
+        return [home + way for home, way in zip(machine.home_q.tolist(), ways, strict=True)]
+    given = _read_values(option, text, tuple(axis.unit for axis in axes), names)
+    homes = machine.home_q.tolist() if option == "--travel" else [0.0] * len(axes)
+    return [home + value for home, value in zip(homes, given, strict=True)]
+
+
+def _read_values(what: str, text: str, units: tuple[str, ...], names: str) -> list[float]:
+    """SI values of numbers that are parted by commas: plain ones in mm and degrees."""
+    from kinematics.foundation.errors import BadValue
+    from kinematics.foundation.units import quantity
+
+    values = []
+    for part, unit in zip(_split(what, text, len(units), names), units, strict=True):
+        try:
+            values.append(quantity(f"{part} {PLAIN[unit]}" if _NUMBER.fullmatch(part) else part, unit))
+        except BadValue as error:
+            raise BadValue(f"{what}: {error}", allowed=error.allowed, nearest=error.nearest) from None
+    return values
+
+
+def _split(what: str, text: str, count: int, names: str) -> list[str]:
+    from kinematics import MotionError
+    from kinematics.foundation.units import describe_value
+
+    parts = [part.strip() for part in text.split(",")]
+    if len(parts) != count:
+        raise MotionError(
+            f"{what} {describe_value(text)}: {len(parts)} entries; write {count}, with commas between: {names}"
+        )
+    return parts
+
+
+def _read_count(text: str) -> int:
+    from kinematics import MotionError
+    from kinematics.foundation.units import describe_value
+
+    if not re.fullmatch(r"[+-]?\d{1,15}", text, re.ASCII):
+        raise MotionError(f"--counts: {describe_value(text)} is no whole number of pulses")
+    return int(text)

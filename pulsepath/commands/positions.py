@@ -1,0 +1,224 @@
+"""`pulsepath positions`: the poses of a list, told, recorded, put in and taken out one by one."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+import click
+
+from pulsepath.command_group import Commands
+from pulsepath.options import read_quantity
+
+if TYPE_CHECKING:
+    from kinematics.files.atomic_files import Destination
+    from planner.sources.position_list import PositionList
+
+ALLOW_MINUS = {"ignore_unknown_options": True}
+"""So that "-10 mm, 0 mm, 25 mm" is a pose."""
+FIGURES = (".png", ".svg", ".pdf")
+SIMULATED = (".csv", ".json", *FIGURES)
+"""What a simulation of the arms is saved as."""
+
+
+@dataclass(frozen=True, slots=True)
+class ListFile:
+    """The file that a command is about, whether it prints JSON, and the file as it stood when the command began."""
+
+    path: Path
+    as_json: bool
+    destination: "Destination"
+
+    def read(self, machine: str = "tripod") -> "PositionList":
+        """The list; machine: that a file of the three-armed machine is of."""
+        from planner.sources.positions import Positions
+
+        return Positions(arms=machine).load(self.path)[0]
+
+    def write(self, listed: "PositionList") -> None:
+        """Whole or not at all. Raises MotionError for what is no CSV file by its suffix."""
+        from kinematics import MotionError
+        from planner.sources.position_list import positions_csv
+
+        if self.path.suffix.lower() != ".csv":
+            raise MotionError(f'{self.path}: lists are changed as CSV; "save" it as one first')
+        self.destination.write(positions_csv(listed))
+        self.tell(listed)
+
+    def tell(self, listed: "PositionList") -> None:
+        from pulsepath.output import record, tables
+
+        if self.as_json:
+            click.echo(record.as_json(record.of_positions(listed, str(self.path))), nl=False)
+        else:
+            tables.show(tables.of_positions(listed, str(self.path)))
+
+
+class ListCommands(Commands):
+    """What is done to a list; --json may stand anywhere."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        asked = ["--json"] if "--json" in args else []
+        return super().parse_args(ctx, [*asked, *(arg for arg in args if arg != "--json")])
+
+
+@click.group(cls=ListCommands, invoke_without_command=True)
+@click.argument("file", type=click.Path(path_type=Path))
+@click.option("--json", "as_json", is_flag=True, help="Print JSON instead of a table.")
+@click.pass_context
+def positions(context: click.Context, file: Path, as_json: bool) -> None:
+    """Show the poses in FILE, or change them.
+
+    FILE is a CSV file, or one of the three-armed machine.
+
+    "arms" shows the arm lengths of a machine with three arms at each pose, turned ones too.
+
+    A POSE is "10 mm, 0 mm, 25 mm", and three angles after that if it is turned. Run a list, or a part of it, by
+    "pulsepath import FILE --first 2 --last 5 --out PROGRAM".
+
+    Example: pulsepath positions poses.csv record "10 mm, 0 mm, 25 mm"
+    """
+    from kinematics.files.atomic_files import Destination
+
+    context.obj = ListFile(file, as_json, Destination(file, force=True))  # what it changes is what it has read
+    if context.invoked_subcommand is None:
+        context.obj.tell(context.obj.read())
+
+
+dwell_option = click.option("--dwell", metavar="TIME", help='Rest there, as "0.2 s". Default: none.')
+
+
+def _read_dwell(dwell: str | None) -> float:
+    return 0.0 if dwell is None else read_quantity("--dwell", dwell, "s", least=0.0)
+
+
+@positions.command(context_settings=ALLOW_MINUS)
+@click.argument("pose")
+@dwell_option
+@click.pass_obj
+def record(to: ListFile, pose: str, dwell: str | None) -> None:
+    """Put POSE at the end; a file that is not there yet is begun.
+
+    Example: pulsepath positions poses.csv record "10 mm, 0 mm, 25 mm, 0 deg, 0 deg, 5 deg"
+    """
+    import numpy as np
+
+    from planner.sources.position_list import PositionList
+    from planner.sources.positions import read_six
+
+    listed = to.read() if to.path.exists() else PositionList(np.zeros((0, 6)))
+    to.write(listed.record(read_six(pose, "pose"), _read_dwell(dwell)))
+
+
+@positions.command(context_settings=ALLOW_MINUS)
+@click.argument("number", type=int)
+@click.argument("pose")
+@dwell_option
+@click.pass_obj
+def insert(to: ListFile, number: int, pose: str, dwell: str | None) -> None:
+    """Put POSE in, so that it gets NUMBER.
+
+    Example: pulsepath positions poses.csv insert 2 "5 mm, 0 mm, 25 mm"
+    """
+    from planner.sources.positions import read_six
+
+    to.write(to.read().insert(number, read_six(pose, "pose"), _read_dwell(dwell)))
+
+
+@positions.command()
+@click.argument("first", type=int)
+@click.argument("last", type=int, required=False)
+@click.pass_obj
+def remove(of: ListFile, first: int, last: int | None) -> None:
+    """Take out pose FIRST, or all from FIRST to LAST.
+
+    Example: pulsepath positions poses.csv remove 3 5
+    """
+    of.write(of.read().remove(first, last))
+
+
+@positions.command()
+@click.option("--machine", default="tripod", metavar="MACHINE", show_default=True, help="A machine with three arms.")
+@click.option("--frame", type=click.Choice(("home", "base")), help="Of the poses. Default: what FILE says.")
+@click.option("--steps", is_flag=True, help="Every step of the machine's own rule: of a unit, or of 1 deg.")
+@click.option("--first", type=int, help="Number of the first pose. Default 1.")
+@click.option("--last", type=int, help="Number of the last pose. Default: the last there is.")
+@click.option("--out", type=click.Path(path_type=Path), help="CSV or JSON: the table; PNG, SVG or PDF: the figure.")
+@click.option("--force", is_flag=True, help="Replace what --out names.")
+@click.pass_obj
+def arms(
+    of: ListFile,
+    machine: str,
+    frame: Literal["home", "base"] | None,
+    steps: bool,
+    first: int | None,
+    last: int | None,
+    out: Path | None,
+    force: bool,
+) -> None:
+    """Show the lengths of three arms at each pose, turned ones too.
+
+    A machine of three arms keeps the orientation of its plate: what is turned is simulated, as its authors do, and no
+    motion is made of it. The last column says how far the end point would be off if the machine were given these
+    lengths. MACHINE may be the source's own geometry file, Basiclength.txt.
+
+    Example: pulsepath positions poses.csv arms --steps
+    """
+    from dataclasses import replace
+
+    from kinematics import MotionError, load_machine
+    from kinematics.files.atomic_files import Destination
+    from planner.export.formats.kmitl import UNIT
+    from planner.sources.arm_simulation import simulate_arms
+    from pulsepath.output import record, tables
+
+    if out is not None and out.suffix.lower() not in SIMULATED:
+        raise MotionError(f"{out}: a simulation is saved as one of {', '.join(SIMULATED)}; give --out such a suffix")
+    destination = None if out is None else Destination(out, force=force)
+    listed = of.read(machine).part(first, last)
+    listed = replace(listed, frame=frame or listed.frame)
+    found = simulate_arms(listed, load_machine(machine), unit=UNIT if steps else None)
+    if destination is not None:
+        kind = destination.path.suffix.lower()
+        with destination.staged() as file:
+            if kind in FIGURES:
+                figure = found.plot().get_figure(root=True)
+                if figure is not None:
+                    figure.savefig(file, format=kind[1:], dpi=150)
+            else:
+                found.files()[kind](file)
+    if of.as_json:
+        click.echo(record.as_json(record.of_arms(found, str(of.path))), nl=False)
+    else:
+        tables.show(tables.of_results(found))
+
+
+@positions.command()
+@click.argument("target", type=click.Path(path_type=Path))
+@click.option("--first", type=int, help="Number of the first pose. Default 1.")
+@click.option("--last", type=int, help="Number of the last pose. Default: the last there is.")
+@click.option("--machine", metavar="MACHINE", help="Of a TXT file: the tripod that it is for. Default tripod.")
+@click.option("--force", is_flag=True, help="Replace TARGET.")
+@click.pass_obj
+def save(of: ListFile, target: Path, first: int | None, last: int | None, machine: str | None, force: bool) -> None:
+    """Save the list, or a part of it, as the file TARGET.
+
+    Its suffix says how: CSV, or TXT as the three-armed machine has it. A TXT file has seven characters for a number, in
+    mm and degrees, and poses in the base frame of MACHINE.
+
+    Example: pulsepath positions poses.csv save part.csv --first 2 --last 5
+    """
+    from kinematics import MotionError
+    from kinematics.files.atomic_files import Destination
+
+    to = ListFile(target, of.as_json, Destination(target, force=force))
+    part = of.read().part(first, last)
+    if target.suffix.lower() != ".txt":
+        if machine is not None:
+            raise MotionError(f"{target}: --machine is for TXT files; a CSV file is for any machine")
+        to.write(part)
+        return
+    from kinematics import load_machine
+    from planner.export.formats.kmitl import list_text
+
+    to.destination.write(list_text(part, load_machine(machine or "tripod")))
+    to.tell(to.read())

@@ -1,0 +1,76 @@
+"""`pulsepath track`: a plan on emulated hardware, under tracking laws."""
+
+from pathlib import Path
+
+import click
+
+from pulsepath import known_names
+from pulsepath.known_names import make_completer
+from pulsepath.options import LAWS, json_option, unverified_option
+from pulsepath.process.intent import writes
+from pulsepath.progress import say
+
+
+@click.command()
+@click.argument("directory", metavar="DIR", type=click.Path(path_type=Path))
+@click.option(
+    "--rig",
+    metavar="RIG",
+    help='Drives behind the axes: preset or file; "pulsepath rigs" lists them. Default: the bundled one that fits.',
+    shell_complete=make_completer(known_names.rigs, files=True),
+)
+@click.option(
+    "--law",
+    "laws",
+    multiple=True,
+    default=LAWS,
+    show_default=True,
+    metavar="LAW",
+    help='As "6" or "6:gain=0.7"; may be repeated.',
+    shell_complete=make_completer(known_names.laws),
+)
+@unverified_option
+@click.option("--force", is_flag=True, help="Replace an earlier track.json.")
+@json_option
+def track(
+    directory: Path, rig: str | None, laws: tuple[str, ...], unverified: bool, force: bool, as_json: bool
+) -> None:
+    """Track the plan in DIR on a rig: an emulated motion card, and drives.
+
+    Runs it on RIG under each LAW, and writes the errors into DIR/track.json. The rig is a bundled one or a TOML file:
+    its machine must have the plan's axes. Without --rig it is the one bundled rig that fits, which is said; if there is
+    none, nothing is assumed and the plan is not tracked.
+
+    Example: pulsepath track out/circle --rig hexapod-steppers --law 3 --law 6:gain=0.7
+    """
+    writes(directory / "track.json")
+    from benchmarks.sweep import read_setting
+    from controllers import evaluate
+    from controllers import track as run
+    from controllers.metrics.evaluate import PERIOD
+    from controllers.rig_choice import choose_rig
+    from kinematics.files.atomic_files import Destination
+    from pulsepath.output import plan_directory, record, tables
+    from pulsepath.progress import note, step
+
+    target = Destination(directory / plan_directory.TRACK, force=force)
+    settings = [read_setting(law) for law in laws]
+    planned = plan_directory.read(directory, unverified)
+    behind = choose_rig(planned.machine, rig)
+    if rig is None:
+        note(f"on rig {behind.about}: the bundled one that fits {planned.machine.name}; --rig names another")
+    metrics = []
+    for law in [setting.made(behind) for setting in settings]:
+        with step(f"tracking under {law.name}"):
+            tracked = run(planned.trajectory, planned.machine, law, rig=behind, period=PERIOD)
+            metrics.append(evaluate(tracked, planned.trajectory, planned.machine))
+    found = {**record.of_doubts(planned.doubts), **record.of_tracking(behind, metrics)}
+    text = record.as_json({"schema": record.SCHEMA, **found})
+    target.write(text)
+    if as_json:
+        click.echo(text, nl=False)
+    else:
+        say(f"rig {behind.about}")
+        tables.show(tables.of_tracking(metrics))
+        for doubt in planned.doubts:
+            say(f"NOT VERIFIED: {doubt}")

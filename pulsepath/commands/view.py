@@ -1,0 +1,188 @@
+"""`pulsepath view`: the machine moving along a plan, in a browser, in a file, or as still images.
+
+One page served on loopback, to this computer's browsers alone.
+"""
+
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from http import HTTPStatus
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from threading import Thread
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from kinematics.foundation.errors import MotionError
+from pulsepath.options import json_option, unverified_option
+from pulsepath.process.ending import EndSignal, raise_on_signal
+from pulsepath.process.exits import INTERRUPTED
+from pulsepath.process.intent import writes
+from pulsepath.progress import say
+
+if TYPE_CHECKING:
+    from benchmarks.animation.frames import DrawnPlan
+
+
+@click.command()
+@click.argument("directory", metavar="DIR", type=click.Path(path_type=Path))
+@click.option("--html", type=click.Path(path_type=Path), metavar="FILE", help="Write the page instead of showing it.")
+@click.option(
+    "--stills",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Write the four views at one instant: .pdf, .png or .svg.",
+)
+@click.option("--at", metavar="TIME", help='Of the still images, as "1.2 s". Default: half of the motion.')
+@click.option("--frames", type=click.IntRange(min=2), default=240, show_default=True, help="Of the animation.")
+@click.option(
+    "--magnify",
+    type=click.FloatRange(min=0, min_open=True),
+    metavar="FACTOR",
+    help="How many times to draw the error of the pulses' path; 1: true scale. Default: so that it can be seen.",
+)
+@click.option(
+    "--port", type=click.IntRange(0, 65535), default=0, metavar="PORT", help="To show it on. Default: a free one."
+)
+@click.option("--no-browser", is_flag=True, help="Open none: print the address alone.")
+@unverified_option
+@click.option("--force", is_flag=True, help="Replace FILE.")
+@json_option
+def view(
+    directory: Path,
+    html: Path | None,
+    stills: Path | None,
+    at: str | None,
+    frames: int,
+    magnify: float | None,
+    port: int,
+    no_browser: bool,
+    unverified: bool,
+    force: bool,
+    as_json: bool,
+) -> None:
+    """Show the machine moving along the plan in DIR, in 3-D and at real time.
+
+    Without --html and --stills, the page is served on loopback (127.0.0.1) alone until Ctrl-C. It needs no network.
+
+    Example: pulsepath view out/circle --html circle.html
+    """
+    targets = [target for target in (stills, html) if target is not None]
+    writes(*targets)
+    from kinematics import MotionError
+    from kinematics.files.atomic_files import Destination
+    from kinematics.foundation.units import quantity
+    from pulsepath.output import record
+    from pulsepath.progress import step
+
+    if at is not None and stills is None:
+        raise MotionError("--at is the instant of the still images: give --stills FILE as well")
+    destinations = {target: Destination(target, force=force) for target in targets}
+    when = None if at is None else quantity(at, "s")
+    plan, doubts = _load_drawn_plan(directory, unverified)
+    told: dict[str, Any] = {"program": plan.program.name, "machine": plan.machine.name, **record.of_doubts(doubts)}
+    if stills is not None:
+        from benchmarks.animation.stills import write_four_views
+
+        with step(f"drawing {stills}"):
+            write_four_views(plan, destinations[stills], when, magnify)
+        told["stills"] = str(stills)
+    if html is not None or stills is None:
+        from benchmarks.animation.animate import document
+
+        with step(f"drawing {frames} frames"):
+            page = document(plan, frames, magnify)
+        if html is None:
+            for doubt in doubts:
+                say(f"NOT VERIFIED: {doubt}", err=True)
+            _show(page, port, no_browser, told, as_json)
+            return
+        destinations[html].write(page)
+        told |= {"html": str(html), "frames": frames, "bytes": html.stat().st_size}
+    if as_json:
+        click.echo(record.as_json(told), nl=False)
+    else:
+        for line in (*targets, *(f"NOT VERIFIED: {doubt}" for doubt in doubts)):
+            say(str(line))
+
+
+def _load_drawn_plan(directory: Path, unverified: bool) -> "tuple[DrawnPlan, tuple[str, ...]]":
+    from benchmarks.animation.frames import DrawnPlan
+    from pulsepath.output import plan_directory
+    from pulsepath.progress import step
+
+    planned = plan_directory.read(directory, unverified)
+    with step("firing the pulses") as tell:
+        pulses = planned.pulses(tell)
+    drawn = DrawnPlan(planned.program, planned.machine, planned.trajectory, planned.limits, pulses)
+    return drawn, planned.doubts
+
+
+def _show(page: str, port: int, no_browser: bool, told: dict[str, Any], as_json: bool) -> None:
+    """Serve a page until Ctrl-C, which is how this ends well."""
+    import webbrowser
+
+    from pulsepath import progress as talk
+    from pulsepath.output import record
+
+    with raise_on_signal():
+        try:
+            with serve_page(page, port) as address:
+                click.echo(record.as_json(told | {"address": address}) if as_json else address, nl=not as_json)
+                sys.stdout.flush()
+                talk.note("Ctrl-C ends it")
+                if not no_browser:
+                    webbrowser.open(address)
+                while True:
+                    time.sleep(3600)
+        except EndSignal as end:
+            talk.note("no longer shown")
+            if end.code != INTERRUPTED:
+                click.get_current_context().exit(end.code)
+
+
+LOOPBACK = "127.0.0.1"
+
+
+@contextmanager
+def serve_page(page: str, port: int = 0) -> Iterator[str]:
+    """Serve a page at the address that it yields, until the block ends; port 0: any free one.
+
+    Raises MotionError where nothing can listen there.
+    """
+    content = page.encode()
+
+    class Handler(BaseHTTPRequestHandler):
+        def do_GET(self) -> None:
+            host = (self.headers.get("Host") or "").rsplit(":", 1)[0]
+            if host not in (LOOPBACK, "localhost"):  # another site's name that leads here
+                self.send_error(HTTPStatus.FORBIDDEN)
+            elif self.path.split("?")[0] != "/":
+                self.send_error(HTTPStatus.NOT_FOUND)
+            else:
+                self.send_response(HTTPStatus.OK)
+                self.send_header("Content-Type", "text/html; charset=utf-8")
+                self.send_header("Content-Length", str(len(content)))
+                self.end_headers()
+                with suppress(ConnectionError):  # a browser that has left
+                    self.wfile.write(content)
+
+        def log_message(self, format: str, *args: object) -> None:
+            pass
+
+    try:
+        server = ThreadingHTTPServer((LOOPBACK, port), Handler)
+    except OSError as error:
+        raise MotionError(
+            f"{LOOPBACK} port {port}: {error.strerror}; give another --port, or 0 for a free one"
+        ) from None
+    with server:
+        thread = Thread(target=server.serve_forever, daemon=True)
+        thread.start()
+        try:
+            yield f"http://{LOOPBACK}:{server.server_address[1]}/"
+        finally:
+            server.shutdown()
+            thread.join()

@@ -1,0 +1,138 @@
+"""A directory that is written whole or not at all, and never over something that is not ours."""
+
+import errno
+import json
+import os
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from kinematics.files.atomic_files import (
+    OCCUPIED_ERRNOS,
+    Destination,
+    Stamp,
+    conflict_error,
+    defer_signals,
+    move_aside,
+    stage_files,
+    staging,
+    stamp,
+)
+from kinematics.files.leftovers import NEW, OLD, clear
+from kinematics.foundation.errors import MotionError
+
+RECORD, KIND = "plan.json", "pulsepath plan"
+"""The file by which a directory that `plan` wrote is known, and what it says it is."""
+CALIBRATION, CALIBRATION_KIND = "calibration.json", "pulsepath calibrate"
+"""The same of `calibrate`."""
+RECORDS = {KIND: RECORD, CALIBRATION_KIND: CALIBRATION}
+
+
+def refuse_overwrite(target: Path, force: bool, kind: str = KIND) -> None:
+    """Raise MotionError unless the target can be made: absent, or an empty directory; with `force`, one of its kind."""
+    _refuse_file_above(target)
+    if not os.path.lexists(target):
+        return
+    if not target.is_dir():
+        raise MotionError(f"{target} exists and is no directory; give another --out")
+    if not any(target.iterdir()):
+        return
+    if not force:
+        raise MotionError(f"{target} exists and is not empty; give another --out, or --force to replace it")
+    if not is_ours(target, kind):
+        raise MotionError(f"{target} was not written by {kind}, so --force does not replace it; give another")
+
+
+def _refuse_file_above(target: Path) -> None:
+    """Raise MotionError where one of the folders that a path leads through is a file."""
+    above = next((parent for parent in target.parents if os.path.lexists(parent)), None)
+    if above is not None and not above.is_dir():
+        raise MotionError(f"{target}: {above} is a file, not a directory; give another")
+
+
+def is_ours(directory: Path, kind: str = KIND) -> bool:
+    """Whether the command of a kind, by default `plan`, wrote a directory."""
+    try:
+        record = json.loads((directory / RECORDS[kind]).read_bytes())
+    except (OSError, ValueError):
+        return False
+    return isinstance(record, dict) and record.get("kind") == kind
+
+
+def write_files(folder: Path, files: Mapping[str, bytes], force: bool) -> None:
+    """Write files into a directory, which may be there already: all of them, or none.
+
+    Raises MotionError where one is there already, unless `force` replaces it.
+    """
+    _refuse_file_above(folder / "any")
+    remedy = "give --force to replace it, or another directory"
+    destinations = [Destination(folder / name, force=force, remedy=remedy) for name in files]
+    created = [each for each in (folder.absolute(), *folder.absolute().parents) if not each.exists()]
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with stage_files(destinations) as staged:
+            for file, content in zip(staged, files.values(), strict=True):
+                file.write_bytes(content)
+    except BaseException:
+        for each in created:
+            with suppress(OSError):
+                each.rmdir()
+        raise
+
+
+@contextmanager
+def replacing(target: Path, force: bool, kind: str = KIND) -> Iterator[Path]:
+    """A new directory to fill, which becomes `target` when the block ends well.
+
+    Whatever else happens, an interruption included, nothing of it remains and what stood there before still does. Where
+    the process is killed, the target is whole or absent, and the next run there clears what is left beside it
+    (`kinematics.files.atomic_files`). What comes to the target while the block runs, or changes there, is left as it
+    is: raises MotionError then, and the new directory is kept under a name that the error tells.
+    """
+    place = target.resolve()
+    clear(place.parent)
+    refuse_overwrite(target, force, kind)
+    before = _snapshot(place)
+    created = [parent for parent in place.parents if not parent.exists()]
+    place.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        with staging(place) as made:
+            new = made / NEW
+            new.mkdir()
+            yield new
+            with defer_signals():
+                _put_in_place(made, target, place, before)
+    except BaseException:
+        for parent in created:
+            with suppress(OSError):
+                parent.rmdir()
+        raise
+
+
+Content = frozenset[tuple[str, Stamp]]
+
+
+def _snapshot(place: Path) -> Content:
+    """All that is in a directory, and as what; nothing where it is empty, or not there."""
+    return frozenset((str(path.relative_to(place)), stamp(path)) for path in place.rglob("*"))
+
+
+def _put_in_place(made: Path, target: Path, place: Path, before: Content) -> None:
+    """The new directory into its place, where still stands what stood there; else raises MotionError."""
+    new, old = made / NEW, made / OLD
+    stood = bool(before) and os.path.lexists(place)
+    if stood:
+        if _snapshot(place) != before:
+            raise conflict_error(target, True, [move_aside(new, place)])
+        place.rename(old)  # until the new one is there, a moment: else it returns
+    try:
+        new.rename(place)  # which replaces no file, and no directory but an empty one
+    except OSError as error:
+        if error.errno not in (*OCCUPIED_ERRNOS, errno.EACCES) or not os.path.lexists(place):
+            raise
+        kept = [move_aside(each, place) for each in (new, old) if each.exists()]
+        raise conflict_error(target, bool(before), kept) from None
+    if stood and _snapshot(old) != before:  # changed in the last moment
+        place.rename(new)
+        old.rename(place)
+        raise conflict_error(target, True, [move_aside(new, place)])

@@ -1,0 +1,69 @@
+"""What a command would work on, resolved, as files that can be given to it again."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from shlex import join
+
+import click
+
+from kinematics.files.toml_writer import format_toml
+from kinematics.machine.machine_writer import machine_toml
+from planner.program.program_writer import program_toml
+from pulsepath.inputs import Inputs
+from pulsepath.output import record
+from pulsepath.output.directory import write_files
+from pulsepath.progress import say
+
+MACHINE, PROGRAM = "machine.toml", "program.toml"
+STDOUT = Path("-")
+
+
+def dump(
+    folder: Path, inputs: Inputs, command: str, options: Mapping[str, int | str], force: bool, as_json: bool
+) -> None:
+    """Write machine and program with every default filled in; print the options as TOML, and the command for it all.
+
+    folder   - : print machine and program as well, and write nothing
+    options  by their names on the command line, without dashes; True: one that takes no value
+
+    A machine that names files beside it, as an arm does, stays as its file has it.
+    """
+    told = f'"pulsepath {command}" works on this'
+    if inputs.companions:
+        machine = inputs.machine_toml
+    else:
+        machine = machine_toml(inputs.machine, f"The machine {inputs.machine.name}, as {told}.", complete=True).encode()
+    own = replace(inputs.program, machine=MACHINE)
+    program = program_toml(own, f"The program {inputs.program.name}, as {told}.", complete=True).encode()
+    files = {MACHINE: machine, PROGRAM: program, **inputs.companions}
+    if folder == STDOUT:
+        _print(files, options, as_json)
+        return
+    write_files(folder, files, force)
+    flags = []
+    for name, value in options.items():
+        flags += [f"--{name}"] if value is True else [f"--{name}", str(value)]
+    out = ["--out", str(folder / "plan")] if command == "plan" else []
+    again = join(["pulsepath", command, str(folder / PROGRAM), *flags, *out])
+    if as_json:
+        paths = {"machine": str(folder / MACHINE), "program": str(folder / PROGRAM)}
+        click.echo(record.as_json({"options": dict(options), **paths, "command": again}), nl=False)
+    else:
+        say(_text(options))
+        say(f"# {folder / MACHINE} and {folder / PROGRAM}: give them back by\n# {again}")
+
+
+def _print(files: Mapping[str, bytes], options: Mapping[str, int | str], as_json: bool) -> None:
+    """Files one after the other, each under a line of its name, and the options."""
+    texts = {name: content.decode() for name, content in files.items()}
+    if as_json:
+        click.echo(record.as_json({"options": dict(options), "files": texts}), nl=False)
+        return
+    for name, text in texts.items():
+        say(f"# ----- {name}\n{text}")
+    say(f"# ----- options\n{_text(options)}")
+
+
+def _text(options: Mapping[str, int | str]) -> str:
+    return "\n".join(["[options]", *(f"{name} = {format_toml(value)}" for name, value in options.items())])

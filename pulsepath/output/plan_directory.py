@@ -1,0 +1,249 @@
+"""What `plan` leaves behind: the record, the motion, the pulses, the report, and the files they were made from.
+
+What was proved of a written file of pulses, as plain data: the content of certificate.json.
+"""
+
+import json
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass, replace
+from hashlib import file_digest
+from math import isfinite
+from pathlib import Path
+
+import numpy as np
+
+from controllers.rig_choice import rig_hint
+from kinematics import Machine, MotionError, load_machine
+from planner import Plan, Program, Trajectory, load_program
+from planner.actuation import actuate
+from planner.export import plan_files as motion_json
+from planner.limits import Limit, limits_of
+from planner.orientation.orient import apply_choice, find_choice
+from planner.parallel import Progress, ignore_progress
+from planner.pulses import PulseCheck, PulseSchedule, check, check_file, generate, pace_axes
+from planner.pulses.compensation.compensate import counted
+from pulsepath.inputs import Inputs
+from pulsepath.job import Defect, Job
+from pulsepath.options import LAWS
+from pulsepath.output.directory import RECORD, is_ours
+from pulsepath.output.record import SCHEMA, Record, as_json, plan_record
+from pulsepath.output.verification import changes, digest_pulses, find_differences, find_violation, refuse, sealed
+from pulsepath.progress import note, step
+
+
+def pulse_file_record(path: Path, plan: Plan, verdict: PulseCheck) -> Record:
+    """What was proved of a file of pulses; times in s, None where there is nothing to time."""
+    return {
+        "schema": SCHEMA,
+        "kind": "pulsepath pulse certificate",
+        "file": path.name,
+        "sha256": _digest(path),
+        "clock_hz": plan.pulses.clock_hz,
+        "rule": plan.pulses.rule,
+        "duration_s": plan.pulses.duration,
+        "holds": verdict.holds,
+        "faults": [asdict(fault) for fault in verdict.faults],
+        "axes": {
+            one.name: {
+                "pulses": one.pulses,
+                "start_count": held.start,
+                "final_count": held.final,
+                "final_error_pulses": _finite_or_none(one.final_error),
+                "bound_pulses": held.bound,
+                "time_error_ticks": None if one.time_error is None else _finite_or_none(one.time_error),
+                "position_error_beyond_bound_pulses": _finite_or_none(one.position_error),
+                "error_behind_play_and_screw_pulses": None if one.behind is None else _finite_or_none(one.behind),
+                "smallest_interval_s": _finite_or_none(one.smallest_interval),
+                "highest_rate_hz": 1 / one.smallest_interval if one.smallest_interval > 0 else None,
+                "lines_s": _time_record(one.lines, ("high", "low", "setup", "hold")),
+                "drive_needs_s": _time_record(driven.timing, ("high", "low", "setup", "hold", "max_rate")),
+            }
+            for one, held, driven in zip(verdict.axes, plan.pulses.axes, plan.machine.axes, strict=True)
+        },
+    }
+
+
+def _finite_or_none(value: float) -> float | None:
+    return value if isfinite(value) else None
+
+
+def _time_record(of: object, names: Iterable[str]) -> Record | None:
+    if of is None:
+        return None
+    return {name: None if (value := getattr(of, name)) is None else _finite_or_none(value) for name in names}
+
+
+def _digest(path: Path) -> str:
+    with path.open("rb") as file:
+        return file_digest(file, "sha256").hexdigest()
+
+
+CERTIFICATE = "certificate.json"
+"""What the check of the pulse file found: beside it."""
+MOTION, TRAJECTORY, PULSES, REPORT, TRACK = "motion.json", "trajectory.csv", "pulses.csv", "report.html", "track.json"
+TRIGGERS = "triggers.csv"
+"""Only where the program has triggers."""
+ORIENTATION = "orientation.json"
+"""Only where the program leaves orientation free: what was chosen, by the index of the segment, from 0."""
+DERIVED = (TRAJECTORY, PULSES, CERTIFICATE, TRIGGERS, REPORT, "figures")
+"""What no command reads, so that it may be missing."""
+NOT_VERIFIED = ", NOT VERIFIED"
+"""Behind the name of a program whose plan was taken up all the same."""
+SOURCES = {"program": "program.toml", "machine": "machine.toml"}
+
+
+@dataclass(frozen=True, slots=True)
+class StoredPlan:
+    """A plan taken up again: its motion, exactly as proved; clock and rule of its pulses, order of its limits.
+
+    doubts: why it is not known to be what was proved; nothing but where that was asked for
+    """
+
+    program: Program
+    machine: Machine
+    trajectory: Trajectory
+    clock_hz: int
+    rule: str
+    order: int
+    pulse_digest: str | None = None
+    doubts: tuple[str, ...] = ()
+
+    @property
+    def limits(self) -> tuple[Limit, ...]:
+        """Those that the motion was proved to keep."""
+        axes = pace_axes(self.machine.axes, self.clock_hz, self.rule)
+        return limits_of(self.trajectory.path, axes, self.order)
+
+    def pulses(self, progress: Progress = ignore_progress) -> PulseSchedule:
+        """The pulses, made again from the motion. Raises MotionError where they are not as they were, nor right."""
+        axes, home_q = self.machine.axes, self.machine.home_q
+        made = generate(self.trajectory, axes, home_q, self.clock_hz, self.rule, progress)
+        if not self.doubts and digest_pulses(made) != self.pulse_digest:  # as by the arithmetic of another processor
+            verdict = check(made, counted(self.trajectory, axes, home_q), axes, home_q)
+            refuse([f"pulses made again from {MOTION}: {fault}" for fault in verdict.faults[:1]])
+        return made
+
+
+def write(folder: Path, job: Job, inputs: Inputs) -> PulseCheck:
+    """Write everything into an empty folder, the record last; what the check of the written pulses found.
+
+    Raises Defect where they fail it.
+    """
+    from planner.export import plan_files as trajectory_csv
+    from planner.export import plan_files as trigger_csv
+    from planner.export.formats import pulse_csv
+
+    plan = job.plan
+    (folder / SOURCES["program"]).write_bytes(inputs.program_toml)
+    (folder / SOURCES["machine"]).write_bytes(inputs.machine_toml)
+    for name, content in inputs.companions.items():
+        (folder / name).write_bytes(content)
+    motion_json.write_motion_json(plan.trajectory, folder / MOTION)
+    if choice := find_choice(plan.program):
+        (folder / ORIENTATION).write_text(as_json({str(k): chosen.tolist() for k, chosen in choice.items()}))
+    trajectory_csv.write_trajectory_csv(plan.trajectory, folder / TRAJECTORY)
+    axes = plan.machine.axes
+    wiring, timing = [axis.direction for axis in axes], [axis.timing for axis in axes]
+    with step(f"writing {plan.pulses.total} pulses") as tell:
+        pulse_csv.write(plan.pulses, folder / PULSES, wiring, timing=timing, tell=tell)
+    with step(f"checking {plan.pulses.total} pulses") as tell:
+        verdict = check_file(folder / PULSES, plan, tell)
+    if not verdict.holds:
+        raise Defect(f"{verdict.fault_count} faults in the pulses, the first: {verdict.faults[0]}")
+    (folder / CERTIFICATE).write_text(as_json(pulse_file_record(folder / PULSES, plan, verdict)), encoding="utf-8")
+    if plan.triggers:
+        trigger_csv.write_trigger_csv(plan, folder / TRIGGERS)
+    _write_report(folder / REPORT, job, verdict)
+    (folder / RECORD).write_text(as_json(sealed(plan_record(job, inputs, verdict), folder)), encoding="utf-8")
+    return verdict
+
+
+def _write_report(page: Path, job: Job, verdict: PulseCheck) -> None:
+    from benchmarks.reports.plan_report import draw_axes, draw_comparisons, write_report
+
+    with step("writing the report"):
+        drawn = draw_axes(job.plan) | draw_comparisons(job.plan, job.classical, job.realised) if job.figures else {}
+    if job.rig is None:
+        seen = job.seen()
+    else:
+        with step(f"tracking it under laws {' and '.join(LAWS)} on rig {job.rig.name}"):
+            seen = job.seen()
+    if seen.note:
+        note(seen.note)
+    with step("writing the report"):
+        write_report(
+            job.plan,
+            job.classical,
+            seen.metrics,
+            page,
+            verdict=verdict,
+            others=job.others,
+            realised=job.realised,
+            figures={**seen.figures, **drawn},
+            rig=job.rig,
+            crossed=job.crossed,
+            untracked=seen.note or rig_hint(job.plan.machine),
+        )
+
+
+def read(folder: Path, unverified: bool = False) -> StoredPlan:
+    """The plan in a folder: its files are as they were written, and its motion is proved once more.
+
+    Raises MotionError where there is none, or where that does not hold; unverified: it then has doubts instead, and its
+    motion is not proved.
+    """
+    if not is_ours(folder):
+        raise MotionError(f"{folder} holds no plan: make one with pulsepath plan PROGRAM --out {folder}")
+    record = json.loads((folder / RECORD).read_bytes())
+    pulses = record.get("pulses")
+    clock, rule, digest = (pulses.get(what) if isinstance(pulses, dict) else None for what in FIRING_KEYS)
+    if not isinstance(clock, int) or clock <= 0 or not isinstance(rule, str):
+        raise MotionError(f"{folder / RECORD} names no clock or no rule of its pulses: plan it again")
+    order = record.get("order")
+    if order not in (2, 3):
+        raise MotionError(f"{folder / RECORD} names no order, 2 or 3, of its limits: plan it again")
+    doubts = find_differences(record, folder, RECORD, (*SOURCES.values(), MOTION), DERIVED)
+    if not unverified:
+        refuse(doubts)
+    program, machine = load_program(folder / SOURCES["program"]), load_machine(str(folder / SOURCES["machine"]))
+    # the files here are copies, by whose names nobody knows what was planned
+    name = str(record.get("program") or program.name)
+    program = replace(
+        _restore_orientation(program, folder / ORIENTATION), name=f"{name}{NOT_VERIFIED}" if unverified else name
+    )
+    machine = machine.called(str(record.get("machine") or machine.name))
+    trajectory = motion_json.read(folder / MOTION, actuate(program, machine))
+    taken = StoredPlan(program, machine, trajectory, clock, rule, order, digest)
+    if unverified:
+        return replace(taken, doubts=(*doubts, "the motion was not proved again"))
+    with step("proving the motion again"):
+        found = find_violation(trajectory, taken.limits)
+    refuse([] if found is None else [f"{folder / MOTION}: {found}"])
+    if record.get("duration_s") != trajectory.duration:
+        refuse([f"{folder / RECORD} is of another motion than {MOTION}"])
+    return taken
+
+
+def refuse_own(folder: Path, target: Path, made: Path) -> None:
+    """Raise MotionError where `made`, in the target's place, would change a file of the plan in a folder."""
+    record = json.loads((folder / RECORD).read_bytes())
+    if changes(record, folder, RECORD, target, made):
+        raise MotionError(f"{target} is a file of the plan itself, which would no longer hold: give another with --out")
+
+
+FIRING_KEYS = ("clock_hz", "rule", "sha256")
+
+
+def _restore_orientation(program: Program, file: Path) -> Program:
+    """The program as it was planned. Raises MotionError where what it leaves free was chosen, and that is not told."""
+    try:
+        chosen = {int(k): np.array(controls, float) for k, controls in json.loads(file.read_bytes()).items()}
+        program = apply_choice(program, chosen)
+    except FileNotFoundError:
+        pass
+    except (ValueError, TypeError, AttributeError, IndexError) as error:
+        raise MotionError(f"{file}: no orientation can be read from it ({error}): plan it again") from None
+    free = [getattr(segment, "free", None) for segment in program.segments]
+    if any(each is not None and each.controls is None for each in free):
+        raise MotionError(f"{file}: does not tell the orientation that was chosen for free segments: plan it again")
+    return program

@@ -1,0 +1,380 @@
+"""What the commands found, as plain data: the content of plan.json and track.json, and of `--json`."""
+
+import json
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict
+from importlib.metadata import PackageNotFoundError, version
+from math import isfinite, isnan, pi
+from platform import python_version
+from typing import Any
+
+from controllers import Metrics, Rig
+from controllers.metrics import ErrorSeries
+from kinematics import Axis, Machine, MotionError, Pose, Posture
+from kinematics.files.plain_text import plain_json
+from planner import Infeasible, Place, Standing, Triggered
+from planner.baselines import describe_differences, missing_limits
+from planner.export.format import Exported
+from planner.limits import find_unkept_limits
+from planner.options import options
+from planner.path.departure import Departure
+from planner.path.join import Blended
+from planner.pulses import RULES, PulseCheck, RealisedPath
+from planner.sources.arm_simulation import ArmSimulation
+from planner.sources.outline import Outline
+from planner.sources.position_list import PositionList
+from planner.sources.source import Imported
+from pulsepath import __version__
+from pulsepath.inputs import Inputs
+from pulsepath.job import Job
+from pulsepath.output.directory import KIND
+from pulsepath.output.verification import digest_pulses
+
+SCHEMA = 1
+
+Record = dict[str, Any]
+
+
+def plan_record(job: Job, inputs: Inputs, verdict: PulseCheck) -> Record:
+    """A plan and the check of its pulses: SI units, which the keys name where they are not plain."""
+    plan, certificate = job.plan, job.plan.certificate
+    return {
+        "schema": SCHEMA,
+        "kind": KIND,
+        "program": plan.program.name,
+        "machine": plan.machine.name,
+        "order": plan.order,
+        "duration_s": plan.trajectory.duration,
+        "stated_duration_s": plan.stated_duration,
+        "path_length_m": float(plan.path.breaks[-1]),
+        "classical": {
+            "kind": job.classical.kind,
+            "duration_s": job.classical.duration,
+            "saved_s": job.saved,
+            "leaves_out": list(missing_limits(plan, job.classical)),
+            "kinds": {
+                one.kind: {
+                    "duration_s": one.duration,
+                    "order": one.order,
+                    "certified": one.certificate.holds,
+                    "deviation_m": None if one.deviation is None else one.deviation.distance,
+                    "leaves_out": list(missing_limits(plan, one)),
+                    "differences": list(describe_differences(plan, one)),
+                }
+                for one in (job.classical, *job.others)
+            },
+        },
+        "certificate": {
+            "holds": certificate.holds,
+            "limits": {
+                name: {
+                    "worst_ratio": worst,
+                    "attained_ratio": float(certificate.attained[name].max()),
+                    "where": _place(certificate.where[name]),
+                }
+                for name, worst in certificate.worst.items()
+            },
+        },
+        "blends": _blends(plan.path.blends),
+        "synchronised_moves": _departures(plan.departures),
+        "stated_but_not_kept": list(find_unkept_limits(plan.machine)),
+        "lower_bound": {
+            "kind": "estimate",
+            "duration_s": plan.lower_estimate,
+            "gap": plan.gap,
+            "leaves_out": list(plan.left_out),
+        },
+        "solver": {"rounds": plan.rounds, "methods": list(plan.methods)},
+        "pulses": {
+            "clock_hz": plan.pulses.clock_hz,
+            "total": plan.pulses.total,
+            "rule": plan.pulses.rule,
+            "sha256": digest_pulses(plan.pulses),
+            "compensations": [asdict(one) for one in plan.pulses.compensations],
+            "moved_for_drives": [asdict(moved) for moved in plan.pulses.moves],
+            "axes": {
+                axis.name: {
+                    "pulses": len(axis),
+                    "start_count": axis.start,
+                    "final_count": axis.final,
+                    "net_count": axis.final - axis.start,
+                    "pulse": axis.pulse,
+                    "unit": driven.unit,
+                    "bound_pulses": axis.bound,
+                }
+                for axis, driven in zip(plan.pulses.axes, plan.machine.axes, strict=True)
+            },
+            "check": {
+                "holds": verdict.holds,
+                "faults": verdict.fault_count,
+                "time_error_ticks": verdict.time_error,
+                "position_error_pulses": verdict.position_error,
+                "highest_rate_hz": verdict.highest_rate,
+            },
+        },
+        "tracking": None if job.rig is None else of_tracking(job.rig, job.seen().metrics),
+        "cross_check": None if job.crossed is None else job.crossed.record(),
+        "realised": None if job.realised is None else realised_record(job.realised),
+        "constant_speeds": [
+            {
+                "speed_m_s": stretch.speed,
+                "largest_deviation": stretch.deviation,
+                "from": _place(stretch.since),
+                "to": _place(stretch.until),
+            }
+            for stretch in plan.constant_speeds
+        ],
+        "triggers": [_trigger(event, plan.machine.axes) for event in plan.triggers],
+        "provenance": {
+            "sha256": inputs.digests,
+            "versions": {
+                "pulsepath": __version__,
+                "python": python_version(),
+                **_versions("casadi", "numpy", "scipy", *(() if job.crossed is None else ("toppra",))),
+            },
+        },
+    }
+
+
+def realised_record(path: RealisedPath) -> Record:
+    """The path that the pulses make: its errors, in m or rad, under their bounds; "one_in": how thinly it was seen."""
+    return {
+        "of": path.mover,
+        "instants": path.instants,
+        "one_in": path.stride,
+        "mechanics": list(path.mechanics),
+        "errors": {
+            error.name: {
+                "rms": error.rms,
+                "max": error.max,
+                "bound": error.bound,
+                "unit": error.unit,
+                "where": _place(error.where),
+            }
+            for error in path.errors
+        },
+    }
+
+
+def of_tracking(rig: Rig, metrics: Iterable[Metrics]) -> Record:
+    """The rig, and under each law the errors in m or rad, and the full steps that steppers lost."""
+    laws = {law.law: {series.name: _errors(series) for series in law.series} for law in metrics}
+    lost = {law.law: 0 if law.lost_steps is None else int(law.lost_steps.sum()) for law in metrics}
+    return {"rig": rig.name, "about": rig.about, "laws": laws, "lost_steps": lost}
+
+
+def of_check(found: Standing) -> Record:
+    """The findings of a geometric check: what is violated, or how near the path comes to each limit; its joins."""
+    largest = found.largest.items()
+    return {
+        "feasible": not found.violations,
+        "blends": _blends(found.blends),
+        "synchronised_moves": _departures(found.departures),
+        "violations": [violation_record(violation) for violation in found.violations],
+        "largest_use": {name: {"ratio": use, "where": _place(place)} for name, (use, place) in largest},
+    }
+
+
+def of_export(name: str, file: str, done: Exported, doubts: Sequence[str] = ()) -> Record:
+    """A file that was written: how far what it holds is from the plan."""
+    return {
+        "format": name,
+        "file": file,
+        "error_pulses": done.error,
+        "against": done.against,
+        "notes": list(done.notes),
+        **of_doubts(doubts),
+    }
+
+
+def of_doubts(doubts: Sequence[str]) -> Record:
+    """Whether a plan that was taken up is known to be what was proved, and if not, why."""
+    return {"verified": not doubts, "doubts": list(doubts)}
+
+
+def of_import(name: str, found: Imported, way: Outline, file: str, figure: str) -> Record:
+    """A program from another format: what was understood of it; lengths in m."""
+    return {
+        "format": name,
+        "file": file,
+        "figure": figure,
+        "segments": len(found.program.segments),
+        "entities": dict(found.entities),
+        "low": way.low.tolist(),
+        "high": way.high.tolist(),
+        "length": way.length,
+        "warnings": list(found.warnings),
+    }
+
+
+def of_posture(found: Posture) -> Record:
+    """One pose: where it is, what every axis and joint does in it, the margins, and its proof."""
+    margins = found.margins
+    return {
+        "machine": found.machine.name,
+        "pose": {"home": _pose(found.from_home), "base": _pose(found.pose)},
+        "directions_rad": found.directions.tolist(),
+        "axes": [
+            {"name": axis.name, "position": q, "from_home": away, "pulses": count, "unit": axis.unit, "travel_use": use}
+            for axis, q, away, count, use in zip(
+                found.machine.axes,
+                found.q.tolist(),
+                found.travel.tolist(),
+                found.counts.tolist(),
+                margins.travel[0].tolist(),
+                strict=True,
+            )
+        ],
+        "joints": [
+            {"name": name, "tilt_rad": tilt, "limit_rad": limit if limit < pi else None}
+            for name, tilt, limit in zip(
+                margins.tilt_names, found.tilt.tolist(), margins.max_tilt.tolist(), strict=True
+            )
+        ],
+        "clearance_m": dict(zip(margins.clearance_names, margins.clearance[0].tolist(), strict=True)),
+        "conditioning": float(margins.conditioning[0]),
+        "singularity": float(margins.singularity[0]),
+        "use": float(margins.use[0]),
+        "worst": margins.worst(),
+        "ok": bool(margins.ok[0]),
+        "violations": list(found.violations),
+        "certified": found.certified,
+        "residual": found.residual,
+    }
+
+
+def _pose(pose: Pose) -> Record:
+    angles = pose.rotation.as_euler("XYZ", suppress_warnings=True)
+    return {"position_m": pose.translation.tolist(), "angles_rad": angles.tolist()}
+
+
+def of_positions(listed: PositionList, file: str) -> Record:
+    """A position list; m and rad."""
+    return {"file": file, "rotation": listed.order, "frame": listed.frame, **_poses(listed)}
+
+
+def _poses(listed: PositionList) -> Record:
+    return {"poses": listed.poses.tolist(), "dwells_s": listed.rests.tolist()}
+
+
+def of_arms(found: ArmSimulation, file: str) -> Record:
+    """Arm lengths at poses, turned ones simulated only; m and rad. off: null where no held plate has the lengths."""
+    return {
+        "file": file,
+        "machine": found.machine,
+        "rotation": found.listed.order,
+        "frame": found.listed.frame,
+        "poses": found.listed.poses.tolist(),
+        "arm_lengths": found.lengths.tolist(),
+        "within_travel": found.within.tolist(),
+        "turned": found.turned.tolist(),
+        "off_if_held": [None if isnan(off) else off for off in found.off.tolist()],
+        "notes": list(found.notes),
+    }
+
+
+def of_rules() -> Record:
+    """The firing rules by name: what each is, and its options; values in SI units."""
+    return {
+        name: {
+            "about": (rule.__doc__ or "").splitlines()[0],
+            "options": {
+                field.name: {"about": field.metadata["help"], "default": field.default, "unit": field.metadata["unit"]}
+                for field in options(rule).values()
+            },
+        }
+        for name, rule in RULES.items()
+    }
+
+
+def of_machine(machine: Machine) -> Record:
+    """A machine: its axes as they are, None for what is unlimited."""
+    return {
+        "name": machine.name,
+        "kind": type(machine).__name__.lower(),
+        "freedom": list(machine.freedom),
+        "axes": [_axis(axis) for axis in machine.axes],
+    }
+
+
+def as_json(record: object) -> str:
+    """JSON text, indented, with all escaped that a terminal would obey; refuses numbers that JSON does not have."""
+    return plain_json(json.dumps(record, indent=2, ensure_ascii=False, allow_nan=False)) + "\n"
+
+
+def _errors(series: ErrorSeries) -> Record:
+    figures = {"rms": series.rms, "p95": series.p95, "max": series.max}
+    return {**figures, "unit": series.unit, "where": _place(series.where)}
+
+
+def _blends(blends: Sequence[Blended]) -> list[Record]:
+    """After which segment each is, what it may leave the path by and does, and which segments cut it short."""
+    return [
+        {
+            "segment": blend.segment,
+            "tolerance_m": blend.tolerance,
+            "deviation_m": blend.deviation,
+            "tolerance_rad": blend.angle,
+            "deviation_rad": blend.turned,
+            "reach_m": blend.reach,
+            "half_of_segments": list(blend.half_of),
+            "stop": blend.stop or None,
+        }
+        for blend in blends
+    ]
+
+
+def _departures(departures: Sequence[Departure]) -> list[Record]:
+    """How far the tool leaves the straight line in synchronised moves, in space and turning, and the axes theirs."""
+    return [
+        {
+            "where": _place(one.where),
+            "off_the_line_m": one.distance,
+            "turned_off_rad": one.turned,
+            "axes_uneven_pulses": one.uneven,
+        }
+        for one in departures
+    ]
+
+
+def _place(place: Place) -> Record:
+    again = {} if place.repetition is None else {"repetition": place.repetition}
+    return {"axis": place.axis or None, "segment": place.segment, **again, "distance_m": place.s, "time_s": place.t}
+
+
+def _trigger(event: Triggered, axes: Sequence[Axis]) -> Record:
+    """An event; the pose is the platform's in the base frame, its angles about the moving axes in turn."""
+    angles = event.pose.rotation.as_euler("XYZ", suppress_warnings=True)
+    return {
+        "name": event.name,
+        "where": _place(event.where),
+        "position_m": event.pose.translation.tolist(),
+        "angles_rad": angles.tolist(),
+        "counts": {axis.name: int(count) for axis, count in zip(axes, event.counts, strict=True)},
+    }
+
+
+def violation_record(violation: MotionError) -> Record:
+    """What a path or a motion breaks: where, by how much, and the remedy."""
+    if not isinstance(violation, Infeasible):
+        return {"kind": "reach", "message": str(violation)}
+    named = {name: getattr(violation, name) for name in ("kind", "axis", "value", "limit", "unit", "remedy")}
+    where = None if violation.place is None else _place(violation.place)
+    relaxation = violation.relaxation if isfinite(violation.relaxation) else None
+    return {**named, "relaxation": relaxation, "where": where, "message": str(violation)}
+
+
+def _axis(axis: Axis) -> Record:
+    finite = tuple(bound if isfinite(bound) else None for bound in axis.travel)
+    return {**asdict(axis), "travel": finite, "unit": axis.unit}
+
+
+def _versions(*packages: str) -> dict[str, str | None]:
+    """Installed versions; None for what is not there."""
+    found: dict[str, str | None] = {}
+    for package in packages:
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            found[package] = None
+    return found

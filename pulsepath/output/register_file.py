@@ -1,0 +1,115 @@
+"""The file in which the console's registers outlive it: written whole before a motion begins and after it has ended."""
+
+import json
+import os
+import re
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import asdict
+from pathlib import Path
+
+from controllers.console import SavedSession
+from kinematics.files.atomic_files import write_whole
+from kinematics.foundation.errors import MotionError
+
+KIND = "pulsepath console"
+SCHEMA = 2
+EARLIER_SCHEMA = 1
+"""Of files whose registers counted from travel's zero, which they can be told from."""
+
+
+def usual_place(machine: str) -> Path:
+    """The file of a machine in the user's directory for such things."""
+    name = f"{re.sub(r'[^A-Za-z0-9_-]', '_', machine)}.registers.json"
+    if sys.platform == "win32":
+        base = Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local")
+    elif sys.platform == "darwin":
+        base = Path.home() / "Library" / "Application Support"
+    else:
+        base = Path(os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state")
+    return base / "pulsepath" / name
+
+
+@contextmanager
+def held(path: Path) -> Iterator[None]:
+    """The file for this process alone. Raises MotionError while another console has it."""
+    import fcntl
+
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with path.with_name(f"{path.name}.lock").open("w") as lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            raise MotionError(f"{path} is another console's, which runs; end it, or give another --state") from None
+        yield
+
+
+def write(path: Path, saved: SavedSession) -> None:
+    """Whole, or as it was before; its directory is there while it is `held`."""
+    write_whole(path, json.dumps({"kind": KIND, "schema": SCHEMA, **asdict(saved)}, indent=2) + "\n")
+
+
+class Keeper:
+    """Writes what is to be saved, and goes on where it cannot: that is told once, and so is when it can again.
+
+    kept  whether the file has what was last to be saved
+    """
+
+    __slots__ = ("_path", "_tell", "kept")
+
+    def __init__(self, path: Path, tell: Callable[[str], None]) -> None:
+        self._path, self._tell, self.kept = path, tell, True
+
+    @property
+    def told(self) -> str:
+        """Where the registers are."""
+        return f"saved in {self._path}" if self.kept else f"not saved: {self._path} could not be written"
+
+    def save(self, saved: SavedSession) -> None:
+        """Write it. A file that would offer registers of before is removed."""
+        try:
+            write(self._path, saved)
+        except OSError as error:
+            try:
+                self._path.unlink(missing_ok=True)
+                left = "home the axes the next time"
+            except OSError:
+                left = "it tells of before: do not ACCEPT what it offers the next time"
+            if self.kept:
+                self._tell(f"registers are not saved from here on: {self._path}: {error.strerror}; {left}")
+            self.kept = False
+        else:
+            if not self.kept:
+                self._tell(f"registers are saved again in {self._path}")
+            self.kept = True
+
+
+def read(path: Path) -> SavedSession | None:
+    """What was saved; None where nothing was. Raises MotionError for a file that is not whole, or not ours."""
+    try:
+        record = json.loads(path.read_bytes())
+    except FileNotFoundError:
+        return None
+    except ValueError as error:
+        raise MotionError(
+            f"{path}: {error}; remove it, and the positions are unknown, or give another --state"
+        ) from None
+    schema = record.pop("schema", None) if isinstance(record, dict) and record.pop("kind", None) == KIND else None
+    if schema not in (SCHEMA, EARLIER_SCHEMA):
+        raise MotionError(f"{path} is no register file of schema {SCHEMA}; give another --state")
+    tables = {"pulses": (int, float), "registers": (int,), "homed": (bool,), "moving": (bool,)}
+    if schema == SCHEMA:
+        tables["counters"] = (int,)
+    axes = record.get("pulses")
+    for key, kinds in tables.items():
+        table = record.get(key)
+        if not isinstance(table, dict) or not isinstance(axes, dict) or table.keys() != axes.keys():
+            raise MotionError(f"{path}: {key}: give a value for every axis; remove the file, or give another --state")
+        if any(type(value) not in kinds for value in table.values()):
+            raise MotionError(f"{path}: {key}: {table} has wrong values; remove the file, or give another --state")
+    if set(record) != {"machine", *tables} or not isinstance(record["machine"], str):
+        raise MotionError(f"{path}: keys {', '.join(sorted(record))} are not those of a register file")
+    if schema == EARLIER_SCHEMA:
+        record["counters"] = {name: count if axes[name] > 0 else -count for name, count in record["registers"].items()}
+    return SavedSession(**record)

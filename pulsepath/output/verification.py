@@ -1,0 +1,102 @@
+"""Whether what a directory holds is still what was proved: digests of its files in its record, and the proof itself.
+
+Digests show what was changed by mistake. They can be forged, so nothing relies on them alone: a motion is proved again
+whenever it is taken up, and pulses are held against those that were checked.
+"""
+
+import json
+from collections.abc import Sequence
+from hashlib import file_digest, sha256
+from pathlib import Path
+from typing import Any
+
+from kinematics.foundation.errors import MotionError
+from planner.certificate.certify import certify
+from planner.limits import Limit
+from planner.pulses import PulseSchedule
+from planner.trajectory import Trajectory
+
+Record = dict[str, Any]
+
+REMEDY = "plan it again, or give --unverified to go on"
+PROVENANCE, FILES, SELF = "provenance", "files", "record"
+
+
+def sealed(record: Record, folder: Path) -> Record:
+    """The record with the SHA-256 of every file in the folder, and of itself as it is without that."""
+    paths = sorted(path for path in folder.rglob("*") if path.is_file())
+    files = {path.relative_to(folder).as_posix(): digest(path) for path in paths}
+    known = {**record, PROVENANCE: {**record[PROVENANCE], FILES: files}}
+    return {**known, PROVENANCE: {**known[PROVENANCE], SELF: _digest_record(known)}}
+
+
+def digest(path: Path) -> str:
+    """SHA-256 of a file's content, in hexadecimal digits."""
+    with path.open("rb") as file:
+        return file_digest(file, "sha256").hexdigest()
+
+
+def digest_pulses(pulses: PulseSchedule) -> str:
+    """SHA-256 of the ticks and directions of all axes, one axis after the other: int64 and int8, little end first."""
+    found = sha256()
+    for axis in pulses.axes:
+        found.update(axis.ticks.astype("<i8", copy=False).tobytes())
+        found.update(axis.direction.astype("i1", copy=False).tobytes())
+    return found.hexdigest()
+
+
+def find_differences(
+    record: Record, folder: Path, name: str, needed: Sequence[str] = (), derived: Sequence[str] = ()
+) -> list[str]:
+    """What in a folder is not as its record, the file `name`, has it.
+
+    needed: files that the record must have; derived: those that may be gone
+    """
+    provenance = record.get(PROVENANCE)
+    files = provenance.get(FILES) if isinstance(provenance, dict) else None
+    if not isinstance(provenance, dict) or not isinstance(files, dict):
+        return [f"{folder / name} has no digests of the files beside it"]
+    known = {**record, PROVENANCE: {key: value for key, value in provenance.items() if key != SELF}}
+    found = (
+        [] if _digest_record(known) == provenance.get(SELF) else [f"{folder / name} was changed after it was written"]
+    )
+    for file in dict.fromkeys((*needed, *files)):
+        path = folder / file
+        if file not in files:
+            found.append(f"{path} is not in {name}")
+        elif path.is_file():
+            if digest(path) != files[file]:
+                found.append(f"{path} was changed after it was written")
+        elif file.partition("/")[0] not in derived:
+            found.append(f"{path} is not there")
+    return found
+
+
+def changes(record: Record, folder: Path, name: str, target: Path, made: Path) -> bool:
+    """Whether `made`, in the target's place, would differ from what the record, the file `name` of a folder, holds."""
+    provenance = record.get(PROVENANCE)
+    files = provenance.get(FILES) if isinstance(provenance, dict) else None
+    place = target.resolve()
+    if place == (folder / name).resolve():
+        return True
+    known = files if isinstance(files, dict) else {}
+    return any(place == (folder / file).resolve() and digest(made) != known[file] for file in known)
+
+
+def find_violation(trajectory: Trajectory, limits: Sequence[Limit]) -> str | None:
+    """Why a motion does not keep its limits, of several the worst; None where it is proved that it does."""
+    certificate = certify(trajectory, limits)
+    if certificate.holds:
+        return None
+    name = max(certificate.worst, key=lambda each: certificate.worst[each])
+    return f"the motion uses {certificate.worst[name]:.6g} times its limit on {name}, at {certificate.where[name]}"
+
+
+def refuse(doubts: Sequence[str]) -> None:
+    """Raise MotionError for what was found, if anything."""
+    if doubts:
+        raise MotionError(f"{'; '.join(doubts)}: {REMEDY}")
+
+
+def _digest_record(record: Any) -> str:
+    return sha256(json.dumps(record, sort_keys=True).encode()).hexdigest()

@@ -1,0 +1,1 @@
+"""The processes of the command line: signals, exits, the second core."""

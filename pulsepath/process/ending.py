@@ -1,0 +1,85 @@
+"""Signals that end a program in good order: Ctrl-C, the system's request to end, a terminal that hangs up."""
+
+import signal
+import sys
+from _thread import interrupt_main
+from collections.abc import Iterator
+from contextlib import contextmanager
+from threading import Timer, main_thread
+from types import FrameType
+from typing import Any
+
+NAMES = ("SIGINT", "SIGTERM", "SIGHUP")
+"""As in kinematics.files.atomic_files, which would load all of kinematics here."""
+RESEND_DELAY = 0.002
+"""s until a signal is given again that would have been lost."""
+UNSAFE = ("casadi.casadi", "importlib._bootstrap", "_frozen_importlib")
+"""Modules in whose calls nothing may be raised.
+
+CasADi calls Python to convert arguments, and clears errors. A compiled module that is being loaded makes an ImportError
+of it, or, where its initialization may not throw, aborts.
+"""
+
+
+class EndSignal(KeyboardInterrupt):
+    """A signal has come; code: 128 and its number, as shells tell it."""
+
+    def __init__(self, number: int) -> None:
+        super().__init__(signal.Signals(number).name)
+        self.code = 128 + number
+
+
+@contextmanager
+def raise_on_signal(last: bool = False) -> Iterator[None]:
+    """Within, each of the signals raises Ended, the first time: what then brings things in order is not broken off.
+
+    last  whether the process ends after it: then a second one is ignored until it has
+    One that is ignored already, as by nohup, stays so.
+    """
+    kept: dict[signal.Signals, Any] = {}
+    later: list[Timer] = []
+    outermost = sys._getframe(2)  # of the with statement: this one's, and contextlib's, are gone once it is within
+
+    def end(number: int, where: FrameType | None) -> None:
+        if _is_swallowed(where, outermost):
+            if not any(timer.is_alive() for timer in later):
+                later.append(Timer(RESEND_DELAY, _resend, (signal.Signals(number),)))
+                later[-1].daemon = True
+                later[-1].start()
+            return
+        for each in kept:
+            signal.signal(each, signal.SIG_IGN)
+        raise EndSignal(number)
+
+    try:
+        for number in (signal.Signals[name] for name in NAMES if hasattr(signal, name)):
+            if (before := signal.getsignal(number)) is not signal.SIG_IGN:
+                kept[number] = before
+                signal.signal(number, end)
+        yield
+    except EndSignal:
+        if last:
+            kept.clear()
+        raise
+    finally:
+        for timer in later:
+            timer.cancel()
+        for number, before in kept.items():
+            signal.signal(number, before)
+
+
+def _resend(number: signal.Signals) -> None:
+    """A signal to the main thread, which wakes where the system can send it to that thread alone."""
+    if hasattr(signal, "pthread_kill"):
+        signal.pthread_kill(main_thread().ident or 0, number)
+    else:
+        interrupt_main(number)
+
+
+def _is_swallowed(where: FrameType | None, outermost: FrameType) -> bool:
+    """Whether what is raised in a frame would be lost, or end the process, on its way to the outermost."""
+    while where is not None and where is not outermost:
+        if where.f_globals.get("__name__") in UNSAFE:
+            return True
+        where = where.f_back
+    return False

@@ -1,0 +1,36 @@
+"""What a command is about to write, so that it can say truly, when it is interrupted, whether it did."""
+
+import os
+from pathlib import Path
+from typing import Any
+
+from pulsepath.process import supervisor
+from pulsepath.process.interruption import of_interruption, read_stamp
+
+_INTENT = "pulsepath.process.intent"
+
+
+def writes(*targets: Path, kept: str = "") -> None:
+    """From here on an interruption is told as whether these changed; kept: what stays of unfinished work."""
+    import click
+
+    intent = {
+        "writes": [[str(target), os.path.realpath(target), read_stamp(target)] for target in targets],
+        "kept": kept,
+        "folders": list(dict.fromkeys(str(Path(os.path.realpath(target)).parent) for target in targets)),
+        "made": [str(above) for target in targets for above in _missing_folders(Path(os.path.realpath(target)))],
+    }
+    context = click.get_current_context(silent=True)
+    if context is not None:
+        context.meta[_INTENT] = intent
+        supervisor.tell(**intent)
+
+
+def describe_interruption(context: Any) -> str:
+    """The line for an interrupted command."""
+    return of_interruption(context.meta.get(_INTENT, {}))
+
+
+def _missing_folders(place: Path) -> list[Path]:
+    """The folders above a place that are not there yet, the innermost first."""
+    return [above for above in place.parents if not os.path.lexists(above)]

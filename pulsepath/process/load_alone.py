@@ -1,0 +1,22 @@
+"""Modules of `kinematics.files` that are wanted at once, without the package, which would take a second to load."""
+
+from functools import cache
+from importlib.util import find_spec, module_from_spec, spec_from_file_location
+from pathlib import Path
+from types import ModuleType
+
+
+@cache
+def load_alone(name: str) -> ModuleType:
+    """A module that imports nothing but the standard library."""
+    home = find_spec("kinematics")
+    assert home is not None  # it comes with this package
+    assert home.origin is not None
+    spec = spec_from_file_location(
+        f"pulsepath.process.load_alone.{name}", Path(home.origin).with_name("files") / f"{name}.py"
+    )
+    assert spec is not None
+    assert spec.loader is not None
+    module = module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module

@@ -1,0 +1,21 @@
+"""A cold `plan`: what it takes of a processor."""
+
+import os
+
+import pytest
+
+from benchmarks.evidence.speed.cold_plan import COMMANDS, run
+from tests.pace import slowness
+
+ENOUGH = 6.0
+"""s of processor time: 3.6 measured; 5.2 it took before anything was done about it, of 7.3 with figures."""
+
+
+@pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="this system holds no process to one core")
+def test_a_bare_circle_without_figures_takes_little_of_one_core():
+    arguments, _ = COMMANDS["bare circle, no figures"]
+    took = run(arguments, timed=True)
+    assert took.processor < ENOUGH * slowness(), took.parts
+    assert sum(took.parts.values()) <= took.processor
+    assert any(part.startswith("planning") for part in took.parts)
+    assert not any(part.startswith("tracking") for part in took.parts)  # which nobody asked for

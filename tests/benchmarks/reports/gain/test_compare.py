@@ -1,0 +1,436 @@
+"""Comparisons and the gain report: what they say of runs whose numbers are known, and the page in a browser."""
+
+import csv
+import json
+import re
+import shutil
+import subprocess
+from dataclasses import replace
+from io import StringIO
+from math import inf
+
+import numpy as np
+import pytest
+
+from benchmarks.reports.gain import SettingEntry, compare, read_condition, verdict_of
+from benchmarks.reports.gain.courses import fit_circle, path_offsets
+from benchmarks.reports.gain.criteria import number, shown
+from benchmarks.reports.gain.gain_report import gain_report
+from benchmarks.reports.gain.iso_block import iso_block
+from benchmarks.reports.gain.record import comparison_record, runs_csv
+from benchmarks.reports.gain.run_figures import magnification, spectrum
+from benchmarks.reports.gain.setting_figures import line_colour, marker_style, pareto_front
+from benchmarks.sweep import VARIATIONS, Cell, RunResult, RunSeries, Setting
+from benchmarks.sweep.store import Store, load_runs
+from kinematics import MotionError
+from tests.benchmarks.reports.test_report import Page
+
+DT = 0.01
+HOSTILE = "</title><script>alert('x')</script> & \"q\""
+
+
+def course(offset, turn=1.0, radius=0.1):
+    """Once round a circle in 4 s, `offset` too large a circle, and 1 s of rest."""
+    t = np.arange(0, 5, DT)
+    angle = turn * 2 * np.pi * np.minimum(t / 4, 1)
+    ray = np.column_stack([np.cos(angle), np.sin(angle), 0 * angle])
+    planned, actual = radius * ray, (radius + offset) * ray
+    size = np.full(len(t), abs(offset))
+    torque = np.column_stack([0.2 * np.sin(t), 0.1 * np.cos(t)])
+    axes = np.column_stack([angle, 2 * angle])
+    return RunSeries(t, radius * abs(angle), planned, actual, size, size, torque, axes, axes + offset)
+
+
+def result(setting, task, variation, error, end=4.1, failure=""):
+    cell = Cell(setting, task, variation)
+    if failure:
+        return RunResult(cell, failure=failure)
+    figures = {
+        "contour_rms": error,
+        "contour_max": 2 * error,
+        "tracking_rms": 5 * error,
+        "late": end - 4,
+        "end_time": end,
+    }
+    figures |= {"torque_rms": 0.1, "torque_peak": 0.2 + error, "vibration_power": 1e-12}
+    return RunResult(cell, figures, series=course(error, -1.0 if task == "back" else 1.0))
+
+
+def law(gain):
+    return Setting("closed-position", (("gain", gain),))
+
+
+BASE, GOOD, SAME, WORSE, WILD, DEAD = (law(gain) for gain in (0.7, 0.3, 0.71, 0.9, 1.2, 1.5))
+ERRORS = {BASE: 100e-6, GOOD: 40e-6, SAME: 100.2e-6, WORSE: 150e-6, WILD: 9000e-6, DEAD: 100e-6}
+
+
+def saved(folder, tasks=("there", "back"), rig="rig", errors=ERRORS):
+    """Runs whose errors are known: rigs multiply them by 1, 1.1, 0.9, 1.2 and 0.8, all settings alike but GOOD."""
+    store, keys = Store(folder), []
+    for setting, error in errors.items():
+        for task in tasks:
+            for n, (variation, factor) in enumerate(zip(VARIATIONS, (1, 1.1, 0.9, 1.2, 0.8), strict=True)):
+                factor = factor * 1.05**n if setting == GOOD else factor
+                failure = "refused: too fast" if setting == DEAD and n == 1 else ""
+                one = result(setting, task, variation, error * factor, inf if setting == WILD else 4.1, failure)
+                keys.append(f"{len(keys):04d}")
+                store.keep(keys[-1], one)
+    record = {
+        "rig": rig,
+        "sha256": {"rig": "1" * 64, "tasks": dict.fromkeys(tasks, "2" * 64), "code": "3" * 64},
+        "seeds": [0],
+        "variations": [variation.name for variation in VARIATIONS],
+        "tasks": {
+            task: {
+                "duration_s": 4.0,
+                "dt_s": 0.125,
+                "unit": "m" if space else "rad",
+                "space": space,
+                "resolution": 1e-6,
+                "corners": [{"t_s": 1.0, "s_m": 0.1}],
+            }
+            for task in tasks
+            for space in [not task.startswith("axes")]
+        },
+        "axes": {"a": "rad", "b": "rad"},
+        "versions": {"pulsepath": "0.0"},
+    }
+    store.record(record, keys)
+    return load_runs(folder)
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory):
+    return saved(tmp_path_factory.mktemp("saved") / "runs")
+
+
+@pytest.fixture(scope="module")
+def comparison(runs):
+    return compare([runs])
+
+
+@pytest.fixture(scope="module")
+def page(comparison):
+    return gain_report(comparison)[1]
+
+
+def test_marks_follow_from_paired_ratios(comparison):
+    marks = {
+        entry.setting: {row.against.mark if row.against else None for row in comparison.of(entry)}
+        for entry in comparison.entries
+    }
+    assert marks[BASE] == {None}
+    assert marks[GOOD] == {"better"}
+    assert marks[SAME] == {"neither"}  # on every rig, but by 0.2 %
+    assert marks[WORSE] == marks[WILD] == {"worse"}
+    assert marks[DEAD] == {None}  # failed on a rig
+    # GOOD's ratios are 0.4 · 1.05ⁿ, n = 0 … 4
+    row = comparison.row(SettingEntry(0, GOOD), "there")
+    assert row.against.ratio == pytest.approx(0.4 * 1.05**2)
+    assert row.against.least == pytest.approx(0.4)
+    assert row.against.largest == pytest.approx(0.4 * 1.05**4)
+    assert row.spread == pytest.approx((40e-6 * 0.8 * 1.05**4, 40e-6 * 1.2 * 1.05**3))
+    assert row.worst == row.spread[1]
+
+
+def test_a_mark_needs_every_rig(tmp_path):
+    mixed = saved(tmp_path / "runs", errors={BASE: 100e-6, GOOD: 90e-6})
+    # better by 10 % to 0.5 % on four rigs, worse by 9 % on the fifth
+    assert {row.against.mark for row in compare([mixed]).rows if row.against} == {"neither"}
+
+
+def test_a_path_that_a_law_stays_on_by_its_geometry_ranks_nothing(tmp_path):
+    """Rounding errors of one law are no merit: without the path the other is the best."""
+    store = saved(tmp_path / "runs", tasks=("there", "axes"), errors={BASE: 100e-6, GOOD: 90e-6, WORSE: 95e-6})
+    noise = {
+        key: replace(of, figures={**of.figures, "contour_rms": 9e-16, "contour_max": 2e-15})
+        if (of.cell.setting, of.cell.task) == (WORSE, "axes")
+        else replace(of, figures={**of.figures, "contour_rms": 60e-6})
+        if (of.cell.setting, of.cell.task) == (GOOD, "there")
+        else of
+        for key, of in store.results.items()
+    }
+    found = compare([replace(store, results=noise)])
+    verdict = verdict_of(found)
+    assert found.ranked == ("there",)
+    assert verdict.best == SettingEntry(0, GOOD)
+    assert "Not ranked: axes" in verdict.text
+    assert "0.000" not in verdict.text
+    assert found.row(SettingEntry(0, WORSE), "axes").against is None
+    _, page = gain_report(found)
+    assert "– not ranked" in page
+    # a hundredth of the pulse of 1 µrad, in mrad
+    assert "&lt;1e-05" in page
+    assert read_condition("contour_rms > 1.1x").met(found, SettingEntry(0, WORSE)) == []
+
+
+def test_a_run_that_never_leaves_its_start_is_unstable_and_hides_no_path(tmp_path):
+    """It is on the path all the time, and not where it should be."""
+    store = saved(tmp_path / "runs", errors={BASE: 100e-6, GOOD: 40e-6, WILD: 0.0})
+    stuck = {
+        key: replace(of, figures={**of.figures, "tracking_rms": 0.1}) if of.cell.setting == WILD else of
+        for key, of in store.results.items()
+    }
+    found = compare([replace(store, results=stuck)])
+    assert found.ranked == ("there", "back")
+    assert not found.row(SettingEntry(0, WILD), "there").stable
+    assert verdict_of(found).best == SettingEntry(0, GOOD)
+
+
+def test_stability_does_not_hang_on_the_baseline(runs):
+    """The diagonal of the circle's box is 0.28 m: an RMS tracking error of 45 mm is more than a tenth of it."""
+    for baseline in ("6:gain=0.7", "6:gain=0.3", "6:gain=1.2"):
+        found = compare([runs], baseline)
+        held = {entry.setting: found.row(entry, "there").stable for entry in found.entries}
+        assert held == {BASE: True, GOOD: True, SAME: True, WORSE: True, WILD: False, DEAD: False}
+
+
+def test_radians_are_no_micrometres(tmp_path):
+    found = compare([saved(tmp_path / "runs", tasks=("axes-there", "axes-back"))])
+    block = iso_block(found, [SettingEntry(0, BASE)])
+    assert block.lines == ()
+    assert block.circles == ()
+
+
+def test_a_circle_that_is_not_completed_says_so(tmp_path, monkeypatch, comparison):
+    def short(*_):
+        raise MotionError("359° only")
+
+    monkeypatch.setattr("benchmarks.reports.gain.iso_block.circular_test", short)
+    (turns,) = iso_block(comparison, [SettingEntry(0, BASE)]).circles
+    assert turns.test is None
+    _, page = gain_report(comparison)
+    assert "does not complete the turn: 359° only" in page
+
+
+def test_failures_stay_rows_and_are_never_best(comparison):
+    dead, wild = (comparison.row(SettingEntry(0, setting), "there") for setting in (DEAD, WILD))
+    assert dead.failures == (("inertia +30 %", "refused: too fast"),)
+    assert not dead.stable
+    assert (wild.away, wild.unstable) == (5, 5)
+    assert wild.worst == inf
+    assert comparison.row(SettingEntry(0, WORSE), "there").stable
+
+
+def test_the_verdict_names_the_best_its_ratio_and_its_margin(comparison):
+    verdict = verdict_of(comparison)
+    assert verdict.best == SettingEntry(0, GOOD)
+    assert verdict.ratio == pytest.approx(0.4 * 1.05**2)
+    (margin,) = verdict.margins
+    assert (margin.value, margin.edge, margin.up_to) == (0.3, 1.2, 1.5)
+    assert "rise ×4 until 1.2" in verdict.text
+    assert "0.441 times" in verdict.text
+    assert "100 µm to 40.0 µm on there" in verdict.text
+    assert verdict.gains == '--law closed-position:gain=0.3\nfind_law("closed-position", gain=0.3)'
+
+
+def test_a_baseline_that_nothing_beats_stays_the_best(runs):
+    verdict = verdict_of(compare([runs], "6:gain=0.3"))
+    assert verdict.ratio > 1
+    assert "stays the best" in verdict.text
+    with pytest.raises(MotionError, match=r"baseline closed-position:gain=0\.4 is not among the runs"):
+        compare([runs], "6:gain=0.4")
+
+
+def test_saved_runs_are_compared_with_others(tmp_path, runs):
+    better = saved(tmp_path / "later", errors={BASE: 50e-6})
+    both = compare([runs, better])
+    assert both.baseline == SettingEntry(0, BASE)
+    later = SettingEntry(1, BASE)
+    assert both.label(later) == "later: closed-position gain 0.7"
+    assert both.row(later, "there").against.ratio == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize(
+    ("text", "met"),
+    [
+        ("contour_rms > 1.1x", 0),
+        ("contour_rms > 0.3x", 2),
+        ("contour_rms<=0.40001 x", 2),
+        ("contour_rms > 39 um", 2),
+        ("contour_rms > 41um", 0),
+        ("torque_peak > 0.2", 2),
+        ("late > 0.2 s", 0),
+    ],
+)
+def test_conditions_hold_or_not_on_both_paths(comparison, text, met):
+    best = SettingEntry(0, GOOD)
+    found = read_condition(text).met(comparison, best)
+    assert len(found) == met
+    assert all(reason.startswith(text.strip()) for reason in found)
+
+
+@pytest.mark.parametrize("text", ["contur_rms > 1x", "contour_rms > 1 s", "torque_peak.c > 0.5", "late > 3 mm"])
+def test_names_and_units_are_known_before_any_run(runs, text):
+    with pytest.raises(MotionError):
+        read_condition(text).check(runs.record)
+    for right in ("contour_rms > 1x", "contour_rms > 1 mm", "torque_peak.a > 0.5", "following_max.b > 1 deg"):
+        read_condition(right).check(runs.record)
+
+
+def test_conditions_that_are_none_are_refused(comparison):
+    for text in (
+        "",
+        "contour_rms",
+        "contour_rms > big",
+        "__import__('os')",
+        "contour_rms > 1; x",
+        "> 1",
+        "torque_peak > 20 mm",
+    ):
+        with pytest.raises(MotionError):
+            read_condition(text).met(comparison, SettingEntry(0, GOOD))
+    with pytest.raises(MotionError, match="contour_rms"):
+        read_condition("contour_rmz > 1x").met(comparison, SettingEntry(0, GOOD))
+    assert read_condition("contour_rms > 1x").met(comparison, None)
+
+
+def test_the_circular_test_and_repeatability_of_known_circles(comparison):
+    block = iso_block(comparison, [SettingEntry(0, BASE)])
+    (turns,) = block.circles
+    test = turns.test
+    assert turns.paths == "there, back"
+    assert test.circle.radius == pytest.approx(0.1, rel=1e-6)
+    # single precision of 0.1 m: 4 nm
+    assert test.mean_radial == pytest.approx(100e-6, abs=1e-8)
+    assert test.ccw.circular == pytest.approx(0, abs=2e-8)
+    values = next(line.values for line in block.lines if line.path == "there")
+    # offsets 100 µm × (1, 1.1, 0.9, 1.2, 0.8) along the ray: mean 100 µm, l = 0, 10, 10, 20, 20 µm
+    away = np.array([0, 10, 10, 20, 20]) * 1e-6
+    # between samples the path is a chord: sagitta R(2π·DT/4)²/8 = 3 µm
+    assert values["path accuracy AT"] == pytest.approx(100e-6, abs=4e-6)
+    assert values["path repeatability RT"] == pytest.approx(away.mean() + 3 * away.std(ddof=1), abs=2e-7)
+    assert values["pose accuracy AP"] == pytest.approx(100e-6, abs=1e-8)
+
+
+def test_geometry_of_the_figures():
+    series = course(2e-3)
+    off = path_offsets(series)
+    # chords of the planned points: sagitta 3 µm
+    np.testing.assert_allclose(np.linalg.norm(off, axis=1), 2e-3, atol=4e-6)
+    assert fit_circle(series).normal @ [0, 0, 1] == pytest.approx(1)
+    assert fit_circle(course(0, -1.0)).normal @ [0, 0, 1] == pytest.approx(-1)
+    assert fit_circle(course(0, 0.5)) is None
+    assert magnification(1e-4, 0.1) == pytest.approx(100)
+    assert magnification(0.0, 0.1) == 1
+    assert pareto_front([(0, 3), (1, 2), (2, 2.5), (3, 1), (0, 4)]) == [(0, 3), (1, 2), (3, 1)]
+
+
+def test_a_sine_shows_with_its_amplitude():
+    t = np.arange(0, 8, DT)
+    series = course(0.0)
+    error = np.zeros((len(t), 3))
+    error[:, 1] = 3e-4 * np.sin(2 * np.pi * 5 * t)
+    wave = replace(series, t=t, planned=0 * error, actual=error)
+    frequency, amplitude = spectrum(wave)
+    assert frequency[np.argmax(amplitude)] == pytest.approx(5)
+    assert amplitude.max() == pytest.approx(3e-4, rel=1e-3)
+
+
+def test_units_and_digits():
+    assert shown(412.3e-6, "m") == "412 µm"
+    assert shown(0.0713e-3, "rad") == "0.0713 mrad"
+    assert shown(0.0338, "") == "3.38 %"
+    assert shown(-0.023, "s") == "−23.0 ms"
+    assert (number(inf, "s"), number(0.0, "m"), number(float("nan"), "m")) == ("∞", "0", "–")
+
+
+def test_the_parts_come_in_order_with_every_row(page, comparison):
+    parts = re.findall(r'<h2 id="(\w+)"', page)
+    assert parts == ["verdict", "weighed", "provenance", "table", "iso", "figures"]
+    tables = Page(page).tables
+    assert verdict_of(comparison).text in page.replace("&#34;", '"')
+    rows = [row for row in tables["table"] if not row[0].startswith("law")]
+    assert len(rows) == len(comparison.rows) == 12
+    first = rows[0]
+    assert first[0] == "closed-position gain 0.3"
+    assert first[1] == "▼ better"
+    assert first[2] == f"{0.4 * 1.05**2:#.3g}"
+    assert first[4] == "40.0"
+    assert {row[1] for row in rows} == {"▼ better", "● baseline", "≈ neither", "▲ worse", "✕ unstable"}
+    (dead,) = [row for row in rows[:6] if row[0].startswith("closed-position gain 1.5")]
+    assert "failed with inertia +30 %: refused: too fast" in dead[0]
+    facts = dict(tables["provenance"])
+    assert facts["SHA-256 of path there"] == "2" * 64
+    assert facts["runs"] == "60"
+    assert len(re.findall("<img ", page)) == 10
+    assert "<title>Gains compared on rig</title>" in page
+    assert "no sample of a population" in page
+
+
+def test_no_two_laws_look_alike():
+    looks = [(line_colour(n), marker_style(n)["marker"]) for n in range(12)]
+    assert len({colour for colour, _ in looks}) == len({marker for _, marker in looks}) == 12
+
+
+def test_names_are_no_markup(tmp_path, monkeypatch):
+    monkeypatch.setattr("benchmarks.reports.gain.gain_report.draw", lambda *_: {"time": b""})
+    hostile = saved(tmp_path / "runs", tasks=(HOSTILE,), rig=HOSTILE, errors={BASE: 1e-4, DEAD: 1e-4})
+    _, page = gain_report(compare([hostile]))
+    assert "<script" not in page
+    assert "&lt;script&gt;" in page
+
+
+def test_nothing_is_loaded_from_outside_and_it_is_small(page):
+    assert not re.search(r"https?:|//\w|@import|url\(", re.sub(r"base64,[\w+/=]+", "", page))
+    assert {tag for tag, _ in Page(page).tags}.isdisjoint({"script", "link", "iframe", "object", "base"})
+    assert len(page.encode()) < 3e6
+
+
+def test_record_and_csv_hold_the_same_numbers(comparison):
+    record = comparison_record(comparison, verdict_of(comparison))
+    text = json.dumps(record, allow_nan=False)
+    best = json.loads(text)["verdict"]["best"]
+    assert (best["law"], best["gains"]) == ("closed-position", {"gain": 0.3})
+    rows = list(csv.DictReader(StringIO(runs_csv(comparison))))
+    assert len(rows) == 60
+    (dead,) = [row for row in rows if row["failure"] and row["path"] == "there"]
+    assert (dead["gains"], dead["contour_rms"]) == ("gain=1.5", "")
+    stated = [row for row in rows if row["gains"] == "gain=0.3" and row["rig"] == "as stated"]
+    assert {float(row["contour_rms"]) for row in stated} == {40e-6}
+
+
+BROWSER = ("--headless=new", "--no-sandbox", "--disable-gpu", "--no-pdf-header-footer", "--enable-logging=stderr")
+
+
+def chromium():
+    """The path of a browser; `.ci/run` installs one where it can."""
+    return next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+
+
+def browse(folder, page, *arguments):
+    """A page in a browser that is 1280 pixels wide."""
+    (folder / "report.html").write_text(page, encoding="utf-8")
+    options = [*BROWSER, f"--user-data-dir={folder / 'profile'}", "--window-size=1280,1000", *arguments]
+    where = (folder / "report.html").as_uri()
+    return subprocess.run([chromium(), *options, where], capture_output=True, text=True, timeout=60, check=True)
+
+
+@pytest.mark.skipif(chromium() is None, reason="no Chromium here; .ci/run installs one")
+def test_a_browser_opens_it_without_a_complaint(tmp_path, page):
+    opened = browse(tmp_path, page, "--dump-dom")
+    # what the page says itself, not what the browser says of its machine
+    assert "CONSOLE" not in opened.stderr
+    assert 'id="figures"' in opened.stdout
+    printed = browse(tmp_path, page, f"--print-to-pdf={tmp_path / 'page.pdf'}")
+    assert "CONSOLE" not in printed.stderr
+    assert (tmp_path / "page.pdf").read_bytes().startswith(b"%PDF")
+
+
+@pytest.mark.skipif(chromium() is None, reason="no Chromium here; .ci/run installs one")
+def test_no_table_is_wider_than_the_page(tmp_path, monkeypatch):
+    """With the longest names of laws and gains, and errors of five digits."""
+    monkeypatch.setattr("benchmarks.reports.gain.gain_report.draw", lambda *_: {})
+    laws = [Setting("closed-position-relative-repaired", (("gain", gain),)) for gain in (0.65, 0.75)]
+    laws += [Setting("feedforward", (("speed", 0.95), ("acceleration", 0.25), ("play", 0.5)))]
+    wide = saved(tmp_path / "runs", errors=dict.fromkeys(laws, 12345e-6) | {WILD: 0.01})
+    _, page = gain_report(compare([wide]))
+    measured = re.sub(r"<meta http-equiv[^>]*>", "", page).replace(
+        "</body>",
+        """<script>document.title = "over " + [...document.querySelectorAll(".scroll")].map(
+        box => box.scrollWidth - box.clientWidth).join(" ")</script></body>""",
+    )
+    title = re.search(r"<title>over ([\d ]+)</title>", browse(tmp_path, measured, "--dump-dom").stdout)
+    over = [int(one) for one in title.group(1).split()]
+    assert len(over) >= 5  # provenance, two paths, the lines and the circles
+    assert over == [0] * len(over)

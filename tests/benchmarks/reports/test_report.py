@@ -1,0 +1,275 @@
+"""The report: it shows the plan's own numbers, draws all of it, and needs nothing from outside."""
+
+import re
+from base64 import b64encode
+from dataclasses import replace
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from benchmarks.reports.page import round_up
+from benchmarks.reports.plan_report import summary, write_report
+from controllers import evaluate, find_law, track
+from controllers.figures import contour_error, following_error
+from controllers.rig import assumed_rig
+from kinematics import load_machine
+from planner import load_program, plan
+from planner.baselines import classical
+from planner.figures import axis_motion, limit_use, path_in_space, pulse_rate
+from planner.plan import active_limits
+from planner.pulses import check
+
+FIGURES = {"path", "axes", "limits", "pulses", "realised", "tracking", "classical"}
+
+
+class Page(HTMLParser):
+    """Tags, and the cells of each table by the heading above it."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.tags, self.tables, self.inside, self.section = [], {}, [], ""
+        self.feed(text)
+
+    def handle_starttag(self, tag, attributes):
+        self.tags.append((tag, dict(attributes)))
+        self.inside.append(tag)
+        if tag == "h2":
+            self.section = dict(attributes)["id"]
+        if tag == "tr":
+            self.tables.setdefault(self.section, []).append([])
+        if tag in ("td", "th"):
+            self.tables[self.section][-1].append("")
+
+    def handle_endtag(self, tag):
+        while self.inside and self.inside.pop() != tag:
+            pass
+
+    def handle_data(self, data):
+        if {"td", "th"} & set(self.inside):
+            self.tables[self.section][-1][-1] += data
+
+
+@pytest.fixture(scope="module")
+def planned():
+    return plan(load_program("bare-circle"), load_machine("hexapod"))
+
+
+@pytest.fixture(scope="module")
+def baseline(planned):
+    return classical(planned)
+
+
+@pytest.fixture(scope="module")
+def verdict(planned):
+    return check(planned.pulses, planned.trajectory)
+
+
+@pytest.fixture(scope="module")
+def metrics(planned):
+    machine = planned.machine
+    rig = assumed_rig(machine)
+    return [evaluate(track(planned, machine, find_law(law), rig=rig), planned, machine) for law in ("3", "6")]
+
+
+@pytest.fixture(scope="module")
+def realised(planned):
+    return replace(planned.realised(stride=20), mechanics=("leg1, leg2: play 2 (not) µm", "leg3: play <3> (not) µm"))
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory, planned, baseline, metrics, verdict, realised):
+    folder = tmp_path_factory.mktemp("report")
+    write_report(planned, baseline, metrics, folder / "report.html", verdict=verdict, realised=realised)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def text(folder):
+    return (folder / "report.html").read_text()
+
+
+@pytest.fixture(scope="module")
+def page(text):
+    return Page(text)
+
+
+def number(text):
+    """The number that a cell begins with."""
+    return float(re.match(r"-?[\d\N{NARROW NO-BREAK SPACE}.]+", text)[0].replace("\N{NARROW NO-BREAK SPACE}", ""))
+
+
+def test_nothing_is_loaded_from_outside(text, page):
+    assert not re.search(r"https?:|//\w|@import|url\(", re.sub(r"base64,[\w+/=]+", "", text))
+    assert {tag for tag, _ in page.tags}.isdisjoint({"script", "link", "iframe", "object", "base"})
+    for tag, attributes in page.tags:
+        for name in ("src", "href", "srcset", "data", "action"):
+            assert attributes.get(name, "data:").startswith("data:"), tag
+    policy = [attributes["content"] for tag, attributes in page.tags if attributes.get("http-equiv")]
+    assert policy == ["default-src 'none'; img-src data:; style-src 'unsafe-inline'"]
+
+
+def test_every_figure_is_there_and_in_the_page(folder, page):
+    files = {path.stem: path.read_bytes() for path in (folder / "figures").iterdir()}
+    assert set(files) == FIGURES
+    shown = [attributes for tag, attributes in page.tags if tag == "img"]
+    assert {attributes["src"].partition(",")[2] for attributes in shown} == {
+        b64encode(png).decode() for png in files.values()
+    }
+    assert all(attributes["alt"] for attributes in shown)
+    for png in files.values():
+        assert png.startswith(b"\x89PNG\r\n\x1a\n")
+
+
+def test_the_summary_shows_the_plans_numbers(page, planned, baseline, verdict):
+    rows = dict(page.tables["summary"])
+    assert rows == summary(planned, baseline, verdict)
+    saved = baseline.duration - planned.trajectory.duration
+    assert number(rows["Duration"]) == pytest.approx(planned.trajectory.duration, abs=5e-7)
+    assert number(rows["Classical timing"]) == pytest.approx(baseline.duration, abs=5e-7)
+    assert number(rows["Time saved"]) == pytest.approx(saved, abs=5e-7)
+    # a trapezoid beside a plan of order 3: both figures say what it leaves out
+    assert rows["Classical timing"].endswith("s (trapezoid; without jerk)")
+    share = 100 * saved / baseline.duration
+    assert rows["Time saved"].endswith(f"({share:.2f} %; the classical timing is without jerk)")
+    assert number(rows["Segments"]) == len(planned.program.segments) == 1
+    assert number(rows["Length of the path"]) == pytest.approx(2 * np.pi * 15, abs=5e-4)
+    assert number(rows["Order"]) == planned.order == 3
+    assert number(rows["Pulses"]) == sum(len(axis) for axis in planned.pulses.axes)
+    assert number(rows["Highest pulse rate"]) == pytest.approx(verdict.highest_rate, abs=0.05)
+    assert number(rows["Pulse check"]) == 0
+
+
+def test_the_certificate_is_shown_with_bounds_that_are_bounds(page, planned):
+    head, *rows = page.tables["certificate"]
+    assert [row[0] for row in rows] == list(planned.certificate.worst)
+    allowed = {row[0]: row[1] for row in rows}
+    expected = {"speed": "20 mm/s", "acceleration": "225 mm/s²", "jerk": "4000 mm/s³", "tilt": "35 deg"}
+    assert {name: allowed[name] for name in expected} == expected
+    for row in rows:
+        cells = dict(zip(head, row, strict=True))
+        worst, where = planned.certificate.worst[row[0]], planned.certificate.where[row[0]]
+        attained = planned.certificate.attained[row[0]].max()
+        assert worst <= number(cells["proven ≤"]) <= worst + 1.01e-7
+        assert attained - 1.01e-7 <= number(cells["attained ≥"]) <= attained
+        assert (cells["worst at"], cells["segment"]) == (where.axis, str(where.segment))
+        assert number(cells["at (mm)"]) == pytest.approx(1e3 * where.s, abs=5e-4)
+        assert number(cells["time (s)"]) == pytest.approx(where.t, abs=5e-5)
+
+
+def test_the_other_tables_show_the_plans_numbers(page, planned, baseline, metrics):
+    _, *rows = page.tables["pulses"]
+    for row, axis in zip(rows, planned.pulses.axes, strict=True):
+        assert row[0] == axis.name
+        assert [number(cell) for cell in row[1:5]] == [len(axis), 0.75, axis.start, axis.final]
+    _, *rows = page.tables["limits"]
+    # one limit or none is active at any time
+    assert sum(number(row[1]) for row in rows) == pytest.approx(planned.trajectory.duration, abs=5e-4 * len(rows))
+    _, *rows = page.tables["tracking"]
+    for row, series in zip(rows, [series for law in metrics for series in law.series], strict=True):
+        assert row[1] == series.name
+        expected = [1e6 * value for value in (series.rms, series.p95, series.max)]
+        assert [number(cell) for cell in row[2:5]] == pytest.approx(expected, abs=0.05)
+    durations = page.tables["classical"][1]
+    assert [number(cell) for cell in durations[1:]] == pytest.approx(
+        [planned.trajectory.duration, baseline.duration], abs=5e-5
+    )
+    jerk = {row[0]: row[2] for row in page.tables["classical"]}["jerk, proven ≤"]
+    assert jerk == "not limited"
+
+
+def test_names_are_escaped(tmp_path, planned, baseline, verdict):
+    name = "</title><script>alert('x')</script> & \"quoted\""
+    renamed = replace(planned, program=replace(planned.program, name=name))
+    write_report(renamed, baseline, [], tmp_path / "report.html", verdict=verdict)
+    text = (tmp_path / "report.html").read_text()
+    assert "<script" not in text
+    assert text.count("&lt;script&gt;alert(&#39;x&#39;)&lt;/script&gt; &amp; &#34;quoted&#34;") == 2
+    # and without the pulses' path there is no part about it; without laws no table, but how to come by one
+    assert {"tracking", "realised"}.isdisjoint(Page(text).tables)
+    assert {path.stem for path in (tmp_path / "figures").iterdir()} == FIGURES - {"tracking", "realised"}
+    assert "pulsepath track DIR --rig RIG" in text
+
+
+def test_what_was_simulated_behind_the_counts_is_told(text):
+    assert "in the bound: leg1, leg2: play 2 (not) µm; leg3: play &lt;3&gt; (not) µm.</p>" in text
+
+
+def test_the_path_of_the_pulses_is_told_with_its_bound(page, realised):
+    _, *rows = page.tables["realised"]
+    assert [row[0] for row in rows] == ["x", "y", "z", "rx", "ry", "rz", "position", "orientation"]
+    for row, error in zip(rows, realised.errors, strict=True):
+        assert [number(cell) for cell in row[1:4]] == pytest.approx(
+            [1e6 * e for e in (error.rms, error.max, error.bound)], abs=5e-4
+        )
+        assert number(row[2]) <= number(row[3])
+        assert row[5] == str(error.where)
+
+
+def test_a_bound_is_rounded_up():
+    assert round_up(1.00000001, 7) == "1.0000001"
+    assert round_up(0.69, 2) == "0.69"
+    assert round_up(float("inf"), 7) == "∞"
+
+
+@pytest.mark.parametrize(
+    ("quantity", "limits"),
+    [("position", [0, 50.8]), ("speed", [-20, 20]), ("acceleration", [-225, 225]), ("jerk", [-4e3, 4e3])],
+)
+def test_axes_are_drawn_between_their_limits(planned, quantity, limits):
+    lines = axis_motion(planned, quantity).get_lines()
+    drawn = [line.get_ydata() for line in lines if len(line.get_ydata()) > 2]
+    bounds = sorted(line.get_ydata()[0] for line in lines if len(line.get_ydata()) == 2)
+    assert len(drawn) == 6
+    assert bounds == pytest.approx(limits)
+    # within the certificate's tolerance of the limit
+    slack = 1e-6 * max(np.abs(limits))
+    assert min(map(np.min, drawn)) >= limits[0] - slack
+    assert max(map(np.max, drawn)) <= limits[1] + slack
+    if quantity != "position":
+        assert max(np.abs(values).max() for values in drawn) >= 0.99 * limits[1]
+
+
+def test_the_path_is_the_circle(planned):
+    ax = path_in_space(planned)
+    (line,) = [artist for artist in ax.collections if hasattr(artist, "get_array") and artist.get_array() is not None][
+        :1
+    ]
+    points = np.array(line._segments3d).reshape(-1, 3)
+    np.testing.assert_allclose(np.hypot(points[:, 0], points[:, 1]), 15, atol=1e-9)
+    np.testing.assert_allclose(points[:, 2], 25, atol=1e-9)
+    speed = np.asarray(line.get_array())
+    state = planned.trajectory.at(np.linspace(0, planned.trajectory.duration, 1001))
+    assert speed.max() == pytest.approx(1e3 * state.sd.max(), rel=1e-3)
+
+
+def test_rates_add_up_to_the_pulses(planned):
+    for line, axis in zip(pulse_rate(planned).get_lines(), planned.pulses.axes, strict=True):
+        window = planned.pulses.duration / len(line.get_xdata())
+        assert 1e3 * line.get_ydata().sum() * window == pytest.approx(len(axis), abs=1e-6)
+
+
+def test_the_active_limit_is_at_its_bound(planned):
+    active = active_limits(planned)
+    names = [limit.name for limit in planned.limits]
+    assert {names[n] for n in set(active) if n >= 0} <= {"speed", "acceleration", "jerk"}
+    for n in set(active):
+        chosen = active == n
+        timed = [planned.certificate.use[limit.name][chosen] for limit in planned.limits if not limit.geometric]
+        if n < 0:
+            assert np.max(timed) < 0.99
+        else:
+            np.testing.assert_array_equal(planned.certificate.use[names[n]][chosen], np.max(timed, axis=0))
+            assert np.max(timed, axis=0).min() >= 0.99
+
+
+def test_what_is_drawn_on_given_axes_stays_there(planned, metrics):
+    ax = Figure().add_subplot()
+    for law in metrics:
+        assert contour_error(law, ax) is ax
+    drawn = [line.get_ydata().max() for line in ax.get_lines()]
+    assert drawn == pytest.approx([1e6 * law.contour.max for law in metrics])
+    assert len(following_error(metrics[0]).get_lines()) == 6
+    for over, end in (("path", 2 * np.pi * 15), ("time", planned.trajectory.duration)):
+        assert limit_use(planned, over=over).get_xlim() == pytest.approx((0, end))

@@ -1,0 +1,114 @@
+"""Small versions of `benchmarks.evidence.trials.robustness`, the cases that defeat toppra's Seidel solver, and line –
+arc – line."""
+
+import numpy as np
+import pytest
+from scipy.interpolate import CubicSpline, PPoly
+from scipy.spatial.transform import RigidTransform
+
+from benchmarks.evidence.trials.robustness import EXACT, check_scaling, random_problem, tiny_problems, try_problem
+from kinematics.kinds.linkage import Linkage
+from kinematics.machine.axis import Axis
+from planner import time_optimal
+from planner.actuation import MachinePath
+from planner.limits import limits_of
+from planner.path.polynomial import PolynomialPath
+from planner.path.shape import arc, line
+from planner.timing import discretization as posing
+from planner.timing.certified_solve import fastest
+from planner.timing.problem import Run, make_grid, pose_problem
+from planner.timing.solvers.second_order import second_order
+
+
+@pytest.mark.parametrize(("order", "seeds"), [(2, range(1000, 1025)), (3, range(1000, 1006))])
+def test_random_problems_are_solved_and_certified(order, seeds):
+    failures = [why for seed in seeds for found, why in [try_problem(random_problem(seed, order))] if found is None]
+    assert failures == []
+
+
+@pytest.mark.parametrize(("order", "seed"), [(2, 2), (2, 5), (3, 4)])
+def test_scaled_problems_take_scaled_times(order, seed):
+    """1e-6 … 1e6 on lengths and on times: rounding at order 2, the solver's tolerance at order 3."""
+    assert check_scaling(random_problem(seed, order), order) == []
+    assert EXACT == {2: 1e-9, 3: 1e-6}
+
+
+@pytest.mark.parametrize("problem", tiny_problems(2)[::3] + tiny_problems(3)[::6], ids=lambda problem: problem.what)
+def test_tiny_motions_under_huge_limits(problem):
+    found, why = try_problem(problem)
+    assert found is not None, why
+
+
+@pytest.mark.parametrize("points", [51, 101, 501, 1001])
+@pytest.mark.parametrize("length", [1e-7, 1e-4])
+@pytest.mark.parametrize("limit", [100.0, 10_000.0])
+def test_the_cases_that_defeat_a_linear_programme(points, length, limit):
+    """The duration goes with √(L/A) exactly: what is found for 1 under 1, times that."""
+    times = []
+    for size, bound in ((1.0, 1.0), (length, limit)):
+        curve = CubicSpline([0.0, 0.5, 1.0], np.array([[0.0, 0.0], [0.6, 0.3], [1.0, 1.0]]) * size)
+        path = PolynomialPath(curve.x, curve.c, ["x", "y"])
+        # speed must not bind: it scales with √(L A)
+        axes = [Axis(name, max_speed=1e3 * np.sqrt(size * bound), max_acceleration=bound) for name in path.names]
+        problem = pose_problem(path, limits_of(path, axes, 2), *make_grid(path, Run(0, 1), points - 1))
+        times.append(second_order(problem).duration)
+    assert times[1] == pytest.approx(times[0] * np.sqrt(length / limit), rel=1e-9)
+
+
+@pytest.mark.parametrize("jerk", [None, 20.0])
+def test_a_repeated_point_costs_nothing(jerk):
+    """A polyline that names a point twice stops there as it would anyway."""
+    times = []
+    for points in ([[0.0, 0.0], [1.0, 0.2], [1.0, 1.0]], [[0.0, 0.0], [1.0, 0.2], [1.0, 0.2], [1.0, 1.0]]):
+        points = np.array(points)
+        path = PPoly(np.stack([np.diff(points, axis=0), points[:-1]]), np.arange(float(len(points))))
+        found = time_optimal(path, max_speed=1.0, max_acceleration=2.0, max_jerk=jerk)
+        assert found.certificate.holds
+        times.append(found.trajectory.duration)
+    assert times[1] == pytest.approx(times[0], rel=1e-12)
+
+
+@pytest.mark.parametrize("jerk", [None, 20.0])
+def test_two_waypoints(jerk):
+    found = time_optimal(
+        CubicSpline([0.0, 1.0], [[0.0, 1.0], [0.2, -1.0]]), max_speed=1.0, max_acceleration=2.0, max_jerk=jerk
+    )
+    assert found.methods == ("straight",)
+
+
+def distances():
+    """Two actuators, each the distance of the point from a fixed centre, and a line – arc – line without a stop."""
+    axes = [Axis(name, max_speed=0.05, max_acceleration=0.3) for name in ("a", "b")]
+    home = RigidTransform.from_translation([0.1, 0.2, 0.0])
+    machine = Linkage([0.0, 0.0], [0.2, 0.0], 0.0, 0.0, axes=axes, home=home)
+    at = [RigidTransform.from_translation(p) for p in ([0.06, 0.2, 0], [0.1, 0.2, 0], [0.12, 0.18, 0], [0.12, 0.14, 0])]
+    pieces = [
+        line(at[0], at[1], 0.04, 1),
+        arc(at[1], np.array([0.1, 0.18, 0.0]), np.array([0.0, 0.0, 1.0]), -np.pi / 2, at[2].rotation, 2),
+        line(at[2], at[3], 0.04, 3),
+    ]
+    stops = np.array([True, False, False, True])
+    return MachinePath(machine, pieces, stops, np.zeros(4)), axes
+
+
+@pytest.mark.parametrize("resolution", [50, 51, 77, 100, 200, 1000])
+def test_line_arc_line_on_two_distances(monkeypatch, resolution):
+    monkeypatch.setattr(posing, "SECOND_ORDER", (resolution, 0, 0))
+    path, axes = distances()
+    found = fastest(path, limits_of(path, axes, 2), 2)
+    assert found.certificate.holds
+    assert max(found.certificate.worst.values()) <= 1 + 1e-6
+    assert len(found.trajectory.s) <= resolution + 3
+
+
+def test_the_gap_to_the_lower_estimate():
+    """Without jerk it closes as the grid's error; a straight line has none; jerk limits open it."""
+    path, axes = distances()
+    found = fastest(path, limits_of(path, axes, 2), 2)
+    assert -1e-5 < found.gap < 1e-3
+    fine = pose_problem(path, limits_of(path, axes, 2), *make_grid(path, Run(0, 2), 8000))
+    assert found.lower_estimate == pytest.approx(second_order(fine).duration, rel=2e-4)
+    spline = CubicSpline([0.0, 0.5, 1.0], [[0.0, 0.0], [0.6, 0.3], [1.0, 1.0]])
+    without, within = (time_optimal(spline, max_speed=1.0, max_acceleration=2.0, max_jerk=j) for j in (None, 8.0))
+    assert within.gap > 0.05
+    assert within.lower_estimate == pytest.approx(without.trajectory.duration, rel=2e-3)

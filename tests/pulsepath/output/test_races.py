@@ -1,0 +1,84 @@
+"""What comes to the place of a result while that is made is never replaced, by any command."""
+
+import shutil
+
+import pytest
+
+import kinematics.files.atomic_files
+import pulsepath.output.directory
+from kinematics import MotionError
+from kinematics.files.atomic_files import staging
+from pulsepath.output.directory import KIND, replacing
+
+LINE = 'schema = 1\nlength = "mm"\n[[segment]]\nline = { to = [0, 0, 0.1] }\n'
+COMMANDS = {
+    "plan": (("plan", "line.toml", "--machine", "hexapod", "--no-figures", "--out", "t/out"), "out", "out.kept"),
+    "dump": (("plan", "circle", "--dump-config", "t"), "machine.toml", "machine.kept.toml"),
+    "init": (("init", "t"), "program.toml", "program.kept.toml"),
+    "import": (("import", "part.nc", "--out", "t/out.toml"), "out.png", "out.kept.png"),
+    "import, the program": (("import", "part.nc", "--out", "t/out.toml"), "out.toml", "out.kept.toml"),
+    "calibrate": (("calibrate", "hexapod", "cmm", "--out", "t/out"), "out", "out.kept"),
+    "export": (("export", "plan", "--format", "npz", "--out", "t/out.npz"), "out.npz", "out.kept.npz"),
+    "track": (("track", "plan", "--law", "3"), "../plan/track.json", "../plan/track.kept.json"),
+    "view": (("view", "plan", "--frames", "2", "--html", "t/out.html"), "out.html", "out.kept.html"),
+    "stills": (("view", "plan", "--stills", "t/out.svg"), "out.svg", "out.kept.svg"),
+    "compare": (("compare", "--law", "1", "--task", "line", "--out", "t"), "compare.json", "compare.kept.json"),
+    "positions": (("positions", "poses.csv", "save", "t/out.csv"), "out.csv", "out.kept.csv"),
+}
+
+
+@pytest.mark.parametrize(("arguments", "place", "kept"), COMMANDS.values(), ids=COMMANDS)
+def test_what_comes_meanwhile_stays(tmp_path, call, directory, monkeypatch, arguments, place, kept):
+    there = tmp_path / "t"
+    there.mkdir()
+    shutil.copytree(directory, tmp_path / "plan")
+    (tmp_path / "line.toml").write_text(LINE)
+    (tmp_path / "part.nc").write_text("G21 G90\nG1 X5 F600\nX0\n")
+    (tmp_path / "poses.csv").write_text("x [mm],y [mm],z [mm]\n0,0,25\n")
+    monkeypatch.chdir(tmp_path)
+
+    def come(target):
+        if target == (there / place).resolve():
+            target.write_text("thesis")
+        return staging(target)
+
+    monkeypatch.setattr(kinematics.files.atomic_files, "staging", come)
+    monkeypatch.setattr(pulsepath.output.directory, "staging", come)
+    done = call(*arguments)
+    assert done.exit_code == 2, done.stderr
+    assert "put there by something else while this ran, and is left as it is" in done.stderr
+    assert (there / place).read_text() == "thesis"
+    assert (there / kept).exists()
+    assert not list(there.glob(".*.staged"))
+
+
+def fill(folder, text):
+    (folder / "plan.json").write_text(f'{{"kind": "{KIND}", "text": "{text}"}}')
+
+
+@pytest.mark.parametrize("come", ["file", "directory", "another plan", "into it", "changed"])
+def test_force_replaces_what_was_there_alone(tmp_path, come):
+    out = tmp_path / "out"
+    out.mkdir()
+    fill(out, "old")
+
+    def replace():
+        with replacing(out, force=True) as folder:
+            fill(folder, "new")
+            if come in ("into it", "changed"):
+                (out / ("thesis" if come == "into it" else "plan.json")).write_text("thesis")
+                return
+            out.rename(tmp_path / "moved")
+            if come == "file":
+                out.write_text("thesis")
+                return
+            out.mkdir()
+            fill(out, "another") if come == "another plan" else (out / "thesis").write_text("thesis")
+
+    with pytest.raises(MotionError, match=r"is left as it is; the result is kept in .*out\.kept"):
+        replace()
+    assert "new" in (tmp_path / "out.kept" / "plan.json").read_text()
+    texts = [path.read_text() for path in ([out] if out.is_file() else out.iterdir())]
+    assert any("thesis" in text or "another" in text for text in texts)
+    assert len(texts) == (2 if come == "into it" else 1)
+    assert {path.name for path in tmp_path.iterdir()} <= {"out", "out.kept", "moved"}

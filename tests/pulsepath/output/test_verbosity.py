@@ -1,0 +1,120 @@
+"""How much is said, and in what dress: -q and -v before or after the command, NO_COLOR, terminals."""
+
+import os
+import subprocess
+import sys
+
+import click
+import pytest
+
+from pulsepath.cli import main
+from pulsepath.progress import VERBOSE, level, step
+
+
+@pytest.mark.usefixtures("planned")
+@pytest.mark.parametrize("where", ["before", "after"])
+def test_quiet_says_the_result_alone(call, tmp_path, where, monkeypatch):
+    monkeypatch.setattr("benchmarks.reports.plan_report.write_report", lambda *args, **_: args[3].write_text(""))
+    arguments = ["plan", "bare-circle", "--out", tmp_path / "o", "--json"]
+    usual = call(*arguments)
+    quiet = call(*(["-q", *arguments] if where == "before" else [*arguments, "--quiet"]), "--force")
+    assert "writing the report …" in usual.stderr
+    assert (quiet.exit_code, quiet.stdout, quiet.stderr) == (0, usual.stdout, "")
+
+
+def test_quiet_still_tells_errors(call):
+    done = call("-q", "check", "circel")
+    assert (done.exit_code, done.stdout) == (2, "")
+    assert 'nearest is "circle"' in done.stderr
+
+
+@pytest.mark.parametrize("where", ["before", "after"])
+def test_verbose_says_how(call, tmp_path, where, monkeypatch, job):
+    monkeypatch.setattr("pulsepath.job.plan", lambda *_, **__: job.plan)
+    monkeypatch.setattr("pulsepath.job._followed", lambda *_: None)
+    arguments = ["plan", "bare-circle", "--out", tmp_path / "o", "--no-figures", "--json"]
+    done = call(*(["--verbose", *arguments] if where == "before" else [*arguments, "-v"]))
+    assert done.exit_code == 0
+    assert "order 3, rounds of solving: " in done.stderr
+    assert "runs between stops: 1 by " in done.stderr
+    assert "rounds" not in call(*arguments, "--force").stderr
+
+
+def test_both_at_once_are_refused(call):
+    for arguments in (["-q", "machines", "-v"], ["machines", "-q", "-v"]):
+        done = call(*arguments)
+        assert done.exit_code == 2
+        assert "exclude each other" in done.stderr
+
+
+def test_every_command_takes_them_and_they_end_with_it(call):
+    def commands(group):
+        for command in group.commands.values():
+            yield command
+            if isinstance(command, click.Group):
+                yield from commands(command)
+
+    flags = [{flag for option in command.params for flag in option.opts} for command in commands(main)]
+    assert len(flags) > 15
+    assert all({"-q", "--quiet", "-v", "--verbose"} <= each for each in flags)
+    with click.Context(main) as context:
+        context.meta["pulsepath.progress"] = VERBOSE
+        assert level() == VERBOSE
+    assert level() != VERBOSE
+
+
+def on_a_terminal(arguments, **environment):
+    """What a command shows on a terminal of its own."""
+    pty = pytest.importorskip("pty")
+    ours, theirs = pty.openpty()
+    clean = {name: value for name, value in os.environ.items() if name not in ("NO_COLOR", "TERM", "FORCE_COLOR")}
+    process = subprocess.Popen(
+        [sys.executable, *arguments], stdout=theirs, stderr=theirs, stdin=theirs, env=clean | environment
+    )
+    os.close(theirs)
+    shown = b""
+    try:
+        while part := os.read(ours, 4096):
+            shown += part
+    except OSError:  # so Linux says that the other end is closed
+        pass
+    process.wait()
+    os.close(ours)
+    return shown
+
+
+STEP = "from pulsepath.progress import step; import time\nwith step('work') as tell: tell(1, 2); time.sleep(.2)"
+SHOWN = {
+    "tables": ["-m", "pulsepath", "rigs"],
+    "progress": ["-c", STEP],
+    "errors": ["-m", "pulsepath", "compare", "servorig", "--out", "nowhere"],
+    "help": ["-m", "pulsepath", "--help"],
+}
+
+
+@pytest.mark.parametrize(
+    "environment", [{"NO_COLOR": "1", "TERM": "xterm"}, {"TERM": "dumb"}], ids=["NO_COLOR", "dumb"]
+)
+@pytest.mark.parametrize("arguments", SHOWN.values(), ids=SHOWN)
+def test_no_escape_codes_where_none_are_wanted(arguments, environment):
+    shown = on_a_terminal(arguments, **environment)
+    assert len(shown) > 10
+    assert b"\x1b" not in shown
+
+
+@pytest.mark.parametrize("what", ["tables", "progress"])
+def test_a_terminal_that_has_them_gets_them(what):
+    assert b"\x1b[" in on_a_terminal(SHOWN[what], TERM="xterm-256color")
+
+
+@pytest.mark.parametrize("arguments", SHOWN.values(), ids=SHOWN)
+def test_none_but_on_a_terminal(arguments):
+    environment = {**os.environ, "FORCE_COLOR": "1", "TERM": "xterm-256color"}
+    done = subprocess.run([sys.executable, *arguments], capture_output=True, env=environment)
+    assert b"\x1b" not in done.stdout + done.stderr
+
+
+def test_a_step_outside_of_the_command_line_is_told_as_usual(capsys):
+    with step("counting"):
+        pass
+    assert capsys.readouterr().err.startswith("counting …\ncounting: ")

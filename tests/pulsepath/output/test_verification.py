@@ -1,0 +1,192 @@
+"""What a directory holds is believed only where it is what was proved."""
+
+import json
+import re
+import shutil
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from kinematics import MotionError, load_machine
+from planner import load_program
+from planner.orientation.orient import apply_choice, find_choice
+from planner.path.free import DEGREE
+from pulsepath.inputs import Inputs, read_inputs
+from pulsepath.job import run
+from pulsepath.output import plan_directory, verification
+
+
+def faster(folder, factor=10):
+    """Ten times faster: a hundred times the acceleration."""
+    path = folder / "motion.json"
+    motion = json.loads(path.read_text())
+    motion["knots"] = [t / factor for t in motion["knots"]]
+    for power, name in enumerate(("v", "a", "j"), 1):
+        motion[name] = [value * factor**power for value in motion[name]]
+    path.write_text(json.dumps(motion))
+
+
+def forge(folder, **changed):
+    """Digests that fit again, as anyone can compute them."""
+    path = folder / "plan.json"
+    record = json.loads(path.read_text()) | changed
+    for key in ("files", "record"):
+        del record["provenance"][key]
+    path.unlink()
+    path.write_text(json.dumps(verification.sealed(record, folder)))
+
+
+@pytest.mark.parametrize(
+    "command", [("export", "--format", "g93"), ("view", "--html", "x.html"), ("track", "--law", "3")]
+)
+def test_a_changed_motion_is_refused(call, plan, tmp_path, monkeypatch, command):
+    monkeypatch.chdir(tmp_path)
+    faster(plan)
+    before = sorted(tmp_path.rglob("*"))
+    done = call(command[0], plan, *command[1:])
+    assert done.exit_code == 2
+    assert f"{plan / 'motion.json'} was changed after it was written" in done.stderr
+    assert "--unverified" in done.stderr
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_a_forged_motion_is_refused(call, plan):
+    faster(plan)
+    forge(plan)
+    done = call("export", plan, "--format", "g93")
+    assert done.exit_code == 2
+    # ten times the speed, a hundred the acceleration, a thousand the jerk
+    worst = re.search(r"the motion uses ([\d.]+) times its limit on jerk", done.stderr)
+    assert worst is not None
+    assert 999 < float(worst[1]) < 1001
+    assert not (plan / "g93.ngc").exists()
+
+
+@pytest.mark.parametrize("name", ["s", "v", "knots"])
+def test_a_motion_that_jumps_is_refused(plan, name):
+    """Though every piece of it keeps all limits."""
+    path = plan / "motion.json"
+    motion = json.loads(path.read_text())
+    middle = len(motion[name]) // 2
+    motion[name][middle] += 1e-4 if name == "s" else 0.01 * motion[name][middle]
+    if name == "knots":
+        motion[name].sort()
+    path.write_text(json.dumps(motion))
+    forge(plan)
+    with pytest.raises(MotionError, match="times its limit on"):
+        plan_directory.read(plan)
+
+
+@pytest.mark.parametrize("key", ["duration_s", "order", "program"])
+def test_a_changed_record_is_refused(plan, key):
+    path = plan / "plan.json"
+    record = json.loads(path.read_text())
+    path.write_text(json.dumps(record | {key: {"duration_s": 0.1, "order": 2, "program": "another"}[key]}))
+    with pytest.raises(MotionError, match=r"plan\.json was changed after it was written"):
+        plan_directory.read(plan)
+    if key == "duration_s":
+        forge(plan)
+        with pytest.raises(MotionError, match="of another motion"):
+            plan_directory.read(plan)
+
+
+@pytest.mark.parametrize("provenance", [None, [], {}, {"files": []}, {"files": {}}])
+def test_a_record_without_digests_is_refused(plan, provenance):
+    path = plan / "plan.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | {"provenance": provenance}))
+    with pytest.raises(MotionError, match="--unverified"):
+        plan_directory.read(plan)
+    assert plan_directory.read(plan, unverified=True).doubts
+
+
+def test_every_file_counts(directory, tmp_path):
+    """Those that no command reads may be missing, but not changed."""
+    for path in [path for path in directory.iterdir() if path.is_file()]:
+        copy = tmp_path / path.name
+        shutil.copytree(directory, copy)
+        (copy / path.name).write_bytes((copy / path.name).read_bytes() + b" ")
+        if path.name == "plan.json":  # a space is none of its values
+            continue
+        with pytest.raises(MotionError, match=f"{path.name} was changed"):
+            plan_directory.read(copy)
+        (copy / path.name).unlink()
+        if path.name in plan_directory.DERIVED:
+            plan_directory.read(copy)
+        else:
+            with pytest.raises(MotionError, match=f"{path.name} is not there"):
+                plan_directory.read(copy)
+        shutil.rmtree(copy)
+
+
+def test_an_arms_own_file_counts(call, tmp_path):
+    (tmp_path / "p.toml").write_text('schema = 1\nlength = "mm"\n[[segment]]\nline = { to = [1, 0, 1] }\n')
+    assert call("plan", tmp_path / "p.toml", "--machine", "arm", "--no-figures", "--out", tmp_path / "o").exit_code == 0
+    urdf = tmp_path / "o" / "arm.urdf"
+    urdf.write_text(urdf.read_text().replace("<mass value=", "<mass  value=", 1))
+    done = call("export", tmp_path / "o", "--format", "ros")
+    assert done.exit_code == 2
+    assert "arm.urdf was changed" in done.stderr
+
+
+def test_on_request_it_goes_on_and_says_so(call, plan, tmp_path):
+    faster(plan, 1.2)
+    done = call("export", plan, "--format", "g93", "--unverified")
+    assert done.exit_code == 0, done.stderr
+    assert "NOT VERIFIED: " in done.stdout
+    assert "motion.json was changed" in done.stdout
+    assert "NOT VERIFIED" in next(plan.glob("g93.*")).read_text()
+    done = call("export", plan, "--format", "vcd", "--unverified", "--json")
+    said = json.loads(done.stdout)
+    assert said["verified"] is False
+    assert any("motion.json was changed" in doubt for doubt in said["doubts"])
+    page = tmp_path / "x.html"
+    done = call("view", plan, "--html", page, "--frames", "2", "--unverified")
+    assert "NOT VERIFIED: " in done.stdout
+    assert "NOT VERIFIED" in page.read_text()
+
+
+def test_what_is_verified_says_so(call, plan):
+    said = json.loads(call("export", plan, "--format", "vcd", "--json").stdout)
+    assert (said["verified"], said["doubts"]) == (True, [])
+
+
+def test_pulses_that_differ_are_checked_again(plan, monkeypatch):
+    """As those that another processor rounds another way."""
+    path = plan / "plan.json"
+    record = json.loads(path.read_text())
+    record["pulses"]["sha256"] = "0" * 64
+    forge(plan, pulses=record["pulses"])
+    taken = plan_directory.read(plan)
+    assert taken.pulses().total == record["pulses"]["total"]
+    generate = plan_directory.generate
+
+    def shifted(*args, **kwargs):
+        made = generate(*args, **kwargs)
+        axes = (replace(made.axes[0], ticks=made.axes[0].ticks + 5), *made.axes[1:])
+        return replace(made, axes=axes)
+
+    monkeypatch.setattr(plan_directory, "generate", shifted)
+    with pytest.raises(MotionError, match="pulses made again"):
+        taken.pulses()
+
+
+def test_chosen_orientation_is_taken_up_again(tmp_path):
+    text = 'schema = 1\nlength = "mm"\n[[segment]]\nline = { to = [0.2, 0, 0.1] }\nfree = "yaw"\n'
+    (tmp_path / "p.toml").write_text(text)
+    machine, controls = load_machine("hexapod"), np.zeros((3, DEGREE + 1))
+    controls[2, 3:5] = 0.002
+    program = apply_choice(load_program(tmp_path / "p.toml"), {0: controls})
+    machine_toml = read_inputs("circle", "hexapod").machine_toml
+    job = run(program, machine, 2, 10_000_000, figures=False)
+    made = tmp_path / "o"
+    made.mkdir()
+    plan_directory.write(made, job, Inputs(program, machine, text.encode(), machine_toml))
+    taken = plan_directory.read(made)
+    np.testing.assert_array_equal(find_choice(taken.program)[0], controls)
+    t = np.linspace(0, taken.trajectory.duration, 50)
+    np.testing.assert_array_equal(taken.trajectory.at(t).q, job.plan.trajectory.at(t).q)
+    (made / "orientation.json").unlink()
+    forge(made)
+    with pytest.raises(MotionError, match="does not tell the orientation"):
+        plan_directory.read(made)
