@@ -89,7 +89,7 @@ class Commands(click.Group):
 def _print_json_error(ctx: click.Context, error: Exception, code: int) -> None:
     """The error on stdout, where JSON is asked for."""
     if ctx.meta[JSON]:
-        from pulsepath.process.exits import error_json
+        from pulsepath.process.error_record import error_json
 
         click.echo(error_json(error, code), nl=False)
 

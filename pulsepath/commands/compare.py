@@ -1,7 +1,4 @@
-"""`pulsepath compare`: tracking laws over their gains on a rig, or saved runs, in one report.
-
-What `compare` leaves behind: the report, its table as JSON, its runs as CSV; and the runs themselves, for later.
-"""
+"""`pulsepath compare`: tracking laws over their gains on a rig, or saved runs, in one report."""
 
 from itertools import product
 from pathlib import Path
@@ -9,9 +6,6 @@ from typing import TYPE_CHECKING
 
 import click
 
-from benchmarks.reports.gain import Comparison, Verdict
-from kinematics.files.atomic_files import Destination, stage_files
-from kinematics.foundation.errors import MotionError
 from pulsepath import known_names
 from pulsepath.known_names import make_completer
 from pulsepath.process.exits import INFEASIBLE
@@ -89,13 +83,13 @@ def compare(
     from benchmarks.sweep import load_runs
     from controllers.rig_file import load_rig
     from kinematics import MotionError
-    from pulsepath.output import record
+    from pulsepath.output import compare_directory, record
     from pulsepath.progress import step
 
     if saved and (rig or laws or tasks or address or seeds != 1):
         raise MotionError("compare: with --from nothing is run, so give no RIG, --law, --task, --seeds or --address")
     asked = [read_condition(text) for text in conditions]
-    to = destinations(out, force)
+    to = compare_directory.destinations(out, force)
     if saved:
         runs = [load_runs(folder) for folder in saved]
         for condition, one in product(asked, runs):
@@ -104,9 +98,9 @@ def compare(
         runs = [_run(load_rig(rig or "servo-rig"), out, laws, tasks, seeds, address, baseline, asked)]
     with step("comparing"):
         found = compared(runs, baseline)
-        verdict = write(to, found)
+        verdict = compare_directory.write(to, found)
     met = [reason for condition in asked for reason in condition.met(found, verdict.best)]
-    report = str(out / REPORT)
+    report = str(out / compare_directory.REPORT)
     if as_json:
         told = {"verdict": verdict.text, "gains": verdict.gains, "report": report, "failed": met}
         click.echo(record.as_json(told), nl=False)
@@ -146,41 +140,3 @@ def _run(
         condition.check(facts)
     with step(f"running {rig.name}") as tell:
         return sweep(grid, rig, out, address=address, progress=tell, tell=note)
-
-
-RECORD, KIND = "compare.json", "pulsepath compare"
-REPORT, TABLE = "report.html", "runs.csv"
-
-
-def destinations(target: Path, force: bool) -> list[Destination]:
-    """What a comparison writes: the report, its table, the record.
-
-    Raises MotionError unless it may be written: nothing there but saved runs, or, with `force`, another comparison.
-
-    Saved runs may stay since each is found by the hash of what it depends on: an interrupted comparison goes on.
-    """
-    from benchmarks.sweep.store import CELLS
-
-    if target.exists() and not target.is_dir():
-        raise MotionError(f"{target} exists and is no directory; give another --out")
-    if (target / RECORD).exists():
-        if not force:
-            raise MotionError(f"{target} holds a comparison; give another --out, or --force to replace it")
-    elif target.exists() and any(target.iterdir()) and not (target / CELLS).is_dir():
-        raise MotionError(f"{target} is not empty, and holds no saved runs; give another --out")
-    return [Destination(target / name, force=True) for name in (REPORT, TABLE, RECORD)]
-
-
-def write(to: list[Destination], comparison: Comparison) -> Verdict:
-    """Write everything: all files or none, each whole, the record last."""
-    from benchmarks.reports.gain.gain_report import gain_report
-    from benchmarks.reports.gain.record import comparison_record, runs_csv
-    from pulsepath.output import record
-
-    verdict, page = gain_report(comparison)
-    text = record.as_json({"schema": record.SCHEMA, "kind": KIND, **comparison_record(comparison, verdict)})
-    to[0].place.parent.mkdir(parents=True, exist_ok=True)
-    with stage_files(to) as files:
-        for file, content in zip(files, (page, runs_csv(comparison), text), strict=True):
-            file.write_bytes(content.encode())
-    return verdict

@@ -1,21 +1,12 @@
-"""`pulsepath view`: the machine moving along a plan, in a browser, in a file, or as still images.
-
-One page served on loopback, to this computer's browsers alone.
-"""
+"""`pulsepath view`: the machine moving along a plan, in a browser, in a file, or as still images."""
 
 import sys
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
-from http import HTTPStatus
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
-from threading import Thread
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from kinematics.foundation.errors import MotionError
 from pulsepath.options import json_option, unverified_option
 from pulsepath.process.ending import EndSignal, raise_on_signal
 from pulsepath.process.exits import INTERRUPTED
@@ -126,6 +117,7 @@ def _show(page: str, port: int, no_browser: bool, told: dict[str, Any], as_json:
 
     from pulsepath import progress as talk
     from pulsepath.output import record
+    from pulsepath.page_server import serve_page
 
     with raise_on_signal():
         try:
@@ -141,48 +133,3 @@ def _show(page: str, port: int, no_browser: bool, told: dict[str, Any], as_json:
             talk.note("no longer shown")
             if end.code != INTERRUPTED:
                 click.get_current_context().exit(end.code)
-
-
-LOOPBACK = "127.0.0.1"
-
-
-@contextmanager
-def serve_page(page: str, port: int = 0) -> Iterator[str]:
-    """Serve a page at the address that it yields, until the block ends; port 0: any free one.
-
-    Raises MotionError where nothing can listen there.
-    """
-    content = page.encode()
-
-    class Handler(BaseHTTPRequestHandler):
-        def do_GET(self) -> None:
-            host = (self.headers.get("Host") or "").rsplit(":", 1)[0]
-            if host not in (LOOPBACK, "localhost"):  # another site's name that leads here
-                self.send_error(HTTPStatus.FORBIDDEN)
-            elif self.path.split("?")[0] != "/":
-                self.send_error(HTTPStatus.NOT_FOUND)
-            else:
-                self.send_response(HTTPStatus.OK)
-                self.send_header("Content-Type", "text/html; charset=utf-8")
-                self.send_header("Content-Length", str(len(content)))
-                self.end_headers()
-                with suppress(ConnectionError):  # a browser that has left
-                    self.wfile.write(content)
-
-        def log_message(self, format: str, *args: object) -> None:
-            pass
-
-    try:
-        server = ThreadingHTTPServer((LOOPBACK, port), Handler)
-    except OSError as error:
-        raise MotionError(
-            f"{LOOPBACK} port {port}: {error.strerror}; give another --port, or 0 for a free one"
-        ) from None
-    with server:
-        thread = Thread(target=server.serve_forever, daemon=True)
-        thread.start()
-        try:
-            yield f"http://{LOOPBACK}:{server.server_address[1]}/"
-        finally:
-            server.shutdown()
-            thread.join()

@@ -1,4 +1,4 @@
-"""Every module of the folder that is run as `python -m benchmarks.evidence.NAME` prints something; the others serve these."""
+"""Every module that is run as `python -m benchmarks.evidence.NAME` prints something; the others serve these."""
 
 from importlib import import_module
 from pathlib import Path

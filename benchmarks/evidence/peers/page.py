@@ -1,7 +1,7 @@
 """The comparison with peers as a page: `python -m benchmarks.evidence.peers.page [--out docs/peers.md]`.
 
-What was measured is read from docs/peers.csv, as `python -m benchmarks.evidence.peers` wrote it; what is said of the peers
-stands in benchmarks/templates/peers.md.j2.
+What was measured is read from docs/peers.csv, as `python -m benchmarks.evidence.peers` wrote it; what is said of the
+peers stands in benchmarks/templates/peers.md.j2.
 """
 
 from collections.abc import Iterator, Sequence
@@ -13,7 +13,7 @@ from benchmarks.evidence.published import compared as markdown_page
 from benchmarks.evidence.published.compared import markdown
 
 COMMAND = "python -m benchmarks.evidence.peers.page"
-MEASURED_FILE = Path(__file__).parents[2] / "docs" / "peers.csv"
+MEASURED_FILE = Path(__file__).parents[3] / "docs" / "peers.csv"
 HEADER = ("method", "intervals", "time (ms)", "duration (s)", "most of a limit", "slowed to hold (s)", "above the best")
 
 

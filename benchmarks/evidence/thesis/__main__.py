@@ -1,4 +1,4 @@
-"""The thesis' findings beside the emulated rig's, as a page: `python -m benchmarks.evidence.thesis [--out docs/findings.md]`.
+"""The thesis' findings beside the rig's, as a page: `python -m benchmarks.evidence.thesis [--out docs/findings.md]`.
 
 Every law over its gains under every assumption: two to four minutes on one core.
 """

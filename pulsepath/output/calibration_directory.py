@@ -1,0 +1,115 @@
+"""What `calibrate` leaves behind: the record, the calibrated machine, the report, and the files it was made from."""
+
+from dataclasses import asdict
+from hashlib import sha256
+from math import isfinite
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from kinematics.calibration import Calibration
+from kinematics.calibration.checks import axis_checks
+from kinematics.calibration.observability import describe_combination
+from kinematics.calibration.result import GROUPS, identified_pulses
+from kinematics.foundation.arrays import Array
+from kinematics.machine.machine_writer import machine_toml
+from pulsepath import __version__
+from pulsepath.output.directory import CALIBRATION, CALIBRATION_KIND
+from pulsepath.output.record import SCHEMA, Record, as_json
+from pulsepath.output.verification import sealed
+
+MACHINE, REPORT = "machine.toml", "report.html"
+SOURCES = {"machine": "nominal.toml", "measurements": "measurements.toml"}
+
+
+def write(folder: Path, calibration: Calibration, sources: dict[str, bytes]) -> None:
+    """Write everything into an empty folder, the record last."""
+    from benchmarks.reports.calibration_report import write_calibration_report
+
+    for what, name in SOURCES.items():
+        (folder / name).write_bytes(sources[what])
+    (folder / MACHINE).write_text(machine_toml(calibration.machine, _comment(calibration)), encoding="utf-8")
+    write_calibration_report(calibration, folder / REPORT)
+    (folder / CALIBRATION).write_text(as_json(sealed(record(calibration, sources), folder)), encoding="utf-8")
+
+
+def record(calibration: Calibration, sources: dict[str, bytes]) -> Record:
+    """A calibration as plain data: SI units, RMS per component; null for what the data do not tell."""
+    observed, data = calibration.observability, calibration.measurements
+    stages = {"before": calibration.before, "after": calibration.after, "left_out": calibration.left_out}
+    return {
+        "schema": SCHEMA,
+        "kind": CALIBRATION_KIND,
+        "machine": calibration.nominal.name,
+        "model": list(calibration.parts),
+        "poses": int(data.fit.sum()),
+        "values": int(calibration.used.sum()),
+        "degrees_of_freedom": calibration.degrees,
+        "noise": None if data.noise is None else asdict(data.noise),
+        "residual_scale": _finite_or_none(calibration.scale),
+        "rms": {
+            group: {name: _finite_or_none(calibration.rms(errors, group)) for name, errors in stages.items()}
+            for group in GROUPS
+            if isfinite(calibration.rms(calibration.before, group))
+        },
+        "parameters": [
+            {
+                "name": estimate.name,
+                "unit": estimate.unit,
+                "nominal": estimate.nominal,
+                "value": estimate.value,
+                "standard_error": _finite_or_none(estimate.error),
+            }
+            for estimate in calibration.parameters
+        ],
+        "pulses": [
+            {**asdict(pulse), "error": _finite_or_none(pulse.error)} for pulse in identified_pulses(calibration)
+        ],
+        "observability": {
+            **observed.indices,
+            "rank": observed.rank,
+            "singular_values": observed.singular.tolist(),
+            "unseen": [describe_combination(change, calibration.names) for change in observed.unseen],
+            "weakest": describe_combination(observed.weakest, calibration.names),
+        },
+        "errors": [
+            {
+                "pose": label,
+                "fitted": bool(fit),
+                **{name: _group_errors(errors[k]) for name, errors in stages.items()},
+            }
+            for k, (label, fit) in enumerate(zip(data.labels, data.fit, strict=True))
+        ],
+        "skipped_checks": list(calibration.skipped),
+        "notes": list(data.notes),
+        "checks": [
+            {**asdict(check), "allowed": _finite_or_none(check.allowed), "explained": check.explained}
+            for check in axis_checks(calibration)
+        ],
+        "provenance": {
+            "sha256": {what: sha256(content).hexdigest() for what, content in sources.items()},
+            "versions": {"pulsepath": __version__, "numpy": np.__version__},
+        },
+    }
+
+
+def _comment(calibration: Calibration) -> str:
+    source = Path(calibration.measurements.name).name
+    rms = [1e6 * calibration.rms(errors) for errors in (calibration.before, calibration.after)]
+    lines = [
+        f"The machine {calibration.nominal.name}, calibrated from {source}: {', '.join(calibration.parts)}.",
+        f"RMS error of a position's component at the measured poses: {rms[0]:.1f} um before, {rms[1]:.1f} um after.",
+        "Home is the pose at zero counts; programs in the frame home count from it.",
+    ]
+    return "\n".join(lines)
+
+
+def _group_errors(errors: Array) -> dict[str, Any]:
+    """Errors of what was measured of a pose, by group."""
+    found = {group: [_finite_or_none(value) for value in errors[part].tolist()] for group, part in GROUPS.items()}
+    return {group: values for group, values in found.items() if any(value is not None for value in values)}
+
+
+def _finite_or_none(value: float) -> float | None:
+    return float(value) if isfinite(value) else None

@@ -1,0 +1,44 @@
+"""What `compare` leaves behind: the report, its table as JSON, its runs as CSV; and the runs themselves, for later."""
+
+from pathlib import Path
+
+from benchmarks.reports.gain import Comparison, Verdict
+from kinematics.files.atomic_files import Destination, stage_files
+from kinematics.foundation.errors import MotionError
+
+RECORD, KIND = "compare.json", "pulsepath compare"
+REPORT, TABLE = "report.html", "runs.csv"
+
+
+def destinations(target: Path, force: bool) -> list[Destination]:
+    """What a comparison writes: the report, its table, the record.
+
+    Raises MotionError unless it may be written: nothing there but saved runs, or, with `force`, another comparison.
+
+    Saved runs may stay since each is found by the hash of what it depends on: an interrupted comparison goes on.
+    """
+    from benchmarks.sweep.store import CELLS
+
+    if target.exists() and not target.is_dir():
+        raise MotionError(f"{target} exists and is no directory; give another --out")
+    if (target / RECORD).exists():
+        if not force:
+            raise MotionError(f"{target} holds a comparison; give another --out, or --force to replace it")
+    elif target.exists() and any(target.iterdir()) and not (target / CELLS).is_dir():
+        raise MotionError(f"{target} is not empty, and holds no saved runs; give another --out")
+    return [Destination(target / name, force=True) for name in (REPORT, TABLE, RECORD)]
+
+
+def write(to: list[Destination], comparison: Comparison) -> Verdict:
+    """Write everything: all files or none, each whole, the record last."""
+    from benchmarks.reports.gain.gain_report import gain_report
+    from benchmarks.reports.gain.record import comparison_record, runs_csv
+    from pulsepath.output import record
+
+    verdict, page = gain_report(comparison)
+    text = record.as_json({"schema": record.SCHEMA, "kind": KIND, **comparison_record(comparison, verdict)})
+    to[0].place.parent.mkdir(parents=True, exist_ok=True)
+    with stage_files(to) as files:
+        for file, content in zip(files, (page, runs_csv(comparison), text), strict=True):
+            file.write_bytes(content.encode())
+    return verdict
