@@ -125,7 +125,7 @@ SECTIONS = (
     Section(
         "Leg length changes of the Vera Rubin Observatory's hexapod",
         COMMAND,
-        "From `benchmarks/conformance.toml`, as the sections that follow.",
+        "From `benchmarks/evidence/published/conformance.toml`, as the sections that follow.",
         lambda: [comparison(conformance.length_changes())],
     ),
     Section(
