@@ -1,20 +1,56 @@
-"""Norm-optimal iterative learning control: a motion's command, corrected from trial to trial within limits."""
+"""Norm-optimal iterative learning control: a motion's command, corrected from trial to trial within limits.
+
+Ours: a command learned over trials, played open loop.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
+from controllers.card import TAMove
 from controllers.laws.horizon import Horizon
-from controllers.laws.law import Reference
-from controllers.laws.learned import Learned
+from controllers.laws.law import Feedback, Grid, Reference, Timer, ramp
 from controllers.laws.nominal import NominalAxes, nominal_axes
 from controllers.rig import Rig
 from controllers.simulate import sample, simulate
 from controllers.task import Task
 from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.errors import MotionError
+
+
+@dataclass(frozen=True, slots=True)
+class Learned:
+    """The corrected position table of one motion, sent as `ramp` from step to step, whatever the reference says.
+
+    `controllers.learning.learn` makes it. It is right for the motion and the host's step it was learned on, and for no
+    other. Of the feedback only the card's own counter is read.
+
+    position  (N + 1, n) pulses, command at k·dt
+    turn      (N, n) pulses/s, by how much the speed grows within step k
+    """
+
+    position: Array
+    turn: Array
+    host: ClassVar[Timer] = "counter"
+    grid: ClassVar[Grid] = {}
+
+    def __post_init__(self) -> None:
+        for name in ("position", "turn"):
+            object.__setattr__(self, name, freeze_array(getattr(self, name), np.float64))
+
+    @property
+    def name(self) -> str:
+        return "learned"
+
+    def command(self, k: int | np.ndarray, reference: Reference, feedback: Feedback) -> TAMove:
+        steps = len(self.turn)
+        turn = np.where(np.asarray(k)[..., None] < steps, self.turn[np.minimum(k, steps - 1)], 0.0)
+        target = np.broadcast_to(self.position[np.minimum(np.asarray(k) + 1, steps)], feedback.counter.shape)
+        return ramp(target, -turn / 2, turn / 2, feedback.counter, reference.dt)
+
 
 TAIL = 3
 """Steps after the end of the motion that are learned too, in which the axes come to rest."""

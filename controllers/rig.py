@@ -1,17 +1,88 @@
-"""A rig: a machine, the drives behind its axes, the card that pulses them, the host that commands, and its tasks."""
+"""A rig: a machine, the drives behind its axes, the card that pulses them, the host that commands, and its tasks.
+
+The host: when it begins its steps, what it reads a speed from, and how it ends.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import Literal, get_args
+
+import numpy as np
 
 from controllers.card import PCI_8132, Card
 from controllers.drives.servo import Servo, leg_servo
 from controllers.drives.stepper import Stepper
-from controllers.host import Host
+from controllers.laws.law import Timer
 from controllers.task import Task
+from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.names import nearest
 from kinematics.machine.machine import Machine
+
+
+@dataclass(frozen=True, slots=True)
+class Host:
+    """How the host waits until its next step, what it reads, and how it ends.
+
+    timer         "counter": it polls the card's counter, so step k begins at k·dt, unless a law asks for the other.
+                  "sleep": whatever the law, it calls the operating system's sleep(dt), which wakes it at the first tick
+                  of the system's timer that is dt or more away, and later still by whatever else runs. What one step is
+                  late, all later ones are too.
+    granularity   s between the timer's ticks, whose phase against the run is drawn; 0: a timer without ticks
+    jitter        s: each waking is late by a time drawn evenly from 0 to this
+    seed          of what is drawn
+    speed_from    what v(k − 1) of a law's feedback is: "encoder", the change of the encoders over the step that ends;
+                  "card", the card's own output rate at its end, see `Card.current_speed`. The program of [Sahbaz 2007,
+                  Appendix E] reads the rate (`GetCurrentSpeed`)
+    closing_stop  s of the decelerated stop that is sent when the last sample is reached, and nothing after it: 0.001 in
+                  the same program (`SDStop` in its last routine). None: the law is asked on, so that it may settle
+    """
+
+    timer: Timer = "counter"
+    granularity: float = 0.0
+    jitter: float = 0.0
+    seed: int = 0
+    speed_from: Literal["encoder", "card"] = "encoder"
+    closing_stop: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.timer not in get_args(Timer):
+            raise MotionError(f'host: timer "{self.timer}" is neither "counter" nor "sleep"')
+        for name in ("granularity", "jitter"):
+            value = getattr(self, name)
+            if not 0 <= value < float("inf"):
+                raise MotionError(f"host: {name} {value} s must be zero or more")
+        if self.seed < 0:
+            raise MotionError(f"host: seed {self.seed} must be zero or more")
+        if self.speed_from not in ("encoder", "card"):
+            raise MotionError(f'host: speed from "{self.speed_from}" is neither "encoder" nor "card"')
+        if self.closing_stop is not None and not 0 <= self.closing_stop < float("inf"):
+            raise MotionError(f"host: closing stop {self.closing_stop} s must be zero or more")
+
+
+def instants(hosts: Sequence[Host], asked: Timer, dt: float, steps: int) -> Array:
+    """s at which steps 0 … steps begin under a law that asks for a timer, (steps + 1, B); by each host's own seed.
+
+    counter: t(k) = k dt.  sleep, of ticks g apart with phase φ: t(k+1) = φ + g ⌈(t(k) + dt − φ)/g⌉ + jitter · u(k),
+    u even in [0, 1); the work of a step takes no time.
+    """
+    out = np.empty((steps + 1, len(hosts)))
+    for b, host in enumerate(hosts):
+        out[:, b] = np.arange(steps + 1) * dt
+        if "sleep" in (host.timer, asked):
+            random = np.random.default_rng(host.seed)
+            g, phase = host.granularity, random.random() * host.granularity
+            late = random.random(steps) * host.jitter
+            t = 0.0
+            for k in range(steps):
+                wanted = t + dt
+                # a waking that falls on a tick is that tick's, whatever the rounding
+                tick = phase + g * np.ceil((wanted - phase) / g - 1e-9) if g else wanted
+                t = out[k + 1, b] = tick + late[k]
+    return freeze_array(out)
+
 
 Drive = Servo | Stepper
 

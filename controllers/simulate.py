@@ -19,9 +19,8 @@ from controllers.card import DStop, at_rest, current_speed, send
 from controllers.drives.axes import Axes, AxesResponse
 from controllers.drives.servo import Servo, servo_axes
 from controllers.drives.stepper import Stepper, stepper_axes
-from controllers.host import instants
 from controllers.laws.law import Feedback, Law, Reference
-from controllers.rig import Rig
+from controllers.rig import Rig, instants
 from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.errors import MotionError
 

@@ -17,10 +17,9 @@ from kinematics.foundation.taylor_model import Series
 from kinematics.machine.kind import columns, refuse_uncontrolled
 from kinematics.machine.machine import Machine
 from kinematics.machine.pose import Pose, column
-from planner.path.chain import chain_pieces
+from planner.path.chain import chain_pieces, tool_map
 from planner.path.join import Blended
 from planner.path.shape import Piece, Shape, differentiate, pose_map
-from planner.path.tool import tool_map
 from planner.place import Place
 from planner.program.model import Program
 

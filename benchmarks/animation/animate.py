@@ -28,15 +28,19 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from benchmarks.animation.frames import TOOL, AnimatablePlan, Frames, compute_frames, even_instants
-from benchmarks.animation.look import (
+from benchmarks.animation.frames import (
     NO_LIMIT_COLOUR,
     PLANNED_COLOUR,
     RAMP,
     REALISED_COLOUR,
+    TOOL,
     VIEWS,
+    AnimatablePlan,
+    Frames,
     View,
     colour_uses,
+    compute_frames,
+    even_instants,
     parse_colour,
 )
 from benchmarks.reports.page import render

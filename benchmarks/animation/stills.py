@@ -5,8 +5,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from benchmarks.animation.frames import TOOL, AnimatablePlan, Frames, compute_frames
-from benchmarks.animation.look import PLANNED_COLOUR, RAMP, REALISED_COLOUR, VIEWS, View, colour_uses
+from benchmarks.animation.frames import (
+    PLANNED_COLOUR,
+    RAMP,
+    REALISED_COLOUR,
+    TOOL,
+    VIEWS,
+    AnimatablePlan,
+    Frames,
+    View,
+    colour_uses,
+    compute_frames,
+)
 from kinematics.files.atomic_files import Destination
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError

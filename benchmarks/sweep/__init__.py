@@ -1,7 +1,15 @@
 """Grids of closed-loop runs: law × gains × task × rig × seed, run once and kept."""
 
-from benchmarks.sweep.cell import VARIATIONS, Cell, Setting, Variation, read_setting, settings_of
-from benchmarks.sweep.result import RunResult, RunSeries
+from benchmarks.sweep.result import (
+    VARIATIONS,
+    Cell,
+    RunResult,
+    RunSeries,
+    Setting,
+    Variation,
+    read_setting,
+    settings_of,
+)
 from benchmarks.sweep.run import Grid, described, sweep
 from benchmarks.sweep.store import SavedRuns, load_runs
 

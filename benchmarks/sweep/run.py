@@ -22,8 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.sweep.cell import VARIATIONS, Cell, Setting, Variation, batch_law
-from benchmarks.sweep.result import RunResult, RunSeries
+from benchmarks.sweep.result import VARIATIONS, Cell, RunResult, RunSeries, Setting, Variation, batch_law
 from benchmarks.sweep.store import SavedRuns, Store, load_runs
 from controllers.metrics import BATCH_PERIOD, Metrics, evaluate_runs
 from controllers.metrics.attained import PlannedStates, sample_plan

@@ -9,8 +9,7 @@ from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from benchmarks.sweep.cell import Cell
-from benchmarks.sweep.result import DamagedRun, RunResult, RunSeries, figure_unit
+from benchmarks.sweep.result import Cell, DamagedRun, RunResult, RunSeries, figure_unit
 from kinematics.files.atomic_files import write_whole
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.result import Result as Shown

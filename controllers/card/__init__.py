@@ -4,9 +4,8 @@ from controllers.card.channels import Channels, Command
 from controllers.card.home import HomeMode, HomeReturn
 from controllers.card.interpolation import ArcMove, LinearMove
 from controllers.card.model import PCI_8132, PCI_8164, SPEED_STEPS, Card, Refused
-from controllers.card.output import OUTPUT_MODES, Wires, wires
 from controllers.card.profile import MoveProfile
-from controllers.card.record import Record, Train, play
+from controllers.card.record import OUTPUT_MODES, Record, Train, Wires, play, wires
 from controllers.card.scurve import SAMove, SRMove, SVMove
 from controllers.card.start_and_stop import DStop, DwellMove, EStop, Together
 from controllers.card.state import CardState, at_rest, current_speed, pulse_ticks, read_counters, send

@@ -23,7 +23,7 @@ OutputMode = Literal[
     "CW_CCW_FALLING",
     "CW_CCW_RISING",
 ]
-"""Modes of a channel's two output lines, see `controllers.card.output.OUTPUT_MODES`."""
+"""Modes of a channel's two output lines, see `controllers.card.record.OUTPUT_MODES`."""
 MODES = get_args(OutputMode)
 
 

@@ -1,7 +1,7 @@
 """The operator's console: any machine on the virtual card, by lines of text, from a keyboard or a remote computer."""
 
-from controllers.console.dispatcher import CONSOLE, Dispatcher, advance_time, drop_remote, take_line
 from controllers.console.links import Partial, TextLine
+from controllers.console.serve import CONSOLE, Dispatcher, advance_time, drop_remote, take_line
 from controllers.console.session import SavedSession, Session, open_session, snapshot_session
 
 __all__ = [

@@ -11,8 +11,7 @@ from typing import Literal
 
 import numpy as np
 
-from controllers.drives.axes import AxesResponse, apply_play, read_encoder, stack_values
-from controllers.drives.rotor import Rotor, advance, rotor
+from controllers.drives.axes import AxesResponse, Rotor, advance, apply_play, read_encoder, rotor, stack_values
 from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.errors import MotionError
 from kinematics.machine.axis import Axis

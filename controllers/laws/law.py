@@ -44,7 +44,7 @@ def format_gain(value: Gain) -> str:
 
 
 Timer = Literal["counter", "sleep"]
-"""How a law wants its host to wait for the next step, see `controllers.host.Host`."""
+"""How a law wants its host to wait for the next step, see `controllers.rig.Host`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,7 +135,7 @@ class Feedback:
 
     position  pos(k − 1), pulses: the encoders, latched
     speed     v(k − 1), pulses/s: the change of `position` over the step that ends here, divided by its time; or the
-              card's output rate now, as the host is set (`controllers.host.Host.speed_from`)
+              card's output rate now, as the host is set (`controllers.rig.Host.speed_from`)
     counter   the card's own position counter, pulses
     """
 

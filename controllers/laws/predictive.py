@@ -12,10 +12,10 @@ from typing import ClassVar
 import numpy as np
 
 from controllers.card import TAMove
-from controllers.laws.feedforward import Feedforward
 from controllers.laws.horizon import Horizon
 from controllers.laws.law import Feedback, Gain, Grid, Reference, Timer, check_gain, format_gain, ramp
 from controllers.laws.nominal import NominalAxes, friction_response, usual_axes
+from controllers.laws.open_loop import Feedforward
 from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.errors import MotionError
 

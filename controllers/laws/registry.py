@@ -5,10 +5,9 @@ from dataclasses import replace
 from functools import partial
 
 from controllers.laws.closed_loop import ClosedError, ClosedErrorSpeed, ClosedPosition
-from controllers.laws.feedforward import Feedforward
 from controllers.laws.law import Gain, Law
 from controllers.laws.nominal import nominal_axes
-from controllers.laws.open_loop import OpenPosition, OpenPositionTrapezoid, OpenVelocity
+from controllers.laws.open_loop import Feedforward, OpenPosition, OpenPositionTrapezoid, OpenVelocity
 from controllers.laws.predictive import Predictive
 from controllers.rig import Rig
 from kinematics.foundation.errors import MotionError

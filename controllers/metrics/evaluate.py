@@ -14,8 +14,7 @@ import numpy as np
 from controllers.curve import directions
 from controllers.metrics.attained import PlannedStates, attained_poses, sample_plan
 from controllers.metrics.contour import contour_error
-from controllers.metrics.ending import BAND, Ending, endings
-from controllers.metrics.metrics import ErrorSeries, Metrics
+from controllers.metrics.metrics import BAND, Ending, ErrorSeries, Metrics, endings
 from controllers.metrics.shaft import Effort, Vibration, efforts, torque_limits, vibrations
 from controllers.rig import Rig
 from controllers.simulate import Runs

@@ -17,21 +17,20 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinematics.analysis.pinocchio_ import inertia, pinocchio
 from kinematics.foundation.arrays import Array, finite_array, freeze_array
 from kinematics.foundation.casadi_function import Expression
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
-from kinematics.kinds.arm import Arm
+from kinematics.kinds.arm import Arm, inertia, pinocchio
 from kinematics.kinds.hexapod import Hexapod
 from kinematics.kinds.legged import MIN_AXIS_SINE, home_frames
 from kinematics.machine.kind import columns
 from kinematics.machine.load import Body, Leg
 from kinematics.machine.machine import Machine
+from kinematics.machine.model import MovingPose
 from kinematics.machine.motion import AxesAndPose, Motion, controlled_jacobian, motion_of_axes
 from kinematics.machine.pose import to_numbers
-from kinematics.machine.rates import MovingPose
 
 
 @dataclass(frozen=True, slots=True)

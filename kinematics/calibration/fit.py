@@ -20,11 +20,11 @@ from kinematics.calibration.parameters import (
     DEFAULT,
     FreeParameter,
     FullVector,
+    Prediction,
     free_parameters,
     full_vector,
     selection,
 )
-from kinematics.calibration.prediction import Prediction
 from kinematics.calibration.result import Calibration, Estimate, error_scale
 from kinematics.calibration.search import frame_start, minimize_errors
 from kinematics.foundation.arrays import Array, freeze_array

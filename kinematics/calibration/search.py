@@ -9,8 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from kinematics.calibration.measurements import POSITION, ROTATION, Measurements
-from kinematics.calibration.parameters import XYZ
-from kinematics.calibration.prediction import Prediction
+from kinematics.calibration.parameters import XYZ, Prediction
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.units import describe, everyday_unit

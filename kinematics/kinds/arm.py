@@ -3,6 +3,8 @@
 A serial arm's joints, read from a URDF by pinocchio.
 
 A serial arm's TOML, and the URDF that it names.
+
+What all uses of pinocchio share: its import, where it is installed, and bodies as its inertias.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -19,12 +21,11 @@ from numpy.typing import ArrayLike
 from pydantic import Field
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from kinematics.analysis.pinocchio_ import pinocchio
 from kinematics.files.schema import TableSchema
 from kinematics.files.toml_document import MAX_BYTES, Key, bytes_of
 from kinematics.foundation.arrays import Array, finite_array, freeze_array
 from kinematics.foundation.casadi_function import Expression
-from kinematics.foundation.errors import BadValue, Fault, FileError, MotionError
+from kinematics.foundation.errors import BadValue, Fault, FileError, MotionError, NotInstalled
 from kinematics.foundation.names import closest, nearest
 from kinematics.foundation.units import Angle, describe_value
 from kinematics.kinds.axis_tables import RotaryAxis, axes
@@ -35,6 +36,21 @@ from kinematics.machine.kind import Bar, Pivot, Skeleton, side
 from kinematics.machine.load import Body, Load
 from kinematics.machine.machine import Machine
 from kinematics.machine.pose import Pose, column
+
+
+def pinocchio(what: str) -> Any:
+    """The module. Raises NotInstalled, naming what needs it, where it is not installed."""
+    try:
+        import pinocchio
+    except ImportError as missing:
+        raise NotInstalled(what, "pin (pinocchio)") from missing
+    return pinocchio
+
+
+def inertia(body: Body) -> Any:
+    """pinocchio's spatial inertia of a body, in the body's frame."""
+    return pinocchio("an inertia").Inertia(body.mass, body.centre, body.inertia)
+
 
 # How far (m, or sine of an angle) joints may lie off the form that the closed inverse needs.
 FORM_TOLERANCE = 1e-9

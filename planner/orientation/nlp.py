@@ -1,6 +1,6 @@
 """What free segments turn by: a nonlinear programme in CasADi, solved by IPOPT.
 
-Unknown are the Bernstein coefficients of what each free segment turns by (planner.path.free) and, for time, ṡ² on a
+Unknown are the Bernstein coefficients of what each free segment turns by (planner.path.shape) and, for time, ṡ² on a
 grid of each segment. Travel and tilt are kept at the grid's points, and for time speed and acceleration too. Where the
 motion runs through a joint, as in a blend, it is taken to be no faster than a known motion is there, and what the
 segments turn by goes on with two continuous derivatives: an estimate of what the plan then takes.
@@ -20,8 +20,7 @@ from kinematics.foundation.errors import MotionError
 from kinematics.machine.axis import directional_bounds
 from kinematics.machine.machine import Machine
 from kinematics.machine.pose import column
-from planner.path.free import CONTROL_COUNT, CONTROL_SLICE, DEGREE
-from planner.path.shape import Piece, Shape
+from planner.path.shape import CONTROL_COUNT, CONTROL_SLICE, DEGREE, Piece, Shape
 from planner.program.modifiers import Free
 from planner.timing.solvers.patience import EvaluationLimit
 

@@ -18,10 +18,8 @@ from kinematics.machine.machine import Machine
 from planner.actuation import MachinePath, actuate
 from planner.limits import limits_of, usual_order
 from planner.orientation.nlp import FreePart, Objective, PartEnd, turned
-from planner.path.chain import chain_pieces, draw_segments
-from planner.path.free import DEGREE
-from planner.path.shape import Piece
-from planner.path.tool import carry_tool
+from planner.path.chain import carry_tool, chain_pieces, draw_segments
+from planner.path.shape import DEGREE, Piece
 from planner.program.model import Dwell, Program
 from planner.program.modifiers import Free
 from planner.timing.certified_solve import fastest

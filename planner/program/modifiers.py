@@ -65,7 +65,7 @@ class Free:
 
     yaw       whether the turn is free
     tilt      rad by which the axis may lean from where the program has it, any way; 0: not at all
-    controls  what was chosen, as `planner.path.free` has it; None: nothing yet
+    controls  what was chosen, as `planner.path.shape` has it; None: nothing yet
     """
 
     yaw: bool = True

@@ -1,7 +1,7 @@
 """Pulse schedules: from a motion to exact clock ticks, and the independent proof that they stand for it."""
 
 from planner.pulses.checking import check
-from planner.pulses.checking.file_check import check_file
+from planner.pulses.checking.edge_reader import check_file
 from planner.pulses.checking.verdict import AxisCheck, PulseCheck, PulseFault
 from planner.pulses.compression import compress
 from planner.pulses.generation.generate import RULES, find_rule, generate, pace_axes

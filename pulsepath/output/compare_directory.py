@@ -31,8 +31,7 @@ def destinations(target: Path, force: bool) -> list[Destination]:
 
 def write(to: list[Destination], comparison: Comparison) -> Verdict:
     """Write everything: all files or none, each whole, the record last."""
-    from benchmarks.reports.gain.gain_report import gain_report
-    from benchmarks.reports.gain.record import comparison_record, runs_csv
+    from benchmarks.reports.gain.gain_report import comparison_record, gain_report, runs_csv
     from pulsepath.output import record
 
     verdict, page = gain_report(comparison)

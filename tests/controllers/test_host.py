@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from controllers.host import Host, instants
+from controllers.rig import Host, instants
 from kinematics.foundation.errors import MotionError
 
 

@@ -8,10 +8,9 @@ import pytest
 
 from controllers.card import PCI_8164, TAMove, at_rest, current_speed, send
 from controllers.drives.servo import leg_servo
-from controllers.host import Host
 from controllers.laws.closed_loop import ClosedErrorSpeed
 from controllers.laws.open_loop import OpenPosition, OpenVelocity
-from controllers.rig import Rig
+from controllers.rig import Host, Rig
 from controllers.simulate import sample, simulate
 
 DT = 0.05

@@ -6,8 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.evidence.peers.page import COMMAND, MEASURED_FILE, page
-from benchmarks.evidence.peers.table import cells, read_answers
+from benchmarks.evidence.peers.page import COMMAND, MEASURED_FILE, cells, page, read_answers
 
 ROOT = Path(__file__).parents[2]
 COMMANDS = re.compile(r"python\s-m\s(benchmarks[\w.]*)")

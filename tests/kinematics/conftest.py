@@ -5,8 +5,7 @@ import pytest
 from numpy.polynomial import chebyshev
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from benchmarks.evidence.published.conformance import PUBLISHED, mini_tetra, rubin
-from benchmarks.evidence.published.sahbaz_geometry import table_4_3
+from benchmarks.evidence.published.conformance import PUBLISHED, mini_tetra, rubin, table_4_3
 from kinematics import Axis, Hexapod, load_machine
 from kinematics.files.toml_document import read
 from kinematics.kinds.hexapod import joint_circle

@@ -5,7 +5,7 @@ import sys
 import numpy as np
 import pytest
 
-from benchmarks.evidence.speed.raster import raster
+from benchmarks.evidence.speed.scale import raster
 from kinematics import MotionError, load_machine
 from planner import Infeasible, Line, Plan, Program, plan, plan_many
 

@@ -15,7 +15,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from benchmarks.evidence.speed.raster import raster
+from benchmarks.evidence.speed.scale import raster
 from kinematics import Fault, FileError, MotionError, OutOfReach, load_machine, machine_names
 from planner import Infeasible, Place, parallel, plan
 from planner.actuation import actuate

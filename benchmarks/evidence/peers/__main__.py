@@ -5,6 +5,7 @@ from argparse import ArgumentParser
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+from benchmarks.evidence.peers.adapters import solve_by_copp, solve_by_ruckig
 from benchmarks.evidence.peers.case import (
     Case,
     PeerAnswer,
@@ -16,9 +17,7 @@ from benchmarks.evidence.peers.case import (
     spline,
     straight_case,
 )
-from benchmarks.evidence.peers.copp_adapter import solve_by_copp
-from benchmarks.evidence.peers.ruckig_adapter import solve_by_ruckig
-from benchmarks.evidence.peers.table import HEADER, cells, verdicts
+from benchmarks.evidence.peers.page import ANSWER_HEADER, cells, verdicts
 from benchmarks.evidence.published.compared import markdown
 
 MARKS = {
@@ -79,11 +78,11 @@ def main() -> None:
     parser.add_argument("--figure", type=Path, default=Path("docs/images/peers.png"))
     asked = parser.parse_args()
     found = list(collect_answers())
-    print(markdown(HEADER, map(cells, found)))
+    print(markdown(ANSWER_HEADER, map(cells, found)))
     print(*verdicts(found), sep="\n")
     asked.csv.parent.mkdir(parents=True, exist_ok=True)
     with asked.csv.open("w", newline="") as file:
-        csv.writer(file).writerows([HEADER, *map(cells, found)])
+        csv.writer(file).writerows([ANSWER_HEADER, *map(cells, found)])
     draw_figure(found, asked.figure)
 
 

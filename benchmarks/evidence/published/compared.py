@@ -1,12 +1,18 @@
 """A published number beside ours, and Markdown tables of them.
 
 The command of a page in Markdown: printed, or written to a file.
+
+A published calculation line by line: what is printed, the same line redone, and ours, with the slips found.
 """
 
 import argparse
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from math import floor, log10
 from pathlib import Path
+
+from kinematics.foundation.table import align_columns
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,3 +79,98 @@ def run(about: str, page: Callable[[], str]) -> None:
         out.write_text(text, encoding="utf-8")
     except OSError as error:
         parser.error(f"cannot write {out}: {error.strerror}")
+
+
+@dataclass(frozen=True, slots=True)
+class PublishedLine:
+    """One line of a calculation.
+
+    printed   the number as it stands in print, "8.060e-5", whose last digit says how far it is rounded
+    redone    the printed formula, with its printed inputs
+    ours      what our model gives, None where it has no such line
+    readings  other inputs that may have been meant, and what they give: those that give what is printed explain a slip
+    approximate  the source itself says "approx."
+    note      what else there is to say, such as why our model differs
+    """
+
+    what: str
+    unit: str
+    printed: str
+    redone: float
+    ours: float | None
+    readings: Mapping[str, float] = field(default_factory=dict)
+    approximate: bool = False
+    note: str = ""
+
+    @property
+    def value(self) -> float:
+        return float(self.printed)
+
+    @property
+    def rounding(self) -> float:
+        """One unit of the last printed digit."""
+        mantissa, _, exponent = self.printed.lower().partition("e")
+        digits = len(mantissa.partition(".")[2])
+        return float(10.0 ** (int(exponent or 0) - digits))
+
+    @property
+    def difference(self) -> float | None:
+        """ours − printed."""
+        return None if self.ours is None else self.ours - self.value
+
+    @property
+    def slip(self) -> bool:
+        """Whether the line gives another number than is printed: neither rounded, nor cut off, nor "approx."."""
+        return not self.approximate and not self._gives(self.redone)
+
+    @property
+    def explained_by(self) -> tuple[str, ...]:
+        """The readings that give the printed number."""
+        return tuple(name for name, value in self.readings.items() if self._gives(value))
+
+    @property
+    def remark(self) -> str:
+        parts = [self.note] if self.note else []
+        if self.slip:
+            meant = ", or ".join(self.explained_by)
+            parts.insert(0, f"SLIP: the line gives {shown(self.redone)}")
+            if meant:
+                parts.insert(1, f"the number follows from {meant}")
+        elif not self._gives(self.redone):
+            parts.insert(0, "printed as approximate")
+        return "; ".join(parts)
+
+    def _gives(self, value: float) -> bool:
+        beyond = abs(value) - abs(self.value)
+        rounded, cut = abs(beyond) <= self.rounding / 2, 0 <= beyond < self.rounding
+        return value * self.value > 0 and (rounded or cut)
+
+
+LINE_HEADER = ("line", "printed", "redone", "ours", "ours - printed", "unit", "remark")
+
+
+def cells(line: PublishedLine) -> list[str]:
+    """What a table shows of it; a difference to a tenth of the last printed digit."""
+    tenth = line.rounding / 10
+    difference = None if line.difference is None else round(line.difference / tenth) * tenth
+    return [
+        line.what,
+        line.printed,
+        shown(line.redone),
+        "-" if line.ours is None else shown(line.ours),
+        "-" if difference is None else f"{difference:+.2g}" if difference else "0",
+        line.unit,
+        line.remark,
+    ]
+
+
+def table(lines: Iterable[PublishedLine]) -> str:
+    """All of them, in plain text."""
+    return align_columns(LINE_HEADER, [cells(line) for line in lines])
+
+
+def shown(value: float) -> str:
+    """Five significant digits; tiny numbers as 8.06e-5."""
+    if value and not -3 <= floor(log10(abs(value))) < 6:
+        return re.sub(r"e([+-])0*(\d)", lambda m: f"e{m[1].replace('+', '')}{m[2]}", f"{value:.4g}")
+    return f"{value:.5g}"

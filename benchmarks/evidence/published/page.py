@@ -7,11 +7,11 @@ from typing import cast
 import numpy as np
 
 from benchmarks.evidence.published import compared as markdown_page
-from benchmarks.evidence.published import conformance, sahbaz_geometry, sizing
-from benchmarks.evidence.published.compared import NumberComparison, comparison, markdown
-from benchmarks.evidence.published.published_lines import HEADER, cells
+from benchmarks.evidence.published import conformance, sizing
+from benchmarks.evidence.published import conformance as sahbaz_geometry
+from benchmarks.evidence.published.compared import LINE_HEADER, NumberComparison, cells, comparison, markdown
 from benchmarks.evidence.published.sasidhar_deflection import appendix_d
-from benchmarks.evidence.published.sasidhar_sizing import appendix_b
+from benchmarks.evidence.published.sizing import appendix_b
 from benchmarks.reports.calibration_report import explain_pulse
 from kinematics import Hexapod, load_machine
 from kinematics.calibration import calibrate
@@ -114,13 +114,13 @@ SECTIONS = (
         "Stepper sizing [Sasidhar 1981, Appendix B]",
         "python -m benchmarks.evidence.published.sizing",
         "*redone* is the printed formula with its printed inputs; ours differs where handbook factors are rounded.",
-        lambda: [markdown(HEADER, map(cells, appendix_b())), markdown(sizing.AXES_HEADER, sizing.axes_rows())],
+        lambda: [markdown(LINE_HEADER, map(cells, appendix_b())), markdown(sizing.AXES_HEADER, sizing.axes_rows())],
     ),
     Section(
         "Deflections [Sasidhar 1981, Appendix D]",
         "python -m benchmarks.evidence.published.sizing",
         "As above. How they enter an accuracy budget: `python -m benchmarks.evidence.published.accuracy`.",
-        lambda: [markdown(HEADER, map(cells, appendix_d()))],
+        lambda: [markdown(LINE_HEADER, map(cells, appendix_d()))],
     ),
     Section(
         "Leg length changes of the Vera Rubin Observatory's hexapod",

@@ -2,7 +2,7 @@
 
 from math import sqrt
 
-from benchmarks.evidence.published.published_lines import PublishedLine, table
+from benchmarks.evidence.published.compared import PublishedLine, table
 from kinematics.design.deflection import Beam
 from kinematics.foundation.units import unit_value
 

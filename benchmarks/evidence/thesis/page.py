@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from benchmarks.evidence.published.compared import markdown
 from benchmarks.evidence.thesis.outcome import LATE, READINGS, LawSetting, Outcome
-from controllers.metrics.ending import BAND
+from controllers.metrics.metrics import BAND
 
 GOOD_GAINS, BEST_GAINS = (0.5, 0.9), (0.6, 0.8)
 """Gains k that the thesis calls good, and what counts as near its best, 0.7."""

@@ -30,8 +30,7 @@ from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.errors import MotionError
 from planner import load_program, plan
 from planner.actuation import MachinePath
-from planner.export.card_calls import SPEED_HEADROOM
-from planner.export.card_replay import Call, wired_counts
+from planner.export.card_calls import SPEED_HEADROOM, Call, wired_counts
 from planner.export.format import ExportSource, refuse_compensated
 from planner.export.formats.adlink import AdlinkCsv, read_calls
 

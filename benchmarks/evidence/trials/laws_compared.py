@@ -20,12 +20,11 @@ import numpy as np
 
 from benchmarks.evidence.published.compared import markdown
 from controllers.card import Refused
-from controllers.laws.feedforward import Feedforward
 from controllers.laws.law import Law
-from controllers.laws.learned import Learned
 from controllers.laws.nominal import nominal_axes
+from controllers.laws.open_loop import Feedforward
 from controllers.laws.registry import LAWS, find_law
-from controllers.learning import fit_feedforward, learn
+from controllers.learning import Learned, fit_feedforward, learn
 from controllers.metrics.evaluate import evaluate_runs
 from controllers.metrics.metrics import Metrics
 from controllers.rig import Rig, disturbed

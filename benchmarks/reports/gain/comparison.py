@@ -12,8 +12,7 @@ import numpy as np
 
 from benchmarks.reports.gain.criteria import About, compare_figures, mean_of, weigh
 from benchmarks.sweep import RunResult, SavedRuns, Setting, read_setting
-from benchmarks.sweep.cell import NOMINAL
-from benchmarks.sweep.result import figure_unit
+from benchmarks.sweep.result import NOMINAL, figure_unit
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.result import Result as Shown
 from kinematics.foundation.table import Column, Table

@@ -12,9 +12,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from benchmarks.reports.gain.comparison import RANK, Comparison
-from benchmarks.reports.gain.courses import SettingSeries, path_offsets
+from benchmarks.reports.gain.courses import IsoBlock, SettingSeries, path_offsets
 from benchmarks.reports.gain.criteria import HUMAN
-from benchmarks.reports.gain.iso_block import IsoBlock
 from benchmarks.reports.gain.setting_figures import WIDTH, add_shared_legend, gains, line_style, make_panels, pareto
 from benchmarks.reports.page import render_png, style
 from benchmarks.sweep import RunSeries

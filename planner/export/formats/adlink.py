@@ -32,8 +32,7 @@ from json import dumps
 from pathlib import Path
 from typing import ClassVar
 
-from planner.export.card_calls import KINDS, CallList, call_list
-from planner.export.card_replay import Call, replay_error
+from planner.export.card_calls import KINDS, Call, CallList, call_list, replay_error
 from planner.export.format import Exported, ExportSource
 from planner.options import option
 

@@ -26,8 +26,16 @@ import numpy as np
 
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
-from planner.export.card_calls import KINDS, MICROSECONDS, REGISTER, SPEED_HEADROOM, wired
-from planner.export.card_replay import Call, replay_error, wired_counts
+from planner.export.card_calls import (
+    KINDS,
+    MICROSECONDS,
+    REGISTER,
+    SPEED_HEADROOM,
+    Call,
+    replay_error,
+    wired,
+    wired_counts,
+)
 from planner.export.format import Exported, ExportSource, refuse_compensated
 from planner.export.formats.adlink import commented
 from planner.pulses.motion import refuse_counter

@@ -1,9 +1,11 @@
 """The check of pulses: their order, whose they are, the motors against their motion, the axes against the plan.
 
 How far apart an axis asks for its pulses: written down again from what axes and drives state, without their code.
+
+Where counts that make up for play and screws leave their axes: simulated, and held against the planned motion.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from math import inf
 
@@ -13,12 +15,86 @@ from numpy.typing import ArrayLike
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
 from kinematics.machine.axis import Axis
-from planner.pulses.checking.behind import MechanicsStandard, search_behind
-from planner.pulses.checking.search import HALF_TICK, ROUNDING, Search, check_band, check_between
+from planner.pulses.checking.search import HALF_TICK, ROUNDING, Samples, Search, check_band, check_between
 from planner.pulses.checking.standards import find_standard
 from planner.pulses.checking.verdict import AxisCheck, PulseCheck
-from planner.pulses.motion import AxesMotion, MotorMotion
-from planner.pulses.schedule import AxisPulses, PulseSchedule, Signs, Ticks
+from planner.pulses.motion import AxesMotion, MotorMotion, apply_play, apply_screw
+from planner.pulses.schedule import AxisPulses, Compensation, PulseSchedule, Signs, Ticks
+
+INSTANT_BLOCK = 1 << 14  # instants looked at together
+
+
+@dataclass(slots=True)
+class MechanicsStandard:
+    """An axis behind what its pulses make up for: place = screw(play(count·pulse)), in pulses from home.
+
+    |place - x| ≤ s (bound + one tick's travel of the motor + what turned nothing), and s·off more in the windows of
+    time that are stated for crossing the play; s is the steepest slope of the screw. The play operator makes no
+    difference between two motors larger than it is. Play or screw that is not made up for was not asked to be.
+    Independent of how they were made up for: beside `off`, its windows and the farthest run back that turns nothing,
+    which the schedule states, only the machine's own play and table are used.
+    """
+
+    axis: Axis
+    held: float
+    bound: float
+    off: float
+    windows: Array
+    place: float = 0.0
+    largest: float = 0.0
+    exact: bool = False
+    begins: tuple[float, float] = (np.inf, np.inf)
+    wait: float = 2 * HALF_TICK
+
+    def carry(self, counts: Array) -> Array:
+        """(N,) the places, in pulses, to which the next counts lead the axis."""
+        motor = counts * self.axis.pulse
+        if "backlash" in self.axis.compensate:
+            motor = apply_play(motor, self.axis, self.held)
+            self.held = float(motor[-1]) if len(motor) else self.held
+        return (apply_screw(motor, self.axis) if "lead" in self.axis.compensate else motor) / self.axis.pulse
+
+    def sides(self, search: Search, s: Samples) -> tuple[Array, Array]:
+        begin, end = self.windows
+        n = np.searchsorted(begin, s.t, side="right") - 1
+        crossing = (n >= 0) & (s.t <= end[n]) if len(begin) else np.zeros(len(s.t), bool)
+        side = self.bound + self.off * crossing
+        return side, side
+
+    def judge(self, search: Search, ticks: Ticks, sign: Array, s: Samples, first: int) -> None:
+        if not len(ticks):
+            return
+        before = replace(s, count=np.concatenate(([self.place], s.count[:-1])))
+        self.place = float(s.count[-1])
+        for each in (s, before):
+            check_band(search, each)
+            self.largest = max(self.largest, float(abs(each.x - each.count).max()))
+
+    def conclude(self, search: Search) -> None:
+        """An axis that is left behind has left its band."""
+
+
+def search_behind(schedule: PulseSchedule, planned: AxesMotion, axes: Sequence[Axis], grid: Array) -> Iterator[Search]:
+    """A search for each axis that makes up for something, on the planned motion of the axes; grid (s) to look at."""
+    speeds = np.max(
+        [abs(planned.at(grid[lo : lo + INSTANT_BLOCK]).qd).max(axis=0) for lo in range(0, len(grid), INSTANT_BLOCK)],
+        axis=0,
+    )
+    for k, (pulses, axis) in enumerate(zip(schedule.axes, axes, strict=True)):
+        if not axis.compensate:
+            continue
+        cost = next((one for one in schedule.compensations if one.axis == pulses.name), Compensation(axis.name, ()))
+        windows = np.array(cost.windows).reshape(-1, 2).T
+        slope = axis.axis_ratio
+        travel = max(float(speeds[k]), cost.speed) * axis.motor_ratio / schedule.clock_hz
+        bound = slope * (pulses.bound + (travel + cost.unturned) / axis.pulse)
+        start = pulses.start * axis.pulse
+        mechanics = MechanicsStandard(axis, start, bound, slope * cost.off * axis.motor_ratio / axis.pulse, windows)
+        mechanics.place = float(mechanics.carry(np.array([float(pulses.start)]))[0])
+        yield Search(
+            schedule, k, planned, np.union1d(grid, windows.ravel().clip(0.0, planned.duration)), pulses.start, mechanics
+        )
+
 
 SHORTENED_SHARE = 1e-3  # of the interval of a stated rate, which whole ticks may shorten by less
 INTERVAL_ROUNDING = 1e-9  # ticks
@@ -89,7 +165,7 @@ def check(
     - The ticks rise; the start and final counts are the motion's, and so is the duration.
     - Names, pulses and homes are the machine's, where machine_axes and home_q (n,) are given.
     - Where the motion is that of motors which make up for play and screws, and machine_axes are given, the counts are
-      carried through both, and the axes are where they are planned (`planner.pulses.checking.behind`).
+      carried through both, and the axes are where they are planned (`planner.pulses.checking.check`).
     Another rule, or another bound than the rule's, is held to its bound alone. Positions are trusted to 64 roundings of
     q, of home, and of q̇·t or s·dq/ds. The motion is asked about once per pulse, in blocks.
     Raises MotionError where the motion has another number of axes.

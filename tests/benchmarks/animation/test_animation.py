@@ -21,14 +21,17 @@ from benchmarks.animation.frames import (
     DRAWN_ERROR_SHARE,
     MAX_PATH_INSTANTS,
     MIN_PATH_INSTANTS,
+    RAMP,
+    VIEWS,
+    colour_uses,
     compute_frames,
     count_instants,
     even_instants,
     magnification,
     nearest,
+    parse_colour,
     tilt_use,
 )
-from benchmarks.animation.look import RAMP, VIEWS, colour_uses, parse_colour
 from kinematics import MotionError, load_machine
 from kinematics.machine.pose import to_numbers
 from planner import load_program, plan

@@ -17,8 +17,7 @@ from benchmarks.sweep import run as sweeping
 from benchmarks.sweep.result import DamagedRun, RunResult, RunSeries
 from benchmarks.sweep.run import Digests, digest, score
 from benchmarks.sweep.store import CELLS, Store
-from controllers.host import Host
-from controllers.rig import assumed_rig
+from controllers.rig import Host, assumed_rig
 from controllers.task import Task
 from kinematics import MotionError, load_machine
 from planner import Line, Program, plan

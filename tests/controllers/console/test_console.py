@@ -16,8 +16,8 @@ from controllers.console import (
     snapshot_session,
     take_line,
 )
-from controllers.console.dispatcher import WAITING
 from controllers.console.interpret import describe_offer
+from controllers.console.serve import WAITING
 from kinematics import MotionError, load_machine
 from planner.plan import plan
 from planner.program.model import Program, Turn

@@ -6,8 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from controllers.drives.axes import apply_play
-from controllers.drives.rotor import advance, rotor
+from controllers.drives.axes import advance, apply_play, rotor
 
 
 def after(h, x, v, torque, *, inertia=1.0, friction=0.0, coulomb=0.0, parts=1):

@@ -9,8 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.linalg import expm
 
-from controllers.drives.axes import read_encoder
-from controllers.drives.rotor import rotor
+from controllers.drives.axes import read_encoder, rotor
 from controllers.drives.servo import Servo, leg_servo, servo_axes
 from controllers.simulate import bank
 from kinematics.foundation.errors import MotionError

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from controllers import evaluate, find_law, track
-from controllers.laws.side_by_side import SideBySide
 from controllers.metrics.evaluate import evaluate_each
-from controllers.tracking import track_each
+from controllers.tracking import SideBySide, track_each
 from kinematics import MotionError, load_machine
 from planner import Line, Program, plan
 

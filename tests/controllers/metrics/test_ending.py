@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from controllers.metrics.ending import endings
+from controllers.metrics.metrics import endings
 
 STEP = 1000.0
 SAMPLE = 0.25e-3

@@ -26,8 +26,7 @@ from kinematics.calibration import PARTS, calibrate
 from kinematics.calibration.checks import axis_checks
 from kinematics.calibration.measurement_file import load_measurements
 from kinematics.calibration.measurements import Noise, select_rows, whole_poses
-from kinematics.calibration.parameters import full_vector
-from kinematics.calibration.prediction import Prediction
+from kinematics.calibration.parameters import Prediction, full_vector
 from kinematics.calibration.result import identified_pulses, nearest_step
 
 

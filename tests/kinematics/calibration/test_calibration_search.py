@@ -12,8 +12,7 @@ from benchmarks.evidence.published.calibration import NOISE, add_noise, draw, dr
 from kinematics import Axis, Hexapod, Machine, MotionError, OutOfReach, calibrate, load_machine, load_measurements
 from kinematics.calibration import Noise, measured_positions, search, whole_poses
 from kinematics.calibration.measurements import select_rows
-from kinematics.calibration.parameters import full_vector
-from kinematics.calibration.prediction import Prediction
+from kinematics.calibration.parameters import Prediction, full_vector
 from kinematics.calibration.search import _has_converged
 from kinematics.machine.pose import to_numbers
 

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from kinematics.analysis.singularity import EPS, Ball
 from kinematics.foundation.casadi_function import Expression
-from kinematics.foundation.interval import EPS, Ball
 
 OPERATIONS = {
     "add": lambda a, b: a + b,

@@ -9,7 +9,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from kinematics import Hexapod, MotionError, load_machine
 from planner import Arc, Free, Infeasible, Line, Program, Spline, check, load_program, orient, plan
 from planner.actuation import actuate
-from planner.path.free import DEGREE
+from planner.path.shape import DEGREE
 from planner.program.modifiers import Blend, Through
 
 

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from benchmarks.evidence.speed.exhaustive_steps import find_longest_commands
+from benchmarks.evidence.speed.compression import find_longest_commands
 from kinematics.foundation.errors import MotionError
 from planner.pulses import AxisPulses, compress, decompress
 

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from benchmarks.evidence.speed.dxf import draw, scatter
+from benchmarks.evidence.speed.reading import draw, scatter
 from kinematics.foundation.errors import FileError, MotionError
 from planner import Arc, Line, Spline, Stop, import_program, load_program, plan
 from planner.program.model import Program

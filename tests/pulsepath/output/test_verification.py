@@ -11,7 +11,7 @@ import pytest
 from kinematics import MotionError, load_machine
 from planner import load_program
 from planner.orientation.orient import apply_choice, find_choice
-from planner.path.free import DEGREE
+from planner.path.shape import DEGREE
 from pulsepath.inputs import Inputs, read_inputs
 from pulsepath.job import run
 from pulsepath.output import plan_directory, verification

@@ -4,7 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.evidence.published import conformance, sahbaz_geometry
+from benchmarks.evidence.published import conformance
+from benchmarks.evidence.published import conformance as sahbaz_geometry
 from benchmarks.evidence.published import page as evidence
 from benchmarks.evidence.published.compared import NumberComparison, comparison, markdown
 from benchmarks.evidence.published.page import COMMAND, page

@@ -5,9 +5,9 @@ import pytest
 from scipy.integrate import quad
 
 from benchmarks.evidence.published import accuracy, initial_design, sizing
-from benchmarks.evidence.published.published_lines import PublishedLine, shown
+from benchmarks.evidence.published.compared import PublishedLine, shown
 from benchmarks.evidence.published.sasidhar_deflection import appendix_d
-from benchmarks.evidence.published.sasidhar_sizing import INCH, OUNCE_INCH, appendix_b, other_axes, size_axis
+from benchmarks.evidence.published.sizing import INCH, OUNCE_INCH, appendix_b, other_axes, size_axis
 
 B = {line.what: line for line in appendix_b()}
 D = {line.what: line for line in appendix_d()}

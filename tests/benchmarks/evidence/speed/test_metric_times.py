@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from benchmarks.evidence.speed.metric_times import time_metrics
+from benchmarks.evidence.speed.closed_loop import time_metrics
 
 
 def test_every_run_of_every_part_has_its_figures():

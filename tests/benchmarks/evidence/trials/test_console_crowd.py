@@ -1,8 +1,8 @@
-"""A part of the crowd of the full run (benchmarks.evidence.trials.console_crowd), of another seed; and that faults
+"""A part of the crowd of the full run (benchmarks.evidence.trials.console), of another seed; and that faults
 are found."""
 
-from benchmarks.evidence.trials.console_crowd import run_crowd
-from controllers.console import dispatcher as desk
+from benchmarks.evidence.trials.console import run_crowd
+from controllers.console import serve as desk
 
 
 def test_lines_that_come_mid_move_wait_and_stop_drops_them():

@@ -1,7 +1,7 @@
-"""A tenth of the random bytes of the full run (benchmarks.evidence.trials.console_fuzz), of another seed; and that
+"""A tenth of the random bytes of the full run (benchmarks.evidence.trials.console), of another seed; and that
 faults are found."""
 
-from benchmarks.evidence.trials.console_fuzz import fuzz
+from benchmarks.evidence.trials.console import fuzz
 from controllers.console import links as lines
 
 

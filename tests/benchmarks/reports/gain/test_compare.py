@@ -13,11 +13,9 @@ import numpy as np
 import pytest
 
 from benchmarks.reports.gain import SettingEntry, compare, read_condition, verdict_of
-from benchmarks.reports.gain.courses import fit_circle, path_offsets
+from benchmarks.reports.gain.courses import fit_circle, iso_block, path_offsets
 from benchmarks.reports.gain.criteria import number, shown
-from benchmarks.reports.gain.gain_report import gain_report
-from benchmarks.reports.gain.iso_block import iso_block
-from benchmarks.reports.gain.record import comparison_record, runs_csv
+from benchmarks.reports.gain.gain_report import comparison_record, gain_report, runs_csv
 from benchmarks.reports.gain.run_figures import magnification, spectrum
 from benchmarks.reports.gain.setting_figures import line_colour, marker_style, pareto_front
 from benchmarks.sweep import VARIATIONS, Cell, RunResult, RunSeries, Setting
@@ -196,7 +194,7 @@ def test_a_circle_that_is_not_completed_says_so(tmp_path, monkeypatch, compariso
     def short(*_):
         raise MotionError("359° only")
 
-    monkeypatch.setattr("benchmarks.reports.gain.iso_block.circular_test", short)
+    monkeypatch.setattr("benchmarks.reports.gain.courses.circular_test", short)
     (turns,) = iso_block(comparison, [SettingEntry(0, BASE)]).circles
     assert turns.test is None
     _, page = gain_report(comparison)

@@ -9,8 +9,7 @@ import pytest
 from benchmarks.reports.gain import SettingEntry, compare, verdict_of
 from benchmarks.reports.gain.courses import select_series
 from benchmarks.reports.gain.criteria import CRITERIA, QUANTIZED, compare_figures, mean_of, weigh
-from benchmarks.reports.gain.gain_report import gain_report
-from benchmarks.reports.gain.record import comparison_record
+from benchmarks.reports.gain.gain_report import comparison_record, gain_report
 from benchmarks.reports.gain.run_figures import axes_over_time
 from tests.benchmarks.reports.gain.test_compare import BASE, GOOD, SAME, saved
 

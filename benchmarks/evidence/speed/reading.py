@@ -1,4 +1,4 @@
-"""How long a drawing of 10 000 entities takes to become a program: python -m benchmarks.evidence.speed.dxf --kind
+"""How long a drawing of 10 000 entities takes to become a program: python -m benchmarks.evidence.speed.reading --kind
 sheet|mixed|splines
 
 Parts of a sheet, as a drawing program leaves them: outlines of lines and arcs, shuffled and turned round; slots as
@@ -6,13 +6,18 @@ polylines with bulges; holes; a share of ellipses and splines. Time of the proce
 program: reading, chaining, the order of contours and the way between them; and of the outline, that the figure and the
 length are from. `mixed` is equal sixths of lines, arcs, circles, polylines, ellipses and splines, `splines` those only,
 each entity a contour: the most that there is to fit. Needs the extra `cad`.
+
+How long a G-code file of 100 000 lines takes to read: python -m benchmarks.evidence.speed.reading
+
+As a controller would get it: numbered lines of four decimals, one in ten an arc, rapids, comments. Time of the
+processor, the least of a few.
 """
 
 import argparse
 import random
 from collections.abc import Callable
 from functools import partial
-from math import ceil, sqrt
+from math import ceil, cos, pi, sin, sqrt
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from time import process_time
@@ -21,7 +26,7 @@ from typing import Any
 from planner import import_program
 
 ENTITIES, TIMES = 10_000, 3
-SECONDS = 10.0
+DXF_SECONDS = 10.0
 """What is asked for."""
 PART = 20
 """Entities of one part: an outline of 12 in 6 lines and 6 arcs, 3 slots, 4 holes, and an ellipse or a spline."""
@@ -125,9 +130,52 @@ def main() -> None:
             drawn.append(process_time() - begin - took[-1])
     print(
         f"{kind}: {ENTITIES} entities, {contours} contours, {len(found.program.segments)} segments: {min(took):.2f} s, "
-        f"and {min(drawn):.2f} s for the outline; at most {SECONDS} s are allowed; {'; '.join(found.warnings)}"
+        f"and {min(drawn):.2f} s for the outline; at most {DXF_SECONDS} s are allowed; {'; '.join(found.warnings)}"
     )
 
 
 if __name__ == "__main__":
     main()
+
+
+LINES, GCODE_TIMES = 100_000, 3
+GCODE_SECONDS = 2.0
+"""What is asked for."""
+
+
+def make_blocks(count: int) -> list[str]:
+    """Numbered blocks in a space of 30 mm; arcs end on their circles to rounding."""
+    rng = random.Random(1)
+    made, x, y = ["%", "(reading)", "G21 G90 G17 G64 P0.02", "G0 X0 Y0 Z25", "F1800"], 0.0, 0.0
+    while len(made) < count - 1:
+        n = len(made)
+        if n % 10 == 0:
+            radius, begin = rng.uniform(1, 5), rng.uniform(0, 2 * pi)
+            i, j = radius * cos(begin), radius * sin(begin)
+            end = begin + pi + rng.uniform(0.3, 5)
+            x, y = round(x + i + radius * cos(end), 4), round(y + j + radius * sin(end), 4)
+            made.append(f"N{n} G3 X{x:.4f} Y{y:.4f} I{i:.4f} J{j:.4f}")
+        elif n % 50 == 1:
+            x, y = rng.uniform(-15, 15), rng.uniform(-15, 15)
+            made.append(f"N{n} G0 X{x:.4f} Y{y:.4f} (rapid)")
+        else:
+            x, y = x + rng.uniform(-0.5, 0.5), y + rng.uniform(-0.5, 0.5)
+            made.append(f"N{n} G1 X{x:.4f} Y{y:.4f} Z{25 + rng.random():.4f}")
+        x, y = round(x, 4), round(y, 4)
+    return [*made, "M2"]
+
+
+def main_gcode() -> None:
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "reading.nc"
+        path.write_text("\n".join(make_blocks(LINES)), encoding="ascii")
+        took, segments = [], 0
+        for _ in range(GCODE_TIMES):
+            begin = process_time()
+            segments = len(import_program(path).program.segments)
+            took.append(process_time() - begin)
+    print(f"{LINES} lines, {segments} segments: {min(took):.2f} s, at most {GCODE_SECONDS} s are allowed")
+
+
+if __name__ == "__main__":
+    main_gcode()
