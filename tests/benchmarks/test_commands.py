@@ -1,4 +1,4 @@
-"""Every module that is run as `python -m benchmarks.evidence.NAME` prints something; the others serve these."""
+"""Every module of the folder that is run as `python -m benchmarks.evidence.NAME` prints; the others serve these."""
 
 from importlib import import_module
 from pathlib import Path
@@ -9,18 +9,11 @@ import pytest
 from benchmarks import evidence
 
 FOLDER = Path(evidence.__file__).parent
-SERVE = {"published.compared", "published.published_lines"}
-"""Reports and tables that commands write; they have nothing of their own to print."""
-PACKAGES = {"peers", "thesis"}
+SERVE = {"timing", "published.compared", "published.conformance", "published.sasidhar_deflection", "thesis.outcome"}
+"""What scripts share, and tables that pages show."""
+PACKAGES = {"peers"}
 """Run as a whole."""
-QUICK = (
-    "published.conformance",
-    "published.initial_design",
-    "published.sahbaz_geometry",
-    "published.sasidhar_deflection",
-    "published.sasidhar_sizing",
-    "speed.raster",
-)
+QUICK = ("published.initial_design", "published.sizing")
 
 
 def commands():

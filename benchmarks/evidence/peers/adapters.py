@@ -1,9 +1,8 @@
-"""copp-py (the only file that imports it): its TOPP2-RA, and its TOPP3-SOCP at its best.
+"""The peers, each imported here alone: copp-py's TOPP2-RA and its TOPP3-SOCP at its best, and ruckig's straight moves.
 
-Wang et al., github.com/TOPP-THU/copp. Its order-3 state is a = ṡ², b = s̈ on a grid, with db/ds constant on every
-interval (so that s⃛ = (db/ds) √a) but for the first and last few, which have constant s⃛ from rest.
-
-ruckig (the only file that imports it): straight jerk-limited moves. Berscheid and Kröger, RSS 2021.
+copp-py: Wang et al., github.com/TOPP-THU/copp. Its order-3 state is a = ṡ², b = s̈ on a grid, with db/ds constant on
+every interval (so that s⃛ = (db/ds) √a) but for the first and last few, which have constant s⃛ from rest.
+ruckig: jerk-limited moves; Berscheid and Kröger, RSS 2021.
 """
 
 from collections.abc import Iterator

@@ -12,6 +12,7 @@ from time import perf_counter
 
 import numpy as np
 
+from benchmarks.evidence.timing import time_calls
 from kinematics import load_machine
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
@@ -104,13 +105,7 @@ def answer(
     case: Case, order: int, method: str, intervals: int | None, solve: Callable[[], PeerMotion], note: str = ""
 ) -> PeerAnswer:
     """Solve a few times, and look at the motion."""
-    times = []
-    for _ in range(REPEATS):
-        begin = perf_counter()
-        duration, samples = solve()
-        times.append(perf_counter() - begin)
-        if len(times) > 1 and sum(times) > MAX_TIMING_DURATION:
-            break
+    (duration, samples), times = time_calls(solve, REPEATS, perf_counter, MAX_TIMING_DURATION)
     return PeerAnswer(
         case.name, order, method, intervals, times[0], median(times[1:]), duration, worst(case, samples), note
     )

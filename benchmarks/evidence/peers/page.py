@@ -1,9 +1,7 @@
 """The comparison with peers as a page: `python -m benchmarks.evidence.peers.page [--out docs/peers.md]`.
 
-What was measured is read from docs/peers.csv, as `python -m benchmarks.evidence.peers` wrote it; what is said of the peers
-stands in benchmarks/templates/peers.md.j2.
-
-The answers as rows of a table, and what they come to.
+What was measured is read from docs/peers.csv, as `python -m benchmarks.evidence.peers` wrote it; what is said of the
+peers stands in benchmarks/templates/peers.md.j2.
 """
 
 import csv
@@ -11,8 +9,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from benchmarks.evidence.peers.case import PeerAnswer
-from benchmarks.evidence.published import compared as markdown_page
-from benchmarks.evidence.published.compared import markdown
+from benchmarks.evidence.published.compared import markdown, run
 
 ANSWER_HEADER = (
     "case", "order", "method", "intervals", "first call (s)", "again (s)", "duration (s)",
@@ -79,7 +76,7 @@ def verdicts(found: Sequence[PeerAnswer]) -> Iterator[str]:
 
 
 COMMAND = "python -m benchmarks.evidence.peers.page"
-MEASURED_FILE = Path(__file__).parents[2] / "docs" / "peers.csv"
+MEASURED_FILE = Path(__file__).parents[3] / "docs" / "peers.csv"
 HEADER = ("method", "intervals", "time (ms)", "duration (s)", "most of a limit", "slowed to hold (s)", "above the best")
 
 
@@ -115,7 +112,7 @@ def page() -> str:
 
 
 def main() -> None:
-    markdown_page.run(str(__doc__), page)
+    run(str(__doc__), page)
 
 
 if __name__ == "__main__":

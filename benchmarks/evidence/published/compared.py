@@ -1,8 +1,6 @@
-"""A published number beside ours, and Markdown tables of them.
+"""Published numbers and published calculations beside ours: as Markdown tables, and the command of a page of them.
 
-The command of a page in Markdown: printed, or written to a file.
-
-A published calculation line by line: what is printed, the same line redone, and ours, with the slips found.
+A calculation stands line by line: what is printed, the same line redone, and ours, with the slips found.
 """
 
 import argparse

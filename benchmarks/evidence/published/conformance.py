@@ -1,8 +1,4 @@
-"""Numbers that others published (conformance.toml), and what we find for them.
-
-Angles and lengths that [Sahbaz 2007] prints of its hexapod, beside ours: `python -m
-benchmarks.evidence.published.conformance`.
-"""
+"""Numbers that others published (conformance.toml, [Sahbaz 2007]), and what we find for them: `page` shows them all."""
 
 import tomllib
 from pathlib import Path
@@ -11,7 +7,7 @@ import numpy as np
 from scipy.interpolate import PPoly
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from benchmarks.evidence.published.compared import NumberComparison, comparison
+from benchmarks.evidence.published.compared import NumberComparison
 from benchmarks.evidence.published.initial_design import PRINTED, needs
 from kinematics import Axis, Hexapod, load_machine
 from kinematics.foundation.arrays import Array
@@ -104,21 +100,6 @@ def pulse_count() -> NumberComparison:
     )
 
 
-def main() -> None:
-    """Print all of them."""
-    for title, rows in (
-        ("Leg length changes of the Vera Rubin Observatory's hexapod", length_changes()),
-        ("Leg lengths of the mini-tetra at home", home_lengths()),
-        ("Dietmaier's assembly modes", modes()),
-        ("Pulses of a printed position", [pulse_count()]),
-    ):
-        print(f"{title}\n\n{comparison(rows)}\n")
-
-
-if __name__ == "__main__":
-    main()
-
-
 # Table 4.3, as printed (degrees): Rx and Ry of each leg.
 LEG_ANGLES = (
     ("-5.27128754", "-2.17930829"),
@@ -178,18 +159,3 @@ def initial_design() -> list[NumberComparison]:
             ("largest force of a leg", "N", 1, 3, PRINTED.force, ours.force),
         )
     ]
-
-
-def main_sahbaz() -> None:
-    """Print all of them."""
-    for title, rows in (
-        ("Table 4.3, directions of the legs", leg_angles()),
-        ("Table 6.4, direction of the platform's axis", axis_angles()),
-        ("Retracted legs", retracted()),
-        ("Chapter 2, initial design", initial_design()),
-    ):
-        print(f"{title}\n\n{comparison(rows)}\n")
-
-
-if __name__ == "__main__":
-    main_sahbaz()

@@ -6,10 +6,8 @@ from typing import cast
 
 import numpy as np
 
-from benchmarks.evidence.published import compared as markdown_page
 from benchmarks.evidence.published import conformance, sizing
-from benchmarks.evidence.published import conformance as sahbaz_geometry
-from benchmarks.evidence.published.compared import LINE_HEADER, NumberComparison, cells, comparison, markdown
+from benchmarks.evidence.published.compared import LINE_HEADER, NumberComparison, cells, comparison, markdown, run
 from benchmarks.evidence.published.sasidhar_deflection import appendix_d
 from benchmarks.evidence.published.sizing import appendix_b
 from benchmarks.reports.calibration_report import explain_pulse
@@ -80,19 +78,19 @@ SECTIONS = (
         "Leg directions [Sahbaz 2007, Table 4.3]",
         COMMAND,
         "The printed formula in any precision differs from print by up to 1.02e-7°: rounded on the way there.",
-        lambda: [comparison(sahbaz_geometry.leg_angles())],
+        lambda: [comparison(conformance.leg_angles())],
     ),
     Section(
         "Direction angles of the platform's axis [Sahbaz 2007, Table 6.4]",
         COMMAND,
         "For θ = (6, −7, 0)° about the moving axes in turn. cos γ = cos 6° cos 7° is 9.2098°, not 9.20972°.",
-        lambda: [comparison(sahbaz_geometry.axis_angles())],
+        lambda: [comparison(conformance.axis_angles())],
     ),
     Section(
         "Retracted legs [Sahbaz 2007, chapter 5]",
         COMMAND,
         "Between joint centres; the number follows from the printed circles and the program's height of 233.6362 mm.",
-        lambda: [comparison(sahbaz_geometry.retracted())],
+        lambda: [comparison(conformance.retracted())],
     ),
     Section(
         "Initial design [Sahbaz 2007, chapter 2]",
@@ -100,7 +98,7 @@ SECTIONS = (
         "The two printed numbers **do not follow from the printed geometry**: with both orders of the platforms,\n"
         "other joint gaps, signs and pairings, an independent search found 38 to 64 mm and 36 to 55 N; the platform's\n"
         "mass is not printed. Ours are those of the geometry as printed, with massless legs, not tuned to theirs.",
-        lambda: [comparison(sahbaz_geometry.initial_design())],
+        lambda: [comparison(conformance.initial_design())],
     ),
     Section(
         "Calibration [Sahbaz 2007, Tables 6.2 to 6.4]",
@@ -154,7 +152,7 @@ def page() -> str:
 
 
 def main() -> None:
-    markdown_page.run(str(__doc__), page)
+    run(str(__doc__), page)
 
 
 if __name__ == "__main__":

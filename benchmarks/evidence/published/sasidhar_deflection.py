@@ -2,7 +2,7 @@
 
 from math import sqrt
 
-from benchmarks.evidence.published.compared import PublishedLine, table
+from benchmarks.evidence.published.compared import PublishedLine
 from kinematics.design.deflection import Beam
 from kinematics.foundation.units import unit_value
 
@@ -98,12 +98,3 @@ def _sag(load: float, span: float, modulus: float, second_moment: float) -> floa
 def _slope(load: float) -> float:
     """The printed formula after (D.5), rad."""
     return 0.096 * load * SPAN**2 / (3 * MODULUS * SECOND_MOMENT)
-
-
-def main() -> None:
-    """Print every line."""
-    print(table(appendix_d()))
-
-
-if __name__ == "__main__":
-    main()

@@ -1,6 +1,6 @@
 """Sizing, deflection and selection beside what was published: `python -m benchmarks.evidence.published.sizing`.
 
-The stepper sizing of [Sasidhar 1981, Appendix B], line by line beside ours.
+The stepper sizing of [Sasidhar 1981, Appendix B] line by line.
 """
 
 from math import pi
@@ -100,17 +100,6 @@ def other_axes() -> dict[str, StepperSizing]:
         "transverse": size_axis(weight=140.0, lift=0.0),
         "longitudinal": size_axis(weight=300.0, travel=72.0, accuracy=0.020, lift=0.0),
     }
-
-
-def main_b() -> None:
-    """Print every line, and the other axes."""
-    print(table(appendix_b()))
-    for name, sizing in other_axes().items():
-        print(f"\n{name}\n{sizing}")
-
-
-if __name__ == "__main__":
-    main_b()
 
 
 AXES_HEADER = (

@@ -1,19 +1,11 @@
-"""How fast closed loops are simulated: `python -m benchmarks.evidence.speed.closed_loop`.
-
-1000 runs of the thesis reference (the task `line` of the rig `servo-rig`: three axes, 5 s and half a second of
-settling) under law 6, each with a gain of its own, in parts, in as many processes as asked for.
-
-Options: --runs N, --workers N (0: in this process), --part N.
-
-How fast a batch of runs is judged: `python -m benchmarks.evidence.speed.closed_loop`.
+"""How fast closed loops are simulated, and judged: `python -m benchmarks.evidence.speed.closed_loop`.
 
 1000 runs of the thesis reference (the task `line` of the rig `servo-rig`: three axes, 41 samples, 5 s and half a second
-of settling) under law 6, each with a gain of its own, are simulated in parts
-(`benchmarks.evidence.speed.closed_loop`); timed are the
-figures alone, in this process: errors every 5 ms through the arm's forward kinematics and beside the path, settling,
-vibration and effort at every sample of the record.
+of settling) under law 6, each with a gain of its own, in parts, in as many processes as asked for. Then the figures
+alone, in this process: errors every 5 ms through the arm's forward kinematics and beside the path, settling, vibration
+and effort at every sample of the record.
 
-Options: --runs N, --part N.
+Options: --runs N, --workers N (0: in this process), --part N.
 """
 
 from __future__ import annotations
@@ -27,6 +19,7 @@ from time import perf_counter, process_time
 
 import numpy as np
 
+from benchmarks.evidence.timing import time_calls
 from controllers.laws.registry import find_law
 from controllers.metrics import evaluate_runs
 from controllers.rig_file import load_rig
@@ -70,28 +63,6 @@ def simulate_runs(gains: Sequence[float], workers: int, size: int = BATCH_SIZE) 
         return np.concatenate(list(pool.map(run, parts)))
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--runs", type=int, default=1000)
-    parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--part", type=int, default=BATCH_SIZE)
-    options = parser.parse_args()
-    gains = np.linspace(0.0, 1.0, options.runs).tolist()
-    begun = perf_counter()
-    rms = simulate_runs(gains, options.workers, options.part)
-    seconds = perf_counter() - begun
-    used = sum(sum(getrusage(who)[:2]) for who in (RUSAGE_SELF, RUSAGE_CHILDREN))
-    print(
-        f"{options.runs} closed-loop runs of the thesis reference (3 axes, 5 s) on {options.workers} workers: ", end=""
-    )
-    print(f"{seconds:.2f} s")
-    print(f"{used:.2f} s of processor time, imports and rigs included; RMS lag {rms.mean(0).round(1)} pulses")
-
-
-if __name__ == "__main__":
-    main()
-
-
 def time_metrics(gains: list[float], size: int = BATCH_SIZE) -> tuple[list[dict[str, float]], float, float]:
     """The figures of every gain; seconds on the clock and of the processor for them, simulation left out."""
     rig = load_rig("servo-rig")
@@ -107,12 +78,21 @@ def time_metrics(gains: list[float], size: int = BATCH_SIZE) -> tuple[list[dict[
     return figures, clock, processor
 
 
-def main_metrics() -> None:
+def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--runs", type=int, default=1000)
+    parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--part", type=int, default=BATCH_SIZE)
     options = parser.parse_args()
-    figures, clock, processor = time_metrics(np.linspace(0.0, 1.0, options.runs).tolist(), options.part)
+    gains = np.linspace(0.0, 1.0, options.runs).tolist()
+    rms, (seconds,) = time_calls(lambda: simulate_runs(gains, options.workers, options.part), clock=perf_counter)
+    used = sum(sum(getrusage(who)[:2]) for who in (RUSAGE_SELF, RUSAGE_CHILDREN))
+    print(
+        f"{options.runs} closed-loop runs of the thesis reference (3 axes, 5 s) on {options.workers} workers: "
+        f"{seconds:.2f} s\n"
+        f"{used:.2f} s of processor time, imports and rigs included; RMS lag {rms.mean(0).round(1)} pulses"
+    )
+    figures, clock, processor = time_metrics(gains, options.part)
     contour = np.array([run["contour_rms"] for run in figures])
     print(
         f"{len(figures[0])} figures each of {options.runs} runs of the thesis reference, recorded every "
@@ -122,4 +102,4 @@ def main_metrics() -> None:
 
 
 if __name__ == "__main__":
-    main_metrics()
+    main()

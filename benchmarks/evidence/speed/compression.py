@@ -2,26 +2,21 @@
 minutes.
 
 On the program `circle` with the hexapod, all six legs: pulses per command beside those of an exhaustive search for the
-longest command (`benchmarks.evidence.speed.compression`), and pulses per second of processor time, the best of
-three. With --fast without the exhaustive search.
+longest command, and pulses per second of processor time, the best of three. With --fast without the exhaustive search.
 
-The step queue by exhaustive search: every interval that a command may begin with, each with every add.
-
-python -m benchmarks.evidence.speed.compression    its commands beside those of `compress`, for a line of 25 mm
-of the hexapod
-
-Slow, and of other parts than `planner.pulses.compression`: whole numbers throughout, one command after the other. The
-intervals that reach the first pulse are few; for each, the pulses after it bound the add from both sides. The command
-that serves most pulses is taken, of several the one whose last pulse is nearest to its own tick.
+The search is slow, and of other parts than `planner.pulses.compression`: whole numbers throughout, one command after
+the other, every interval that a command may begin with, each with every add. The intervals that reach the first pulse
+are few; for each, the pulses after it bound the add from both sides. The command that serves most pulses is taken, of
+several the one whose last pulse is nearest to its own tick.
 """
 
 import sys
-from time import process_time
+from functools import partial
 
 import numpy as np
 
+from benchmarks.evidence.timing import time_calls
 from kinematics import load_machine
-from kinematics.foundation.table import align_columns
 from planner import load_program, plan
 from planner.pulses import compress, decompress, generate
 from planner.pulses.schedule import AxisPulses, Ticks
@@ -72,24 +67,6 @@ def _longest_command(ticks: Ticks, tolerance: int, least: int) -> tuple[int, int
     return best[1], count, best[2]
 
 
-def main_exhaustive() -> None:
-    """Print how many commands both take for one leg, at a few tolerances."""
-    from kinematics import load_machine
-    from planner import Line, Program, plan
-    from planner.pulses.compression import compress
-
-    leg = plan(Program((Line(np.array([0.0, 0.0, 0.025])),)), load_machine("hexapod")).pulses.axes[0]
-    rows = []
-    for micro in (1, 10, 25):
-        (queue,) = compress([leg], 10 * micro)
-        rows.append([f"{micro} us", str(len(leg)), str(len(queue)), str(len(find_longest_commands(leg, 10 * micro)))])
-    print(align_columns(("tolerance", "pulses", "commands, compress", "commands, exhaustive"), rows))
-
-
-if __name__ == "__main__":
-    main_exhaustive()
-
-
 CASES = ((10_000_000, 1), (10_000_000, 10), (10_000_000, 25), (100_000_000, 1))
 TARGET, RATE = 0.9, 1e6
 REPEATS = 3
@@ -104,11 +81,7 @@ def main() -> None:
     for clock, micro in CASES:
         schedule = generate(trajectory, machine.axes, machine.home_q, clock)
         tolerance = clock * micro // 1_000_000
-        times = []
-        for _ in range(REPEATS):
-            begin = process_time()
-            queues = compress(schedule.axes, tolerance)
-            times.append(process_time() - begin)
+        queues, times = time_calls(partial(compress, schedule.axes, tolerance), REPEATS)
         off = max(
             int(abs(decompress(queue)[0] - axis.ticks).max()) for queue, axis in zip(queues, schedule.axes, strict=True)
         )

@@ -15,6 +15,7 @@ from time import perf_counter
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from benchmarks.evidence.timing import time_calls
 from kinematics import Hexapod, Pose, load_machine
 from kinematics.analysis.singularity import prove_regular
 from kinematics.foundation.arrays import Array
@@ -159,13 +160,7 @@ def follow_lengths(machine: Hexapod, end: Pose, steps: int = STEPS[0]) -> Pose:
 
 def best_call_time(work: Callable[[], object], repeats: int) -> float:
     """s, of several calls after a first one."""
-    work()
-    times = []
-    for _ in range(repeats):
-        begin = perf_counter()
-        work()
-        times.append(perf_counter() - begin)
-    return min(times)
+    return min(time_calls(work, repeats + 1, perf_counter)[1][1:])
 
 
 def measure_pose_times(machine: Hexapod, poses: Pose) -> dict[str, tuple[float, float | None]]:

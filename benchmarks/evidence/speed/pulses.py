@@ -17,18 +17,15 @@ check, csv and file go up to 1e7 pulses, with --full to 1e8 (some twenty minutes
 import json
 import os
 import resource
-import subprocess
-import sys
 from argparse import ArgumentParser, RawDescriptionHelpFormatter
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from time import process_time
-from typing import TypeVar
 
 import numpy as np
 
+from benchmarks.evidence.timing import Result, run_in_new_process, time_calls
 from kinematics import Hexapod, Machine, load_machine
 from planner import load_program, plan
 from planner.actuation import actuate
@@ -47,8 +44,6 @@ LARGE = ("check", "csv", "file")
 TARGET, STRETCH, MEMORY = 5e6, 15e6, 2e9
 SINGLE_RUN_PULSES = 3_000_000  # pulses from which once has to do
 REPEATS = 7
-
-Result = TypeVar("Result")
 
 
 def main() -> None:
@@ -73,16 +68,7 @@ def main() -> None:
             for count in CASES:
                 if count == max(CASES) and stage in LARGE and not options.full:
                     continue
-                command = [
-                    sys.executable,
-                    "-m",
-                    "benchmarks.evidence.speed.pulses",
-                    "--row",
-                    stage,
-                    str(count),
-                    str(motion),
-                ]
-                pulses, seconds, peak = json.loads(subprocess.run(command, check=True, capture_output=True).stdout)
+                pulses, seconds, peak = run_in_new_process(__spec__.name, "--row", stage, count, motion)
                 least = least or (pulses, peak)
                 more = (peak - least[1]) / (pulses - least[0]) if pulses > least[0] else np.nan
                 figures = f"{seconds:>8.2f}{pulses / seconds / 1e6:>13.2f}{peak / 1e6:>10.0f}{more:>10.1f}"
@@ -139,11 +125,7 @@ def load_coarse_hexapod(coarser: float) -> Hexapod:
 
 def time_best(work: Callable[[], Result], count: int) -> tuple[Result, float]:
     """The result, and the CPU seconds of the best run; of long ones the only."""
-    times = []
-    for _ in range(1 if count > SINGLE_RUN_PULSES else REPEATS):
-        begin = process_time()
-        result = work()
-        times.append(process_time() - begin)
+    result, times = time_calls(work, 1 if count > SINGLE_RUN_PULSES else REPEATS)
     return result, min(times)
 
 

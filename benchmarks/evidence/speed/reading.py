@@ -1,16 +1,14 @@
-"""How long a drawing of 10 000 entities takes to become a program: python -m benchmarks.evidence.speed.reading --kind
-sheet|mixed|splines
+"""How long a drawing of 10 000 entities, or a G-code file of 100 000 lines, takes to become a program: `python -m
+benchmarks.evidence.speed.reading --kind sheet|mixed|splines|gcode`.
 
-Parts of a sheet, as a drawing program leaves them: outlines of lines and arcs, shuffled and turned round; slots as
-polylines with bulges; holes; a share of ellipses and splines. Time of the processor, the least of a few, from file to
-program: reading, chaining, the order of contours and the way between them; and of the outline, that the figure and the
-length are from. `mixed` is equal sixths of lines, arcs, circles, polylines, ellipses and splines, `splines` those only,
-each entity a contour: the most that there is to fit. Needs the extra `cad`.
+`sheet`: parts of a sheet, as a drawing program leaves them: outlines of lines and arcs, shuffled and turned round;
+slots as polylines with bulges; holes; a share of ellipses and splines. `mixed` is equal sixths of lines, arcs, circles,
+polylines, ellipses and splines, `splines` those only, each entity a contour: the most that there is to fit. They need
+the extra `cad`. `gcode` is as a controller would get it: numbered lines of four decimals, one in ten an arc, rapids,
+comments.
 
-How long a G-code file of 100 000 lines takes to read: python -m benchmarks.evidence.speed.reading
-
-As a controller would get it: numbered lines of four decimals, one in ten an arc, rapids, comments. Time of the
-processor, the least of a few.
+Time of the processor, the least of a few, from file to program: reading, chaining, the order of contours and the way
+between them; and of the outline, that the figure and the length are from.
 """
 
 import argparse
@@ -20,13 +18,13 @@ from functools import partial
 from math import ceil, cos, pi, sin, sqrt
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from time import process_time
 from typing import Any
 
+from benchmarks.evidence.timing import time_calls
 from planner import import_program
 
-ENTITIES, TIMES = 10_000, 3
-DXF_SECONDS = 10.0
+ENTITIES, LINES, TIMES = 10_000, 100_000, 3
+SECONDS = {"dxf": 10.0, "gcode": 2.0}
 """What is asked for."""
 PART = 20
 """Entities of one part: an outline of 12 in 6 lines and 6 arcs, 3 slots, 4 holes, and an ellipse or a spline."""
@@ -107,42 +105,6 @@ def scatter(path: Path, count: int, splines: bool = False) -> int:
     return count
 
 
-KINDS: dict[str, Callable[[Path, int], int]] = {
-    "sheet": draw,
-    "mixed": scatter,
-    "splines": partial(scatter, splines=True),
-}
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--kind", choices=KINDS, default="sheet")
-    kind = parser.parse_args().kind
-    with TemporaryDirectory() as folder:
-        path = Path(folder) / "sheet.dxf"
-        contours = KINDS[kind](path, ENTITIES)
-        took, drawn = [], []
-        for _ in range(TIMES):
-            begin = process_time()
-            found = import_program(path, retract=5e-3, speed=0.02)
-            took.append(process_time() - begin)
-            found.outline  # noqa: B018  what it takes is what is asked for
-            drawn.append(process_time() - begin - took[-1])
-    print(
-        f"{kind}: {ENTITIES} entities, {contours} contours, {len(found.program.segments)} segments: {min(took):.2f} s, "
-        f"and {min(drawn):.2f} s for the outline; at most {DXF_SECONDS} s are allowed; {'; '.join(found.warnings)}"
-    )
-
-
-if __name__ == "__main__":
-    main()
-
-
-LINES, GCODE_TIMES = 100_000, 3
-GCODE_SECONDS = 2.0
-"""What is asked for."""
-
-
 def make_blocks(count: int) -> list[str]:
     """Numbered blocks in a space of 30 mm; arcs end on their circles to rounding."""
     rng = random.Random(1)
@@ -165,17 +127,32 @@ def make_blocks(count: int) -> list[str]:
     return [*made, "M2"]
 
 
-def main_gcode() -> None:
+KINDS: dict[str, Callable[[Path, int], int]] = {
+    "sheet": draw,
+    "mixed": scatter,
+    "splines": partial(scatter, splines=True),
+}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--kind", choices=[*KINDS, "gcode"], default="sheet")
+    kind = parser.parse_args().kind
     with TemporaryDirectory() as folder:
-        path = Path(folder) / "reading.nc"
-        path.write_text("\n".join(make_blocks(LINES)), encoding="ascii")
-        took, segments = [], 0
-        for _ in range(GCODE_TIMES):
-            begin = process_time()
-            segments = len(import_program(path).program.segments)
-            took.append(process_time() - begin)
-    print(f"{LINES} lines, {segments} segments: {min(took):.2f} s, at most {GCODE_SECONDS} s are allowed")
+        path = Path(folder) / ("program.nc" if kind == "gcode" else "sheet.dxf")
+        if kind == "gcode":
+            path.write_text("\n".join(make_blocks(LINES)), encoding="ascii")
+            found, took = time_calls(lambda: import_program(path), TIMES)
+            said, allowed = f"{LINES} lines", SECONDS["gcode"]
+        else:
+            said, allowed = f"{ENTITIES} entities, {KINDS[kind](path, ENTITIES)} contours", SECONDS["dxf"]
+            found, took = time_calls(lambda: import_program(path, retract=5e-3, speed=0.02), TIMES)
+    _, (drawn,) = time_calls(lambda: found.outline)
+    print(
+        f"{kind}: {said}, {len(found.program.segments)} segments: {min(took):.2f} s, "
+        f"and {drawn:.2f} s for the outline; at most {allowed} s are allowed; {'; '.join(found.warnings)}"
+    )
 
 
 if __name__ == "__main__":
-    main_gcode()
+    main()

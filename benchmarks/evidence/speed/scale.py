@@ -1,18 +1,11 @@
 """How planning grows with the program: `python -m benchmarks.evidence.speed.scale [--segments N] [--order 2|3]`.
 
-A raster of lines, half circles and stops on the hexapod, of a quarter, half and all of N segments. Each is planned in a
-process of its own; times are those of the clock on the wall and of the processors, memory is the largest that the
-planning process held, and the largest that one of the processes held that it started.
-
-A program of any length: a zig-zag raster of lines, half circles and stops, layer upon layer.
-
-python -m benchmarks.evidence.speed.scale         the file of its first 100 segments
-python -m benchmarks.evidence.speed.scale 5000    of so many
+A zig-zag raster of lines, half circles and stops on the hexapod, layer upon layer, of a quarter, half and all of N
+segments. Each is planned in a process of its own; times are those of the clock on the wall and of the processors,
+memory is the largest that the planning process held, and the largest that one of the processes held that it started.
 """
 
 import json
-import subprocess
-import sys
 from argparse import ArgumentParser
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
@@ -22,10 +15,10 @@ from time import perf_counter
 import numpy as np
 
 from benchmarks.evidence.published.compared import markdown
+from benchmarks.evidence.timing import run_in_new_process, time_calls
 from kinematics import load_machine
 from planner import plan
 from planner.program.model import Arc, Line, Program, Segment
-from planner.program.program_writer import program_toml
 
 # m: the lines of a row, the way between two rows, between two layers, and of the first layer above home.
 STEP, PITCH, RISE, HEIGHT = 2e-3, 1e-3, 1e-3, 20e-3
@@ -65,15 +58,6 @@ def _segments() -> Iterator[Segment]:
         yield Line(np.array([x, y, z]))
 
 
-def main_raster() -> None:
-    """Print the program file of so many segments."""
-    print(program_toml(raster(int(sys.argv[1]) if len(sys.argv) > 1 else 100)), end="")
-
-
-if __name__ == "__main__":
-    main_raster()
-
-
 # What a thousand segments may take (s), by order, and the memory of all processes together (MB).
 TARGETS, MOST = {2: 30.0, 3: 120.0}, 1000.0
 
@@ -96,24 +80,15 @@ def run(segments: int, order: int) -> PlanRun:
     import resource
 
     machine = load_machine("hexapod")
-    begin = perf_counter()
-    planned = plan(raster(segments), machine, order=order)
-    wall = perf_counter() - begin
+    planned, (wall,) = time_calls(lambda: plan(raster(segments), machine, order=order), clock=perf_counter)
     used = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
     processor = sum(one.ru_utime + one.ru_stime for one in used)
     memory, others = (one.ru_maxrss / 1024 for one in used)
     return PlanRun(segments, planned.trajectory.duration, planned.pulses.total, wall, processor, memory, others)
 
 
-def plan_in_new_process(segments: int, order: int) -> PlanRun:
-    """The same in a process of its own, so that nothing is warm and no memory is counted twice."""
-    command = [sys.executable, "-m", "benchmarks.evidence.speed.scale", "--one", str(segments), "--order", str(order)]
-    done = subprocess.run(command, capture_output=True, text=True, check=True)
-    return PlanRun(**json.loads(done.stdout))
-
-
 def table(runs: list[PlanRun]) -> str:
-    """One row per run, with the power of the number of segments by which its wall time grew from the run before."""
+    """One row per run, each of a process of its own, with the power of the number of segments by which wall time grew."""
     head = ("segments", "motion (s)", "pulses", "wall (s)", "grows as", "processors (s)", "memory (MB)", "others (MB)")
     rows = []
     for n, one in enumerate(runs):
@@ -136,7 +111,8 @@ def main() -> None:
         print(json.dumps(asdict(run(chosen.one, chosen.order))))
         return
     for order in (chosen.order,) if chosen.order else (2, 3):
-        runs = [plan_in_new_process(chosen.segments // part, order) for part in (4, 2, 1)]
+        sizes = (chosen.segments // part for part in (4, 2, 1))
+        runs = [PlanRun(**run_in_new_process(__spec__.name, "--one", size, "--order", order)) for size in sizes]
         print(
             f"order {order}; wanted for 1000 segments: {TARGETS[order]:.0f} s, {MOST:.0f} MB\n\n{table(runs)}\n",
             flush=True,

@@ -9,8 +9,8 @@ from collections.abc import Callable
 from functools import partial
 from statistics import median
 from time import perf_counter
-from typing import TypeVar
 
+from benchmarks.evidence.timing import Result, time_calls
 from kinematics import Machine, load_machine
 from planner import Program, Solution, load_program
 from planner.actuation import actuate
@@ -26,16 +26,10 @@ JERK_SOLVERS: tuple[Solver, ...] = ("fatrop", "ipopt")
 # What order 2 and 3 are held against, and the time that solving and certifying may take (s).
 TARGETS = {2: (1.2046, 0.4), 3: (1.2630, 1.5)}
 
-Result = TypeVar("Result")
 
-
-def time_calls(work: Callable[[], Result]) -> tuple[Result, float, float]:
+def time_solver(work: Callable[[], Result]) -> tuple[Result, float, float]:
     """The result, the time of the first call, and the median time of those after it (s)."""
-    times = []
-    for _ in range(REPEATS):
-        begin = perf_counter()
-        result = work()
-        times.append(perf_counter() - begin)
+    result, times = time_calls(work, REPEATS, perf_counter)
     return result, times[0], median(times[1:])
 
 
@@ -46,7 +40,7 @@ def main() -> None:
     second_order(tiny, solver="toppra")  # its imports
     print(f"{'':<44}{'duration':>12}{'first call':>12}{'again':>12}")
     for order in (2, 3):
-        solution, first, again = time_calls(partial(solve_program, program, machine, order))
+        solution, first, again = time_solver(partial(solve_program, program, machine, order))
         worst = max(solution.certificate.worst.values())
         print_times(
             f"order {order}, solved and certified ({solution.rounds} rounds)",
@@ -59,11 +53,11 @@ def main() -> None:
     for points in (1000, 4000):
         problem = pose_problem(path, limits_of(path, machine.axes, 2), *make_grid(path, Run(0, 0), points))
         for solver in ("passes", "toppra"):
-            profile, first, again = time_calls(partial(second_order, problem, solver=solver))
+            profile, first, again = time_solver(partial(second_order, problem, solver=solver))
             print_times(f"{solver} alone, {points} intervals, not certified", profile.duration, first, again)
     third, start = jerk_problem(path, limits_of(path, machine.axes, 3), Run(0, 0))
     for name in JERK_SOLVERS:
-        profile, first, again = time_calls(partial(third_order, third, start.on(third.s), solver=name))
+        profile, first, again = time_solver(partial(third_order, third, start.on(third.s), solver=name))
         print_times(f"{name} alone, {third.intervals} intervals, not certified", profile.duration, first, again)
 
 

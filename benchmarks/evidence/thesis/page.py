@@ -1,6 +1,8 @@
-"""The page: each finding on the rig as stated, then under every assumption.
+"""The thesis' findings beside the emulated rig's, as a page: `python -m benchmarks.evidence.thesis.page
+[--out docs/findings.md]`.
 
-The thesis' findings as judgements of an outcome: each says whether it holds there, and by which figure.
+Every law over its gains under every assumption: two to four minutes on one core. A finding is a judgement of an
+outcome: it says whether it holds there, and by which figure.
 """
 
 from __future__ import annotations
@@ -8,8 +10,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
-from benchmarks.evidence.published.compared import markdown
-from benchmarks.evidence.thesis.outcome import LATE, READINGS, LawSetting, Outcome
+from benchmarks.evidence.published.compared import markdown, run
+from benchmarks.evidence.thesis.outcome import LATE, READINGS, LawSetting, Outcome, assumptions, run_laws
 from controllers.metrics.metrics import BAND
 
 GOOD_GAINS, BEST_GAINS = (0.5, 0.9), (0.6, 0.8)
@@ -191,7 +193,7 @@ FINDINGS = (
 """What the thesis found, in its chapter 7 [Sahbaz 2007]."""
 
 
-COMMAND = "python -m benchmarks.evidence.thesis --out docs/findings.md"
+COMMAND = "python -m benchmarks.evidence.thesis.page --out docs/findings.md"
 INTRODUCTION = f"""\
 # What the thesis found about its laws
 
@@ -271,3 +273,11 @@ def _by_assumption(finding: Finding, outcomes: Sequence[Outcome]) -> str:
     return markdown(
         ("assumption", "verdict", "figure"), [(name, verdict.word, verdict.figure) for name, verdict in verdicts]
     )
+
+
+def main() -> None:
+    run(str(__doc__), lambda: page([run_laws(assumption) for assumption in assumptions()]))
+
+
+if __name__ == "__main__":
+    main()

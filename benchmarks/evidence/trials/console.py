@@ -1,22 +1,18 @@
-"""Random bytes on the console's remote line: nothing crashes, nothing moves that was not asked for, registers are true.
+"""Random bytes and random lines for the console: nothing crashes, nothing moves unasked, and registers are true.
 
-python -m benchmarks.evidence.trials.console           100 000 byte strings
-python -m benchmarks.evidence.trials.console 10000 7   so many, of another seed
+python -m benchmarks.evidence.trials.console             100 000 byte strings on the remote line
+python -m benchmarks.evidence.trials.console 10000 7     so many, of another seed
+python -m benchmarks.evidence.trials.console crowd       20 000 lines of several remote computers, at random instants
+python -m benchmarks.evidence.trials.console crowd 5000 7
 
 Each string (noise, text, commands, commands with bytes changed, several in a packet) is cut at random and fed to a
-desk in mode REM. What ought to happen is read from the bytes by one regular expression, which knows nothing of the
-console's grammar. At a random instant of every motion and at its end, each register is held against home's and the
+dispatcher in mode REM. What ought to happen is read from the bytes by one regular expression, which knows nothing of
+the console's grammar. At a random instant of every motion and at its end, each register is held against home's and the
 pulses that the card fired, counted one by one.
 
-Random lines of several remote computers at random instants: mid-move, in the queue, STOP among them.
-
-python -m benchmarks.evidence.trials.console           20 000 lines
-python -m benchmarks.evidence.trials.console 5000 7    so many, of another seed
-
-A model of a dozen lines says who is answered what and when: commands wait for one another, 16 at most; STOP drops them
-and ends the motion; what a command means is read as in `benchmarks.evidence.trials.console`. At every arrival
-and every end of a
-motion the registers are held against the pulses that the card fired, counted one by one; a motion that ends by itself
+Of the crowd, whose lines come mid-move, in the queue, and STOP among them, a model of a dozen lines says who is
+answered what and when: commands wait for one another, 16 at most; STOP drops them and ends the motion. At every arrival
+and every end of a motion the registers are held against the pulses that the card fired; a motion that ends by itself
 is where it was sent, one that was stopped between its two ends.
 """
 
@@ -24,7 +20,7 @@ from __future__ import annotations
 
 import re
 import sys
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from itertools import pairwise
 from time import perf_counter
 
@@ -143,21 +139,6 @@ def _cut(random: np.random.Generator, data: bytes) -> list[bytes]:
     return [data[a:b] for a, b in pairwise(places)]
 
 
-def main() -> None:
-    found = fuzz(*(int(word) for word in sys.argv[1:])) if len(sys.argv) > 1 else fuzz(100_000)
-    print(
-        f"{found.strings} byte strings, {found.lines} lines, {found.motions} motions, {found.refused} refusals, "
-        f"{len(found.faults)} faults in {found.seconds:.0f} s"
-    )
-    for fault in found.faults[:20]:
-        print(fault)
-    raise SystemExit(bool(found.faults))
-
-
-if __name__ == "__main__":
-    main()
-
-
 QUEUE = 16
 CLIENTS = 3
 START = (30000, 30000, 30000, 0)
@@ -268,16 +249,14 @@ def _sum_fired_pulses(motion: SessionMotion | None, since: float, until: float) 
     return np.array([of.sum(dtype=np.int64) for of in motion.fired(since, until)])
 
 
-def main_crowd() -> None:
-    found = run_crowd(*(int(word) for word in sys.argv[1:])) if len(sys.argv) > 1 else run_crowd(20_000)
-    print(
-        f"{found.lines} lines, {found.midway} of them mid-move, {found.done} motions done, {found.stopped} stopped, "
-        f"{len(found.faults)} faults"
-    )
-    for fault in found.faults[:20]:
-        print(fault)
+def main() -> None:
+    crowd = sys.argv[1:2] == ["crowd"]
+    numbers = [int(word) for word in sys.argv[1 + crowd :]]
+    found = run_crowd(*numbers or [20_000]) if crowd else fuzz(*numbers or [100_000])
+    said = [f"{value} {name}" for name, value in asdict(found).items() if name != "faults"]
+    print(", ".join(said), f"{len(found.faults)} faults", *found.faults[:20], sep="\n")
     raise SystemExit(bool(found.faults))
 
 
 if __name__ == "__main__":
-    main_crowd()
+    main()

@@ -1,15 +1,11 @@
-"""Random feasible problems, scaled ones and tiny ones, all solved and certified: `python -m
+"""Random feasible problems, scaled ones, tiny ones and splines, all solved and certified: `python -m
 benchmarks.evidence.trials.robustness`.
 
 `--second 10000 --third 1000` are the full counts (hours on two cores). Every problem follows from its seed alone.
 Feasible by construction: limits are positive, paths continuous and motions from rest to rest, stopping at corners; the
-slower, the less they use of every limit.
-
-Bare paths of every kind and scale, solved and certified: `python -m benchmarks.evidence.trials.robustness
-[--count N]`.
-
-Piecewise polynomials and splines of degree 1 to 9 with jumps of q′ from 1e-14 on, over twelve orders of magnitude of
-axes and of limits. Every problem follows from its seed; those that are not solved and certified are printed.
+slower, the less they use of every limit. Of the bare paths of every kind and scale (`--paths`), piecewise polynomials
+and splines of degree 1 to 9 with jumps of q′ from 1e-14 on, over twelve orders of magnitude of axes and of limits, not
+all are solved.
 """
 
 from argparse import ArgumentParser
@@ -123,47 +119,6 @@ def check_scaling(problem: RandomProblem, order: int) -> list[str]:
     return faults
 
 
-def main() -> None:
-    parser = ArgumentParser(prog="python -m benchmarks.evidence.trials.robustness", description=__doc__)
-    parser.add_argument("--second", type=int, default=500, help="how many random order-2 problems")
-    parser.add_argument("--third", type=int, default=100, help="how many random order-3 problems")
-    parser.add_argument("--scaled", type=int, default=10, help="how many of them at every scale")
-    parser.add_argument("--splines", type=int, default=20, help="how many splines of 50 waypoints at order 3")
-    asked = parser.parse_args()
-    for order, count in ((2, asked.second), (3, asked.third)):
-        tell(f"order {order}, random", [random_problem(seed, order) for seed in range(count)])
-        tell(f"order {order}, tiny", tiny_problems(order))
-        faults = [fault for seed in range(asked.scaled) for fault in check_scaling(random_problem(seed, order), order)]
-        print(*faults, sep="\n")
-        print(
-            f"order {order}, {asked.scaled} at {2 * len(SCALES)} scales each: {len(faults)} durations are off by more "
-            f"than {EXACT[order]:g}",
-            flush=True,
-        )
-    tell("order 3, 50 waypoints", [long_spline(seed) for seed in range(asked.splines)])
-
-
-def tell(what: str, problems: Sequence[RandomProblem]) -> None:
-    """How many are not solved and certified, which, and by which methods the others' runs are."""
-    begin, methods, failures = perf_counter(), Counter[str](), 0
-    for problem in problems:
-        found, why = try_problem(problem)
-        if found is None:
-            failures += 1
-            print(why, flush=True)
-        else:
-            methods.update(found.methods)
-    print(
-        f"{what}: {failures} of {len(problems)} not solved and certified; runs by method {dict(methods)}; "
-        f"{perf_counter() - begin:.0f} s",
-        flush=True,
-    )
-
-
-if __name__ == "__main__":
-    main()
-
-
 SIZES = (1, 2, 3, 5, 10, 40)
 
 
@@ -199,19 +154,44 @@ def _pieces(knots: Array, controls: Array, degree: int, rng: np.random.Generator
     return PPoly(c, x)
 
 
-def main_splines() -> None:
+def main() -> None:
     parser = ArgumentParser(prog="python -m benchmarks.evidence.trials.robustness", description=__doc__)
-    parser.add_argument("--count", type=int, default=300, help="how many")
-    parser.add_argument("--first", type=int, default=0, help="seed of the first")
+    parser.add_argument("--second", type=int, default=500, help="how many random order-2 problems")
+    parser.add_argument("--third", type=int, default=100, help="how many random order-3 problems")
+    parser.add_argument("--scaled", type=int, default=10, help="how many of them at every scale")
+    parser.add_argument("--splines", type=int, default=20, help="how many splines of 50 waypoints at order 3")
+    parser.add_argument("--paths", type=int, default=300, help="how many bare paths of every kind and scale")
     asked = parser.parse_args()
-    failures = 0
-    for seed in range(asked.first, asked.first + asked.count):
-        found, why = try_problem(random_spline(seed))
-        if found is None or max(found.certificate.worst.values()) > 1:
+    for order, count in ((2, asked.second), (3, asked.third)):
+        tell(f"order {order}, random", [random_problem(seed, order) for seed in range(count)])
+        tell(f"order {order}, tiny", tiny_problems(order))
+        faults = [fault for seed in range(asked.scaled) for fault in check_scaling(random_problem(seed, order), order)]
+        print(*faults, sep="\n")
+        print(
+            f"order {order}, {asked.scaled} at {2 * len(SCALES)} scales each: {len(faults)} durations are off by more "
+            f"than {EXACT[order]:g}",
+            flush=True,
+        )
+    tell("order 3, 50 waypoints", [long_spline(seed) for seed in range(asked.splines)])
+    tell("every kind and scale", [random_spline(seed) for seed in range(asked.paths)])
+
+
+def tell(what: str, problems: Sequence[RandomProblem]) -> None:
+    """How many are not solved and certified, which, and by which methods the others' runs are."""
+    begin, methods, failures = perf_counter(), Counter[str](), 0
+    for problem in problems:
+        found, why = try_problem(problem)
+        if found is None:
             failures += 1
-            print(why or f"seed {seed}: above 1", flush=True)
-    print(f"{failures} of {asked.count} not solved and certified")
+            print(why, flush=True)
+        else:
+            methods.update(found.methods)
+    print(
+        f"{what}: {failures} of {len(problems)} not solved and certified; runs by method {dict(methods)}; "
+        f"{perf_counter() - begin:.0f} s",
+        flush=True,
+    )
 
 
 if __name__ == "__main__":
-    main_splines()
+    main()
