@@ -88,7 +88,7 @@ def run(segments: int, order: int) -> PlanRun:
 
 
 def table(runs: list[PlanRun]) -> str:
-    """One row per run, each of a process of its own, with the power of the number of segments by which wall time grew."""
+    """One row per run, each of a process of its own, with the power of N by which wall time grew."""
     head = ("segments", "motion (s)", "pulses", "wall (s)", "grows as", "processors (s)", "memory (MB)", "others (MB)")
     rows = []
     for n, one in enumerate(runs):
