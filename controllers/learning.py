@@ -1,6 +1,5 @@
-"""Norm-optimal iterative learning control: a motion's command, corrected from trial to trial within limits.
-
-Ours: a command learned over trials, played open loop.
+"""Norm-optimal iterative learning control: a motion's command, corrected from trial to trial within limits, and the law
+that plays the learned command open loop.
 """
 
 from __future__ import annotations

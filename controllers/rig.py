@@ -1,6 +1,6 @@
 """A rig: a machine, the drives behind its axes, the card that pulses them, the host that commands, and its tasks.
 
-The host: when it begins its steps, what it reads a speed from, and how it ends.
+Of the host: when it begins its steps, what it reads a speed from, and how it ends.
 """
 
 from __future__ import annotations

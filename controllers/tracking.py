@@ -1,6 +1,6 @@
 """One machine's axes under tracking laws along a plan: what each was to do, was told to do, and did.
 
-Laws beside each other: a batch in which each run has a law of its own.
+Laws run beside each other: a batch in which each run has a law of its own.
 """
 
 from __future__ import annotations

@@ -1,10 +1,8 @@
 """What an animation shows: the machine at even instants of a plan, how near it is to its limits, and both paths.
 
-Which limit is nearest to its bound at an instant, for every axis and the tool; and how tilted the joints are.
-
-All from the limits' own `value` and `use`, which the certificate is made of too.
-
-How an animation and its still images look: the four views, and the colours of a limit's use.
+Which limit is nearest to its bound at an instant, for every axis and the tool, and how tilted the joints are: from the
+limits' own `value` and `use`, which the certificate is made of too. How that looks: the four views, and the colours of
+a limit's use.
 """
 
 from collections.abc import Sequence

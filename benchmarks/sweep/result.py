@@ -1,9 +1,4 @@
-"""What a run is remembered by: its figures, and for some runs how it went over time.
-
-The SI unit of a figure of recorded runs.
-
-What one run of a sweep is made of.
-"""
+"""What one run of a sweep is made of, and what it is remembered by: figures, of some its course too."""
 
 from __future__ import annotations
 

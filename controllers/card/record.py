@@ -1,6 +1,6 @@
 """What a card did with a list of commands: its counters at any time, and the pulses of every channel as clock ticks.
 
-How pulses leave the card: `set_pls_outmode`, the levels of the two lines of a channel.
+Pulses leave it as `set_pls_outmode` says: the levels of the two lines of a channel.
 """
 
 from __future__ import annotations

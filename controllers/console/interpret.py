@@ -1,13 +1,9 @@
 """What words do to a session that stands: (session, words) -> (session, reply, motion).
 
-The self-test: every axis end to end on the card alone, its pulses counted one by one; the machine does not move.
-
-Cartesian words: a line or a synchronised move through the planner, from where the axes stand; and poses told.
-
-HOME: the register's zero, which may be any place of the travel, and the slide's place in it, which is the switch's.
-
-[Sasidhar 1981, F.5] zeroes a register at any point of the traverse. What the slide may still do is another matter: it
-is counted from the switch, so HOME never takes one for the other.
+The self-test runs every axis end to end on the card alone, its pulses counted one by one; the machine does not move.
+Cartesian words ask for a line or a synchronised move through the planner, from where the axes stand, or tell poses.
+HOME sets the register's zero, which may be any place of the travel [Sasidhar 1981, F.5]. What the slide may still do
+is another matter: it is counted from the switch, so HOME never takes one for the other.
 """
 
 from __future__ import annotations

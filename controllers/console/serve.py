@@ -1,8 +1,8 @@
-"""The one loop over bytes: waits for all links at once, hands their lines to the desk, and its replies back.
+"""The one loop over bytes, and who says what when.
 
-Whether a link that anything may have opened speaks the console's language: a web page's POST shall move nothing.
-
-Who says what when: lines of the console and of remote lines, taken in turn, while a motion is under way or not.
+It waits for all links at once, hands their lines to the dispatcher, and its replies back. Lines of the console and of
+remote lines are taken in turn, while a motion is under way or not. A link that anything may have opened is first asked
+to speak the console's language: a web page's POST shall move nothing.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""What the simulation asks of axes of one kind of drive, in lanes: runs by axes (B, n).
+"""What the simulation asks of axes of one kind of drive, in lanes: runs by axes (B, n); and the rotor that all share.
 
-An inertia with viscous and Coulomb friction under a held torque, in closed form.
+A rotor is an inertia with viscous and Coulomb friction under a held torque, in closed form.
 """
 
 from __future__ import annotations

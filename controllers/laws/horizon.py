@@ -1,6 +1,5 @@
-"""The best command over some steps of nominal axes, within limits of speed and acceleration: a quadratic program.
-
-Quadratic programs by OSQP: min ½ wᵀP w + qᵀw over l ≤ A w ≤ u, whose P and A stay while the vectors change.
+"""The best command over some steps of nominal axes, within limits of speed and acceleration: a quadratic program, by
+OSQP, which only this file imports.
 """
 
 from __future__ import annotations

@@ -1,8 +1,6 @@
-"""Law 3: open loop, position; and its variant that brakes in every step.
-
-Laws 1 and 2: open loop, velocity; on a host that watches the card's counter, and on one that sleeps.
-
-Ours: velocity and acceleration feedforward with dead-time shift.
+"""Open loop: laws 1 and 2 (velocity; on a host that watches the card's counter, and on one that sleeps), law 3
+(position) with its variant that brakes in every step, and ours, feedforward of speed and
+acceleration with dead-time shift.
 """
 
 from __future__ import annotations

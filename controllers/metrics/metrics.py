@@ -1,10 +1,6 @@
-"""What is known of how one run tracked its motion: errors over time, and the figures of them.
+"""What is known of how one run tracked its motion: errors over time, their figures, and how the motion ends.
 
 The names under which the figures of a run go into tables and files, with what they are and in which unit.
-
-An error over time, and its figures.
-
-How a motion ends: when it is there for good, and how far it went beyond.
 """
 
 from __future__ import annotations

@@ -2,12 +2,10 @@
 
 How a platform moves when one axis does: the inverse Jacobian, and what follows along.
 
-Balls |x − mid| ≤ rad of symbols: a guaranteed enclosure of an expression that is itself compiled.
-
-The operations of `Expression.run` on balls instead of numbers give two expressions, midpoint and radius, for CasADi to
-evaluate. The error of the arguments and the rounding of every operation are carried along; underflow is not. What has
-no bound has an infinite or undefined radius, and no operation makes a finite one of that.
-Source: Rump, Acta Numerica 19 (2010), section 5.
+Enclosures are balls |x − mid| ≤ rad of symbols: the operations of `Expression.run` on balls instead of numbers give two
+expressions, midpoint and radius, for CasADi to evaluate. The error of the arguments and the rounding of every operation
+are carried along; underflow is not. What has no bound has an infinite or undefined radius, and no operation makes a
+finite one of that. Source: Rump, Acta Numerica 19 (2010), section 5.
 """
 
 from __future__ import annotations

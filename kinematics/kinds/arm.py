@@ -1,10 +1,6 @@
-"""The serial arm: a yaw and two parallel joints (3R).
+"""The serial arm: a yaw and two parallel joints (3R); its TOML, and its joints read from a URDF by pinocchio.
 
-A serial arm's joints, read from a URDF by pinocchio.
-
-A serial arm's TOML, and the URDF that it names.
-
-What all uses of pinocchio share: its import, where it is installed, and bodies as its inertias.
+What all uses of pinocchio share stands here too: its import, where it is installed, and bodies as its inertias.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence

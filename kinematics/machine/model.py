@@ -1,8 +1,7 @@
 """The maps of a machine: everything numeric that follows from its kind's one expression.
 
-Whether the axes and the load that a machine is given fit it.
-
-First and second rates of what is a function of the pose, along any motion of it, from the same expression.
+Whether the axes and the load that a machine is given fit it; and the first and second rates of what is a function of
+the pose, along any motion of it.
 """
 
 from __future__ import annotations

@@ -12,7 +12,7 @@ it does not matter whether a card replaces a running move or queues behind it, e
 counts are exact. Times are whole microseconds; an axis' own turning points and rests take the place of the nearest
 instants of the grid. Counts and their signs are the wiring's (direction -1: extension is sent as negative counts).
 
-Calls of the motion cards replayed in closed form, and the largest by which they are from the motion.
+The calls are replayed in closed form, for the largest error by which they are from the motion.
 """
 
 from collections.abc import Sequence

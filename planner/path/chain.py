@@ -1,6 +1,6 @@
 """From a program to the pieces of its path: frames, tool, arcs from where the path stands, turns, dwells, joins.
 
-The tool: where it sits on the platform, and the platform's path that takes the tool along its own.
+The tool sits on the platform; the platform's path takes it along its own.
 """
 
 from collections.abc import Sequence

@@ -1,10 +1,8 @@
 """What a smooth piece of path is: a shape (one expression of path length and parameters) and its numbers.
 
-Straight lines, and turns on the spot: both straight motions, each with its own meaning of path length.
-
-Circular arcs in any plane, by any signed angle, and helices: arcs that rise along their normal.
-
-Orientation left free along a segment: a turn about the tool's own axis, and a tilt of that axis within a cone.
+Straight lines and turns on the spot, each with its own meaning of path length; circular arcs in any plane, by any
+signed angle, and helices, which rise along their normal; and orientation left free along a segment: a turn about the
+tool's own axis, and a tilt of that axis within a cone.
 """
 
 from collections.abc import Callable

@@ -1,6 +1,6 @@
-"""How the runs that a report shows went over time, and what their paths are.
+"""How the runs that a report shows went over time, what their paths are, and their ISO-style figures.
 
-The ISO-style figures of a report, from saved runs: the rigs and seeds of the sweep are the cycles.
+From saved runs: the rigs and seeds of the sweep are the cycles.
 """
 
 from __future__ import annotations

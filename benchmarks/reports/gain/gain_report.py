@@ -1,7 +1,4 @@
-"""The gain report: one HTML page that holds everything it shows.
-
-A comparison as plain data: for compare.json, and its runs for runs.csv. SI units throughout.
-"""
+"""The gain report: one HTML page that holds everything it shows, and the same as plain data: compare.json, runs.csv."""
 
 from __future__ import annotations
 

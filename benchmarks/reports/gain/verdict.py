@@ -1,7 +1,4 @@
-"""What comes out of a comparison, in one paragraph.
-
-Conditions on a comparison, for checks: "contour_rms > 1.1x" fails when that holds.
-"""
+"""What comes out of a comparison, in one paragraph; and conditions on it: "contour_rms > 1.1x" fails if so"""
 
 from __future__ import annotations
 

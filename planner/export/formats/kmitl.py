@@ -14,7 +14,7 @@ Arm-length list of [KMITL 2005]: the three arm lengths at steps along the path, 
 
 The key is followed by the length at once, in seven characters: the source's reader takes columns 14 to 20. The number
 runs up from 10001; an empty line ends a point. Lengths are distances between joint centres, in units. The file holds
-no times: the source's reader runs as fast as its loop of output commands. ASCII, line ends \r\n, decimal points.
+no times: the source's reader runs as fast as its loop of output commands. ASCII, line ends \\r\\n, decimal points.
 
 One byte per step, for a parallel port [KMITL 2005]: bit 2i is the step of axis i, bit 2i + 1 its direction.
 
@@ -35,7 +35,7 @@ Per pose n, in the source's order: `ce` the end point, `c` the plate's centre, r
 keeps its orientation), `mov` the arms' joints on the plate, `move` the same at the height of the plate's centre. Then
 an empty line. Positions are in units, in the machine's base frame; but z of `ce` and `c` counts from the end point's
 height at home, which is the offset ZOS that the source sets as it starts, takes off here and adds again. The source's
-reader takes columns 15 to 21 of a line, which hold the number as long as n has one digit. ASCII, line ends \r\n.
+reader takes columns 15 to 21 of a line, which hold the number as long as n has one digit. ASCII, line ends \\r\\n.
 """
 
 from collections.abc import Iterator

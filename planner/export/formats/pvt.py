@@ -1,4 +1,6 @@
-"""Newport XPS PVT trajectory: one line per segment, `dt, d1, v1, d2, v2, …`, no header.
+"""Position, velocity and time: the formats of Newport XPS, PMAC and Zaber, whose axes run by cubics between points.
+
+Newport XPS PVT trajectory: one line per segment, `dt, d1, v1, d2, v2, …`, no header.
 
     0.02000000, 0.0011270, 0.1696447, -0.0042111, -0.6318177
 
@@ -8,7 +10,7 @@
   inside the segment: with a tolerance segments are halved until none does so by more than 1/100 pulse where the
   motion itself does not; with a spacing it is told how many do, and by how much.
 - Ways lead from rounded place to rounded place, so their rounding does not add up.
-- ASCII, line ends \n, decimal points whatever the locale.
+- ASCII, line ends \\n, decimal points whatever the locale.
 
 PMAC motion program in PVT mode: `PVT` sets the duration of the segments that follow, in ms, X100:1500 is a move.
 
@@ -21,7 +23,7 @@ PMAC motion program in PVT mode: `PVT` sets the duration of the segments that fo
   way and both speeds, from rest to rest. Moves lead from rounded place to rounded place: rounding does not add up.
 - In mm and degrees, axes in their own sense; or, with unit counts, in pulses of the wiring.
 - Durations are whole quarters of a microsecond and at most 4095.99975 ms (I42 = 0).
-- ASCII, line ends \n, decimal points whatever the locale; comments from ; to the end of the line. The file is the body
+- ASCII, line ends \\n, decimal points whatever the locale; comments from ; to the end of the line. The file is the body
   of a program: OPEN PROG, CLEAR and CLOSE are the user's.
 
 Zaber PVT as CSV: position and velocity of every axis at the end of each segment, and how long it lasts.
@@ -36,9 +38,7 @@ Zaber PVT as CSV: position and velocity of every axis at the end of each segment
 - Positions are absolute, mm or degrees, from the machine's home or, with origin natural, the axes' own coordinates;
   both in their sense, whatever the wiring.
 - Durations are whole steps of 0.1 ms. ASSUMPTION: that is what the device keeps of them; `step` changes it.
-- UTF-8, line ends \n, decimal points whatever the locale.
-
-A motion as moves from point to point, for formats whose positions are relative: no rounding adds up.
+- UTF-8, line ends \\n, decimal points whatever the locale.
 """
 
 from collections.abc import Iterable, Iterator

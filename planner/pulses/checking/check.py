@@ -1,8 +1,7 @@
 """The check of pulses: their order, whose they are, the motors against their motion, the axes against the plan.
 
-How far apart an axis asks for its pulses: written down again from what axes and drives state, without their code.
-
-Where counts that make up for play and screws leave their axes: simulated, and held against the planned motion.
+How far apart an axis asks for its pulses is written down again from what axes and drives state, without their code.
+Where counts that make up for play and screws leave their axes is simulated, and held against the planned motion.
 """
 
 from collections.abc import Iterable, Iterator, Sequence

@@ -1,9 +1,7 @@
-"""The step and direction lines of a file of edges, read back: the pulses on them, and the times that a drive sees.
+"""The step and direction lines of a file of edges, read back, proved against the motion, and timed against the drives.
 
 Independent of whatever wrote the file. A rising STEP is a pulse; DIR 1 is a positive count of the wiring. `parts` reads
 in memory that does not grow with the file. Text is UTF-8, with or without a byte order mark; lines end in LF or CR LF.
-
-The check of a written file of pulses: read back, proved against the motion, and timed against the drives.
 """
 
 import csv

@@ -1,7 +1,4 @@
-"""The firing rule `nearest`: an axis is stepped when it is half-way between two counts.
-
-The firing rule `floor`: an axis is stepped when it reaches a whole count, and back when it leaves it downwards.
-"""
+"""The firing rules `nearest` and `floor`: an axis is stepped half-way between two counts, or when it reaches one."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
