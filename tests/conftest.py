@@ -1,7 +1,9 @@
 """What holds for all tests."""
 
+import gc
+import os
 import signal
-from collections.abc import Generator
+from collections.abc import Generator, Iterator
 
 import pytest
 from hypothesis import settings
@@ -15,6 +17,38 @@ settings.load_profile("repeatable")
 # A shell starts what it runs in the background deaf to Ctrl-C, and the commands of the tests would inherit that.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+CORES = sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else []
+
+
+def pytest_configure() -> None:
+    """Keeps each worker of `pytest -n` to a core of its own, where there are no more cores than workers.
+
+    Commands called without a process would each start a second one, for a core that another worker uses.
+    """
+    worker, count = os.environ.get("PYTEST_XDIST_WORKER", ""), os.environ.get("PYTEST_XDIST_WORKER_COUNT", "0")
+    if CORES and 1 < len(CORES) <= int(count):
+        os.sched_setaffinity(0, {CORES[int(worker.removeprefix("gw")) % len(CORES)]})
+
+
+@pytest.fixture
+def all_cores() -> Iterator[None]:
+    """Those of the machine: for tests of what several processes do."""
+    if not CORES:
+        yield
+        return
+    before = os.sched_getaffinity(0)
+    os.sched_setaffinity(0, CORES)
+    yield
+    os.sched_setaffinity(0, before)
+
+
+def pytest_collection_finish() -> None:
+    """What was collected and loaded stays to the end: it is not looked through for garbage again and again."""
+    gc.collect()
+    gc.freeze()
+    gc.set_threshold(50_000, 20, 100)
 
 
 @pytest.hookimpl(wrapper=True)

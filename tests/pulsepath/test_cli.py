@@ -58,6 +58,7 @@ def one_line(text):
     return text.endswith("\n") and text.count("\n") == 1
 
 
+@pytest.mark.usefixtures("all_cores")
 def test_plan_from_end_to_end(tmp_path):
     arguments = ["plan", "bare-circle", "--order", "2", "--out", "o", "--json"]
     done = subprocess.run([sys.executable, "-m", "pulsepath", *arguments], cwd=tmp_path, capture_output=True, text=True)
