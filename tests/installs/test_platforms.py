@@ -19,7 +19,7 @@ PLATFORMS = {
     "macos": ("Darwin", "arm64", [f"macosx_{major}_0_arm64" for major in range(11, 15)]),
     "windows": ("Windows", "AMD64", ["win_amd64"]),
 }
-"""What `platform_system` and `platform_machine` say there, and the tags of its wheels: of Linux those that are built."""
+"""What `platform_system` and `platform_machine` say there, and the tags of its wheels, of Linux those in use."""
 ABSENT = {"linux": set[str](), "macos": {"toppra"}, "windows": {"toppra", "pin"}}
 """What has no wheel there."""
 UNREACHED = ("NewConnectionError", "ConnectTimeout", "ReadTimeout", "ProxyError")
