@@ -14,9 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kinematics.foundation.arrays import Array
-
-MAX_NEWTON_STEPS = 80
-"""Steps at most: each at least halves the bracket, so that 80 are more than a double has bits."""
+from kinematics.foundation.polynomials import solve_heights
 
 
 class Edges(NamedTuple):
@@ -55,27 +53,16 @@ class CardPiece(NamedTuple):
     def time(self, way: Array, tau: float) -> Array:
         """When ways are made that lie between 0 and way(tau), where the piece runs one way: the root in [0, tau].
 
-        Of a straight speed it is 2δ / (v ± √(v² + 2aδ)), which stays exact as a → 0; of a bent one the fixed point of
-        Newton's steps, each kept between the instants known to be too early and too late.
+        Of a straight speed it is 2δ / (v ± √(v² + 2aδ)), which stays exact as a → 0; of a bent one a root of its cubic.
         """
         sign = 1.0 if self.way(tau) >= 0 else -1.0
         v, a, j, delta = sign * self.v, sign * self.a, sign * self.j, sign * way
         if j == 0:
             root = v + np.sqrt(np.maximum(v * v + 2 * a * delta, 0.0))
             return np.minimum(2 * delta / np.where(root > 0, root, 1.0), tau)
-        low, high = np.zeros_like(delta), np.full_like(delta, tau)
-        found = np.full_like(delta, tau / 2)
-        for _ in range(MAX_NEWTON_STEPS):
-            off = found * (v + found * (a / 2 + found * (j / 6))) - delta
-            low, high = np.where(off < 0, found, low), np.where(off < 0, high, found)
-            speed = v + found * (a + found * (j / 2))
-            guess = found - off / np.where(speed > 0, speed, inf)
-            middle = (low + high) / 2
-            following = np.where((guess > low) & (guess < high) & (speed > 0), guess, middle)
-            if np.all(np.abs(following - found) <= 4e-16 * tau):
-                break
-            found = following
-        return found
+        cubic = np.array([[tau * v], [tau**2 * a / 2], [tau**3 * j / 6], [0.0], [0.0]])
+        share, _ = solve_heights(cubic, np.zeros(len(delta), np.intp), delta, np.zeros(1))
+        return tau * share
 
 
 def find_crossings(

@@ -23,9 +23,10 @@ from numpy.typing import NDArray
 
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
+from kinematics.foundation.polynomials import shift_polynomials
 from kinematics.foundation.units import apart
 from planner.export.format import ExportSource
-from planner.pulses.generation.pieces import FIT_TOLERANCE, UNSEEN_FACTOR, Pieces, cut_monotone, fit, shift_polynomials
+from planner.pulses.generation.pieces import FIT_TOLERANCE, UNSEEN_FACTOR, Pieces, cut_monotone, fit
 from planner.pulses.motion import refuse_counter
 from planner.trajectory import Trajectory
 

@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinematics.foundation.arrays import Array, freeze_array
+from kinematics.foundation.polynomials import solve_heights
 from kinematics.machine.axis import Axis
 from planner.pulses.compensation.take_up import take_up, taken_up
-from planner.pulses.generation.crossing import solve_heights
 from planner.pulses.generation.pieces import FIT_TOLERANCE, Stretches, cut_monotone, fit
 from planner.pulses.motion import AxesMotion, MotionState
 from planner.pulses.schedule import Compensation

@@ -10,18 +10,17 @@ from numpy.typing import NDArray
 
 from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.errors import MotionError
+from kinematics.foundation.polynomials import derivative, solve_heights
 from kinematics.foundation.units import apart
 from kinematics.machine.axis import Axis
 from planner.parallel import Progress, share_progress
 from planner.place import Infeasible, Place
-from planner.pulses.generation.crossing import solve_heights
 from planner.pulses.generation.pieces import (
     FIT_TOLERANCE,
     ROUNDING,
     UNSEEN_FACTOR,
     Stretches,
     cut_monotone,
-    derivative,
     fit,
 )
 from planner.pulses.motion import AxesMotion

@@ -1,22 +1,20 @@
 """The motion of every axis as quintic pieces, true to the trajectory to rounding.
 
-How fast a motion gets at most: bounds on the derivatives of its pieces, over continuous time.
-
-Polynomial pieces of one axis, cut so that each runs one way only.
+How fast it gets at most: bounds on the derivatives of its pieces, over continuous time. And the pieces of one axis cut
+so that each runs one way only.
 """
 
 from dataclasses import dataclass
-from math import comb
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.errors import MotionError
+from kinematics.foundation.polynomials import bernstein_matrix, derivative, shift_polynomials, solve_heights
 from kinematics.foundation.units import apart
 from kinematics.machine.axis import Axis
 from planner.place import Infeasible, Place
-from planner.pulses.generation.crossing import solve_heights
 from planner.pulses.motion import AxesMotion
 
 PROBES = np.array([0.3, 0.7])  # off the middle: there an error that is odd about the middle would hide
@@ -146,9 +144,6 @@ def _drift(s: Array, q0: Array, q1: Array) -> Array:
 
 
 MAX_CUTS = 48  # halvings of [0, 1]: by then a stretch is narrower than rounding
-# Bernstein coefficients of a quartic from its monomial ones. It has as many roots in (0, 1) as they change sign, or
-# fewer by an even number: none where they do not, exactly one where they change once.
-BERNSTEIN = np.array([[comb(j, i) / comb(4, i) if i <= j else 0.0 for i in range(5)] for j in range(5)])
 
 
 @dataclass(frozen=True, slots=True)
@@ -179,7 +174,7 @@ def cut_monotone(start: Array, length: Array, coefficients: Array, slack: float)
     done: list[tuple[NDArray[np.intp], Array, Array]] = []
     for depth in range(MAX_CUTS + 1):
         slope = derivative(shift_polynomials(coefficients[:, piece], lo, width))
-        control = BERNSTEIN @ slope
+        control = bernstein_matrix(4) @ slope
         decided = (control >= -slack).all(axis=0) | (control <= slack).all(axis=0) | (depth == MAX_CUTS)
         turning = ~decided & (np.count_nonzero(np.diff(control > 0, axis=0), axis=0) == 1)
         done.append((piece[decided], lo[decided], width[decided]))
@@ -198,20 +193,6 @@ def cut_monotone(start: Array, length: Array, coefficients: Array, slack: float)
     return Stretches(
         start[piece] + lo * length[piece], width * length[piece], shift_polynomials(coefficients[:, piece], lo, width)
     )
-
-
-def shift_polynomials(coefficients: Array, lo: Array, width: Array) -> Array:
-    """Coefficients (6, S) of p(lo + width·v) from those of p, by Horner's shift."""
-    shifted = coefficients.copy()
-    for first in range(5):
-        for i in range(4, first - 1, -1):
-            shifted[i] += lo * shifted[i + 1]
-    return shifted * width ** np.arange(6)[:, None]
-
-
-def derivative(coefficients: Array) -> Array:
-    """Coefficients (5, S) of p′ from those (6, S) of p."""
-    return coefficients[1:] * np.arange(1, 6)[:, None]
 
 
 def _root(slope: Array) -> Array:
@@ -239,9 +220,8 @@ def bound_rate(pieces: Pieces, axis: int, times: int) -> tuple[float, float]:
     for _ in range(times):
         part = part[1:] * np.arange(1, len(part))[:, None]
     degree = len(part) - 1
-    bernstein = [[comb(j, i) / comb(degree, i) for i in range(degree + 1)] for j in range(degree + 1)]
     length = np.repeat(pieces.length, RATE_PARTS)
-    control = abs(np.array(bernstein) @ part) / (length / RATE_PARTS) ** times
+    control = abs(bernstein_matrix(degree) @ part) / (length / RATE_PARTS) ** times
     nth, worst = np.unravel_index(control.argmax(), control.shape)
     place = np.repeat(pieces.start, RATE_PARTS)[worst] + length[worst] * (lo[worst] + nth / degree / RATE_PARTS)
     return float(control[nth, worst]), float(place)

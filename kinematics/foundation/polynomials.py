@@ -1,9 +1,15 @@
-"""Where rising quintics reach given heights: Newton's method held in a bracket, for millions of heights at once."""
+"""Polynomials on [0, 1], many at once: where they reach heights, parts of them, and their Bernstein coefficients.
+
+The checker of pulses uses none of this, on purpose.
+"""
+
+from functools import cache
+from math import comb
 
 import numpy as np
 from numpy.typing import NDArray
 
-from kinematics.foundation.arrays import Array
+from kinematics.foundation.arrays import Array, freeze_array
 
 MAX_STEPS = 256  # every fourth step halves the bracket, so 4·log2(1/eps) steps always end
 
@@ -104,3 +110,28 @@ def _first_guess(climb: Array, index: NDArray[np.intp], height: Array) -> Array:
     np.divide(height, root, out=root)
     np.clip(root, 0.0, 1.0, out=root)
     return root
+
+
+@cache
+def bernstein_matrix(degree: int) -> Array:
+    """(degree + 1, degree + 1): what makes Bernstein coefficients on [0, 1] of those of powers.
+
+    A polynomial lies within its Bernstein coefficients. It has as many roots in (0, 1) as they change sign, or fewer by
+    an even number: none where they do not, exactly one where they change once.
+    """
+    powers = range(degree + 1)
+    return freeze_array([[comb(j, i) / comb(degree, i) for i in powers] for j in powers])
+
+
+def shift_polynomials(coefficients: Array, lo: Array, width: Array) -> Array:
+    """Coefficients (6, S) of p(lo + width·v) from those of p, by Horner's shift."""
+    shifted = coefficients.copy()
+    for first in range(5):
+        for i in range(4, first - 1, -1):
+            shifted[i] += lo * shifted[i + 1]
+    return shifted * width ** np.arange(6)[:, None]
+
+
+def derivative(coefficients: Array) -> Array:
+    """Coefficients (5, S) of p′ from those (6, S) of p."""
+    return coefficients[1:] * np.arange(1, 6)[:, None]
