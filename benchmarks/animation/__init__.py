@@ -1,6 +1,5 @@
 """A plan as a picture that moves, and as four that stand still."""
 
-from benchmarks.animation.animate import animate
-from benchmarks.animation.stills import four_views, save_four_views
+import lazy_loader
 
-__all__ = ["animate", "four_views", "save_four_views"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,19 +1,5 @@
 """The operator's console: any machine on the virtual card, by lines of text, from a keyboard or a remote computer."""
 
-from controllers.console.links import Partial, TextLine
-from controllers.console.serve import CONSOLE, Dispatcher, advance_time, drop_remote, take_line
-from controllers.console.session import SavedSession, Session, open_session, snapshot_session
+import lazy_loader
 
-__all__ = [
-    "CONSOLE",
-    "Dispatcher",
-    "Partial",
-    "SavedSession",
-    "Session",
-    "TextLine",
-    "advance_time",
-    "drop_remote",
-    "open_session",
-    "snapshot_session",
-    "take_line",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

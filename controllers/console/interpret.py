@@ -99,11 +99,11 @@ def _help(session: Session) -> str:
     """The commands, with examples that this machine's axes can do."""
     drives = session.drives
     one, other = 0, min(2, len(drives.names) - 1)
-    (a, inward), (b, onward) = ((drives.names[i], inward(session, i)) for i in (one, other))
-    also = f" {b} {onward} 20" if other != one else ""
+    (a, way), (b, far) = ((drives.names[i], inward(session, i)) for i in (one, other))
+    also = f" {b} {far} 20" if other != one else ""
     rotary = f"; {ROTARY} is also THETA" if ROTARY in drives.names else ""
     return (
-        f"JOG {a} {inward} (a key or STOP ends it); POS {a} {inward} 100{also} (steps); "
+        f"JOG {a} {way} (a key or STOP ends it); POS {a} {way} 100{also} (steps); "
         "MOVE x y z [rx ry rz] (mm, degrees, from home, in a straight line); "
         "PTP x y z [rx ry rz] (the same pose, every axis straight to its place, all together); "
         f"HOME {a} (its register is 0 here; where its place was not known, it stands at its switch); "

@@ -17,23 +17,6 @@ d(offset + factor ∘ c) − ∂q/∂joints, exactly. (Length residuals weighted
 the whole pose is measured.) For fully measured poses the legs decouple into eight unknowns each [Zhuang and Roth 1991].
 """
 
-from kinematics.calibration.fit import calibrate, foreseen_errors
-from kinematics.calibration.measurements import Measurements, Noise, measured_positions, whole_poses
-from kinematics.calibration.observability import Observability
-from kinematics.calibration.parameters import DEFAULT, PARTS, calibration_parts
-from kinematics.calibration.result import Calibration, Estimate
+import lazy_loader
 
-__all__ = [
-    "DEFAULT",
-    "PARTS",
-    "Calibration",
-    "Estimate",
-    "Measurements",
-    "Noise",
-    "Observability",
-    "calibrate",
-    "calibration_parts",
-    "foreseen_errors",
-    "measured_positions",
-    "whole_poses",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,14 +1,5 @@
 """Classical timings of a program: what every saving is measured against."""
 
-from planner.baselines.classical import KINDS, Classical, classical, describe_differences, missing_limits, pick_baseline
-from planner.baselines.moves import Deviation
+import lazy_loader
 
-__all__ = [
-    "KINDS",
-    "Classical",
-    "Deviation",
-    "classical",
-    "describe_differences",
-    "missing_limits",
-    "pick_baseline",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

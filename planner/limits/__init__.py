@@ -1,6 +1,5 @@
 """Limits as data, twice: rows for the solvers, a physical quantity for the certificate."""
 
-from planner.limits.limit import Limit, Rows, Term
-from planner.limits.registry import find_unkept_limits, limits_of, usual_order
+import lazy_loader
 
-__all__ = ["Limit", "Rows", "Term", "find_unkept_limits", "limits_of", "usual_order"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

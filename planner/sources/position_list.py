@@ -15,6 +15,7 @@ import csv
 import re
 from dataclasses import dataclass, replace
 from math import degrees
+from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -267,6 +268,6 @@ def positions_csv(listed: PositionList) -> str:
     return "\n".join(lines) + "\n"
 
 
-def save_positions(listed: PositionList, path: Path) -> None:
-    """Write the text of a list so that it is there complete, or as it was before."""
-    write_whole(path, positions_csv(listed))
+def save_positions(listed: PositionList, path: str | PathLike[str]) -> None:
+    """Write a list as CSV, so that it is there complete, or the file is as it was before."""
+    write_whole(Path(path), positions_csv(listed))

@@ -22,8 +22,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from math import ceil, pi
+from os import PathLike
 from pathlib import Path
-from typing import ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
@@ -48,6 +49,14 @@ POSE_KEYS = ("cex", "cey", "cez", "rx", "ry", "rz")
 _VALUE = r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:E[+-]?\d{1,2})?)\s*"
 _POLAR = re.compile(rf"Polar(\d{{1,4}})[\s_]*(ce?[xyz]|r[xyz]|move?\([123]\)[xyz])\s{_VALUE}", re.ASCII)
 _ARM = re.compile(rf"PointL([123])_(\d{{5}}){_VALUE}", re.ASCII)
+
+
+def load_positions(path: str | PathLike[str], **options: Any) -> PositionList:
+    """The poses in a CSV file, or in one of the three-armed machine; options: the fields of `Positions`.
+
+    Raises FileError with the faults of the file.
+    """
+    return Positions(**options).load(Path(path))[0]
 
 
 def is_kmitl(text: str) -> bool:

@@ -1,0 +1,10 @@
+from .attained import PlannedStates as PlannedStates, sample_plan as sample_plan
+from .circular_test import Circle as Circle, CircularTest as CircularTest, circular_test as circular_test
+from .evaluate import (
+    BATCH_PERIOD as BATCH_PERIOD,
+    PERIOD as PERIOD,
+    evaluate as evaluate,
+    evaluate_runs as evaluate_runs,
+)
+from .iso_style import IsoStyle as IsoStyle, iso_style as iso_style
+from .metrics import ErrorSeries as ErrorSeries, FIGURES as FIGURES, Figure as Figure, Metrics as Metrics

@@ -1,0 +1,29 @@
+from .baselines import Classical as Classical, classical as classical
+from .certificate.certify import Certificate as Certificate
+from .certificate.feasibility import Standing as Standing
+from .cluster import plan_many as plan_many
+from .orientation.orient import orient as orient
+from .place import Infeasible as Infeasible, Place as Place
+from .plan import Plan as Plan, check as check, plan as plan
+from .program.model import (
+    Arc as Arc,
+    Curve as Curve,
+    Dwell as Dwell,
+    Line as Line,
+    Program as Program,
+    Spline as Spline,
+    Synchronised as Synchronised,
+    Turn as Turn,
+)
+from .program.modifiers import Blend as Blend, Free as Free, Stop as Stop, Through as Through, Trigger as Trigger
+from .program.program_file import load_program as load_program, program_names as program_names
+from .program.synchronise import synchronise as synchronise
+from .pulses import PulseSchedule as PulseSchedule, RealisedPath as RealisedPath, realised as realised
+from .sources.arm_simulation import simulate_arms as simulate_arms
+from .sources.position_list import PositionList as PositionList, save_positions as save_positions
+from .sources.positions import load_positions as load_positions
+from .sources.source import import_program as import_program
+from .time_optimal import time_optimal as time_optimal
+from .timing.certified_solve import Solution as Solution
+from .trajectory import State as State, Trajectory as Trajectory
+from .triggers import Triggered as Triggered

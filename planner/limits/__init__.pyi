@@ -1,0 +1,2 @@
+from .limit import Limit as Limit, Rows as Rows, Term as Term
+from .registry import find_unkept_limits as find_unkept_limits, limits_of as limits_of, usual_order as usual_order
