@@ -233,7 +233,7 @@ def _pulses(
 
 
 def check(program: Program, machine: Machine) -> Standing:
-    """What no timing can help along a program's path, proved over all of it: violations, the worst first, and how near.
+    """Limits that slowing down cannot fix, proved over a program's path: violations, the worst first, and margins.
 
     Raises MotionError for a path that cannot be drawn.
     """
@@ -249,7 +249,7 @@ def check(program: Program, machine: Machine) -> Standing:
 
 
 def _add_advice(no: MotionError, program: Program, machine: Machine, order: int) -> MotionError:
-    """What no timing can help, with how far the path must shrink or move; a refusal of another kind as it is."""
+    """Geometric violations, with how far the path must shrink or move; other refusals unchanged."""
     from planner.certificate.advice import find_remedy
 
     if isinstance(no, NotFree):
@@ -267,7 +267,7 @@ ACTIVE_SHARE = 0.99
 def active_limits(plan: Plan) -> np.ndarray:
     """(M,) for each time piece the index in `plan.limits` of the limit that holds the motion back; −1 where none does.
 
-    It is the most used one from 99 % on. Geometric limits, which no timing can help, hold nothing back.
+    It is the most used one from 99 % on. Geometric limits never do: they do not depend on timing.
     """
     use = np.stack([plan.certificate.use[limit.name] * (not limit.geometric) for limit in plan.limits])
     return np.where(use.max(0) >= ACTIVE_SHARE, use.argmax(0), -1)

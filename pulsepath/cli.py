@@ -1,4 +1,4 @@
-"""The command line: options in; tables, or JSON with --json, out. Whatever is slow loads inside the commands."""
+"""The command line: options in, tables or JSON out. Slow modules load inside the commands."""
 
 import click
 
@@ -22,9 +22,9 @@ from pulsepath.process.exits import BAD_INPUT, INFEASIBLE, INTERNAL, INTERRUPTED
 
 SECTIONS = {
     "Plan": ("init", "pose", "check", "plan", "view", "export"),
-    "Programs from elsewhere": ("import", "positions"),
+    "Import programs": ("import", "positions"),
     "Run and measure": ("track", "compare", "calibrate", "console"),
-    "What is bundled": ("machines", "programs", "rigs", "laws", "rules"),
+    "List bundled data": ("machines", "programs", "rigs", "laws", "rules"),
 }
 
 
@@ -37,11 +37,11 @@ SECTIONS = {
 )
 @click.version_option(__version__, prog_name="pulsepath")
 def main() -> None:
-    """The fastest motion a machine can make along a path, proved to respect every limit, as exact pulse times.
+    """Plan the fastest motion a machine can make along a path, proved to respect every limit, as exact pulse times.
 
-    PROGRAM and MACHINE are names of presets, or paths of TOML files.
+    PROGRAM and MACHINE are preset names or paths of TOML files.
 
-    Begin: pulsepath init, then pulsepath plan program.toml --out first
+    To begin: pulsepath init, then pulsepath plan program.toml --out first
     """
 
 

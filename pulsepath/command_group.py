@@ -1,4 +1,4 @@
-"""The group of commands: what all of them share, and how each ends."""
+"""The group of commands: common options, error handling and exit codes."""
 
 import os
 import sys

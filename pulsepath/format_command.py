@@ -1,4 +1,4 @@
-"""A command whose options are also those of its formats, which load only when they are needed."""
+"""A command that takes its formats' options too; the formats load only when needed."""
 
 from typing import ClassVar, Literal
 

@@ -21,7 +21,7 @@ class Formats:
     find: Callable[[str], type[Any]]
 
     def options(self) -> list[click.Parameter]:
-        """One option for each name of a field, told with the formats that know it, and by what each says of it."""
+        """One option per field name; its help lists the formats that have the field and their descriptions."""
         known: dict[str, dict[str, list[str]]] = {}
         kinds: dict[str, list[Any]] = {}
         described: dict[str, click.Option] = {}

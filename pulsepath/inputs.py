@@ -1,4 +1,4 @@
-"""What a command line works on: the program and the machine that it names, and the text that they were read from."""
+"""The program and machine that a command line names, with the text of their files."""
 
 import tomllib
 from collections.abc import Mapping

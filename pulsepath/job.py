@@ -1,4 +1,4 @@
-"""All that the command `plan` finds out about a program on a machine."""
+"""What the command `plan` computes: plan, baseline timings, quantization error, tracking errors."""
 
 from collections import Counter
 from collections.abc import Callable
@@ -27,10 +27,10 @@ class Defect(MotionError):
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """A plan, the classical timing of its path, the path of its pulses, and the errors of the laws on a rig.
+    """A plan, the baseline timing of its path, the path of its pulses, and the errors of the laws on a rig.
 
     classical: what the saving is told against, as `planner.baselines.pick_baseline` picks it
-    others: the other classical timings, as far as the program and the machine allow them
+    others: the other baseline timings, as far as the program and the machine allow them
     seen: waits for the errors of the laws, and for some figures if the report is to have any
     rig: None: the plan is not tracked
     crossed: toppra's motion beside ours, where that was asked for
@@ -47,7 +47,7 @@ class Job:
 
     @property
     def saved(self) -> float:
-        """s that the plan is shorter than the classical timing; negative where that keeps fewer limits and is."""
+        """s that the plan is shorter than the baseline timing; negative where that keeps fewer limits and is."""
         return self.classical.duration - self.plan.trajectory.duration
 
 
@@ -65,7 +65,7 @@ def run(
 ) -> Job:
     """Plan, prove and compare, in the other process as well. Raises as `planner.plan`."""
     for field in find_unkept_limits(machine):
-        note(f"note: {machine.name} states {field} but no masses, so no plan can keep it")
+        note(f"note: {machine.name} states {field} but no masses, so no plan can respect it")
     with step(f"planning {program.name} on {machine.name}") as tell:
         program = orient_open(program, machine, usual_order(machine.axes) if order is None else order)
         timing = other.start(partial(time_baselines_ahead, program, machine))
@@ -74,7 +74,7 @@ def run(
     looking = other.start(look)
     detail(_describe_solution(planned))
     realised = _followed(planned)
-    with step("timing the path classically"):
+    with step("computing baseline timings"):
         found = timing.result(partial(time_baselines, planned))
     for line in found.notes:
         detail(line)
@@ -85,22 +85,22 @@ def run(
 
 
 def _crossed(planned: Plan) -> CrossCheck:
-    with step("solving for order 2 by toppra"):
+    with step("solving order 2 with toppra"):
         return cross_check(planned)
 
 
 def _describe_solution(planned: Plan) -> str:
     """How the motion was found."""
     runs = ", ".join(f"{count} by {method}" for method, count in Counter(planned.methods).items())
-    near = "" if planned.gap is None else f"; {100 * planned.gap:.3f} % above an estimate of the least time"
-    return f"order {planned.order}, rounds of solving: {planned.rounds}, runs between stops: {runs}{near}"
+    near = "" if planned.gap is None else f"; {100 * planned.gap:.3f} % above the estimated minimum time"
+    return f"order {planned.order}, solver iterations: {planned.rounds}, runs between stops: {runs}{near}"
 
 
 def _followed(planned: Plan) -> RealisedPath | None:
     """The path that the pulses make; None where the machine is singular on the way, so that counts tell no pose."""
     try:
-        with step("following the path that the pulses make"):
+        with step("computing quantization error"):
             return planned.realised(stride=max(1, planned.pulses.total // REALISED_SAMPLES))
     except MotionError as error:
-        note(f"the path of the pulses is not known: {error}")
+        note(f"no quantization error: {error}")
         return None

@@ -1,4 +1,4 @@
-"""The names that a command line may complete, found without importing what they name: a keypress must not wait."""
+"""The names that shell completion offers, found without importing their modules: a keypress must not wait."""
 
 from collections.abc import Callable
 from pathlib import Path

@@ -25,18 +25,18 @@ dump_option = click.option(
     "dumped",
     type=click.Path(path_type=Path, file_okay=False),
     metavar="DIR",
-    help="Write machine and program with all defaults there (-: print them), print the options, and do nothing else.",
+    help="Only write machine and program with all defaults to DIR (-: print them) and print the options.",
 )
 json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON instead of tables.")
 unverified_option = click.option(
     "--unverified",
     is_flag=True,
-    help="Go on with a plan that was changed or is not proved; the output says so.",
+    help="Continue with a plan that was changed or is not proved; the output says so.",
 )
 machine_option = click.option(
     "--machine",
     metavar="MACHINE",
-    help="Preset or file; default: the one the program names.",
+    help="Preset or file. Default: the machine that the program names.",
     shell_complete=make_completer(known_names.machines, files=True),
 )
 
@@ -59,8 +59,8 @@ motion_option = click.option(
     type=click.Choice([PROGRAMMED, SYNCHRONISED]),
     default=PROGRAMMED,
     show_default=True,
-    help="synchronised: from pose to pose with a stop at each, every axis straight to its place, all together; "
-    "how far that leaves a straight line is told.",
+    help="synchronised: point to point with a stop at each pose, all axes starting and stopping together; "
+    "the deviation from a straight line is reported.",
 )
 
 
@@ -74,6 +74,6 @@ def apply_motion(motion: str, inputs: "Inputs") -> "Inputs":
     program, left_out = synchronise(inputs.program, inputs.machine)
     if left_out:
         for number in left_out:
-            note(f"note: segment {number} ends where it starts: left out, since a synchronised move would do nothing")
+            note(f"note: segment {number} ends where it starts: skipped, since no axis would move")
     about = f"The program {program.name} as synchronised moves, by --motion {SYNCHRONISED}."
     return replace(inputs, program=program, program_toml=program_toml(program, about).encode())

@@ -1,4 +1,4 @@
-"""One page served on loopback, to this computer's browsers alone."""
+"""Serve one page on loopback, to browsers on this computer only."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress

@@ -1,4 +1,4 @@
-"""Every figure of every result, in one place: each function draws on `ax`, or on a figure of its own.
+"""The figures of all results: each function draws on `ax`, or on a new figure.
 
 They return the axes (those of a gain report a list of them); `axes.figure` is the figure, which a notebook shows.
 """

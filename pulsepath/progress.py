@@ -22,7 +22,7 @@ MAX_COUNTED = 1000
 
 @contextmanager
 def step(what: str) -> Iterator[Callable[[int, int], None]]:
-    """Tell that a step begins, and in the end how long it took; what it yields tells how much is done, of how much."""
+    """Announce a step and, when it ends, its duration; yields a function that reports progress (done, total)."""
     begin, what = perf_counter(), escape_text(what)
     if level() == QUIET:
         yield _report_nothing
@@ -69,8 +69,8 @@ def options() -> list[click.Option]:
         return click.Option(names, is_flag=True, expose_value=False, callback=choose, help=told)
 
     return [
-        flag(QUIET, "-q", "--quiet", told="No progress and no notes: results and errors alone."),
-        flag(VERBOSE, "-v", "--verbose", told="Also how it was found: rounds, methods, times."),
+        flag(QUIET, "-q", "--quiet", told="Print results and errors only."),
+        flag(VERBOSE, "-v", "--verbose", told="Also print how the result was found: iterations, methods, times."),
     ]
 
 

@@ -45,7 +45,7 @@ def write_report(
     classical  the baseline of the saving
     metrics    the errors of each tracking law; none: the page says how to get them
     verdict    of the independent check of the plan's pulses
-    others     further classical timings, for the table
+    others     further baseline timings, for the table
     realised   the path that the pulses make; None: the page has no such part
     figures    as `draw` gives them, any of them, or none; None: they are drawn here
     rig        that the laws were run on, which the page names
@@ -67,13 +67,13 @@ def summary(plan: Plan, classical: Classical, verdict: PulseCheck) -> dict[str, 
     saved = classical.duration - plan.trajectory.duration
     kept = "speed and acceleration" if plan.order == 2 else "speed, acceleration and jerk"
     missing = missing_limits(plan, classical)
-    unlike = f"; the classical timing is without {', '.join(missing)}" if missing else ""
+    unlike = f"; the baseline timing is without {', '.join(missing)}" if missing else ""
     what = "; ".join([classical.kind, *describe_differences(plan, classical)])
     again = f", run {plan.program.repeat} times" if plan.program.repeat > 1 else ""
     radian = f"a pure turn counts its angle times {1e3 * plan.machine.characteristic_length:.3f} mm"
     return {
         "Duration": f"{plan.trajectory.duration:.6f} s{'' if plan.stated_duration is None else ', as stated'}",
-        "Classical timing": f"{classical.duration:.6f} s ({what})",
+        "Baseline timing": f"{classical.duration:.6f} s ({what})",
         "Time saved": f"{saved:.6f} s ({100 * saved / classical.duration:.2f} %{unlike})",
         "Segments": f"{len(plan.program.segments)}{again}",
         "Length of the path": f"{1e3 * float(plan.path.breaks[-1]):.3f} mm ({radian})",
@@ -131,7 +131,7 @@ def draw_path(plan: Plan) -> dict[str, bytes]:
 
 
 def draw_comparisons(plan: Plan, classical: Classical, realised: RealisedPath | None) -> dict[str, bytes]:
-    """The figures of the classical timing, and of the path of the pulses."""
+    """The figures of the baseline timing, and of the path of the pulses."""
     with style():
         figures = {"classical": render_png(_draw_classical(plan, classical))}
         return figures | ({"realised": render_png(*_draw_realised(realised))} if realised else {})
@@ -271,7 +271,7 @@ def _format_bounds(limit: Limit) -> str:
 
 
 def _active_time(plan: Plan) -> Iterator[tuple[str, float]]:
-    """For how many seconds each limit that timing can help holds the motion back, and for how many none does."""
+    """For how many seconds each limit that depends on timing is active, and for how many none is."""
     active, lengths = active_limits(plan), np.diff(plan.trajectory.knots)
     for n, limit in enumerate(plan.limits):
         if not limit.geometric:

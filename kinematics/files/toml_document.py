@@ -142,8 +142,8 @@ _PARSER_MEANINGS = {
     "Expected newline or end of document": 'text behind a value: a quantity is in quotes, as "30 deg"',
     "Invalid value": 'no value: a text is in quotes, as "30 deg"',
     "Expected '=' after a key in a key/value pair": "no = behind a key",
-    "Cannot overwrite a value": "a key stands twice: keep one of the two",
-    "Cannot declare": "a table stands twice: keep one of the two",
+    "Cannot overwrite a value": "a key appears twice: keep one",
+    "Cannot declare": "a table appears twice: keep one",
     "Exceeds the limit": "a number of thousands of digits",
 }
 """What the parser's messages mean, by how they begin."""
@@ -159,7 +159,7 @@ def _toml_fault(text: str, error: str) -> Fault:
     line = int(place[1]) if place and place[1] else at
     written = text.split("\n")[line - 1].strip()
     where = f" at {place[2]}" if place and place[2] else " at the end of the file" if place else ""
-    told = f"not TOML{where}: {meant}: {describe_value(written)}; what follows is not looked at"
+    told = f"not TOML{where}: {meant}: {describe_value(written)}; the rest was not checked"
     return Fault("", told, line, written)
 
 

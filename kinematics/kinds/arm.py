@@ -258,7 +258,7 @@ def _refuse_other(path: Path) -> None:
         root = ElementTree.fromstring(raw)
     except ElementTree.ParseError as error:
         line, column = error.position
-        told = f"not XML at column {column + 1}: {error.msg.partition(':')[0]}; what follows is not looked at"
+        told = f"not XML at column {column + 1}: {error.msg.partition(':')[0]}; the rest was not checked"
         raise FileError(str(path), [Fault("", told, line)]) from None
     if root.tag != "robot":
         raise FileError(str(path), [Fault("", f"not a URDF: it begins with <{root.tag}> instead of <robot>", 1)])

@@ -204,7 +204,7 @@ def _read(text: str) -> _Found:
             )
             found.faults.append(Fault("", told, number, first, ", ".join(known), closest(first[:4], known)))
         elif key in found.values:
-            found.faults.append(Fault(key, "stands twice", number))
+            found.faults.append(Fault(key, "appears twice", number))
         else:
             found.values[key] = _numbers(key, line, number, found.faults)
     return found

@@ -1,4 +1,4 @@
-"""Classical timings of a program: what every saving is measured against."""
+"""Baseline timings of a program: what every saving is measured against."""
 
 import lazy_loader
 

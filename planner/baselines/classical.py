@@ -1,8 +1,8 @@
-"""What a classical timing would take for the same program: the baseline of every saving that is quoted.
+"""What a baseline timing would take for the same program: the baseline of every saving that is quoted.
 
-Classical timings along the path: one profile of speed per run, the quickest of its kind, scaled until certified.
+Baseline timings along the path: one profile of speed per run, the quickest of its kind, scaled until certified.
 
-What a classical timing does otherwise than a plan: said beside every saving, so that like is compared with like.
+What a baseline timing does otherwise than a plan: said beside every saving, so that like is compared with like.
 """
 
 from collections.abc import Mapping, Sequence
@@ -199,7 +199,7 @@ class Classical(Result):
             Column("duration", [self.duration], "s", form=".6f"),
             Column("off the path", [off], "m", "human", ".3f"),
         )
-        return Table("classical timing", columns), *self.certificate.tables()
+        return Table("baseline timing", columns), *self.certificate.tables()
 
     def data(self) -> Table:
         """The motion over time."""
@@ -212,7 +212,7 @@ class Classical(Result):
 
 
 def classical(plan: Plan | Course, kind: str = "trapezoid") -> Classical:
-    """The classical timing of a program, planned or not yet, as fast as its kind can be within the same limits.
+    """The baseline timing of a program, planned or not yet, as fast as its kind can be within the same limits.
 
     Along the path: "trapezoid", "s-curve" (seven pieces of constant jerk) and "quarter-sine", in arc length, each run
     the quickest of its kind, scaled until certified; all but the s-curve at order 2, since their accelerations step.
@@ -224,10 +224,10 @@ def classical(plan: Plan | Course, kind: str = "trapezoid") -> Classical:
     if kind in MOVE_RAMPS:
         return _time_moves(plan, kind)
     if kind not in PATH_SHAPES:
-        raise MotionError(f'classical timing "{kind}" is not known; there are {", ".join(KINDS)}')
+        raise MotionError(f'baseline timing "{kind}" is not known; there are {", ".join(KINDS)}')
     shapes = PATH_SHAPES[kind]
     if shapes.order == 3 and all(axis.max_jerk is None for axis in plan.machine.axes):
-        raise MotionError(f"classical timing {kind}: no axis states a jerk limit; state one, or choose another kind")
+        raise MotionError(f"baseline timing {kind}: no axis states a jerk limit; state one, or choose another kind")
     path, standing = _stopping_path(plan)
     limits = _reuse_limits(standing, limits_of(path, _axes(plan), shapes.order))
     solution = solve_certified(path, limits, shapes.order, FamilyTiming(shapes))
@@ -238,7 +238,7 @@ _STOPPING_PATHS: WeakKeyDictionary[MachinePath, tuple[MachinePath, tuple[Limit, 
 
 
 def _stopping_path(plan: Plan | Course) -> tuple[MachinePath, tuple[Limit, ...]]:
-    """The path with a stop at every join, and what no timing can help along it.
+    """The path with a stop at every join, and its violations that slowing down cannot fix.
 
     It is one path for all kinds, and the plan's own if that stops so, since what place alone asks is proved once for
     each path.
@@ -253,13 +253,13 @@ def _stopping_path(plan: Plan | Course) -> tuple[MachinePath, tuple[Limit, ...]]
 
 
 def _reuse_limits(standing: Sequence[Limit], limits: Sequence[Limit]) -> tuple[Limit, ...]:
-    """The limits, those that no timing can help as they stand already."""
+    """The limits; geometric ones as already evaluated."""
     known = {limit.name: limit for limit in standing}
     return tuple(known.get(limit.name, limit) for limit in limits)
 
 
 def _axes(plan: Plan | Course) -> list[Axis]:
-    # classical timings know no way round a resonance band: what a timed crossing would cost them is left out
+    # baseline timings know no way round a resonance band: what a timed crossing would cost them is left out
     return [
         replace(axis, resonance=None, resonance_time=None) if axis.resonance_time else axis
         for axis in plan.machine.axes

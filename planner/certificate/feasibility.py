@@ -1,4 +1,4 @@
-"""What no timing can help: reach, control, travel, tilt, clearance, holding; proved along the path before solving.
+"""Limits that slowing down cannot fix: reach, control, travel, tilt, clearance, holding; proved before solving.
 
 Where along a path the actuators lose the platform: singular poses, excluded cell by cell by guaranteed bounds.
 """

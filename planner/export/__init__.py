@@ -1,1 +1,1 @@
-"""What a plan is written out as: one file per format."""
+"""Export formats of a plan, one file each."""

@@ -200,8 +200,8 @@ def wired(source: ExportSource) -> list[CardKind]:
         (number,) = found
         if names.setdefault(number, axis.card) != axis.card:
             raise MotionError(
-                f"adlink: {names[number]!r} and {axis.card!r} are two cards of one kind; their library numbers axes "
-                "through all cards of a kind: name them the same and number the channels through"
+                f"adlink: {names[number]!r} and {axis.card!r} are two cards of one type; the card library numbers "
+                "axes across all cards of a type: use one name and number the channels consecutively"
             )
         if axis.channel is None or axis.channel >= KINDS[number].axes:
             raise MotionError(f"adlink: axis {axis.name}: channel {axis.channel}; limit {KINDS[number].axes - 1}")

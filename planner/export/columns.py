@@ -1,4 +1,4 @@
-"""A motion in the numbers of a file: mm and degrees or pulses per axis, in as many decimals as its tolerance needs.
+"""Axis positions as numbers of a file: mm and degrees or pulses, with the decimals that the tolerance needs.
 
 The letters by which controllers know their axes.
 """
@@ -24,7 +24,9 @@ DECIMALS_RANGE = (6, 15)  # at least and at most
 
 
 def origin_option(default: Literal["home", "natural"]) -> Any:
-    return option(default, "positions from home, or natural: leg lengths and angles. Default home; of ros: natural")
+    return option(
+        default, "positions from home, or natural coordinates: leg lengths and angles. Default home; ros: natural"
+    )
 
 
 @dataclass(frozen=True, slots=True)

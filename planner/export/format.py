@@ -1,4 +1,4 @@
-"""The plug point of the export formats: what each is given, its options, and what it says of itself.
+"""The interface of an export format: its input, its options, and the result it reports.
 
 Which formats there are: one line each, loaded when one is asked for.
 
@@ -69,12 +69,12 @@ def export(format_: "Format", name: str, source: ExportSource, path: Path) -> Ex
     done = format_.write(source, path)
     if not done.error < np.inf:
         raise MotionError(
-            f"format {name}: what was written decodes to another motion than the plan's, held against {done.against}; "
-            "the file is not kept: report it, and use another format"
+            f"format {name}: the written file decodes to another motion than the plan's, against {done.against}; "
+            "the file was discarded: report this, and use another format"
         )
     if done.moves == 0 and is_moving(source):
-        few = "keeps within half a pulse of where it begins: state a shorter pulse, or move farther"
-        told = few if not source.pulses.total else "does not show in it: choose another format"
+        few = "stays within half a pulse of its start: use a shorter pulse, or a longer motion"
+        told = few if not source.pulses.total else "cannot be expressed in it: choose another format"
         raise MotionError(f"format {name}: the file would hold no move, and the plan's motion {told}")
     return done
 

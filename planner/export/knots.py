@@ -1,4 +1,4 @@
-"""At which instants a motion is stated, so that what a consumer makes of it stays within a tolerance.
+"""Sampling times of a motion, chosen so that the reader's interpolation stays within a tolerance.
 
 What consumers make of points: one polynomial per segment that meets the rows given at both its ends.
 
@@ -100,11 +100,11 @@ Steps = NDArray[np.int64]
 
 
 def tolerance_option() -> Any:
-    return option(None, "pulses that the reader's interpolation may be off; sets the spacing. Default 0.5")
+    return option(None, "largest error of the reader's interpolation, in pulses; sets the spacing. Default 0.5")
 
 
 def spacing_option() -> Any:
-    return option(None, "even time between points instead; what error that makes is told", "s")
+    return option(None, "fixed time between points instead; the resulting error is reported", "s")
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,8 +142,8 @@ def refuse_moving_ends(motion: AxesMotion, axes: tuple[Axis, ...], format_: str)
         for speed, end in zip(column.tolist(), ("starts", "ends"), strict=True):
             if abs(speed) > REST_SPEED * axis.pulse:
                 raise MotionError(
-                    f"axis {axis.name}: {end} at {speed:.4g} {axis.unit}/s, but {format_} is from rest to rest; "
-                    "let the program start and end at rest"
+                    f"axis {axis.name}: {end} at {speed:.4g} {axis.unit}/s, but {format_} starts and ends at rest; "
+                    "let the program do the same"
                 )
 
 

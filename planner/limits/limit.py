@@ -84,12 +84,12 @@ class LimitState(Protocol):
 class Limit(ABC):
     """One kind of limit on m channels (axes, joints, or the tool).
 
-    A new kind is one file with `value`, `use` and, where timing can help, `rows`, and one registry line.
+    A new kind is one file with `value`, `use` and, unless it depends on the pose alone, `rows`, and one registry line.
     """
 
     name: ClassVar[str]
     terms: frozenset[Term] = frozenset()
-    """What its rows use; empty for a geometric limit, which no timing can help."""
+    """What its rows use; empty for a geometric limit, which slowing down cannot fix."""
     relief: ClassVar[str] = "uses {} less"
     """What a path must do that breaks it by so much."""
     channels: tuple[str, ...]
@@ -113,7 +113,7 @@ class Limit(ABC):
 
     def remedy(self, over: float, unit: str) -> str:
         """What to say where it is geometric and exceeded by so much."""
-        return f"no timing can help: move the path so that it {self.relief.format(f'{over:.4g} {unit}')}"
+        return f"slowing down cannot fix this: move the path so that it {self.relief.format(f'{over:.4g} {unit}')}"
 
     @abstractmethod
     def value(self, motion: LimitState) -> Quantity:

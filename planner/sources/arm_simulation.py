@@ -68,11 +68,10 @@ class ArmSimulation(Result):
         )
         count = int(self.turned.sum())
         told = (
-            f"{count} of {len(self.listed)} poses are turned, and simulated only: no motion is made of them",
-            f"off: how far the end point would miss the pose if {self.machine}, which keeps its plate's orientation, "
-            "were given these lengths",
+            f"{count} of {len(self.listed)} poses are rotated, and only simulated: no motion is made of them",
+            f"off: error of the end point if {self.machine}, whose plate cannot rotate, were driven to these lengths",
         )
-        beyond = ("beyond: the arms that are beyond their travel there",)
+        beyond = ("beyond: arms outside their travel",)
         title = f"arm lengths of {self.machine} at {len(self.listed)} poses from {self.listed.frame}"
         return (Table(title, columns, (*self.notes, *(told if count else ()), *(beyond if any(short) else ()))),)
 
@@ -84,7 +83,7 @@ def simulate_arms(listed: PositionList, machine: Machine, *, unit: float | None 
     Raises MotionError for a machine without three arms, and for a list without a pose.
     """
     if not isinstance(machine, Tripod):
-        raise MotionError(f"arm simulation: machine {machine.name} is no tripod, which has three arms")
+        raise MotionError(f"arm simulation: machine {machine.name} is not a tripod; the simulation is for three arms")
     if not len(listed):
         raise MotionError("arm simulation: the list has no pose; record one first")
     notes: list[str] = []

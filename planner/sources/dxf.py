@@ -89,8 +89,8 @@ def read_drawing(path: Path, options: "Dxf") -> Drawing:
     except Exception as error:  # whatever its parser comes upon
         told = str(error).removeprefix(f"{type(error).__name__}: ").replace(str(path), "it").replace("File 'it'", "it")
         line = int(at[1]) if (at := re.search(r"near line: (\d+)", told)) else raw.count(b"\n") if raw else 1
-        more = "" if told.endswith("is not a DXF file.") else "; what follows is not looked at"
-        message = f"not a DXF file that can be read: {describe_value(told)}{more}"
+        more = "" if told.endswith("is not a DXF file.") else "; the rest was not checked"
+        message = f"not a readable DXF file: {describe_value(told)}{more}"
         raise FileError(str(path), [Fault("", message, line if more else 1)]) from None
     warnings = [
         f"{count} entities of layout {describe_value(name)} are not read" for name, count in papers.items() if count
@@ -170,29 +170,32 @@ class Dxf:
     """DXF drawings: lines, arcs, circles, polylines, ellipses, splines; anything else is refused by its handle."""
 
     suffixes: ClassVar[tuple[str, ...]] = (".dxf",)
-    length: str | None = option(None, 'unit of the drawing, as "mm". Default: what it states itself')
-    layers: str | None = option(None, 'only these layers, as "CUT, MARK". Default: all that are not off or frozen')
+    length: str | None = option(None, 'unit of the drawing, as "mm". Default: as the drawing states')
+    layers: str | None = option(None, 'only these layers, as "CUT, MARK". Default: all that are on and not frozen')
     skip: str | None = option(None, 'layers to leave out, as "NOTES, 0"')
-    tolerance: float = option(1e-5, "ends so near each other are one. Default 0.01 mm", "m")
-    deviation: float = option(1e-6, "by how much curves may leave ellipses and splines. Default 0.001 mm", "m")
+    tolerance: float = option(1e-5, "ends this close are joined. Default 0.01 mm", "m")
+    deviation: float = option(1e-6, "largest deviation from ellipses and splines. Default 0.001 mm", "m")
     order: Literal["nearest", "file"] = option(
-        "nearest", "of contours: nearest shortens the way between them, file leaves it. Default nearest"
+        "nearest",
+        "order of contours: nearest shortens the moves between them, file keeps the drawing's. Default nearest",
     )
     join: Literal["through", "stop"] = option(
-        "through", "inside contours: through passes where smooth, stop rests. Default through"
+        "through", "joins inside contours: through passes smooth joins, stop rests. Default through"
     )
-    blend: float | None = option(None, 'instead: round joins within so much, as "0.05 mm"', "m")
-    speed: float | None = option(None, "cap of the tool's speed along contours. Default: none", "m/s")
-    rapid: float | None = option(None, "cap of the tool's speed between contours. Default: none", "m/s")
+    blend: float | None = option(None, 'round joins within this tolerance instead, as "0.05 mm"', "m")
+    speed: float | None = option(None, "limit of the tool speed along contours. Default: none", "m/s")
+    rapid: float | None = option(None, "limit of the tool speed between contours. Default: none", "m/s")
     retract: float | None = option(
-        None, "height above the drawing's plane of the way between contours. Default: in the plane", "m"
+        None, "height of moves between contours above the drawing's plane. Default: in the plane", "m"
     )
-    approach: float = option(0.0, "height above a contour's start from which it goes down at speed. Default 0", "m")
-    lead_in: float | None = option(None, "length of a tangential way into closed contours. Default: none", "m")
-    lead: Literal["line", "arc"] = option("line", "its shape: straight, or a quarter circle. Default line")
-    side: Literal["outside", "inside"] = option("outside", "where a quarter circle comes from. Default outside")
+    approach: float = option(
+        0.0, "height above a contour's start from which the tool descends at speed. Default 0", "m"
+    )
+    lead_in: float | None = option(None, "length of a tangential lead-in to closed contours. Default: none", "m")
+    lead: Literal["line", "arc"] = option("line", "shape of the lead-in: straight, or a quarter circle. Default line")
+    side: Literal["outside", "inside"] = option("outside", "side of a quarter-circle lead-in. Default outside")
     origin: str | None = option(
-        None, 'where the drawing\'s zero lies from home, as "0 mm, 0 mm, 25 mm" or with three angles. Default: at home'
+        None, 'position of the drawing\'s zero from home, as "0 mm, 0 mm, 25 mm" or with three angles. Default: at home'
     )
 
     def __post_init__(self) -> None:
@@ -231,7 +234,7 @@ class Dxf:
                     faults.add(f"broken: {wrong}", find_line(path, HANDLE_CODE, str(entity.dxf.handle)), named)
         kept, short = _drop_short_lines(parts, self.tolerance)
         if not faults and not kept:
-            faults.add("nothing to run: it has no lines and no curves on these layers, none longer than the tolerance")
+            faults.add("nothing to run: no lines or curves longer than the tolerance on these layers")
         faults.refuse()
         chains, forks = chain_strokes(kept, self.tolerance)
         closed = [bool(np.linalg.norm(chain[0].start - chain[-1].end) <= self.tolerance) for chain in chains]
@@ -257,13 +260,13 @@ class Dxf:
         if shapes.nothing:
             told.append(f"{shapes.nothing} lines, arcs and sides have no length, and were left out")
         if short:
-            told.append(f"{short} entities are shorter than the tolerance, and were left out")
+            told.append(f"{short} entities are shorter than the tolerance and were skipped")
         if shapes.flattened:
-            told.append(f"{shapes.flattened} entities have a width or a thickness: what is run is their middle")
+            told.append(f"{shapes.flattened} entities have a width or a thickness: the path is their centre line")
         if forks:
-            told.append(f"{forks} places have more than two ends: contours go on there where they bend least")
+            told.append(f"{forks} points have more than two ends: contours continue there in the straightest direction")
         if contours > 1 and self.retract is None:
-            told.append(f"{contours} contours, and no retract: the way between them lies in the drawing's plane")
+            told.append(f"{contours} contours, and no retract: moves between them lie in the drawing's plane")
         return told
 
 

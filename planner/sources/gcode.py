@@ -136,7 +136,7 @@ class GcodeRun:
             letter = given.upper()
             if letter in VALUE_LETTERS:
                 if letter in values:
-                    raise WordFault(letter, f"{letter} stands twice in its block")
+                    raise WordFault(letter, f"{letter} appears twice in its block")
                 values[letter] = value
             elif letter == "G" and value in GROUPS:
                 group = GROUPS[value]
@@ -188,7 +188,7 @@ class GcodeRun:
 
     def _dwell(self, number: int, values: dict[str, float]) -> None:
         if values.get("P", -1.0) < 0:
-            raise WordFault("P", f"G4 needs P, the time to rest in {self.options.dwell}, not negative")
+            raise WordFault("P", f"G4 needs P, the dwell time in {self.options.dwell}, not negative")
         if more := values.keys() - {"P", "N", "F"}:
             raise WordFault(min(more), f"{min(more)} has no meaning beside G4")
         self.entities["G4"] += 1
@@ -199,12 +199,12 @@ class GcodeRun:
 
     def _move(self, number: int, values: dict[str, float], fed: bool) -> None:
         if self.motion is None:
-            raise WordFault("", "no G0, G1, G2 or G3 before it, or after G80, says how to get there")
+            raise WordFault("", "no G0, G1, G2 or G3 is active")
         if changed := self.offsets.changed():
             raise WordFault(
                 "",
-                f"it moved under {changed[0]} and moves under {changed[1]}: leaving both out would change the path; "
-                "part the program there, or put their offsets into its numbers",
+                f"it moved under {changed[0]} and moves under {changed[1]}: ignoring both would change the path; "
+                "split the program there, or add their offsets to its coordinates",
             )
         end = self._end(values)
         place, self.place = self.place, end
@@ -244,12 +244,12 @@ class GcodeRun:
         """The cap that F makes on a way in m or rad; unit: what F counts, in m or rad."""
         if self.timed:
             if not fed or self.feed is None:
-                raise WordFault("", "G93 needs F on every block that moves: one by its minutes")
+                raise WordFault("", "G93 needs F, 1/minutes of the block, on every block that moves")
             return way * self.feed
         if self.feed is not None:
             return self.feed * unit
         if self.options.feed is None:
-            raise WordFault("", "no F before it says how fast; add one, or give the option feed")
+            raise WordFault("", "no F is active; add one, or give the option feed")
         return self.options.feed if unit == self.unit else None
 
     def _turned(self, place: list[float], end: list[float]) -> Rotation | None:
@@ -286,11 +286,9 @@ class GcodeRun:
         word = f"G{self.motion:.0f}"
         offsets = values.keys() & set(OFFSETS)
         if ("R" in values) == bool(offsets):
-            raise WordFault(
-                "R" if offsets else "", f"{word} needs its centre by I J K or its radius by R, one of the two"
-            )
+            raise WordFault("R" if offsets else "", f"{word} needs either its centre I J K or its radius R")
         if OFFSETS[normal] in offsets:
-            raise WordFault(OFFSETS[normal], f"{OFFSETS[normal]} lies out of the plane of G{self.plane:.0f}")
+            raise WordFault(OFFSETS[normal], f"{OFFSETS[normal]} is outside the plane of G{self.plane:.0f}")
         stands, start, there = ((p[first], p[second]) for p in (self.stands, place, end))
         if offsets:
             said = [values.get(OFFSETS[k], 0.0 if self.from_start else None) for k in (first, second)]
@@ -323,17 +321,17 @@ class GcodeRun:
         """What was taken to mean something, and what was left out; after: lines that stand after the end."""
         told = []
         if self.unstated:
-            told.append(f"neither G20 nor G21 says the unit: {self.options.length} was taken")
-        told += [f"{word} was left out {count} times" for word, count in sorted(self.left_out.items())]
+            told.append(f"no G20 or G21: unit {self.options.length} was assumed")
+        told += [f"{word} was ignored {count} times" for word, count in sorted(self.left_out.items())]
         if self.nowhere:
-            told.append(f"{self.nowhere} blocks lead to where they start, and were left out")
+            told.append(f"{self.nowhere} blocks end where they start and were skipped")
         if self.several:
             told.append(
-                f"{self.several} blocks turn about several axes at once: by the shortest way, where controllers take "
-                "the letters one by one"
+                f"{self.several} blocks rotate about several axes at once: by the shortest rotation, while controllers "
+                "interpolate each letter"
             )
         if self.off > 1e-9:
-            told.append(f"arcs end up to {self.off * 1e6:.3g} um beside their end points, as their radii differ")
+            told.append(f"arcs end up to {self.off * 1e6:.3g} um from their end points, because their radii differ")
         if after:
             told.append(f"{after} lines after the end of the program are not read")
         return tuple(told)
@@ -345,20 +343,18 @@ class Gcode:
 
     suffixes: ClassVar[tuple[str, ...]] = (".ngc", ".nc", ".gcode", ".tap", ".cnc")
     join: Literal["through", "stop"] = option(
-        "through", "joins until G61, G61.1 or G64: through passes where smooth, stop rests. Default through"
+        "through", "joins until G61, G61.1 or G64: through passes smooth joins, stop rests. Default through"
     )
-    blend: float | None = option(None, 'instead: round joins within so much, as "0.05 mm"', "m")
-    rapid: float | None = option(None, "cap of the tool's speed on G0. Default: none", "m/s")
-    feed: float | None = option(None, "cap of the tool's speed before the first F. Default: F is asked for", "m/s")
+    blend: float | None = option(None, 'round joins within this tolerance instead, as "0.05 mm"', "m")
+    rapid: float | None = option(None, "limit of the tool speed on G0. Default: none", "m/s")
+    feed: float | None = option(None, "limit of the tool speed before the first F. Default: F is required", "m/s")
     length: Literal["mm", "in"] = option("mm", "unit before G20 or G21. Default mm")
     dwell: Literal["s", "ms"] = option("s", "unit of P of G4. Default s")
     origin: str | None = option(
-        None, 'where the file\'s zero lies from home, as "0 mm, 0 mm, 25 mm" or with three angles. Default: at home'
+        None, 'position of the file\'s zero from home, as "0 mm, 0 mm, 25 mm" or with three angles. Default: at home'
     )
-    ignore: str | None = option(None, 'words to leave out, as "S T M3 M5 G54"')
-    machine: str | None = option(
-        None, "of a file of joint axes, as the export g93 writes it: the machine whose axes they are"
-    )
+    ignore: str | None = option(None, 'words to ignore, as "S T M3 M5 G54"')
+    machine: str | None = option(None, "for a file of joint axes, as written by the export g93: the machine it is for")
 
     def __post_init__(self) -> None:
         for name, unit in (("blend", "m"), ("rapid", "m/s"), ("feed", "m/s")):
@@ -366,8 +362,8 @@ class Gcode:
         for word in self.ignored:
             if not is_ignorable(word):
                 raise MotionError(
-                    f'ignore "{word}": leaving it out would change the path, or it is no word, or one that is '
-                    "understood; what may be left out is M, S, T, H, D, and G without a path of its own, as G54"
+                    f'ignore "{word}" cannot be ignored: it is not a word, it is supported, or it changes the path; '
+                    "words that may be ignored are M, S, T, H, D, and G codes without a path, as G54"
                 )
 
     @property
@@ -398,7 +394,7 @@ class Gcode:
             if run.ended:
                 break
         if not faults and all(isinstance(part, Dwell) for part in run.segments):
-            faults.add("nothing moves: it has no G0, G1, G2 or G3 that leads anywhere")
+            faults.add("nothing moves: no G0, G1, G2 or G3 moves the tool")
         faults.refuse()
         after = sum(line.strip() not in ("", "%") for line in text.split("\n")[number:])
         program = Program(tuple(run.segments), "home", name=path.stem, work=work)

@@ -69,8 +69,8 @@ def read_joints(path: Path, text: str, header: Header, machine: str | None, join
     said = ", ".join(f"{letter} = {name}" for letter, name in zip(header.letters, header.names, strict=True))
     if machine is None:
         faults.add(
-            f"its words are joint axes ({said}), not places of the tool: give the machine that it is for by the option "
-            "machine, or plan the program that it was exported from",
+            f"its words are joint axes ({said}), not tool positions: give its machine with the option machine, "
+            "or plan the program that it was exported from",
             header.line,
         )
         faults.refuse()
@@ -84,7 +84,7 @@ def read_joints(path: Path, text: str, header: Header, machine: str | None, join
     q = np.array(rows) / factors + (of.home_q if header.origin == "home" else 0.0)
     found = of.forward(q)
     for k in np.flatnonzero((found.residual > POSE_RESIDUAL) | ~found.certified).tolist():
-        faults.add(f"with axes there {of.name} has no pose that it is proved to come to from home", numbers[k])
+        faults.add(f"with axes there {of.name} has no pose that is proved to be connected to home", numbers[k])
     faults.refuse()
     turns = bool({"rx", "ry", "rz"} & set(of.freedom))
     segments: list[Segment] = []
@@ -106,15 +106,15 @@ def read_joints(path: Path, text: str, header: Header, machine: str | None, join
                 segments[-1] = replace(segments[-1], join=Stop())
             segments.append(Dwell(rests[k], line_number=numbers[k]))
     if all(isinstance(segment, Dwell) for segment in segments):
-        faults.add("nothing moves: its points are all one")
+        faults.add("nothing moves: all its points are the same")
     faults.refuse()
     named = None if Path(of.name).suffix or machine != of.name else machine  # a path would count from the program
     program = Program(tuple(segments), "base", found.pose[0], named, name=path.stem)
     rested = sum(rest > 0 for rest in rests)
     told = (
-        f"its words are joint axes: the places are those that {of.name} comes to from home, proved ({said})",
-        f"straight lines between them leave straight lines of the axes by up to {1e6 * _bulge(of, q):.3g} um",
-        "the times are not taken over: a plan of it is as fast as the machine can, or lasts as long as it is told",
+        f"its words are joint axes: positions are those of {of.name}, proved to be connected to home ({said})",
+        f"straight lines between them deviate from straight lines of the axes by up to {1e6 * _bulge(of, q):.3g} um",
+        "its times are ignored: the plan is as fast as possible, or has the duration asked for",
     )
     return Imported(program, {"G1": len(q) - 1 - rested, "G4": rested}, told)
 
@@ -127,7 +127,7 @@ def _refuse_other(machine: Machine, header: Header, said: str, faults: Faults) -
         faults.add(f"it is for the axes {said}; machine {machine.name} has {own}: give its own machine", header.line)
     if header.origin is None or header.stand is None:
         faults.add(
-            "its header does not say where positions count from, and where the axes stand at first: export it again",
+            "its header does not state the origin and the start of the axes: export it again",
             header.line,
         )
     if corrected := [axis.name for axis in axes if axis.compensate]:
@@ -156,7 +156,7 @@ def _points(text: str, header: Header, faults: Faults) -> tuple[list[int], list[
             rests.append(float(said[1][1]))
         else:
             faults.add(
-                f"this is no line of a file of joint axes, which has G1 {' '.join(header.letters)} F, and G4 P", number
+                f"not a line of a file of joint axes, which has G1 {' '.join(header.letters)} F, and G4 P", number
             )
             continue
         numbers.append(number)
@@ -180,4 +180,4 @@ def _bulge(machine: Machine, q: Array) -> float:
 def refuse_options(given: Sequence[str]) -> None:
     """Raise MotionError for options that say something about places, which such a file has none of."""
     if given:
-        raise MotionError(f"gcode: {', '.join(given)} has no meaning for a file of joint axes; leave it out")
+        raise MotionError(f"gcode: {', '.join(given)} does not apply to a file of joint axes; omit it")

@@ -71,20 +71,20 @@ def _find_odd_character(line: str) -> tuple[int, str]:
     at = plain.end() if plain else 0
     rest = line[at:]
     if rest[0] == "(":
-        return at + 1, "this comment has no end, or holds another; write ( … ) once, or ; before it"
+        return at + 1, "the comment has no end, or contains another; write ( … ) once, or ; before it"
     if rest[0] == ")":
-        return at + 1, "a comment ends here that began nowhere; comments do not hold others"
+        return at + 1, "unmatched parenthesis; comments cannot be nested"
     if rest[0] == "/":
-        return at + 1, "a block that may be skipped (/): take it out, or the slash away"
+        return at + 1, "block delete (/) is not supported: remove the block, or the slash"
     if rest[0] in "#[=":
-        return at + 1, f"{describe_value(rest)}: parameters and expressions are not supported; write their numbers"
+        return at + 1, f"{describe_value(rest)}: parameters and expressions are not supported; write numbers"
     if rest[0] == "%":
         return at + 1, "% stands alone on its line, before the program and after it"
     if re.match(r"[GM][Oo]", rest, re.IGNORECASE):
-        return at + 1, f"{describe_value(rest)} is no word: write {rest[0]}0 with a zero"
+        return at + 1, f"{describe_value(rest)} is not a word: write {rest[0]}0 with a zero"
     if rest[0].isascii() and rest[0].isalpha():
-        return at + 1, f"{describe_value(rest)} is no word: a letter, then a number as 12, -0.5 or .25"
-    return at + 1, f"{describe_value(rest)}: nothing that stands here begins a word"
+        return at + 1, f"{describe_value(rest)} is not a word: write a letter, then a number as 12, -0.5 or .25"
+    return at + 1, f"{describe_value(rest)}: not the start of a word"
 
 
 # The distances of the two ends from the centre may differ by ALWAYS_REFUSED, or if by more than ROUNDED (m) then by
@@ -115,7 +115,7 @@ def arc_by_centre(stands: Point, start: Point, end: Point, offset: Point, clockw
     radius, final = hypot(*first), hypot(*last)
     off = abs(radius - final)
     if min(radius, final) <= SAME:
-        raise MotionError(f"its centre [{_mm(centre)}] mm is where it starts or ends; give one beside it, or R")
+        raise MotionError(f"its centre [{_mm(centre)}] mm is its start or end point; give another centre, or R")
     if off > ALWAYS_REFUSED or off > max(ROUNDED, RELATIVE * max(radius, final)):
         raise MotionError(
             f"its start is {radius * 1e3:.6g} mm from the centre [{_mm(centre)}] mm and its end {final * 1e3:.6g} mm; "
@@ -139,7 +139,7 @@ def arc_by_radius(stands: Point, start: Point, end: Point, radius: float, clockw
     over, up = end[0] - stands[0], end[1] - stands[1]
     half = hypot(over, up) / 2
     if half == 0 or dist(start, end) <= SAME:
-        raise MotionError("R does not say which circle leads back to its start; give the centre by I J K")
+        raise MotionError("R does not define a full circle; give its centre with I J K")
     if half - abs(radius) > ROUNDED:
         raise MotionError(
             f"R {radius * 1e3:.6g} mm is too small: its ends are {2 * half * 1e3:.6g} mm apart, so give at least "

@@ -135,7 +135,9 @@ class PositionList(Result):
         self._known(first)
         self._known(last)
         if first > last:
-            raise MotionError(f"position list: from {first} to {last} is no part of it; give the lower number first")
+            raise MotionError(
+                f"position list: from {first} to {last} is not a range of it; give the lower number first"
+            )
 
 
 NAMES = ("x", "y", "z", "rx", "ry", "rz", "dwell")
@@ -213,7 +215,7 @@ def _columns(
         place = COLUMNS[name]
         unit = found[2] or {"m": length, "rad": angle}.get(UNITS[place])
         if any(place == other for other, _ in columns):
-            faults.add(f"column {name} stands twice", number)
+            faults.add(f"column {name} appears twice", number)
         elif unit is None:
             like = {"m": f"{name} [mm]", "rad": f"{name} [deg]", "s": f"{name} [s]"}[UNITS[place]]
             option = {"m": ", or give the option length", "rad": ", or give the option angle"}.get(UNITS[place], "")

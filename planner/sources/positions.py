@@ -89,7 +89,7 @@ def _positions(text: str, unit: float, three: Tripod, faults: Faults) -> Positio
         begins.setdefault(int(found[1]), number)
         pose = poses.setdefault(int(found[1]), {})
         if found[2] in pose:
-            faults.add(f"{found[2]} of position {found[1]} stands twice", number)
+            faults.add(f"{found[2]} of position {found[1]} appears twice", number)
         pose[found[2]] = float(found[3])
     for n, nth in enumerate(sorted(poses), 1):
         if n != nth:
@@ -115,9 +115,7 @@ def _arms(text: str, unit: float, three: Tripod, faults: Faults) -> PositionList
         found = _ARM.fullmatch(line.strip())
         nth = FIRST + len(lengths) - bool(arm)
         if found is None or (int(found[1]), int(found[2])) != (arm + 1, nth):
-            faults.add(
-                f'{describe_value(line)}: what should stand here is "PointL{arm + 1}_{nth}" and a length', number
-            )
+            faults.add(f'{describe_value(line)}: expected "PointL{arm + 1}_{nth}" and a length', number)
             break  # what follows has lost count
         if arm == 0:
             lengths.append([])
@@ -128,9 +126,7 @@ def _arms(text: str, unit: float, three: Tripod, faults: Faults) -> PositionList
     faults.refuse()
     found_poses = three.forward(np.array(lengths))
     for k in np.flatnonzero((found_poses.residual > LENGTH_TOLERANCE) | ~found_poses.certified):
-        faults.add(
-            f"point {FIRST + k}: {three.name} has no pose, that it can come to from home, with arms of these lengths"
-        )
+        faults.add(f"point {FIRST + k}: {three.name} has no pose connected to home with arms of these lengths")
     faults.refuse()
     angles = np.zeros((len(lengths), 3))  # the plate keeps its orientation
     return PositionList(np.column_stack([found_poses.pose.translation, angles]), "yzx", "base")
@@ -187,9 +183,9 @@ def join_poses(
         still += nth > 0 and not moves and not turns and rest == 0
         far += nth > 0 and float(abs(pose[3:] - listed.poses[nth - 1, 3:]).max()) > pi
         place, turned = pose[:3], rotation
-    told = [f"{still} poses are those before them, and were left out"] if still else []
+    told = [f"{still} poses repeat the pose before and were skipped"] if still else []
     if far:
-        told.append(f"{far} poses change an angle by more than half a turn: the tool turns the shorter way")
+        told.append(f"{far} poses change an angle by more than half a turn: the tool rotates the shorter way")
     return tuple(segments), told
 
 
@@ -231,7 +227,7 @@ def step_poses(listed: PositionList, unit: float) -> tuple[PositionList, list[st
         _count_steps(b[:3] - a[:3], unit) or _count_steps(b[3:] - a[3:], ANGLE_STEP) for a, b in pairwise(listed.poses)
     )
     if count > MOST:
-        raise MotionError(f"{count} steps of {unit * 1e3:g} mm, more than {MOST}: take a longer unit, or fewer poses")
+        raise MotionError(f"{count} steps of {unit * 1e3:g} mm, more than {MOST}: use a longer unit, or fewer poses")
     angles, dropped = listed.poses[0, 3:], 0
     steps, rests = [listed.poses[0]], [float(listed.rests[0])]
     for (before, after), rest in zip(pairwise(listed.poses), listed.rests[1:].tolist(), strict=True):
@@ -246,7 +242,11 @@ def step_poses(listed: PositionList, unit: float) -> tuple[PositionList, list[st
         steps += some
         rests += [0.0] * len(some)
         rests[-1] += rest
-    told = [f"{dropped} rotations beside a translation were dropped, as the stepping rule has it"] if dropped else []
+    told = (
+        [f"{dropped} rotations combined with a translation were dropped, as the stepping rule requires"]
+        if dropped
+        else []
+    )
     return replace(listed, poses=np.array(steps), dwells=np.array(rests)), told
 
 
@@ -272,30 +272,28 @@ class Positions:
     """Position lists: CSV with units, and the position and arm-length files of the three-armed machine."""
 
     suffixes: ClassVar[tuple[str, ...]] = (".csv", ".txt")
-    length: str | None = option(None, 'unit of columns x, y, z that state none, as "mm"')
-    angle: str | None = option(None, 'unit of columns of angles that state none, as "deg"')
+    length: str | None = option(None, 'unit of columns x, y, z without a unit, as "mm"')
+    angle: str | None = option(None, 'unit of angle columns without a unit, as "deg"')
     rotation: Literal["xyz", "yzx"] | None = option(
-        None, "what angles mean: xyz is Rx·Ry·Rz, yzx Ry·Rz·Rx. Default: what the file says, else xyz"
+        None, "rotation order: xyz is Rx·Ry·Rz, yzx Ry·Rz·Rx. Default: as the file states, else xyz"
     )
     frame: Literal["home", "base"] | None = option(
-        None, "what coordinates are relative to. Default: what the file says, else home"
+        None, "frame of the coordinates. Default: as the file states, else home"
     )
     first: int | None = option(None, "number of the first pose to run. Default 1")
-    last: int | None = option(None, "number of the last pose to run. Default: the last there is")
+    last: int | None = option(None, "number of the last pose to run. Default: the last in the list")
     rule: Literal["optimal", "kmitl"] = option(
-        "optimal", "optimal: straight through the poses; kmitl: in unit steps, resting after each. Default optimal"
+        "optimal", "optimal: straight lines between poses; kmitl: unit steps with a rest after each. Default optimal"
     )
-    unit_length: float = option(SOURCE_UNIT, "the length of one unit of the three-armed machine. Default 1 mm", "m")
+    unit_length: float = option(SOURCE_UNIT, "length of one unit of the three-armed machine. Default 1 mm", "m")
     join: Literal["through", "stop"] = option(
-        "through", "of rule optimal: through passes where smooth, stop rests. Default through"
+        "through", "joins of rule optimal: through passes smooth joins, stop rests. Default through"
     )
-    blend: float | None = option(None, 'instead: round joins within so much, as "0.05 mm"', "m")
+    blend: float | None = option(None, 'round joins within this tolerance instead, as "0.05 mm"', "m")
     speed: float | None = option(None, "cap of the tool's speed. Default: none", "m/s")
-    dwell: float | None = option(
-        None, 'rest at every pose, as "0.2 s". Default: what the file\'s column dwell says', "s"
-    )
+    dwell: float | None = option(None, 'dwell at every pose, as "0.2 s". Default: the file\'s column dwell', "s")
     tool: str | None = option(None, "the tool's frame in the platform's, as \"0 mm, 0 mm, -50 mm\". Default: none")
-    arms: str = option("tripod", "machine that a file of the three-armed machine is of. Default tripod")
+    arms: str = option("tripod", "machine of a file of the three-armed machine. Default tripod")
 
     def __post_init__(self) -> None:
         for name, unit in (("blend", "m"), ("speed", "m/s"), ("unit_length", "m"), ("dwell", "s")):
@@ -328,6 +326,6 @@ class Positions:
             join = Blend(self.blend) if self.blend is not None else Stop() if self.join == "stop" else Through()
             segments, more = join_poses(run, start, join, self.speed)
         if not segments:
-            raise FileError(str(path), [Fault("", "nothing moves: its poses are all where the motion begins", 1)])
+            raise FileError(str(path), [Fault("", "nothing moves: all its poses equal the start", 1)])
         program = Program(segments, run.frame, first, name=path.stem, tool=tool)
         return Imported(program, {"poses": len(run)}, (*told, *more))

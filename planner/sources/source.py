@@ -134,8 +134,8 @@ def source_name(path: Path) -> str:
     known = {suffix: name for name in SOURCES for suffix in find_source(name).suffixes}
     if path.suffix.lower() not in known:
         suffixes = ", ".join(f"{suffix} ({name})" for suffix, name in known.items())
-        told = f'suffix "{path.suffix}" stands for no format' if path.suffix else "no suffix says what it is"
-        raise MotionError(f"{path}: {told}; name its format, or give it a suffix that is known: {suffixes}")
+        told = f'suffix "{path.suffix}" is not a known format' if path.suffix else "it has no suffix"
+        raise MotionError(f"{path}: {told}; give its format, or a known suffix: {suffixes}")
     return known[path.suffix.lower()]
 
 
@@ -173,7 +173,7 @@ class Faults:
         known = (told.allowed, told.nearest) if isinstance(told, BadValue) else ()
         self._found.append(Fault(key, str(told), line, value, *known))
         if len(self._found) == MOST:
-            last = Fault("", f"{MOST} faults, and what follows is not looked at", line)
+            last = Fault("", f"{MOST} faults; the rest was not checked", line)
             raise FileError(self.file, [*self._found, last])
 
     def __bool__(self) -> bool:

@@ -192,7 +192,7 @@ def _places(profile: Profile, k: np.ndarray, points: int) -> tuple[Array, np.nda
 
 
 def _refuse_resonance(path: ActuatorPath, limits: Sequence[Limit], run: Run, speed: float) -> None:
-    """Where an axis was found to stay in a band too long, and the constant speed has it there: no timing can help."""
+    """Where an axis stays in a band too long because of the constant speed itself: no timing exists."""
     breaks = run.breaks(path)
     for limit in limits:
         for held in limit.held if isinstance(limit, Resonance) else ():

@@ -189,7 +189,7 @@ class Prover:
 
     @property
     def _timed(self) -> list[Limit]:
-        """The limits that timing can help; the others say the same of every timing."""
+        """The limits that depend on timing; the others have one value for every timing."""
         return [limit for limit in self.limits if not limit.geometric]
 
 

@@ -1,4 +1,4 @@
-"""`pulsepath calibrate`: a machine as its measurements say it is, and a report."""
+"""`pulsepath calibrate`: identify a machine's parameters from measurements, and write a report."""
 
 import json
 from pathlib import Path
@@ -16,7 +16,7 @@ from pulsepath.progress import say
 @click.command()
 @click.argument("machine", shell_complete=make_completer(known_names.machines, files=True))
 @click.argument("measurements", shell_complete=make_completer(known_names.measurements, files=True))
-@click.option("--out", type=click.Path(path_type=Path), required=True, metavar="DIR", help="Directory to write.")
+@click.option("--out", type=click.Path(path_type=Path), required=True, metavar="DIR", help="Output directory.")
 @click.option(
     "--model",
     default="factor,frame-yaw",
@@ -27,9 +27,9 @@ from pulsepath.progress import say
 @click.option(
     "--use",
     type=click.Choice(["position", "all"]),
-    help="What of the measurements to fit. Default: positions and rotations, not directions of an axis.",
+    help="Measurements to fit. Default: positions and rotations, without axis directions.",
 )
-@click.option("--force", is_flag=True, help="Replace DIR, if an earlier calibration is in it.")
+@click.option("--force", is_flag=True, help="Replace DIR if it holds an earlier calibration.")
 @json_option
 def calibrate(
     machine: str,
@@ -40,9 +40,10 @@ def calibrate(
     force: bool,
     as_json: bool,
 ) -> None:
-    """Identify MACHINE from MEASUREMENTS of its poses.
+    """Identify the parameters of MACHINE from MEASUREMENTS.
 
-    Writes the calibrated machine and a report into DIR. MEASUREMENTS is a TOML file, or the name of a bundled one: cmm.
+    MEASUREMENTS are measured poses: a TOML file, or the bundled set cmm. Writes the calibrated machine and a report to
+    DIR.
 
     Example: pulsepath calibrate hexapod cmm --out out/calibrated
     """
@@ -65,8 +66,8 @@ def calibrate(
     ) as folder:  # where nothing can be written, that is said before the work
         with step(f"identifying {nominal.name} from {len(measured)} measurements"):
             found = identify(nominal, measured, [part.strip() for part in model.split(",")], use=use)
-        detail(f"{len(found.parameters)} parameters, {found.observability.rank} combinations of them seen")
-        with step("writing the files"):
+        detail(f"{len(found.parameters)} parameters, {found.observability.rank} combinations of them identifiable")
+        with step("writing files"):
             calibration_directory.write(folder, found, sources)
     report = str(out / calibration_directory.REPORT)
     if as_json:

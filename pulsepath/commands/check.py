@@ -1,4 +1,4 @@
-"""`pulsepath check`: what no timing can help along a program's path."""
+"""`pulsepath check`: limits that slowing down cannot fix: reach, travel, tilt, clearance."""
 
 from pathlib import Path
 
@@ -14,12 +14,13 @@ from pulsepath.progress import say
 @machine_option
 @motion_option
 @dump_option
-@click.option("--force", is_flag=True, help="Replace what --dump-config writes.")
+@click.option("--force", is_flag=True, help="Overwrite the files of --dump-config.")
 @json_option
 def check(program: str, machine: str | None, motion: str, dumped: Path | None, force: bool, as_json: bool) -> None:
-    """Check what no timing can help: reach, travel and tilt.
+    """Check limits that slowing down cannot fix.
 
-    Lists every violation along the path of PROGRAM, or else how near it comes to each limit.
+    These are reach, travel, tilt and clearance. Lists every violation along the path of PROGRAM or, if there is none,
+    how close the path comes to each limit.
 
     Example: pulsepath check circle --machine hexapod
     """

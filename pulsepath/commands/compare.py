@@ -1,4 +1,4 @@
-"""`pulsepath compare`: tracking laws over their gains on a rig, or saved runs, in one report."""
+"""`pulsepath compare`: compare tracking laws and gains on a rig, or saved runs, in one report."""
 
 from itertools import product
 from pathlib import Path
@@ -25,35 +25,41 @@ THESIS_LAWS = ("1", "2", "3", "4", "5", "6", "7")
 
 @click.command()
 @click.argument("rig", required=False, shell_complete=make_completer(known_names.rigs, files=True))
-@click.option("--out", type=click.Path(path_type=Path), required=True, metavar="DIR", help="Directory to write.")
+@click.option("--out", type=click.Path(path_type=Path), required=True, metavar="DIR", help="Output directory.")
 @click.option(
     "--law",
     "laws",
     multiple=True,
     metavar="LAW",
-    help='Over its own gains, or with given ones as "6:gain=0.7"; may be repeated. Default: the seven published.',
+    help='Law to run over its gain grid, or with given gains as "6:gain=0.7"; repeatable. '
+    "Default: the seven published laws.",
     shell_complete=make_completer(known_names.laws),
 )
-@click.option("--task", "tasks", multiple=True, metavar="TASK", help="Of the rig; may be repeated. Default: all.")
-@click.option("--seeds", type=click.IntRange(min=1), default=1, show_default=True, help="Runs of each by chance.")
+@click.option("--task", "tasks", multiple=True, metavar="TASK", help="Task of the rig; repeatable. Default: all.")
+@click.option("--seeds", type=click.IntRange(min=1), default=1, show_default=True, help="Random seeds per run.")
 @click.option(
     "--from",
     "saved",
     multiple=True,
     type=click.Path(path_type=Path),
     metavar="DIR",
-    help="Compare the runs saved there instead of running any; may be repeated.",
+    help="Compare the runs saved in DIR instead of running new ones; repeatable.",
 )
-@click.option("--baseline", metavar="LAW", help='Default: "6:gain=0.7" where it was run, else the first setting.')
+@click.option(
+    "--baseline",
+    metavar="LAW",
+    help='Setting to compare against. Default: "6:gain=0.7" if it was run, else the first setting.',
+)
 @click.option(
     "--fail-if",
     "conditions",
     multiple=True,
     metavar="CONDITION",
-    help='Exit with 1 where it holds of the best setting on any path: "contour_rms > 1.1x" (times the baseline).',
+    help='Exit with code 1 if CONDITION holds for the best setting on any path: "contour_rms > 1.1x" '
+    "(1.1 times the baseline).",
 )
-@click.option("--address", metavar="ADDRESS", help="Of a Dask scheduler. Default: the cores of this computer.")
-@click.option("--force", is_flag=True, help="Replace an earlier comparison in DIR; its runs are kept.")
+@click.option("--address", metavar="ADDRESS", help="Dask scheduler to use. Default: the cores of this computer.")
+@click.option("--force", is_flag=True, help="Replace an earlier comparison in DIR; saved runs are kept.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON instead of text.")
 def compare(
     rig: str | None,
@@ -70,14 +76,14 @@ def compare(
 ) -> None:
     """Compare tracking laws and their gains on RIG.
 
-    RIG is the name of a bundled one, or a TOML file; servo-rig if it is not given.
+    RIG is a bundled rig or a TOML file. Default: servo-rig.
 
-    Every law is run over its gains on every task, with inertia and friction as stated and 30 % off, and the runs are
-    saved in DIR: those that are there already are not run again, and `--from DIR` compares them later.
+    Every law runs over its gain grid on every task, with inertia and friction as stated and 30 % off. Runs are saved in
+    DIR and are not repeated if they are already there; `--from DIR` compares them later.
 
     Example: pulsepath compare servo-rig --law 3 --law 6 --out out/laws
     """
-    writes(out / "compare.json", kept="" if saved else f"runs that are done are kept in {out}, for the next time")
+    writes(out / "compare.json", kept="" if saved else f"finished runs are kept in {out} and reused next time")
     from benchmarks.reports.gain import compare as compared
     from benchmarks.reports.gain import read_condition
     from benchmarks.sweep import load_runs
@@ -96,7 +102,7 @@ def compare(
             condition.check(one.record)
     else:
         runs = [_run(load_rig(rig or "servo-rig"), out, laws, tasks, seeds, address, baseline, asked)]
-    with step("comparing"):
+    with step("comparing runs"):
         found = compared(runs, baseline)
         verdict = compare_directory.write(to, found)
     met = [reason for condition in asked for reason in condition.met(found, verdict.best)]
@@ -123,7 +129,7 @@ def _run(
     baseline: str | None,
     asked: "Sequence[Condition]",
 ) -> "SavedRuns":
-    """The runs of a rig, once all that was asked is understood; those in the directory already are not made again."""
+    """The runs of a rig, after all options have been checked; saved runs are reused."""
     from benchmarks.sweep import Grid, described, read_setting, settings_of, sweep
     from kinematics import MotionError
     from pulsepath.progress import note, step

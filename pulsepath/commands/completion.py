@@ -1,4 +1,4 @@
-"""`pulsepath completion`: what makes a shell complete commands, options and names."""
+"""`pulsepath completion`: print the shell completion script."""
 
 import click
 
@@ -8,7 +8,7 @@ VARIABLE = "_PULSEPATH_COMPLETE"
 
 @click.command(
     epilog="""\b
-    Example of each shell, to be done once:
+    Install it once for your shell:
       pulsepath completion bash > ~/.local/share/bash-completion/completions/pulsepath
       pulsepath completion zsh > "${fpath[1]}/_pulsepath"
       pulsepath completion fish > ~/.config/fish/completions/pulsepath.fish
@@ -16,9 +16,9 @@ VARIABLE = "_PULSEPATH_COMPLETE"
 )
 @click.argument("shell", type=click.Choice(SHELLS))
 def completion(shell: str) -> None:
-    """Print the script by which SHELL completes.
+    """Print the completion script for SHELL.
 
-    Commands, options, presets, formats, laws and firing rules are completed, and names of files.
+    It completes commands, options, presets, formats, laws, firing rules and file names.
     """
     from click.shell_completion import get_completion_class
 

@@ -1,4 +1,4 @@
-"""`pulsepath console`: an operator's line interface, and the remote line, to a machine on the virtual card."""
+"""`pulsepath console`: drive a machine on the virtual motion card by operator and remote commands."""
 
 import os
 import sys
@@ -25,23 +25,23 @@ STOPPING_PATIENCE = 50.0
     help="Preset or file.",
     shell_complete=make_completer(known_names.machines, files=True),
 )
-@click.option("--serial", metavar="PORT", help="Take remote commands from a serial line (needs the extra: serial).")
-@click.option("--baud", type=click.IntRange(110, 115200), default=9600, show_default=True, help="Of the serial line.")
+@click.option("--serial", metavar="PORT", help="Accept remote commands on a serial port (needs the extra: serial).")
+@click.option("--baud", type=click.IntRange(110, 115200), default=9600, show_default=True, help="Serial baud rate.")
 @click.option(
     "--parity",
     type=click.Choice(["none", "even", "odd"]),
     default="none",
     show_default=True,
-    help="Of the serial line's characters, of 8 data bits and 1 stop bit; one that fails it spoils its line.",
+    help="Serial parity (8 data bits, 1 stop bit). A character with a parity error invalidates its line.",
 )
 @click.option(
-    "--tcp", type=click.IntRange(0, 65535), metavar="PORT", help="Take remote commands from TCP; 0: any free port."
+    "--tcp", type=click.IntRange(0, 65535), metavar="PORT", help="Accept remote commands over TCP; 0: any free port."
 )
+@click.option("--listen", metavar="ADDRESS", help="With --tcp: address to listen on. Default: loopback only.")
 @click.option(
-    "--listen", metavar="ADDRESS", help="With --tcp: on this address of the machine. Default: loopback alone."
+    "--state", type=click.Path(path_type=Path), metavar="FILE", help="Keeps position registers between sessions."
 )
-@click.option("--state", type=click.Path(path_type=Path), metavar="FILE", help="Registers that outlive the session.")
-@click.option("--fast", is_flag=True, help="Motions take no time. Default: as long as they take.")
+@click.option("--fast", is_flag=True, help="Complete motions instantly. Default: in real time.")
 def console(
     machine: str,
     serial: str | None,
@@ -52,35 +52,36 @@ def console(
     state: Path | None,
     fast: bool,
 ) -> None:
-    """Drive MACHINE on the virtual card by typed lines.
+    """Drive MACHINE on the virtual motion card with typed commands.
 
-    They come from the keyboard, a pipe, a serial line or a socket.
+    Commands come from the keyboard, a pipe, a serial port or a socket.
 
     \b
-    JOG X CW                 one axis slowly, until a key, STOP, or the end of its travel
-    HOME Y                   its register becomes 0 here; an axis whose place
-                             is not known stands at its switch then
-    HOME X AT 24 in          its slide stands 24 in from the switch
-    POS X CW 100 Z CCW 20    axes by steps, together; a trapezoid each
-    MOVE 0 0 25 [0 0 5]      mm and degrees from home, in a straight line
-    PTP 0 0 25 [0 0 5]       the same pose, every axis straight to its place,
-                             all together; both are planned and proved
-    ACCEPT                   the last known position holds
+    JOG X CW                 jog one axis until a key, STOP, or the end of travel
+    HOME Y                   set its register to 0 here; an axis whose position
+                             is unknown is taken to be at its home switch
+    HOME X AT 24 in          the slide is 24 in from its home switch
+    POS X CW 100 Z CCW 20    move axes by steps, each on a trapezoidal profile
+    MOVE 0 0 25 [0 0 5]      straight line to a pose: mm and degrees from home
+    PTP 0 0 25 [0 0 5]       the same pose, axes synchronised, no straight line;
+                             both are planned and proved
+    ACCEPT                   accept the last known position
     WHERE  STOP  HELP        and EXIT at the prompt
-    REM  MAN  TEST           who drives; TEST checks commands and runs none
+    REM  MAN  TEST           control mode; TEST checks commands, runs none
 
-    The rotary axis R is also θ, or THETA. Registers count from where HOME was
-    said, which may be any place of the travel; how far an axis may go is counted
-    from its switch. Before that is known, one travel's length is all it may go.
+    The rotary axis R may also be written θ or THETA. Registers count from where
+    HOME was given, which may be anywhere in the travel; travel limits count from
+    the home switch. Until the switch position is known, an axis may move by one
+    travel length at most.
 
-    On a remote line, in mode REM: P X + 100 Y - 40 Z + 80 and a carriage return, answered by DONE after the motion.
+    On a remote line in mode REM, send P X + 100 Y - 40 Z + 80 and a carriage return; the reply after motion is DONE.
 
-    STOP during a MOVE ramps each axis down by itself: the tool leaves its line.
+    STOP during a MOVE decelerates each axis independently, so the tool leaves its line.
 
     Example: pulsepath console --machine traverser --fast
 
-    Exit codes: 0 done, 2 bad input, also a refused line of a script, 3 internal error, 130 interrupted, 143 asked
-    to end, 129 hung up: the motion is stopped, the registers are saved.
+    Exit codes: 0 done, 2 bad input or a rejected script line, 3 internal error, 130 interrupted, 143 terminated, 129
+    hung up. After a signal the motion is stopped and the registers are saved.
     """
     from controllers.console import Dispatcher, open_session, snapshot_session
     from controllers.console.interpret import describe_offer

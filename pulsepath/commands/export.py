@@ -1,4 +1,4 @@
-"""`pulsepath export`: a plan in the format that another program or controller reads."""
+"""`pulsepath export`: write a plan in the format of another program or controller."""
 
 from pathlib import Path
 from typing import Any
@@ -26,20 +26,22 @@ class Export(FormatCommand):
     "name",
     required=True,
     metavar="FORMAT",
-    help="One of those below.",
+    help="Export format, listed below.",
     shell_complete=make_completer(known_names.exports),
 )
-@click.option("--out", type=click.Path(path_type=Path), metavar="FILE", help="Default: DIR/FORMAT with its suffix.")
+@click.option(
+    "--out", type=click.Path(path_type=Path), metavar="FILE", help="Output file. Default: DIR/FORMAT with its suffix."
+)
 @unverified_option
-@click.option("--force", is_flag=True, help="Replace FILE.")
+@click.option("--force", is_flag=True, help="Overwrite FILE.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON instead of text.")
 def export(
     directory: Path, name: str, out: Path | None, unverified: bool, force: bool, as_json: bool, **given: Any
 ) -> None:
     """Write the plan in DIR in another format.
 
-    Its files are held against their digests first, and its motion is proved again. It is told how far what is written
-    is from the plan. Options in brackets belong to the formats that are named there.
+    Verifies the digests of the plan's files and proves its motion again. Reports the error of the written file against
+    the plan. The formats in brackets are those that an option applies to.
 
     Example: pulsepath export out/circle --format vcd
     """
@@ -55,7 +57,7 @@ def export(
     writes(target)
     format_ = EXPORTS.make(name, given)
     planned = plan_directory.read(directory, unverified)
-    with step("firing the pulses") as tell:
+    with step("generating pulses") as tell:
         pulses = planned.pulses(tell)
     with step(f"writing {target}") as tell, destination.staged() as file:
         source = ExportSource(planned.program.name, planned.machine, planned.trajectory, pulses, tell)

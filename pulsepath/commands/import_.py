@@ -1,4 +1,4 @@
-"""`pulsepath import`: a program from another format, as the TOML that `plan` takes."""
+"""`pulsepath import`: convert a file of another format to a TOML program."""
 
 from pathlib import Path
 from typing import Any
@@ -22,25 +22,28 @@ class Import(FormatCommand):
 
 @click.command("import", cls=Import)
 @click.argument("file", type=click.Path(path_type=Path))
-@click.option("--out", type=click.Path(path_type=Path), required=True, metavar="PROGRAM", help="TOML file to write.")
+@click.option("--out", type=click.Path(path_type=Path), required=True, metavar="PROGRAM", help="Output TOML file.")
 @click.option(
     "--format",
     "name",
     metavar="FORMAT",
-    help="One of those below. Default: what the suffix of FILE says.",
+    help="Input format, listed below. Default: by the suffix of FILE.",
     shell_complete=make_completer(known_names.imports),
 )
 @click.option(
-    "--figure", type=click.Path(path_type=Path), metavar="IMAGE", help="PNG, SVG or PDF. Default: PROGRAM with .png."
+    "--figure",
+    type=click.Path(path_type=Path),
+    metavar="IMAGE",
+    help="Drawing of the path: PNG, SVG or PDF. Default: PROGRAM with suffix .png.",
 )
-@click.option("--force", is_flag=True, help="Replace PROGRAM and IMAGE.")
+@click.option("--force", is_flag=True, help="Overwrite PROGRAM and IMAGE.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON instead of text.")
 def import_(
     file: Path, out: Path, name: str | None, figure: Path | None, force: bool, as_json: bool, **given: Any
 ) -> None:
-    """Turn FILE into a program, and draw it.
+    """Convert FILE to a program, and draw it.
 
-    It is told what was understood of it. Options in brackets belong to the formats that are named there.
+    Prints a summary of what was read. The formats in brackets are those that an option applies to.
 
     Example: pulsepath import part.dxf --out part.toml
     """

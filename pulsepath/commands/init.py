@@ -18,13 +18,13 @@ MACHINE, PROGRAM = "machine.toml", "program.toml"
 @click.option(
     "--machine",
     metavar="MACHINE",
-    help="Bundled machine, or kind, to start from. Default: that of the program, else hexapod.",
+    help="Bundled machine or machine kind to start from. Default: the program's machine, else hexapod.",
     shell_complete=make_completer(known_names.machines),
 )
 @click.option(
     "--program",
     metavar="PROGRAM",
-    help="Bundled program to start from. Default: a line, a circle and a way back.",
+    help="Bundled program to start from. Default: a line, a circle and a line back.",
     shell_complete=make_completer(known_names.programs),
 )
 @click.option("--force", is_flag=True, help=f"Replace {MACHINE} and {PROGRAM}.")
@@ -32,8 +32,8 @@ MACHINE, PROGRAM = "machine.toml", "program.toml"
 def init(directory: Path, machine: str | None, program: str | None, force: bool, as_json: bool) -> None:
     """Write a commented machine and program to start from.
 
-    DIR is here unless it is given. Every key of both files is there: set, or as a comment that only needs its # taken
-    away.
+    DIR defaults to the current directory. Both files list every key, either set or commented out: remove the # to use
+    it.
 
     Example: pulsepath init mine --machine tripod
     """

@@ -1,4 +1,4 @@
-"""`pulsepath machines`, `programs`, `rigs`, `laws`, `rules`: what is bundled, and by which names."""
+"""`pulsepath machines`, `programs`, `rigs`, `laws`, `rules`: list the bundled data."""
 
 from typing import Any
 
@@ -13,7 +13,7 @@ from pulsepath.progress import say
 def machines(as_json: bool) -> None:
     """List the bundled machines.
 
-    Travel and limits of their axes are there too.
+    Shows the travel and limits of their axes.
 
     Example: pulsepath machines --json
     """
@@ -63,7 +63,7 @@ def rigs(as_json: bool) -> None:
 def laws(as_json: bool) -> None:
     """List the tracking laws and their gains.
 
-    A law is given by its number or its name; the gains are those that "pulsepath compare" tries.
+    Give a law by number or name. The gains are the grid that "pulsepath compare" runs.
 
     Example: pulsepath laws --json
     """
@@ -77,7 +77,7 @@ def laws(as_json: bool) -> None:
 def rules(as_json: bool) -> None:
     """List the firing rules and their options.
 
-    "pulsepath plan --rule" takes a name, or a name and options: "sampled:period=50us", "dda:spacing=5ms,rate=200kHz".
+    "pulsepath plan --rule" takes a name, with options if needed: "sampled:period=50us", "dda:spacing=5ms,rate=200kHz".
 
     Example: pulsepath rules
     """

@@ -1,4 +1,4 @@
-"""`pulsepath plan`: the fastest motion of a program, proved, with its pulses and a report, in a directory."""
+"""`pulsepath plan`: write the time-optimal motion, its certificate, its pulses and a report to a directory."""
 
 import json
 from pathlib import Path
@@ -23,17 +23,21 @@ from pulsepath.progress import say
 @click.command()
 @program_argument
 @machine_option
-@click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="Directory to write.")
+@click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="Output directory.")
 @click.option(
     "--order",
     type=click.Choice(["2", "3"]),
-    help="2: speed and acceleration; 3: and jerk. Default: 3 if the machine limits jerk.",
+    help="2: limit speed and acceleration; 3: jerk too. Default: 3 if the machine limits jerk.",
 )
 @click.option(
-    "--clock-hz", type=click.IntRange(min=1), default=10_000_000, show_default=True, help="Ticks/s of pulses."
+    "--clock-hz",
+    type=click.IntRange(min=1),
+    default=10_000_000,
+    show_default=True,
+    help="Clock of the pulse times, ticks/s.",
 )
 @click.option(
-    "--duration", metavar="TIME", help='As "12 s": not the fastest motion, but the smoothest that takes so long.'
+    "--duration", metavar="TIME", help='Plan the smoothest motion of this duration, as "12 s", not the fastest motion.'
 )
 @click.option(
     "--rule",
@@ -41,29 +45,29 @@ from pulsepath.progress import say
     shell_complete=make_completer(known_names.rules),
     show_default=True,
     metavar="RULE",
-    help='When pulses fire; "pulsepath rules" lists them. With options as sampled:period=50us.',
+    help='Firing rule, with options as sampled:period=50us; "pulsepath rules" lists them.',
 )
 @click.option(
     "--figures/--no-figures",
     default=True,
     show_default=True,
-    help="Pictures in the report; without them it has its text and all its tables, and is there sooner.",
+    help="Draw figures in the report. Without them it keeps all text and tables and is faster.",
 )
 @motion_option
 @click.option(
     "--rig",
     metavar="RIG",
-    help='Track the plan on this rig too, preset or file; "pulsepath rigs" lists them. Default: it is not tracked.',
+    help='Also track the plan on this rig, preset or file; "pulsepath rigs" lists them. Default: no tracking.',
     shell_complete=make_completer(known_names.rigs, files=True),
 )
 @click.option(
     "--cross-check",
     "crossed",
     is_flag=True,
-    help="Also solve for order 2 by toppra, and put its motion and certificate beside ours.",
+    help="Also solve order 2 with toppra, and report its motion and certificate.",
 )
 @dump_option
-@click.option("--force", is_flag=True, help="Replace DIR, if an earlier plan is in it.")
+@click.option("--force", is_flag=True, help="Replace DIR if it holds an earlier plan.")
 @json_option
 def plan(
     program: str,
@@ -81,9 +85,9 @@ def plan(
     force: bool,
     as_json: bool,
 ) -> None:
-    """Plan PROGRAM: motion, pulses and report go into DIR.
+    """Plan PROGRAM; write motion, pulses and report to DIR.
 
-    The motion is the fastest that the machine's limits allow, proved to keep every one of them.
+    The motion is the fastest that the machine's limits allow, and is proved to respect every limit.
 
     Example: pulsepath plan circle --out out/circle
     """

@@ -1,4 +1,4 @@
-"""`pulsepath pose`: from a pose to every axis and joint of a machine, and back."""
+"""`pulsepath pose`: axes and joints of a machine at a pose, or the pose at given axis coordinates."""
 
 import re
 from math import degrees, pi
@@ -31,11 +31,11 @@ _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?", re.ASCII)
     type=click.Choice(["home", "base"]),
     default="home",
     show_default=True,
-    help="What POSE is relative to, as in programs.",
+    help="Frame of POSE, as in programs.",
 )
 @click.option("--lengths", metavar="Q1,Q2,…", help="Instead of POSE: leg lengths between joints, positions or angles.")
-@click.option("--travel", metavar="Q1,Q2,…", help="Instead of POSE: the same, counted from home.")
-@click.option("--counts", metavar="N1,N2,…", help="Instead of POSE: pulses from home, in the sense of the axes.")
+@click.option("--travel", metavar="Q1,Q2,…", help="Instead of POSE: the same, relative to home.")
+@click.option("--counts", metavar="N1,N2,…", help="Instead of POSE: pulse counts from home, in axis direction.")
 @json_option
 def pose(
     machine: str,
@@ -47,13 +47,13 @@ def pose(
     counts: str | None,
     as_json: bool,
 ) -> None:
-    """Show what every axis and joint of MACHINE does in a POSE.
+    """Show all axes and joints of MACHINE at a POSE.
 
-    POSE is "x,y,z"; without it, home. Plain numbers are mm and degrees, others carry their unit ("0.2 in").
-    Told are lengths, pulses, tilts, the platform's directions α β γ, margins, and whether the way from home is proved.
-    With --lengths, --travel or --counts it is the other way round: from the axes to the pose.
+    POSE is "x,y,z"; default: home. Plain numbers are mm and degrees; write other units out ("0.2 in"). Shows lengths,
+    pulses, tilts, the platform's direction angles α β γ, margins, and whether the pose is proved reachable from home.
+    With --lengths, --travel or --counts, computes the pose from the axes instead.
 
-    Exit code 1 where the pose is out of reach or breaks a limit, and where axes lead to a pose that is not certified.
+    Exit code 1 if the pose is out of reach or violates a limit, or if the axes give a pose that is not certified.
 
     Example: pulsepath pose hexapod 5,5,35 --turn 3,-4,2
     """

@@ -1,4 +1,4 @@
-"""`pulsepath positions`: the poses of a list, told, recorded, put in and taken out one by one."""
+"""`pulsepath positions`: show and edit a position list."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -66,13 +66,13 @@ class ListCommands(Commands):
 @click.option("--json", "as_json", is_flag=True, help="Print JSON instead of a table.")
 @click.pass_context
 def positions(context: click.Context, file: Path, as_json: bool) -> None:
-    """Show the poses in FILE, or change them.
+    """Show or edit the position list in FILE.
 
-    FILE is a CSV file, or one of the three-armed machine.
+    FILE is a CSV file, or a list of the three-armed machine.
 
-    "arms" shows the arm lengths of a machine with three arms at each pose, turned ones too.
+    "arms" shows the arm lengths of a three-armed machine at each pose, rotated poses included.
 
-    A POSE is "10 mm, 0 mm, 25 mm", and three angles after that if it is turned. Run a list, or a part of it, by
+    A POSE is "10 mm, 0 mm, 25 mm", followed by three angles if it is rotated. Run a list, or part of it, with
     "pulsepath import FILE --first 2 --last 5 --out PROGRAM".
 
     Example: pulsepath positions poses.csv record "10 mm, 0 mm, 25 mm"
@@ -84,7 +84,7 @@ def positions(context: click.Context, file: Path, as_json: bool) -> None:
         context.obj.tell(context.obj.read())
 
 
-dwell_option = click.option("--dwell", metavar="TIME", help='Rest there, as "0.2 s". Default: none.')
+dwell_option = click.option("--dwell", metavar="TIME", help='Dwell at the pose, as "0.2 s". Default: none.')
 
 
 def _read_dwell(dwell: str | None) -> float:
@@ -96,7 +96,7 @@ def _read_dwell(dwell: str | None) -> float:
 @dwell_option
 @click.pass_obj
 def record(to: ListFile, pose: str, dwell: str | None) -> None:
-    """Put POSE at the end; a file that is not there yet is begun.
+    """Append POSE to the list; create FILE if it does not exist.
 
     Example: pulsepath positions poses.csv record "10 mm, 0 mm, 25 mm, 0 deg, 0 deg, 5 deg"
     """
@@ -115,7 +115,7 @@ def record(to: ListFile, pose: str, dwell: str | None) -> None:
 @dwell_option
 @click.pass_obj
 def insert(to: ListFile, number: int, pose: str, dwell: str | None) -> None:
-    """Put POSE in, so that it gets NUMBER.
+    """Insert POSE as number NUMBER.
 
     Example: pulsepath positions poses.csv insert 2 "5 mm, 0 mm, 25 mm"
     """
@@ -129,7 +129,7 @@ def insert(to: ListFile, number: int, pose: str, dwell: str | None) -> None:
 @click.argument("last", type=int, required=False)
 @click.pass_obj
 def remove(of: ListFile, first: int, last: int | None) -> None:
-    """Take out pose FIRST, or all from FIRST to LAST.
+    """Remove pose FIRST, or poses FIRST to LAST.
 
     Example: pulsepath positions poses.csv remove 3 5
     """
@@ -138,12 +138,14 @@ def remove(of: ListFile, first: int, last: int | None) -> None:
 
 @positions.command()
 @click.option("--machine", default="tripod", metavar="MACHINE", show_default=True, help="A machine with three arms.")
-@click.option("--frame", type=click.Choice(("home", "base")), help="Of the poses. Default: what FILE says.")
-@click.option("--steps", is_flag=True, help="Every step of the machine's own rule: of a unit, or of 1 deg.")
+@click.option("--frame", type=click.Choice(("home", "base")), help="Frame of the poses. Default: as FILE states.")
+@click.option("--steps", is_flag=True, help="Show every step of the machine's own rule: one unit, or 1 deg.")
 @click.option("--first", type=int, help="Number of the first pose. Default 1.")
-@click.option("--last", type=int, help="Number of the last pose. Default: the last there is.")
-@click.option("--out", type=click.Path(path_type=Path), help="CSV or JSON: the table; PNG, SVG or PDF: the figure.")
-@click.option("--force", is_flag=True, help="Replace what --out names.")
+@click.option("--last", type=int, help="Number of the last pose. Default: the last in the list.")
+@click.option(
+    "--out", type=click.Path(path_type=Path), help="Save the table (CSV, JSON) or the figure (PNG, SVG, PDF)."
+)
+@click.option("--force", is_flag=True, help="Overwrite the file of --out.")
 @click.pass_obj
 def arms(
     of: ListFile,
@@ -155,11 +157,11 @@ def arms(
     out: Path | None,
     force: bool,
 ) -> None:
-    """Show the lengths of three arms at each pose, turned ones too.
+    """Show three arm lengths at each pose, rotated poses included.
 
-    A machine of three arms keeps the orientation of its plate: what is turned is simulated, as its authors do, and no
-    motion is made of it. The last column says how far the end point would be off if the machine were given these
-    lengths. MACHINE may be the source's own geometry file, Basiclength.txt.
+    The plate of a three-armed machine cannot rotate: rotated poses are simulated only, as its authors do, and are not
+    turned into motion. The last column is the error of the end point if the machine were driven to these lengths.
+    MACHINE may be the source's own geometry file, Basiclength.txt.
 
     Example: pulsepath positions poses.csv arms --steps
     """
@@ -172,7 +174,9 @@ def arms(
     from pulsepath.output import record, tables
 
     if out is not None and out.suffix.lower() not in SIMULATED:
-        raise MotionError(f"{out}: a simulation is saved as one of {', '.join(SIMULATED)}; give --out such a suffix")
+        raise MotionError(
+            f"{out}: a simulation is saved as one of {', '.join(SIMULATED)}; give --out one of these suffixes"
+        )
     destination = None if out is None else Destination(out, force=force)
     listed = of.read(machine).part(first, last)
     listed = replace(listed, frame=frame or listed.frame)
@@ -195,15 +199,15 @@ def arms(
 @positions.command()
 @click.argument("target", type=click.Path(path_type=Path))
 @click.option("--first", type=int, help="Number of the first pose. Default 1.")
-@click.option("--last", type=int, help="Number of the last pose. Default: the last there is.")
-@click.option("--machine", metavar="MACHINE", help="Of a TXT file: the tripod that it is for. Default tripod.")
-@click.option("--force", is_flag=True, help="Replace TARGET.")
+@click.option("--last", type=int, help="Number of the last pose. Default: the last in the list.")
+@click.option("--machine", metavar="MACHINE", help="Tripod that a TXT file is for. Default: tripod.")
+@click.option("--force", is_flag=True, help="Overwrite TARGET.")
 @click.pass_obj
 def save(of: ListFile, target: Path, first: int | None, last: int | None, machine: str | None, force: bool) -> None:
-    """Save the list, or a part of it, as the file TARGET.
+    """Save the list, or part of it, as TARGET.
 
-    Its suffix says how: CSV, or TXT as the three-armed machine has it. A TXT file has seven characters for a number, in
-    mm and degrees, and poses in the base frame of MACHINE.
+    The suffix sets the format: CSV, or TXT as the three-armed machine reads it. A TXT file has seven characters per
+    number, in mm and degrees, and poses in the base frame of MACHINE.
 
     Example: pulsepath positions poses.csv save part.csv --first 2 --last 5
     """

@@ -1,4 +1,4 @@
-"""`pulsepath track`: a plan on emulated hardware, under tracking laws."""
+"""`pulsepath track`: run a plan on emulated hardware under tracking laws."""
 
 from pathlib import Path
 
@@ -16,7 +16,7 @@ from pulsepath.progress import say
 @click.option(
     "--rig",
     metavar="RIG",
-    help='Drives behind the axes: preset or file; "pulsepath rigs" lists them. Default: the bundled one that fits.',
+    help='Drives of the axes: preset or file; "pulsepath rigs" lists them. Default: the bundled rig that fits.',
     shell_complete=make_completer(known_names.rigs, files=True),
 )
 @click.option(
@@ -26,20 +26,20 @@ from pulsepath.progress import say
     default=LAWS,
     show_default=True,
     metavar="LAW",
-    help='As "6" or "6:gain=0.7"; may be repeated.',
+    help='Tracking law, as "6" or "6:gain=0.7"; repeatable.',
     shell_complete=make_completer(known_names.laws),
 )
 @unverified_option
-@click.option("--force", is_flag=True, help="Replace an earlier track.json.")
+@click.option("--force", is_flag=True, help="Overwrite an earlier track.json.")
 @json_option
 def track(
     directory: Path, rig: str | None, laws: tuple[str, ...], unverified: bool, force: bool, as_json: bool
 ) -> None:
-    """Track the plan in DIR on a rig: an emulated motion card, and drives.
+    """Track the plan in DIR on an emulated motion card and drives.
 
-    Runs it on RIG under each LAW, and writes the errors into DIR/track.json. The rig is a bundled one or a TOML file:
-    its machine must have the plan's axes. Without --rig it is the one bundled rig that fits, which is said; if there is
-    none, nothing is assumed and the plan is not tracked.
+    Runs the plan on RIG under each LAW and writes the errors to DIR/track.json. RIG is a bundled rig or a TOML file
+    whose machine has the plan's axes. The default is the one bundled rig that fits, and its name is printed. If none
+    fits, no rig is assumed and the plan is not tracked.
 
     Example: pulsepath track out/circle --rig hexapod-steppers --law 3 --law 6:gain=0.7
     """
@@ -58,7 +58,7 @@ def track(
     planned = plan_directory.read(directory, unverified)
     behind = choose_rig(planned.machine, rig)
     if rig is None:
-        note(f"on rig {behind.about}: the bundled one that fits {planned.machine.name}; --rig names another")
+        note(f"on rig {behind.about}: the bundled rig that fits {planned.machine.name}; choose another with --rig")
     metrics = []
     for law in [setting.made(behind) for setting in settings]:
         with step(f"tracking under {law.name}"):

@@ -1,4 +1,4 @@
-"""`pulsepath view`: the machine moving along a plan, in a browser, in a file, or as still images."""
+"""`pulsepath view`: animate a plan in a browser, in a file, or as still images."""
 
 import sys
 import time
@@ -19,25 +19,31 @@ if TYPE_CHECKING:
 
 @click.command()
 @click.argument("directory", metavar="DIR", type=click.Path(path_type=Path))
-@click.option("--html", type=click.Path(path_type=Path), metavar="FILE", help="Write the page instead of showing it.")
+@click.option(
+    "--html", type=click.Path(path_type=Path), metavar="FILE", help="Write the page to FILE; do not serve it."
+)
 @click.option(
     "--stills",
     type=click.Path(path_type=Path),
     metavar="FILE",
     help="Write the four views at one instant: .pdf, .png or .svg.",
 )
-@click.option("--at", metavar="TIME", help='Of the still images, as "1.2 s". Default: half of the motion.')
-@click.option("--frames", type=click.IntRange(min=2), default=240, show_default=True, help="Of the animation.")
+@click.option("--at", metavar="TIME", help='Time of the still images, as "1.2 s". Default: mid-motion.')
+@click.option("--frames", type=click.IntRange(min=2), default=240, show_default=True, help="Frames of the animation.")
 @click.option(
     "--magnify",
     type=click.FloatRange(min=0, min_open=True),
     metavar="FACTOR",
-    help="How many times to draw the error of the pulses' path; 1: true scale. Default: so that it can be seen.",
+    help="Magnification of the quantization error; 1: true scale. Default: large enough to be seen.",
 )
 @click.option(
-    "--port", type=click.IntRange(0, 65535), default=0, metavar="PORT", help="To show it on. Default: a free one."
+    "--port",
+    type=click.IntRange(0, 65535),
+    default=0,
+    metavar="PORT",
+    help="Local port to serve on. Default: a free one.",
 )
-@click.option("--no-browser", is_flag=True, help="Open none: print the address alone.")
+@click.option("--no-browser", is_flag=True, help="Print the address only.")
 @unverified_option
 @click.option("--force", is_flag=True, help="Replace FILE.")
 @json_option
@@ -54,9 +60,9 @@ def view(
     force: bool,
     as_json: bool,
 ) -> None:
-    """Show the machine moving along the plan in DIR, in 3-D and at real time.
+    """Animate the machine along the plan in DIR, in 3-D and real time.
 
-    Without --html and --stills, the page is served on loopback (127.0.0.1) alone until Ctrl-C. It needs no network.
+    Without --html and --stills, the page is served on loopback (127.0.0.1) only, until Ctrl-C. It needs no network.
 
     Example: pulsepath view out/circle --html circle.html
     """
@@ -69,7 +75,7 @@ def view(
     from pulsepath.progress import step
 
     if at is not None and stills is None:
-        raise MotionError("--at is the instant of the still images: give --stills FILE as well")
+        raise MotionError("--at is the time of the still images: give --stills FILE too")
     destinations = {target: Destination(target, force=force) for target in targets}
     when = None if at is None else quantity(at, "s")
     plan, doubts = _load_drawn_plan(directory, unverified)
@@ -105,7 +111,7 @@ def _load_drawn_plan(directory: Path, unverified: bool) -> "tuple[DrawnPlan, tup
     from pulsepath.progress import step
 
     planned = plan_directory.read(directory, unverified)
-    with step("firing the pulses") as tell:
+    with step("generating pulses") as tell:
         pulses = planned.pulses(tell)
     drawn = DrawnPlan(planned.program, planned.machine, planned.trajectory, planned.limits, pulses)
     return drawn, planned.doubts
@@ -124,12 +130,12 @@ def _show(page: str, port: int, no_browser: bool, told: dict[str, Any], as_json:
             with serve_page(page, port) as address:
                 click.echo(record.as_json(told | {"address": address}) if as_json else address, nl=not as_json)
                 sys.stdout.flush()
-                talk.note("Ctrl-C ends it")
+                talk.note("press Ctrl-C to stop")
                 if not no_browser:
                     webbrowser.open(address)
                 while True:
                     time.sleep(3600)
         except EndSignal as end:
-            talk.note("no longer shown")
+            talk.note("stopped")
             if end.code != INTERRUPTED:
                 click.get_current_context().exit(end.code)

@@ -1,1 +1,1 @@
-"""What commands leave behind: directories, records, tables."""
+"""Output of the commands: directories, records, tables."""

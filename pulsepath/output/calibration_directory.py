@@ -1,4 +1,4 @@
-"""What `calibrate` leaves behind: the record, the calibrated machine, the report, and the files it was made from."""
+"""The output of `calibrate`: record, calibrated machine, report, and copies of the input files."""
 
 from dataclasses import asdict
 from hashlib import sha256

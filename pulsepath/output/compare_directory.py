@@ -1,4 +1,4 @@
-"""What `compare` leaves behind: the report, its table as JSON, its runs as CSV; and the runs themselves, for later."""
+"""The output of `compare`: report, table as JSON, runs as CSV, and the saved runs for later comparisons."""
 
 from pathlib import Path
 
@@ -20,12 +20,12 @@ def destinations(target: Path, force: bool) -> list[Destination]:
     from benchmarks.sweep.store import CELLS
 
     if target.exists() and not target.is_dir():
-        raise MotionError(f"{target} exists and is no directory; give another --out")
+        raise MotionError(f"{target} exists and is not a directory; give another --out")
     if (target / RECORD).exists():
         if not force:
             raise MotionError(f"{target} holds a comparison; give another --out, or --force to replace it")
     elif target.exists() and any(target.iterdir()) and not (target / CELLS).is_dir():
-        raise MotionError(f"{target} is not empty, and holds no saved runs; give another --out")
+        raise MotionError(f"{target} is not empty and holds no saved runs; give another --out")
     return [Destination(target / name, force=True) for name in (REPORT, TABLE, RECORD)]
 
 

@@ -1,4 +1,4 @@
-"""A directory that is written whole or not at all, and never over something that is not ours."""
+"""Write a directory completely or not at all, and never over files of another program."""
 
 import errno
 import json
@@ -34,7 +34,7 @@ def refuse_overwrite(target: Path, force: bool, kind: str = KIND) -> None:
     if not os.path.lexists(target):
         return
     if not target.is_dir():
-        raise MotionError(f"{target} exists and is no directory; give another --out")
+        raise MotionError(f"{target} exists and is not a directory; give another --out")
     if not any(target.iterdir()):
         return
     if not force:

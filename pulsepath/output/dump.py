@@ -1,4 +1,4 @@
-"""What a command would work on, resolved, as files that can be given to it again."""
+"""The inputs of a command with all defaults filled in, as files that reproduce it."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -29,7 +29,7 @@ def dump(
 
     A machine that names files beside it, as an arm does, stays as its file has it.
     """
-    told = f'"pulsepath {command}" works on this'
+    told = f'"pulsepath {command}" uses it'
     if inputs.companions:
         machine = inputs.machine_toml
     else:
@@ -51,7 +51,7 @@ def dump(
         click.echo(record.as_json({"options": dict(options), **paths, "command": again}), nl=False)
     else:
         say(_text(options))
-        say(f"# {folder / MACHINE} and {folder / PROGRAM}: give them back by\n# {again}")
+        say(f"# {folder / MACHINE} and {folder / PROGRAM}; run them with\n# {again}")
 
 
 def _print(files: Mapping[str, bytes], options: Mapping[str, int | str], as_json: bool) -> None:

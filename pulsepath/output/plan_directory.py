@@ -1,4 +1,4 @@
-"""What `plan` leaves behind: the record, the motion, the pulses, the report, and the files they were made from.
+"""The output of `plan`: record, motion, pulses, report, and copies of the input files.
 
 What was proved of a written file of pulses, as plain data: the content of certificate.json.
 """
@@ -166,7 +166,7 @@ def _write_report(page: Path, job: Job, verdict: PulseCheck) -> None:
     if job.rig is None:
         seen = job.seen()
     else:
-        with step(f"tracking it under laws {' and '.join(LAWS)} on rig {job.rig.name}"):
+        with step(f"tracking under laws {' and '.join(LAWS)} on rig {job.rig.name}"):
             seen = job.seen()
     if seen.note:
         note(seen.note)
@@ -198,10 +198,10 @@ def read(folder: Path, unverified: bool = False) -> StoredPlan:
     pulses = record.get("pulses")
     clock, rule, digest = (pulses.get(what) if isinstance(pulses, dict) else None for what in FIRING_KEYS)
     if not isinstance(clock, int) or clock <= 0 or not isinstance(rule, str):
-        raise MotionError(f"{folder / RECORD} names no clock or no rule of its pulses: plan it again")
+        raise MotionError(f"{folder / RECORD} states no pulse clock or firing rule: plan it again")
     order = record.get("order")
     if order not in (2, 3):
-        raise MotionError(f"{folder / RECORD} names no order, 2 or 3, of its limits: plan it again")
+        raise MotionError(f"{folder / RECORD} states no order, 2 or 3: plan it again")
     doubts = find_differences(record, folder, RECORD, (*SOURCES.values(), MOTION), DERIVED)
     if not unverified:
         refuse(doubts)
@@ -216,11 +216,11 @@ def read(folder: Path, unverified: bool = False) -> StoredPlan:
     taken = StoredPlan(program, machine, trajectory, clock, rule, order, digest)
     if unverified:
         return replace(taken, doubts=(*doubts, "the motion was not proved again"))
-    with step("proving the motion again"):
+    with step("certifying the motion again"):
         found = find_violation(trajectory, taken.limits)
     refuse([] if found is None else [f"{folder / MOTION}: {found}"])
     if record.get("duration_s") != trajectory.duration:
-        refuse([f"{folder / RECORD} is of another motion than {MOTION}"])
+        refuse([f"{folder / RECORD} belongs to another motion than {MOTION}"])
     return taken
 
 
@@ -228,7 +228,9 @@ def refuse_own(folder: Path, target: Path, made: Path) -> None:
     """Raise MotionError where `made`, in the target's place, would change a file of the plan in a folder."""
     record = json.loads((folder / RECORD).read_bytes())
     if changes(record, folder, RECORD, target, made):
-        raise MotionError(f"{target} is a file of the plan itself, which would no longer hold: give another with --out")
+        raise MotionError(
+            f"{target} is one of the plan's own files, and replacing it would invalidate the plan: give another --out"
+        )
 
 
 FIRING_KEYS = ("clock_hz", "rule", "sha256")
@@ -245,5 +247,5 @@ def _restore_orientation(program: Program, file: Path) -> Program:
         raise MotionError(f"{file}: no orientation can be read from it ({error}): plan it again") from None
     free = [getattr(segment, "free", None) for segment in program.segments]
     if any(each is not None and each.controls is None for each in free):
-        raise MotionError(f"{file}: does not tell the orientation that was chosen for free segments: plan it again")
+        raise MotionError(f"{file}: the orientation chosen for free segments is missing: plan it again")
     return program

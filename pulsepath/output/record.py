@@ -1,4 +1,4 @@
-"""What the commands found, as plain data: the content of plan.json and track.json, and of `--json`."""
+"""Results of the commands as plain data: the content of plan.json, track.json and `--json`."""
 
 import json
 from collections.abc import Iterable, Sequence

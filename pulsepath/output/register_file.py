@@ -1,4 +1,4 @@
-"""The file in which the console's registers outlive it: written whole before a motion begins and after it has ended."""
+"""The file that keeps the console's registers between sessions, written before and after every motion."""
 
 import json
 import os
@@ -41,7 +41,7 @@ def held(path: Path) -> Iterator[None]:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
-            raise MotionError(f"{path} is another console's, which runs; end it, or give another --state") from None
+            raise MotionError(f"{path} is in use by another console; end it, or give another --state") from None
         yield
 
 
@@ -73,11 +73,11 @@ class Keeper:
         except OSError as error:
             try:
                 self._path.unlink(missing_ok=True)
-                left = "home the axes the next time"
+                left = "home the axes next time"
             except OSError:
-                left = "it tells of before: do not ACCEPT what it offers the next time"
+                left = "it holds old positions: do not ACCEPT them next time"
             if self.kept:
-                self._tell(f"registers are not saved from here on: {self._path}: {error.strerror}; {left}")
+                self._tell(f"registers are no longer saved: {self._path}: {error.strerror}; {left}")
             self.kept = False
         else:
             if not self.kept:
@@ -92,12 +92,10 @@ def read(path: Path) -> SavedSession | None:
     except FileNotFoundError:
         return None
     except ValueError as error:
-        raise MotionError(
-            f"{path}: {error}; remove it, and the positions are unknown, or give another --state"
-        ) from None
+        raise MotionError(f"{path}: {error}; remove it (positions are then unknown), or give another --state") from None
     schema = record.pop("schema", None) if isinstance(record, dict) and record.pop("kind", None) == KIND else None
     if schema not in (SCHEMA, EARLIER_SCHEMA):
-        raise MotionError(f"{path} is no register file of schema {SCHEMA}; give another --state")
+        raise MotionError(f"{path} is not a register file of schema {SCHEMA}; give another --state")
     tables = {"pulses": (int, float), "registers": (int,), "homed": (bool,), "moving": (bool,)}
     if schema == SCHEMA:
         tables["counters"] = (int,)

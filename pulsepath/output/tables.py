@@ -1,4 +1,4 @@
-"""The tables that the commands print: the results' own ones, drawn by rich."""
+"""The tables that the commands print, rendered by rich."""
 
 import sys
 from collections.abc import Iterable, Mapping, Sequence
@@ -59,11 +59,11 @@ def of_plan(job: Job) -> list[Drawn]:
     plan = job.plan
     percent = 100 * job.saved / job.classical.duration
     missing = missing_limits(plan, job.classical)
-    unlike = f"; the classical timing is without {', '.join(missing)}" if missing else ""
-    least = f"as stated; the fastest takes about {plan.lower_estimate:.6f} s or more"
+    unlike = f"; the baseline timing is without {', '.join(missing)}" if missing else ""
+    least = f"as stated; the fastest motion takes about {plan.lower_estimate:.6f} s or more"
     rows = [
         ("duration", plan.trajectory.duration, "" if plan.stated_duration is None else least),
-        ("classical timing", job.classical.duration, _describe_timing(plan, job.classical, job.classical.kind)),
+        ("baseline timing", job.classical.duration, _describe_timing(plan, job.classical, job.classical.kind)),
         ("time saved", job.saved, f"{percent:.2f} %{unlike}"),
     ]
     rows += [(other.kind, other.duration, _describe_timing(plan, other)) for other in job.others]
@@ -75,7 +75,7 @@ def of_plan(job: Job) -> list[Drawn]:
 
 
 def _describe_timing(plan: Plan, timing: Classical, *first: str) -> str:
-    """What a classical timing is, and does otherwise than the plan."""
+    """What a baseline timing is, and does otherwise than the plan."""
     return "; ".join([*first, *describe_differences(plan, timing)])
 
 

@@ -1,7 +1,7 @@
-"""Whether what a directory holds is still what was proved: digests of its files in its record, and the proof itself.
+"""Verify that a directory still holds what was proved: digests of its files, and the proof itself.
 
-Digests show what was changed by mistake. They can be forged, so nothing relies on them alone: a motion is proved again
-whenever it is taken up, and pulses are held against those that were checked.
+Digests show accidental changes. They can be forged, so nothing relies on them alone: a motion is certified again
+whenever it is loaded, and pulses are compared with those that were checked.
 """
 
 import json
@@ -18,7 +18,7 @@ from planner.trajectory import Trajectory
 
 Record = dict[str, Any]
 
-REMEDY = "plan it again, or give --unverified to go on"
+REMEDY = "plan it again, or give --unverified to continue"
 PROVENANCE, FILES, SELF = "provenance", "files", "record"
 
 

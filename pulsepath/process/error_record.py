@@ -1,4 +1,4 @@
-"""An error as data: what `--json` prints on stdout where a command refuses."""
+"""An error as data: what `--json` prints on stdout when a command fails."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""How a command ends: exit codes, and errors told in one place, on stderr and without a traceback.
+"""Exit codes and error messages of the commands: on stderr, without a traceback.
 
 With --json an error is told on stdout as well, as data: {"schema": 1, "error": {…}} (pulsepath.process.error_record).
 """

@@ -1,4 +1,4 @@
-"""What a command is about to write, so that it can say truly, when it is interrupted, whether it did."""
+"""What a command is about to write, so that an interrupted command can say whether it did."""
 
 import os
 from pathlib import Path

@@ -16,7 +16,7 @@ def of_interruption(intent: Mapping[str, Any]) -> str:
     written = [target for target, place, stamp in before if read_stamp(place) != stamp]
     if written:
         return f"interrupted, after {' and '.join(written)} had been written"
-    told = " or ".join(f"{target}, which is as it was" if stamp else target for target, _, stamp in before)
+    told = " or ".join(f"{target}, which is unchanged" if stamp else target for target, _, stamp in before)
     return f"interrupted: nothing was written to {told}{kept and f'; {kept}'}"
 
 

@@ -1,4 +1,4 @@
-"""Modules of `kinematics.files` that are wanted at once, without the package, which would take a second to load."""
+"""Load single modules of `kinematics.files` without the package, which takes a second to import."""
 
 from functools import cache
 from importlib.util import find_spec, module_from_spec, spec_from_file_location

@@ -1,4 +1,4 @@
-"""What the command `plan` leaves to its second process: the classical timings, the errors of the laws, some figures."""
+"""Work of the command `plan` in its second process: baseline timings, tracking errors, some figures."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -17,14 +17,14 @@ from pulsepath.options import LAWS
 
 @dataclass(frozen=True, slots=True)
 class BaselineTimings:
-    """The classical timings of a path that the program and the machine allow, and why there are no more."""
+    """The baseline timings of a path that the program and the machine allow, and why there are no more."""
 
     timings: tuple[Classical, ...]
     notes: tuple[str, ...]
 
 
 def time_baselines(course: Course | Plan) -> BaselineTimings:
-    """Every classical timing along a course. Raises as `planner.classical`, of the first of them.
+    """Every baseline timing along a course. Raises as `planner.classical`, of the first of them.
 
     Without a limit of jerk an s-curve is asked for by nothing, so that none needs no excuse.
     """

@@ -1,4 +1,4 @@
-"""The command line in two processes: one works, and the first one sees to it that a signal always ends it.
+"""The command line in two processes: a worker, and a supervisor that ensures that a signal always ends it.
 
 Python runs the handler of a signal between two of its own instructions. While a foreign library computes, as CasADi may
 for many minutes, there are none, and some libraries swallow what a handler raises. So the first process, which loads

@@ -460,7 +460,7 @@ def test_a_terminal_without_the_letters_still_gets_the_table():
 @pytest.mark.parametrize(
     ("rule", "told"),
     [
-        ("sampeld", 'no firing rule is called "sampeld", nearest is "sampled"'),
+        ("sampeld", 'unknown firing rule "sampeld", nearest is "sampled"'),
         ("sampled:perod=1us", 'has no option "perod", nearest is "period"'),
     ],
 )

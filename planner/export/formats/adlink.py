@@ -55,8 +55,12 @@ class AdlinkC:
     """Calls of the motion cards ADLINK PCI-8132 and PCI-8164, as C source."""
 
     suffix: ClassVar[str] = ".c"
-    spacing: float | None = option(None, "between the calls of an axis; default: the longest that errs by 1 pulse", "s")
-    speed_range: float | None = option(None, "top of the cards' speed registers; default: as the motion needs", "1/s")
+    spacing: float | None = option(
+        None, "time between calls of an axis. Default: the longest with an error of 1 pulse", "s"
+    )
+    speed_range: float | None = option(
+        None, "full scale of the cards' speed registers. Default: as the motion needs", "1/s"
+    )
 
     def write(self, source: ExportSource, path: Path) -> Exported:
         made = call_list(source, self.spacing, self.speed_range)
@@ -119,8 +123,12 @@ class AdlinkCsv:
     """Calls of the motion cards ADLINK PCI-8132 and PCI-8164, as a table."""
 
     suffix: ClassVar[str] = ".csv"
-    spacing: float | None = option(None, "between the calls of an axis; default: the longest that errs by 1 pulse", "s")
-    speed_range: float | None = option(None, "top of the cards' speed registers; default: as the motion needs", "1/s")
+    spacing: float | None = option(
+        None, "time between calls of an axis. Default: the longest with an error of 1 pulse", "s"
+    )
+    speed_range: float | None = option(
+        None, "full scale of the cards' speed registers. Default: as the motion needs", "1/s"
+    )
 
     def write(self, source: ExportSource, path: Path) -> Exported:
         made = call_list(source, self.spacing, self.speed_range)

@@ -52,7 +52,7 @@ SQUARE_BRACKETS = str.maketrans("()", "[]")
 
 @dataclass(frozen=True, slots=True)
 class InverseTime:
-    """G-code in inverse time (G93): the machine's axes, straight between the points."""
+    """G-code in inverse time (G93): joint axes, straight between points."""
 
     suffix: ClassVar[str] = ".ngc"
     tolerance: float | None = tolerance_option()

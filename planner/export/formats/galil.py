@@ -40,10 +40,10 @@ MOST = 32767
 
 @dataclass(frozen=True, slots=True)
 class Galil:
-    """Galil contour mode: whole counts per axis and interval, evenly in each."""
+    """Galil contour mode: whole counts per axis and time interval."""
 
     suffix: ClassVar[str] = ".dmc"
-    interval: int = option(1, "n of DT, for intervals of 2^n ms: 1 to 8; default 1")
+    interval: int = option(1, "n of DT, for intervals of 2^n ms: 1 to 8. Default 1")
 
     def write(self, source: ExportSource, path: Path) -> Exported:
         axes, motion = source.machine.axes, source.counted

@@ -121,8 +121,8 @@ class KmitlArms:
     """Arm-length list of the three-armed machine, step by step along the path."""
 
     suffix: ClassVar[str] = ".txt"
-    point_step: float = option(1e-3, "between listed points along the path; default 1 mm", "m")
-    unit_length: float = option(UNIT, "the length of one unit; default 1 mm", "m")
+    point_step: float = option(1e-3, "distance between listed points along the path. Default 1 mm", "m")
+    unit_length: float = option(UNIT, "length of one unit. Default 1 mm", "m")
 
     def write(self, source: ExportSource, path: Path) -> Exported:
         tripod_of(source, "kmitl-arms")
@@ -239,8 +239,10 @@ class KmitlPositions:
     """Position list of the three-armed machine: poses joined by straight lines."""
 
     suffix: ClassVar[str] = ".txt"
-    chord: float = option(1e-5, "by how much straight lines between poses may leave the path; default 0.01 mm", "m")
-    unit_length: float = option(UNIT, "the length of one unit; default 1 mm", "m")
+    chord: float = option(
+        1e-5, "largest deviation from the path of the straight lines between poses. Default 0.01 mm", "m"
+    )
+    unit_length: float = option(UNIT, "length of one unit. Default 1 mm", "m")
 
     def write(self, source: ExportSource, path: Path) -> Exported:
         machine = tripod_of(source, "kmitl-positions")
@@ -294,13 +296,11 @@ def list_text(listed: PositionList, machine: Machine, unit: float = UNIT) -> str
     Raises MotionError for no tripod, and for rests, which have no place in it.
     """
     if not isinstance(machine, Tripod):
-        raise MotionError(
-            f"kmitl-positions: machine {machine.name} is no tripod, which has the three arms of the format"
-        )
+        raise MotionError(f"kmitl-positions: machine {machine.name} is not a tripod; the format is for three arms")
     if listed.rests.any():
         raise MotionError(
-            f"kmitl-positions: pose {int(np.argmax(listed.rests > 0)) + 1} has a rest, which the format has no place "
-            "for; save the list as CSV, or take its column dwell out"
+            f"kmitl-positions: pose {int(np.argmax(listed.rests > 0)) + 1} has a dwell, which the format cannot "
+            "hold; save the list as CSV, or remove its column dwell"
         )
     x = RigidTransform.from_components(listed.poses[:, :3], listed.rotations)
     if listed.frame == "home":

@@ -36,10 +36,10 @@ ARRAYS = {"ticks": "<i8", "direction": "|i1"}
 
 @dataclass(frozen=True, slots=True)
 class Npz:
-    """Ticks and directions of every axis as arrays, in parts: what numpy.load opens."""
+    """Ticks and directions of every axis as arrays, in parts, for numpy.load."""
 
     suffix: ClassVar[str] = ".npz"
-    part: int = option(PART, "pulses of any one axis in a part at most")
+    part: int = option(PART, "largest number of pulses per axis and part")
 
     def write(self, source: ExportSource, path: Path) -> Exported:
         write(source.pulses, path, self.part, source.tell)

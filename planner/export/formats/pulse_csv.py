@@ -41,7 +41,7 @@ class PulseCsv:
     """Every edge of the step and direction lines, as a logic analyser records them."""
 
     suffix: ClassVar[str] = ".csv"
-    width: float | None = option(None, "how long STEP stays high; default 2 us, or half the smallest interval", "s")
+    width: float | None = option(None, "pulse width of STEP. Default 2 us, or half the smallest interval if less", "s")
 
     def write(self, source: ExportSource, path: Path) -> Exported:
         axes, pulses = source.machine.axes, source.pulses

@@ -207,7 +207,7 @@ class ZaberCsv:
     spacing: float | None = spacing_option()
     origin: Literal["home", "natural"] = origin_option("home")
     letters: str | None = letters_option()
-    step: float = option(ZABER_STEP, "durations are whole steps of this; default 0.1 ms", "s")
+    step: float = option(ZABER_STEP, "resolution of durations. Default 0.1 ms", "s")
 
     def write(self, source: ExportSource, path: Path) -> Exported:
         axes, motion = source.machine.axes, source.counted

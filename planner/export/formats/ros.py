@@ -44,7 +44,7 @@ class JointTrajectory:
     tolerance: float | None = tolerance_option()
     spacing: float | None = spacing_option()
     origin: Literal["home", "natural"] = origin_option("natural")
-    ros: Literal["1", "2"] = option("2", "names of the times: 1 has secs and nsecs, 2 sec and nanosec. Default 2")
+    ros: Literal["1", "2"] = option("2", "ROS version: 1 names times secs and nsecs, 2 sec and nanosec. Default 2")
 
     def write(self, source: ExportSource, path: Path) -> Exported:
         axes, motion = source.machine.axes, source.counted

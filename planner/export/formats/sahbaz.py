@@ -69,7 +69,7 @@ class LegMove:
 
 @dataclass(frozen=True, slots=True)
 class Sahbaz:
-    """One trapezoid of every axis from stop to stop, as the hexapod's own program calls the ADLINK cards."""
+    """One trapezoidal move per axis from stop to stop, as the hexapod's own program calls the ADLINK cards."""
 
     suffix: ClassVar[str] = ".bas"
 
@@ -143,8 +143,8 @@ def _moves(source: ExportSource, kinds: Sequence[str]) -> list[LegMove]:
             if back > MIN_TURN_PULSES:
                 raise MotionError(
                     f"sahbaz: axis {source.machine.axes[k].name} turns back by {back:.4g} pulses between the rests at "
-                    f"t = {begin:.6g} and {end:.6g} s, which no trapezoid does; plan it with --motion synchronised, or "
-                    "export the calls of format adlink"
+                    f"t = {begin:.6g} and {end:.6g} s, which a trapezoidal move cannot do; use --motion synchronised, "
+                    "or export with format adlink"
                 )
             if distance:
                 speed = max(float(np.abs(v).max()), abs(distance) / (end - begin))

@@ -36,7 +36,7 @@ PART = re.compile(r" ([A-Z]) ([+-]) (\d+)")
 
 @dataclass(frozen=True, slots=True)
 class Sasidhar:
-    """Remote line protocol of the four-axis traverser: a line of steps per move between stops."""
+    """Remote line protocol of the four-axis traverser: one line of steps per move between stops."""
 
     suffix: ClassVar[str] = ".txt"
 
@@ -47,8 +47,8 @@ class Sasidhar:
         odd = [name for name in names if len(name) != 1 or name not in ascii_uppercase]
         if odd:
             raise MotionError(
-                f"sasidhar: axis {odd[0]!r} of machine {machine.name} is no capital letter; the protocol names its "
-                "axes by one, as in X, Y, Z and R: rename it in a machine file of your own"
+                f"sasidhar: axis {odd[0]!r} of machine {machine.name} is not a capital letter; the protocol names "
+                "axes by one letter, as X, Y, Z and R: rename it in your own machine file"
             )
         ends, instants = _find_stops(source)
         wiring = np.array([axis.direction for axis in machine.axes])
@@ -57,7 +57,7 @@ class Sasidhar:
         steps = np.diff(counts, axis=0)
         if not steps.any() and pulses.total:
             raise MotionError(
-                "sasidhar: the motion stops nowhere but where it starts, so not a line of the protocol is left of it: "
+                "sasidhar: the motion stops only where it starts, so there is no move between stops to write: "
                 'let segments end with join = "stop", or choose another format'
             )
         lines = []

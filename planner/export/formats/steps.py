@@ -46,11 +46,11 @@ COMMANDS = {
 
 @dataclass(frozen=True, slots=True)
 class Steps:
-    """Run-length step queue, as Klipper's: commands of interval, count and add, in clock ticks."""
+    """Run-length step queue as in Klipper: commands of interval, count and add, in clock ticks."""
 
     suffix: ClassVar[str] = ".steps"
-    within: float = option(TOLERANCE, "time that a pulse may be off, for longer commands; default 1 us", "s")
-    least: float | None = option(None, "smallest time between pulses of an axis; default: as its drive takes", "s")
+    within: float = option(TOLERANCE, "largest time error of a pulse, for longer commands. Default 1 us", "s")
+    least: float | None = option(None, "smallest time between pulses of an axis. Default: as its drive requires", "s")
     named: bool = option(False, "write each number with its name, as Klipper's console takes it")
 
     def write(self, source: ExportSource, path: Path) -> Exported:

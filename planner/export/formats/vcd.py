@@ -48,7 +48,7 @@ class Vcd:
     """Value change dump of the step and direction lines, for GTKWave and PulseView."""
 
     suffix: ClassVar[str] = ".vcd"
-    width: float | None = option(None, "how long STEP stays high; default 2 us, or half the smallest interval", "s")
+    width: float | None = option(None, "pulse width of STEP. Default 2 us, or half the smallest interval if less", "s")
 
     def write(self, source: ExportSource, path: Path) -> Exported:
         pulses, axes = source.pulses, source.machine.axes

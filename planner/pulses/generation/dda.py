@@ -26,7 +26,7 @@ DEFAULT_RATE = 1e5
 
 @dataclass(frozen=True, slots=True)
 class Dda:
-    """Between listed points the axis with the most counts steps evenly, the others with it [KMITL 2005, Module2].
+    """DDA between listed points: the axis with the most counts steps evenly, the others follow [KMITL 2005, Module2].
 
     - The motion is listed at even times, no further apart than `spacing`; a point is the nearest whole count from the
       start. Its DDA steps share the time to the next point evenly, each sending its counts at once.
@@ -42,9 +42,11 @@ class Dda:
     """
 
     name: ClassVar[str] = "dda"
-    spacing: float = option(1e-2, "the longest time between two listed points", "s")
-    pulses_per_count: int = option(50, "pulses that are sent for each count")
-    rate: float | None = option(None, "of the pulses of a count; default: as all axes take it, else 100 kHz", "1/s")
+    spacing: float = option(1e-2, "longest time between two listed points", "s")
+    pulses_per_count: int = option(50, "pulses sent for each count")
+    rate: float | None = option(
+        None, "rate of the pulses of a count. Default: the highest that all axes accept, else 100 kHz", "1/s"
+    )
 
     def __post_init__(self) -> None:
         whole = isinstance(self.pulses_per_count, int) and self.pulses_per_count >= 1

@@ -45,9 +45,7 @@ def find_rule(text: str) -> Rule:
     """
     name, given = split_options(text, "firing rule")
     if name not in RULES:
-        raise MotionError(
-            f'no firing rule is called "{name}"{registry.nearest(name, RULES)}; rules: {", ".join(RULES)}'
-        )
+        raise MotionError(f'unknown firing rule "{name}"{registry.nearest(name, RULES)}; rules: {", ".join(RULES)}')
     return RULES[name](**read_options(RULES[name], given, f"firing rule {name}"))
 
 
@@ -156,7 +154,7 @@ def _spacing_error(
     elif turns[first]:
         what += " at a reversal"
         remedy = (
-            f"{who} needs {1e6 * least:.4g} us from a pulse to the next one the other way: let the axis "
+            f"{who} needs {1e6 * least:.4g} us between opposite pulses: let the axis "
             f"rest there for {round_up_digits(least)} s (a dwell), use a longer pulse, or hysteresis at reversals "
             '(rule "nearest:hysteresis=0.2")'
         )

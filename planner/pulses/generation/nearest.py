@@ -1,4 +1,4 @@
-"""The firing rules `nearest` and `floor`: an axis is stepped half-way between two counts, or when it reaches one."""
+"""The firing rules `nearest` and `floor`: an axis steps half-way between two counts, or at a whole count."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -27,7 +27,7 @@ class Nearest:
     """
 
     name: ClassVar[str] = "nearest"
-    hysteresis: float = option(0.0, "pulses by which an axis comes back before it fires the other way; below 0.5")
+    hysteresis: float = option(0.0, "hysteresis at reversals, in pulses; below 0.5")
 
     def __post_init__(self) -> None:
         if not 0 <= self.hysteresis < 0.5:

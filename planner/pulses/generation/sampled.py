@@ -28,7 +28,7 @@ class Sampled:
     """
 
     name: ClassVar[str] = "sampled"
-    period: float = option(2e-5, "time between two looks at the motion; a whole number of clock ticks", "s")
+    period: float = option(2e-5, "sampling period; a whole number of clock ticks", "s")
 
     def __post_init__(self) -> None:
         if not 0 < self.period < np.inf:

@@ -37,7 +37,7 @@ class Timer:
     """
 
     name: ClassVar[str] = "timer"
-    clock: float = option(2e6, "of the timer; the clock of the pulses must be a whole multiple of it", "1/s")
+    clock: float = option(2e6, "timer frequency; the pulse clock must be a whole multiple of it", "1/s")
 
     def __post_init__(self) -> None:
         if not (0 < self.clock < np.inf and self.clock == int(self.clock)):

@@ -127,12 +127,12 @@ def test_the_summary_shows_the_plans_numbers(page, planned, baseline, verdict):
     assert rows == summary(planned, baseline, verdict)
     saved = baseline.duration - planned.trajectory.duration
     assert number(rows["Duration"]) == pytest.approx(planned.trajectory.duration, abs=5e-7)
-    assert number(rows["Classical timing"]) == pytest.approx(baseline.duration, abs=5e-7)
+    assert number(rows["Baseline timing"]) == pytest.approx(baseline.duration, abs=5e-7)
     assert number(rows["Time saved"]) == pytest.approx(saved, abs=5e-7)
     # a trapezoid beside a plan of order 3: both figures say what it leaves out
-    assert rows["Classical timing"].endswith("s (trapezoid; without jerk)")
+    assert rows["Baseline timing"].endswith("s (trapezoid; without jerk)")
     share = 100 * saved / baseline.duration
-    assert rows["Time saved"].endswith(f"({share:.2f} %; the classical timing is without jerk)")
+    assert rows["Time saved"].endswith(f"({share:.2f} %; the baseline timing is without jerk)")
     assert number(rows["Segments"]) == len(planned.program.segments) == 1
     assert number(rows["Length of the path"]) == pytest.approx(2 * np.pi * 15, abs=5e-4)
     assert number(rows["Order"]) == planned.order == 3

@@ -68,7 +68,7 @@ def test_a_pyramid_that_stands_has_joints_that_point_up(load):
     [
         (lambda text: text.replace("150.000", "150,000"), r":2: Pand: columns 14 to 20 .* \"150,000\""),
         (lambda text: text.replace("Pard -86.602 -150.00", "Pard -86.602-150.00 "), r":3: Pard: \"-\" stands outside"),
-        (lambda text: text + "Past 1.00000 1.00000 1.00000\r\n", ":11: Past: stands twice"),
+        (lambda text: text + "Past 1.00000 1.00000 1.00000\r\n", ":11: Past: appears twice"),
         (lambda text: text.replace("Cent", "Zent"), r":7: \"Zent\" begins no line of this file, nearest is \"Cent\""),
         (lambda text: text.replace("Endeffector 50", ""), "missing: Ende; each begins"),
         (lambda text: text.replace("Endeffector 50", "Endeffector fifty"), r":8: Ende: columns 13 to 21 .* \"fifty\""),

@@ -73,7 +73,7 @@ def straight(length):
 
 
 def alone(kind, length, speed, acceleration, jerk=None):
-    """The classical timing of one axis on a straight line."""
+    """The baseline timing of one axis on a straight line."""
     path, shapes = straight(length), PATH_SHAPES[kind]
     axes = [Axis("x", max_speed=speed, max_acceleration=acceleration, max_jerk=jerk)]
     return solve_certified(path, limits_of(path, axes, shapes.order), shapes.order, FamilyTiming(shapes))

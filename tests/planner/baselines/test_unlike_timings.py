@@ -73,7 +73,7 @@ def test_moves_between_poses_say_what_they_leave(planned):
 
 
 def test_stops_that_the_plan_does_not_make_are_named():
-    """A blend is passed by the plan, and stopped at by every classical timing."""
+    """A blend is passed by the plan, and stopped at by every baseline timing."""
     ways = [Line([0.01, 0, 0.02], join=Blend(5e-4)), Line([0.01, 0.01, 0.02])]
     found = plan(Program(ways, start_speed=0.001), load_machine("hexapod"), order=2)
     told = describe_differences(found, classical(found))

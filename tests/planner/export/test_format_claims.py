@@ -29,7 +29,7 @@ REFUSED = {
     "kmitl-arms": "a tripod's, three arms",
     "kmitl-positions": "a tripod's, three arms",
     "sahbaz": "has no card",
-    "sasidhar": "is no capital letter",
+    "sasidhar": "is not a capital letter",
 }
 """Of formats that are not for every machine: what they say."""
 WHOLE = (
@@ -76,8 +76,8 @@ def test_no_file_is_without_moves_and_no_deviation_is_claimed_that_is_not_of_all
             assert told.startswith((name, "kmitl", "adlink", "format")), told
             expected = program == "nanometres" and ("the file would hold no move" in told or "no move to write" in told)
             expected |= name in REFUSED and REFUSED[name] in told
-            expected |= name == "sasidhar" and program == "a blended loop" and "stops nowhere" in told
-            expected |= name == "sahbaz" and program == "blends" and "which no trapezoid does" in told
+            expected |= name == "sasidhar" and program == "a blended loop" and "stops only where it starts" in told
+            expected |= name == "sahbaz" and program == "blends" and "which a trapezoidal move cannot do" in told
             assert expected, (program, told)
             continue
         assert done.moves is not None, f"{name} does not tell how many moves its file holds"
@@ -102,8 +102,8 @@ class Wrong:
 @pytest.mark.parametrize(
     ("done", "told"),
     [
-        (Exported(0.0, "the motion", moves=0), "would hold no move, and the plan's motion does not show in it"),
-        (Exported(np.inf, "the pulses", moves=3), "decodes to another motion than the plan's, held against the pulses"),
+        (Exported(0.0, "the motion", moves=0), "would hold no move, and the plan's motion cannot be expressed in it"),
+        (Exported(np.inf, "the pulses", moves=3), "decodes to another motion than the plan's, against the pulses"),
         (Exported(np.nan, "the pulses", moves=3), "decodes to another motion"),
     ],
 )
@@ -118,7 +118,7 @@ def test_a_file_that_is_not_the_plans_is_never_kept(tmp_path, done, told):
 def test_an_export_that_is_refused_leaves_no_file(tmp_path):
     loop = [*(replace(line, join=Blend(5e-5)) for line in BACK[:3]), BACK[3]]
     made = plan(Program(loop), load_machine("traverser"))
-    with pytest.raises(MotionError, match="stops nowhere"):
+    with pytest.raises(MotionError, match="stops only where it starts"):
         made.export("sasidhar", tmp_path / "lines.txt")
     assert not list(tmp_path.iterdir())
 

@@ -30,7 +30,7 @@ COUNT = 400
 class Case:
     """A limit in the zoo: its value at full use (N, m) on pieces (N,).
 
-    row: what the rows' sum must be, of the value; None where no timing can help, so that there are no rows
+    row: what the rows' sum must be, of the value; None for a geometric limit, which has no rows
     loss: how much more of their bound the rows may use than the value does of its own
     """
 

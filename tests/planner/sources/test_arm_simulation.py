@@ -23,7 +23,7 @@ def test_held_poses_are_the_machine_s_own_and_turned_ones_are_marked():
     np.testing.assert_allclose(found.lengths[:2], machine.inverse(held), rtol=1e-14)
     np.testing.assert_array_equal(found.off[:2], 0.0)
     told = str(found)
-    assert "1 of 3 poses are turned, and simulated only" in told
+    assert "1 of 3 poses are rotated, and only simulated" in told
 
 
 def test_how_far_off_the_held_plate_would_be_is_where_these_arms_meet():
@@ -55,17 +55,17 @@ def test_every_step_of_the_source_s_rule():
     dropped = PositionList([[0, 0, 0.01, 0, 0, 0], [0.002, 0, 0.01, 0.1, 0, 0]])
     both = simulate_arms(dropped, machine, unit=1e-3)
     assert not both.turned.any()
-    assert "1 rotations beside a translation were dropped" in str(both)
+    assert "1 rotations combined with a translation were dropped" in str(both)
 
 
 def test_arms_beyond_their_travel_are_named():
     found = simulate_arms(PositionList([[0, 0, 0.01, 0, 0, 0], [0, 0, 0.2, 0, 0, 0]]), load_machine("tripod"))
     np.testing.assert_array_equal(found.within, [[True] * 3, [False] * 3])
-    assert "beyond their travel" in str(found)
+    assert "outside their travel" in str(found)
 
 
 def test_what_cannot_be_simulated():
-    with pytest.raises(MotionError, match="hexapod is no tripod"):
+    with pytest.raises(MotionError, match="hexapod is not a tripod"):
         simulate_arms(LISTED, load_machine("hexapod"))
     with pytest.raises(MotionError, match="no pose; record one"):
         simulate_arms(PositionList(np.zeros((0, 6))), load_machine("tripod"))

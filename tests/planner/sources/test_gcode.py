@@ -248,22 +248,22 @@ def test_rounded_arcs_stay_where_the_file_has_them(read):
 
 
 @pytest.mark.parametrize(("text", "words"), [
-    ("G1 X1", "column 1: no F before it says how fast"),
-    ("X1", "column 1: no G0, G1, G2 or G3 before it"),
+    ("G1 X1", "column 1: no F is active"),
+    ("X1", "column 1: no G0, G1, G2 or G3 is active"),
     ("F60 G5 X1", "column 5: G5 is not supported"),
     ("G0 X1 M3 S100", "column 7: M3 is not supported"),
     ("G0 X1 E2", "column 7: E2 is not supported"),
-    ("G0 X1 X2", "column 7: X stands twice"),
+    ("G0 X1 X2", "column 7: X appears twice"),
     ("G0 G1 X2", "column 4: G1 and G0 exclude each other"),
     ("G90 G91 X2", "column 5: G91 and G90 exclude each other"),
     ("G0 X1.5.2", "column 4"),
     ("G0 X", "column 4"),
     ("G0 X1 #3=2", "column 7: \"#3=2\": parameters"),
     ("G0 X[1+2]", "column 4"),
-    ("G0 X1 (a (nested) one)", "column 7: this comment has no end, or holds another"),
-    ("G0 X1 (open", "column 7: this comment has no end"),
-    ("G0 X1 )", "column 7: a comment ends here"),
-    ("/G0 X1", "column 1: a block that may be skipped"),
+    ("G0 X1 (a (nested) one)", "column 7: the comment has no end, or contains another"),
+    ("G0 X1 (open", "column 7: the comment has no end"),
+    ("G0 X1 )", "column 7: unmatched parenthesis"),
+    ("/G0 X1", "column 1: block delete (/) is not supported"),
     ("G0 X1 % and more", "column 7: % stands alone"),
     ("G0 X1 \x00 Y2", "column 7"),
     ("G0 X\uff11", "column 4"),  # a digit, but not of ASCII
@@ -273,23 +273,23 @@ def test_rounded_arcs_stay_where_the_file_has_them(read):
     ("G0 X" + "1" * 2000, "2004 characters; a line has at most"),
     ("F0 G1 X1", "column 1: F0 must be above 0"),
     ("F60 G1 X1 I3", "column 11: I belongs to G2 or G3"),
-    ("F60 G2 X1", "needs its centre by I J K or its radius by R"),
-    ("F60 G2 X1 R2 I3", "column 11: G2 needs its centre by I J K or its radius by R, one of the two"),
-    ("F60 G2 X10 I5 K1", "column 15: K lies out of the plane of G17"),
-    ("F60 G18 G2 X10 J5", "column 16: J lies out of the plane of G18"),
-    ("F60 G2 R5", "R does not say which circle"),
+    ("F60 G2 X1", "needs either its centre I J K or its radius R"),
+    ("F60 G2 X1 R2 I3", "column 11: G2 needs either its centre I J K or its radius R"),
+    ("F60 G2 X10 I5 K1", "column 15: K is outside the plane of G17"),
+    ("F60 G18 G2 X10 J5", "column 16: J is outside the plane of G18"),
+    ("F60 G2 R5", "R does not define a full circle"),
     ("F60 G2 X10 R4", "R 4 mm is too small: its ends are 10 mm apart, so give at least 5 mm"),
     ("F60 G2 X10 I5.1", "its start is 5.1 mm from the centre [5.1, 0] mm and its end 4.9 mm"),
     ("F60 G2 X10 I0", "its centre [0, 0] mm"),
-    ("F60 G2 I0 J0", "is where it starts or ends"),
+    ("F60 G2 I0 J0", "is its start or end point"),
     ("F60 G90.1 G2 X10 I5", "G90.1 asks for both I and J"),
     ("G4", "G4 needs P"),
     ("G4 P-1", "column 4: G4 needs P"),
     ("G4 P1 X3", "column 7: X has no meaning beside G4"),
     ("G0 X1 P2", "column 7: P belongs to G4 or G64"),
     ("G64 X1", "column 1: G64 needs P"),
-    ("G93 G1 X1", "G93 needs F on every block"),
-    ("G93 G1 X1 F3\nX2", "G93 needs F on every block"),
+    ("G93 G1 X1", "G93 needs F, 1/minutes of the block, on every block"),
+    ("G93 G1 X1 F3\nX2", "G93 needs F, 1/minutes of the block, on every block"),
     ("F60 G1 X1 A180", "column 11: A turns by 180° along a path"),
     ("", "nothing moves"),
     ("(only this)\n%\n%", "nothing moves"),
@@ -323,7 +323,7 @@ def test_words_are_left_out_on_demand_and_counted(read):
     done = read(text, ignore="S T M3 M6, H g43 M5 M09 G54")
     assert done.program.segments[0].to == pytest.approx([0.001, 0, 0])
     assert done.program.segments[1].to == pytest.approx([0.001, 0, 0.005])
-    assert [warning for warning in done.warnings if warning.startswith("M3 was left out 1")]
+    assert [warning for warning in done.warnings if warning.startswith("M3 was ignored 1")]
     with pytest.raises(FileError, match="G54 is not supported"):
         read(text, ignore="S T M H G43")
     for word in ("G92", "G28", "X", "M98", "M30", "G1", "E", "G", "F", "?"):  # their words would be taken for a path
@@ -394,7 +394,7 @@ def test_too_large_a_file_is_refused(read, monkeypatch):
 def test_the_format_is_found_by_suffix_or_by_name(read):
     assert read("G0 X1", ".TAP").program.name == "part"
     assert read("G0 X1", ".txt", format="gcode").program.name == "part"
-    with pytest.raises(MotionError, match="stands for no format"):
+    with pytest.raises(MotionError, match="is not a known format"):
         read("G0 X1", ".xyz")
     with pytest.raises(MotionError, match='nearest is "gcode"'):
         read("G0 X1", format="gcod")
@@ -415,7 +415,7 @@ def test_the_format_is_found_by_suffix_or_by_name(read):
         ("G43 H1 G1 Z1 F100\nG43 H2 Z2", "G43 H", "moved under G43 H1 and moves under G43 H2"),
         ("T1 M6 G43 G1 Z1 F100\nT2 M6\nG43 Z2", "G43 T M6", "moved under G43 T1 and moves under G43 T2"),
         ("G43 H1 G1 Z1 F100\nG49\nZ2", "G43 H G49", "moved under G43 H1 and moves under G49"),
-        ("G1 X1 F100\nG80\nX2", "G80", "after G80, says how"),
+        ("G1 X1 F100\nG80\nX2", "G80", "no G0, G1, G2 or G3 is active"),
     ],
 )
 def test_offsets_that_change_are_not_left_out(read, text, ignore, words):

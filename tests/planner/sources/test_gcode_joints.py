@@ -39,7 +39,7 @@ def test_it_is_not_taken_for_places_of_the_tool(exported):
     """It was read as x, y, z of leg millimetres, and angles of leg millimetres too."""
     _, found, path = exported
     first = found.machine.axes[0].name
-    with pytest.raises(FileError, match=rf"way.ngc:2: its words are joint axes \(\w = {first}.*give the machine") as no:
+    with pytest.raises(FileError, match=rf"way.ngc:2: its words are joint axes \(\w = {first}.*give its machine") as no:
         import_program(path)
     assert len(no.value.faults) == 1
 
@@ -61,14 +61,14 @@ def test_with_its_machine_it_is_the_way_that_was_planned(exported):
     near = start + np.clip(share, 0, 1)[..., None] * step
     off = np.abs(planned[:, None] - near) / [axis.pulse for axis in found.machine.axes]
     assert off.max(2).min(1).max() < 0.75
-    assert back.warnings[0].startswith("its words are joint axes: the places are those that")
+    assert back.warnings[0].startswith("its words are joint axes: positions are those of")
 
 
 def test_options_and_joins(exported):
     name, _, path = exported
     blended = import_program(path, machine=name, blend=1e-5).program
     assert any(isinstance(segment.join, Blend) for segment in blended.segments if isinstance(segment, Line))
-    with pytest.raises(MotionError, match="origin has no meaning for a file of joint axes"):
+    with pytest.raises(MotionError, match="origin does not apply to a file of joint axes"):
         import_program(path, machine=name, origin="0 mm, 0 mm, 1 mm")
 
 
@@ -94,10 +94,10 @@ def test_what_does_not_fit_is_refused(tmp_path):
             import_program(path, **({"machine": "hexapod"} | options))
 
     refused(text, "it is for the axes X = leg1, .* machine tripod has arm1 in mm", machine="tripod")
-    refused(text.replace("(positions from home, in the sense of the axes)\n", ""), "does not say where positions count")
+    refused(text.replace("(positions from home, in the sense of the axes)\n", ""), "does not state the origin")
     refused(text.replace("G94", "G2 X1 Y1 I1"), "this is no line of a file of joint axes")
     refused(text.replace("G94", "G1 X1 F60"), "this is no line of a file of joint axes")
-    refused(text.replace("G94", "G1 X900 Y0 Z0 A0 B0 C0 F60"), "no pose that it is proved to come to from home")
+    refused(text.replace("G94", "G1 X900 Y0 Z0 A0 B0 C0 F60"), "no pose that is proved to be connected to home")
     refused("G21 G90\nG1 X1 F60\n", "machine is for files of joint axes, which way.ngc is not")
     path.write_text("G21 G90\nG1 X1 Y2 Z3 A1 F60\n")  # a file of the tool's places stays what it was
     assert np.asarray(import_program(path).program.segments[0].to).tolist() == [0.001, 0.002, 0.003]

@@ -81,5 +81,5 @@ def test_a_rest_that_cannot_be_is_refused(listing):
         import_program(listing(TEXT), dwell=-1.0)
     with pytest.raises(MotionError, match="dwells"):
         PositionList(np.zeros((1, 6)), dwells=[-1.0])
-    with pytest.raises(MotionError, match="pose 1 has a rest, which the format has no place for"):
+    with pytest.raises(MotionError, match="pose 1 has a dwell, which the format cannot hold"):
         list_text(PositionList(np.zeros((1, 6)), dwells=[1.0]), load_machine("tripod"))

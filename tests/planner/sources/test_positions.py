@@ -129,13 +129,13 @@ def test_units_stand_in_the_header_or_in_options(write):
     ("text", "words"),
     [
         ("", "no header"), ("x [mm]\n", "no pose"), ("x [mm], q [mm]\n1,2\n", ":1: column \"q \\[mm\\]\""),
-        ("x [mm], x [mm]\n1,2\n", "stands twice"), ("x [deg]\n1\n", "not convertible"),
+        ("x [mm], x [mm]\n1,2\n", "appears twice"), ("x [deg]\n1\n", "not convertible"),
         ("x [mm]\nnan\n", ':2: column x: "nan" is not'),
         ("x [mm]\n1\ninf\n", ':3: column x: "inf" is not'), ("x [mm]\n1e300\n", "must be at most 1e.08"),
         ("x [mm]\n1,2\n", "2 entries for 1"),
         ("x [mm]\n1_0\n", "is not a number"), ("x [mm];y [mm]\n1,5;2\n", '"1,5" is not a number'),
         ("# frame = moon\nx [mm]\n1\n", ':1: "# frame = moon"'), ("# hello\nx [mm]\n1\n", "before the header"),
-        ("\x00\x01\x02", "column"), ("x [mm]\n" + "1,\n" * 200, "not looked at"), ("x [mm]\n\udcff\n", "not a number"),
+        ("\x00\x01\x02", "column"), ("x [mm]\n" + "1,\n" * 200, "was not checked"), ("x [mm]\n\udcff\n", "not a number"),
     ],
 )  # fmt: skip
 def test_faults_of_a_list_are_told_with_their_lines(tmp_path, text, words):
@@ -158,7 +158,7 @@ def test_through_the_poses(write):
     assert first.rotate is None
     assert turn.to.as_matrix() == pytest.approx(Rotation.from_euler("XYZ", POSES[2, 3:]).as_matrix())
     assert isinstance(turn.join, Stop)
-    assert found.warnings == ("1 poses are those before them, and were left out",)
+    assert found.warnings == ("1 poses repeat the pose before and were skipped",)
     assert found.entities == {"poses": 5}
     assert len(import_program(path, first=2, last=3).program.segments) == 2
     with pytest.raises(MotionError, match="no pose 6"):
@@ -187,7 +187,7 @@ def test_the_stepping_rule_of_the_source(write):
         assert (part.to.inv() * wanted).magnitude() < 1e-12
     # one and a half units down: a step of one, and what is left
     assert np.array([part.to[2] for part in down]) == pytest.approx([1e-3, 0.5e-3])
-    assert found.warnings == ("2 rotations beside a translation were dropped, as the stepping rule has it",)
+    assert found.warnings == ("2 rotations combined with a translation were dropped, as the stepping rule requires",)
     assert len(import_program(path, rule="kmitl", unit_length=1e-4).program.segments) == 100 + 6 + 15
     with pytest.raises(MotionError, match="more than 100000"):
         import_program(path, rule="kmitl", unit_length=1e-8)
@@ -318,12 +318,12 @@ def test_its_list_runs_by_its_own_rule(write):
     ("text", "words"),
     [
         ("Polar1____cex 1.0\n", "position 1 has no cey, cez, rx, ry, rz"),
-        ("Polar1____cex 1.0\nPolar1____cex 2.0\n", ":2: cex of position 1 stands twice"),
+        ("Polar1____cex 1.0\nPolar1____cex 2.0\n", ":2: cex of position 1 appears twice"),
         ("Polar1____cef 1.0\n", ":1: .*not a line of a position list"), ("Polar1____cex nan\n", "not a line"),
         ("Polar2____cex 1.0\n", "position 1 is missing"), ("Polar1____cex 1.0E999\n", "not a line"),
         ("PointL1_10001285.832\n", "point 10001 has 1 lengths of 3"),
-        ("PointL2_10001285.832\n", 'here is "PointL1_10001"'),
-        ("PointL1_10001285.832\nPointL2_10001285.832\nPointL3_10002285.832\n", ':3: .*here is "PointL3_10001"'),
+        ("PointL2_10001285.832\n", 'expected "PointL1_10001"'),
+        ("PointL1_10001285.832\nPointL2_10001285.832\nPointL3_10002285.832\n", ':3: .*expected "PointL3_10001"'),
         ("PointL1_10001abc\n", "and a length"),
     ],
 )  # fmt: skip

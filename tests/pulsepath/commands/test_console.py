@@ -162,7 +162,7 @@ def test_a_session_goes_on_without_its_state_directory_and_says_so_once(state):
     assert process.returncode == 0
     assert out.splitlines()[:2] == ["DONE", "DONE"]
     assert out.splitlines()[2].startswith("X 20 ")
-    assert err.count(f"registers are not saved from here on: {state}: No such file") == 1
+    assert err.count(f"registers are no longer saved: {state}: No such file") == 1
 
 
 def test_registers_of_before_are_not_left_to_be_offered(state, monkeypatch):

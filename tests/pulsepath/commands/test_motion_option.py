@@ -35,7 +35,7 @@ def test_a_program_is_planned_exported_and_taken_up_so(call, out):
         "plan", file, "--motion", "synchronised", "--order", "2", "--no-figures", "--out", out / "plan", "--json"
     )
     assert done.exit_code == 0, done.stderr
-    assert "segment 2 ends where it starts: left out" in done.stderr
+    assert "segment 2 ends where it starts: skipped" in done.stderr
     record = json.loads(done.stdout)
     assert record["certificate"]["holds"]
     assert [move["where"]["segment"] for move in record["synchronised_moves"]] == [1, 2]

@@ -98,7 +98,7 @@ def test_a_list_is_saved_as_the_three_armed_machine_has_it(call, path, tmp_path)
 def test_a_list_of_the_three_armed_machine_asks_for_one(call, path, tmp_path):
     done = call("positions", path, "save", tmp_path / "saved.txt", "--machine", "hexapod")
     assert done.exit_code == 2
-    assert "hexapod is no tripod" in done.stderr
+    assert "hexapod is not a tripod" in done.stderr
     assert not (tmp_path / "saved.txt").exists()
     assert call("positions", path, "save", tmp_path / "saved.csv", "--machine", "tripod").exit_code == 2
 
@@ -110,7 +110,7 @@ def test_arms_of_turned_poses_are_shown_and_saved_but_never_in_the_machine_s_own
     assert found["turned"] == [False, True]
     assert found["off_if_held"][0] == 0 < found["off_if_held"][1]
     assert "simulated only" in call("positions", path, "arms").stdout
-    assert "1 rotations beside a translation were dropped" in call("positions", path, "arms", "--steps").stdout
+    assert "1 rotations combined with a translation were dropped" in call("positions", path, "arms", "--steps").stdout
     for suffix, code in ((".csv", 0), (".png", 0), (".txt", 2)):
         assert call("positions", path, "arms", "--out", tmp_path / f"arms{suffix}").exit_code == code
     assert not (tmp_path / "arms.txt").exists()

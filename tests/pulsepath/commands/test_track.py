@@ -38,7 +38,7 @@ def test_the_rig_that_fits_is_taken_and_named(call, plan):
     """Without --rig it is said which one it is; on it no law errs by as much as a servo would lag."""
     done = call("track", plan)
     assert done.exit_code == 0
-    assert "on rig hexapod-steppers: 6 steppers, card PCI-8132: the bundled one that fits hexapod" in done.stderr
+    assert "on rig hexapod-steppers: 6 steppers, card PCI-8132: the bundled rig that fits hexapod" in done.stderr
     found = json.loads((plan / "track.json").read_text())
     assert (found["rig"], sorted(found["lost_steps"].values())) == ("hexapod-steppers", [0, 0])
     assert len(found["laws"]) == 2

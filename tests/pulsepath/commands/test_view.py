@@ -60,7 +60,7 @@ def test_stills_at_an_instant(call, plan, tmp_path):
 
 def test_bad_calls(call, plan, tmp_path):
     for arguments, told in [
-        (["--html", tmp_path / "a.html", "--at", "1 s"], "give --stills FILE as well"),
+        (["--html", tmp_path / "a.html", "--at", "1 s"], "give --stills FILE too"),
         (["--stills", tmp_path / "a.gif"], "still images are .pdf, .png, .svg"),
         (["--stills", tmp_path / "a.pdf", "--at", "9 s"], "is not within the motion"),
         (["--stills", tmp_path / "a.pdf", "--at", "9 mm"], "mm"),
@@ -123,7 +123,7 @@ def test_it_is_served_on_loopback_alone_until_ctrl_c(viewing):
     os.kill(process.pid, signal.SIGINT)
     _, said = process.communicate(timeout=20)
     assert process.returncode == 0
-    assert said.endswith("no longer shown\n")
+    assert said.endswith("stopped\n")
 
 
 def test_a_port_that_is_taken_is_told(call, plan):

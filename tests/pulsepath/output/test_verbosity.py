@@ -35,7 +35,7 @@ def test_verbose_says_how(call, tmp_path, where, monkeypatch, job):
     arguments = ["plan", "bare-circle", "--out", tmp_path / "o", "--no-figures", "--json"]
     done = call(*(["--verbose", *arguments] if where == "before" else [*arguments, "-v"]))
     assert done.exit_code == 0
-    assert "order 3, rounds of solving: " in done.stderr
+    assert "order 3, solver iterations: " in done.stderr
     assert "runs between stops: 1 by " in done.stderr
     assert "rounds" not in call(*arguments, "--force").stderr
 

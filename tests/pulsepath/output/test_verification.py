@@ -87,7 +87,7 @@ def test_a_changed_record_is_refused(plan, key):
         plan_directory.read(plan)
     if key == "duration_s":
         forge(plan)
-        with pytest.raises(MotionError, match="of another motion"):
+        with pytest.raises(MotionError, match="to another motion"):
             plan_directory.read(plan)
 
 
@@ -188,5 +188,5 @@ def test_chosen_orientation_is_taken_up_again(tmp_path):
     np.testing.assert_array_equal(taken.trajectory.at(t).q, job.plan.trajectory.at(t).q)
     (made / "orientation.json").unlink()
     forge(made)
-    with pytest.raises(MotionError, match="does not tell the orientation"):
+    with pytest.raises(MotionError, match="the orientation chosen for free segments is missing"):
         plan_directory.read(made)

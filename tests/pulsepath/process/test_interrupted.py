@@ -94,7 +94,7 @@ def test_what_was_there_before_stays_and_that_is_said(tmp_path, directory):
     before = {path.name: path.stat().st_mtime_ns for path in (there / "out").iterdir()}
     code, told = interrupted(tmp_path, (*PLAN, "--force"), "writing the report", signal.SIGTERM)
     assert code == 143
-    assert told.splitlines()[-1] == "interrupted: nothing was written to there/out, which is as it was"
+    assert told.splitlines()[-1] == "interrupted: nothing was written to there/out, which is unchanged"
     assert names(there) == ["out"]
     assert {path.name: path.stat().st_mtime_ns for path in (there / "out").iterdir()} == before
 

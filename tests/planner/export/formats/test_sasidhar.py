@@ -112,6 +112,6 @@ def test_axes_that_the_protocol_cannot_name_are_refused(tmp_path, name):
     machine = load_machine("traverser")
     axes = tuple(replace(axis, name=name) if axis.name == "Z" else axis for axis in machine.axes)
     made = source_of(Line([0.001, 0, 0]), machine=type(machine)(axes=axes, home=machine.home))
-    with pytest.raises(MotionError, match=f"axis '{name}' of machine traverser is no capital letter"):
+    with pytest.raises(MotionError, match=f"axis '{name}' of machine traverser is not a capital letter"):
         Sasidhar().write(made, tmp_path / "lines")
     assert not list(tmp_path.iterdir())
