@@ -140,7 +140,7 @@ def _select_entities(
             left["that are invisible"] += 1
         else:
             taken.append(entity)
-    warnings += [f"{count} entities {why} were left out" for why, count in left.items()]
+    warnings += [f"{count} entities {why} were skipped" for why, count in left.items()]
     return taken
 
 
@@ -258,7 +258,7 @@ class Dxf:
         if shapes.worst:
             told.append(f"ellipses and splines are curves through points, off by {shapes.worst * 1e6:.3g} um at most")
         if shapes.nothing:
-            told.append(f"{shapes.nothing} lines, arcs and sides have no length, and were left out")
+            told.append(f"{shapes.nothing} lines, arcs and polyline sides have no length and were skipped")
         if short:
             told.append(f"{short} entities are shorter than the tolerance and were skipped")
         if shapes.flattened:

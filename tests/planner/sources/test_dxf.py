@@ -506,7 +506,7 @@ def test_what_is_not_supported_is_listed_and_the_drawing_refused(sheet):
         space.delete_entity(entity)
     left = read(skip="notes")
     assert left.entities == {"LINE": 1}
-    assert '151 entities on layer "NOTES", as the options say were left out' in left.warnings
+    assert '151 entities on layer "NOTES", as the options say were skipped' in left.warnings
     with pytest.raises(FileError, match=r'no layer "note".*nearest is "notes"'):
         read(skip="note")
 
@@ -548,7 +548,7 @@ def test_widths_and_lengths_of_nothing_are_told(sheet):
     space.add_line((40, 40), (40.001, 40))
     found = read()
     told = " ".join(found.warnings)
-    assert "3 lines, arcs and sides have no length" in told
+    assert "3 lines, arcs and polyline sides have no length" in told
     assert "1 entities are shorter than the tolerance" in told
     assert "1 entities have a width or a thickness" in told
     assert len(found.program.segments) == 2

@@ -95,8 +95,8 @@ def test_what_does_not_fit_is_refused(tmp_path):
 
     refused(text, "it is for the axes X = leg1, .* machine tripod has arm1 in mm", machine="tripod")
     refused(text.replace("(positions from home, in the sense of the axes)\n", ""), "does not state the origin")
-    refused(text.replace("G94", "G2 X1 Y1 I1"), "this is no line of a file of joint axes")
-    refused(text.replace("G94", "G1 X1 F60"), "this is no line of a file of joint axes")
+    refused(text.replace("G94", "G2 X1 Y1 I1"), "not a line of a file of joint axes")
+    refused(text.replace("G94", "G1 X1 F60"), "not a line of a file of joint axes")
     refused(text.replace("G94", "G1 X900 Y0 Z0 A0 B0 C0 F60"), "no pose that is proved to be connected to home")
     refused("G21 G90\nG1 X1 F60\n", "machine is for files of joint axes, which way.ngc is not")
     path.write_text("G21 G90\nG1 X1 Y2 Z3 A1 F60\n")  # a file of the tool's places stays what it was

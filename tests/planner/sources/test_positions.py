@@ -135,7 +135,7 @@ def test_units_stand_in_the_header_or_in_options(write):
         ("x [mm]\n1,2\n", "2 entries for 1"),
         ("x [mm]\n1_0\n", "is not a number"), ("x [mm];y [mm]\n1,5;2\n", '"1,5" is not a number'),
         ("# frame = moon\nx [mm]\n1\n", ':1: "# frame = moon"'), ("# hello\nx [mm]\n1\n", "before the header"),
-        ("\x00\x01\x02", "column"), ("x [mm]\n" + "1,\n" * 200, "was not checked"), ("x [mm]\n\udcff\n", "not a number"),
+        ("\x00\x01\x02", "column"), ("x [mm]\n" + "1,\n" * 200, "not checked"), ("x [mm]\n\udcff\n", "not a number"),
     ],
 )  # fmt: skip
 def test_faults_of_a_list_are_told_with_their_lines(tmp_path, text, words):
