@@ -17,7 +17,8 @@ from controllers.card import PCI_8132, PCI_8164, Card
 from controllers.drives.drive_tables import KINDS, TRANSMISSION, ServoTable, StepperTable, drive_of
 from controllers.rig import Drive, Host, Rig
 from controllers.task import Sine, Task, time_path
-from kinematics.files.schema import File, TableSchema, build, chosen, one_of_tables, refuse_wrong_kind
+from kinematics.files.keys import Chosen, key
+from kinematics.files.schema import File, TableSchema, build, one_of_tables, refuse_wrong_kind
 from kinematics.files.toml_document import Document, Key, read
 from kinematics.foundation.arrays import freeze_array
 from kinematics.foundation.errors import BadValue, Fault, FileError, MotionError, NotInstalled, validation_error
@@ -37,18 +38,12 @@ def _require_name(name: str) -> str:
 
 
 class TaskTiming(TableSchema):
-    """How long a task lasts, and how often the host commands: every `step`, or so that there are `samples`.
+    """How long a task lasts, and how often the host commands: every `step`, or so that there are `samples`."""
 
-    name      of the task
-    duration  of the motion
-    step      of the host
-    samples   of the host, both ends included
-    """
-
-    name: Annotated[str, AfterValidator(_require_name)]
-    duration: Annotated[float, Unit("s", above=0, like="5 s")]
-    step: Annotated[float, Unit("s", above=0, like="125 ms")] | None = None
-    samples: Annotated[int, Field(ge=2)] | None = None
+    name: Annotated[str, AfterValidator(_require_name)] = key("of the task")
+    duration: Annotated[float, Unit("s", above=0, like="5 s")] = key("of the motion")
+    step: Annotated[float, Unit("s", above=0, like="125 ms")] | None = key("of the host", default=None)
+    samples: Annotated[int, Field(ge=2)] | None = key("of the host, both ends included", default=None)
 
     @model_validator(mode="after")
     def _one_rate(self) -> Self:
@@ -62,16 +57,11 @@ class TaskTiming(TableSchema):
 
 
 class PathTask(TaskTiming):
-    """A program's path, run by one profile from end to end.
+    """A program's path, run by one profile from end to end."""
 
-    program  a program's name, or the path of its file
-    profile  of the speed along it
-    ramp     time of speeding up, and of slowing down
-    """
-
-    program: str
-    profile: Literal["quarter-sine", "trapezoid"] = "quarter-sine"
-    ramp: Annotated[float, Unit("s", above=0, like="1 s")]
+    program: str = key("a program's name, or the path of its file")
+    profile: Literal["quarter-sine", "trapezoid"] = key("of the speed along it", default="quarter-sine")
+    ramp: Annotated[float, Unit("s", above=0, like="1 s")] = key("time of speeding up, and of slowing down")
 
     def on(self, machine: Machine, folder: Path | None) -> Task:
         try:
@@ -82,16 +72,11 @@ class PathTask(TaskTiming):
 
 
 class SineTable(TableSchema):
-    """Of the axes named: amplitude · sin(2π t/period).
+    """Of the axes named: amplitude · sin(2π t/period)."""
 
-    axes       names of rotary axes
-    amplitude  of the sine
-    period     of the sine
-    """
-
-    axes: tuple[str, ...]
-    amplitude: Annotated[float, Unit("rad", above=0, like="90 deg")]
-    period: Annotated[float, Unit("s", above=0)]
+    axes: tuple[str, ...] = key("names of rotary axes")
+    amplitude: Annotated[float, Unit("rad", above=0, like="90 deg")] = key("of the sine")
+    period: Annotated[float, Unit("s", above=0)] = key("of the sine")
 
 
 class SineTask(TaskTiming):
@@ -141,12 +126,9 @@ CardName = Annotated[str, AfterValidator(_card)]
 
 
 class CardTable(TableSchema):
-    """A model of card, and how it is set: see `Card`.
+    """A model of card, and how it is set: see `Card`."""
 
-    model  of the motion card
-    """
-
-    model: CardName
+    model: CardName = key("of the motion card")
     while_moving: Literal["replace", "queue"] = "replace"
     start_from: Literal["commanded", "current"] = "commanded"
     short_moves: Literal["keep rate", "keep time"] = "keep rate"
@@ -158,7 +140,7 @@ class CardTable(TableSchema):
         return replace(CARDS[self.model], **self.model_dump(exclude={"model"}))
 
 
-CardEntry = Annotated[CardName | CardTable, chosen(lambda value: CardTable if isinstance(value, dict) else CardName)]
+CardEntry = Annotated[CardName | CardTable, Chosen(lambda value: CardTable if isinstance(value, dict) else CardName)]
 
 
 class HostTable(TableSchema):
@@ -181,25 +163,21 @@ class RigAxisTable(TableSchema):
 
 
 class RigFile(File):
-    """A rig, key by key. [servo] and [stepper] are what all drives of the kind have.
-
-    machine  a machine's name, or the path of its file
-    card     model of motion card, and how it is set
-    host     how the host keeps time
-    servo    what all servo drives have
-    stepper  what all stepper drives have
-    axis     `[[axis]]` tables by `name`: the `servo` or `stepper` of one axis
-    task     motions to try laws on
-    """
+    """A rig, key by key. [servo] and [stepper] are what all drives of the kind have."""
 
     what: ClassVar[str] = "rig"
-    machine: str = Field(description='write the name of a machine, e.g. "arm", or the path of its file')
-    card: CardEntry = PCI_8132.name
-    host: HostTable = HostTable()
-    servo: ServoTable | None = None
-    stepper: StepperTable | None = None
-    axis: tuple[RigAxisTable, ...] = ()
-    task: tuple[TaskTable, ...] = ()
+    machine: str = key(
+        "a machine's name, or the path of its file",
+        remedy='write the name of a machine, e.g. "arm", or the path of its file',
+    )
+    card: CardEntry = key("model of motion card, and how it is set", default=PCI_8132.name)
+    host: HostTable = key("how the host keeps time", default=HostTable())
+    servo: ServoTable | None = key("what all servo drives have", default=None)
+    stepper: StepperTable | None = key("what all stepper drives have", default=None)
+    axis: tuple[RigAxisTable, ...] = key(
+        "`[[axis]]` tables by `name`: the `servo` or `stepper` of one axis", default=()
+    )
+    task: tuple[TaskTable, ...] = key("motions to try laws on", default=())
 
 
 _TASK: TypeAdapter[PathTask | SineTask] = TypeAdapter(TaskTable)
@@ -314,10 +292,10 @@ def _find_drive_faults(
         given = {key for table in (data.get(kind), own.get(kind)) if isinstance(table, dict) for key in table}
         place: Key = (*at, kind) if kind in own else (kind,)
         wanted, other = TRANSMISSION[axis.kind], next(v for k, v in TRANSMISSION.items() if k != axis.kind)
-        for key in (*KINDS[kind].needed, wanted):
-            if key not in given and (place, key) not in missing:
-                missing.add((place, key))
-                yield (*place, key), f"missing: {_example(kind, key)}"
+        for name in (*KINDS[kind].needed, wanted):
+            if name not in given and (place, name) not in missing:
+                missing.add((place, name))
+                yield (*place, name), f"missing: {_example(kind, name)}"
         if other in given:
             other_way.setdefault(((*place, other), f"{axis.kind}: give a {wanted} instead"), []).append(axis.name)
     for at, of in undriven.items():
@@ -331,18 +309,13 @@ def _describe_axes(axes: Sequence[str]) -> str:
     return f"ax{'i' if len(axes) == 1 else 'e'}s {', '.join(axes)}"
 
 
-def _example(kind: str, key: str) -> str:
-    stated = [part for choice in get_args(KINDS[kind].model_fields[key].annotation) for part in get_args(choice)]
-    return _EXAMPLES.get(key) or next(part.example for part in stated if isinstance(part, Unit))
-
-
-_EXAMPLES = {
-    "gear": "write e.g. { ratio = 74 }",
-    "screw": 'write e.g. { lead = "2 mm" }',
-    "counts": "write e.g. 8192",
-    "steps": "write e.g. 200",
-    "torque_speed": 'write e.g. [["0 rpm", "0.3 N*m"], ["3000 rpm", "0.1 N*m"]]',
-}
+def _example(kind: str, name: str) -> str:
+    """The example that a key declares, or that of its unit."""
+    field = KINDS[kind].model_fields[name]
+    if field.examples:
+        return f"write e.g. {field.examples[0]}"
+    stated = (part for choice in get_args(field.annotation) for part in get_args(choice))
+    return next(part.example for part in stated if isinstance(part, Unit))
 
 
 def load_rig(name_or_path: str | PathLike[str]) -> Rig:

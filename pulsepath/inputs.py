@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from kinematics import Fault, FileError, Machine, MotionError, NotInstalled, load_machine
 from kinematics.files.toml_document import read
 from kinematics.foundation.names import find, source_folder
-from kinematics.machine.machine_file import toml_of
+from kinematics.machine.machine_writer import toml_of
 from planner import Program, load_program
 
 if TYPE_CHECKING:

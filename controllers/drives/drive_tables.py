@@ -8,6 +8,7 @@ from pydantic import AfterValidator, AllowInfNan, Field
 
 from controllers.drives.servo import Servo
 from controllers.drives.stepper import Stepper
+from kinematics.files.keys import key
 from kinematics.files.schema import TableSchema
 from kinematics.foundation.units import Unit
 from kinematics.kinds.axis_tables import check_rising
@@ -23,14 +24,10 @@ Curve = Annotated[
 
 
 class Gear(TableSchema):
-    """Turns of the motor for one of the axis; play at the axis.
+    """Turns of the motor for one of the axis; play at the axis."""
 
-    ratio  turns of the motor for one of the axis
-    play   at the axis
-    """
-
-    ratio: Annotated[float, Field(gt=0, le=1e6), AllowInfNan(False)]
-    play: Annotated[float, Unit("rad", least=0, like="3 arcmin")] = 0.0
+    ratio: Annotated[float, Field(gt=0, le=1e6), AllowInfNan(False)] = key("turns of the motor for one of the axis")
+    play: Annotated[float, Unit("rad", least=0, like="3 arcmin")] = key("at the axis", default=0.0)
 
     @property
     def travel(self) -> float:
@@ -39,14 +36,10 @@ class Gear(TableSchema):
 
 
 class Screw(TableSchema):
-    """Travel of the axis for one turn of the motor; play at the axis.
+    """Travel of the axis for one turn of the motor; play at the axis."""
 
-    lead  travel for one turn of the motor
-    play  at the axis
-    """
-
-    lead: Annotated[float, Unit("m", above=0, like="2 mm")]
-    play: Annotated[float, Unit("m", least=0, like="10 um")] = 0.0
+    lead: Annotated[float, Unit("m", above=0, like="2 mm")] = key("travel for one turn of the motor")
+    play: Annotated[float, Unit("m", least=0, like="10 um")] = key("at the axis", default=0.0)
 
     @property
     def travel(self) -> float:
@@ -54,52 +47,46 @@ class Screw(TableSchema):
 
 
 class DriveTable(TableSchema):
-    """What drives of every kind have, as far as it is stated; torques, inertias and speeds are the motor's.
-
-    inertia_ratio  of the load, as the motor feels it, to the rotor
-    counts         of the encoder for one turn of the motor
-    gear           of a rotary axis
-    screw          of a linear axis
-    rotor_inertia  needed, here or for every axis
-    viscous        friction in proportion to speed
-    coulomb        dry friction
-    sample         period of the drive's loops
-    """
+    """What drives of every kind have, as far as it is stated; torques, inertias and speeds are the motor's."""
 
     needed: ClassVar[tuple[str, ...]] = ("rotor_inertia",)
 
-    gear: Gear | None = None
-    screw: Screw | None = None
-    rotor_inertia: Annotated[float, Unit("kg*m^2", above=0, like="3.6e-6 kg*m^2")] | None = None
-    inertia_ratio: Ratio | None = None
-    viscous: Annotated[float, Unit("N*m*s/rad", least=0, like="5e-5 N*m*s/rad")] | None = None
-    coulomb: Torque | None = None
-    counts: Ratio | None = None
-    sample: Annotated[float, Unit("s", above=0, like="0.25 ms")] | None = None
+    gear: Gear | None = key("of a rotary axis", "{ ratio = 74 }", None)
+    screw: Screw | None = key("of a linear axis", '{ lead = "2 mm" }', None)
+    rotor_inertia: Annotated[float, Unit("kg*m^2", above=0, like="3.6e-6 kg*m^2")] | None = key(
+        "needed, here or for every axis", default=None
+    )
+    inertia_ratio: Ratio | None = key("of the load, as the motor feels it, to the rotor", default=None)
+    viscous: Annotated[float, Unit("N*m*s/rad", least=0, like="5e-5 N*m*s/rad")] | None = key(
+        "friction in proportion to speed", default=None
+    )
+    coulomb: Torque | None = key("dry friction", default=None)
+    counts: Ratio | None = key("of the encoder for one turn of the motor", "8192", None)
+    sample: Annotated[float, Unit("s", above=0, like="0.25 ms")] | None = key(
+        "period of the drive's loops", default=None
+    )
 
 
 class ServoTable(DriveTable):
-    """See `Servo`.
-
-    position_gain              of the position loop; needed
-    speed_loop                 bandwidth of the speed loop; needed
-    integral_time              of the speed loop; needed
-    torque_limit               needed
-    feedback                   where the encoder sits
-    command_delay, loop_delay  samples of the drive
-    """
+    """See `Servo`."""
 
     needed: ClassVar[tuple[str, ...]] = (
         *DriveTable.needed, "position_gain", "speed_loop", "integral_time", "torque_limit", "counts"
     )  # fmt: skip
 
-    position_gain: Annotated[float, Unit("1/s", above=0, like="30 1/s")] | None = None
-    speed_loop: Annotated[float, Unit("1/s", above=0, like="30 Hz")] | None = None
-    integral_time: Annotated[float, Unit("s", above=0, like="30 ms")] | None = None
-    torque_limit: Annotated[float, Unit("N*m", above=0, like="0.9 N*m")] | None = None
-    feedback: Literal["motor", "output"] | None = None
-    command_delay: Samples | None = None
-    loop_delay: Samples | None = None
+    position_gain: Annotated[float, Unit("1/s", above=0, like="30 1/s")] | None = key(
+        "of the position loop; needed", default=None
+    )
+    speed_loop: Annotated[float, Unit("1/s", above=0, like="30 Hz")] | None = key(
+        "bandwidth of the speed loop; needed", default=None
+    )
+    integral_time: Annotated[float, Unit("s", above=0, like="30 ms")] | None = key(
+        "of the speed loop; needed", default=None
+    )
+    torque_limit: Annotated[float, Unit("N*m", above=0, like="0.9 N*m")] | None = key("needed", default=None)
+    feedback: Literal["motor", "output"] | None = key("where the encoder sits", default=None)
+    command_delay: Samples | None = key("samples of the drive", default=None)
+    loop_delay: Samples | None = key("samples of the drive", default=None)
 
     @staticmethod
     def drive(values: Mapping[str, Any], r: float, common: Mapping[str, Any]) -> Servo:
@@ -108,18 +95,17 @@ class ServoTable(DriveTable):
 
 
 class StepperTable(DriveTable):
-    """See `Stepper`; steps: full steps of a turn.
-
-    steps         full steps of a turn; needed
-    torque_speed  peak torque at rates of steps, from 0; needed
-    damping       against slip between rotor and field
-    """
+    """See `Stepper`; steps: full steps of a turn."""
 
     needed: ClassVar[tuple[str, ...]] = (*DriveTable.needed, "steps", "torque_speed")
 
-    steps: Annotated[int, Field(gt=0, le=10**9, description="write e.g. 200")] | None = None
-    torque_speed: Curve | None = None
-    damping: Annotated[float, Unit("N*m*s/rad", least=0, like="5e-4 N*m*s/rad")] | None = None
+    steps: Annotated[int, Field(gt=0, le=10**9)] | None = key("full steps of a turn; needed", "200", None)
+    torque_speed: Curve | None = key(
+        "peak torque at rates of steps, from 0; needed", '[["0 rpm", "0.3 N*m"], ["3000 rpm", "0.1 N*m"]]', None
+    )
+    damping: Annotated[float, Unit("N*m*s/rad", least=0, like="5e-4 N*m*s/rad")] | None = key(
+        "against slip between rotor and field", default=None
+    )
 
     @staticmethod
     def drive(values: Mapping[str, Any], r: float, common: Mapping[str, Any]) -> Stepper:

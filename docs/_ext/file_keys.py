@@ -1,7 +1,8 @@
-"""Tables of a file's keys, made from its schema: {file-keys} module:Table, with :told: classes that say what keys mean.
+"""Tables of a file's keys, made from its schema: {file-keys} module:Table, with :told: a class that explains them.
 
-What a key takes comes from its annotation; what it means from the docstrings of its table and of the classes told of,
-in which a line reads `key  meaning`. A key that nothing explains is a warning, and so ends the build.
+What a key takes comes from its annotation, what it means from its declaration (`kinematics.files.keys`); or, of a table
+that sets the fields of another class, from the docstring of that class, in which a line reads `key  meaning`. A key
+that nothing explains is a warning, and so ends the build.
 """
 
 import re
@@ -13,12 +14,12 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 from docutils import nodes
 from docutils.parsers.rst import directives
-from pydantic import PlainValidator
 from pydantic_core import PydanticUndefined
 from sphinx.application import Sphinx
 from sphinx.util import logging
 from sphinx.util.docutils import SphinxDirective
 
+from kinematics.files.keys import Chosen
 from kinematics.files.schema import TableSchema
 from kinematics.foundation.units import Unit, describe, everyday_unit
 
@@ -33,12 +34,9 @@ def named(path: str) -> Any:
 
 
 def meanings(told: Any) -> dict[str, str]:
-    """Key -> meaning, from the lines of a docstring and of those it inherits."""
-    found: dict[str, str] = {}
-    for part in reversed(getattr(told, "__mro__", (told,))):
-        for keys, text in LINE.findall(cleandoc(part.__doc__ or "")):
-            found |= dict.fromkeys(keys.split(", "), " ".join(text.split()))
-    return found
+    """Key -> meaning, from the lines of a docstring."""
+    lines = LINE.findall(cleandoc(told.__doc__ or ""))
+    return {key: " ".join(text.split()) for keys, text in lines for key in keys.split(", ")}
 
 
 def takes(kind: Any, metadata: tuple[Any, ...] = ()) -> str:
@@ -51,10 +49,10 @@ def takes(kind: Any, metadata: tuple[Any, ...] = ()) -> str:
     if get_origin(kind) in (Union, UnionType):
         if any(isinstance(part, type) and issubclass(part, TableSchema) for part in get_args(kind)):
             return " or ".join(dict.fromkeys(takes(part) for part in get_args(kind) if part is not NoneType))
-        if not any(isinstance(mark, PlainValidator) for mark in metadata):
+        if not any(isinstance(mark, Chosen) for mark in metadata):
             return " or ".join(dict.fromkeys(takes(part) for part in get_args(kind) if part is not NoneType))
     for mark in metadata:
-        if isinstance(mark, PlainValidator) and (choices := list(dict.fromkeys(probed(mark)))):
+        if isinstance(mark, Chosen) and (choices := list(dict.fromkeys(probed(mark)))):
             return ", or ".join(choices)
     if get_origin(kind) is Literal:
         return " or ".join(f"`{value!r}`".replace("'", '"') for value in get_args(kind))
@@ -71,12 +69,11 @@ def takes(kind: Any, metadata: tuple[Any, ...] = ()) -> str:
     return {float: "number", int: "whole number", str: "text", bool: "`true` or `false`"}.get(kind, "")
 
 
-def probed(mark: PlainValidator) -> Iterator[str]:
-    """What the types are that `kinematics.files.schema.chosen` picks for values of every shape."""
-    cells = dict(zip(mark.func.__code__.co_freevars, mark.func.__closure__ or (), strict=True))  # type: ignore[union-attr]
-    for probe in PROBES if "pick" in cells else ():
+def probed(mark: Chosen) -> Iterator[str]:
+    """What the types are that are picked for values of every shape."""
+    for probe in PROBES:
         try:
-            kind = cells["pick"].cell_contents(probe)
+            kind = mark.pick(probe)
         except Exception:  # a shape that it refuses
             continue
         if said := takes(kind):
@@ -122,10 +119,10 @@ class FileKeys(SphinxDirective):
 
     def run(self) -> list[nodes.Node]:
         table = named(self.arguments[0])
-        told: dict[str, str] = {}
-        for path in reversed(self.options.get("told", "").split()):
-            told |= meanings(named(path))
-        told |= meanings(table)
+        told = meanings(named(self.options["told"])) if "told" in self.options else {}
+        told |= {
+            field.alias or name: field.description for name, field in table.model_fields.items() if field.description
+        }
         left_out = self.options.get("without", "").split()
         rows = ["| key | takes | default | what it is |", "| --- | --- | --- | --- |"]
         for name, field in table.model_fields.items():

@@ -3,16 +3,17 @@
 from collections.abc import Iterable
 from importlib.resources.abc import Traversable
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import casadi as ca
 import numpy as np
 
+from kinematics.files.keys import key
 from kinematics.files.schema import TableSchema
 from kinematics.foundation.arrays import LEAST_POSITIVE, finite_array, freeze_array
 from kinematics.foundation.units import Unit
-from kinematics.kinds.axis_tables import LinearAxis, LinearDefaults, axes
-from kinematics.kinds.load_tables import HomeTable, LoadedFile
+from kinematics.kinds.axis_tables import AXES, GEOMETRY, KIND, OWN_AXES, LinearAxis, LinearDefaults, axes
+from kinematics.kinds.load_tables import HOME, HomeTable, LoadedFile, home_entries
 from kinematics.machine.axis import Axis
 from kinematics.machine.load import Load
 from kinematics.machine.machine import Machine
@@ -56,16 +57,11 @@ class Delta(Machine):
 
 
 class Geometry(TableSchema):
-    """How a delta is built.
+    """How a delta is built."""
 
-    radius  of the rails' circle, less that of the platform's joints
-    rod     length of a rod between its joint centres
-    home    the pose from which travel and pulses count
-    """
-
-    radius: Annotated[float, Unit("m", above=0)]
-    rod: Annotated[float, Unit("m", above=0)]
-    home: HomeTable
+    radius: Annotated[float, Unit("m", above=0)] = key("of the rails, less that of the platform's joints")
+    rod: Annotated[float, Unit("m", above=0)] = key("length between its joint centres")
+    home: HomeTable = HOME
 
 
 class Own(LinearAxis):
@@ -77,10 +73,14 @@ class Own(LinearAxis):
 class DeltaFile(LoadedFile):
     """A delta, key by key."""
 
-    kind: Literal["delta"]
-    geometry: Geometry
-    axes: LinearDefaults
-    axis: tuple[Own, ...] = ()
+    kind: Literal["delta"] = KIND
+    geometry: Geometry = GEOMETRY
+    axes: LinearDefaults = AXES
+    axis: tuple[Own, ...] = OWN_AXES
+
+    @staticmethod
+    def geometry_of(machine: Delta, complete: bool) -> dict[str, Any]:
+        return {"radius": machine.radius, "rod": machine.rod, "home": home_entries(machine.home)}
 
 
 def delta(file: DeltaFile, name: str, folder: Path | Traversable) -> Delta:

@@ -8,7 +8,8 @@ from pydantic import AfterValidator, Field, model_validator
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics.calibration.measurements import AXIS, MAX_HOME_DISTANCE, POSITION, Measurements, Noise
-from kinematics.files.schema import File, TableSchema, build, chosen, one_of_tables, read_declared_units, unit_validator
+from kinematics.files.keys import Chosen, key
+from kinematics.files.schema import File, TableSchema, build, one_of_tables, read_declared_units, unit_validator
 from kinematics.files.toml_document import read
 from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.errors import validation_error
@@ -135,27 +136,18 @@ Spread = tuple[SpreadLength, SpreadLength, SpreadLength, SpreadAngle, SpreadAngl
 
 
 class PublishedTable(TableSchema):
-    """Where a figure was published, and of how many repetitions it is the mean.
+    """Where a figure was published, and of how many repetitions it is the mean."""
 
-    table  where it was published
-    n      repetitions that it is the mean of
-    """
-
-    table: str | None = None
-    n: Annotated[int, Field(ge=1)] | None = None
+    table: str | None = key("where it was published", default=None)
+    n: Annotated[int, Field(ge=1)] | None = key("repetitions that it is the mean of", default=None)
 
 
 class DirectionPose(PublishedTable):
-    """A pose with the direction of the platform's z axis, as its error from what was commanded.
+    """A pose with the direction of the platform's z axis, as its error from what was commanded."""
 
-    desired  x, y, z and direction angles α, β, γ of the platform's z axis
-    error    desired − measured
-    spread   largest deviation of repetitions from their mean
-    """
-
-    desired: PlaceAndAxis
-    error: Error
-    spread: Spread | None = None
+    desired: PlaceAndAxis = key("x, y, z and direction angles α, β, γ of the platform's z axis")
+    error: Error = key("desired − measured")
+    spread: Spread | None = key("largest deviation of repetitions from their mean", default=None)
 
     @model_validator(mode="after")
     def _measured_axis(self) -> Self:
@@ -172,14 +164,10 @@ class DirectionPose(PublishedTable):
 
 
 class WholePose(PublishedTable):
-    """A pose as position and rotation, or its position alone.
+    """A pose as position and rotation, or its position alone."""
 
-    commanded  x, y, z, θx, θy, θz from home
-    measured   the same, or x, y, z alone
-    """
-
-    commanded: PlaceAndTurn
-    measured: Annotated[tuple[float, ...], chosen(_place_type)]
+    commanded: PlaceAndTurn = key("x, y, z, θx, θy, θz from home")
+    measured: Annotated[tuple[float, ...], Chosen(_place_type)] = key("the same, or x, y, z alone")
 
     def row(self) -> PoseRow:
         whole = len(self.measured) == 6
@@ -191,20 +179,15 @@ class WholePose(PublishedTable):
 
 
 class TurnedAxis(PublishedTable):
-    """The direction of the platform's z axis after a turn θ.
+    """The direction of the platform's z axis after a turn θ."""
 
-    theta    θx, θy, θz of the turn
-    desired  direction angles of z after it
-    error    desired − measured
-    spread   largest deviation of repetitions from their mean
-    at       the position of the turn
-    """
-
-    theta: Angles
-    desired: Angles
-    error: Angles
-    spread: tuple[SpreadAngle, SpreadAngle, SpreadAngle] | None = None
-    at: Place = (0.0, 0.0, 0.0)
+    theta: Angles = key("θx, θy, θz of the turn")
+    desired: Angles = key("direction angles of z after it")
+    error: Angles = key("desired − measured")
+    spread: tuple[SpreadAngle, SpreadAngle, SpreadAngle] | None = key(
+        "largest deviation of repetitions from their mean", default=None
+    )
+    at: Place = key("the position of the turn", default=(0.0, 0.0, 0.0))
 
     @model_validator(mode="after")
     def _same_command(self) -> Self:
@@ -225,50 +208,38 @@ class TurnedAxis(PublishedTable):
 
 
 class InitialPose(PublishedTable):
-    """What was measured at home: error = measured − desired; the errors of the poses have it taken out already.
+    """What was measured at home: error = measured − desired; the errors of the poses have it taken out already."""
 
-    desired  of home
-    error    measured − desired
-    spread   largest deviation of repetitions from their mean
-    """
-
-    desired: PlaceAndAxis
-    error: Error
-    spread: Spread | None = None
+    desired: PlaceAndAxis = key("of home")
+    error: Error = key("measured − desired")
+    spread: Spread | None = key("largest deviation of repetitions from their mean", default=None)
 
 
 class NoiseTable(TableSchema):
-    """Standard deviation of one component of a position and of a rotation.
+    """Standard deviation of one component of a position and of a rotation."""
 
-    position  of one component
-    rotation  of one component
-    """
-
-    position: Annotated[float, Unit("m", above=0, like="5 um")]
-    rotation: Annotated[float, Unit("rad", above=0, like="20 urad")]
+    position: Annotated[float, Unit("m", above=0, like="5 um")] = key("of one component")
+    rotation: Annotated[float, Unit("rad", above=0, like="20 urad")] = key("of one component")
 
 
 PoseTable = Annotated[DirectionPose | WholePose, one_of_tables(DirectionPose, WholePose)]
 
 
 class MeasurementFile(File):
-    """A measurement file's TOML, key by key.
-
-    length    unit of plain numbers that are lengths; mm if not stated
-    angle     unit of plain angles; deg if not stated
-    error     unit of plain lengths in errors; um if not stated
-    noise     standard deviation; estimated if not stated
-    initial   what was measured at home
-    pose      poses that parameters are fitted to
-    rotation  turns that are checks: nothing is fitted to them
-    """
+    """A measurement file's TOML, key by key."""
 
     what: ClassVar[str] = "measurement file"
-    version: Literal[1] = Field(1, alias="schema")
-    length: Annotated[str, unit_validator("m")] | None = None
-    angle: Annotated[str, unit_validator("rad")] | None = None
-    error: Annotated[str, unit_validator("m")] | None = None
-    noise: NoiseTable | None = None
-    initial: InitialPose | None = None
-    pose: Annotated[tuple[PoseTable, ...], Field(description=_POSE_REMEDY), AfterValidator(_require_poses)]
-    rotation: tuple[TurnedAxis, ...] = ()
+    version: Literal[1] = key("of this file; 1 if not stated", default=1, alias="schema")
+    length: Annotated[str, unit_validator("m")] | None = key(
+        "unit of plain numbers that are lengths; mm if not stated", default=None
+    )
+    angle: Annotated[str, unit_validator("rad")] | None = key("unit of plain angles; deg if not stated", default=None)
+    error: Annotated[str, unit_validator("m")] | None = key(
+        "unit of plain lengths in errors; um if not stated", default=None
+    )
+    noise: NoiseTable | None = key("standard deviation; estimated if not stated", default=None)
+    initial: InitialPose | None = key("what was measured at home", default=None)
+    pose: Annotated[tuple[PoseTable, ...], AfterValidator(_require_poses)] = key(
+        "poses that parameters are fitted to", remedy=_POSE_REMEDY
+    )
+    rotation: tuple[TurnedAxis, ...] = key("turns that are checks: nothing is fitted to them", default=())

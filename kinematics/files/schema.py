@@ -1,18 +1,17 @@
 """Schemas of files: typed tables, and every fault of a document in one pass, in words that bring the remedy.
 
-A file's schema is a `Table` whose fields are annotated with what they accept, so that it reads like the file:
+A file's schema is a `TableSchema` whose fields say what they accept and mean, so that it reads like the file:
 
-    class Leg(Table):
-        travel: tuple[Length, Length]
-        max_speed: Annotated[float, Unit("m/s", above=0)] | None = None
+    class Leg(TableSchema):
+        travel: tuple[Length, Length] = key("from home", '["0 mm", "50 mm"]')
+        max_speed: Annotated[float, Unit("m/s", above=0)] | None = key("unlimited if not stated", '"20 mm/s"', None)
 
 The kinds of TOML files, by keys that only one of them has: so that one given for another is called what it is.
 """
 
 import re
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping
-from functools import cache
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Annotated, Any, ClassVar, Literal, Self, TypeVar, get_args, get_origin
 
 from pydantic import (
@@ -20,16 +19,13 @@ from pydantic import (
     AllowInfNan,
     BaseModel,
     ConfigDict,
-    Field,
     ModelWrapValidatorHandler,
-    PlainValidator,
-    TypeAdapter,
     ValidationError,
-    ValidationInfo,
     model_validator,
 )
 from pydantic_core import ErrorDetails, InitErrorDetails
 
+from kinematics.files.keys import Chosen, key, remedy_of
 from kinematics.files.toml_document import Document, Key
 from kinematics.foundation.errors import BadValue, Fault, FileError, MotionError, validation_error
 from kinematics.foundation.names import closest, nearest
@@ -90,7 +86,7 @@ class TableSchema(BaseModel):
                 message = f"{_UNKNOWN}{nearest(last, keys)}; valid keys: {', '.join(keys)}"
                 told = BadValue(message, allowed=", ".join(keys), nearest=closest(last, keys))
             case "missing" if last in keys:
-                example = keys[last].description or _example(last, keys[last].annotation, keys[last].metadata)
+                example = remedy_of(keys[last]) or _example(last, keys[last].annotation, keys[last].metadata)
                 told = BadValue(": ".join(filter(None, ["missing", example])), allowed=example)
             case "missing":
                 told = BadValue("missing: the array is too short")
@@ -138,12 +134,11 @@ _TYPES = {
 class File(TableSchema):
     """What every file says first.
 
-    schema  the version of the format: 1
-    what    what the file is, as `kinematics.files.schema` has it
+    what  what the file is, as `KIND_KEYS` has it
     """
 
     what: ClassVar[str] = ""
-    version: Literal[1] = Field(alias="schema", description="write schema = 1")
+    version: Literal[1] = key("of this file", alias="schema", remedy="write schema = 1")
 
 
 Model = TypeVar("Model", bound=File)
@@ -200,8 +195,15 @@ def _example(key: str, annotation: Any, metadata: Iterable[Any]) -> str:
         return f"write {' or '.join(map(describe_value, get_args(annotation)))}"
     if annotation is str:
         return 'write a text in quotes, as "a"'
-    tables = [entry for entry in (annotation, *get_args(annotation)) if isinstance(entry, type)]
-    return f"add the table [{key}]" if any(issubclass(table, TableSchema) for table in tables) else ""
+    return f"add the table [{key}]" if any(tables_in(annotation)) else ""
+
+
+def tables_in(kind: Any) -> Iterator[type[TableSchema]]:
+    """The schemas that an annotation names."""
+    if isinstance(kind, type) and issubclass(kind, TableSchema):
+        yield kind
+    for part in get_args(kind):
+        yield from tables_in(part)
 
 
 def require_nonzero(value: Any) -> Any:
@@ -213,9 +215,6 @@ def require_nonzero(value: Any) -> Any:
 
 Number = Annotated[float, AllowInfNan(False)]
 Direction = Annotated[tuple[Number, Number, Number], AfterValidator(require_nonzero)]
-
-
-_adapter = cache(TypeAdapter[Any])
 
 
 def unit_validator(unit: str) -> AfterValidator:
@@ -242,16 +241,7 @@ def read_declared_units(data: Mapping[str, Any], units: Mapping[str, str]) -> di
     return values
 
 
-def chosen(pick: Callable[[Any], Any]) -> PlainValidator:
-    """Annotation of a value whose own shape says which type it has to fit: `pick` maps the raw value to that type."""
-
-    def validate(value: object, info: ValidationInfo) -> Any:
-        return _adapter(pick(value)).validate_python(value, strict=True, context=info.context)
-
-    return PlainValidator(validate)
-
-
-def one_of_tables(*tables: type[TableSchema]) -> PlainValidator:
+def one_of_tables(*tables: type[TableSchema]) -> Chosen:
     """Annotation of a table that is exactly one of the given: the one whose own keys (in no other) are present."""
     counts = Counter(key for table in tables for key in table.model_fields)
     own = {table: [key for key in table.model_fields if counts[key] == 1] for table in tables}
@@ -270,4 +260,4 @@ def one_of_tables(*tables: type[TableSchema]) -> PlainValidator:
         near = "".join(closest(key, counts) for key in unknown)
         raise validation_error(BadValue(f"incomplete: give {asked}{odd}", allowed=asked, nearest=near))
 
-    return chosen(pick)
+    return Chosen(pick)

@@ -211,6 +211,7 @@ class Unit:
     least, most  the value is no smaller, no greater, SI
     plain        the file's key that declares the unit of plain numbers ("length"); None: every number needs its own
     like         a usual value, for messages; None: 20 of the everyday unit
+    file_unit    in which files are written; empty: mm for m, mm/s for m/s and so on, else the unit itself
     """
 
     unit: str
@@ -219,6 +220,14 @@ class Unit:
     most: float = inf
     plain: str | None = None
     like: str | None = None
+    file_unit: str = ""
+
+    @property
+    def written(self) -> tuple[str, int]:
+        """The unit in which files are written, and its power of ten from SI."""
+        length = self.unit.split("/")[0] == "m"
+        name = self.file_unit or (f"m{self.unit}" if length else self.unit)
+        return name, 0 if name == self.unit else {"m": 3, "u": 6}[name[0]]
 
     @property
     def example(self) -> str:

@@ -14,9 +14,9 @@ from typing import Any, Literal
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
-from pydantic import Field
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from kinematics.files.keys import key
 from kinematics.files.schema import TableSchema
 from kinematics.files.toml_document import MAX_BYTES, Key, bytes_of
 from kinematics.foundation.arrays import Array, finite_array, freeze_array
@@ -24,7 +24,7 @@ from kinematics.foundation.casadi_function import Expression
 from kinematics.foundation.errors import BadValue, Fault, FileError, MotionError, NotInstalled
 from kinematics.foundation.names import closest, nearest
 from kinematics.foundation.units import Angle, describe_value
-from kinematics.kinds.axis_tables import RotaryAxis, axes
+from kinematics.kinds.axis_tables import AXES, GEOMETRY, KIND, OWN_AXES, RotaryAxis, axes
 from kinematics.kinds.load_tables import LoadedFile
 from kinematics.kinds.traverser import nearest_turn
 from kinematics.machine.axis import Axis
@@ -299,18 +299,12 @@ def _faults(model: Any, joints: list[str], tool: str) -> list[Fault]:
 
 
 class ArmGeometry(TableSchema):
-    """How a serial arm is built.
+    """How a serial arm is built."""
 
-    urdf    a file beside this one
-    joints  its three, from the base
-    tool    the link of the file whose frame is moved
-    home    angles of the joints, from which travel counts
-    """
-
-    urdf: str = Field(description='write the name of a file beside this one, e.g. "arm.urdf"')
-    joints: tuple[str, str, str]
-    tool: str
-    home: tuple[Angle, Angle, Angle]
+    urdf: str = key("a file beside this one", remedy='write the name of a file beside this one, e.g. "arm.urdf"')
+    joints: tuple[str, str, str] = key("its three, from the base on")
+    tool: str = key("its link that is moved")
+    home: tuple[Angle, Angle, Angle] = key("angles of the joints from which travel and pulses count")
 
 
 class ArmAxisTable(RotaryAxis):
@@ -320,10 +314,10 @@ class ArmAxisTable(RotaryAxis):
 class ArmFile(LoadedFile):
     """An arm, key by key."""
 
-    kind: Literal["arm"]
-    geometry: ArmGeometry
-    axes: RotaryAxis
-    axis: tuple[ArmAxisTable, ...] = ()
+    kind: Literal["arm"] = KIND
+    geometry: ArmGeometry = GEOMETRY
+    axes: RotaryAxis = AXES
+    axis: tuple[ArmAxisTable, ...] = OWN_AXES
 
 
 def find_stray_axis_tables(data: Mapping[str, Any]) -> Iterator[tuple[Key, MotionError]]:

@@ -2,16 +2,17 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal, TypeVar
 
-from pydantic import AfterValidator, AllowInfNan, Field, PlainValidator, ValidationInfo
+from pydantic import AfterValidator, AllowInfNan, Field, create_model
 
-from kinematics.files.schema import File, TableSchema, chosen
+from kinematics.files.keys import Chosen, key
+from kinematics.files.schema import File, TableSchema, tables_in
 from kinematics.files.toml_document import Key
 from kinematics.foundation.errors import BadValue, MotionError, validation_error
 from kinematics.foundation.names import closest, nearest
-from kinematics.foundation.units import Angle, Length, Unit, describe_value
-from kinematics.machine.axis import Axis, Magnitude, StepTiming, find_drive
+from kinematics.foundation.units import Length, Unit, describe_value
+from kinematics.machine.axis import Axis, AxisKind, Magnitude, StepTiming, find_drive
 
 MICROSTEPS = tuple(sorted({200, 400, 1000, 2000, 5000, 10_000, 25_000, 50_000} | {400 << k for k in range(8)}))
 """Steps per revolution that microstepping drives make of a 1.8° motor: decimal, and binary to 51 200 [KMITL 2005]."""
@@ -43,15 +44,13 @@ def _check_steps(count: int) -> int:
     return count
 
 
-def _magnitude(unit: str) -> PlainValidator:
+def _magnitude(unit: str) -> Chosen:
     """Annotation of a bound: one quantity, or two (towards smaller and towards greater positions)."""
     one = Annotated[float, Unit(unit, above=0)]
     two = tuple.__class_getitem__((one, one))
-    return chosen(lambda value: two if isinstance(value, tuple) else one)
+    return Chosen(lambda value: two if isinstance(value, tuple) else one)
 
 
-Rate = Annotated[float, Unit("1/s", above=0)]
-Force = Annotated[float, Unit("N", above=0)]
 Steps = Annotated[int, AfterValidator(_check_steps)]
 RATIO = 1e6
 """Of what one pulse, or one turn, may stand for another."""
@@ -62,7 +61,7 @@ class PulseRate(float):
     """An edge of a resonance band in 1/s of the axis' pulses, until its pulse is known."""
 
 
-def _edge(unit: str) -> PlainValidator:
+def _edge(unit: str) -> Chosen:
     """Annotation of an edge of a resonance band: a speed, or the pulse rate at which the axis has it."""
     speed, rate = (
         Annotated[float, Unit(unit, above=0)],
@@ -77,7 +76,7 @@ def _edge(unit: str) -> PlainValidator:
             return speed
         return rate
 
-    return chosen(pick)
+    return Chosen(pick)
 
 
 def _check_bands(bands: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
@@ -92,164 +91,227 @@ def _check_bands(bands: tuple[tuple[float, float], ...]) -> tuple[tuple[float, f
 class TimingTable(TableSchema):
     """The timing of a drive that has no name here."""
 
-    high: Annotated[float, Unit("s", above=0, like="1 us")]
-    low: Annotated[float, Unit("s", above=0, like="1 us")]
-    setup: Annotated[float, Unit("s", least=0, like="1 us")]
-    hold: Annotated[float, Unit("s", least=0, like="1 us")]
-    max_rate: Annotated[float, Unit("1/s", above=0, like="500 kHz")] | None = None
+    high: Annotated[float, Unit("s", above=0, like="1 us", file_unit="us")] = key("that STEP stays high")
+    low: Annotated[float, Unit("s", above=0, like="1 us", file_unit="us")] = key("that STEP stays low")
+    setup: Annotated[float, Unit("s", least=0, like="1 us", file_unit="us")] = key(
+        "that DIR is right before STEP rises"
+    )
+    hold: Annotated[float, Unit("s", least=0, like="1 us", file_unit="us")] = key("that DIR stays so after it")
+    max_rate: Annotated[float, Unit("1/s", above=0, like="500 kHz")] | None = key(
+        "of pulses; what high and low allow if not stated", default=None
+    )
 
 
-def _timing(value: object, info: ValidationInfo) -> StepTiming:
-    if isinstance(value, str):
-        try:
-            return find_drive(value)
-        except MotionError as error:
-            raise validation_error(error) from None
-    table = TimingTable.model_validate(value, strict=True, context=info.context)
-    return StepTiming(**table.model_dump(exclude_none=True))
+def _timing(stated: str | TimingTable) -> StepTiming:
+    if isinstance(stated, TimingTable):
+        return StepTiming(**stated.model_dump(exclude_none=True))
+    try:
+        return find_drive(stated)
+    except MotionError as error:
+        raise validation_error(error) from None
 
 
-Timing = Annotated[StepTiming, PlainValidator(_timing)]
-
-
-class Input(TableSchema):
-    """What no unit of its own depends on.
-
-    pulse_factor     what a calibration found a pulse to be, over what is stated
-    electronic_gear  (n, d): the drive makes n/d steps of each pulse, and a pulse is so much longer
-    drive  instead of `pulse`: the drive that makes it
-    """
-
-    direction: Annotated[int, AfterValidator(_check_direction)] | None = None
-    max_pulse_rate: Rate | None = None
-    timing: Timing | None = None
-    compensate: tuple[Literal["lead", "backlash"], ...] | None = None
-    pushed: Literal["+", "-"] | None = None
-    pulse_factor: Annotated[float, Field(ge=1 / RATIO, le=RATIO), AllowInfNan(False)] | None = None
-    electronic_gear: tuple[Teeth, Teeth] | None = None
-    resonance_time: Annotated[float, Unit("s", above=0)] | None = None
-
-
-class MachineFile(File):
-    """What every kind's file has.
-
-    kind      what it is
-    geometry  how it is built
-    axes      what all axes have
-    axis      `[[axis]]` tables by `name`: what one has of its own
-    wiring    by axis: which card drives it, and which of the card's axes it is, from 0
-    """
-
-    what: ClassVar[str] = "machine file"
-    wiring: dict[str, tuple[str, Annotated[int, Field(ge=0)]]] = Field(default_factory=dict)
+Timing = Annotated[Any, Chosen(lambda value: str if isinstance(value, str) else TimingTable), AfterValidator(_timing)]
 
 
 class LinearDrive(TableSchema):
-    """A stepper on a screw: one pulse moves lead / steps.
+    """A stepper on a screw: one pulse moves lead / steps."""
 
-    steps  pulses for one turn of the motor
-    lead   travel for one turn of the screw
-    """
-
-    steps: Steps
-    lead: Annotated[float, Unit("m", above=0)]
+    steps: Steps = key("pulses for one turn of the motor")
+    lead: Annotated[float, Unit("m", above=0)] = key("travel for one turn of the screw")
 
     @property
     def pulse(self) -> float:
         return self.lead / self.steps
 
 
-class LinearAxis(Input):
-    """Travel, wiring and limits of a linear axis, as far as the file states them; an absent limit is none.
-
-    max_force  that the actuator bears; kept where the file states masses, friction or a wrench
-    resonance  rising bands ((low, high), ...) of speed, or of pulse rate ("180 1/s", times the axis' own pulse): there
-               the motor resonates
-    """
-
-    travel: Annotated[tuple[Length, Length], AfterValidator(_check_travel)] | None = None
-    pulse: Annotated[float, Unit("m", above=0)] | None = None
-    drive: LinearDrive | None = None
-    max_speed: Annotated[Magnitude, _magnitude("m/s")] | None = None
-    max_acceleration: Annotated[Magnitude, _magnitude("m/s^2")] | None = None
-    max_jerk: Annotated[Magnitude, _magnitude("m/s^3")] | None = None
-    resonance: (
-        Annotated[
-            tuple[tuple[Annotated[float, _edge("m/s")], Annotated[float, _edge("m/s")]], ...],
-            AfterValidator(_check_bands),
-        ]
-        | None
-    ) = None
-    max_force: Force | None = None
-    torque_speed: (
-        Annotated[
-            tuple[tuple[Annotated[float, Unit("m/s", least=0)], Annotated[float, Unit("N", least=0)]], ...],
-            AfterValidator(check_rising),
-        ]
-        | None
-    ) = None
-    friction: Annotated[float, Unit("N*s/m", least=0)] | None = None
-    reflected: Annotated[float, Unit("kg", least=0)] | None = None
-    backlash: Annotated[float, Unit("m", least=0)] | None = None
-    take_up_acceleration: Annotated[float, Unit("m/s^2", above=0)] | None = None
-    lead_error: Annotated[tuple[tuple[Length, Length], ...], AfterValidator(check_rising)] | None = None
-
-
 class RotaryDrive(TableSchema):
-    """A stepper behind a gear: one pulse turns 1/(steps · gear) of a revolution.
+    """A stepper behind a gear: one pulse turns 1/(steps · gear) of a revolution."""
 
-    steps  pulses for one turn of the motor
-    gear   turns of the motor for one of the axis
-    """
-
-    steps: Steps
-    gear: Annotated[float, Field(ge=1 / RATIO, le=RATIO), AllowInfNan(False)] = 1.0
+    steps: Steps = key("pulses for one turn of the motor")
+    gear: Annotated[float, Field(ge=1 / RATIO, le=RATIO), AllowInfNan(False)] = key(
+        "turns of the motor for one of the axis", default=1.0
+    )
 
     @property
     def pulse(self) -> float:
         return 6.283185307179586 / (self.steps * self.gear)
 
 
-class RotaryAxis(Input):
-    """The same of a rotary axis; without travel it may turn any number of times."""
+class AxisTable(TableSchema):
+    """Travel, wiring and limits of an axis, as far as the file states them; an absent limit is none."""
 
-    travel: Annotated[tuple[Angle, Angle], AfterValidator(_check_travel)] | None = None
-    pulse: Annotated[float, Unit("rad", above=0)] | None = None
-    drive: RotaryDrive | None = None
-    max_speed: Annotated[Magnitude, _magnitude("rad/s")] | None = None
-    max_acceleration: Annotated[Magnitude, _magnitude("rad/s^2")] | None = None
-    max_jerk: Annotated[Magnitude, _magnitude("rad/s^3")] | None = None
-    resonance: (
-        Annotated[
-            tuple[tuple[Annotated[float, _edge("rad/s")], Annotated[float, _edge("rad/s")]], ...],
-            AfterValidator(_check_bands),
-        ]
-        | None
-    ) = None
-    max_force: Annotated[float, Unit("N*m", above=0)] | None = None
-    torque_speed: (
-        Annotated[
-            tuple[tuple[Annotated[float, Unit("rad/s", least=0)], Annotated[float, Unit("N*m", least=0)]], ...],
-            AfterValidator(check_rising),
-        ]
-        | None
-    ) = None
-    friction: Annotated[float, Unit("N*m*s/rad", least=0)] | None = None
-    reflected: Annotated[float, Unit("kg*m^2", least=0)] | None = None
-    backlash: Annotated[float, Unit("rad", least=0)] | None = None
-    take_up_acceleration: Annotated[float, Unit("rad/s^2", above=0)] | None = None
-    lead_error: Annotated[tuple[tuple[Angle, Angle], ...], AfterValidator(check_rising)] | None = None
+    kind: ClassVar[AxisKind]
+
+
+TRAVEL = '["0 mm", "50 mm"]'
+Table = TypeVar("Table", bound=AxisTable)
+
+
+def declares_keys(table: type[Table]) -> type[Table]:
+    """Decorator: a table of axes with every key that an axis may have, in the units of its kind."""
+    linear = table.kind == "linear"
+    way, force, viscosity, inertia = ("m", "N", "N*s/m", "kg") if linear else ("rad", "N*m", "N*m*s/rad", "kg*m^2")
+    place = Annotated[float, Unit(way)]
+    speed = Annotated[float, Unit(f"{way}/s", least=0)]
+
+    def of(linear_axes: str, rotary_axes: str) -> str:
+        return linear_axes if linear else rotary_axes
+
+    class Keys(AxisTable):
+        travel: Annotated[tuple[place, place], AfterValidator(_check_travel)] | None = key(
+            "of each axis from home", of(TRAVEL, '["-90 deg", "90 deg"]'), None
+        )
+        pulse: Annotated[float, Unit(way, above=0, file_unit=of("um", "rad"))] | None = key(
+            "way of one pulse", of('"1 um"', '"0.01 deg"'), None, instead=["drive"]
+        )
+        drive: Annotated[Any, Chosen(lambda _: LinearDrive if linear else RotaryDrive)] = key(
+            of(
+                "a screw: steps of a revolution, and the way of one",
+                "steps of a revolution; behind a gear: gear = 74.0",
+            ),
+            of('{ steps = 400, lead = "0.5 mm" }', "{ steps = 400, gear = 1.0 }"),
+            None,
+            instead=["pulse"],
+        )
+        electronic_gear: tuple[Teeth, Teeth] | None = key(
+            "(n, d): the drive makes n/d steps of each pulse", "[2, 1]", None
+        )
+        pulse_factor: Annotated[float, Field(ge=1 / RATIO, le=RATIO), AllowInfNan(False)] | None = key(
+            "what a calibration found a pulse to be, over what is stated", "1.0001", None
+        )
+        direction: Annotated[int, AfterValidator(_check_direction)] | None = key(
+            "1 or -1: how a greater position is counted", "-1", None
+        )
+        max_speed: Annotated[Magnitude, _magnitude(f"{way}/s")] | None = key(
+            "unlimited if not stated; two: towards smaller, towards greater positions",
+            of('"20 mm/s"', '"60 deg/s"'),
+            None,
+        )
+        max_acceleration: Annotated[Magnitude, _magnitude(f"{way}/s^2")] | None = key(
+            "likewise", of('"225 mm/s^2"', '"240 deg/s^2"'), None
+        )
+        max_jerk: Annotated[Magnitude, _magnitude(f"{way}/s^3")] | None = key(
+            "likewise; without it plans are of order 2", of('"4000 mm/s^3"', '"4000 deg/s^3"'), None
+        )
+        max_force: Annotated[float, Unit(force, above=0)] | None = key(
+            "of the actuator; needs masses, below", of('"220 N"', '"10 N*m"'), None
+        )
+        torque_speed: (
+            Annotated[
+                tuple[tuple[speed, Annotated[float, Unit(force, least=0)]], ...],
+                AfterValidator(check_rising),
+            ]
+            | None
+        ) = key(
+            "force that the motor has at rising speeds; needs masses",
+            of('[["0 mm/s", "220 N"], ["50 mm/s", "80 N"]]', '[["0 deg/s", "10 N*m"], ["90 deg/s", "4 N*m"]]'),
+            None,
+        )
+        friction: Annotated[float, Unit(viscosity, least=0)] | None = key(
+            "viscous", of('"100 N*s/m"', '"0.1 N*m*s/rad"'), None
+        )
+        reflected: Annotated[float, Unit(inertia, least=0)] | None = key(
+            "rotor and screw, as the axis feels them", of('"2 kg"', '"0.01 kg*m^2"'), None
+        )
+        max_pulse_rate: Annotated[float, Unit("1/s", above=0)] | None = key(
+            "that the card or the drive takes", '"500 kHz"', None
+        )
+        timing: Timing | None = key(
+            'of the drive\'s inputs, by its name; or { high = "1 us", low = "1 us", setup = "1 us", hold = "1 us" }, '
+            'with max_rate = "500 kHz" if it has one',
+            '"DRV8825"',
+            None,
+        )
+        resonance: (
+            Annotated[
+                tuple[tuple[Annotated[float, _edge(f"{way}/s")], Annotated[float, _edge(f"{way}/s")]], ...],
+                AfterValidator(_check_bands),
+            ]
+            | None
+        ) = key(
+            'bands in which a stepper resonates, rising: of speed, or of pulse rate as [["180 1/s", "220 1/s"]]',
+            of('[["4 mm/s", "5 mm/s"]]', '[["20 deg/s", "25 deg/s"]]'),
+            None,
+        )
+        resonance_time: Annotated[float, Unit("s", above=0, file_unit="ms")] | None = key(
+            "that a stay in a band may last; never in one if not stated", '"20 ms"', None, needs=["resonance"]
+        )
+        backlash: Annotated[float, Unit(way, least=0)] | None = key(
+            "lost at every reversal", of('"0.01 mm"', '"0.02 deg"'), None
+        )
+        pushed: Literal["+", "-"] | None = key('"+" or "-": the side on which the play is at first', '"+"', None)
+        lead_error: Annotated[tuple[tuple[place, place], ...], AfterValidator(check_rising)] | None = key(
+            "of the screw: positions from home, rising, and how far beyond each the axis is",
+            of('[["0 mm", "0 mm"], ["50 mm", "0.01 mm"]]', '[["0 deg", "0 deg"], ["90 deg", "0.01 deg"]]'),
+            None,
+        )
+        compensate: tuple[Literal["lead", "backlash"], ...] | None = key(
+            'what the pulses make up for: "backlash", "lead"', '["backlash"]', None, needs=["backlash"]
+        )
+        take_up_acceleration: Annotated[float, Unit(f"{way}/s^2", above=0)] | None = key(
+            "of a motor that crosses its play; max_acceleration if not stated",
+            of('"500 mm/s^2"', '"500 deg/s^2"'),
+            None,
+        )
+
+    bases: tuple[Any, ...] = (table, Keys)
+    made: type[Table] = create_model(table.__name__, __base__=bases, __module__=table.__module__, __doc__=table.__doc__)
+    return made
+
+
+@declares_keys
+class LinearAxis(AxisTable):
+    """The table of a linear axis."""
+
+    kind = "linear"
+
+
+@declares_keys
+class RotaryAxis(AxisTable):
+    """The table of a rotary axis; without travel it may turn any number of times."""
+
+    kind = "rotary"
 
 
 class LinearDefaults(LinearAxis):
     """What all linear axes have unless their own table says otherwise."""
 
-    travel: Annotated[
-        tuple[Length, Length], AfterValidator(_check_travel), Field(description='write e.g. ["0 mm", "50 mm"]')
-    ]
+    travel: Annotated[tuple[Length, Length], AfterValidator(_check_travel)] = key(
+        "of each axis from home", TRAVEL, remedy=f"write e.g. {TRAVEL}"
+    )
 
 
-AxisTable = LinearAxis | RotaryAxis
+KIND = key("what it is")
+GEOMETRY = key("how it is built")
+AXES = key("what all axes have")
+OWN_AXES = key("what one axis has of its own: any key of [axes]; a table for each such axis", default=())
+
+
+class MachineFile(File):
+    """What every kind's file has.
+
+    first_place   mm from home where the circle of a program to start from begins, within reach of the kind's presets
+    """
+
+    what: ClassVar[str] = "machine file"
+    first_place: ClassVar[tuple[float, float, float]] = (0, 0, 20)
+    wiring: dict[str, tuple[str, Annotated[int, Field(ge=0)]]] = key(
+        "by axis: which card drives it, and which of the card's axes it is, from 0", default={}
+    )
+
+    @staticmethod
+    def geometry_of(machine: Any, complete: bool) -> Mapping[str, Any] | None:
+        """What [geometry] says of a machine of the kind, by key, SI; None: machines of the kind are not written.
+
+        complete  with what holds where nothing is said
+        """
+        return None
+
+    @classmethod
+    def tables_of(cls, name: str) -> list[type[TableSchema]]:
+        """The schemas of which a table of the file has one; none where the file has no such table."""
+        return list(tables_in(cls.model_fields[name].annotation)) if name in cls.model_fields else []
 
 
 def axes(
@@ -257,14 +319,12 @@ def axes(
 ) -> list[Axis]:
     """The axes by name: what all of their kind have, and what each has of its own (a `drive` gives its pulse)."""
     own = {override.name: _stated_values(override) for override in overrides}
-    kinds = {LinearAxis: "linear", RotaryAxis: "rotary"}
     made = []
     for name in names:
         common = defaults[name]
-        kind = next(kind for table, kind in kinds.items() if isinstance(common, table))
         card, channel = file.wiring.get(name, (None, None))
         wired = {"name": name, "card": card, "channel": channel}
-        made.append(Axis(**_resolve_pulse({"kind": kind} | _stated_values(common) | own.get(name, {}) | wired)))
+        made.append(Axis(**_resolve_pulse({"kind": common.kind} | _stated_values(common) | own.get(name, {}) | wired)))
     return made
 
 
@@ -288,14 +348,14 @@ def _stated_values(table: Any) -> dict[str, Any]:
 def find_pulse_faults(data: Mapping[str, Any]) -> Iterator[tuple[Key, str]]:
     """A table that states both a pulse and the drive that makes it, or neither where all axes need one."""
     own = data.get("axis", ())
-    tables: list[tuple[Key, Any, bool]] = [((key,), data.get(key), True) for key in ("axes", "rotary")]
+    tables: list[tuple[Key, Any, bool]] = [((name,), data.get(name), True) for name in ("axes", "rotary")]
     tables += [(("axis", n), table, False) for n, table in enumerate(own if isinstance(own, tuple) else ())]
-    for key, table, needed in tables:
+    for at, table, needed in tables:
         given = {"pulse", "drive"} & table.keys() if isinstance(table, dict) else {"pulse"}
         if len(given) == 2:
-            yield (*key, "drive"), "pulse and drive exclude each other: give one"
+            yield (*at, "drive"), "pulse and drive exclude each other: give one"
         if needed and not given:
-            yield (*key, "pulse"), 'missing: write e.g. "0.75 um", or a drive with its steps'
+            yield (*at, "pulse"), 'missing: write e.g. "0.75 um", or a drive with its steps'
 
 
 def find_wiring_faults(names: Sequence[str], data: Mapping[str, Any]) -> Iterator[tuple[Key, MotionError]]:

@@ -18,12 +18,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kinematics.analysis.assembly_modes import assembly_modes
+from kinematics.files.keys import key
 from kinematics.files.schema import one_of_tables
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.units import Length, Unit
-from kinematics.kinds.axis_tables import LinearAxis, LinearDefaults, axes
-from kinematics.kinds.legged import Legged, Platforms, Radius, rest_axes_type
-from kinematics.kinds.load_tables import LegsTable, LoadedFile, Point
+from kinematics.kinds.axis_tables import AXES, GEOMETRY, KIND, OWN_AXES, LinearAxis, LinearDefaults, axes
+from kinematics.kinds.legged import BASE_REST, PLATFORM_REST, Legged, Platforms, Radius, legged_geometry, rest_axes_type
+from kinematics.kinds.load_tables import LEG_MASSES, LegsTable, LoadedFile, Point
 from kinematics.machine.load import Leg, cylinder
 from kinematics.machine.pose import Pose
 
@@ -80,27 +81,19 @@ class LegTable(LinearAxis):
 class SixLegs(Platforms):
     """Rest axes for six joints at either end."""
 
-    base_rest: Annotated[tuple[Any, ...], rest_axes_type(6)] | None = None
-    platform_rest: Annotated[tuple[Any, ...], rest_axes_type(6)] | None = None
+    base_rest: Annotated[tuple[Any, ...], rest_axes_type(6)] | None = BASE_REST
+    platform_rest: Annotated[tuple[Any, ...], rest_axes_type(6)] | None = PLATFORM_REST
 
 
 class JointCircles(SixLegs):
-    """Joint centres in pairs on a circle of each platform; heights along z in the platform's own frame.
+    """Joint centres in pairs on a circle of each platform; heights along z in the platform's own frame."""
 
-    base_radius      of the circle of the base joints
-    base_gap         angle between the two closest joints
-    base_height      of the circle above the base frame's origin
-    platform_radius  of the circle of the platform joints
-    platform_gap     angle between the two closest joints
-    platform_height  of the circle above the platform frame's origin
-    """
-
-    base_radius: Radius
-    base_gap: Gap
-    base_height: Length
-    platform_radius: Radius
-    platform_gap: Gap
-    platform_height: Length
+    base_radius: Radius = key("circle of the base's joint centres")
+    base_gap: Gap = key("on that circle, between the two closest joints")
+    base_height: Length = key("of that circle, along z of the base frame")
+    platform_radius: Radius = key("the same of the platform, in its own frame")
+    platform_gap: Gap = key("between the two closest joints")
+    platform_height: Length = key("along z of the platform's frame")
 
     def joints(self) -> tuple[ArrayLike, ArrayLike]:
         return (
@@ -110,14 +103,10 @@ class JointCircles(SixLegs):
 
 
 class JointPoints(SixLegs):
-    """Joint centres one by one, each in the frame of its platform.
+    """Joint centres one by one, each in the frame of its platform."""
 
-    base_joints      centres in the base frame, leg by leg
-    platform_joints  centres in the platform's frame
-    """
-
-    base_joints: SixPoints
-    platform_joints: SixPoints
+    base_joints: SixPoints = key("joint centres one by one, leg1 first")
+    platform_joints: SixPoints = key("the same, in the platform's frame")
 
     def joints(self) -> tuple[ArrayLike, ArrayLike]:
         return self.base_joints, self.platform_joints
@@ -126,11 +115,16 @@ class JointPoints(SixLegs):
 class HexapodFile(LoadedFile):
     """A hexapod's TOML, key by key."""
 
-    kind: Literal["hexapod"]
-    geometry: Annotated[JointCircles | JointPoints, one_of_tables(JointCircles, JointPoints)]
-    axes: LinearDefaults
-    axis: tuple[LegTable, ...] = ()
-    legs: LegsTable | None = None
+    first_place = (0, 0, 25)
+    kind: Literal["hexapod"] = KIND
+    geometry: Annotated[JointCircles | JointPoints, one_of_tables(JointCircles, JointPoints)] = GEOMETRY
+    axes: LinearDefaults = AXES
+    axis: tuple[LegTable, ...] = OWN_AXES
+    legs: LegsTable | None = LEG_MASSES
+
+    @staticmethod
+    def geometry_of(machine: Hexapod, complete: bool) -> dict[str, Any]:
+        return legged_geometry(machine, np.zeros(3), complete)
 
 
 def build_hexapod(file: HexapodFile, name: str, folder: Path | Traversable) -> Hexapod:

@@ -15,14 +15,14 @@ from typing import Annotated, Any, ClassVar
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
-from pydantic import PlainValidator
 
 from kinematics.analysis.clearance import Bodies, Disc
-from kinematics.files.schema import Direction, TableSchema, chosen
+from kinematics.files.keys import Chosen, key
+from kinematics.files.schema import Direction, TableSchema
 from kinematics.foundation.arrays import LEAST_POSITIVE, Array, finite_array, freeze_array, unit_vectors
 from kinematics.foundation.errors import BadValue, MotionError
 from kinematics.foundation.units import Unit
-from kinematics.kinds.load_tables import HomeTable, Point
+from kinematics.kinds.load_tables import HOME, HomeTable, Point, home_entries
 from kinematics.machine.axis import Axis
 from kinematics.machine.kind import Bar, Pivot, Skeleton, ring
 from kinematics.machine.load import Body, Leg, Load
@@ -209,14 +209,14 @@ def _tilt_type(value: object) -> Any:
     return tuple[Tilt, Tilt] if isinstance(value, tuple) else Tilt
 
 
-def rest_axes_type(count: int) -> PlainValidator:
+def rest_axes_type(count: int) -> Chosen:
     """Annotation of rest axes: one direction, or one for each of so many joints."""
     each = tuple.__class_getitem__((Direction,) * count)
 
     def pick(value: object) -> Any:
         return each if isinstance(value, tuple) and value and isinstance(value[0], tuple) else Direction
 
-    return chosen(pick)
+    return Chosen(pick)
 
 
 Radius = Annotated[float, Unit("m", above=0)]
@@ -225,46 +225,48 @@ Tilt = Annotated[float, Unit("rad", above=0, most=pi)]
 
 
 class Plate(TableSchema):
-    """A platform's disc, in the platform's own frame.
+    """A platform's disc, in the platform's own frame."""
 
-    radius     of the disc
-    thickness  of the disc
-    centre     half-way up its thickness
-    normal     its axis
-    """
-
-    radius: Radius
-    thickness: Thickness
-    centre: Point = (0.0, 0.0, 0.0)
-    normal: Direction = (0.0, 0.0, 1.0)
+    radius: Radius = key("of the disc")
+    thickness: Thickness = key("of the disc")
+    centre: Point = key("half-way up its thickness", default=(0.0, 0.0, 0.0))
+    normal: Direction = key("its axis", default=(0.0, 0.0, 1.0))
 
     @property
     def disc(self) -> Disc:
         return Disc(self.radius, self.thickness, self.centre, self.normal)
 
 
+BASE_REST = key("axis of the base's joints at rest, in its frame; or one for each", "[0, 0, 1]", None)
+PLATFORM_REST = key("the same of the platform's joints, in the platform's frame", "[0, 0, 1]", None)
+_DISC = '{ radius = "20 mm", thickness = "5 mm" }'
+
+
 class Platforms(TableSchema):
     """What the geometry of a machine with legs has however its joints are given; `rest_axes_type` says how many axes.
 
-    home           the pose from which travel and pulses count
-    base_rest      the axis against which tilt of the base joints counts: one, or one for each; in the base frame, its z
-                   if not stated
-    platform_rest  the same of the platform joints, in the platform's frame
-    max_tilt       of a joint from its rest axis: one angle, or two (base, platform)
-    leg_radius     of a leg, a round bar: states that legs take up room
-    leg_ends       how far the bar's ends stay from the joint centres
-    base_disc      the base plate, as what takes up room
-    platform_disc  the platform's plate
+    Tilt counts from the rest axes, and leg_radius states that legs take up room.
     """
 
-    home: HomeTable
-    base_rest: tuple[Any, ...] | None = None
-    platform_rest: tuple[Any, ...] | None = None
-    max_tilt: Annotated[float | tuple[float, float], chosen(_tilt_type)] | None = None
-    leg_radius: Radius | None = None
-    leg_ends: Thickness | None = None
-    base_disc: Plate | None = None
-    platform_disc: Plate | None = None
+    home: HomeTable = HOME
+    base_rest: tuple[Any, ...] | None = BASE_REST
+    platform_rest: tuple[Any, ...] | None = PLATFORM_REST
+    max_tilt: Annotated[float | tuple[float, float], Chosen(_tilt_type)] | None = key(
+        "of a joint from its axis at rest; two: of the base, of the platform", '"35 deg"', None
+    )
+    leg_radius: Radius | None = key(
+        "what a leg takes up: a round bar; without it no collision is looked for", '"5 mm"', None
+    )
+    leg_ends: Thickness | None = key(
+        "from a joint's centre to where the bar begins", '"5 mm"', None, needs=["leg_radius"]
+    )
+    base_disc: Plate | None = key(
+        'the plate of the base, in its frame; centre = ["0 mm", "0 mm", "0 mm"], normal = [0, 0, 1] if not stated',
+        _DISC,
+        None,
+        needs=["leg_radius"],
+    )
+    platform_disc: Plate | None = key("the same of the platform", _DISC, None, needs=["leg_radius"])
 
     def options(self) -> dict[str, Any]:
         """The keywords that the machines take."""
@@ -278,3 +280,35 @@ class Platforms(TableSchema):
             "base_disc": self.base_disc.disc if self.base_disc else None,
             "platform_disc": self.platform_disc.disc if self.platform_disc else None,
         }
+
+
+def legged_geometry(machine: Legged, tool: np.ndarray, complete: bool) -> dict[str, Any]:
+    """What [geometry] says of a machine with legs; tool (3,): its platform frame in the file's."""
+
+    def rest(axes: Array) -> Array | None:
+        return axes if complete or (axes != [0.0, 0.0, 1.0]).any() else None
+
+    def plate(disc: Disc | None, offset: np.ndarray) -> dict[str, Any] | None:
+        if disc is None:
+            return None
+        centre = np.asarray(disc.centre, float) + offset
+        return {
+            "radius": disc.radius,
+            "thickness": disc.thickness,
+            "centre": centre,
+            "normal": np.array(disc.normal, float),
+        }
+
+    bodies = machine.bodies
+    return {
+        "base_joints": machine.base,
+        "platform_joints": machine.platform + tool,
+        "home": home_entries(machine.home),
+        "base_rest": rest(machine.base_rest),
+        "platform_rest": rest(machine.platform_rest),
+        "max_tilt": machine.max_tilt[[0, -1]] if (machine.max_tilt < pi).any() else None,
+        "leg_radius": bodies and bodies.leg_radius,
+        "leg_ends": bodies and bodies.leg_ends,
+        "base_disc": bodies and plate(bodies.base_disc, np.zeros(3)),
+        "platform_disc": bodies and plate(bodies.platform_disc, tool),
+    }

@@ -6,18 +6,19 @@ A linkage's TOML.
 from collections.abc import Iterable
 from importlib.resources.abc import Traversable
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
+from kinematics.files.keys import key
 from kinematics.files.schema import TableSchema
 from kinematics.foundation.arrays import LEAST_POSITIVE, Array, finite_array, freeze_array
 from kinematics.foundation.errors import MotionError, OutOfReach
 from kinematics.foundation.units import Angle, Length, Unit
-from kinematics.kinds.axis_tables import LinearAxis, LinearDefaults, axes
-from kinematics.kinds.load_tables import HomeTable, LoadedFile
+from kinematics.kinds.axis_tables import AXES, GEOMETRY, KIND, OWN_AXES, LinearAxis, LinearDefaults, axes
+from kinematics.kinds.load_tables import HOME, HomeTable, LoadedFile, home_entries
 from kinematics.machine.axis import Axis
 from kinematics.machine.kind import Bar, Pivot, Skeleton, side
 from kinematics.machine.load import Load
@@ -149,22 +150,16 @@ NAMES = ("a", "b")
 
 
 class LinkageGeometry(TableSchema):
-    """How a linkage is built.
+    """How a linkage is built."""
 
-    base_a  joint of actuator a in the plane
-    base_b  joint of actuator b
-    offset  from the actuators' common joint to the point
-    angle   at that joint, from actuator a to the point
-    home    the pose from which travel and pulses count
-    near    lengths that say which of home's are meant; the longer a if not stated
-    """
-
-    base_a: tuple[Length, Length]
-    base_b: tuple[Length, Length]
-    offset: Annotated[float, Unit("m", least=0)]
-    angle: Angle
-    home: HomeTable
-    near: tuple[Length, Length] | None = None
+    base_a: tuple[Length, Length] = key("hinge of actuator a, in the plane")
+    base_b: tuple[Length, Length] = key("hinge of actuator b")
+    offset: Annotated[float, Unit("m", least=0)] = key("from the actuators' joint to the point that is moved")
+    angle: Angle = key("at that joint, from actuator a to the point")
+    home: HomeTable = HOME
+    near: tuple[Length, Length] | None = key(
+        "lengths of a and b, where two are possible; the longer a if not stated", '["367 mm", "409 mm"]', None
+    )
 
 
 class LinkageAxisTable(LinearAxis):
@@ -174,10 +169,23 @@ class LinkageAxisTable(LinearAxis):
 class LinkageFile(LoadedFile):
     """A linkage, key by key."""
 
-    kind: Literal["linkage"]
-    geometry: LinkageGeometry
-    axes: LinearDefaults
-    axis: tuple[LinkageAxisTable, ...] = ()
+    first_place = (0, 20, 0)
+    kind: Literal["linkage"] = KIND
+    geometry: LinkageGeometry = GEOMETRY
+    axes: LinearDefaults = AXES
+    axis: tuple[LinkageAxisTable, ...] = OWN_AXES
+
+    @staticmethod
+    def geometry_of(machine: Linkage, complete: bool) -> dict[str, Any]:
+        shorter = machine.home_q[0] < machine.offset * np.cos(machine.angle)  # else the longer one is meant
+        return {
+            "base_a": machine.base_a,
+            "base_b": machine.base_b,
+            "offset": machine.offset,
+            "angle": machine.angle,
+            "home": home_entries(machine.home),
+            "near": machine.home_q if complete or shorter else None,
+        }
 
 
 def build_linkage(file: LinkageFile, name: str, folder: Path | Traversable) -> Linkage:

@@ -9,7 +9,8 @@ import numpy as np
 from pydantic import AfterValidator
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from kinematics.files.schema import Direction, TableSchema, chosen
+from kinematics.files.keys import Chosen, key
+from kinematics.files.schema import Direction, TableSchema
 from kinematics.foundation.errors import MotionError, validation_error
 from kinematics.foundation.units import Angle, Length, Unit
 from kinematics.kinds.axis_tables import MachineFile
@@ -20,23 +21,27 @@ Point = tuple[Length, Length, Length]
 
 
 class HomeTable(TableSchema):
-    """The pose from which travel and pulses count: a position, turned by θx, θy, θz about the moving axes in turn.
+    """The pose from which travel and pulses count: a position, turned by θx, θy, θz about the moving axes in turn."""
 
-    to      the platform's origin in the base frame
-    rotate  θx, θy, θz about the moving axes in turn
-    """
-
-    to: Point
-    rotate: tuple[Angle, Angle, Angle] = (0.0, 0.0, 0.0)
+    to: Point = key("the platform's origin in the base frame")
+    rotate: tuple[Angle, Angle, Angle] = key("θx, θy, θz about the moving axes in turn", default=(0.0, 0.0, 0.0))
 
     @property
     def pose(self) -> Pose:
         return RigidTransform.from_components(self.to, Rotation.from_euler("XYZ", self.rotate))
 
 
+HOME = key('the pose from which travel and pulses count, in the base frame; turned: rotate = ["0 deg", …]')
+
+
+def home_entries(home: Pose) -> dict[str, Any]:
+    """The same, written."""
+    return {"to": home.translation, "rotate": home.rotation.as_euler("XYZ") + 0.0}
+
+
 Moment = Annotated[float, Unit("kg*m^2")]
 Moments = tuple[Moment, Moment, Moment]
-Pull = Annotated[float, Unit("m/s^2")]
+Pull = Annotated[float, Unit("m/s^2", file_unit="m/s^2")]
 Push = Annotated[float, Unit("N")]
 Twist = Annotated[float, Unit("N*m")]
 
@@ -47,16 +52,15 @@ def _moments(value: object) -> Any:
 
 
 class Mass(TableSchema):
-    """A body in the frame of its part.
+    """A body in the frame of its part."""
 
-    mass     of the body
-    centre   its centre of mass
-    inertia  about the centre of mass: the moments about the axes, or all nine in rows
-    """
-
-    mass: Annotated[float, Unit("kg", least=0)]
-    centre: Point = (0.0, 0.0, 0.0)
-    inertia: Annotated[Any, chosen(_moments)] = (0.0, 0.0, 0.0)
+    mass: Annotated[float, Unit("kg", least=0)] = key("of the body")
+    centre: Point = key("of the mass, in the platform's frame", '["0 mm", "0 mm", "10 mm"]', (0.0, 0.0, 0.0))
+    inertia: Annotated[Any, Chosen(_moments)] = key(
+        "about that centre: three moments, or three rows",
+        '["0.01 kg*m^2", "0.01 kg*m^2", "0.02 kg*m^2"]',
+        (0.0, 0.0, 0.0),
+    )
 
     def body(self, name: str) -> Body:
         given = np.asarray(self.inertia, float)
@@ -75,40 +79,46 @@ BodyTable = Annotated[Mass, AfterValidator(_check_body)]
 
 
 class Carried(Mass):
-    """The platform (or tool), and what pushes on it from outside at its origin, in the base frame.
+    """The platform (or tool), and what pushes on it from outside at its origin, in the base frame."""
 
-    force   that pushes on the platform's origin, in the base frame
-    moment  likewise
-    """
+    mass: Annotated[float, Unit("kg", least=0)] = key("of what moves with the platform or the tool", '"1.5 kg"', 0.0)
+    force: tuple[Push, Push, Push] = key(
+        "on the platform's origin from outside, in the base frame", '["0 N", "0 N", "-10 N"]', (0.0, 0.0, 0.0)
+    )
+    moment: tuple[Twist, Twist, Twist] = key("likewise", '["0 N*m", "0 N*m", "0 N*m"]', (0.0, 0.0, 0.0))
 
-    mass: Annotated[float, Unit("kg", least=0)] = 0.0
-    force: tuple[Push, Push, Push] = (0.0, 0.0, 0.0)
-    moment: tuple[Twist, Twist, Twist] = (0.0, 0.0, 0.0)
+
+_INERTIA = 'inertia = ["0 kg*m^2", "0 kg*m^2", "0 kg*m^2"]'
 
 
 class LegsTable(TableSchema):
-    """The two parts of every leg: barrel in a frame at the base joint, rod at the platform joint, z along the leg.
+    """The two parts of every leg: barrel in a frame at the base joint, rod at the platform joint, z along the leg."""
 
-    barrel      what turns about the base joint
-    rod         what also slides, up to the platform joint
-    first_axis  the axis of the base joint that stands still in the base frame; chosen if not stated
-    """
+    barrel: BodyTable = key(
+        "the leg's part at the base, z along the leg from its joint",
+        f'{{ mass = "0.5 kg", centre = ["0 mm", "0 mm", "50 mm"], {_INERTIA} }}',
+    )
+    rod: BodyTable = key(
+        "its part at the platform, from that joint",
+        f'{{ mass = "0.1 kg", centre = ["0 mm", "0 mm", "-50 mm"], {_INERTIA} }}',
+    )
+    first_axis: Direction | None = key(
+        "of the universal joint, which stands still in the base frame", "[1, 0, 0]", None
+    )
 
-    barrel: BodyTable
-    rod: BodyTable
-    first_axis: Direction | None = None
+
+LEG_MASSES = key("the two parts of every leg", default=None)
 
 
 class LoadedFile(MachineFile):
-    """What every machine's file may say of its masses; gravity points down a base that stands upright.
+    """What every machine's file may say of its masses; gravity points down a base that stands upright."""
 
-    platform  what the platform (or tool) weighs and bears
-    gravity   its acceleration, in the base frame
-    legs      what the legs weigh
-    """
-
-    platform: Annotated[Carried, AfterValidator(_check_body)] | None = None
-    gravity: tuple[Pull, Pull, Pull] = GRAVITY
+    platform: Annotated[Carried, AfterValidator(_check_body)] | None = key(
+        "masses: with them max_force and torque_speed are kept", default=None
+    )
+    gravity: tuple[Pull, Pull, Pull] = key(
+        "in the base frame; this one where nothing is said", '["0 m/s^2", "0 m/s^2", "-9.80665 m/s^2"]', GRAVITY
+    )
 
     def load(self, legs: LegsTable | None = None) -> Load:
         platform = Carried() if self.platform is None else self.platform

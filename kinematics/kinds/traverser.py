@@ -12,12 +12,13 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinematics.files.schema import Direction, TableSchema, chosen
+from kinematics.files.keys import Chosen, key
+from kinematics.files.schema import Direction, TableSchema
 from kinematics.foundation.arrays import LEAST_POSITIVE, finite_array, freeze_array, unit_vectors
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.units import Unit
-from kinematics.kinds.axis_tables import LinearAxis, LinearDefaults, RotaryAxis, axes
-from kinematics.kinds.load_tables import HomeTable, LoadedFile
+from kinematics.kinds.axis_tables import GEOMETRY, KIND, OWN_AXES, LinearAxis, LinearDefaults, RotaryAxis, axes
+from kinematics.kinds.load_tables import HOME, HomeTable, LoadedFile, home_entries
 from kinematics.machine.axis import Axis
 from kinematics.machine.kind import Bar, Pivot, Skeleton, Sort
 from kinematics.machine.load import Load
@@ -95,16 +96,13 @@ SLIDES, ROTARY = ("X", "Y", "Z"), "R"
 
 
 class TraverserGeometry(TableSchema):
-    """How a traverser is built.
+    """How a traverser is built."""
 
-    home        the pose from which travel and pulses count
-    directions  of the slides X, Y and Z in the base frame; the base axes if not stated
-    length      that counts as one radian where lengths and angles meet
-    """
-
-    home: HomeTable
-    directions: tuple[Direction, Direction, Direction] | None = None
-    length: Annotated[float, Unit("m", above=0)] = 0.1
+    home: HomeTable = HOME
+    directions: tuple[Direction, Direction, Direction] | None = key(
+        "of X, Y and Z in the base frame, if not its axes", "[[1, 0, 0], [0, 1, 0], [0, 0, 1]]", None
+    )
+    length: Annotated[float, Unit("m", above=0)] = key("lever at which a turn counts as a way", '"100 mm"', 0.1)
 
 
 class OwnSlide(LinearAxis):
@@ -122,11 +120,21 @@ def _axis_table_type(value: Any) -> type[TableSchema]:
 class TraverserFile(LoadedFile):
     """A traverser, key by key: `axes` is what the slides have, `rotary` what the turning axis has."""
 
-    kind: Literal["traverser"]
-    geometry: TraverserGeometry
-    axes: LinearDefaults
-    rotary: RotaryAxis
-    axis: tuple[Annotated[Any, chosen(_axis_table_type)], ...] = ()
+    first_place = (20, 20, 20)
+    kind: Literal["traverser"] = KIND
+    geometry: TraverserGeometry = GEOMETRY
+    axes: LinearDefaults = key("what all slides have")
+    rotary: RotaryAxis = key("the same of the turning axis, which needs no travel")
+    axis: tuple[Annotated[Any, Chosen(_axis_table_type)], ...] = OWN_AXES
+
+    @staticmethod
+    def geometry_of(machine: Traverser, complete: bool) -> dict[str, Any]:
+        straight = not complete and (machine.directions == np.eye(3)).all()
+        return {
+            "home": home_entries(machine.home),
+            "directions": None if straight else machine.directions,
+            "length": machine.characteristic_length,
+        }
 
 
 def build_traverser(file: TraverserFile, name: str, folder: Path | Traversable) -> Traverser:

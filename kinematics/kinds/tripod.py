@@ -35,14 +35,15 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform
 
 from kinematics.analysis.clearance import Disc
+from kinematics.files.keys import key
 from kinematics.files.toml_document import bytes_of, refuse_utf16, utf8_fault
 from kinematics.foundation.arrays import Array, finite_array, freeze_array
 from kinematics.foundation.errors import Fault, FileError, MotionError
 from kinematics.foundation.names import closest, nearest
 from kinematics.foundation.units import describe_value
-from kinematics.kinds.axis_tables import LinearAxis, LinearDefaults, axes
-from kinematics.kinds.legged import Legged, Platforms, joints, rest_axes_type
-from kinematics.kinds.load_tables import LegsTable, LoadedFile, Point
+from kinematics.kinds.axis_tables import AXES, GEOMETRY, KIND, OWN_AXES, LinearAxis, LinearDefaults, axes
+from kinematics.kinds.legged import BASE_REST, PLATFORM_REST, Legged, Platforms, joints, legged_geometry, rest_axes_type
+from kinematics.kinds.load_tables import LEG_MASSES, LegsTable, LoadedFile, Point
 from kinematics.machine.machine import Machine
 from kinematics.machine.pose import Pose
 
@@ -88,18 +89,13 @@ ARMS = tuple(f"arm{n}" for n in range(1, 4))
 
 
 class TripodGeometry(Platforms):
-    """Joint centres one by one, each in the frame of its platform; tool: its centre in the plate's frame.
+    """Joint centres one by one, each in the frame of its platform; tool: its centre in the plate's frame."""
 
-    base_joints      centres in the base frame, arm by arm
-    platform_joints  centres in the plate's frame
-    tool             the tool's centre, in the plate's frame
-    """
-
-    base_rest: Annotated[tuple[Any, ...], rest_axes_type(3)] | None = None
-    platform_rest: Annotated[tuple[Any, ...], rest_axes_type(3)] | None = None
-    base_joints: tuple[Point, Point, Point]
-    platform_joints: tuple[Point, Point, Point]
-    tool: Point = (0.0, 0.0, 0.0)
+    base_rest: Annotated[tuple[Any, ...], rest_axes_type(3)] | None = BASE_REST
+    platform_rest: Annotated[tuple[Any, ...], rest_axes_type(3)] | None = PLATFORM_REST
+    base_joints: tuple[Point, Point, Point] = key("joint centres in the base frame, arm1 first")
+    platform_joints: tuple[Point, Point, Point] = key("joint centres in the plate's frame")
+    tool: Point = key("the tool's centre in the plate's frame", '["0 mm", "0 mm", "0 mm"]', (0.0, 0.0, 0.0))
 
 
 class TripodArmTable(LinearAxis):
@@ -111,11 +107,17 @@ class TripodArmTable(LinearAxis):
 class TripodFile(LoadedFile):
     """A tripod, key by key."""
 
-    kind: Literal["tripod"]
-    geometry: TripodGeometry
-    axes: LinearDefaults
-    axis: tuple[TripodArmTable, ...] = ()
-    legs: LegsTable | None = None
+    first_place = (0, 0, -20)
+    kind: Literal["tripod"] = KIND
+    geometry: TripodGeometry = GEOMETRY
+    axes: LinearDefaults = AXES
+    axis: tuple[TripodArmTable, ...] = OWN_AXES
+    legs: LegsTable | None = LEG_MASSES
+
+    @staticmethod
+    def geometry_of(machine: Tripod, complete: bool) -> dict[str, Any]:
+        tool = machine.tool if complete or machine.tool.any() else None
+        return {**legged_geometry(machine, machine.tool, complete), "tool": tool}
 
 
 def build_tripod(file: TripodFile, name: str, folder: Path | Traversable) -> Tripod:

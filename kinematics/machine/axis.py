@@ -108,6 +108,7 @@ def find_drive(name: str) -> StepTiming:
     return DRIVES[name]
 
 
+AxisKind = Literal["linear", "rotary"]
 Magnitude = float | tuple[float, float]
 """Of both directions, or of each: (towards smaller q, towards greater q)."""
 
@@ -153,7 +154,7 @@ class Axis:
     """
 
     name: str
-    kind: Literal["linear", "rotary"] = "linear"
+    kind: AxisKind = "linear"
     travel: tuple[float, float] = (-inf, inf)
     pulse: float = 1e-6
     direction: Literal[1, -1] = 1

@@ -7,7 +7,7 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
-from kinematics.files.schema import File, build, refuse_wrong_kind
+from kinematics.files.schema import build, refuse_wrong_kind
 from kinematics.files.toml_document import Key, read
 from kinematics.foundation.errors import BadValue, FileError, MotionError, NotInstalled
 from kinematics.foundation.names import closest, find, nearest, presets, source_folder
@@ -55,18 +55,6 @@ def read_machine(source: Path | Traversable) -> Machine:
         raise FileError(document.file, [document.fault(_locate_fault(document.data, error), str(error))]) from error
 
 
-def toml_of(source: Path | Traversable) -> bytes:
-    """The TOML of a machine's file as it stands; of one that is no TOML, one that says the same."""
-    if not is_basic_lengths(source):
-        return source.read_bytes()
-    from kinematics.machine.machine_writer import machine_toml
-
-    return machine_toml(
-        read_basic_lengths(source, read_machine(find("kinematics", "machine", kmitl_geometry.TEMPLATE_MACHINE))),
-        f"from {source.name}; {kmitl_geometry.ASSUMED}",
-    ).encode()
-
-
 def _locate_fault(data: Mapping[str, Any], error: MotionError) -> Key:
     """Where the file says what its machine refuses: the table that has the error's key, an axis' own one first."""
     *of, name = getattr(error, "key", ()) or ("geometry",)
@@ -77,7 +65,7 @@ def _locate_fault(data: Mapping[str, Any], error: MotionError) -> Key:
     return next(places, ("geometry",))
 
 
-KINDS: dict[str, tuple[type[File], Callable[[Any, str, Path | Traversable], Machine], Sequence[str]]] = {
+KINDS: dict[str, tuple[type[MachineFile], Callable[[Any, str, Path | Traversable], Machine], Sequence[str]]] = {
     "hexapod": (HexapodFile, build_hexapod, LEGS),
     "tripod": (TripodFile, build_tripod, ARMS),
     "linkage": (LinkageFile, build_linkage, NAMES),

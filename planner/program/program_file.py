@@ -12,12 +12,12 @@ from typing import Annotated, Any, ClassVar, Self
 from pydantic import AfterValidator, Field, model_validator
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from kinematics.files.keys import Chosen, key
 from kinematics.files.schema import (
     Direction,
     File,
     TableSchema,
     build,
-    chosen,
     one_of_tables,
     read_declared_units,
     require_nonzero,
@@ -30,7 +30,16 @@ from kinematics.foundation.names import find, presets
 from kinematics.foundation.units import Unit
 from kinematics.machine.pose import Pose
 from planner.program.model import SAME, Arc, Dwell, Frame, Line, Program, Segment, Spline, Synchronised, Turn
-from planner.program.segment_tables import AngularSpeed, CurveEntry, MovingEntry, PathEntry, ToolAcceleration, ToolSpeed
+from planner.program.segment_tables import (
+    ACCELERATION,
+    SPEED,
+    AngularSpeed,
+    CurveEntry,
+    MovingEntry,
+    PathEntry,
+    ToolAcceleration,
+    ToolSpeed,
+)
 from planner.program.validation import MAX_REPEATS, repeats
 
 
@@ -60,6 +69,7 @@ def _start_type(value: object) -> Any:
     return PositionAndAngles if isinstance(value, tuple) and len(value) == 6 else Position
 
 
+_TURNED = "rotate: orientation at its end, kept if not stated"
 _SOME_SEGMENT = "a program needs at least one [[segment]]"
 
 Coordinate = Annotated[float, Unit("m", plain="length")]
@@ -71,14 +81,10 @@ PositionAndAngles = tuple[Coordinate, Coordinate, Coordinate, PlainAngle, PlainA
 
 
 class PoseTable(TableSchema):
-    """A frame in another: moved by `to`, then turned by `rotate`.
+    """A frame in another: moved by `to`, then turned by `rotate`."""
 
-    to      moved by
-    rotate  then turned by θx, θy, θz about the moving axes in turn
-    """
-
-    to: Position = (0.0, 0.0, 0.0)
-    rotate: Orientation = (0.0, 0.0, 0.0)
+    to: Position = key("moved by", default=(0.0, 0.0, 0.0))
+    rotate: Orientation = key("then turned by θx, θy, θz about the moving axes in turn", default=(0.0, 0.0, 0.0))
 
     @property
     def pose(self) -> Pose:
@@ -86,42 +92,33 @@ class PoseTable(TableSchema):
 
 
 class LineTable(TableSchema):
-    """A straight line.
+    """A straight line."""
 
-    to      where it ends
-    rotate  orientation at its end, θx, θy, θz about the moving axes in turn; kept if not stated
-    """
-
-    to: Position
-    rotate: Orientation | None = None
+    to: Position = key("where it ends")
+    rotate: Orientation | None = key(
+        "orientation at its end, θx, θy, θz about the moving axes in turn; kept if not stated", default=None
+    )
 
 
 class ArcTable(TableSchema):
-    """A circular arc from where the path stands.
+    """A circular arc from where the path stands."""
 
-    centre  of the circle
-    normal  of its plane
-    angle   signed, right hand about the normal; any number of turns
-    rise    along the normal in all: a helix
-    rotate  orientation at its end; kept if not stated
-    """
-
-    centre: Position
-    normal: Direction
-    angle: Annotated[PlainAngle, AfterValidator(require_nonzero)]
-    rise: Coordinate = 0.0
-    rotate: Orientation | None = None
+    centre: Position = key("of the circle")
+    normal: Direction = key("of its plane")
+    angle: Annotated[PlainAngle, AfterValidator(require_nonzero)] = key(
+        "signed, right hand about the normal; any number of turns"
+    )
+    rise: Coordinate = key("along the normal in all: a helix", default=0.0)
+    rotate: Orientation | None = key("orientation at its end; kept if not stated", default=None)
 
 
 class SplineTable(TableSchema):
-    """A smooth curve through points.
+    """A smooth curve through points."""
 
-    through  the points, from where the path stands
-    rotate   an orientation for each point; kept if not stated
-    """
-
-    through: Annotated[tuple[Position, ...], AfterValidator(_check_distinct)]
-    rotate: tuple[Orientation, ...] | None = None
+    through: Annotated[tuple[Position, ...], AfterValidator(_check_distinct)] = key(
+        "the points, from where the path stands"
+    )
+    rotate: tuple[Orientation, ...] | None = key("an orientation for each point; kept if not stated", default=None)
 
     @model_validator(mode="after")
     def _one_for_each(self) -> Self:
@@ -134,45 +131,43 @@ class SplineTable(TableSchema):
 
 
 class TurnTo(TableSchema):
-    """A rotation on the spot.
+    """A rotation on the spot."""
 
-    to  orientation, θx, θy, θz about the moving axes in turn, the shorter way
-    """
-
-    to: Orientation
+    to: Orientation = key("orientation, θx, θy, θz about the moving axes in turn, the shorter way")
 
 
 class TurnBy(TableSchema):
-    """A rotation on the spot.
+    """A rotation on the spot."""
 
-    about  axis
-    angle  signed, right hand about it; any number of turns
-    """
-
-    about: Direction
-    angle: Annotated[PlainAngle, AfterValidator(require_nonzero)]
+    about: Direction = key("axis")
+    angle: Annotated[PlainAngle, AfterValidator(require_nonzero)] = key(
+        "signed, right hand about it; any number of turns"
+    )
 
 
 class SynchronisedTable(TableSchema):
-    """A move from pose to pose, every axis straight to its place, all together; the tool's way is no line.
+    """A move from pose to pose, every axis straight to its place, all together; the tool's way is no line."""
 
-    to      where it ends
-    rotate  orientation at its end, θx, θy, θz about the moving axes in turn; kept if not stated
-    """
-
-    to: Position
-    rotate: Orientation | None = None
+    to: Position = key("where it ends")
+    rotate: Orientation | None = key(
+        "orientation at its end, θx, θy, θz about the moving axes in turn; kept if not stated", default=None
+    )
 
 
 class LineEntry(PathEntry):
-    line: LineTable
+    line: LineTable = key(
+        f"straight; {_TURNED}", '{ to = ["10 mm", "0 mm", "25 mm"], rotate = ["0 deg", "0 deg", "3 deg"] }'
+    )
 
     def segment(self, line_number: int | None) -> Segment:
         return Line(freeze_array(self.line.to), _rotation(self.line.rotate), **self.said, line_number=line_number)
 
 
 class ArcEntry(PathEntry):
-    arc: ArcTable
+    arc: ArcTable = key(
+        f"about a centre, right hand about the normal; rise: along the normal in all; {_TURNED}",
+        '{ centre = ["0 mm", "0 mm", "25 mm"], normal = [0, 0, 1], angle = "360 deg", rise = "5 mm" }',
+    )
 
     def segment(self, line_number: int | None) -> Segment:
         centre, normal, turned = (
@@ -184,7 +179,10 @@ class ArcEntry(PathEntry):
 
 
 class SplineEntry(PathEntry):
-    spline: SplineTable
+    spline: SplineTable = key(
+        "smoothly through points; rotate: an orientation for each, kept if not stated",
+        '{ through = [["10 mm", "5 mm", "25 mm"], ["0 mm", "10 mm", "25 mm"]] }',
+    )
 
     def segment(self, line_number: int | None) -> Segment:
         turned = None if self.spline.rotate is None else Rotation.from_euler("XYZ", self.spline.rotate)
@@ -192,7 +190,9 @@ class SplineEntry(PathEntry):
 
 
 class TurnEntry(MovingEntry):
-    turn: Annotated[TurnTo | TurnBy, one_of_tables(TurnTo, TurnBy)]
+    turn: Annotated[TurnTo | TurnBy, one_of_tables(TurnTo, TurnBy)] = key(
+        "on the spot, to an orientation; or { about = [0, 0, 1], angle = 90 }", '{ to = ["5 deg", "0 deg", "0 deg"] }'
+    )
 
     def segment(self, line_number: int | None) -> Segment:
         said: dict[str, Any] = {"angular_speed": self.angular_speed, "trigger": self.event, "line_number": line_number}
@@ -202,15 +202,12 @@ class TurnEntry(MovingEntry):
 
 
 class SynchronisedEntry(MovingEntry):
-    """What it has beside it.
-
-    speed         cap of the tool's speed
-    acceleration  cap of the tool's acceleration
-    """
-
-    synchronised: SynchronisedTable
-    speed: ToolSpeed | None = None
-    acceleration: ToolAcceleration | None = None
+    synchronised: SynchronisedTable = key(
+        f"every axis straight to its place, all together: the tool's way is no line; {_TURNED}",
+        '{ to = ["10 mm", "0 mm", "25 mm"], rotate = ["0 deg", "0 deg", "3 deg"] }',
+    )
+    speed: ToolSpeed | None = SPEED
+    acceleration: ToolAcceleration | None = ACCELERATION
 
     def segment(self, line_number: int | None) -> Segment:
         to, turned = freeze_array(self.synchronised.to), _rotation(self.synchronised.rotate)
@@ -219,54 +216,59 @@ class SynchronisedEntry(MovingEntry):
 
 
 class DwellEntry(TableSchema):
-    dwell: Annotated[float, Unit("s", above=0)]
+    dwell: Annotated[float, Unit("s", above=0)] = key("a rest", '"0.2 s"')
 
     def segment(self, line_number: int | None) -> Segment:
         return Dwell(self.dwell, line_number=line_number)
 
 
+SEGMENTS = (LineEntry, ArcEntry, SplineEntry, CurveEntry, TurnEntry, SynchronisedEntry, DwellEntry)
+"""What a [[segment]] is: one of these."""
 SegmentEntry = Annotated[
     LineEntry | ArcEntry | SplineEntry | CurveEntry | TurnEntry | SynchronisedEntry | DwellEntry,
-    one_of_tables(LineEntry, ArcEntry, SplineEntry, CurveEntry, TurnEntry, SynchronisedEntry, DwellEntry),
+    one_of_tables(*SEGMENTS),
 ]
 
 
 class ProgramFile(File):
-    """A program's TOML, key by key.
-
-    machine        that it is for, unless a command names another
-    length         unit of plain numbers that are lengths
-    angle          unit of plain numbers that are angles
-    frame          what coordinates are relative to
-    duration       that the whole is to take, as smoothly as it can; as little as it can if not stated
-    start          first pose: x, y, z, or x, y, z, θx, θy, θz; home if not stated
-    speed          cap of every segment that states none
-    acceleration   cap of every segment that states none
-    angular_speed  cap of every segment that states none
-    tool           the tool's frame in the platform's: coordinates and speeds are the tool's then
-    work           the frame in which coordinates are given
-    repeat         how often the segments are run
-    start_speed    tool speed at the beginning
-    end_speed      tool speed at the end
-    segment        the way, one after the other
-    """
+    """A program's TOML, key by key."""
 
     what: ClassVar[str] = "program"
-    machine: str | None = None
-    length: Annotated[str, unit_validator("m")] | None = None
-    angle: Annotated[str, unit_validator("rad")] | None = None
-    frame: Frame = "home"
-    duration: Annotated[float, Unit("s", above=0)] | None = None
-    start: Annotated[tuple[float, ...], chosen(_start_type)] | None = None
-    speed: ToolSpeed | None = None
-    acceleration: ToolAcceleration | None = None
-    angular_speed: AngularSpeed | None = None
-    tool: PoseTable | None = None
-    work: PoseTable | None = None
-    repeat: Annotated[int, Field(ge=1, le=MAX_REPEATS)] = 1
-    start_speed: EndSpeed = 0.0
-    end_speed: EndSpeed = 0.0
-    segment: Annotated[tuple[SegmentEntry, ...], Field(description=_SOME_SEGMENT), AfterValidator(_check_not_empty)]
+    machine: str | None = key(
+        "a bundled one by its name, or a file, from this one's folder; --machine says another", default=None
+    )
+    length: Annotated[str, unit_validator("m")] | None = key("unit of the plain numbers below", default=None)
+    angle: Annotated[str, unit_validator("rad")] | None = key(
+        "likewise; angles are θx, θy, θz about the moving axes in turn", default=None
+    )
+    frame: Frame = key(
+        '"home": positions count from the home pose; "base": from the base frame', '"home"', default="home"
+    )
+    start: Annotated[tuple[float, ...], Chosen(_start_type)] | None = key(
+        "first pose, if not home: x, y, z, or these and three angles", "[0, 0, 0]", None
+    )
+    repeat: Annotated[int, Field(ge=1, le=MAX_REPEATS)] = key("how often the segments are run", "2", 1)
+    duration: Annotated[float, Unit("s", above=0)] | None = key(
+        "of the whole, as smoothly as it can; as fast as it can if not stated", '"60 s"', None
+    )
+    speed: ToolSpeed | None = key("most of the tool, for segments that state none", '"100 mm/s"', None)
+    acceleration: ToolAcceleration | None = key("likewise", '"1000 mm/s^2"', None)
+    angular_speed: AngularSpeed | None = key("likewise, of its turning", '"30 deg/s"', None)
+    tool: PoseTable | None = key(
+        "what is moved, in the platform's frame",
+        '{ to = ["0 mm", "0 mm", "10 mm"], rotate = ["0 deg", "0 deg", "0 deg"] }',
+        None,
+    )
+    work: PoseTable | None = key(
+        "where positions count from, in the frame above",
+        '{ to = ["0 mm", "0 mm", "0 mm"], rotate = ["0 deg", "0 deg", "0 deg"] }',
+        None,
+    )
+    start_speed: EndSpeed = key("of the tool as it sets out; at rest if not stated", '"5 mm/s"', 0.0)
+    end_speed: EndSpeed = key("likewise as it arrives", '"5 mm/s"', 0.0)
+    segment: Annotated[tuple[SegmentEntry, ...], AfterValidator(_check_not_empty)] = key(
+        "the way, one after the other", remedy=_SOME_SEGMENT
+    )
 
 
 PLAIN_UNITS = {"length": "m", "angle": "rad"}

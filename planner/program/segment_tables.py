@@ -14,7 +14,8 @@ from typing import Annotated, Any, Literal, Self
 from casadi import SX
 from pydantic import AfterValidator, Field, PlainValidator, ValidationInfo, model_validator
 
-from kinematics.files.schema import Number, TableSchema, chosen
+from kinematics.files.keys import Chosen, key
+from kinematics.files.schema import Number, TableSchema
 from kinematics.foundation.errors import MotionError, validation_error
 from kinematics.foundation.units import Unit, describe_value
 from planner.program.formula import check_names, constant, formula
@@ -55,59 +56,58 @@ Name = Annotated[str, AfterValidator(_check_name)]
 
 
 class BlendTable(TableSchema):
-    """A join that is rounded.
+    """A join that is rounded."""
 
-    blend  by how much the path may leave the corner
-    angle  by how much the orientation may; if not stated, what turns points at the machine's characteristic length by
-           as much
-    """
+    blend: Annotated[float, Unit("m", above=0, plain="length")] = key("by how much the path may leave the corner")
+    angle: Annotated[float, Unit("rad", above=0, plain="angle")] | None = key(
+        "by how much the orientation may; if not stated, what turns points at the machine's characteristic length by "
+        "as much",
+        default=None,
+    )
 
-    blend: Annotated[float, Unit("m", above=0, plain="length")]
-    angle: Annotated[float, Unit("rad", above=0, plain="angle")] | None = None
 
-
-JoinEntry = Annotated[Literal["stop", "through"] | BlendTable, chosen(_join_type)]
+JoinEntry = Annotated[Literal["stop", "through"] | BlendTable, Chosen(_join_type)]
 
 
 class TriggerTable(TableSchema):
-    """An event along a segment.
+    """An event along a segment."""
 
-    name  of the output line or event
-    at    share of the segment, from 0 to 1
-    """
-
-    name: Name
-    at: Annotated[float, Field(ge=0, le=1)] = 1.0
+    name: Name = key("of the output line or event")
+    at: Annotated[float, Field(ge=0, le=1)] = key("share of the segment, from 0 to 1", default=1.0)
 
 
 class FreeTable(TableSchema):
-    """Orientation that is left free.
+    """Orientation that is left free."""
 
-    yaw   whether the turn about the tool's z axis is free
-    tilt  by how much that axis may lean
-    """
-
-    yaw: bool = False
-    tilt: Annotated[float, Unit("rad", least=0, most=1.57, plain="angle")] = 0.0
+    yaw: bool = key("whether the turn about the tool's z axis is free", default=False)
+    tilt: Annotated[float, Unit("rad", least=0, most=1.57, plain="angle")] = key(
+        "by how much that axis may lean", default=0.0
+    )
 
 
 FreeEntry = Annotated[
-    Literal["yaw"] | FreeTable, chosen(lambda value: FreeTable if isinstance(value, dict) else Literal["yaw"])
+    Literal["yaw"] | FreeTable, Chosen(lambda value: FreeTable if isinstance(value, dict) else Literal["yaw"])
 ]
-TriggerEntry = Annotated[Name | TriggerTable, chosen(_trigger_type)]
+TriggerEntry = Annotated[Name | TriggerTable, Chosen(_trigger_type)]
+
+
+SPEED = key("most of the tool along it", '"20 mm/s"', None)
+ACCELERATION = key("likewise", '"500 mm/s^2"', None)
 
 
 class MovingEntry(TableSchema):
-    """What every segment that moves has.
+    """What every segment that moves has."""
 
-    join           to the next segment
-    angular_speed  cap of the platform's turning
-    trigger        an event along it
-    """
-
-    join: JoinEntry = "stop"
-    angular_speed: AngularSpeed | None = None
-    trigger: TriggerEntry | None = None
+    join: JoinEntry = key(
+        'to the next segment: "stop" (if not stated), "through" (where it is smooth), or rounded within a tolerance; '
+        'angle = "0.1 deg": of the turning too',
+        '{ blend = "0.05 mm" }',
+        "stop",
+    )
+    angular_speed: AngularSpeed | None = key("likewise, of its turning", '"30 deg/s"', None)
+    trigger: TriggerEntry | None = key(
+        "an event; at: its share of the way, 1 (the end) if not stated", '{ name = "camera", at = 0.5 }', None
+    )
 
     @property
     def after(self) -> Join:
@@ -124,18 +124,18 @@ class MovingEntry(TableSchema):
 
 
 class PathEntry(MovingEntry):
-    """What every segment that moves the tool has beside it.
+    """What every segment that moves the tool has beside it."""
 
-    speed           cap of the tool's speed
-    acceleration    cap of the tool's acceleration
-    speed_constant  exactly this speed, between ramps
-    free            what of the orientation is chosen for time
-    """
-
-    speed: ToolSpeed | None = None
-    acceleration: ToolAcceleration | None = None
-    speed_constant: Annotated[bool, AfterValidator(_check_has_speed)] = False
-    free: FreeEntry | None = None
+    speed: ToolSpeed | None = SPEED
+    acceleration: ToolAcceleration | None = ACCELERATION
+    speed_constant: Annotated[bool, AfterValidator(_check_has_speed)] = key(
+        "exactly that speed, between ramps", "true", False, needs=["speed"]
+    )
+    free: FreeEntry | None = key(
+        'orientation that the planner may choose: "yaw", the turn about the tool\'s z; tilt: a lean of it as well',
+        '{ yaw = true, tilt = "5 deg" }',
+        None,
+    )
 
     @property
     def freedom(self) -> Free | None:
@@ -203,25 +203,26 @@ Angle = Annotated[tuple[str, float], _formula_validator("angle", "deg")]
 Bound = Annotated[float, PlainValidator(_read_bound)]
 
 
-class CurveTable(TableSchema):
-    """A curve by equations.
+_WAY = "formulas of t, or numbers, in the unit of `length`"
+_TURN = "likewise of the orientation, Rx · Ry · Rz, in the unit of `angle`; 0 where some are given, else kept"
+_BOUND = "where t begins and ends: numbers, or formulas without t"
 
-    x, y, z     formulas of t, or numbers, in the unit of `length`
-    rx, ry, rz  likewise of the orientation, Rx · Ry · Rz, in the unit of `angle`; 0 where some are given, else kept
-    from, to    where t begins and ends: numbers, or formulas without t
-    constants   names of numbers, for all of them
-    """
+
+class CurveTable(TableSchema):
+    """A curve by equations."""
 
     # first: the others are read with them
-    constants: Annotated[dict[str, Number], AfterValidator(_constants)] = Field(default_factory=dict)
-    x: Length
-    y: Length
-    z: Length
-    rx: Angle | None = None
-    ry: Angle | None = None
-    rz: Angle | None = None
-    begin: Bound = Field(alias="from")
-    end: Bound = Field(alias="to")
+    constants: Annotated[dict[str, Number], AfterValidator(_constants)] = key(
+        "names of numbers, for all of them", default={}
+    )
+    x: Length = key(_WAY)
+    y: Length = key(_WAY)
+    z: Length = key(_WAY)
+    rx: Angle | None = key(_TURN, default=None)
+    ry: Angle | None = key(_TURN, default=None)
+    rz: Angle | None = key(_TURN, default=None)
+    begin: Bound = key(_BOUND, alias="from")
+    end: Bound = key(_BOUND, alias="to")
 
     @model_validator(mode="after")
     def _some_way(self) -> Self:
@@ -231,7 +232,10 @@ class CurveTable(TableSchema):
 
 
 class CurveEntry(PathEntry):
-    curve: CurveTable
+    curve: CurveTable = key(
+        "by equations, in the units above, from where the path stands; rx, ry, rz turn it; constants: numbers by name",
+        '{ x = "r*cos(t)", y = "r*sin(t)", z = "25", from = 0, to = "2*pi", constants = { r = 10 } }',
+    )
 
     def segment(self, line_number: int | None) -> Segment:
         table = self.curve

@@ -111,7 +111,7 @@ def test_formulas_are_drawn_into_the_page(monkeypatch):
 
 def test_a_key_takes_what_its_annotation_says(monkeypatch):
     monkeypatch.syspath_prepend(str(ROOT / "docs" / "_ext"))
-    from file_keys import default, meanings, takes
+    from file_keys import default, takes
 
     from kinematics.kinds.axis_tables import LinearDefaults
     from kinematics.kinds.load_tables import LoadedFile
@@ -121,6 +121,7 @@ def test_a_key_takes_what_its_annotation_says(monkeypatch):
         field = table.model_fields[key]
         return takes(field.annotation, tuple(field.metadata))
 
+    assert of(LinearDefaults, "timing") == "table, or text"
     assert of(LinearDefaults, "pulse") == 'quantity, as `"20 mm"`; above 0'
     # one number, or one for each way
     assert of(LinearDefaults, "max_speed") == (
@@ -130,7 +131,3 @@ def test_a_key_takes_what_its_annotation_says(monkeypatch):
     assert of(LoadedFile, "gravity") == '3 × quantity, as `"20 mm/s^2"`'
     assert default(LoadedFile.model_fields["gravity"]) == "0, 0, -9806.65 mm/s^2"
     assert default(LinearDefaults.model_fields["travel"]) == "**needed**"
-    assert meanings(PathEntry) == meanings(PathEntry) | {
-        "speed": "cap of the tool's speed",
-        "trigger": "an event along it",
-    }

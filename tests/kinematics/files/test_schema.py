@@ -4,7 +4,8 @@ from typing import Annotated, Literal
 
 import pytest
 
-from kinematics.files.schema import Direction, File, Number, TableSchema, build, chosen, one_of_tables
+from kinematics.files.keys import Chosen
+from kinematics.files.schema import Direction, File, Number, TableSchema, build, one_of_tables
 from kinematics.foundation.errors import FileError
 from kinematics.foundation.units import Length, Unit
 
@@ -33,7 +34,7 @@ class Shelf(File):
     count: int = 1
     up: Direction = (0.0, 0.0, 1.0)
     weight: Number = 1.0
-    depth: Annotated[float | tuple[float, float], chosen(one_or_two)] = 0.0
+    depth: Annotated[float | tuple[float, float], Chosen(one_or_two)] = 0.0
     item: tuple[Annotated[Box | Ball, one_of_tables(Box, Ball)], ...] = ()
 
 

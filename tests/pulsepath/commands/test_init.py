@@ -9,13 +9,11 @@ import click
 import pytest
 
 from kinematics import load_machine, machine_names
-from kinematics.kinds.axis_tables import LinearAxis, LinearDrive, RotaryAxis, RotaryDrive, TimingTable
-from kinematics.kinds.hexapod import JointCircles, JointPoints
+from kinematics.kinds.axis_tables import LinearDrive, RotaryDrive, TimingTable
 from kinematics.kinds.legged import Plate
-from kinematics.kinds.load_tables import Carried, HomeTable, LegsTable, Mass
-from kinematics.machine import machine_starter as machine_keys
+from kinematics.kinds.load_tables import HomeTable, Mass
 from kinematics.machine.machine_file import KINDS
-from kinematics.machine.machine_starter import companions, machine_starter
+from kinematics.machine.machine_starter import companions, known_keys, machine_starter
 from planner import load_program, plan, program_names
 from planner.program.program_file import ArcTable, LineTable, PoseTable, ProgramFile, SplineTable, TurnBy, TurnTo
 from planner.program.program_starter import HEAD, MODIFIERS, SHAPES, program_starter
@@ -83,33 +81,18 @@ def machine(request):
     return request.param
 
 
-def known_keys(kind):
-    own = machine_keys.ROTARY if kind == "arm" else machine_keys.LINEAR
-    return [*machine_keys.HEAD, *machine_keys.GEOMETRY[kind], *own, *machine_keys.PLATFORM]
-
-
 def test_a_machine_file_says_every_key_of_its_schema(machine):
     text = machine_starter(machine)
     parts = tables(text)
     kind = tomllib.loads(text)["kind"]
     schema = KINDS[kind][0]
-    geometry = (JointCircles, JointPoints) if kind == "hexapod" else (schema.model_fields["geometry"].annotation,)
-    axes = RotaryAxis if kind == "arm" else LinearAxis
-    models = {
-        "geometry": geometry,
-        "axes": (axes,),
-        "rotary": (RotaryAxis,),
-        "platform": (Carried,),
-        "legs": (LegsTable,),
-    }
+    models = {name: schema.tables_of(name) for name in ("geometry", "axes", "rotary", "platform", "legs")}
     said = {}
     for header, _, keys in parts:
         said.setdefault(header, set()).update(keys)
     assert {field.alias or name for name, field in schema.model_fields.items()} <= {*said, *said[""]}
-    for header, tables_of_it in models.items():
-        if header in said:
-            fields = {name for model in tables_of_it for name in model.model_fields}
-            assert said[header] == fields
+    for header, models_of_it in models.items():
+        assert said.get(header, set()) == {name for model in models_of_it for name in model.model_fields}
     legged = kind in ("hexapod", "tripod")
     nested = [TimingTable, *([HomeTable] if kind != "arm" else []), *([Plate, Mass] if legged else [])]
     nested += [LinearDrive] if kind != "arm" else []
@@ -125,11 +108,11 @@ def test_each_key_in_a_comment_makes_a_file_that_loads(tmp_path, machine):
         (tmp_path / name).write_bytes(content)
     parts = tables(text)
     assert tomllib.loads(written(parts)) == data  # the tests read it as TOML does
-    rotary = [n for n, part in enumerate(parts) if part[0] == "rotary"]
-    tried = list(variants(parts, known_keys(kind)))
-    if rotary:  # whose examples have other units than the slides'
-        known = {key.name: key for key in machine_keys.ROTARY}
-        assert all(key in known for key in parts[rotary[0]][2])
+    keys = known_keys(kind)
+    tried = list(variants(parts, [key for table in ("", "geometry", "axes", "platform") for key in keys[table]]))
+    for part in parts:  # whose examples have other units than the slides'
+        if part[0] == "rotary":
+            assert part[2].keys() <= {key.name for key in keys["rotary"]}
     assert len(tried) > 15
     for what, changed in tried:
         path.write_text(changed)
