@@ -14,9 +14,9 @@ import numpy as np
 from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.errors import MotionError
 from planner.actuation import MachinePath
+from planner.baselines.shapes import quarter_sine, trapezoid
 from planner.pulses.motion import AxesMotion
 from planner.timing.profile import Profile
-from planner.timing.shapes import quarter_sine, trapezoid
 from planner.trajectory import Trajectory
 
 

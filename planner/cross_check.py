@@ -9,7 +9,7 @@ from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
 from planner.limits.limit import Term
 from planner.plan import Plan
-from planner.timing.certified_solve import Solution, fastest
+from planner.timing.certified_solve import Solution, certified_solve
 from planner.timing.solvers.toppra_ import require
 
 if TYPE_CHECKING:
@@ -86,8 +86,8 @@ def cross_check(plan: Plan) -> CrossCheck:
         own = plan.trajectory, plan.certificate, limits, 2, plan.rounds, plan.methods, plan.lower_estimate
         ours = Solution(*own)
     else:
-        ours = fastest(plan.path, limits, 2)
+        ours = certified_solve(plan.path, limits, 2)
     try:
-        return CrossCheck(ours, fastest(plan.path, limits, 2, solver="toppra", proving=False))
+        return CrossCheck(ours, certified_solve(plan.path, limits, 2, solver="toppra", proving=False))
     except MotionError as no:
         return CrossCheck(ours, None, str(no))

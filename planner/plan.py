@@ -20,8 +20,10 @@ from planner.certificate.constant_speed import CONSTANT_SPEED, Stretch, find_str
 from planner.certificate.feasibility import Standing, prove_feasibility
 from planner.course import course
 from planner.limits import Limit, limits_of, usual_order
-from planner.limits.force import Holding
+from planner.limits.force import Holding, TorqueSpeed
 from planner.limits.geometric import Clearance, Tilt, Travel
+from planner.limits.limit import order_of
+from planner.limits.resonance import Resonance
 from planner.orientation.orient import orient_open
 from planner.parallel import Progress, ignore_progress
 from planner.path.departure import Departure, departure_tables, departures
@@ -40,8 +42,7 @@ from planner.pulses import (
 )
 from planner.pulses.compensation.compensate import counted
 from planner.pulses.schedule import schedule_tables
-from planner.timing.certified_solve import fastest, timing_table
-from planner.timing.lower_bound import left_out
+from planner.timing.certified_solve import certified_solve, timing_table
 from planner.timing.problem import Solver
 from planner.timing.solvers.toppra_ import require
 from planner.timing.stated_duration import solve_stated
@@ -88,8 +89,14 @@ class Plan(Result):
 
     @property
     def left_out(self) -> tuple[str, ...]:
-        """What the estimate of the lower bound leaves out."""
-        return left_out(self.limits)
+        """What the estimate of the lower bound leaves out: it may lie below the least time by what that costs."""
+        found = ["jerk"] if order_of(self.limits) == 3 else []
+        for limit in self.limits:
+            if isinstance(limit, TorqueSpeed):
+                found.append("of torque-speed curves, what is not concave")
+            if isinstance(limit, Resonance) and limit.bands:
+                found.append("how long an axis may stay in a resonance band")
+        return tuple(found)
 
     @property
     def triggers(self) -> tuple[Triggered, ...]:
@@ -181,7 +188,7 @@ def plan(
         whole = course(program, machine, order, pace_axes(machine.axes, int(clock_hz), rule))
         path, limits = whole.path, whole.limits
         if duration is None:
-            solution = fastest(path, limits, order, progress, solver=solver)
+            solution = certified_solve(path, limits, order, progress, solver=solver)
         else:
             solution = solve_stated(path, limits, machine.axes, order, duration, progress)
     except (Infeasible, OutOfReach) as no:

@@ -12,7 +12,7 @@ from kinematics.foundation.errors import MotionError
 from kinematics.machine.axis import Axis, Magnitude
 from planner.limits import limits_of
 from planner.path.polynomial import ROUNDING, PolynomialPath, Section, cut_sections, join_sections
-from planner.timing.certified_solve import Solution, fastest
+from planner.timing.certified_solve import Solution, certified_solve
 
 # A jump of an axis' values at a break, as a share of their range, up to which it is rounding.
 MAX_JUMP = 1e-9
@@ -57,7 +57,7 @@ def time_optimal(
     parts = cut_sections(actuated, order)
     chosen = [_choose_faster(part, axes, order) for part in parts]
     whole = join_sections(chosen)
-    return fastest(whole, limits_of(whole, axes, order), order)
+    return certified_solve(whole, limits_of(whole, axes, order), order)
 
 
 def _choose_faster(part: Section, axes: Sequence[Axis], order: int) -> PolynomialPath:
@@ -67,7 +67,7 @@ def _choose_faster(part: Section, axes: Sequence[Axis], order: int) -> Polynomia
     times = []
     for way in (part.resting, part.passing):
         try:
-            times.append(fastest(way, limits_of(way, axes, order), order).trajectory.duration)
+            times.append(certified_solve(way, limits_of(way, axes, order), order).trajectory.duration)
         except MotionError:
             times.append(np.inf)
     return part.resting if times[0] <= times[1] else part.passing

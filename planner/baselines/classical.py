@@ -20,6 +20,7 @@ from kinematics.foundation.table import Column, Table
 from kinematics.machine.axis import Axis
 from planner.actuation import ActuatorPath, MachinePath, actuate
 from planner.baselines.moves import Deviation, deviation, independent_ramps, synchronised_ramps, time_moves
+from planner.baselines.shapes import QUARTER_SINE, S_CURVE, TRAPEZOID, Shapes
 from planner.certificate.certify import CROSSING, Certificate, certify
 from planner.course import Course
 from planner.limits import limits_of
@@ -28,10 +29,11 @@ from planner.limits.limit import Limit, Term
 from planner.limits.resonance import Resonance
 from planner.plan import Plan
 from planner.program.model import stopping
-from planner.timing.certified_solve import solve_certified
+from planner.timing.certified_run import Timing
+from planner.timing.certified_solve import certified_solve
 from planner.timing.problem import Block, Problem, Run, make_grid, pose_problem
-from planner.timing.profile import Profile
-from planner.timing.shapes import QUARTER_SINE, S_CURVE, TRAPEZOID, Shapes
+from planner.timing.profile import Profile, RunSolution
+from planner.timing.tightening import required_slowness
 from planner.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -55,29 +57,13 @@ BISECTIONS = 50
 
 
 @dataclass(frozen=True, slots=True)
-class ScaledTiming:
-    """A profile of a given shape, which only time scales."""
-
-    profile: Profile
-    method: str
-
-    @property
-    def floor(self) -> float:
-        """None: of the least time of any motion it knows nothing."""
-        return 0.0
-
-    def tightened(self, use: Mapping[str, Array], slowness: float) -> "ScaledTiming":
-        return replace(self, profile=self.profile.slowed(slowness * (1 + MARGIN)))
-
-
-@dataclass(frozen=True, slots=True)
 class FamilyTiming:
-    """The quickest profile of a family along a run: what `planner.timing.certified_solve.solve_certified` asks of a
-    timing."""
+    """The quickest profile of a family along a run: what `planner.timing.certified_solve.certified_solve` asks of a
+    timing. Of the least time of any motion it knows nothing."""
 
     shapes: Shapes
 
-    def __call__(self, path: ActuatorPath, limits: Sequence[Limit], run: Run) -> ScaledTiming:
+    def solve(self, path: ActuatorPath, limits: Sequence[Limit], run: Run) -> RunSolution:
         intervals = max(INTERVALS, int(PER_RADIAN * path.turns[run.first : run.last + 1].sum()))
         problem = pose_problem(path, limits, *make_grid(path, run, intervals))
         mixed = any(len({term.per_time for term in block.start}) > 1 for block in problem.blocks)
@@ -86,14 +72,15 @@ class FamilyTiming:
         best = _find_quickest(self.shapes, problem)
         unit = self.shapes.draw(*best)
         breaks = path.breaks[run.first : run.last + 2]
-        return ScaledTiming(
-            unit.over(
-                breaks,
-                run.first,
-                (1 - (FINE_SPEED_EXCESS if mixed else SPEED_EXCESS)) * _required_duration(problem, unit),
-            ),
-            self.shapes.name,
-        )
+        duration = (1 - (FINE_SPEED_EXCESS if mixed else SPEED_EXCESS)) * _required_duration(problem, unit)
+        return RunSolution("solved", unit.over(breaks, run.first, duration), maker=self.shapes.name)
+
+    def tighten(
+        self, path: ActuatorPath, limits: Sequence[Limit], solution: RunSolution, use: Mapping[str, Array]
+    ) -> RunSolution:
+        """The same shape, slower: only time scales it."""
+        slowness = required_slowness(limits, use) * (1 + MARGIN)
+        return replace(solution, profile=solution.profile.slowed(slowness))
 
 
 def _find_quickest(shapes: Shapes, problem: Problem) -> tuple[float, ...]:
@@ -230,7 +217,8 @@ def classical(plan: Plan | Course, kind: str = "trapezoid") -> Classical:
         raise MotionError(f"baseline timing {kind}: no axis states a jerk limit; state one, or choose another kind")
     path, standing = _stopping_path(plan)
     limits = _reuse_limits(standing, limits_of(path, _axes(plan), shapes.order))
-    solution = solve_certified(path, limits, shapes.order, FamilyTiming(shapes))
+    family = FamilyTiming(shapes)
+    solution = certified_solve(path, limits, shapes.order, timing=Timing(family.solve, family.tighten))
     return Classical(kind, shapes.order, solution.trajectory, solution.certificate)
 
 

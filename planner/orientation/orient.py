@@ -22,7 +22,7 @@ from planner.path.chain import carry_tool, chain_pieces, draw_segments
 from planner.path.shape import DEGREE, Piece
 from planner.program.model import Dwell, Program
 from planner.program.modifiers import Free
-from planner.timing.certified_solve import fastest
+from planner.timing.certified_solve import certified_solve
 from planner.trajectory import Trajectory
 
 Choice = Mapping[int, Array]
@@ -115,7 +115,7 @@ def _solve_motion(program: Program, machine: Machine, order: int) -> Trajectory 
     """The fastest, or nothing where there is none."""
     try:
         path = actuate(program, machine)
-        return fastest(path, limits_of(path, machine.axes, order), order).trajectory
+        return certified_solve(path, limits_of(path, machine.axes, order), order).trajectory
     except MotionError:
         return None
 

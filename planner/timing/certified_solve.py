@@ -1,10 +1,9 @@
-"""The fastest certified motion along an actuator path: solve every run, prove the whole, tighten what fails, again."""
+"""The fastest certified motion along an actuator path: discretize, solve, certify, tighten what fails, run by run."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
-from itertools import chain, pairwise
-from typing import TYPE_CHECKING, NoReturn
+from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,10 +16,10 @@ from planner.certificate.feasibility import limit_violation, prove_feasibility
 from planner.limits.limit import Limit
 from planner.parallel import Progress, spread
 from planner.path.stands import count_zero_derivatives
-from planner.timing.parts import solve_in_parts
+from planner.timing.certified_run import ROUNDS, CertifiedRun, RunCertifier, Timing, hold_axes
+from planner.timing.parts import fastest_timing
 from planner.timing.problem import Run, Solver
-from planner.timing.profile import Profile
-from planner.timing.prover import ROUNDS, ProvedRun, Prover, Timing, hold_axes
+from planner.timing.profile import Profile, require
 from planner.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -79,65 +78,53 @@ def timing_table(title: str, duration: float, least: float, note: str | None = N
     )
 
 
-def fastest(
+def certified_solve(
     path: ActuatorPath,
     limits: Sequence[Limit],
     order: int,
     progress: Progress | None = None,
     *,
+    timing: Timing | None = None,
     solver: Solver = "passes",
     proving: bool = True,
 ) -> Solution:
-    """Solve and certify. Raises Infeasible where a geometric limit is broken, MotionError where no round holds.
-
-    progress is told how many of the runs between stops are solved, and of how many. solver: of order 2. proving: else a
-    motion of which no round holds is returned, its certificate as it is.
-    """
-    for worst in prove_feasibility(path, limits).violations:
-        raise worst
-    return solve_certified(
-        path, limits, order, partial(solve_in_parts, order=order), progress, solver=solver, proving=proving
-    )
-
-
-def solve_certified(
-    path: ActuatorPath,
-    limits: Sequence[Limit],
-    order: int,
-    timing: Timing,
-    progress: Progress | None = None,
-    *,
-    solver: Solver = "passes",
-    proving: bool = True,
-) -> Solution:
-    """The motion of every run as `timing` makes it, in several processes where that pays, and the proof of the whole.
+    """The motion of every run between stops, discretized, solved, certified and tightened until it holds, as a whole.
 
     Runs go in parts of PART to whichever process is free; each part is solved and proved by itself, so that what
-    becomes of it does not depend on who does it.
+    becomes of it does not depend on who does it. Here refusals are raised that were values so far: Infeasible where a
+    limit is broken, MotionError where no round holds.
+
+    progress  is told how many of the runs are solved, and of how many
+    timing    what is asked of the motion; None: that it is the fastest, along a path that is checked first
+    solver    of order 2
+    proving   else a motion of which no round holds is returned, its certificate as it is
     """
+    if timing is None:
+        for worst in prove_feasibility(path, limits).violations:
+            raise worst
+        timing = fastest_timing(path, order)
     stops = np.flatnonzero(path.stops(order))
-    runs = [replace(run, solver=solver) for run in _runs(path, stops)]
+    runs = [replace(run, solver=solver) for run in _split_runs(path, stops)]
     parts = [runs[first : first + PART] for first in range(0, len(runs), PART)]
-    solved = 0
+    found: list[CertifiedRun] = []
 
-    def done(part: Sequence[Run], _: object) -> None:
-        nonlocal solved
-        solved += len(part)
+    def done(part: Sequence[Run], outcome: list[CertifiedRun] | MotionError) -> None:
+        found.extend(require(outcome))
         if progress is not None:
-            progress(solved, len(runs))
+            progress(len(found), len(runs))
 
-    found: list[ProvedRun] = [*chain(*spread(Prover(path, tuple(limits), order, timing), parts, done))]
+    spread(RunCertifier(path, tuple(limits), order, timing), parts, done)
     limits = hold_axes(limits, [held for one in found for held in one.held])
-    trajectory, known = join_runs(path, limits, found, stops)
+    trajectory, known = _join_runs(path, limits, found, stops)
     certificate = certify(trajectory, limits, known)
     if proving and not certificate.holds:
-        _refuse(trajectory, limits, certificate)
-    rounds, methods = max(one.rounds for one in found), tuple(one.method for one in found)
-    least = sum(one.floor for one in found) + float(path.dwells.sum())
+        raise _unproved_error(trajectory, limits, certificate)
+    rounds, methods = max(one.rounds for one in found), tuple(one.solution.method for one in found)
+    least = sum(one.solution.bound for one in found) + float(path.dwells.sum())
     return Solution(trajectory, certificate, limits, order, rounds, methods, least)
 
 
-def _runs(path: ActuatorPath, stops: np.ndarray) -> list[Run]:
+def _split_runs(path: ActuatorPath, stops: np.ndarray) -> list[Run]:
     """From stop to stop, the first and the last with the speeds that the path states for its ends."""
     turning = count_zero_derivatives(path) == 1
     runs = [Run(int(a), int(b) - 1, stands=(bool(turning[0, a]), bool(turning[1, b - 1]))) for a, b in pairwise(stops)]
@@ -146,8 +133,8 @@ def _runs(path: ActuatorPath, stops: np.ndarray) -> list[Run]:
     return runs
 
 
-def join_runs(
-    path: ActuatorPath, limits: Sequence[Limit], found: Sequence[ProvedRun], stops: np.ndarray
+def _join_runs(
+    path: ActuatorPath, limits: Sequence[Limit], found: Sequence[CertifiedRun], stops: np.ndarray
 ) -> tuple[Trajectory, ProvedUse]:
     """The runs one after the other with the rests between, and what is proved of them: of the rests, nothing yet."""
     parts: list[tuple[Profile, ProvedUse]] = []
@@ -155,7 +142,7 @@ def join_runs(
         if path.dwells[stop] > 0:
             parts.append((_rest(path, int(stop)), ProvedUse.nothing(limits, 1)))
         if n < len(found):
-            parts.append((found[n].profile, found[n].known))
+            parts.append((found[n].solution.profile, found[n].known))
     joined = Profile.joined([profile for profile, _ in parts])
     return joined.along(path), ProvedUse.joined([known for _, known in parts])
 
@@ -165,18 +152,18 @@ def _rest(path: ActuatorPath, stop: int) -> Profile:
     return Profile(path.breaks[[stop]], nothing, nothing, nothing, path.dwells[[stop]], np.array([max(stop - 1, 0)]))
 
 
-def _refuse(trajectory: Trajectory, limits: Sequence[Limit], certificate: Certificate) -> NoReturn:
+def _unproved_error(trajectory: Trajectory, limits: Sequence[Limit], certificate: Certificate) -> MotionError:
     """Why there is no proof."""
     for limit in limits:
         if limit.geometric and certificate.worst[limit.name] > 1:
             place = certificate.where[limit.name]
             channel = limit.channels.index(place.axis)
             value = limit.value(trajectory.at(place.t if place.t is not None else 0.0))
-            raise limit_violation(limit, float(value[0, channel]), channel, place)
+            return limit_violation(limit, float(value[0, channel]), channel, place)
     unproved = [name for name, worst in certificate.worst.items() if not np.isfinite(worst)]
     if unproved:
-        raise MotionError(
+        return MotionError(
             f"the motion could not be proved: {unproved[0]} at {certificate.where[unproved[0]]} has no bound; "
             "this is a fault of the planner: report it"
         )
-    raise MotionError(f"no motion could be proved within {ROUNDS} rounds; what remained:\n{certificate}")
+    return MotionError(f"no motion could be proved within {ROUNDS} rounds; what remained:\n{certificate}")

@@ -10,13 +10,11 @@ Between those two places the speed either can be kept, or the plan is infeasible
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import ClassVar
+from dataclasses import replace
 
 import numpy as np
 
 from kinematics.foundation.arrays import Array
-from kinematics.foundation.errors import MotionError
 from planner.actuation import ActuatorPath
 from planner.certificate.certify import LIMIT_ROUNDING
 from planner.limits.limit import Limit
@@ -24,8 +22,8 @@ from planner.limits.resonance import Resonance
 from planner.limits.tool import ToolSpeed
 from planner.place import ConstantRefused, Infeasible
 from planner.timing.problem import Run, make_grid
-from planner.timing.profile import Profile
-from planner.timing.run import STRAIGHT, Attempt, solve_run
+from planner.timing.profile import CONSTANT_SPEED, STRAIGHT, Profile, RunSolution
+from planner.timing.run import solve_run
 from planner.trajectory import State, Trajectory
 
 # Of the motions that ramps are found from: closed forms, and solvers' at order 2 and 3. Share of the speed from which
@@ -45,94 +43,98 @@ FIRST_POINTS, CHECK_POINTS = 3, 17
 MAX_HALVINGS = 50
 
 
-@dataclass(frozen=True, slots=True)
-class Cruise:
-    """The speed itself: what it asks of a limit cannot be changed, so an excess is a refusal."""
-
-    path: ActuatorPath
-    limits: tuple[Limit, ...]
-    profile: Profile
-    method: ClassVar[str] = "constant speed"
-
-    @property
-    def floor(self) -> float:
-        return self.profile.duration
-
-    def tightened(self, use: Mapping[str, Array], slowness: float) -> "Cruise":
-        k = np.flatnonzero(np.max([*use.values()], axis=0) > 1)
-        refuse_speed(self.path, self.limits, *_places(self.profile, k, CHECK_POINTS), float(self.profile.v[0]))
-        return self
-
-
 def solve_constant_speed(
     path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int, speed: float
-) -> tuple[Attempt | Cruise, ...]:
+) -> tuple[RunSolution, ...]:
     """The run at constant speed: the ramp up, the speed, and the ramp down, of which an end at that speed has none.
 
-    Raises Infeasible where a limit does not allow it, or where the run is too short.
+    Infeasible where a limit does not allow it, or where the run is too short: then that alone.
     """
-    _refuse_resonance(path, limits, run, speed)
-    breaks = run.breaks(path)
-    since, until = float(breaks[0]), float(breaks[-1])
-    up, down = list[Attempt](), list[Attempt]()
+    staying = _resonance_error(path, limits, run, speed)
+    if staying is not None:
+        return (RunSolution.refused(staying),)
+    first, last = run.breaks(path)[[0, -1]].tolist()
+    ends: list[float] = [first, last]
+    ramps: list[list[RunSolution]] = [[], []]
     if min(run.speeds) < speed:
         capped = _solve_capped(path, limits, run, order, speed)
-        if run.start_speed < speed:
-            ramp, since = _shortest_ramp(path, limits, run, order, speed, capped, down=False)
-            up.append(ramp)
-        if run.end_speed < speed:
-            ramp, until = _shortest_ramp(path, limits, run, order, speed, capped, down=True)
-            down.append(ramp)
-        if since >= until:
-            raise _too_short_error(path, limits, capped.profile, speed)
-    profile = _cruise(path, run, since, until, speed)
-    refuse_speed(path, limits, *_places(profile, np.arange(len(profile.h)), FIRST_POINTS), speed)
-    return (*up, Cruise(path, tuple(limits), profile), *down)
+        if not capped.solved:
+            return (capped,)
+        for end in (0, 1):
+            if run.speeds[end] < speed:
+                ramp = _shortest_ramp(path, limits, run, order, speed, capped, down=end == 1)
+                if ramp is None:
+                    return (RunSolution.refused(_too_short_error(path, limits, capped.profile, speed)),)
+                ramps[end], ends[end] = [ramp[0]], ramp[1]
+        if ends[0] >= ends[1]:
+            return (RunSolution.refused(_too_short_error(path, limits, capped.profile, speed)),)
+    profile = _constant_profile(path, run, ends[0], ends[1], speed)
+    refusal = speed_error(path, limits, *_places(profile, np.arange(len(profile.h)), FIRST_POINTS), speed)
+    if refusal is not None:
+        return (RunSolution.refused(refusal),)
+    return (*ramps[0], RunSolution("solved", profile, profile.duration, CONSTANT_SPEED), *ramps[1])
 
 
-def refuse_joined(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int, speed: float) -> None:
-    """Raise Infeasible where a limit does not allow the speed beside an end of the run at which it is already kept.
+def tighten_constant_speed(
+    path: ActuatorPath, limits: Sequence[Limit], solution: RunSolution, use: Mapping[str, Array]
+) -> RunSolution:
+    """What the speed itself asks of a limit cannot be changed, so an excess is a refusal."""
+    profile, k = solution.profile, np.flatnonzero(np.max([*use.values()], axis=0) > 1)
+    refusal = speed_error(path, limits, *_places(profile, k, CHECK_POINTS), float(profile.v[0]))
+    return solution if refusal is None else RunSolution.refused(refusal)
+
+
+def joined_speed_error(
+    path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int, speed: float
+) -> ConstantRefused | None:
+    """Why the speed cannot be beside an end of the run at which it is already kept, where a limit does not allow it.
 
     That is the half up to the run's middle, if a ramp to the other end fits behind it; all of it, if none is needed.
     """
     breaks = run.breaks(path)
     first, last = float(breaks[0]), float(breaks[-1])
     if min(run.speeds) == speed:
-        refuse_speed(path, limits, *_sample_places(path, run, first, last, speed), speed)
-    elif max(run.speeds) == speed:
+        return speed_error(path, limits, *_sample_places(path, run, first, last, speed), speed)
+    if max(run.speeds) == speed:
         down, middle = run.start_speed == speed, (first + last) / 2
         places = _sample_places(path, run, *((first, middle) if down else (middle, last)), speed)
         if _limit_use(path, limits, *places, np.full(len(places[0]), speed)).max() <= 1 + LIMIT_ROUNDING:
-            return
+            return None
         if _solve_ramp(path, limits, run, order, speed, [middle], down) is not None:
-            refuse_speed(path, limits, *places, speed)
+            return speed_error(path, limits, *places, speed)
+    return None
 
 
 def _sample_places(path: ActuatorPath, run: Run, since: float, until: float, speed: float) -> tuple[Array, np.ndarray]:
     """Places between two path lengths, close together, and their path pieces."""
-    profile = _cruise(path, run, since, until, speed)
+    profile = _constant_profile(path, run, since, until, speed)
     return _places(profile, np.arange(len(profile.h)), CHECK_POINTS)
 
 
-def _solve_capped(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int, speed: float) -> Attempt:
-    """The fastest motion under the speed. Raises Infeasible where no ramp, however long, would help."""
-    try:
-        tried = solve_run(path, limits, run, order, probing=True)
-    except MotionError:  # told why, or given the next best
+def _solve_capped(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int, speed: float) -> RunSolution:
+    """The fastest motion under the speed. Infeasible where no ramp, however long, would help."""
+    tried = solve_run(path, limits, run, order, probing=True)
+    if not tried.solved:  # told why, or given the next best
         tried = solve_run(path, limits, run, order)
+    if not tried.solved:
+        return tried
     motion = tried.profile
     fastest = [int(np.argmax(motion.v))]
+    refusal = None
     if _limit_use(path, limits, motion.s[fastest], motion.piece[fastest], np.array([speed])).max() > 1 + LIMIT_ROUNDING:
-        refuse_speed(path, limits, motion.s, motion.piece, speed)
-    return tried
+        refusal = speed_error(path, limits, motion.s, motion.piece, speed)
+    return tried if refusal is None else RunSolution.refused(refusal)
 
 
 def _shortest_ramp(
-    path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int, speed: float, capped: Attempt, down: bool
-) -> tuple[Attempt, float]:
-    """The shortest ramp between an end of the run and the speed, and where it meets it; capped: the motion under it."""
+    path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int, speed: float, capped: RunSolution, down: bool
+) -> tuple[RunSolution, float] | None:
+    """The shortest ramp between an end of the run and the speed, and where it meets it; None where there is none.
+
+    capped: the motion under the speed
+    """
     end = float(run.breaks(path)[-1 if down else 0])
-    best: tuple[Attempt, float] | None = None
+    best: tuple[RunSolution, float] | None = None
     tried = capped
     for _ in range(MAX_SOLVES):
         profile, kind = tried.profile, STRAIGHT if tried.method == STRAIGHT else order
@@ -148,14 +150,12 @@ def _shortest_ramp(
         if found is None:
             break
         best, tried = found, found[0]
-    if best is None:
-        raise _too_short_error(path, limits, capped.profile, speed)
     return best
 
 
 def _solve_ramp(
     path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int, speed: float, places: list[float], down: bool
-) -> tuple[Attempt, float] | None:
+) -> tuple[RunSolution, float] | None:
     """The ramp to the first of some places to which there is one."""
     breaks = run.breaks(path)
     for place in places:
@@ -167,14 +167,13 @@ def _solve_ramp(
             if down
             else replace(run, last=piece, until=place, end_speed=speed)
         )
-        try:
-            return solve_run(path, limits, part, order, probing=True), place
-        except MotionError:
-            continue
+        ramp = solve_run(path, limits, part, order, probing=True)
+        if ramp.solved:
+            return ramp, place
     return None
 
 
-def _cruise(path: ActuatorPath, run: Run, since: float, until: float, speed: float) -> Profile:
+def _constant_profile(path: ActuatorPath, run: Run, since: float, until: float, speed: float) -> Profile:
     """The speed itself, in pieces that the certificate tells apart."""
     breaks = run.breaks(path)
     first = run.first + int(np.searchsorted(breaks, since, side="right")) - 1
@@ -191,7 +190,7 @@ def _places(profile: Profile, k: np.ndarray, points: int) -> tuple[Array, np.nda
     return s.ravel(), np.repeat(profile.piece[k], points)
 
 
-def _refuse_resonance(path: ActuatorPath, limits: Sequence[Limit], run: Run, speed: float) -> None:
+def _resonance_error(path: ActuatorPath, limits: Sequence[Limit], run: Run, speed: float) -> Infeasible | None:
     """Where an axis stays in a band too long because of the constant speed itself: no timing exists."""
     breaks = run.breaks(path)
     for limit in limits:
@@ -215,11 +214,14 @@ def _refuse_resonance(path: ActuatorPath, limits: Sequence[Limit], run: Run, spe
                 f"s = {since:.6g} mm and {until:.6g} mm: take a speed below {below:.6g} mm/s or above {above:.6g} mm/s"
             )
             value = float(slope[most]) * speed * scale
-            raise Infeasible(limit.name, limit.channels[band.axis], place, value, band.low * scale, unit, remedy)
+            return Infeasible(limit.name, limit.channels[band.axis], place, value, band.low * scale, unit, remedy)
+    return None
 
 
-def refuse_speed(path: ActuatorPath, limits: Sequence[Limit], s: Array, piece: np.ndarray, speed: float) -> None:
-    """Raise Infeasible where the speed breaks a limit: with what is possible at the place that allows the least.
+def speed_error(
+    path: ActuatorPath, limits: Sequence[Limit], s: Array, piece: np.ndarray, speed: float
+) -> ConstantRefused | None:
+    """What to say where the speed breaks a limit: with what is possible at the place that allows the least.
 
     Geometric limits are no speed's: they were proved before, and one that is used up, as by a home at an end of travel,
     is beyond 1 by rounding.
@@ -227,7 +229,7 @@ def refuse_speed(path: ActuatorPath, limits: Sequence[Limit], s: Array, piece: n
     limits = [limit for limit in limits if not limit.geometric]
     over = _limit_use(path, limits, s, piece, np.full(len(s), speed)).max(0) > 1 + LIMIT_ROUNDING
     if not over.any():
-        return
+        return None
     s, piece = s[over], piece[over]
     low, high = np.zeros(len(s)), np.full(len(s), speed)
     for _ in range(MAX_HALVINGS):
@@ -248,7 +250,7 @@ def refuse_speed(path: ActuatorPath, limits: Sequence[Limit], s: Array, piece: n
         "lower the speed, or let the segment run without speed_constant"
     )
     told = limit.name, limit.channels[channel], place, reached * scale, allowed * scale, unit, remedy
-    raise ConstantRefused(*told, asked=speed, possible=float(low[worst[0]]))
+    return ConstantRefused(*told, asked=speed, possible=float(low[worst[0]]))
 
 
 def _too_short_error(path: ActuatorPath, limits: Sequence[Limit], capped: Profile, speed: float) -> Infeasible:

@@ -10,8 +10,7 @@ from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
 from planner.actuation import ActuatorPath
 from planner.limits.limit import Limit, Term
-from planner.timing.brief import BRIEF, WIDE
-from planner.timing.initial_guess import Passing, Smoothed, slow_breaks
+from planner.timing.initial_guess import BRIEF, WIDE, Passing, Smoothed, slow_breaks
 from planner.timing.problem import Block, Problem, Run, make_grid, pose_problem
 from planner.timing.profile import Profile
 from planner.timing.solvers.second_order import TERMS as SECOND
@@ -39,14 +38,12 @@ SHORTENED = 1e-2
 
 
 def acceleration_problem(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> Problem:
-    """A run's rows on an even grid, or a graded one. Raises MotionError where nothing bounds the acceleration."""
+    """A run's rows on an even grid, or a graded one."""
     mixed = any(Term.SD in limit.terms and len(limit.terms) > 1 for limit in limits)
     few = None if mixed or any(run.stands) else _few_intervals(path, run)
     spread = _graded_shares(_interval_count(SECOND_ORDER, path, run)) if mixed else None
     placed = _grid(SECOND_ORDER, path, run, spread) if few is None else make_grid(path, run, few)
-    problem = pose_problem(path, limits, *placed, run.speeds, run.stands)
-    _require_term(problem, Term.SDD, "acceleration")
-    return problem
+    return pose_problem(path, limits, *placed, run.speeds, run.stands)
 
 
 def refine_problem(path: ActuatorPath, limits: Sequence[Limit], problem: Problem, motion: Profile) -> Problem | None:
@@ -65,10 +62,8 @@ def refine_problem(path: ActuatorPath, limits: Sequence[Limit], problem: Problem
 
 
 def coarse_jerk_problem(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> Problem:
-    """A run's rows on an even grid, to start from. Raises MotionError where nothing bounds the jerk."""
-    coarse = pose_problem(path, limits, *_grid(COARSE, path, run), run.speeds, run.stands)
-    _require_term(coarse, Term.SDDD, "jerk")
-    return coarse
+    """A run's rows on an even grid, to start from."""
+    return pose_problem(path, limits, *_grid(COARSE, path, run), run.speeds, run.stands)
 
 
 def brief_problem(
@@ -78,7 +73,8 @@ def brief_problem(
     if max(run.speeds) > 0 or not coarse.settled:
         return None
     gentle, window = _second_order_start(replace(coarse, free=(False, False)))
-    if WIDE * window > BRIEF * second_order(gentle).duration:
+    sharp = second_order(gentle)
+    if not sharp.solved or WIDE * window > BRIEF * sharp.duration:
         return None
     placed = _grid(SECOND_ORDER, path, run, _graded_shares(_interval_count(SECOND_ORDER, path, run)))
     return _second_order_start(pose_problem(path, limits, *placed))
@@ -86,20 +82,22 @@ def brief_problem(
 
 def jerk_problem(
     path: ActuatorPath, limits: Sequence[Limit], run: Run, coarse: Problem | None = None
-) -> tuple[Problem, Smoothed | Passing]:
+) -> tuple[Problem, Smoothed | Passing] | MotionError:
     """The order-3 problem of a run, on a grid graded for it, and the averaged order-2 motion to start from.
 
-    Where that passes breaks faster than the jerk lets, there are such motions from one of them to the next.
+    Where that passes breaks faster than the jerk lets, there are such motions from one of them to the next. Where
+    nothing bounds the jerk, or there is no order-2 motion, why not.
     """
     coarse = coarse_jerk_problem(path, limits, run) if coarse is None else coarse
     start = _smooth_motion(coarse)
+    if isinstance(start, MotionError):
+        return start
     breaks = run.breaks(path)
     slow, speeds = slow_breaks(coarse, start, breaks)
     if len(slow):
-        try:
-            return _pass_breaks(path, limits, run, breaks, slow, speeds)
-        except MotionError:  # a speed that leads nowhere: on as if there were none
-            pass
+        found = _pass_breaks(path, limits, run, breaks, slow, speeds)
+        if found is not None:  # else a speed leads nowhere: on as if there were none
+            return found
 
     def shares(intervals: int) -> Array:
         return _shares(start, coarse.s, intervals)
@@ -109,8 +107,8 @@ def jerk_problem(
 
 def _pass_breaks(
     path: ActuatorPath, limits: Sequence[Limit], run: Run, breaks: Array, slow: np.ndarray, speeds: Array
-) -> tuple[Problem, Passing]:
-    """The problem and its start, made of parts between breaks that are passed slowly."""
+) -> tuple[Problem, Passing] | None:
+    """The problem and its start, made of parts between breaks that are passed slowly; None where one has no motion."""
     least, per_piece, per_radian = THIRD_ORDER
     ends = np.concatenate([[0], slow, [len(breaks) - 1]])
     short = np.diff(breaks[ends]) < SHORT_SHARE * (breaks[-1] - breaks[0]) / (len(ends) - 1)
@@ -121,7 +119,10 @@ def _pass_breaks(
         coarse = coarse_jerk_problem(path, limits, own)
         fewest, some = SHORT_PART_GRID if short[n] else PART_GRID
         rule = (max(fewest, least // len(short)), min(per_piece, some), per_radian)
-        parts.append(_smooth_motion(coarse))
+        start = _smooth_motion(coarse)
+        if isinstance(start, MotionError):
+            return None
+        parts.append(start)
         s, piece = _grid(rule, path, own, _shares(parts[-1], coarse.s, _interval_count(rule, path, own)))
         grids.append(s[1:])
         pieces.append(piece)
@@ -181,29 +182,35 @@ def _few_intervals(path: ActuatorPath, run: Run) -> int | None:
     return min([size for size in FEW_INTERVALS if size >= PER_CHANGE * change], default=None)
 
 
-def _require_term(problem: Problem, term: Term, name: str) -> None:
-    if not any(np.any(block.start.get(term, 0.0)) for block in problem.blocks):
-        raise MotionError(
-            f"nothing bounds the motion: no axis that moves states a limit of {name}; "
-            "state one, or plan at another order"
-        )
+def unbounded_error(problem: Problem, order: int) -> MotionError | None:
+    """What to say where nothing bounds the acceleration, or at order 3 the jerk; None where something does."""
+    term, name = (Term.SDD, "acceleration") if order == 2 else (Term.SDDD, "jerk")
+    if any(np.any(block.start.get(term, 0.0)) for block in problem.blocks):
+        return None
+    return MotionError(
+        f"nothing bounds the motion: no axis that moves states a limit of {name}; state one, or plan at another order"
+    )
 
 
-def _smooth_motion(coarse: Problem) -> Smoothed:
+def _smooth_motion(coarse: Problem) -> Smoothed | MotionError:
     """The averaged order-2 motion over a run; begun and ended at a speed, of a shorter one."""
+    unbounded = unbounded_error(coarse, 3)
+    if unbounded is not None:
+        return unbounded
     gentle, window = _second_order_start(replace(coarse, free=(False, False)))  # averages begin and end at rest
     onward = sum(coarse.speeds)
     if onward == 0:
-        return Smoothed(second_order(gentle), window)
+        sharp = second_order(gentle)
+        return Smoothed(sharp.profile, window) if sharp.refusal is None else sharp.refusal
     whole = (coarse.s[-1] - coarse.s[0]) / onward
-    try:
-        return _average_motion(gentle, min(window, whole))
-    except MotionError:
+    found = _average_motion(gentle, min(window, whole))
+    if isinstance(found, MotionError):
         blocks = tuple(block for block in coarse.blocks if set(block.start) <= SECOND)
         return _average_motion(replace(gentle, blocks=blocks), SHORTENED * whole)
+    return found
 
 
-def _average_motion(problem: Problem, window: float) -> Smoothed:
+def _average_motion(problem: Problem, window: float) -> Smoothed | MotionError:
     low = problem.s[0] + problem.speeds[0] * window / 2
     high = problem.s[-1] - problem.speeds[1] * window / 2
     sliver = 1e-9 * (high - low)
@@ -212,7 +219,8 @@ def _average_motion(problem: Problem, window: float) -> Smoothed:
     s = problem.s[kept[0] : kept[-1] + 2].copy()
     s[0], s[-1] = low, high
     part = replace(problem.part(chosen), s=s)
-    return Smoothed(second_order(part), window, problem.speeds)
+    sharp = second_order(part)
+    return Smoothed(sharp.profile, window, problem.speeds) if sharp.refusal is None else sharp.refusal
 
 
 def _second_order_start(problem: Problem) -> tuple[Problem, float]:

@@ -6,16 +6,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from kinematics.foundation.arrays import Array
-from kinematics.foundation.errors import MotionError
 from kinematics.machine.axis import Axis
 from planner.actuation import ActuatorPath
 from planner.certificate.resonance_dwell import Stay, find_stays
 from planner.limits.axis import Acceleration, Jerk, Speed
 from planner.limits.limit import AxisLimit, Limit
 from planner.limits.resonance import Resonance, SpeedCap
+from planner.timing.certified_run import hold_axes
 from planner.timing.problem import Run
 from planner.timing.profile import Profile
-from planner.timing.prover import hold_axes
 from planner.timing.run import solve_run
 
 # Shares of the axes' accelerations and jerks that are tried in turn: the gentlest that crosses every band in time.
@@ -66,10 +65,8 @@ class Pacer:
 
     def fastest(self, limits: Sequence[Limit]) -> Profile | None:
         """The fastest motion that is found under other limits; None if none is."""
-        try:
-            return solve_run(self.path, limits, self.run, self.order).profile
-        except MotionError:
-            return None
+        found = solve_run(self.path, limits, self.run, self.order)
+        return found.profile if found.solved else None
 
     @property
     def _bands(self) -> list[Resonance]:
@@ -83,30 +80,28 @@ class Pacer:
         """Under speeds that are a share of those reached without: found by secants, as the duration all but goes with
         the share's inverse, and by halving where they lead out. The first share is that of the free motion slowed.
         """
-        try:
-            free = solve_run(self.path, [*self._gentler(limits, eased, None)], self.run, self.order).profile
-            if free.duration > duration * (1 - MIN_SHORTENING):
-                return None
-            most = np.abs(free.along(self.path).within(np.arange(len(free.h)), free.h).qd).max(0)
-            low, high, found = 0.0, 1.0, free
-            share, before = free.duration / duration, (1.0, free.duration)
-            for _ in range(HALVINGS):
-                slower = [*self._gentler(limits, eased, share * most)]
-                tried = solve_run(self.path, slower, self.run, self.order).profile
-                if tried.duration <= duration * (1 - MIN_SHORTENING):
-                    found, high = tried, share
-                else:
-                    low = share
-                if found.duration >= duration * (1 - MAX_SHORTENING):
-                    break
-                now = 1 / share, tried.duration
-                rise = (now[0] - before[0]) / (now[1] - before[1]) if now[1] != before[1] else 0.0
-                inverse = now[0] + rise * (duration * (1 - (MIN_SHORTENING + MAX_SHORTENING) / 2) - now[1])
-                share, before = 1 / inverse if inverse > 0 else low, now
-                if not low < share < high:
-                    share = (low + high) / 2
-        except MotionError:
+        free = self.fastest([*self._gentler(limits, eased, None)])
+        if free is None or free.duration > duration * (1 - MIN_SHORTENING):
             return None
+        most = np.abs(free.along(self.path).within(np.arange(len(free.h)), free.h).qd).max(0)
+        low, high, found = 0.0, 1.0, free
+        share, before = free.duration / duration, (1.0, free.duration)
+        for _ in range(HALVINGS):
+            tried = self.fastest([*self._gentler(limits, eased, share * most)])
+            if tried is None:
+                return None
+            if tried.duration <= duration * (1 - MIN_SHORTENING):
+                found, high = tried, share
+            else:
+                low = share
+            if found.duration >= duration * (1 - MAX_SHORTENING):
+                break
+            now = 1 / share, tried.duration
+            rise = (now[0] - before[0]) / (now[1] - before[1]) if now[1] != before[1] else 0.0
+            inverse = now[0] + rise * (duration * (1 - (MIN_SHORTENING + MAX_SHORTENING) / 2) - now[1])
+            share, before = 1 / inverse if inverse > 0 else low, now
+            if not low < share < high:
+                share = (low + high) / 2
         return found.slowed(duration / found.duration)
 
     def _gentler(self, limits: Sequence[Limit], eased: float, speeds: Array | None) -> Iterator[Limit]:

@@ -6,7 +6,6 @@ segment's cap as well. Where the motion comes from rest, or out of a slower segm
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
 from functools import partial
 from itertools import chain, pairwise
 
@@ -18,11 +17,17 @@ from planner.actuation import ActuatorPath
 from planner.limits.limit import Limit
 from planner.limits.tool import ToolSpeed
 from planner.place import ConstantRefused, Infeasible
-from planner.timing.constant_speed import refuse_joined, refuse_speed, solve_constant_speed
+from planner.timing.certified_run import ROUNDS, RunCertifier, Timing
+from planner.timing.constant_speed import (
+    joined_speed_error,
+    solve_constant_speed,
+    speed_error,
+    tighten_constant_speed,
+)
 from planner.timing.problem import Run
-from planner.timing.profile import Profile
-from planner.timing.prover import ROUNDS, Prover, RunTiming
-from planner.timing.run import Attempt, solve_run
+from planner.timing.profile import CONSTANT_SPEED, IN_PARTS, RunSolution
+from planner.timing.run import solve_run
+from planner.timing.tightening import tighten_run
 
 # Slower speeds that are tried where one is refused, each this share of what the last refusal left possible.
 MAX_TRIALS, SPEED_SHARE = 4, 0.9995
@@ -30,65 +35,46 @@ AskedSpeeds = Mapping[int, float | None]
 """Of each piece of a run, the constant speed that is asked for, if any."""
 
 
-@dataclass(frozen=True, slots=True)
-class JoinedTiming:
-    """Motions one after the other, as one."""
-
-    path: ActuatorPath
-    parts: tuple[RunTiming, ...]
-
-    @property
-    def profile(self) -> Profile:
-        return Profile.joined([part.profile for part in self.parts])
-
-    @property
-    def method(self) -> str:
-        """That of the first part which was solved for."""
-        return next((part.method for part in self.parts if isinstance(part, Attempt)), self.parts[0].method)
-
-    @property
-    def floor(self) -> float:
-        return sum(part.floor for part in self.parts)
-
-    def tightened(self, use: Mapping[str, Array], slowness: float) -> "JoinedTiming":
-        """The parts that exceed a limit, each tightened by itself."""
-        ends = np.cumsum([0, *(len(part.profile.h) for part in self.parts)])
-        own = [{name: values[a:b] for name, values in use.items()} for a, b in pairwise(ends)]
-        return replace(
-            self,
-            parts=tuple(
-                self._tightened(part, used, slowness) if max(map(np.max, used.values())) > 1 else part
-                for part, used in zip(self.parts, own, strict=True)
-            ),
-        )
-
-    def _tightened(self, part: RunTiming, use: Mapping[str, Array], slowness: float) -> RunTiming:
-        try:
-            return part.tightened(use, slowness)
-        except Infeasible:
-            raise
-        except MotionError as no:  # a ramp between given speeds, which does not know where it lies
-            place = self.path.place(float(part.profile.s[0]), int(part.profile.piece[0]))
-            raise MotionError(
-                f"the ramp from {place}: {no}: lower the constant speed that it joins, or write join = "
-                '"stop" where its segments meet'
-            ) from None
+def fastest_timing(path: ActuatorPath, order: int) -> Timing:
+    """The fastest motion, at the constant speeds that segments ask for."""
+    if all(path.constant(piece) is None for piece in range(len(path.breaks) - 1)):
+        return Timing(partial(solve_run, order=order), tighten_run)
+    return Timing(partial(solve_in_parts, order=order), tighten_in_parts)
 
 
-def solve_in_parts(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int) -> Attempt | JoinedTiming:
-    """The first solve of a run, in parts where its segments ask for constant speeds.
+def solve_in_parts(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int) -> RunSolution:
+    """A run, in parts where its segments ask for constant speeds.
 
-    Raises Infeasible where a constant speed cannot be, or where the passage before or after it cannot reach it: with
-    one that was proved to do, where one was found.
+    Infeasible where a constant speed cannot be, or where the passage before or after it cannot reach it: with one that
+    was proved to do, where one was found.
     """
     asked = {piece: path.constant(piece) for piece in range(run.first, run.last + 1)}
-    try:
-        return _solve_parts(path, limits, run, order, asked)
-    except ConstantRefused as no:
-        found = _find_slower_speed(path, limits, run, order, asked, no)
-        if found is None:
-            raise
-        raise no.found(found) from None
+    found = _solve_parts(path, limits, run, order, asked)
+    no = found.refusal
+    if isinstance(no, ConstantRefused):
+        slower = _find_slower_speed(path, limits, run, order, asked, no)
+        return found if slower is None else RunSolution.refused(no.found(slower))
+    return found
+
+
+def tighten_in_parts(
+    path: ActuatorPath, limits: Sequence[Limit], solution: RunSolution, use: Mapping[str, Array]
+) -> RunSolution:
+    """The parts that exceed a limit, each tightened by itself."""
+    if solution.maker != IN_PARTS:
+        tighten = tighten_constant_speed if solution.maker == CONSTANT_SPEED else tighten_run
+        return tighten(path, limits, solution, use)
+    parts: list[RunSolution] = []
+    ends = np.cumsum([0, *(len(part.profile.h) for part in solution.parts)])
+    for part, (a, b) in zip(solution.parts, pairwise(ends), strict=True):
+        own = {name: values[a:b] for name, values in use.items()}
+        found = tighten_in_parts(path, limits, part, own) if max(map(np.max, own.values())) > 1 else part
+        if found.status in ("stopped", "too fast"):  # a ramp between given speeds, which does not know where it lies
+            place = path.place(float(part.profile.s[0]), int(part.profile.piece[0]))
+            remedy = 'lower the constant speed that it joins, or write join = "stop" where its segments meet'
+            return RunSolution.refused(MotionError(f"the ramp from {place}: {found.refusal}: {remedy}"))
+        parts.append(found)
+    return RunSolution.joined(parts, IN_PARTS)
 
 
 def _find_slower_speed(
@@ -102,20 +88,16 @@ def _find_slower_speed(
         changed = [piece for piece, one in asked.items() if one == no.asked]
         if not changed or speed <= 0:
             return None
-        prover = Prover(
-            path, _cap_tool_speed(limits, changed, speed), order, partial(_solve_parts, order=order, asked=instead)
-        )
-        try:
-            (found,) = prover([run])
-        except ConstantRefused as again:
-            if again.asked != speed:
+        timing = Timing(partial(_solve_parts, order=order, asked=instead), tighten_in_parts)
+        found = RunCertifier(path, _cap_tool_speed(limits, changed, speed), order, timing)([run])
+        if isinstance(found, ConstantRefused):
+            if found.asked != speed:
                 return None
-            speed = min(speed, again.possible)
-            continue
-        except MotionError:
-            continue
-        if found.rounds < ROUNDS and all(np.max(use) < np.inf for use in found.known.use.values()):
-            return speed
+            speed = min(speed, found.possible)
+        elif not isinstance(found, MotionError):
+            (one,) = found
+            if one.rounds < ROUNDS and all(np.max(use) < np.inf for use in one.known.use.values()):
+                return speed
     return None
 
 
@@ -132,32 +114,33 @@ def _cap_tool_speed(limits: Sequence[Limit], pieces: Sequence[int], speed: float
     return tuple(slower)
 
 
-def _solve_parts(
-    path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int, asked: AskedSpeeds
-) -> Attempt | JoinedTiming:
+def _solve_parts(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int, asked: AskedSpeeds) -> RunSolution:
     """The run in parts, at the constant speeds asked for."""
     blocks = _split_blocks(limits, run, asked)
     if len(blocks) == 1 and asked[run.first] is None:
         return solve_run(path, limits, run, order)
     for block in blocks:
         speed = asked[block.first]
-        if speed is not None:
-            refuse_joined(path, limits, block, order, speed)
+        no = None if speed is None else joined_speed_error(path, limits, block, order, speed)
+        if no is not None:
+            return RunSolution.refused(no)
     for before, after in pairwise(blocks):
         both = np.array([before.last, after.first])
-        refuse_speed(path, limits, path.breaks[[after.first, after.first]], both, after.start_speed)
-    parts: dict[int, Sequence[RunTiming]] = {}
+        no = speed_error(path, limits, path.breaks[[after.first, after.first]], both, after.start_speed)
+        if no is not None:
+            return RunSolution.refused(no)
+    parts: dict[int, Sequence[RunSolution]] = {}
     # constant speeds first: why they cannot be is soon known
     for block in sorted(blocks, key=lambda block: asked[block.first] is None):
         speed = asked[block.first]
-        try:
-            if speed is None:
-                parts[block.first] = [solve_run(path, limits, block, order)]
-            else:
-                parts[block.first] = solve_constant_speed(path, limits, block, order, speed)
-        except MotionError as no:
-            raise _end_speed_error(path, block, run, speed, no) from None
-    return JoinedTiming(path, tuple(chain(*(parts[block.first] for block in blocks))))
+        if speed is None:
+            found: Sequence[RunSolution] = [solve_run(path, limits, block, order)]
+        else:
+            found = solve_constant_speed(path, limits, block, order, speed)
+        if found[0].refusal is not None:
+            return RunSolution.refused(_end_speed_error(path, block, run, speed, found[0].refusal))
+        parts[block.first] = found
+    return RunSolution.joined([*chain(*(parts[block.first] for block in blocks))], IN_PARTS)
 
 
 def _split_blocks(limits: Sequence[Limit], run: Run, asked: AskedSpeeds) -> list[Run]:

@@ -1,12 +1,13 @@
-"""A motion along one run, as the solvers return it.
+"""A motion along one run, and what solving the run came to: the values that solvers return.
 
 What a solver leaves open, closed: a motion on a grid, continuous to rounding.
 
 What a profile uses of every limit, looked at closely: cheap, and no proof.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from typing import Literal, TypeVar
 
 import numpy as np
 
@@ -14,7 +15,8 @@ from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
 from planner.actuation import ActuatorPath
 from planner.limits.limit import Limit, order_of
-from planner.timing.problem import Problem
+from planner.place import Infeasible
+from planner.timing.problem import EXACT_AIM, SOLVER_AIM, Problem
 from planner.trajectory import Trajectory
 
 # How often the instant at which a profile comes by a break is enclosed more narrowly.
@@ -114,19 +116,148 @@ class Profile:
         return np.stack([self.v, self.a, self.j, self.h])
 
 
+class TooFast(MotionError):
+    """A run's start or end speed ṡ for which the limits leave no room; largest: what can be; both: only
+    beside a rest at the other end, whose speed is too high as well.
+
+    Solvers return it; `planner.timing.run.solve_run`, which knows the path, says where that is.
+    """
+
+    def __init__(self, end: int, speed: float, largest: float, both: bool = False) -> None:
+        self.end, self.speed, self.largest, self.both = end, speed, largest, both
+        super().__init__(
+            f"the {self.name} {speed:.6g} is beyond {largest:.6g}, the largest from which the run can be made"
+        )
+
+    @property
+    def name(self) -> str:
+        return ("start speed", "end speed")[self.end]
+
+
+Status = Literal["solved", "too fast", "infeasible", "stopped"]
+"""Solved; a speed at an end that cannot be; a limit that no motion keeps there; a solver without an answer."""
+STRAIGHT, AVERAGED, CONSTANT_SPEED = "straight", "averaged", "constant speed"
+"""Makers of a motion that are no solvers: a closed form, an averaged start, a speed that is asked for."""
+WITH_RESTS, IN_PARTS = "with rests", "in parts"
+"""How a motion is joined of several: of legs with a rest between each two; of constant speeds and what lies between."""
+# Up to here slowness is told as what it is: the last touch of a motion, not its maker.
+MAX_UNTOLD_SLOWNESS = 1 + 1e-4
+_NOTHING = np.zeros(0)
+NO_MOTION = Profile(_NOTHING, _NOTHING, _NOTHING, _NOTHING, _NOTHING, np.zeros(0, int))
+
+
+@dataclass(frozen=True, slots=True)
+class RunSolution:
+    """What solving a run, or a part of it, came to: a motion on its way to one that holds, or why there is none.
+
+    bound     s, an estimate of the least time that the run can take; 0 from who has none
+    maker     the solver that gave the motion, or what else did
+    problem   that it answers, where it is solved for as the fastest or the smoothest
+    tries     how often it was solved. The peaks between grid points heed the room only in part: each try takes off more
+    slowness  how many times as long as the answer the motion is, where it was slowed as a whole
+    parts     of which it is joined, one after the other
+    fallback  of a stated duration: the motion that holds whatever else does not
+    refusal   why there is no motion: what `planner.timing.certified_solve` raises, if nothing else helps
+    """
+
+    status: Status
+    profile: Profile
+    bound: float = 0.0
+    maker: str = ""
+    problem: Problem | None = field(default=None, repr=False)
+    tries: int = 1
+    slowness: float = 1.0
+    parts: "tuple[RunSolution, ...]" = ()
+    fallback: Profile | None = None
+    refusal: MotionError | None = None
+
+    @classmethod
+    def refused(cls, refusal: MotionError) -> "RunSolution":
+        """No motion, and why."""
+        status: Status = "infeasible" if isinstance(refusal, Infeasible) else "stopped"
+        return cls("too fast" if isinstance(refusal, TooFast) else status, NO_MOTION, refusal=refusal)
+
+    @classmethod
+    def joined(cls, parts: "Sequence[RunSolution]", maker: str) -> "RunSolution":
+        """One after the other; of which one is refused, that refusal."""
+        lost = next((part for part in parts if not part.solved), None)
+        if lost is not None or len(parts) == 1:
+            return parts[0] if lost is None else lost
+        profile = Profile.joined([part.profile for part in parts])
+        return cls("solved", profile, sum(part.bound for part in parts), maker, parts=tuple(parts))
+
+    @property
+    def solved(self) -> bool:
+        return self.status == "solved"
+
+    @property
+    def duration(self) -> float:
+        return self.profile.duration
+
+    @property
+    def method(self) -> str:
+        """What gave the motion, whether it was slowed, and whether it rests where the path does not ask for it."""
+        if self.maker == IN_PARTS:  # that of the first part which was solved for
+            return next((part.method for part in self.parts if part.maker != CONSTANT_SPEED), CONSTANT_SPEED)
+        if self.parts:
+            return ", ".join([*dict.fromkeys(part.method for part in self.parts), self.maker])
+        if self.slowness == 1:
+            return self.maker
+        less = "" if self.slowness > MAX_UNTOLD_SLOWNESS else " by less than 0.01 %"
+        return f"{self.maker}, slowed{less}"
+
+    @property
+    def fastest(self) -> bool:
+        """Whether it was solved for as the fastest motion of its run."""
+        if self.parts:
+            return self.maker == WITH_RESTS
+        return self.problem is not None and self.fallback is None
+
+    @property
+    def moving(self) -> bool:
+        """Whether it begins or ends at a speed: such a motion cannot be slowed."""
+        return any(part.moving for part in self.parts) or (self.problem is not None and max(self.problem.speeds) > 0)
+
+    def slowed(self, slowness: float) -> "RunSolution":
+        """The same motion, so many times as long: of one from rest to rest."""
+        parts = tuple(part.slowed(slowness) for part in self.parts)
+        return replace(self, profile=self.profile.slowed(slowness), slowness=self.slowness * slowness, parts=parts)
+
+    def bare(self) -> "RunSolution":
+        """The motion and what is told of it, without what it could be solved again from."""
+        return replace(self, maker=self.method, slowness=1.0, problem=None, parts=(), fallback=None)
+
+    def aimed(self, use: Mapping[str, Array]) -> dict[str, Array]:
+        """Shares of the limits as shares of what it aims at."""
+        aim = EXACT_AIM if self.maker == STRAIGHT else SOLVER_AIM
+        return {name: values / aim for name, values in use.items()}
+
+
+Found = TypeVar("Found")
+
+
+def require(found: Found | MotionError) -> Found:
+    """What was found; at the boundary, where there is nothing, why not is raised."""
+    if isinstance(found, MotionError):
+        raise found
+    if isinstance(found, RunSolution) and found.refusal is not None:
+        raise found.refusal
+    return found
+
+
 # Newton steps: the first leaves the square of a solver's 1e-8 or so, the others its own rounding.
 NEWTON_STEPS = 4
 # Share of the largest ṡ by which it may fall below zero inside an interval: rounding.
 MAX_BACKWARD_SHARE = 1e-10
 
 
-def close_profile(problem: Problem, columns: Array) -> Profile:
+def close_profile(problem: Problem, columns: Array) -> Profile | MotionError:
     """The motion nearest to `columns` (4, N) of ṡ, s̈, s⃛, h that is continuous, on the problem's grid, between its ends.
 
     Each interval must end where the next one starts, in s, ṡ and s̈: 3N equations in 4N − 2 unknowns, or one equation
     less and one unknown more where an end is free. Newton steps of least length, every unknown counted in its own size,
     solve them. They stay local: integrated from the start instead, an error of rounding in s̈ would grow with the square
-    of time. Raises MotionError where no such motion is near, or where it backs up.
+    of time. Where no such motion is near, or where it backs up: why not.
     """
     s, columns = problem.s, columns.copy()
     columns[0, 0] = problem.speeds[0]
@@ -141,20 +272,23 @@ def close_profile(problem: Problem, columns: Array) -> Profile:
         miss = ends - np.stack([step, np.append(v[1:], problem.speeds[1]), np.append(a[1:], 0.0)])
         if problem.free[1]:
             miss[2, -1] = 0.0
-        columns = columns + size * _smallest_change(columns, ends, miss, step, size, problem.free)
+        change = _smallest_change(columns, ends, miss, step, size, problem.free)
+        if isinstance(change, MotionError):
+            return change
+        columns = columns + size * change
     if not (np.isfinite(columns).all() and (columns[3] > 0).all()):
-        raise MotionError("the motion that the solver found cannot be made continuous")
+        return MotionError("the motion that the solver found cannot be made continuous")
     v, a, j, h = columns
     with np.errstate(divide="ignore", invalid="ignore"):
         turning = np.where((j > 0) & (a < 0) & (-a < j * h), v - a**2 / (2 * j), 0.0)
     if turning.min() < -MAX_BACKWARD_SHARE * v.max():
-        raise MotionError("the motion that the solver found backs up between two grid points")
+        return MotionError("the motion that the solver found backs up between two grid points")
     return Profile(s[:-1], v, a, j, h, problem.piece)
 
 
 def _smallest_change(
     columns: Array, ends: Array, miss: Array, step: Array, size: Array, free: tuple[bool, bool]
-) -> Array:
+) -> Array | MotionError:
     """The shortest change (4, N), counted in `size`, that takes the miss (3, N) off to first order.
 
     −Gᵀ (G Gᵀ)⁻¹ miss, where G holds what an interval's own columns do to its equations, and the next one's.
@@ -183,7 +317,7 @@ def _smallest_change(
     try:
         weights = solve_banded((5, 5), band, -(miss / rows).T.ravel(), check_finite=False).reshape(n, 3)
     except LinAlgError as failure:
-        raise MotionError(f"the motion that the solver found cannot be made continuous: {failure}") from failure
+        return MotionError(f"the motion that the solver found cannot be made continuous: {failure}")
     change = (own.mT @ weights[:, :, None])[:, :, 0]
     change[1:] += (following[:-1].mT @ weights[:-1, :, None])[:, :, 0]
     return np.asarray(change.T)

@@ -11,7 +11,7 @@ with q⃛ = q′ s⃛ + 3 q″ ṡ s̈ + q‴ ṡ³ at both ends of every interv
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import pairwise
 from math import ceil, inf
@@ -27,14 +27,15 @@ from planner.actuation import ActuatorPath
 from planner.limits.limit import Limit
 from planner.parallel import Progress
 from planner.place import Infeasible
-from planner.timing.certified_solve import Solution, fastest, solve_certified
+from planner.timing.certified_run import Timing
+from planner.timing.certified_solve import Solution, certified_solve
 from planner.timing.discretization import grade_problem
 from planner.timing.pacing import Pacer
-from planner.timing.problem import SOLVER_AIM, Problem, Run
-from planner.timing.profile import Profile, close_profile
-from planner.timing.run import MAX_TRIES, tightened
+from planner.timing.problem import Problem, Run
+from planner.timing.profile import Profile, RunSolution, close_profile
 from planner.timing.solvers.patience import EvaluationLimit, silence_stderr
 from planner.timing.solvers.third_order import _ONE_AT_A_TIME, Signature, _rows, _stage, chain_stages, derivatives
+from planner.timing.tightening import MAX_TRIES, tighten_block
 
 ITERATIONS, EVALUATIONS, TOLERANCE = 300, 600, 1e-8
 # Least duration of an interval, as a share of its guess.
@@ -42,11 +43,11 @@ MIN_INTERVAL_SHARE = 0.05
 HALVINGS = 60
 
 
-def solve_smoothest(path: ActuatorPath, problem: Problem, weights: Array, guess: Array) -> Profile:
+def solve_smoothest(path: ActuatorPath, problem: Problem, weights: Array, guess: Array) -> RunSolution:
     """The smoothest motion from rest to rest, s̈ zero at both ends, that takes as long as the guess.
 
-    weights (n,): w of each axis, ∞ for one that does not count. guess (4, N): ṡ, s̈, s⃛, h to start from. Raises
-    MotionError when the solver does not converge.
+    weights (n,): w of each axis, ∞ for one that does not count. guess (4, N): ṡ, s̈, s⃛, h to start from. It is stopped
+    when the solver does not converge.
     """
     length, time, count = problem.s[-1] - problem.s[0], float(guess[3].sum()), problem.intervals
     unit = np.array([length / time, length / time**2, length / time**3, time])
@@ -82,13 +83,16 @@ def solve_smoothest(path: ActuatorPath, problem: Problem, weights: Array, guess:
             )
             stats = solver.stats()
     except RuntimeError as failure:  # CasADi's own
-        raise MotionError(f"the solver of the smoothest motion failed: {failure}") from failure
+        return RunSolution.refused(MotionError(f"the solver of the smoothest motion failed: {failure}"))
     found = np.asarray(answer["x"]).ravel()[:-3].reshape(count, 5).T
     if not stats["success"] or not np.isfinite(found).all():
         _assemble.cache_clear()  # a failed solve can leave infinities in the solver
-        raise MotionError(f"the solver of the smoothest motion stopped: {stats['return_status']}")
+        told = f"the solver of the smoothest motion stopped: {stats['return_status']}"
+        return RunSolution.refused(MotionError(told))
     profile = close_profile(problem, np.delete(found, 2, axis=0) * scale * unit[:, None])
-    return profile.slowed(time / profile.duration)
+    if isinstance(profile, MotionError):
+        return RunSolution.refused(profile)
+    return RunSolution("solved", profile.slowed(time / profile.duration), maker=SMOOTHEST, problem=problem)
 
 
 def quintic_motion(s: Array, duration: float) -> Array:
@@ -171,7 +175,7 @@ def solve_stated(
     time; MotionError where the path asks for speeds.
     """
     _refuse(path)
-    best = fastest(path, limits, order, progress)
+    best = certified_solve(path, limits, order, progress)
     shortest = best.trajectory.duration
     if not duration >= shortest:
         least = ceil(shortest * 1e6) / 1e6
@@ -182,7 +186,9 @@ def solve_stated(
     rests = float(path.dwells.sum())
     slower = (duration - rests) / (shortest - rests)
     smooth = SmoothTiming(order, tuple(axes), _axis_weights(path, axes), slower, _runs(path, best, order))
-    return replace(solve_certified(path, best.limits, order, smooth, progress), lower_estimate=best.lower_estimate)
+    timing = Timing(smooth.solve, smooth.tighten)
+    found = certified_solve(path, best.limits, order, progress, timing=timing)
+    return replace(found, lower_estimate=best.lower_estimate)
 
 
 def _refuse(path: ActuatorPath) -> None:
@@ -221,7 +227,7 @@ def _axis_weights(path: ActuatorPath, axes: Sequence[Axis]) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class SmoothTiming:
-    """The smoothest motion along a run: what `planner.timing.certified_solve.solve_certified` asks of a timing.
+    """The smoothest motion along a run: what `planner.timing.certified_solve.certified_solve` asks of a timing.
 
     slower   how many times as long as its fastest motion it shall take
     fastest  these motions, by the runs' first pieces
@@ -233,30 +239,59 @@ class SmoothTiming:
     slower: float
     fastest: Mapping[int, Profile]
 
-    def __call__(self, path: ActuatorPath, limits: Sequence[Limit], run: Run) -> "StatedMotion":
+    def solve(self, path: ActuatorPath, limits: Sequence[Limit], run: Run) -> RunSolution:
         slowed = self.fastest[run.first].slowed(self.slower)
         pacer = Pacer(path, tuple(limits), self.axes, run, self.order)
-        first = self._posed(path, limits, run, slowed).solved()
+        first = self._smooth(path, grade_problem(path, limits, run, even_time_shares), slowed)
         if not pacer.late(first.profile):
             return first
         # below all bands, or through them fast: the smoother of the two
         tried, duration = [], slowed.duration
         paced = pacer.paced(duration)
         if paced is not None:
-            tried.append(replace(first, slowed=paced, profile=paced, method=PACED, tries=MAX_TRIES))
+            tried.append(replace(first, fallback=paced, profile=paced, maker=PACED, tries=MAX_TRIES))
         below = pacer.fastest(pacer.below())
         if below is not None and below.duration <= duration:
             gentle = below.slowed(duration / below.duration)
-            tried.append(self._posed(path, pacer.below(), run, gentle).solved())
+            tried.append(self._smooth(path, grade_problem(path, pacer.below(), run, even_time_shares), gentle))
         kept = [one for one in tried if not pacer.late(one.profile)]
         if not kept:
-            raise _stays_error(pacer, first.profile, duration, below)
-        return min(kept, key=StatedMotion.roughness)
+            return RunSolution.refused(_stays_error(pacer, first.profile, duration, below))
+        return min(kept, key=lambda one: self._roughness(path, one.profile))
 
-    def _posed(self, path: ActuatorPath, limits: Sequence[Limit], run: Run, slowed: Profile) -> "StatedMotion":
-        return StatedMotion(
-            path, grade_problem(path, limits, run, even_time_shares), self.weights, slowed, slowed, SLOWED, 0
-        )
+    def tighten(
+        self, path: ActuatorPath, limits: Sequence[Limit], solution: RunSolution, use: Mapping[str, Array]
+    ) -> RunSolution:
+        """Solved with less room where a limit was exceeded; tried often enough, the motion that holds."""
+        problem, slowed = solution.problem, solution.fallback
+        if problem is None or slowed is None:  # none of ours
+            return solution
+        if solution.tries >= MAX_TRIES:
+            return replace(solution, profile=slowed, maker=SLOWED)
+        own = solution.aimed(use)
+        blocks = tuple(tighten_block(block, own[block.name], solution.tries) for block in problem.blocks)
+        return self._smooth(path, replace(problem, blocks=blocks), slowed, solution.tries)
+
+    def _smooth(self, path: ActuatorPath, problem: Problem, slowed: Profile, tries: int = 0) -> RunSolution:
+        """Solved within the rooms that are left; `slowed`, the fastest motion slowed, where there is no answer, or a
+        rougher one.
+
+        First from that one, which holds: from a motion outside the limits the solver often does not get inside.
+        """
+        most = self._roughness(path, slowed)
+        for guess in (slowed.on(problem.s), quintic_motion(problem.s, slowed.duration)):
+            found = solve_smoothest(path, problem, self.weights, guess)
+            if found.solved and self._roughness(path, found.profile) <= most:
+                return replace(found, fallback=slowed, tries=tries + 1)
+        return RunSolution("solved", slowed, maker=SLOWED, problem=problem, tries=MAX_TRIES, fallback=slowed)
+
+    def _roughness(self, path: ActuatorPath, profile: Profile) -> float:
+        """∫ Σ_i (q⃛_i/w_i)² dt, by Simpson's rule on every time piece; ∞ where s̈ only steps, as without jerk limits."""
+        if not profile.j.any():
+            return inf
+        motion, h, k = profile.along(path), profile.h, np.arange(len(profile.h))
+        at = [((motion.within(k, share * h).qddd / self.weights) ** 2).sum(1) for share in (0.0, 0.5, 1.0)]
+        return float((h / 6 * (at[0] + 4 * at[1] + at[2])).sum())
 
 
 def _stays_error(pacer: Pacer, profile: Profile, duration: float, below: Profile | None) -> Infeasible:
@@ -273,52 +308,3 @@ def _stays_error(pacer: Pacer, profile: Profile, duration: float, below: Profile
         f"no motion of the stated duration was found that crosses the band from {band} in time: {more} a shorter one"
     )
     return Infeasible("resonance crossing", axis.name, place, worst.use * worst.band.time, worst.band.time, "s", remedy)
-
-
-@dataclass(frozen=True, slots=True)
-class StatedMotion:
-    """A motion that takes as long as `slowed`, the fastest one slowed, which holds whatever else does not."""
-
-    path: ActuatorPath = field(repr=False)
-    problem: Problem
-    weights: Array
-    slowed: Profile
-    profile: Profile
-    method: str
-    tries: int
-
-    @property
-    def floor(self) -> float:
-        """None of its own: the fastest motion has an estimate."""
-        return 0.0
-
-    def roughness(self) -> float:
-        """∫ Σ_i (q⃛_i/w_i)² dt, by Simpson's rule on every time piece; ∞ where s̈ only steps, as without jerk limits."""
-        if not self.profile.j.any():
-            return inf
-        motion, h, k = self.profile.along(self.path), self.profile.h, np.arange(len(self.profile.h))
-        at = [((motion.within(k, share * h).qddd / self.weights) ** 2).sum(1) for share in (0.0, 0.5, 1.0)]
-        return float((h / 6 * (at[0] + 4 * at[1] + at[2])).sum())
-
-    def solved(self) -> "StatedMotion":
-        """Solved within the rooms that are left; the fastest motion slowed where there is no answer, or a rougher one.
-
-        First from that one, which holds: from a motion outside the limits the solver often does not get inside.
-        """
-        slowed = replace(self, profile=self.slowed, method=SLOWED, tries=MAX_TRIES)
-        s = self.problem.s
-        for guess in (self.slowed.on(s), quintic_motion(s, self.slowed.duration)):
-            try:
-                profile = solve_smoothest(self.path, self.problem, self.weights, guess)
-            except MotionError:
-                continue
-            found = replace(self, profile=profile, method=SMOOTHEST, tries=self.tries + 1)
-            if found.roughness() <= slowed.roughness():
-                return found
-        return slowed
-
-    def tightened(self, use: Mapping[str, Array], slowness: float) -> "StatedMotion":
-        if self.tries >= MAX_TRIES:
-            return replace(self, profile=self.slowed, method=SLOWED, tries=MAX_TRIES)
-        blocks = tuple(tightened(block, use[block.name] / SOLVER_AIM, self.tries) for block in self.problem.blocks)
-        return replace(self, problem=replace(self.problem, blocks=blocks)).solved()

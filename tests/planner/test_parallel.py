@@ -20,7 +20,7 @@ from kinematics import Fault, FileError, MotionError, OutOfReach, load_machine, 
 from planner import Infeasible, Place, parallel, plan
 from planner.actuation import actuate
 from planner.limits import limits_of
-from planner.timing.certified_solve import fastest
+from planner.timing.certified_solve import certified_solve
 
 
 @pytest.fixture
@@ -124,9 +124,9 @@ def test_the_same_motion_to_the_bit(eager, monkeypatch, order):
     path = actuate(raster(8), machine)
     limits, told = limits_of(path, machine.axes, order), []
     monkeypatch.setattr("planner.timing.certified_solve.PART", 2)
-    spread = fastest(path, limits, order, lambda done, of: told.append((done, of)))
+    spread = certified_solve(path, limits, order, lambda done, of: told.append((done, of)))
     monkeypatch.setattr(parallel, "ENOUGH", np.inf)
-    alone = fastest(path, limits, order)
+    alone = certified_solve(path, limits, order)
     for name in ("knots", "s", "v", "a", "j", "piece"):
         assert np.array_equal(getattr(spread.trajectory, name), getattr(alone.trajectory, name)), name
     assert spread.certificate.worst == alone.certificate.worst

@@ -23,10 +23,10 @@ from planner.limits import limits_of
 from planner.limits.limit import Limit
 from planner.path.polynomial import PolynomialPath
 from planner.timing import discretization as posing
-from planner.timing.certified_solve import fastest
+from planner.timing.certified_solve import certified_solve
 from planner.timing.discretization import jerk_problem
 from planner.timing.problem import Run, Solver, make_grid, pose_problem
-from planner.timing.profile import Profile
+from planner.timing.profile import Profile, require
 from planner.timing.solvers import third_order as solver
 from planner.timing.solvers.second_order import second_order
 from planner.timing.solvers.third_order import third_order
@@ -186,7 +186,7 @@ def solve_certified(case: Case, order: int) -> PeerAnswer:
 
     def solve() -> PeerMotion:
         # what geometry uses is proved once for a path: each call gets a path of its own
-        found = fastest(copy(case.path), limits, order).trajectory
+        found = certified_solve(copy(case.path), limits, order).trajectory
         h = found.knots[1:] - found.knots[:-1]
         return found.duration, sample_profile(Profile(found.s, found.v, found.a, found.j, h, found.piece), order)
 
@@ -198,8 +198,8 @@ def solve_general(case: Case) -> PeerAnswer:
     limits = axis_limits(case, 3)
 
     def solve() -> PeerMotion:
-        problem, start = jerk_problem(case.path, limits, _run(case))
-        profile = third_order(problem, start.on(problem.s))
+        problem, start = require(jerk_problem(case.path, limits, _run(case)))
+        profile = require(third_order(problem, start.on(problem.s))).profile
         return profile.duration, sample_profile(profile, 3)
 
     return answer(case, 3, "ours, general solver, uncertified", None, solve)
@@ -209,9 +209,8 @@ def solve_order2(case: Case) -> Iterator[PeerAnswer]:
     limits = axis_limits(case, 2)
 
     def by(which: Solver, intervals: int) -> PeerMotion:
-        profile = second_order(
-            pose_problem(case.path, limits, *make_grid(case.path, _run(case), intervals)), solver=which
-        )
+        problem = pose_problem(case.path, limits, *make_grid(case.path, _run(case), intervals))
+        profile = require(second_order(problem, solver=which)).profile
         return profile.duration, sample_profile(profile, 2)
 
     yield answer(case, 2, "ours, uncertified", INTERVALS, lambda: by("passes", INTERVALS))
@@ -229,13 +228,13 @@ def solve_by_ipopt(case: Case) -> PeerAnswer:
     """The reference: IPOPT on many intervals, from where FATROP ends on as many."""
     usual, posing.THIRD_ORDER = posing.THIRD_ORDER, (REFERENCE_3, 0, 0)
     try:
-        problem, start = jerk_problem(case.path, axis_limits(case, 3), _run(case))
+        problem, start = require(jerk_problem(case.path, axis_limits(case, 3), _run(case)))
     finally:
         posing.THIRD_ORDER = usual
     guess = start.on(problem.s)
 
     def solve() -> PeerMotion:
-        profile = third_order(problem, guess, solver="ipopt")
+        profile = require(third_order(problem, guess, solver="ipopt")).profile
         return profile.duration, sample_profile(profile, 3)
 
     try:

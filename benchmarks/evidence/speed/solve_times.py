@@ -15,9 +15,10 @@ from kinematics import Machine, load_machine
 from planner import Program, Solution, load_program
 from planner.actuation import actuate
 from planner.limits import limits_of
-from planner.timing.certified_solve import fastest
+from planner.timing.certified_solve import certified_solve
 from planner.timing.discretization import jerk_problem
 from planner.timing.problem import Run, make_grid, pose_problem
+from planner.timing.profile import require
 from planner.timing.solvers.second_order import second_order
 from planner.timing.solvers.third_order import Solver, third_order
 
@@ -55,7 +56,7 @@ def main() -> None:
         for solver in ("passes", "toppra"):
             profile, first, again = time_solver(partial(second_order, problem, solver=solver))
             print_times(f"{solver} alone, {points} intervals, not certified", profile.duration, first, again)
-    third, start = jerk_problem(path, limits_of(path, machine.axes, 3), Run(0, 0))
+    third, start = require(jerk_problem(path, limits_of(path, machine.axes, 3), Run(0, 0)))
     for name in JERK_SOLVERS:
         profile, first, again = time_solver(partial(third_order, third, start.on(third.s), solver=name))
         print_times(f"{name} alone, {third.intervals} intervals, not certified", profile.duration, first, again)
@@ -64,7 +65,7 @@ def main() -> None:
 def solve_program(program: Program, machine: Machine, order: int) -> Solution:
     """From the program on: what geometry uses is proved once for a path, so each call gets a path of its own."""
     path = actuate(program, machine)
-    return fastest(path, limits_of(path, machine.axes, order), order)
+    return certified_solve(path, limits_of(path, machine.axes, order), order)
 
 
 def print_times(what: str, duration: float, first: float, again: float) -> None:

@@ -14,9 +14,8 @@ import numpy as np
 
 from kinematics.foundation.arrays import Array
 from planner.limits.limit import Term
-from planner.timing.ends import TooFast
 from planner.timing.problem import EXACT_AIM, SOLVER_AIM, Problem
-from planner.timing.profile import Profile
+from planner.timing.profile import STRAIGHT, Profile, RunSolution, TooFast
 
 # Share of a limit that rows may vary by, or that curvature may use, and still count as straight: what is left of the
 # axes' ways where a synchronised move is drawn by a polynomial. What is aimed at is less than the limits by it.
@@ -59,10 +58,10 @@ class _Limits:
         return low * (rise + held + fall) + push * more
 
 
-def straight(problem: Problem) -> Profile | None:
+def straight(problem: Problem) -> RunSolution | None:
     """The fastest motion of a run with constant rows, exact to rounding; None where the run is not straight.
 
-    Raises TooFast where a speed at an end is beyond its limit, or the way to the other end too short for it.
+    Too fast is a speed at an end that is beyond its limit, or from which the way to the other end is too short.
     """
     limits = _aimed_limits(problem)
     if limits is None:
@@ -74,13 +73,14 @@ def straight(problem: Problem) -> Profile | None:
         1 + ROUNDING
     ):
         largest = min(limits.speed / EXACT_AIM, _find_root(lambda v: limits.way(low, v, most) - length, low))
-        raise TooFast(int(last > first), high, largest)
+        return RunSolution.refused(TooFast(int(last > first), high, largest))
 
     def ramps(top: float) -> float:
         return limits.way(first, top, limits.up) + limits.way(last, top, limits.down)
 
     top = max(high, min(_find_root(lambda v: ramps(v) - length, high), limits.speed))
-    return _profile(problem, limits, top, max(0.0, length - ramps(top)) / top)
+    profile = _profile(problem, limits, top, max(0.0, length - ramps(top)) / top)
+    return RunSolution("solved", profile, EXACT_AIM * profile.duration, STRAIGHT, problem)
 
 
 def _aimed_limits(problem: Problem) -> _Limits | None:

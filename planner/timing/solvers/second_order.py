@@ -1,5 +1,7 @@
 """Time-optimal motion under limits on speed and acceleration: two passes of our own, or toppra as a second opinion.
 
+And of it, the estimate of the least time that any motion can take.
+
 A problem with rows in ṡ beside others, from inside: rows in ṡ² alone that keep it, exact at a given motion.
 
 ṡ lies below its tangent in x = ṡ² and above its chord from 0,  x/V ≤ ṡ ≤ v/2 + x/(2v)  for ṡ ≤ V, so a row that is kept
@@ -15,9 +17,8 @@ import numpy as np
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
 from planner.limits.limit import Term
-from planner.timing.ends import TooFast
-from planner.timing.problem import Block, Problem, Solver
-from planner.timing.profile import Profile
+from planner.timing.problem import SOLVER_AIM, Block, Problem, Solver
+from planner.timing.profile import Profile, RunSolution, TooFast
 from planner.timing.solvers import passes
 from planner.timing.solvers import toppra_ as toppra_adapter
 
@@ -76,62 +77,76 @@ SPEED_GROWTH, MIN_ROUND_GAIN = (8.0, 3.0, 1.0, 0.5, 0.25, 0.1, 0.05, 0.02, 0.01,
 TERMS = frozenset({Term.ONE, Term.SD, Term.SD2, Term.SDD})
 
 
-def second_order(problem: Problem, *, solver: Solver = "passes") -> Profile:
+def second_order(problem: Problem, *, solver: Solver = "passes") -> RunSolution:
     """The fastest motion with s̈ constant on each interval, every row kept at both ends of every interval.
 
     With x = ṡ² and u = s̈, x grows by 2 u Δs over an interval, so a row a u + b x + c at its end is (a + 2 Δs b) u + b
     x + c at its start: that is the interpolation scheme, with the derivatives of the interval's own side at both ends.
     Lengths and times are scaled so that x and u are about one. Rows in ṡ beside others are kept from inside, in rounds
-    (planner.timing.solvers.second_order). Raises TooFast where a speed at an end cannot be, MotionError where nothing
-    gets through.
+    around the fastest motion yet. A speed at an end that cannot be is too fast; where nothing gets through, it stops.
     """
-    if has_linear_rows(problem):
-        return _solve_scaled(problem, solver)
-    profile, highest = _solve_scaled(inner_approximation(problem), solver), None
-    for growth in SPEED_GROWTH:
-        speed = np.append(profile.v, profile.last_speed if problem.free[1] else problem.speeds[1])
-        reach = np.sqrt(1 + growth) * np.where(speed > 0, speed, speed.max())
-        highest = reach if highest is None else np.minimum(highest, reach)
-        try:
-            faster = _solve_scaled(inner_approximation(problem, speed, highest), solver)
-        except MotionError:  # rounding closed what the motion at hand had left
-            break
-        gained = 1 - faster.duration / profile.duration
+    linear, highest = has_linear_rows(problem), None
+    best = RunSolution.refused(MotionError("not solved yet"))
+    for growth in (0.0, *SPEED_GROWTH):
+        if not best.solved:
+            posed = problem if linear else inner_approximation(problem)
+        else:
+            v = best.profile.v
+            speed = np.append(v, best.profile.last_speed if problem.free[1] else problem.speeds[1])
+            reach = np.sqrt(1 + growth) * np.where(speed > 0, speed, speed.max())
+            highest = reach if highest is None else np.minimum(highest, reach)
+            posed = inner_approximation(problem, speed, highest)
+        rows, ceiling, step, ends, unit = _scale(posed)
+        if solver == "toppra":
+            x = toppra_adapter.largest_speeds(rows, ceiling, step, ends)
+        else:
+            x = passes.largest_speeds(rows, ceiling, step, ends, posed.free)
+        if isinstance(x, MotionError) or (x[1:] + x[:-1] <= 0).any():
+            # in a later round, rounding closed what the motion at hand had left
+            return best if best.solved else RunSolution.refused(_stopped(posed, x))
+        profile = _profile(posed, np.sqrt(x) * unit, solver)
+        gained = 1 - profile.duration / best.duration if best.solved else 1.0
         if gained > 0:
-            profile = faster
-        if gained < MIN_ROUND_GAIN:
+            best = RunSolution("solved", profile, maker=solver, problem=problem)
+        if linear or gained < MIN_ROUND_GAIN:
             break
-    return profile
+    return best
 
 
-def _solve_scaled(problem: Problem, solver: Solver) -> Profile:
-    length = problem.s[-1] - problem.s[0]
+def _scale(problem: Problem) -> tuple[list[Array], Array, Array, tuple[float, float], float]:
+    """Rows, ceiling, steps and x at both ends, lengths and times scaled so that all are about one; the unit of ṡ."""
+    length = float(problem.s[-1] - problem.s[0])
     time = _time_scale(problem, length)
     step = np.diff(problem.s) / length
     rows, ceiling = _rows(problem, step, length, time)
     unit = length / time
     first, last = problem.speeds
-    ends = (first / unit) ** 2, (last / unit) ** 2
-    if solver == "toppra":
-        x = toppra_adapter.largest_speeds(rows, ceiling, step, ends)
-    else:
-        x = passes.largest_speeds(rows, ceiling, step, ends, problem.free)
-    stuck = x[1:] + x[:-1] <= 0
-    if stuck.any():
-        for end, largest in enumerate(passes.largest_ends(rows, ceiling, step, ends) if max(ends) > 0 else ()):
-            if ends[end] > largest:
-                raise TooFast(end, problem.speeds[end], float(np.sqrt(largest)) * unit)
-        raise MotionError(
-            f"no motion gets past s = {problem.s[int(np.argmax(stuck))]:.6g}; "
-            "check for a limit that leaves no room there, or a path that stands still"
-        )
-    v = np.sqrt(x) * unit
+    return rows, ceiling, step, ((first / unit) ** 2, (last / unit) ** 2), unit
+
+
+def _profile(problem: Problem, v: Array, solver: Solver) -> Profile:
+    """The motion with the speeds v (N+1,) on the grid, those that are given at its ends."""
+    first, last = problem.speeds
     if not (problem.free[0] and solver == "passes"):
         v[0] = first
     if not (problem.free[1] and solver == "passes"):
         v[-1] = last
     h = 2 * np.diff(problem.s) / (v[1:] + v[:-1])
     return Profile(problem.s[:-1], v[:-1], np.diff(v) / h, np.zeros(len(h)), h, problem.piece)
+
+
+def _stopped(problem: Problem, x: Array | MotionError) -> MotionError:
+    """Why there is no motion: the speed at an end that is too fast, or where nothing gets through."""
+    if isinstance(x, MotionError):
+        return x
+    rows, ceiling, step, ends, unit = _scale(problem)
+    for end, largest in enumerate(passes.largest_ends(rows, ceiling, step, ends) if max(ends) > 0 else ()):
+        if ends[end] > largest:
+            return TooFast(end, problem.speeds[end], float(np.sqrt(largest)) * unit)
+    return MotionError(
+        f"no motion gets past s = {problem.s[int(np.argmax(x[1:] + x[:-1] <= 0))]:.6g}; "
+        "check for a limit that leaves no room there, or a path that stands still"
+    )
 
 
 def _time_scale(problem: Problem, length: float) -> float:
@@ -174,3 +189,44 @@ def _lower_ceiling(ceiling: Array, block: Block, unit: float, free: tuple[bool, 
         slope = np.abs(side[Term.SD]).max(1) * unit
         with np.errstate(divide="ignore"):
             np.minimum(ceiling[points], (room / slope) ** 2, out=ceiling[points])
+
+
+def estimate_lower_bound(problem: Problem, fastest: Profile | None = None) -> float | MotionError:
+    """The order-2 duration without rows of jerk, on intervals of no length: 2 T(N) − T(N/2), as errors go with 1/N.
+
+    Fewer limits take no longer, and no longer does the least concave limit around one that is not; so it bounds every
+    motion of the run from below, but for what the extrapolation is off: an estimate, not a proof. Under limits smaller
+    by a factor a motion is at most longer by its inverse, so AIM times what it takes is below that of the limits.
+    fastest: the order-2 motion of a problem without such rows, where it is known.
+    """
+    blocks = [block if block.hull is None else block.hull for block in problem.blocks if set(block.start) <= TERMS]
+    relaxed = replace(problem, blocks=tuple(block for block in blocks if block.about is None))
+    if fastest is None or not problem.settled:
+        found = second_order(relaxed)
+        if found.refusal is not None:
+            return found.refusal
+        fastest = found.profile
+    finer = SOLVER_AIM * fastest.duration
+    coarser = second_order(_halve_grid(relaxed))
+    if coarser.status == "too fast":  # a speed at an end that the coarser grid only just leaves no room for
+        return finer
+    return 2 * finer - SOLVER_AIM * coarser.duration if coarser.refusal is None else coarser.refusal
+
+
+def _halve_grid(problem: Problem) -> Problem:
+    """On every other grid point."""
+    first = np.arange(0, problem.intervals, 2)
+    last = np.minimum(first + 1, problem.intervals - 1)
+    blocks = [
+        Block(
+            block.name,
+            {term: values[first] for term, values in block.start.items()},
+            {term: values[last] for term, values in block.end.items()},
+            np.minimum(block.room[first], block.room[last]),
+            block.middle,
+        )
+        for block in problem.blocks
+    ]
+    return replace(
+        problem, s=np.append(problem.s[first], problem.s[-1]), piece=problem.piece[first], blocks=tuple(blocks)
+    )

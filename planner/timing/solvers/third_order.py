@@ -1,5 +1,7 @@
 """Time-optimal motion under limits on speed, acceleration and jerk, by CasADi and FATROP (IPOPT as the reference).
 
+Whoever solves such a problem calls `solve_jerk_limited`, and no other file knows by what it is solved.
+
 Each interval of the fixed grid has the state (ṡ, s̈) at its start and the controls (s⃛, h): constant jerk over the
 duration h.
 
@@ -33,7 +35,7 @@ from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
 from planner.limits.limit import Term
 from planner.timing.problem import Block, Problem
-from planner.timing.profile import Profile, close_profile
+from planner.timing.profile import RunSolution, close_profile
 from planner.timing.solvers.patience import EvaluationLimit, silence_stderr
 
 
@@ -132,13 +134,46 @@ _POWERS = {
 }
 
 
-def third_order(problem: Problem, guess: Array, *, solver: Solver = "fatrop", fast_end: int | None = None) -> Profile:
+# How often a problem is solved whose rows depend on the motion, unless a round gains less than this share.
+MAX_ROUNDS, MIN_ROUND_GAIN = 4, 1e-4
+# Intervals up to which IPOPT is asked where FATROP gives no answer: its time grows faster than theirs.
+MAX_IPOPT_INTERVALS = 600
+
+
+def solve_jerk_limited(problem: Problem, guess: Array, *, patient: bool | None = None) -> RunSolution:
+    """By FATROP, or by IPOPT where that gives no answer to a problem of few intervals; the solution tells by which.
+
+    guess (4, N): ṡ, s̈, s⃛, h to start from. patient: whether IPOPT is asked. If not told, from rest to rest only:
+    between given speeds there may be no answer, which takes it up to a minute to find out.
+    Rows that speak only near some motions are taken near the guess, and then near each answer in turn.
+    """
+    asked = max(problem.speeds) == 0 if patient is None else patient
+    for _ in range(1 if problem.settled else MAX_ROUNDS):
+        posed = problem
+        if not problem.settled:
+            v, a, j, h = guess
+            speed = v + h / 2 * (a + h * j / 4)  # in the middle, for both sides
+            posed = problem.around(speed, speed)
+        found = third_order(posed, guess)
+        if not found.solved and asked and problem.intervals <= MAX_IPOPT_INTERVALS:
+            found = third_order(posed, guess, solver="ipopt")
+        if not found.solved:
+            return found
+        gained, guess = 1 - found.duration / guess[3].sum(), found.profile.columns()
+        if abs(gained) < MIN_ROUND_GAIN:
+            break
+    return replace(found, problem=problem)
+
+
+def third_order(
+    problem: Problem, guess: Array, *, solver: Solver = "fatrop", fast_end: int | None = None
+) -> RunSolution:
     """The fastest motion, s̈ zero at both ends but those where it is free. guess (4, N): ṡ, s̈, s⃛, h to start from.
 
     fast_end: 0 for the start, 1 for the end: the motion with the largest speed there instead, up to the problem's.
 
     Lengths are counted in the run's, times in the guess' duration, and each variable in its largest guess: with all of
-    them about one, 35 iterations suffice where the plain problem takes 400. Raises MotionError when the solver does not
+    them about one, 35 iterations suffice where the plain problem takes 400. It is stopped when the solver does not
     converge.
     """
     length, time = problem.s[-1] - problem.s[0], float(guess[3].sum())
@@ -153,7 +188,8 @@ def third_order(problem: Problem, guess: Array, *, solver: Solver = "fatrop", fa
     jerk = _jerk_share(problem, unit) * scale[2:3] * np.sqrt(start[3])
     data = np.concatenate([step, scale, jerk, coefficients])
     if not (np.isfinite(data).all() and (step > 0).all()):
-        raise MotionError("the jerk-limited problem holds what is no number, or an interval of no length")
+        told = "the jerk-limited problem holds what is no number, or an interval of no length"
+        return RunSolution.refused(MotionError(told))
     speeds = np.array(problem.speeds) / unit[0] / scale[0, 0]
     pull = np.zeros(2)
     if fast_end is not None:
@@ -161,16 +197,22 @@ def third_order(problem: Problem, guess: Array, *, solver: Solver = "fatrop", fa
     assembled = _assemble(problem.intervals, signature, solver)
     try:
         answer = _answer(*assembled, data, (low, high), start / scale, speeds, pull, problem.free)
-        columns = answer * scale * unit[:, None]
     except BaseException:
         _forget()
         raise
+    if isinstance(answer, MotionError):
+        _forget()
+        return RunSolution.refused(answer)
+    columns = answer * scale * unit[:, None]
     if fast_end is not None:
         v, a, j, h = columns[:, -1]
         speeds = np.array([columns[0, 0], v + h * (a + h * j / 2)])
         first, last = np.where(pull > 0, np.clip(speeds, 0.0, problem.speeds), problem.speeds).tolist()
         problem = replace(problem, speeds=(first, last))
-    return close_profile(problem, columns)
+    profile = close_profile(problem, columns)
+    if isinstance(profile, MotionError):
+        return RunSolution.refused(profile)
+    return RunSolution("solved", profile, maker=solver, problem=problem)
 
 
 def _jerk_share(problem: Problem, unit: Array) -> Array:
@@ -293,8 +335,8 @@ def _answer(
     speeds: Array,
     pull: Array,
     free: tuple[bool, bool],
-) -> Array:
-    """Columns (4, N), scaled; rows: what they lie between, (rows, N) each.
+) -> Array | MotionError:
+    """Columns (4, N), scaled, or why there are none; rows: what they lie between, (rows, N) each.
 
     speeds (2,): ṡ at both ends; pull (2,): what each is worth where it may be less, 0 where it is given
     free: the ends at which s̈ is not given
@@ -324,10 +366,10 @@ def _answer(
             )
             stats = solver.stats()
     except RuntimeError as failure:  # CasADi's own, as when an evaluation overflows
-        raise MotionError(f"the jerk-limited solver failed: {failure}") from failure
+        return MotionError(f"the jerk-limited solver failed: {failure}")
     columns = np.asarray(answer["x"]).ravel()[:-2].reshape(count, 4).T
     if not stats["success"] or not np.isfinite(columns).all():
-        raise MotionError(
+        return MotionError(
             "the jerk-limited solver stopped without an answer "
             f"({stats['return_status']}, {stats['iter_count']} iterations)"
         )

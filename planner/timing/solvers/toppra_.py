@@ -16,9 +16,11 @@ from kinematics.foundation.errors import MotionError, NotInstalled
 _LARGEST = 1e6
 
 
-def largest_speeds(rows: list[Array], ceiling: Array, step: Array, ends: tuple[float, float] = (0.0, 0.0)) -> Array:
-    """As planner.timing.solvers.passes.largest_speeds. Raises MotionError where toppra gives no answer, or is not
-    there."""
+def largest_speeds(
+    rows: list[Array], ceiling: Array, step: Array, ends: tuple[float, float] = (0.0, 0.0)
+) -> Array | MotionError:
+    """As planner.timing.solvers.passes.largest_speeds; where toppra gives no answer, what to say. Raises NotInstalled
+    where it is not there."""
     constraint_type, algorithm = _toppra()
     points = np.concatenate([[0.0], np.cumsum(step)])
     points[-1] = 1.0
@@ -26,7 +28,7 @@ def largest_speeds(rows: list[Array], ceiling: Array, step: Array, ends: tuple[f
     solver = algorithm([constraint], _Interval(), gridpoints=points, solver_wrapper="seidel")
     _, speed, _, _ = solver.compute_parameterization(*np.sqrt(ends), return_data=True)
     if speed is None or not np.isfinite(speed).all():
-        raise MotionError(
+        return MotionError(
             f"toppra found no motion over {len(step)} intervals; our own solver may: leave the solver out"
         )
     return np.asarray(speed, float) ** 2

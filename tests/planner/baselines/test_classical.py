@@ -11,10 +11,11 @@ from kinematics.machine.axis import Axis
 from kinematics.machine.pose import from_numbers
 from planner import Arc, Line, Program, classical, plan
 from planner.baselines.classical import PATH_SHAPES, FamilyTiming
+from planner.baselines.shapes import SINE_PARTS, quarter_sine
 from planner.limits import limits_of
 from planner.path.polynomial import PolynomialPath
-from planner.timing.certified_solve import solve_certified
-from planner.timing.shapes import SINE_PARTS, quarter_sine
+from planner.timing.certified_run import Timing
+from planner.timing.certified_solve import certified_solve
 
 
 @pytest.fixture(scope="module")
@@ -76,7 +77,9 @@ def alone(kind, length, speed, acceleration, jerk=None):
     """The baseline timing of one axis on a straight line."""
     path, shapes = straight(length), PATH_SHAPES[kind]
     axes = [Axis("x", max_speed=speed, max_acceleration=acceleration, max_jerk=jerk)]
-    return solve_certified(path, limits_of(path, axes, shapes.order), shapes.order, FamilyTiming(shapes))
+    family = FamilyTiming(shapes)
+    timing = Timing(family.solve, family.tighten)
+    return certified_solve(path, limits_of(path, axes, shapes.order), shapes.order, timing=timing)
 
 
 MOVES = [(1.0, 1.0, 2.0), (1.0, 10.0, 1.0), (0.05, 0.02, 0.225), (20.0, 30.0, 0.5), (100.0, 0.01, 10.0)]

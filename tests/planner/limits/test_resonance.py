@@ -12,7 +12,7 @@ from planner.certificate.resonance_dwell import MIN_CELL_SHARE, find_stays
 from planner.limits import limits_of
 from planner.limits.resonance import Resonance
 from planner.path.polynomial import PolynomialPath
-from planner.timing.certified_solve import fastest
+from planner.timing.certified_solve import certified_solve
 from planner.trajectory import Trajectory
 
 LENGTH, SPEED, PUSH, BAND = 0.05, 0.02, 0.225, (0.003, 0.004)
@@ -21,7 +21,7 @@ LINE = PolynomialPath([0.0, LENGTH], np.array([[[1.0]], [[0.0]]]), ["x"])
 
 def solved(order=2, path=LINE, **own):
     stated = {"max_speed": SPEED, "max_acceleration": PUSH, "max_jerk": 4.0, "resonance": (BAND,)} | own
-    return fastest(path, limits_of(path, [Axis(name, **stated) for name in path.names], order), order)
+    return certified_solve(path, limits_of(path, [Axis(name, **stated) for name in path.names], order), order)
 
 
 def sampled(trajectory, low, high, count=200_001):
@@ -137,7 +137,7 @@ def test_bands_that_can_be_kept_below_are_never_refused(seed):
         for k in range(axes)
     ]  # fmt: skip
     path = PolynomialPath(spline.x, spline.c, [axis.name for axis in stated])
-    moved = fastest(path, limits_of(path, stated, order), order)
+    moved = certified_solve(path, limits_of(path, stated, order), order)
     assert moved.certificate.holds
     for band in bands:
         longest, step = sampled(moved.trajectory, *band, count=100_001)

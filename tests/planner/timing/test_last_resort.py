@@ -1,12 +1,10 @@
 """A run whose answer has to be slowed as a whole is the fastest of all that was found for it."""
 
-from dataclasses import replace
-
 import numpy as np
 from scipy.interpolate import CubicSpline
 
 from planner import time_optimal
-from planner.timing import run
+from planner.timing import jerk_limited
 
 
 def test_what_a_solver_started_from_is_taken_where_its_answer_has_to_be_slowed_more(monkeypatch):
@@ -14,13 +12,12 @@ def test_what_a_solver_started_from_is_taken_where_its_answer_has_to_be_slowed_m
     s = np.linspace(0, 3, 6)
     path = CubicSpline(s, np.stack([np.sin(s), np.cos(s)], 1))
     limits = {"max_speed": 1.0, "max_acceleration": 4.0, "max_jerk": 40.0}
-    best, solve = time_optimal(path, **limits), run._solved
+    best, solve = time_optimal(path, **limits), jerk_limited.solve_leg
 
     def slowed(*args, **kwargs):
-        leg = solve(*args, **kwargs)
-        return replace(leg, profile=leg.profile.slowed(1.5), slowness=1.5)
+        return solve(*args, **kwargs).slowed(1.5)
 
-    monkeypatch.setattr(run, "_solved", slowed)
+    monkeypatch.setattr(jerk_limited, "solve_leg", slowed)
     found = time_optimal(path, **limits)
     assert found.certificate.holds
     assert found.methods[0].startswith("averaged")

@@ -15,7 +15,7 @@ from planner.limits import limits_of
 from planner.path.polynomial import PolynomialPath
 from planner.path.shape import arc, line
 from planner.timing import discretization as posing
-from planner.timing.certified_solve import fastest
+from planner.timing.certified_solve import certified_solve
 from planner.timing.problem import Run, make_grid, pose_problem
 from planner.timing.solvers.second_order import second_order
 
@@ -95,7 +95,7 @@ def distances():
 def test_line_arc_line_on_two_distances(monkeypatch, resolution):
     monkeypatch.setattr(posing, "SECOND_ORDER", (resolution, 0, 0))
     path, axes = distances()
-    found = fastest(path, limits_of(path, axes, 2), 2)
+    found = certified_solve(path, limits_of(path, axes, 2), 2)
     assert found.certificate.holds
     assert max(found.certificate.worst.values()) <= 1 + 1e-6
     assert len(found.trajectory.s) <= resolution + 3
@@ -104,7 +104,7 @@ def test_line_arc_line_on_two_distances(monkeypatch, resolution):
 def test_the_gap_to_the_lower_estimate():
     """Without jerk it closes as the grid's error; a straight line has none; jerk limits open it."""
     path, axes = distances()
-    found = fastest(path, limits_of(path, axes, 2), 2)
+    found = certified_solve(path, limits_of(path, axes, 2), 2)
     assert -1e-5 < found.gap < 1e-3
     fine = pose_problem(path, limits_of(path, axes, 2), *make_grid(path, Run(0, 2), 8000))
     assert found.lower_estimate == pytest.approx(second_order(fine).duration, rel=2e-4)

@@ -9,8 +9,9 @@ from planner.certificate.certify import prove
 from planner.limits import limits_of
 from planner.path.polynomial import PolynomialPath
 from planner.place import Infeasible
-from planner.timing import run as runs
+from planner.timing import jerk_limited, run
 from planner.timing.problem import Run, make_grid, pose_problem
+from planner.timing.profile import require
 from planner.timing.run import solve_run
 from planner.timing.solvers.second_order import second_order
 from planner.trajectory import Trajectory
@@ -31,12 +32,13 @@ def limits_on(path, order):
 def way(request, monkeypatch):
     """A straight line by the closed form, and by the general solvers."""
     if request.param == "general":
-        monkeypatch.setattr(runs, "straight", lambda problem: None)
+        for module in (run, jerk_limited):
+            monkeypatch.setattr(module, "straight", lambda problem: None)
     return request.param
 
 
 def solved(path, start, end, order, last=0):
-    return solve_run(path, limits_on(path, order), Run(0, last, start, end), order).profile
+    return require(solve_run(path, limits_on(path, order), Run(0, last, start, end), order)).profile
 
 
 def ramp(change, order):
@@ -138,4 +140,4 @@ def test_toppra_agrees(start, end):
     problem = pose_problem(path, limits_on(path, 2), *make_grid(path, Run(0, 2), 300), (start, end))
     ours, toppra = second_order(problem), second_order(problem, solver="toppra")
     assert ours.duration == pytest.approx(toppra.duration, rel=1e-5)
-    assert toppra.v[0] == start
+    assert toppra.profile.v[0] == start

@@ -11,10 +11,11 @@ from kinematics import MotionError, load_machine
 from planner import Blend, Line, Program, plan
 from planner.actuation import actuate
 from planner.limits.limit import Term
-from planner.timing import run as legs
 from planner.timing.problem import Block
-from planner.timing.run import tightened
+from planner.timing.profile import RunSolution
+from planner.timing.solvers import third_order as solver_module
 from planner.timing.solvers.third_order import third_order
+from planner.timing.tightening import tighten_block
 
 START = RigidTransform.from_translation([0.0, 0.0, 0.025])
 
@@ -60,10 +61,10 @@ def test_without_an_answer_for_the_whole_it_rests_where_it_is_slowest(hexapod, s
     def short_ones(problem, guess, **options):
         calls.append(problem.intervals)
         if problem.piece[0] == 0 and problem.piece[-1] == 3:
-            raise MotionError("stopped without an answer")
+            return RunSolution.refused(MotionError("stopped without an answer"))
         return third_order(problem, guess, **options)
 
-    monkeypatch.setattr(legs, "third_order", short_ones)
+    monkeypatch.setattr(solver_module, "third_order", short_ones)
     made = plan(corner(1e-6), hexapod, order=3)
     assert made.certificate.holds
     assert made.methods[0].endswith("with rests")
@@ -79,7 +80,7 @@ def test_less_room_leaves_room_to_hold_still(held):
     one, pushed = np.full((3, 1), held), np.full((3, 1), 1.0)
     block = Block("force", *[{Term.ONE: one, Term.SDD: pushed}] * 2, np.ones(3), np.zeros(1))
     excess = np.array([1.0, 1.0 + 0.5 * (1 - held), 3.0])
-    room = tightened(block, excess, 1).room
+    room = tighten_block(block, excess, 1).room
     assert room[0] == 1.0
     assert (room > held).all()
     # of s̈ = room − held, the excess' share less: 1/(1 + 1.1 · 0.5)

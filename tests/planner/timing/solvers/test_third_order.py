@@ -12,11 +12,11 @@ from kinematics.machine.axis import Axis
 from planner.certificate.certify import certify
 from planner.limits import limits_of
 from planner.path.polynomial import PolynomialPath
-from planner.timing import run as legs
-from planner.timing import run as runs
-from planner.timing.certified_solve import fastest
+from planner.timing import jerk_limited
+from planner.timing.certified_solve import certified_solve
 from planner.timing.discretization import jerk_problem
 from planner.timing.problem import Run
+from planner.timing.profile import RunSolution, require
 from planner.timing.run import solve_run
 from planner.timing.solvers import third_order as solver_module
 from planner.timing.solvers.patience import EvaluationLimit
@@ -56,7 +56,7 @@ def limits_on(path, speed, acceleration, jerk):
 def solved(path, limits):
     """By the general solver, straight or not."""
     problem, start = jerk_problem(path, limits, Run(0, 0))
-    return third_order(problem, start.on(problem.s))
+    return require(third_order(problem, start.on(problem.s))).profile
 
 
 CURVE = {"speed": 0.6, "acceleration": 1.5, "jerk": 8.0}
@@ -132,7 +132,7 @@ def test_fatrop_finds_what_ipopt_finds():
     guess = start.on(problem.s)
     ours, reference = third_order(problem, guess, solver="fatrop"), third_order(problem, guess, solver="ipopt")
     assert ours.duration == pytest.approx(reference.duration, rel=1e-6)  # both stop at 1e-9 of their own measure
-    assert np.abs(ours.v - reference.v).max() < 1e-2 * reference.v.max()
+    assert np.abs(ours.profile.v - reference.profile.v).max() < 1e-2 * reference.profile.v.max()
 
 
 def test_a_path_takes_as_long_backwards():
@@ -161,7 +161,7 @@ def test_less_room_is_kept():
     tight = replace(
         problem, blocks=tuple(replace(b, room=rooms if b.name == "speed" else b.room) for b in problem.blocks)
     )
-    free, kept = (third_order(p, start.on(problem.s)) for p in (problem, tight))
+    free, kept = (third_order(p, start.on(problem.s)).profile for p in (problem, tight))
     speed = np.abs(path.derivatives(kept.s, kept.piece)[1] * kept.v[:, None]).max(1)
     assert (speed[middle] <= 0.5 * CURVE["speed"] * (1 + 1e-6)).all()
     assert speed.max() > 0.5 * CURVE["speed"]
@@ -172,11 +172,11 @@ def test_what_a_solver_leaves_is_closed(monkeypatch):
     """Columns a millionth off miss the end by as much; closed, they arrive, at rest, by a change of that size."""
     path = curve()
     problem, start = jerk_problem(path, limits_on(path, **CURVE), Run(0, 0))
-    exact = third_order(problem, start.on(problem.s))
+    exact = third_order(problem, start.on(problem.s)).profile
     solve = solver_module._answer
     noise = 1 + 1e-6 * np.random.default_rng(5).normal(size=(4, problem.intervals))
     monkeypatch.setattr(solver_module, "_answer", lambda *problem: solve(*problem) * noise)
-    closed = third_order(problem, start.on(problem.s))
+    closed = third_order(problem, start.on(problem.s)).profile
     s, v, a, j, h = (x[-1] for x in (closed.s, closed.v, closed.a, closed.j, closed.h))
     assert s + h * (v + h * (a / 2 + h * j / 6)) == pytest.approx(1.0, abs=1e-11)
     assert v + h * (a + h * j / 2) == pytest.approx(0.0, abs=1e-11 * closed.v.max())
@@ -226,8 +226,7 @@ def test_a_solve_ends_when_its_patience_does_and_the_next_one_answers(monkeypatc
     expected = third_order(problem, guess).duration
     monkeypatch.setattr(solver_module, "EVALUATIONS", 10)
     solver_module._forget()
-    with pytest.raises(MotionError, match="stopped without an answer"):
-        third_order(problem, guess)
+    assert "stopped without an answer" in str(third_order(problem, guess).refusal)
     monkeypatch.undo()
     assert third_order(problem, guess).duration == pytest.approx(expected, rel=1e-9)
 
@@ -237,7 +236,7 @@ def failing(*solvers):
 
     def third_order_or_not(problem, guess, *, solver="fatrop"):
         if solver in solvers:
-            raise MotionError("stopped without an answer")
+            return RunSolution.refused(MotionError("stopped without an answer"))
         return third_order(problem, guess, solver=solver)
 
     return third_order_or_not
@@ -246,9 +245,9 @@ def failing(*solvers):
 def test_ipopt_steps_in_for_fatrop(monkeypatch):
     path = curve()
     limits = limits_on(path, **CURVE)
-    best = fastest(path, limits, 3)
-    monkeypatch.setattr(legs, "third_order", failing("fatrop"))
-    found = fastest(path, limits, 3)
+    best = certified_solve(path, limits, 3)
+    monkeypatch.setattr(solver_module, "third_order", failing("fatrop"))
+    found = certified_solve(path, limits, 3)
     assert [one.methods[0].split(",")[0] for one in (best, found)] == ["fatrop", "ipopt"]
     assert found.certificate.holds
     assert found.trajectory.duration == pytest.approx(best.trajectory.duration, rel=1e-4)
@@ -257,10 +256,10 @@ def test_ipopt_steps_in_for_fatrop(monkeypatch):
 @pytest.mark.parametrize("path", [curve(), line(0.0508)], ids=["curve", "line"])
 def test_without_solvers_the_averaged_motion_holds_its_certificate(monkeypatch, path):
     limits = limits_on(path, **CURVE)
-    best = fastest(path, limits, 3)
-    monkeypatch.setattr(legs, "third_order", failing("fatrop", "ipopt"))
-    monkeypatch.setattr(runs, "straight", lambda problem: None)
-    found = fastest(path, limits, 3)
+    best = certified_solve(path, limits, 3)
+    monkeypatch.setattr(solver_module, "third_order", failing("fatrop", "ipopt"))
+    monkeypatch.setattr(jerk_limited, "straight", lambda problem: None)
+    found = certified_solve(path, limits, 3)
     assert found.methods == ("averaged, slowed",)
     assert found.certificate.holds
     # slowed as a whole until it holds: slower than the optimum, and at the limit somewhere
@@ -285,4 +284,4 @@ def test_other_limits_may_be_missing(missing, seven_segments):
 def test_without_a_limit_of_jerk_it_is_refused():
     path = line(1.0)
     with pytest.raises(MotionError, match=r"nothing bounds the motion.*jerk"):
-        solve_run(path, limits_on(path, 1.0, 1.0, None), Run(0, 0), 3)
+        require(solve_run(path, limits_on(path, 1.0, 1.0, None), Run(0, 0), 3))

@@ -1,0 +1,180 @@
+"""A few runs between stops, solved, certified and tightened by themselves: what any process can do with a part."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from kinematics.foundation.arrays import Array
+from kinematics.foundation.errors import MotionError
+from planner.actuation import ActuatorPath
+from planner.certificate.certify import ProvedUse, prove, use_at_knots
+from planner.certificate.resonance_dwell import find_stays
+from planner.limits.limit import Limit
+from planner.limits.resonance import BAND_MARGIN, Resonance, SpeedCap
+from planner.timing.problem import Run
+from planner.timing.profile import Profile, RunSolution, sample_limit_use
+from planner.timing.tightening import required_slowness
+
+# How often a run is solved until its proof holds, before it is slowed as a whole; and how often it is slowed.
+ROUNDS, LAST = 8, 3
+# How often axes are held below resonance bands: so often where they stay in them too long, then over their whole run,
+# at last all of them; each time more of the same by so much farther below, as a grid lets a motion peak beside it.
+HOLDINGS, STRETCH_ROUNDS, ALL, FARTHER = 8, 2, 6, 4.0
+# What is slowed is slowed a little more: rounding.
+MARGIN = 1e-6
+
+
+@dataclass(frozen=True, slots=True)
+class Timing:
+    """How runs are timed: `solve` finds a motion, and `tighten` one that exceeds the limits less.
+
+    use, the last of what tighten is given: what is proved of each time piece (M,), per limit. In the end only a fastest
+    motion is slowed as a whole, which no other may be.
+    """
+
+    solve: Callable[[ActuatorPath, Sequence[Limit], Run], RunSolution]
+    tighten: Callable[[ActuatorPath, Sequence[Limit], RunSolution, Mapping[str, Array]], RunSolution]
+
+
+@dataclass(frozen=True, slots=True)
+class CertifiedRun:
+    """A run's motion and what it uses of each limit for certain.
+
+    held: where its axes are held below resonance bands
+    tightened, holdings, slowed: how often it was tightened, solved with axes held back, and slowed as a whole
+    """
+
+    run: Run
+    solution: RunSolution
+    known: ProvedUse
+    held: tuple[SpeedCap, ...] = ()
+    tightened: int = 0
+    holdings: int = 0
+    slowed: int = 0
+
+    @property
+    def rounds(self) -> int:
+        """How often it was timed."""
+        return 1 + self.tightened + self.holdings + self.slowed
+
+
+@dataclass(frozen=True, slots=True)
+class RunCertifier:
+    """Runs -> their motions, each proved to keep every limit on time; what does not within ROUNDS is slowed until then.
+
+    Given up is only what cannot be slowed: between stated speeds, or in a stated duration. A refusal of the first run
+    that has one is returned, not raised.
+    """
+
+    path: ActuatorPath
+    limits: tuple[Limit, ...]
+    order: int
+    timing: Timing
+
+    def __call__(self, runs: Sequence[Run]) -> list[CertifiedRun] | MotionError:
+        found: list[CertifiedRun] = []
+        for run in runs:
+            solution = self.timing.solve(self.path, self.limits, run)
+            if solution.refusal is not None:
+                return solution.refusal
+            found.append(CertifiedRun(run, solution, NOTHING_KNOWN))
+        pending = list(range(len(runs)))
+        while pending:
+            for n, known in zip(pending, self._certify([found[n].solution for n in pending]), strict=True):
+                found[n] = replace(found[n], known=known)
+            changed = []
+            for n in pending:
+                better = self._tighten(found[n])
+                if isinstance(better, MotionError):
+                    return better
+                if better is not None:
+                    found[n] = better
+                    changed.append(n)
+            pending = changed
+        return [replace(one, solution=one.solution.bare()) for one in found]
+
+    def _certify(self, solutions: Sequence[RunSolution]) -> list[ProvedUse]:
+        """All in one go: what each uses of the limits."""
+        profiles = [one.profile for one in solutions]
+        motion = Profile.joined(profiles).along(self.path)
+        use, attained = prove(motion, self._timed, self.order)
+        attained |= use_at_knots(motion, [limit for limit in self.limits if limit.geometric])
+        ends = np.cumsum([len(profile.h) for profile in profiles])[:-1]
+        parts = [{name: np.split(values, ends) for name, values in each.items()} for each in (use, attained)]
+        return [
+            ProvedUse(*({name: values[n] for name, values in part.items()} for part in parts))
+            for n in range(len(profiles))
+        ]
+
+    def _tighten(self, one: CertifiedRun) -> CertifiedRun | MotionError | None:
+        """Timed anew where it does not hold; None where it does, or where nothing is left to try."""
+        staying = self._find_stays(one.solution.profile)
+        if staying:
+            return self._hold_back(one, self._choose_caps(staying, one))
+        # a use without a bound is nothing that another motion mends
+        if not 1 < max(float(one.known.use[limit.name].max()) for limit in self._timed) < np.inf:
+            return None
+        if one.tightened + 1 < ROUNDS:
+            solution = self.timing.tighten(self.path, self.limits, one.solution, one.known.use)
+            return solution.refusal or replace(one, solution=solution, tightened=one.tightened + 1)
+        return self._slow(one, required_slowness(self._timed, one.known.use) * (1 + MARGIN))
+
+    def _hold_back(self, one: CertifiedRun, more: Sequence[SpeedCap]) -> CertifiedRun | MotionError | None:
+        """A run solved with axes held in more places; where that is of no use, slowed below all bands."""
+        if one.holdings < HOLDINGS:
+            held = (*one.held, *more)
+            solution = self.timing.solve(self.path, hold_axes(self.limits, held), one.run)
+            if solution.refusal is None:
+                return replace(one, solution=solution, held=held, holdings=one.holdings + 1)
+            if one.holdings + 1 < ALL:  # all that is held may leave a solver more room than a part of it
+                one = replace(one, holdings=ALL)
+                return self._hold_back(one, self._choose_caps((), one))
+            if not one.solution.fastest:
+                return solution.refusal
+        bands = [limit for limit in self.limits if isinstance(limit, Resonance)]
+        use = sample_limit_use(self.path, [limit.kept_below() for limit in bands], one.solution.profile)
+        return self._slow(one, required_slowness(bands, use) * (1 + BAND_MARGIN))
+
+    def _slow(self, one: CertifiedRun, slowness: float) -> CertifiedRun | None:
+        """The same motion, slower as a whole, if that has not been tried too often."""
+        if one.slowed >= LAST or not one.solution.fastest or one.solution.moving:
+            return None
+        return replace(one, solution=one.solution.slowed(slowness), slowed=one.slowed + 1)
+
+    def _find_stays(self, profile: Profile) -> list[SpeedCap]:
+        """Where an axis stays in a resonance band too long."""
+        motion, found = profile.along(self.path), []
+        for limit in self.limits:
+            for stay in find_stays(motion, limit) if isinstance(limit, Resonance) else ():
+                if stay.use > 1:
+                    first, last = motion.at(np.array([stay.start, stay.end])).along.tolist()
+                    found.append(SpeedCap(stay.band, first, last))
+        return found
+
+    def _choose_caps(self, staying: Sequence[SpeedCap], one: CertifiedRun) -> list[SpeedCap]:
+        """Where to hold axes: where they stay, or over the whole run; at last all of them."""
+        if one.holdings < STRETCH_ROUNDS:
+            return list(staying)
+        first, last = one.run.breaks(self.path)[[0, -1]].tolist()
+        bands = dict.fromkeys(each.band for each in staying)
+        if one.holdings >= ALL:
+            bands = dict.fromkeys(band for limit in self.limits if isinstance(limit, Resonance) for band in limit.bands)
+        found = []
+        for band in bands:
+            before = sum(each.band == band and (each.first, each.last) == (first, last) for each in one.held)
+            found.append(SpeedCap(band, first, last, BAND_MARGIN * FARTHER**before))
+        return found
+
+    @property
+    def _timed(self) -> list[Limit]:
+        """The limits that depend on timing; the others have one value for every timing."""
+        return [limit for limit in self.limits if not limit.geometric]
+
+
+NOTHING_KNOWN = ProvedUse({}, {})
+
+
+def hold_axes(limits: Sequence[Limit], held: Sequence[SpeedCap]) -> tuple[Limit, ...]:
+    """The limits, with axes held below resonance bands in more places."""
+    return tuple(limit.holding(held) if held and isinstance(limit, Resonance) else limit for limit in limits)

@@ -1,0 +1,250 @@
+"""A run under jerk limits: solved as a whole, or where a solver has no answer, by what still leads to a motion.
+
+In that order: the closed form, where it is straight; the averaged order-2 motion, where its ramps are brief; the solver
+(planner.timing.solvers.third_order); two legs with a rest between, and so on; the averaged motion, slowed.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from kinematics.foundation.errors import MotionError
+from planner.actuation import ActuatorPath
+from planner.limits.limit import Limit, Term
+from planner.timing.discretization import (
+    START_GRID,
+    brief_problem,
+    coarse_jerk_problem,
+    jerk_problem,
+    unbounded_error,
+)
+from planner.timing.initial_guess import ramped
+from planner.timing.problem import POWERS, Problem, Run
+from planner.timing.profile import AVERAGED, MAX_UNTOLD_SLOWNESS, WITH_RESTS, RunSolution, TooFast, sample_limit_use
+from planner.timing.solvers.closed_form import straight
+from planner.timing.solvers.second_order import TERMS as SECOND
+from planner.timing.solvers.second_order import estimate_lower_bound, second_order
+from planner.timing.solvers.third_order import solve_jerk_limited, third_order
+from planner.timing.tightening import SOLVER_MARGIN, required_slowness, tighten_until_kept
+
+# A leg that has to be this much slower as a whole is tried in two, with a rest between: what is slow there stays there.
+MIN_SPLIT_SLOWNESS = 1.01
+# Shares of the largest speed at an end without a jerk limit, from which the largest with one is sought.
+END_SPEED_SHARES = (0.9, 0.5, 0.2)
+# From its answer a solver finds a larger one still, as the grid is made for the motion to start from: until it changes
+# by no more than this share, and so often at most.
+SETTLED_CHANGE, MAX_RESOLVES = 1e-4, 3
+# Shares of the largest speed that a solver finds for an end, tried in turn until one leads to a motion that holds; then
+# halvings between that and the one before it.
+NEAR_SHARES, HALVINGS = (0.9995, 0.998, 0.99, 0.95, 0.8, 0.5), 3
+# Halvings that find the largest speed that the rows leave room for: to rounding.
+ROW_HALVINGS = 50
+
+
+def solve_legs(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> RunSolution:
+    """The run in one leg; in two, and so on, where a solver has no answer for it or none that holds unslowed."""
+    whole = tighten_until_kept(path, limits, solve_leg(path, limits, run))
+    if whole.status == "too fast":
+        exact = straight(coarse_jerk_problem(path, limits, run))  # what that refuses, it refuses exactly
+        return exact if exact is not None and not exact.solved else _refuse_ends(path, limits, run) or whole
+    if not whole.solved:
+        return (
+            _refuse_ends(path, limits, run)
+            or _solve_patiently(path, limits, run)
+            or _solve_halves(path, limits, run)
+            or _average_leg(path, limits, run)
+        )
+    if whole.slowness <= MIN_SPLIT_SLOWNESS:
+        return whole
+    found = [whole, _solve_halves(path, limits, run)]
+    if max(run.speeds) == 0:  # what the solver started from may be faster than its answer, slowed
+        found.append(_average_leg(path, limits, run))
+    held = [one for one in found if one is not None and one.solved]
+    return min(held, key=lambda one: sum(leg.duration for leg in one.parts or (one,)))
+
+
+def solve_leg(path: ActuatorPath, limits: Sequence[Limit], run: Run, *, patient: bool | None = None) -> RunSolution:
+    """The run in one leg, solved once; patient: as `solve_jerk_limited` has it."""
+    coarse = coarse_jerk_problem(path, limits, run)
+    unbounded = unbounded_error(coarse, 3)
+    if unbounded is not None:
+        return RunSolution.refused(unbounded)
+    exact = straight(coarse)
+    if exact is not None:
+        return exact
+    leg = _ramp_leg(path, limits, run, coarse)
+    if leg is not None and (
+        not leg.solved
+        or required_slowness(limits, leg.aimed(sample_limit_use(path, limits, leg.profile))) <= MAX_UNTOLD_SLOWNESS
+    ):
+        return leg
+    posed = jerk_problem(path, limits, run, coarse)
+    if isinstance(posed, MotionError):
+        return RunSolution.refused(posed)
+    problem, start = posed
+    return _bounded(solve_jerk_limited(problem, start.on(problem.s), patient=patient), coarse)
+
+
+def _bounded(leg: RunSolution, problem: Problem) -> RunSolution:
+    """With the estimate of the least time that a problem tells, if there is one."""
+    bound = estimate_lower_bound(problem) if leg.solved else 0.0
+    return RunSolution.refused(bound) if isinstance(bound, MotionError) else replace(leg, bound=bound)
+
+
+def _ramp_leg(path: ActuatorPath, limits: Sequence[Limit], run: Run, coarse: Problem) -> RunSolution | None:
+    """The order-2 motion with ramps of s̈ that are brief beside it, where they are: no longer than it by more."""
+    brief = brief_problem(path, limits, run, coarse)
+    if brief is None:
+        return None
+    problem, window = brief
+    sharp = second_order(problem, solver=run.solver)
+    sharp = tighten_until_kept(path, [limit for limit in limits if limit.terms <= SECOND], sharp)
+    if not sharp.solved:
+        return sharp
+    profile = ramped(sharp.profile, window, run.breaks(path), run.first)
+    if profile is None:
+        return None
+    stated = replace(problem, blocks=tuple(block for block in problem.blocks if block.name != START_GRID))
+    return _bounded(RunSolution("solved", profile, maker=AVERAGED, problem=problem), stated)
+
+
+def _average_leg(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> RunSolution:
+    """What an order-3 solve starts from: a motion whatever solvers do, though it has to be slowed."""
+    coarse = coarse_jerk_problem(path, limits, run)
+    unbounded = unbounded_error(coarse, 3)
+    leg = _ramp_leg(path, limits, run, coarse) if unbounded is None else RunSolution.refused(unbounded)
+    if leg is None:
+        posed = jerk_problem(path, limits, run, coarse)
+        if isinstance(posed, MotionError):
+            return RunSolution.refused(posed)
+        problem, start = posed
+        leg = _bounded(RunSolution("solved", start.profile(problem), maker=AVERAGED, problem=problem), coarse)
+    return tighten_until_kept(path, limits, leg)
+
+
+def _solve_patiently(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> RunSolution | None:
+    """Between speeds that are not refused: by whatever solver finds a motion. None where none does."""
+    if max(run.speeds) == 0:
+        return None
+    found = tighten_until_kept(path, limits, solve_leg(path, limits, run, patient=True))
+    return found if found.solved else None
+
+
+def _solve_halves(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> RunSolution | None:
+    """The run with a rest about its middle, at the break where it is slowest anyway. None where that is no way."""
+    posed = None if run.first == run.last else jerk_problem(path, limits, run)
+    if posed is None or isinstance(posed, MotionError):
+        return None
+    problem, start = posed
+    pieces = run.last - run.first + 1
+    inner = run.breaks(path)[1:-1][(pieces - 1) // 4 : pieces - 1 - (pieces - 1) // 4]
+    speed = start.on(problem.s)[0, np.searchsorted(problem.s, inner)]
+    rest = run.first + 1 + (pieces - 1) // 4 + int(np.argmin(speed))
+    legs: list[RunSolution] = []
+    for part in (
+        replace(run, last=rest - 1, end_speed=0.0, until=None, stands=(run.stands[0], False)),
+        replace(run, first=rest, start_speed=0.0, since=None, stands=(False, run.stands[1])),
+    ):
+        half = solve_legs(path, limits, part)
+        if not half.solved:  # no room for a rest beside a speed at an end
+            return None
+        legs += half.parts or (half,)
+    return RunSolution.joined(legs, WITH_RESTS)
+
+
+def _refuse_ends(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> RunSolution | None:
+    """Too fast, where the jerk leaves no room for a speed at an end: beside the other's, else beside a rest."""
+    for beside in (run, None):
+        for end in (0, 1):
+            asked = run.speeds[end]
+            largest = (
+                _largest_end_speed(path, limits, beside or _with_end(run, 1 - end, 0.0), end) if asked > 0 else 0.0
+            )
+            if 0 < largest < asked:
+                return RunSolution.refused(TooFast(end, asked, largest, beside is None))
+        if min(run.speeds) == 0:  # beside a rest already
+            break
+    return None
+
+
+def _largest_end_speed(path: ActuatorPath, limits: Sequence[Limit], run: Run, end: int) -> float:
+    """The largest speed up to the run's that is found for an end of it and leads to a motion; 0 if none does."""
+    bound, most = largest_end_speed(coarse_jerk_problem(path, limits, run), end), 0.0
+    for share in END_SPEED_SHARES:
+        if share * bound > most:
+            most = max(most, _fastest_end_speed(path, limits, _with_end(run, end, share * bound), end, bound))
+    for _ in range(MAX_RESOLVES if most > 0 else 0):
+        before, again = most, _fastest_end_speed(path, limits, _with_end(run, end, NEAR_SHARES[1] * most), end, bound)
+        most = again or before
+        if abs(most / before - 1) < SETTLED_CHANGE:
+            break
+    high = 1.0
+    for low in NEAR_SHARES if most > 0 else ():
+        if _is_feasible(path, limits, _with_end(run, end, low * most)):
+            break
+        high = low
+    else:
+        return 0.0
+    for _ in range(HALVINGS if high < 1 else 0):
+        middle = (low + high) / 2
+        low, high = (middle, high) if _is_feasible(path, limits, _with_end(run, end, middle * most)) else (low, middle)
+    return low * most
+
+
+def _is_feasible(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> bool:
+    """Whether a motion is found along a run, between its speeds, that is seen to keep every limit."""
+    leg = tighten_until_kept(path, limits, solve_leg(path, limits, run))
+    if not leg.solved:
+        return False
+    return required_slowness(limits, leg.aimed(sample_limit_use(path, limits, leg.profile))) <= 1 + SOLVER_MARGIN
+
+
+def _with_end(run: Run, end: int, speed: float) -> Run:
+    return replace(run, start_speed=speed) if end == 0 else replace(run, end_speed=speed)
+
+
+def _fastest_end_speed(path: ActuatorPath, limits: Sequence[Limit], run: Run, end: int, bound: float) -> float:
+    """The largest speed at an end, up to the bound, that a solver finds from a motion with the run's; 0 if none."""
+    posed = jerk_problem(path, limits, run)
+    if isinstance(posed, MotionError):
+        return 0.0
+    problem, start = posed
+    guess = start.on(problem.s)
+    if not problem.settled:
+        v, a, j, h = guess
+        speed = v + h / 2 * (a + h * j / 4)
+        problem = problem.around(speed, speed)
+    speeds = (bound, run.end_speed) if end == 0 else (run.start_speed, bound)
+    found = third_order(replace(problem, speeds=speeds), guess, fast_end=end)
+    if not found.solved:
+        return 0.0
+    return found.profile.last_speed if end else float(found.profile.v[0])
+
+
+def largest_end_speed(problem: Problem, end: int) -> float:
+    """The largest speed at an end, up to the problem's, at which the rows without s⃛ leave room there, s̈ being 0.
+
+    A solver keeps such rows inside a run only: at its ends there is nothing to choose between given speeds.
+    """
+    last = problem.intervals - 1
+    there = problem.part(slice(last, last + 1) if end else slice(0, 1))
+    low, high = 0.0, problem.speeds[end]
+    if _has_room(there, end, high):
+        return high
+    for _ in range(ROW_HALVINGS):
+        middle = (low + high) / 2
+        low, high = (middle, high) if _has_room(there, end, middle) else (low, middle)
+    return low
+
+
+def _has_room(there: Problem, end: int, speed: float) -> bool:
+    """Whether the rows at the start or the end of one interval leave room for a speed."""
+    for block in there.around(np.array([speed]), np.array([speed])).blocks:
+        side = block.end if end else block.start
+        if Term.SDDD in side:
+            continue
+        used = sum(values[0] * speed ** POWERS[term] for term, values in side.items() if term in POWERS)
+        if np.max(block.share(used)) > 1:
+            return False
+    return True
