@@ -20,9 +20,9 @@ from planner.certificate.constant_speed import CONSTANT_SPEED, Stretch, find_str
 from planner.certificate.feasibility import Standing, prove_feasibility
 from planner.course import course
 from planner.limits import Limit, limits_of, usual_order
-from planner.limits.force import Holding, TorqueSpeed
-from planner.limits.geometric import Clearance, Tilt, Travel
+from planner.limits.force import TorqueSpeed
 from planner.limits.limit import order_of
+from planner.limits.registry import geometric_limits
 from planner.limits.resonance import Resonance
 from planner.orientation.orient import orient_open
 from planner.parallel import Progress, ignore_progress
@@ -51,9 +51,6 @@ from planner.triggers import Triggered, find_triggers, trigger_tables
 
 if TYPE_CHECKING:
     from planner.export.format import Exported
-
-GEOMETRIC_LIMITS = tuple(limit.name for limit in (Travel, Tilt, Clearance, Holding))
-"""Limits that the path alone breaks."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -263,7 +260,7 @@ def _add_advice(no: MotionError, program: Program, machine: Machine, order: int)
         return no
     more = partial(find_remedy, program, machine, order)
     if isinstance(no, Infeasible):
-        return no.advising(more) if no.kind in GEOMETRIC_LIMITS else no
+        return no.advising(more) if no.kind in geometric_limits() else no
     return LostPath(str(no), more)
 
 

@@ -43,6 +43,11 @@ def limits_of(path: ActuatorPath, axes: Sequence[Axis], order: int) -> tuple[Lim
     return tuple(limit for limit in limits if limit.binds)
 
 
+def geometric_limits() -> tuple[str, ...]:
+    """Names of the limits that no timing can help: those without rows for a solver."""
+    return tuple(limit.name for limit in (*AXIS_LIMITS, *MACHINE_LIMITS) if limit.rows is Limit.rows)
+
+
 def usual_order(axes: Sequence[Axis]) -> int:
     """3 where some axis states a limit of jerk, else 2."""
     return 3 if any(axis.max_jerk is not None for axis in axes) else 2

@@ -8,6 +8,7 @@ from controllers.laws.registry import LAWS
 from kinematics.machine.machine_file import KINDS
 from planner.export.format import FORMATS
 from planner.limits.registry import AXIS_LIMITS, MACHINE_LIMITS
+from planner.pulses import RULES
 from planner.sources.source import SOURCES
 from tests.docs.pages import DOCS, agree, fences, run
 
@@ -15,7 +16,7 @@ PAGES = [
     *(DOCS / name for name in ("tutorial.md", "conventions.md", "help.md", "api/card.md")),
     *sorted(page for page in (DOCS / "howto").glob("*.md") if page.name != "index.md"),
 ]
-TABLES = (KINDS, AXIS_LIMITS, MACHINE_LIMITS, FORMATS, SOURCES, LAWS)
+TABLES = (KINDS, AXIS_LIMITS, MACHINE_LIMITS, FORMATS, SOURCES, LAWS, RULES)
 
 
 @pytest.fixture
