@@ -250,7 +250,7 @@ def arm_lengths(lengths: Array, turned: np.ndarray, ax: Axes | None = None, titl
         ax.plot(pose, length, ".-", label=f"arm{k + 1}")
         ax.plot(pose[turned], length[turned], "o", markerfacecolor="none", color=ax.lines[-1].get_color())
     if turned.any():
-        ax.plot([], [], "o", markerfacecolor="none", color="black", label="turned: simulated only")
+        ax.plot([], [], "o", markerfacecolor="none", color="black", label="rotated: simulated only")
     ax.set(xlabel="pose", ylabel="length (mm)")
     ax.legend(frameon=False)
     ax.set_title(escape_dollars(title))

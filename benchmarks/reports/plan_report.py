@@ -79,10 +79,10 @@ def summary(plan: Plan, classical: Classical, verdict: PulseCheck) -> dict[str, 
         "Length of the path": f"{1e3 * float(plan.path.breaks[-1]):.3f} mm ({radian})",
         **_departures(plan),
         "Order": f"{plan.order} ({kept})",
-        "Solved by": f"{', '.join(sorted(set(plan.methods)))}; the proof held in round {plan.rounds}",
+        "Solved by": f"{', '.join(sorted(set(plan.methods)))}; certified in round {plan.rounds}",
         "Pulses": f"{grouped(plan.pulses.total)} on a clock of {grouped(plan.pulses.clock_hz)} Hz",
         "Highest pulse rate": f"{verdict.highest_rate:.1f} 1/s",
-        "Pulse check": f"{verdict.fault_count} faults; {_exactness(plan, verdict)}",
+        "Pulse check": f"{verdict.fault_count} errors; {_exactness(plan, verdict)}",
     }
 
 
@@ -93,9 +93,7 @@ def _departures(plan: Plan) -> dict[str, str]:
         return {}
     worst = max(found, key=lambda one: one.distance)
     turned = np.rad2deg(max(one.turned for one in found))
-    told = (
-        f"up to {1e3 * worst.distance:.4g} mm off the straight line, at {worst.where}; turned up to {turned:.4g}° off"
-    )
+    told = f"up to {1e3 * worst.distance:.4g} mm off the straight line, at {worst.where}; up to {turned:.4g}° in angle"
     return {"Synchronised moves": f"{len(found)}, straight in the axes: {told}"}
 
 

@@ -307,7 +307,7 @@ def test_errors_are_magnified_by_round_numbers_and_never_made_less():
 
 def test_the_page_says_what_it_draws(shown, page):
     frames = compute_frames(shown, even_instants(shown.trajectory, 240))
-    assert f"its error drawn {frames.magnified:g} times" in page.replace("\n", " ")
+    assert f"error magnified {frames.magnified:g} times" in page.replace("\n", " ")
     assert "at true scale" in document(shown, 2, 1.0)
     data = json.loads(re.search(r'<script type="application/json" id="frames">(.*?)</script>', page, re.S).group(1))
     assert [view["name"] for view in data["views"]] == ["top", "front", "side", "3-D"]
@@ -337,7 +337,7 @@ def test_a_path_that_counts_do_not_tell_is_left_out(circle, monkeypatch):
     monkeypatch.setattr("benchmarks.animation.frames.reached", lost)
     frames = compute_frames(circle, even_instants(circle.trajectory, 2))
     assert frames.realised is None
-    assert "is not known" in document(circle, 2)
+    assert "is not available" in document(circle, 2)
     assert len(four_views(circle)) == 4
 
 

@@ -151,7 +151,7 @@ def test_what_leaves_nothing_to_say_is_reported_too(tmp_path, count, parts):
         assert "no values to spare" in page
     else:
         assert len(record["observability"]["unseen"]) == 6
-        assert "change no measured pose" in page
+        assert "affect no measured pose" in page
         assert "not seen apart" in page
 
 

@@ -61,7 +61,7 @@ def test_a_machine_of_other_pulses_is_tracked_on_its_own_rig_alone(call, tmp_pat
     assert call(*plan).exit_code == 0
     assert json.loads((out / "plan.json").read_text())["tracking"] is None
     page = (out / "report.html").read_text()
-    assert "It was not tracked." in page
+    assert "The plan was not tracked." in page
     assert "no bundled rig fits its axes" in page
     for arguments in ([], ["--rig", "hexapod-steppers"]):
         refused = call("track", out, *arguments)

@@ -353,7 +353,7 @@ def test_the_parts_come_in_order_with_every_row(page, comparison):
     assert facts["runs"] == "60"
     assert len(re.findall("<img ", page)) == 10
     assert "<title>Gains compared on rig</title>" in page
-    assert "no sample of a population" in page
+    assert "not a sample of a population" in page
 
 
 def test_no_two_laws_look_alike():
