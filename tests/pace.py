@@ -1,6 +1,8 @@
-"""How fast the machine is that the tests run on, so that bounds of time hold on slower ones too."""
+"""How fast the machine is that the tests run on, so that bounds of time hold on slower ones and beside other work."""
 
-from time import process_time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from time import perf_counter, process_time
 
 LOOP = 300_000
 WRITTEN_ON = 0.0175
@@ -15,3 +17,19 @@ def slowness() -> float:
         sum(k * k for k in range(LOOP))
         took.append(process_time() - begin)
     return max(1.0, min(took) / WRITTEN_ON)
+
+
+def delay() -> float:
+    """Times that a second on the clock lasts longer than where nothing else runs, 1 at least: by a loop, once."""
+    begin = perf_counter()
+    sum(k * k for k in range(10 * LOOP))
+    return max(1.0, (perf_counter() - begin) / (10 * WRITTEN_ON))
+
+
+@contextmanager
+def cpu_limit(seconds: float) -> Iterator[None]:
+    """Holds what is done inside to s of CPU of this process, on the machine that the bounds were written on."""
+    begin = process_time()
+    yield
+    took = process_time() - begin
+    assert took < seconds or took < seconds * slowness(), f"{took:.2f} s of CPU"

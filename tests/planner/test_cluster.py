@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 import planner
-from kinematics import MotionError, load_machine
+from kinematics import MotionError
 from planner import Line, Program, plan_many
 from planner.cluster import _wrap_checked, run_on_cluster
 from planner.environment import FIRST, describe_mismatches, make_fact_finder
@@ -18,7 +18,7 @@ from planner.environment import FIRST, describe_mismatches, make_fact_finder
 LOADED = "import sys, cloudpickle; print(cloudpickle.loads(bytes.fromhex(sys.argv[1]))())"
 
 
-def test_other_sources_on_a_worker_are_refused_before_any_work(tmp_path, monkeypatch):
+def test_other_sources_on_a_worker_are_refused_before_any_work(tmp_path, monkeypatch, hexapod):
     """One worker with a copy of the planner that differs by a comment: nothing is planned there."""
     distributed = pytest.importorskip("distributed", reason="the extra cluster")
     monkeypatch.setattr("planner.cluster.PATIENCE", 60.0)  # for a worker that starts while other tests run
@@ -40,7 +40,7 @@ def test_other_sources_on_a_worker_are_refused_before_any_work(tmp_path, monkeyp
     ):
         try:
             with pytest.raises(MotionError) as refused:
-                plan_many(asked, load_machine("hexapod"), address=cluster.scheduler_address)
+                plan_many(asked, hexapod, address=cluster.scheduler_address)
         finally:
             worker.kill()
     told = str(refused.value)

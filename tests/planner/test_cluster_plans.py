@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from benchmarks.evidence.speed.scale import raster
-from kinematics import MotionError, load_machine
+from kinematics import MotionError
 from planner import Infeasible, Line, Plan, Program, plan, plan_many
 
 
@@ -18,10 +18,10 @@ def programs(count):
     ]
 
 
-def test_each_program_gets_its_plan_or_its_refusal_in_order():
+def test_each_program_gets_its_plan_or_its_refusal_in_order(hexapod):
     pytest.importorskip("distributed", reason="the extra cluster")
-    machine, told, asked = load_machine("hexapod"), [], programs(6)
-    found = plan_many(asked, machine, order=2, progress=lambda done, of: told.append((done, of)))
+    told, asked = [], programs(6)
+    found = plan_many(asked, hexapod, order=2, progress=lambda done, of: told.append((done, of)))
     assert told == [(n, 6) for n in range(1, 7)]
     for n, (one, program) in enumerate(zip(found, asked, strict=True)):
         if n % 3 == 2:
@@ -30,35 +30,35 @@ def test_each_program_gets_its_plan_or_its_refusal_in_order():
             continue
         assert isinstance(one, Plan)
         assert one.program.name == program.name
-        here = plan(program, machine, order=2)
+        here = plan(program, hexapod, order=2)
         assert one.trajectory.duration == here.trajectory.duration
         assert one.certificate.worst == here.certificate.worst
         assert all(np.array_equal(a.ticks, b.ticks) for a, b in zip(one.pulses.axes, here.pulses.axes, strict=True))
 
 
-def test_an_existing_cluster_by_address():
+def test_an_existing_cluster_by_address(hexapod):
     distributed = pytest.importorskip("distributed", reason="the extra cluster")
     with distributed.LocalCluster(
         n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None
     ) as cluster:
-        (found,) = plan_many([raster(2)], load_machine("hexapod"), order=2, address=cluster.scheduler_address)
+        (found,) = plan_many([raster(2)], hexapod, order=2, address=cluster.scheduler_address)
         assert found.certificate.holds
         with pytest.raises(MotionError, match="order 4"):
-            raise plan_many([raster(2)], load_machine("hexapod"), order=4, address=cluster.scheduler_address)[0]
+            raise plan_many([raster(2)], hexapod, order=4, address=cluster.scheduler_address)[0]
 
 
-def test_no_answer_says_where(monkeypatch):
+def test_no_answer_says_where(monkeypatch, hexapod):
     pytest.importorskip("distributed", reason="the extra cluster")
     monkeypatch.setattr("planner.cluster.PATIENCE", 0.5)
     with pytest.raises(MotionError, match=r"no Dask scheduler answers at tcp://127\.0\.0\.1:9"):
-        plan_many([raster(1)], load_machine("hexapod"), address="tcp://127.0.0.1:9")
+        plan_many([raster(1)], hexapod, address="tcp://127.0.0.1:9")
 
 
-def test_without_dask_the_extra_is_named(monkeypatch):
+def test_without_dask_the_extra_is_named(monkeypatch, hexapod):
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(MotionError, match=r"pulsepath\[cluster\]"):
-        plan_many([raster(1)], load_machine("hexapod"))
+        plan_many([raster(1)], hexapod)
 
 
-def test_nothing_to_plan():
-    assert plan_many([], load_machine("hexapod")) == []
+def test_nothing_to_plan(hexapod):
+    assert plan_many([], hexapod) == []

@@ -119,10 +119,9 @@ def test_little_work_stays_here():
 
 
 @pytest.mark.parametrize("order", [2, 3])
-def test_the_same_motion_to_the_bit(eager, monkeypatch, order):
-    machine = load_machine("hexapod")
-    path = actuate(raster(8), machine)
-    limits, told = limits_of(path, machine.axes, order), []
+def test_the_same_motion_to_the_bit(eager, monkeypatch, order, hexapod):
+    path = actuate(raster(8), hexapod)
+    limits, told = limits_of(path, hexapod.axes, order), []
     monkeypatch.setattr("planner.timing.certified_solve.PART", 2)
     spread = certified_solve(path, limits, order, lambda done, of: told.append((done, of)))
     monkeypatch.setattr(parallel, "ENOUGH", np.inf)
@@ -222,9 +221,9 @@ def test_plans_pickle(planned):
     assert again.certificate.worst == made.certificate.worst
 
 
-def test_progress_of_a_plan():
+def test_progress_of_a_plan(hexapod):
     told = []
-    plan(raster(10), load_machine("hexapod"), order=2, progress=lambda done, of: told.append((done, of)))
+    plan(raster(10), hexapod, order=2, progress=lambda done, of: told.append((done, of)))
     assert told[:2] == [(8, 10), (10, 10)]
     pulses = [done / of for done, of in told[2:]]  # of each of the six legs in turn
     assert pulses == sorted(set(pulses))

@@ -211,11 +211,10 @@ def test_a_circle_from_pose_to_pose_is_not_run(planned):
         classical(planned("bare-circle", 2), "independent")
 
 
-def test_what_cannot_be_timed_says_so(planned):
+def test_what_cannot_be_timed_says_so(planned, hexapod):
     with pytest.raises(MotionError, match="quarter-sine"):
         classical(planned("bare-circle", 2), "cosine")
-    machine = load_machine("hexapod")
-    machine.axes = tuple(replace(axis, max_jerk=None) for axis in machine.axes)
+    machine = hexapod.driven_by(replace(axis, max_jerk=None) for axis in hexapod.axes)
     bare = replace(planned("bare-circle", 2), machine=machine)
     with pytest.raises(MotionError, match="jerk"):
         classical(bare, "s-curve")

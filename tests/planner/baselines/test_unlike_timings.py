@@ -39,10 +39,9 @@ def test_without_one_the_quickest_is_the_baseline(planned, timings):
 
 
 @pytest.mark.parametrize("order", [2, 3])
-def test_a_resonance_band_that_only_the_plan_keeps_is_named(order):
-    machine = load_machine("hexapod")
-    axes = [replace(axis, resonance=((0.002, 0.015),), resonance_time=0.03) for axis in machine.axes]
-    found = plan(LINE, machine.driven_by(axes), order=order)
+def test_a_resonance_band_that_only_the_plan_keeps_is_named(order, hexapod):
+    axes = [replace(axis, resonance=((0.002, 0.015),), resonance_time=0.03) for axis in hexapod.axes]
+    found = plan(LINE, hexapod.driven_by(axes), order=order)
     baseline = pick_baseline(found, [classical(found), *([classical(found, "s-curve")] if order == 3 else [])])
     assert missing_limits(found, baseline) == ("resonance",)
     assert found.trajectory.duration > baseline.duration  # the saving is negative, and this is why
@@ -72,10 +71,10 @@ def test_moves_between_poses_say_what_they_leave(planned):
     assert pick_baseline(found, [between, classical(found)]).kind == "trapezoid"
 
 
-def test_stops_that_the_plan_does_not_make_are_named():
+def test_stops_that_the_plan_does_not_make_are_named(hexapod):
     """A blend is passed by the plan, and stopped at by every baseline timing."""
     ways = [Line([0.01, 0, 0.02], join=Blend(5e-4)), Line([0.01, 0.01, 0.02])]
-    found = plan(Program(ways, start_speed=0.001), load_machine("hexapod"), order=2)
+    found = plan(Program(ways, start_speed=0.001), hexapod, order=2)
     told = describe_differences(found, classical(found))
     assert told == ("stops at every join", "from rest to rest")
     assert np.all(np.array(found.path.end_speeds) == (0.001, 0.0))

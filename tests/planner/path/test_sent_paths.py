@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform
 
-from kinematics import load_machine
 from planner import Blend, Line, Program, Spline
 from planner.actuation import actuate
 from planner.orientation.orient import orient_open
@@ -23,9 +22,8 @@ PROGRAMS = {  # by a part of the shape's name
 
 
 @pytest.mark.parametrize("name", PROGRAMS)
-def test_they_come_back_as_they_were(name):
-    machine = load_machine("hexapod")
-    path = actuate(orient_open(PROGRAMS[name], machine, 2), machine)
+def test_they_come_back_as_they_were(name, hexapod):
+    path = actuate(orient_open(PROGRAMS[name], hexapod, 2), hexapod)
     assert any(name in piece.shape.name for piece in path.pieces)
     sent = pickle.loads(pickle.dumps(path))
     piece = np.repeat(np.arange(len(path.pieces)), 5)

@@ -40,9 +40,8 @@ def turned(*degrees):
 
 
 @pytest.fixture(scope="module")
-def thesis():
+def thesis(hexapod):
     """The hexapod as the thesis' program drives it: 3000 pulses/s, reached in 0.01 s."""
-    hexapod = load_machine("hexapod")
     slow = [replace(axis, max_speed=2.25e-3, max_acceleration=0.225, max_jerk=None) for axis in hexapod.axes]
     return hexapod.driven_by(slow)
 
@@ -126,9 +125,9 @@ def test_the_calls_are_the_thesis_and_the_cards_end_where_the_plan_does(made, th
     assert AdlinkCsv(5e-3).write(source, tmp_path / "adlink.csv").error < 2.0
 
 
-def test_what_no_trapezoid_can_do_is_refused(tmp_path):
+def test_what_no_trapezoid_can_do_is_refused(tmp_path, hexapod):
     half = Program((Arc([0.005, 0, 0.02], [0, 0, 1], np.pi),), start=RigidTransform.from_translation([0, 0, 0.02]))
-    made = plan(half, load_machine("hexapod"), order=2)
+    made = plan(half, hexapod, order=2)
     with pytest.raises(MotionError, match=r"turns back by .* --motion synchronised"):
         Sahbaz().write(ExportSource("circle", made.machine, made.trajectory, made.pulses), tmp_path / "calls.bas")
     assert not (tmp_path / "calls.bas").exists()
@@ -153,26 +152,24 @@ def test_on_every_machine_the_axes_go_straight(machine, to, rotate):
     assert (one.distance < 1e-9) == (machine == "traverser")  # whose slides are the axes of space
 
 
-def test_a_tool_a_work_frame_and_repetitions_lead_where_they_say():
-    machine = load_machine("hexapod")
+def test_a_tool_a_work_frame_and_repetitions_lead_where_they_say(hexapod):
     tool, work = RigidTransform.from_translation([0, 0, 0.03]), RigidTransform.from_translation([0.001, 0, 0.005])
     moves = (Synchronised([0, 0, 0.04], turned(1, 0, 0)), Synchronised([0.002, 0, 0.035], turned(0, 0, 2)))
-    made = plan(Program(moves, tool=tool, work=work, repeat=2), machine)
+    made = plan(Program(moves, tool=tool, work=work, repeat=2), hexapod)
     assert made.certificate.holds
     assert len(made.departures) == 4
     end = made.trajectory.at(made.trajectory.duration).pose[0] * tool
-    wanted = machine.home * work * RigidTransform.from_components([0.002, 0, 0.035], turned(0, 0, 2))
+    wanted = hexapod.home * work * RigidTransform.from_components([0.002, 0, 0.035], turned(0, 0, 2))
     assert end.translation == pytest.approx(wanted.translation, abs=1e-12)
 
 
-def test_limits_refuse_it_with_the_segment_and_an_end_out_of_reach():
-    machine = load_machine("hexapod")
-    path = actuate(Program((Synchronised([0, 0, 0.01]), Synchronised([0, 0, 0.06]))), machine)
-    (violation, *_) = prove_feasibility(path, limits_of(path, machine.axes, 2)).violations
+def test_limits_refuse_it_with_the_segment_and_an_end_out_of_reach(hexapod):
+    path = actuate(Program((Synchronised([0, 0, 0.01]), Synchronised([0, 0, 0.06]))), hexapod)
+    (violation, *_) = prove_feasibility(path, limits_of(path, hexapod.axes, 2)).violations
     assert "travel" in str(violation)
     assert "segment 2" in str(violation)
     with pytest.raises(MotionError, match="segment 1, synchronised: it ends where it starts"):
-        actuate(Program((Synchronised([0, 0, 0]),)), machine)
+        actuate(Program((Synchronised([0, 0, 0]),)), hexapod)
 
 
 def test_a_file_says_it_and_is_written_so(tmp_path):
@@ -187,8 +184,7 @@ def test_a_file_says_it_and_is_written_so(tmp_path):
     assert again.segments[1].trigger.name == "lamp"
 
 
-def test_any_program_becomes_one_of_moves_to_its_poses():
-    machine = load_machine("hexapod")
+def test_any_program_becomes_one_of_moves_to_its_poses(hexapod):
     program = Program(
         (
             Line([0, 0, 0.02], turned(2, 0, 0), 0.03),
@@ -199,7 +195,7 @@ def test_any_program_becomes_one_of_moves_to_its_poses():
             Arc([0.002, 0.003, 0.022], [0, 0, 1], np.pi / 2, trigger=Trigger("lamp")),
         )
     )
-    found, left_out = synchronise(program, machine)
+    found, left_out = synchronise(program, hexapod)
     assert left_out == (2,)
     kinds = [type(part).__name__ for part in found.segments]
     assert kinds == ["Synchronised", "Dwell", *["Synchronised"] * 4]
@@ -209,12 +205,12 @@ def test_any_program_becomes_one_of_moves_to_its_poses():
     assert [part.rotate is not None for part in found.segments if isinstance(part, Synchronised)] == [
         True, False, False, True, False
     ]  # fmt: skip
-    ends = [actuate(one, machine) for one in (program, found)]
+    ends = [actuate(one, hexapod) for one in (program, found)]
     wanted, pose = (path.pose_numbers(path.breaks[-1:], np.array([len(path.pieces) - 1]))[0] for path in ends)
     assert pose == pytest.approx(wanted, abs=1e-12)
     assert departures(ends[0]) == ()
     with pytest.raises(MotionError, match="would not move at all"):
-        synchronise(Program((program.segments[1],), start=RigidTransform.from_translation([0, 0, 0.02])), machine)
+        synchronise(Program((program.segments[1],), start=RigidTransform.from_translation([0, 0, 0.02])), hexapod)
     with pytest.raises(MotionError, match="no move passes its trigger lamp"):
         synchronise(Program((replace(program.segments[1], trigger=Trigger("lamp")),),
-                            start=RigidTransform.from_translation([0, 0, 0.02])), machine)  # fmt: skip
+                            start=RigidTransform.from_translation([0, 0, 0.02])), hexapod)  # fmt: skip

@@ -19,8 +19,8 @@ line = { to = [5, 10, 0] }
 
 
 @pytest.fixture(scope="module")
-def circle():
-    return plan(load_program("bare-circle"), load_machine("hexapod"), order=2)
+def circle(planned):
+    return planned("bare-circle", 2)
 
 
 @pytest.fixture(scope="module")

@@ -64,9 +64,9 @@ def test_arms_beyond_their_travel_are_named():
     assert "outside their travel" in str(found)
 
 
-def test_what_cannot_be_simulated():
+def test_what_cannot_be_simulated(hexapod):
     with pytest.raises(MotionError, match="hexapod is not a tripod"):
-        simulate_arms(LISTED, load_machine("hexapod"))
+        simulate_arms(LISTED, hexapod)
     with pytest.raises(MotionError, match="no pose; record one"):
         simulate_arms(PositionList(np.zeros((0, 6))), load_machine("tripod"))
 

@@ -82,8 +82,7 @@ def test_natural_coordinates_are_the_same_places(tmp_path):
     assert ends[0].segments[-1].to == pytest.approx(ends[1].segments[-1].to, abs=1e-9)
 
 
-def test_what_does_not_fit_is_refused(tmp_path):
-    hexapod = load_machine("hexapod")
+def test_what_does_not_fit_is_refused(tmp_path, hexapod):
     path = tmp_path / "way.ngc"
     plan(Program([Line([0, 0, 0.001])]), hexapod, order=2).export("g93", path)
     text = path.read_text()

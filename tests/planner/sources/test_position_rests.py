@@ -31,9 +31,8 @@ def test_a_column_says_how_long_it_rests(listing):
     assert program.segments[2].join.tolerance == 1e-4
 
 
-def test_the_motion_stands_there_so_long(listing):
+def test_the_motion_stands_there_so_long(listing, hexapod):
     """Rests of 0.2 and 0.5 s among three stops add exactly those to the plan."""
-    hexapod = load_machine("hexapod")
     with_rests = plan(import_program(listing(TEXT), join="stop").program, hexapod, order=2).trajectory
     bare = plan(
         import_program(listing(TEXT.replace("200", "0").replace("500", "0")), join="stop").program, hexapod, order=2

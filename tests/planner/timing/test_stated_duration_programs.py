@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform
 
-from kinematics import Hexapod, MotionError, load_machine
+from kinematics import Hexapod, MotionError
 from kinematics.machine.axis import Axis
 from planner import Arc, Blend, Dwell, Infeasible, Line, Program, load_program, plan
 from planner.limits import limits_of
@@ -57,10 +57,10 @@ def test_under_a_speed_limit_it_cruises_and_is_rougher():
 
 
 @pytest.mark.parametrize("share", [1.01, 1.2, 3.0])
-def test_the_circle_takes_as_long_as_stated_and_is_smoother_than_the_fastest_slowed(planned, share):
+def test_the_circle_takes_as_long_as_stated_and_is_smoother_than_the_fastest_slowed(planned, share, hexapod):
     best = planned("bare-circle", 3)
     duration = share * best.trajectory.duration
-    made = plan(load_program("bare-circle"), load_machine("hexapod"), duration=duration)
+    made = plan(load_program("bare-circle"), hexapod, duration=duration)
     assert made.trajectory.duration == pytest.approx(duration, rel=1e-9)
     assert made.certificate.holds
     assert made.methods == ("smoothest",)
@@ -72,18 +72,17 @@ def test_the_circle_takes_as_long_as_stated_and_is_smoother_than_the_fastest_slo
 
 
 @pytest.mark.parametrize("order", [2, 3])
-def test_the_longer_the_smoother(order):
+def test_the_longer_the_smoother(order, hexapod):
     """A half turn, a short blend, a line: on the blend, the motion without limits is far outside them until × 2.
 
     Compressed in time by k, a motion has k⁵ times its ∫ q⃛² dt and uses kᵐ times as much of a limit with 1/tᵐ. Where
     that is within the limits, the smoothest of the shorter duration is no rougher.
     """
-    machine = load_machine("hexapod")
     arc = Arc(np.array([0, 0, 0.025]), np.array([0, 0, 1.0]), np.pi, rise=3e-3, join=Blend(1e-4))
     program = Program((arc, Line(np.array([0, 0, 0.028]))), start=RigidTransform.from_translation([0.015, 0, 0.025]))
-    shortest = plan(program, machine, order=order).trajectory.duration
+    shortest = plan(program, hexapod, order=order).trajectory.duration
     shares = (1.05, 1.2, 1.5, 2.0, 3.0)
-    made = [plan(program, machine, order=order, duration=share * shortest) for share in shares]
+    made = [plan(program, hexapod, order=order, duration=share * shortest) for share in shares]
     assert all(one.certificate.holds for one in made)
     assert {method for one in made for method in one.methods} == {"smoothest"}
     rough = [roughness(one.trajectory) for one in made]
@@ -98,12 +97,11 @@ def test_the_longer_the_smoother(order):
     assert compared > 0
 
 
-def test_runs_and_rests():
+def test_runs_and_rests(hexapod):
     """Every run takes as much longer as the moving time does; the dwells stay."""
-    machine = load_machine("hexapod")
     program = Program((Line(np.array([0, 0, 5e-3])), Dwell(0.5), Line(np.array([4e-3, 0, 5e-3]))))
-    best = plan(program, machine)
-    made = plan(Program(program.segments, duration=2.0), machine)
+    best = plan(program, hexapod)
+    made = plan(Program(program.segments, duration=2.0), hexapod)
     assert made.trajectory.duration == pytest.approx(2.0, rel=1e-9)
     assert made.certificate.holds
 
@@ -116,16 +114,16 @@ def test_runs_and_rests():
     assert second[0] - 0.5 == pytest.approx(slower * (first[0] - 0.5), rel=1e-6)
 
 
-def test_less_than_the_shortest_is_refused_and_named(planned):
+def test_less_than_the_shortest_is_refused_and_named(planned, hexapod):
     shortest = planned("bare-circle", 2).trajectory.duration
     with pytest.raises(Infeasible, match=r"no motion within the limits is shorter than 1\.20") as told:
-        plan(load_program("bare-circle"), load_machine("hexapod"), order=2, duration=0.99 * shortest)
+        plan(load_program("bare-circle"), hexapod, order=2, duration=0.99 * shortest)
     assert told.value.limit == pytest.approx(shortest, abs=1e-6)
-    made = plan(load_program("bare-circle"), load_machine("hexapod"), order=2, duration=told.value.limit)
+    made = plan(load_program("bare-circle"), hexapod, order=2, duration=told.value.limit)
     assert made.certificate.holds
     assert made.trajectory.duration == pytest.approx(told.value.limit, abs=2e-6)
     with pytest.raises(MotionError, match="positive"):
-        plan(load_program("bare-circle"), load_machine("hexapod"), duration=float("nan"))
+        plan(load_program("bare-circle"), hexapod, duration=float("nan"))
 
 
 def test_a_program_file_states_it(tmp_path):
