@@ -5,7 +5,6 @@ import os
 import signal
 import sys
 import threading
-import time
 from dataclasses import replace
 
 import numpy as np
@@ -296,10 +295,8 @@ def test_a_killed_worker_loses_nothing(tmp_path, rig, grid, monkeypatch):
                 killed.set()
                 os.kill(first, signal.SIGKILL)
 
-        begin = time.perf_counter()
         runs = sweep(grid, rig, tmp_path / "cluster", address=cluster.scheduler_address, progress=kill)
         assert killed.is_set()
-        assert time.perf_counter() - begin < 60
     monkeypatch.setattr(sweeping, "installed", lambda: False)
     here = sweep(grid, rig, tmp_path / "here")
     assert set(runs.results) == set(here.results)

@@ -204,7 +204,6 @@ def test_a_motion_slowed_keeps_its_forces(hexapod):
 
 
 def test_what_is_stated_but_cannot_be_kept(hexapod):
-    hexapod = hexapod.carrying(Load())
     assert find_unkept_limits(hexapod) == ("max_force",)
     loaded = hexapod.carrying(Load(HEAVY))
     assert find_unkept_limits(loaded) == ()
@@ -241,25 +240,25 @@ def test_the_classical_trapezoid_pays_for_friction_too(slide):
 
 
 @pytest.mark.parametrize("order", [2, 3])
-def test_rows_that_cannot_bind_cost_no_time(hexapod, order):
+def test_rows_that_cannot_bind_cost_no_time(laden, order):
     """The plate's weight uses 3 % of the actuators: the same motion to the last digit, its forces proved all the same.
 
     With forces that its motions use more than half of, the rows are there, and the proof holds.
     """
-    kept, bare = plan(TILTED, hexapod, order=order), plan(TILTED, with_axes(hexapod, Load()), order=order)
+    kept, bare = plan(TILTED, laden, order=order), plan(TILTED, with_axes(laden, Load()), order=order)
     assert kept.trajectory.duration == bare.trajectory.duration
     assert "force" not in bare.certificate.worst
-    use = forces(hexapod, sampled(kept)).use.max()
+    use = forces(laden, sampled(kept)).use.max()
     assert use <= kept.certificate.worst["force"] <= use * (1 + 1e-3) < 0.05
-    weak = plan(TILTED, with_axes(hexapod, max_force=1.02 * 220 * kept.certificate.worst["holding force"]), order=order)
+    weak = plan(TILTED, with_axes(laden, max_force=1.02 * 220 * kept.certificate.worst["holding force"]), order=order)
     assert weak.certificate.holds
     assert weak.trajectory.duration > kept.trajectory.duration
 
 
-def test_the_preset_weighs_what_its_comments_say(hexapod):
+def test_the_preset_weighs_what_its_comments_say(laden):
     """The plate, and six screws and joints as points in the joint centres; to the digits of the file."""
-    points = [Body(0.041 + 0.060, centre) for centre in hexapod.platform]
+    points = [Body(0.041 + 0.060, centre) for centre in laden.platform]
     whole = combine_bodies(PLATE, *points)
-    assert hexapod.load.platform.mass == pytest.approx(whole.mass, abs=5e-4)
-    assert hexapod.load.platform.centre == pytest.approx(whole.centre, abs=5e-6)
-    assert hexapod.load.platform.inertia == pytest.approx(whole.inertia, abs=5e-6)
+    assert laden.load.platform.mass == pytest.approx(whole.mass, abs=5e-4)
+    assert laden.load.platform.centre == pytest.approx(whole.centre, abs=5e-6)
+    assert laden.load.platform.inertia == pytest.approx(whole.inertia, abs=5e-6)

@@ -13,7 +13,7 @@ from urllib.request import Request, urlopen
 import pytest
 
 from benchmarks.animation.animate import document
-from pulsepath.commands.view import serve_page
+from pulsepath.page_server import serve_page
 
 
 def test_the_page_is_that_of_the_plan(call, plan, job, tmp_path):

@@ -1,0 +1,22 @@
+"""What holds for the tests of commands that read a plan."""
+
+import numpy as np
+import pytest
+
+from pulsepath.output.verification import find_violation
+
+
+@pytest.fixture(autouse=True)
+def shared_proof(monkeypatch, request):
+    """The motion of the shared plan is proved once, when it is made: that a command does so too has tests of its own.
+
+    They are those of pulsepath.output.verification.
+    """
+
+    def prove(trajectory, limits):
+        shared = request.getfixturevalue("job").plan.trajectory
+        names = ("knots", "s", "v", "a", "j", "piece")
+        same = all(np.array_equal(getattr(trajectory, name), getattr(shared, name)) for name in names)
+        return None if same else find_violation(trajectory, limits)
+
+    monkeypatch.setattr("pulsepath.output.plan_directory.find_violation", prove)
