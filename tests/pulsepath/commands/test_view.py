@@ -86,7 +86,7 @@ def test_a_plan_without_the_order_of_its_limits_is_refused(call, plan):
     (plan / "plan.json").write_text(json.dumps({**record, "order": 4}), encoding="utf-8")
     done = call("view", plan, "--no-browser")
     assert done.exit_code == 2
-    assert "names no order" in done.stderr
+    assert "states no order" in done.stderr
 
 
 @pytest.fixture

@@ -35,7 +35,7 @@ def test_verbose_says_how(call, tmp_path, monkeypatch, job):
         assert done.exit_code == 0
         assert "order 3, solver iterations: " in done.stderr
         assert "runs between stops: 1 by " in done.stderr
-    assert "rounds" not in call(*arguments).stderr
+    assert "iterations" not in call(*arguments).stderr
 
 
 def test_both_at_once_are_refused(call):
