@@ -16,7 +16,7 @@ from controllers.laws.nominal import NominalAxes, nominal_axes
 from controllers.rig import Rig
 from controllers.simulate import sample, simulate
 from controllers.task import Task
-from kinematics.foundation.arrays import Array, freeze_array
+from kinematics.foundation.arrays import Array, freeze_array, freeze_fields
 from kinematics.foundation.errors import MotionError
 
 
@@ -37,8 +37,7 @@ class Learned:
     grid: ClassVar[Grid] = {}
 
     def __post_init__(self) -> None:
-        for name in ("position", "turn"):
-            object.__setattr__(self, name, freeze_array(getattr(self, name), np.float64))
+        freeze_fields(self, "position", "turn", dtype=np.float64)
 
     @property
     def name(self) -> str:

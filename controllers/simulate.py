@@ -21,7 +21,7 @@ from controllers.drives.servo import Servo, servo_axes
 from controllers.drives.stepper import Stepper, stepper_axes
 from controllers.laws.law import Feedback, Law, Reference
 from controllers.rig import Rig, instants
-from kinematics.foundation.arrays import Array, freeze_array
+from kinematics.foundation.arrays import Array, freeze_fields
 from kinematics.foundation.errors import MotionError
 
 if TYPE_CHECKING:
@@ -164,8 +164,7 @@ class Runs:
     steps: Array
 
     def __post_init__(self) -> None:
-        for name in Runs.__slots__:
-            object.__setattr__(self, name, freeze_array(getattr(self, name)))
+        freeze_fields(self, *Runs.__slots__)
 
     @property
     def end(self) -> Array:

@@ -11,7 +11,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from kinematics.foundation.arrays import Array, freeze_array
+from kinematics.foundation.arrays import Array, freeze_array, freeze_fields
 from kinematics.foundation.errors import MotionError
 from planner.actuation import MachinePath
 from planner.baselines.shapes import quarter_sine, trapezoid
@@ -80,8 +80,7 @@ class Sine:
     duration: float
 
     def __post_init__(self) -> None:
-        for name in ("home", "amplitude"):
-            object.__setattr__(self, name, freeze_array(getattr(self, name), np.float64))
+        freeze_fields(self, "home", "amplitude", dtype=np.float64)
 
     @property
     def knots(self) -> Array:

@@ -17,7 +17,7 @@ from controllers.laws.law import Feedback, Law, Reference, Timer
 from controllers.rig import Rig
 from controllers.rig_choice import choose_rig
 from controllers.simulate import HOST_STEP, SETTLE, sample, simulate
-from kinematics.foundation.arrays import Array, freeze_array
+from kinematics.foundation.arrays import Array, freeze_fields
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
@@ -103,8 +103,7 @@ class Tracking(Result):
     lost: np.ndarray
 
     def __post_init__(self) -> None:
-        for name in ("t", "reference", "command", "actual", "pulses", "lost"):
-            object.__setattr__(self, name, freeze_array(getattr(self, name)))
+        freeze_fields(self, "t", "reference", "command", "actual", "pulses", "lost")
 
     def tables(self) -> tuple[Table, ...]:
         """The following error of each axis, and its pulses; `controllers.evaluate` tells more."""

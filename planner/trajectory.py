@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kinematics.analysis.clearance import Bodies
-from kinematics.foundation.arrays import Array, freeze_array
+from kinematics.foundation.arrays import Array, freeze_fields
 from kinematics.foundation.casadi_function import Expression
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.result import Result
@@ -113,8 +113,7 @@ class Trajectory(Result):
     piece: np.ndarray = field(repr=False)
 
     def __post_init__(self) -> None:
-        for name in ("knots", "s", "v", "a", "j", "piece"):
-            object.__setattr__(self, name, freeze_array(getattr(self, name)))
+        freeze_fields(self, "knots", "s", "v", "a", "j", "piece")
 
     @property
     def duration(self) -> float:

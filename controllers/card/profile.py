@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from controllers.card.edges import CardPiece, Edges, find_crossings
-from kinematics.foundation.arrays import Array, freeze_array
+from kinematics.foundation.arrays import Array, freeze_fields
 
 MAX_DURATION = 1e15
 """s."""
@@ -58,11 +58,7 @@ class MoveProfile:
     zero: Array | None = None
 
     def __post_init__(self) -> None:
-        for name in ("begin", "start", "target", "lengths", "speeds", "rates"):
-            object.__setattr__(self, name, freeze_array(getattr(self, name), np.float64))
-        for name in ("jerks", "arc", "registers", "slack", "zero"):
-            if getattr(self, name) is not None:
-                object.__setattr__(self, name, freeze_array(getattr(self, name), np.float64))
+        freeze_fields(self, *MoveProfile.__slots__, dtype=np.float64)
 
     @property
     def end(self) -> Array:

@@ -14,7 +14,7 @@ from controllers.card.channels import Command
 from controllers.card.edges import Edges
 from controllers.card.model import Card, OutputMode, Refused
 from controllers.card.state import CardState, round_to_ticks, send
-from kinematics.foundation.arrays import Array, freeze_array
+from kinematics.foundation.arrays import Array, freeze_fields
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,8 +33,7 @@ class Train:
     count: np.ndarray
 
     def __post_init__(self) -> None:
-        for name in ("ticks", "direction", "counted", "count"):
-            object.__setattr__(self, name, freeze_array(getattr(self, name)))
+        freeze_fields(self, "ticks", "direction", "counted", "count")
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,8 +145,7 @@ class Wires:
     levels: np.ndarray
 
     def __post_init__(self) -> None:
-        for name in ("ticks", "levels"):
-            object.__setattr__(self, name, freeze_array(getattr(self, name)))
+        freeze_fields(self, "ticks", "levels")
 
 
 def wires(card: Card, train: Train, width: int, setup: int | None = None) -> Wires:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from controllers.card import PCI_8164, Card
-from kinematics.foundation.arrays import Array, freeze_array
+from kinematics.foundation.arrays import Array, freeze_fields
 from kinematics.foundation.errors import MotionError
 from kinematics.machine.axis import directional_bounds
 from kinematics.machine.machine import Machine
@@ -42,8 +42,7 @@ class Drives:
     high: np.ndarray
 
     def __post_init__(self) -> None:
-        for name in ("signs", "speed", "acceleration", "low", "high"):
-            object.__setattr__(self, name, freeze_array(getattr(self, name)))
+        freeze_fields(self, "signs", "speed", "acceleration", "low", "high")
 
     @property
     def ramp(self) -> Array:

@@ -10,7 +10,7 @@ import numpy as np
 from controllers.console.drives import Drives, machine_drives
 from controllers.console.grammar import Mode
 from controllers.console.motion import SessionMotion
-from kinematics.foundation.arrays import Array, freeze_array
+from kinematics.foundation.arrays import Array, freeze_array, freeze_fields
 from kinematics.foundation.errors import MotionError
 from kinematics.machine.machine import Machine
 from kinematics.machine.pose import Pose
@@ -59,8 +59,7 @@ class Session:
     jogging: bool = False
 
     def __post_init__(self) -> None:
-        for name in ("counts", "zero", "least", "most"):
-            object.__setattr__(self, name, freeze_array(getattr(self, name), np.int64))
+        freeze_fields(self, "counts", "zero", "least", "most", dtype=np.int64)
         object.__setattr__(self, "homed", freeze_array(self.homed, bool))
 
     def counters(self, t: float) -> np.ndarray:

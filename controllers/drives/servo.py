@@ -12,7 +12,7 @@ from typing import Literal
 import numpy as np
 
 from controllers.drives.axes import AxesResponse, Rotor, advance, apply_play, read_encoder, rotor, stack_values
-from kinematics.foundation.arrays import Array, freeze_array
+from kinematics.foundation.arrays import Array, freeze_array, freeze_fields
 from kinematics.foundation.errors import MotionError
 from kinematics.machine.axis import Axis
 
@@ -124,8 +124,7 @@ class ServoState:
     torques: Array
 
     def __post_init__(self) -> None:
-        for name in ServoState.__slots__:
-            object.__setattr__(self, name, freeze_array(getattr(self, name)))
+        freeze_fields(self, *ServoState.__slots__)
 
 
 @dataclass(frozen=True, slots=True)

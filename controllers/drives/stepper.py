@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from controllers.drives.axes import AxesResponse, Rotor, advance, apply_play, read_encoder, rotor, stack_values
-from kinematics.foundation.arrays import Array, finite_array, freeze_array
+from kinematics.foundation.arrays import Array, finite_array, freeze_array, freeze_fields
 from kinematics.foundation.errors import MotionError
 
 
@@ -108,8 +108,7 @@ class StepperState:
     slips: Array
 
     def __post_init__(self) -> None:
-        for name in StepperState.__slots__:
-            object.__setattr__(self, name, freeze_array(getattr(self, name)))
+        freeze_fields(self, *StepperState.__slots__)
 
 
 @dataclass(frozen=True, slots=True)

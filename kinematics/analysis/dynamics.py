@@ -17,7 +17,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinematics.foundation.arrays import Array, finite_array, freeze_array
+from kinematics.foundation.arrays import Array, finite_array, freeze_fields
 from kinematics.foundation.casadi_function import Expression
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.result import Result
@@ -222,7 +222,7 @@ class Forces(Result):
     force: Array
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "force", freeze_array(self.force))
+        freeze_fields(self, "force")
 
     @property
     def power(self) -> Array:

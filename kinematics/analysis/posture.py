@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kinematics.analysis.margins import ROUNDING, Margins
-from kinematics.foundation.arrays import Array, freeze_array
+from kinematics.foundation.arrays import Array, freeze_fields
 from kinematics.foundation.errors import MotionError, OutOfReach
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import SCALES, Column, Table
@@ -48,7 +48,7 @@ class Posture(Result):
     certified: bool
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "q", freeze_array(self.q))
+        freeze_fields(self, "q")
 
     @property
     def from_home(self) -> Pose:

@@ -6,7 +6,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinematics.foundation.arrays import Array, finite_array, freeze_array
+from kinematics.foundation.arrays import Array, finite_array, freeze_fields
 from kinematics.foundation.errors import MotionError, OutOfReach
 from kinematics.machine.kind import columns
 from kinematics.machine.model import MachineModel, square_jacobian
@@ -45,8 +45,7 @@ class Motion:
     acceleration: Array
 
     def __post_init__(self) -> None:
-        for name in ("q", "qd", "qdd", "twist", "acceleration"):
-            object.__setattr__(self, name, freeze_array(getattr(self, name)))
+        freeze_fields(self, "q", "qd", "qdd", "twist", "acceleration")
 
     def __len__(self) -> int:
         return len(self.q)

@@ -11,7 +11,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from kinematics.foundation.arrays import Array, freeze_array
+from kinematics.foundation.arrays import Array, freeze_fields
 from kinematics.foundation.errors import MotionError
 from kinematics.machine.axis import Axis
 from planner.export.format import ExportSource
@@ -45,8 +45,7 @@ class Columns:
     decimals: int
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "factor", freeze_array(self.factor))
-        object.__setattr__(self, "zero", freeze_array(self.zero))
+        freeze_fields(self, "factor", "zero")
 
     @property
     def unit(self) -> str:

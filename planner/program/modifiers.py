@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from math import pi
 
-from kinematics.foundation.arrays import Array, freeze_array
+from kinematics.foundation.arrays import Array, freeze_fields
 from kinematics.foundation.errors import MotionError
 from planner.program.validation import check_positive, legible
 
@@ -77,5 +77,4 @@ class Free:
             raise MotionError(f"free: tilt {self.tilt} rad must not be negative, and be less than a right angle")
         if not self.yaw and self.tilt == 0:
             raise MotionError("free: leave yaw free, or a tilt, or both; else leave free out")
-        if self.controls is not None:
-            object.__setattr__(self, "controls", freeze_array(self.controls))
+        freeze_fields(self, "controls")

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from kinematics.foundation.arrays import freeze_array
+from kinematics.foundation.arrays import freeze_array, freeze_fields
 from planner.pulses.schedule import Signs, Ticks
 
 MAX_COUNT = 65535
@@ -39,8 +39,7 @@ class StepQueue:
     reset: Ticks
 
     def __post_init__(self) -> None:
-        for field in ("interval", "count", "add", "reset"):
-            object.__setattr__(self, field, freeze_array(getattr(self, field), np.int64))
+        freeze_fields(self, "interval", "count", "add", "reset", dtype=np.int64)
         object.__setattr__(self, "direction", freeze_array(self.direction, np.int8))
 
     def __len__(self) -> int:

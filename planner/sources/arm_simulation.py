@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from kinematics.foundation.arrays import Array, freeze_array
+from kinematics.foundation.arrays import Array, freeze_fields
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
@@ -51,8 +51,7 @@ class ArmSimulation(Result):
     notes: tuple[str, ...] = field(default=())
 
     def __post_init__(self) -> None:
-        for name in ("lengths", "stroke", "within", "turned", "off"):
-            object.__setattr__(self, name, freeze_array(getattr(self, name)))
+        freeze_fields(self, "lengths", "stroke", "within", "turned", "off")
 
     def tables(self) -> tuple[Table, ...]:
         """Pose by pose: the arms' lengths, and what the machine can make of them."""

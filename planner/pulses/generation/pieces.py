@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from kinematics.foundation.arrays import Array, freeze_array
+from kinematics.foundation.arrays import Array, freeze_fields
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.polynomials import bernstein_matrix, derivative, shift_polynomials, solve_heights
 from kinematics.foundation.units import apart
@@ -45,8 +45,7 @@ class Pieces:
     error: Array
 
     def __post_init__(self) -> None:
-        for name in ("start", "length", "coefficients", "noise", "error"):
-            object.__setattr__(self, name, freeze_array(getattr(self, name)))
+        freeze_fields(self, "start", "length", "coefficients", "noise", "error")
 
 
 def fit(motion: AxesMotion, tolerance: Array) -> Pieces:
