@@ -13,9 +13,8 @@ from controllers.card import TAMove
 from controllers.laws.horizon import Horizon
 from controllers.laws.law import Feedback, Grid, Reference, Timer, ramp
 from controllers.laws.nominal import NominalAxes, nominal_axes
-from controllers.rig import Rig
+from controllers.rig import Rig, Task
 from controllers.simulate import sample, simulate
-from controllers.task import Task
 from kinematics.foundation.arrays import Array, freeze_array, freeze_fields
 from kinematics.foundation.errors import MotionError
 

@@ -15,8 +15,7 @@ from pydantic import AfterValidator, Field, TypeAdapter, ValidationError, model_
 
 from controllers.card import PCI_8132, PCI_8164, Card
 from controllers.drives.drive_tables import KINDS, TRANSMISSION, ServoTable, StepperTable, drive_of
-from controllers.rig import Drive, Host, Rig
-from controllers.task import Sine, Task, time_path
+from controllers.rig import Drive, Host, Rig, Sine, Task, time_path
 from kinematics.files.keys import Chosen, key
 from kinematics.files.schema import File, TableSchema, build, one_of_tables, refuse_wrong_kind
 from kinematics.files.toml_document import Document, Key, read

@@ -18,8 +18,7 @@ from kinematics.analysis.containment import KINDS
 from kinematics.analysis.dynamics import Forces
 from kinematics.analysis.forward import Forward
 from kinematics.analysis.workspace import Box, Workspace
-from kinematics.calibration.observability import Observability
-from kinematics.calibration.result import GROUPS, Calibration, check_group
+from kinematics.calibration.result import GROUPS, Calibration, Observability, check_group
 from kinematics.design.accuracy import Budget, Contribution
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError

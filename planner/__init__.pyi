@@ -26,4 +26,4 @@ from .sources.source import import_program as import_program
 from .time_optimal import time_optimal as time_optimal
 from .timing.certified_solve import Solution as Solution
 from .trajectory import State as State, Trajectory as Trajectory
-from .triggers import Triggered as Triggered
+from .pulses.triggers import Triggered as Triggered

@@ -42,12 +42,12 @@ from planner.pulses import (
 )
 from planner.pulses.compensation.compensate import counted
 from planner.pulses.schedule import schedule_tables
+from planner.pulses.triggers import Triggered, find_triggers, trigger_tables
 from planner.timing.certified_solve import certified_solve, timing_table
 from planner.timing.problem import Solver
 from planner.timing.solvers.toppra_ import require
 from planner.timing.stated_duration import solve_stated
 from planner.trajectory import Trajectory
-from planner.triggers import Triggered, find_triggers, trigger_tables
 
 if TYPE_CHECKING:
     from planner.export.format import Exported

@@ -9,8 +9,7 @@ from benchmarks.reports.page import render, render_png, style
 from kinematics.calibration import Calibration
 from kinematics.calibration.checks import axis_checks
 from kinematics.calibration.measurements import COMPONENTS
-from kinematics.calibration.observability import describe_combination
-from kinematics.calibration.result import GROUPS, Estimate, Pulse, identified_pulses
+from kinematics.calibration.result import GROUPS, Estimate, Pulse, describe_combination, identified_pulses
 
 MICRO_UNITS = {"m": ("µm", 1e6), "rad": ("µrad", 1e6), "": ("", 1.0)}
 HUMAN_UNITS = {"m": ("mm", 1e3), "rad": ("mrad", 1e3), "": ("", 1.0)}

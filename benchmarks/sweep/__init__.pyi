@@ -9,4 +9,4 @@ from .result import (
     settings_of as settings_of,
 )
 from .run import Grid as Grid, described as described, sweep as sweep
-from .store import SavedRuns as SavedRuns, load_runs as load_runs
+from .result import SavedRuns as SavedRuns, load_runs as load_runs

@@ -22,14 +22,23 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.sweep.result import VARIATIONS, Cell, RunResult, RunSeries, Setting, Variation, batch_law
-from benchmarks.sweep.store import SavedRuns, Store, load_runs
+from benchmarks.sweep.result import (
+    VARIATIONS,
+    Cell,
+    RunResult,
+    RunSeries,
+    SavedRuns,
+    Setting,
+    Store,
+    Variation,
+    batch_law,
+    load_runs,
+)
 from controllers.metrics import BATCH_PERIOD, Metrics, evaluate_runs
-from controllers.metrics.attained import PlannedStates, sample_plan
-from controllers.metrics.shaft import torque_limits
-from controllers.rig import Rig, disturbed
+from controllers.metrics.evaluate import PlannedStates, sample_plan
+from controllers.metrics.metrics import torque_limits
+from controllers.rig import Rig, Task, disturbed
 from controllers.simulate import sample, simulate
-from controllers.task import Task
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
 from kinematics.machine.machine import Machine

@@ -28,4 +28,4 @@ from .state import (
     send as send,
 )
 from .trapezoid import TAMove as TAMove, TRMove as TRMove
-from .velocity import PChange as PChange, TVMove as TVMove, VChange as VChange
+from .trapezoid import PChange as PChange, TVMove as TVMove, VChange as VChange

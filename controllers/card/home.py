@@ -63,14 +63,7 @@ class HomeReturn(Command):
                 f"{now.card.name}: home return: an index needs a spacing of whole pulses above zero, not "
                 f"{self.index_spacing}"
             )
-        sign = np.broadcast_to(self.direction, now.due.shape)
-        now.forbid(np.abs(sign) != 1, "home return: direction must be +1 or −1")
-        v0, v1, creep = (
-            now.magnitude(what, speed)
-            for what, speed in (("start speed", self.start_speed), ("speed", self.speed), ("creep", self.creep))
-        )
-        tacc = now.ramp("acceleration", self.tacc)
-        zero = np.zeros(now.due.shape) if now.running.zero is None else now.running.zero
+        sign, (v0, v1, creep), tacc, zero = _read_search(self, now)
         edge = now.target(np.rint(self.switch) - zero)
         behind = np.zeros(now.due.shape)
         if self.index is not None and self.index_spacing is not None:
@@ -80,6 +73,24 @@ class HomeReturn(Command):
         back = trapezoid(out.end, out.target, place, creep, creep, 0.0, 0.0)
         there = replace(standstill(np.zeros(now.due.shape)), begin=back.end, zero=zero + place)
         return (*(replace(lock_move(move), zero=zero) for move in (out, back)), there)
+
+
+def _read_search(
+    command: HomeReturn | HomeMode, now: Channels
+) -> tuple[Array, tuple[Array, Array, Array], float, Array]:
+    """Direction, speeds (start, search, creep), time of the ramp, and where the zero lies now, of a home return."""
+    sign = np.broadcast_to(command.direction, now.due.shape)
+    now.forbid(np.abs(sign) != 1, "home return: direction must be +1 or −1")
+    v0, v1, creep = (
+        now.magnitude(what, speed)
+        for what, speed in (
+            ("start speed", command.start_speed),
+            ("speed", command.speed),
+            ("creep", command.creep),
+        )
+    )
+    zero = np.zeros(now.due.shape) if now.running.zero is None else now.running.zero
+    return sign, (v0, v1, creep), now.ramp("acceleration", command.tacc), zero
 
 
 def approach(
@@ -187,14 +198,7 @@ class HomeMode(Command):
 
     def moves(self, now: Channels) -> tuple[MoveProfile, ...]:
         mode = self._mode(now)
-        sign = np.broadcast_to(self.direction, now.due.shape)
-        now.forbid(np.abs(sign) != 1, "home return: direction must be +1 or −1")
-        v0, v1, creep = (
-            now.magnitude(what, speed)
-            for what, speed in (("start speed", self.start_speed), ("speed", self.speed), ("creep", self.creep))
-        )
-        tacc = now.ramp("acceleration", self.tacc)
-        zero = np.zeros(now.due.shape) if now.running.zero is None else now.running.zero
+        sign, (v0, v1, creep), tacc, zero = _read_search(self, now)
         switch = self.origin if mode.sensor == "origin" else self.limit
         edge = now.target(np.rint(_place_or_zero(switch)) - zero)
         if mode.sensor == "limit":

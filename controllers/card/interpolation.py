@@ -12,9 +12,8 @@ from math import ceil, floor, pi
 import numpy as np
 
 from controllers.card.channels import Channels, Command
-from controllers.card.edges import CardPiece
 from controllers.card.model import Card, Refused
-from controllers.card.profile import MoveProfile
+from controllers.card.profile import CardPiece, MoveProfile
 from controllers.card.scurve import curve_ramps
 from controllers.card.trapezoid import lock_move, trapezoid
 from kinematics.foundation.arrays import Array, freeze_array

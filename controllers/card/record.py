@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from controllers.card.channels import Command
-from controllers.card.edges import Edges
 from controllers.card.model import Card, OutputMode, Refused
+from controllers.card.profile import Edges
 from controllers.card.state import CardState, round_to_ticks, send
 from kinematics.foundation.arrays import Array, freeze_fields
 

@@ -9,8 +9,7 @@ import numpy as np
 from controllers.card.channels import Channels, Command, broadcast_lanes
 from controllers.card.model import Refused
 from controllers.card.profile import MoveProfile, registers_of
-from controllers.card.trapezoid import lock_move, plan_move
-from controllers.card.velocity import start_and_end_speeds
+from controllers.card.trapezoid import lock_move, plan_move, start_and_end_speeds
 from kinematics.foundation.arrays import Array
 
 SHORTEST = 1e-12

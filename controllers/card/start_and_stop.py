@@ -13,7 +13,7 @@ from controllers.card.channels import Channels, Command
 from controllers.card.interpolation import bend_along_arc
 from controllers.card.model import Card, Refused
 from controllers.card.profile import MoveProfile, merge_sequences, standstill
-from controllers.card.velocity import ramp
+from controllers.card.trapezoid import ramp
 
 
 @dataclass(frozen=True, slots=True)

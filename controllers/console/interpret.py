@@ -15,9 +15,8 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from controllers.card import Refused
-from controllers.console.drives import JOG_SPEED_SHARE, WHOLE_TOLERANCE
 from controllers.console.grammar import ROTARY, Accept, Halt, Help, Home, Jog, Move, Position, Switch, Where, Words
-from controllers.console.motion import PlannedMotion, SessionMotion, trapezoid_motion
+from controllers.console.motion import JOG_SPEED_SHARE, WHOLE_TOLERANCE, PlannedMotion, SessionMotion, trapezoid_motion
 from controllers.console.session import Session
 from kinematics.analysis.forward import RESIDUAL_TOLERANCE
 from kinematics.foundation.errors import MotionError, OutOfReach

@@ -7,9 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from controllers.console.drives import Drives, machine_drives
 from controllers.console.grammar import Mode
-from controllers.console.motion import SessionMotion
+from controllers.console.motion import Drives, SessionMotion, machine_drives
 from kinematics.foundation.arrays import Array, freeze_array, freeze_fields
 from kinematics.foundation.errors import MotionError
 from kinematics.machine.machine import Machine

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from controllers.curve import directions, piece_of
-from controllers.metrics.attained import attained_poses, sample_plan
+from controllers.metrics.evaluate import attained_poses, sample_plan
 from controllers.metrics.pose_and_path_accuracy import (
     PathAccuracy,
     PoseAccuracy,
@@ -21,9 +21,8 @@ from controllers.metrics.pose_and_path_accuracy import (
     path_accuracy,
     pose_accuracy,
 )
-from controllers.rig import Rig
+from controllers.rig import Rig, Task
 from controllers.simulate import Runs
-from controllers.task import Task
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.result import Result

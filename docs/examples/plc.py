@@ -11,8 +11,7 @@ import numpy as np
 from kinematics.foundation.arrays import LEAST_POSITIVE, Array, finite_array
 from planner.export.columns import Columns, make_columns
 from planner.export.format import Exported, ExportSource
-from planner.export.knots import choose_knots, steps_to_seconds
-from planner.export.roundtrip import compare
+from planner.export.knots import choose_knots, compare, steps_to_seconds
 from planner.options import option
 
 

@@ -5,6 +5,6 @@ from .measurements import (
     measured_positions as measured_positions,
     whole_poses as whole_poses,
 )
-from .observability import Observability as Observability
+from .result import Observability as Observability
 from .parameters import DEFAULT as DEFAULT, PARTS as PARTS, calibration_parts as calibration_parts
 from .result import Calibration as Calibration, Estimate as Estimate

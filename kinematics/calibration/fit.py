@@ -15,7 +15,6 @@ import numpy as np
 
 from kinematics.calibration.checks import select_reachable
 from kinematics.calibration.measurements import AXIS, POSITION, Measurements, Noise, whole_poses
-from kinematics.calibration.observability import Observability, observe
 from kinematics.calibration.parameters import (
     DEFAULT,
     FreeParameter,
@@ -25,7 +24,7 @@ from kinematics.calibration.parameters import (
     full_vector,
     selection,
 )
-from kinematics.calibration.result import Calibration, Estimate, error_scale
+from kinematics.calibration.result import Calibration, Estimate, Observability, error_scale, observe
 from kinematics.calibration.search import frame_start, minimize_errors
 from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.errors import MotionError

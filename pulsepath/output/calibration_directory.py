@@ -10,8 +10,7 @@ import numpy as np
 
 from kinematics.calibration import Calibration
 from kinematics.calibration.checks import axis_checks
-from kinematics.calibration.observability import describe_combination
-from kinematics.calibration.result import GROUPS, identified_pulses
+from kinematics.calibration.result import GROUPS, describe_combination, identified_pulses
 from kinematics.foundation.arrays import Array
 from kinematics.machine.machine_writer import machine_toml
 from pulsepath import __version__

@@ -17,7 +17,7 @@ def destinations(target: Path, force: bool) -> list[Destination]:
 
     Saved runs may stay since each is found by the hash of what it depends on: an interrupted comparison goes on.
     """
-    from benchmarks.sweep.store import CELLS
+    from benchmarks.sweep.result import CELLS
 
     if target.exists() and not target.is_dir():
         raise MotionError(f"{target} exists and is not a directory; give another --out")

@@ -8,10 +8,9 @@ import pytest
 from benchmarks.evidence.speed.closed_loop import simulate_runs
 from controllers.card import PCI_8164
 from controllers.laws.registry import find_law
-from controllers.rig import Host, disturbed
+from controllers.rig import Host, disturbed, time_path
 from controllers.rig_file import load_rig
 from controllers.simulate import bank, sample, simulate, stack_references
-from controllers.task import time_path
 from kinematics.foundation.errors import MotionError
 
 SAME = 1e-12

@@ -10,9 +10,8 @@ from controllers.laws.horizon import Horizon
 from controllers.laws.nominal import nominal_axes
 from controllers.laws.open_loop import Feedforward
 from controllers.learning import TAIL, fit_feedforward, learn
-from controllers.rig import Rig
+from controllers.rig import Rig, Task
 from controllers.simulate import sample
-from controllers.task import Task
 from controllers.tracking import track
 from kinematics.foundation.errors import MotionError
 

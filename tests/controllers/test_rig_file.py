@@ -7,9 +7,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from controllers.rig import disturbed
+from controllers.rig import Sine, disturbed
 from controllers.rig_file import load_rig, rig_names
-from controllers.task import Sine
 from kinematics.foundation.errors import FileError, MotionError
 
 TEXT = (files("controllers") / "presets" / "servo-rig.toml").read_text()

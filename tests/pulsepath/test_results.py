@@ -15,9 +15,8 @@ from scipy.interpolate import CubicSpline
 import pulsepath as pp
 from benchmarks.reports.gain.comparison import BaselineRatio, Comparison, ComparisonRow, SettingEntry
 from benchmarks.reports.gain.verdict import Margin, Verdict
-from benchmarks.sweep.result import Cell, Setting
+from benchmarks.sweep.result import Cell, SavedRuns, Setting
 from benchmarks.sweep.result import RunResult as Run
-from benchmarks.sweep.store import SavedRuns
 from controllers.metrics.circular_test import Circle, circular_test
 from controllers.metrics.iso_style import IsoStyle, VelocityAccuracy
 from controllers.metrics.pose_and_path_accuracy import PathAccuracy, PoseAccuracy

@@ -19,10 +19,9 @@ import numpy as np
 from controllers.laws.law import Reference
 from controllers.laws.registry import find_law
 from controllers.metrics.evaluate import evaluate_runs
-from controllers.rig import Rig, disturbed
+from controllers.rig import Rig, Task, disturbed, time_path
 from controllers.rig_file import load_rig
 from controllers.simulate import Runs, sample, simulate
-from controllers.task import Task, time_path
 from kinematics.foundation.arrays import Array
 from planner.actuation import MachinePath
 from planner.trajectory import Trajectory

@@ -27,10 +27,9 @@ from controllers.laws.registry import LAWS, find_law
 from controllers.learning import Learned, fit_feedforward, learn
 from controllers.metrics.evaluate import evaluate_runs
 from controllers.metrics.metrics import Metrics
-from controllers.rig import Rig, disturbed
+from controllers.rig import Rig, Task, disturbed
 from controllers.rig_file import load_rig
 from controllers.simulate import sample, simulate
-from controllers.task import Task
 
 TUNED, SECOND, OTHER_PATHS = "line", "circle", ("circle-back", "square")
 """The path that gains are chosen on, the one that decides what a law keeps, and more."""

@@ -43,8 +43,7 @@ from planner.export.columns import (
     told,
 )
 from planner.export.format import Exported, ExportSource
-from planner.export.knots import choose_knots, rows_at, spacing_option, tolerance_option
-from planner.export.roundtrip import compare
+from planner.export.knots import choose_knots, compare, rows_at, spacing_option, tolerance_option
 
 TIME_STEP = 1e-6
 SQUARE_BRACKETS = str.maketrans("()", "[]")

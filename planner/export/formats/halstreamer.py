@@ -23,8 +23,7 @@ from kinematics.foundation.arrays import LEAST_POSITIVE, Array, finite_array
 from kinematics.foundation.errors import MotionError
 from planner.export.columns import BLOCK, Columns, make_columns, origin_option
 from planner.export.format import Exported, ExportSource
-from planner.export.knots import Knots, choose_knots, steps_to_seconds
-from planner.export.roundtrip import compare
+from planner.export.knots import Knots, choose_knots, compare, steps_to_seconds
 from planner.options import option
 
 PINS = 21  # HAL_STREAM_MAX_PINS of LinuxCNC 2.9

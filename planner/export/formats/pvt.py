@@ -65,8 +65,15 @@ from planner.export.columns import (
     told,
 )
 from planner.export.format import Exported, ExportSource
-from planner.export.knots import Knots, choose_knots, refuse_moving_ends, rows_at, spacing_option, tolerance_option
-from planner.export.roundtrip import compare
+from planner.export.knots import (
+    Knots,
+    choose_knots,
+    compare,
+    refuse_moving_ends,
+    rows_at,
+    spacing_option,
+    tolerance_option,
+)
 from planner.options import option
 
 

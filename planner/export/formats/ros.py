@@ -26,8 +26,7 @@ import numpy as np
 from kinematics.foundation.arrays import Array
 from planner.export.columns import BLOCK, Columns, make_columns, origin_option
 from planner.export.format import Exported, ExportSource
-from planner.export.knots import choose_knots, spacing_option, tolerance_option
-from planner.export.roundtrip import compare
+from planner.export.knots import choose_knots, compare, spacing_option, tolerance_option
 from planner.options import option
 
 PER_SECOND = 10**9

@@ -1,12 +1,18 @@
-"""The plug point of the firing rules: when each axis of a motion is stepped."""
+"""The plug point of the firing rules: when each axis of a motion is stepped; and the two that follow level crossings.
+
+`nearest` steps an axis half-way between two counts, `floor` when it reaches one.
+"""
 
 from collections.abc import Sequence
-from typing import Any, Protocol
+from dataclasses import dataclass
+from typing import Any, ClassVar, Protocol
 
 from kinematics.foundation.arrays import Array
+from kinematics.foundation.errors import MotionError
 from kinematics.machine.axis import Axis
-from planner.options import options
+from planner.options import option, options
 from planner.parallel import Progress
+from planner.pulses.generation.levels import MAX_COUNT_BLUR, Levels, find_crossings
 from planner.pulses.motion import AxesMotion
 from planner.pulses.schedule import PulseSchedule
 
@@ -45,3 +51,66 @@ def told(rule: Rule) -> str:
     values = [(field, getattr(rule, name)) for name, field in options(kind).items()]
     given = [f"{field.name}={value!r} {field.metadata['unit']}" for field, value in values if value != field.default]
     return f"{rule.name}:{','.join(map(str.rstrip, given))}" if given else rule.name
+
+
+@dataclass(frozen=True, slots=True)
+class Nearest:
+    """A pulse wherever x = (q(t) - home)/pulse crosses k + ½, at the true crossing time rounded to the nearest tick.
+
+    |count - x| ≤ ½ pulse + one tick's travel at all times, and the final counts are exact.
+
+    hysteresis h keeps an axis that hovers on a crossing from chattering: the first pulse after one the other way, and
+    the very first, fires h beyond its level. It costs |count - x| ≤ ½ + h. Below ½, so that a motion which ends on
+    a whole count ends with it.
+    """
+
+    name: ClassVar[str] = "nearest"
+    hysteresis: float = option(0.0, "hysteresis at reversals, in pulses; below 0.5")
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.hysteresis < 0.5:
+            raise MotionError(f"hysteresis {self.hysteresis!r} pulses: must be from 0 to below 0.5, e.g. 0.2")
+
+    def grain(self, clock_hz: int) -> int:
+        return 1
+
+    def rates(self, axes: Sequence[Axis], clock_hz: int) -> list[float]:
+        return kept_rates(axes, clock_hz)
+
+    def fire(
+        self, motion: AxesMotion, axes: Sequence[Axis], home: Array, clock_hz: int, tell: Progress
+    ) -> PulseSchedule:
+        """Raises as `planner.pulses.generation.levels.find_crossings` does."""
+        fired = find_crossings(motion, axes, home, clock_hz, Levels(0.5, self.hysteresis), tell)
+        return PulseSchedule(clock_hz, fired, motion.duration, told(self))
+
+
+COUNT_ROUNDING = (
+    2 * MAX_COUNT_BLUR
+)  # pulses before a whole count where it counts as reached: more than rounding may take
+
+
+@dataclass(frozen=True, slots=True)
+class Floor:
+    """A pulse wherever x = (q(t) - home)/pulse crosses a whole number: the count is the greatest not above x.
+
+    |count - x| ≤ 1 pulse + one tick's travel at all times.
+
+    A whole number counts as reached 0.002 pulse before it, so that rounding takes no pulse from a motion which
+    ends on one, and gives none to an axis that rests at home.
+    """
+
+    name: ClassVar[str] = "floor"
+
+    def grain(self, clock_hz: int) -> int:
+        return 1
+
+    def rates(self, axes: Sequence[Axis], clock_hz: int) -> list[float]:
+        return kept_rates(axes, clock_hz)
+
+    def fire(
+        self, motion: AxesMotion, axes: Sequence[Axis], home: Array, clock_hz: int, tell: Progress
+    ) -> PulseSchedule:
+        """Raises as `planner.pulses.generation.levels.find_crossings` does."""
+        fired = find_crossings(motion, axes, home, clock_hz, Levels(1 - COUNT_ROUNDING), tell)
+        return PulseSchedule(clock_hz, fired, motion.duration, told(self))

@@ -13,11 +13,9 @@ import pytest
 from benchmarks.sweep import VARIATIONS, Grid, Setting, load_runs, read_setting, settings_of, sweep
 from benchmarks.sweep import run as digesting
 from benchmarks.sweep import run as sweeping
-from benchmarks.sweep.result import DamagedRun, RunResult, RunSeries
+from benchmarks.sweep.result import CELLS, DamagedRun, RunResult, RunSeries, Store
 from benchmarks.sweep.run import Digests, digest, score
-from benchmarks.sweep.store import CELLS, Store
-from controllers.rig import Host, assumed_rig
-from controllers.task import Task
+from controllers.rig import Host, Task, assumed_rig
 from kinematics import MotionError, load_machine
 from planner import Line, Program, plan
 

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from controllers.console.drives import machine_drives
-from controllers.console.motion import trapezoid_motion
+from controllers.console.motion import machine_drives, trapezoid_motion
 from kinematics import load_machine
 
 INCH = 0.0254

@@ -11,9 +11,8 @@ from controllers.drives.servo import leg_servo
 from controllers.laws.open_loop import OpenPosition
 from controllers.metrics import evaluate_runs
 from controllers.metrics.circular_test import Circle, circular_test, full_turn
-from controllers.rig import assumed_rig
+from controllers.rig import Task, assumed_rig
 from controllers.simulate import sample, simulate
-from controllers.task import Task
 from kinematics.foundation.errors import MotionError
 
 TILT = Rotation.from_rotvec([0.3, -0.5, 0.2])

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from controllers.metrics.shaft import efforts, torque_limits
+from controllers.metrics.metrics import efforts, torque_limits
 from controllers.rig_file import load_rig
 
 

@@ -8,10 +8,9 @@ import pytest
 from controllers.card import PCI_8164
 from controllers.laws.registry import find_law
 from controllers.metrics import FIGURES, evaluate, evaluate_runs, iso_style
-from controllers.rig import Host, assumed_rig
+from controllers.rig import Host, Sine, Task, assumed_rig
 from controllers.rig_file import load_rig
 from controllers.simulate import Runs, sample, simulate
-from controllers.task import Sine, Task
 from controllers.tracking import Tracking
 from kinematics.foundation.errors import MotionError
 

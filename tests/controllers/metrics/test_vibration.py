@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from controllers.metrics.shaft import vibrations
+from controllers.metrics.metrics import vibrations
 
 SAMPLE, HOST = 0.25e-3, 5e-3
 T = np.arange(8000) * SAMPLE

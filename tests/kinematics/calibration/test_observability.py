@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kinematics.calibration.observability import describe_combination, observe
+from kinematics.calibration.result import describe_combination, observe
 
 
 def test_the_indices_of_a_jacobian_by_hand():

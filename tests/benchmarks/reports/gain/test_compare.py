@@ -19,7 +19,7 @@ from benchmarks.reports.gain.gain_report import comparison_record, gain_report, 
 from benchmarks.reports.gain.run_figures import magnification, spectrum
 from benchmarks.reports.gain.setting_figures import line_colour, marker_style, pareto_front
 from benchmarks.sweep import VARIATIONS, Cell, RunResult, RunSeries, Setting
-from benchmarks.sweep.store import Store, load_runs
+from benchmarks.sweep.result import Store, load_runs
 from kinematics import MotionError
 from tests.benchmarks.reports.test_report import Page
 
