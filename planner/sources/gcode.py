@@ -24,12 +24,9 @@ the option `machine`, and without that it is refused (planner.sources.gcode_join
 Everything else is a fault with its line and column; words named in the option `ignore` are left out and counted, where
 leaving them out leaves the path as it is. F is a cap: the machine is as fast as it can under it. Coordinates that are
 rounded make small corners where curves were smooth, at which G61 stops: G64 P passes them.
-
-G-code, run: what holds from block to block, and the segments that blocks make of it.
 """
 
 from collections import Counter
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from math import cos, degrees, dist, hypot, pi, radians, sin
 from pathlib import Path
@@ -46,8 +43,10 @@ from planner.program.modifiers import Blend, Join, Stop, Through
 from planner.program.validation import check_positive
 from planner.sources.gcode_joints import find_header, read_joints, refuse_options
 from planner.sources.gcode_words import (
+    GROUPS,
     MAX_NUMBER,
     Offsets,
+    WordFault,
     Words,
     arc_by_centre,
     arc_by_radius,
@@ -59,31 +58,12 @@ from planner.sources.gcode_words import (
 from planner.sources.positions import read_frame
 from planner.sources.source import Faults, Imported, decode_text
 
-GROUPS: Mapping[float, str] = {
-    **dict.fromkeys((0.0, 1.0, 2.0, 3.0), "motion"),
-    **dict.fromkeys((17.0, 18.0, 19.0), "plane"),
-    **dict.fromkeys((20.0, 21.0), "length"),
-    **dict.fromkeys((61.0, 61.1, 64.0), "join"),
-    **dict.fromkeys((90.0, 91.0), "distance"),
-    **dict.fromkeys((90.1, 91.1), "centre"),
-    **dict.fromkeys((93.0, 94.0), "feed"),
-    4.0: "dwell",
-}
-"""What each G says something about: of each, a block says one."""
 PLANES = {17.0: (0, 1, 2), 18.0: (2, 0, 1), 19.0: (1, 2, 0)}
 """First and second axis of the plane, and its normal."""
 UNIT_METRES = {20.0: 0.0254, 21.0: 1e-3}
 AXES, OFFSETS = "XYZABC", "IJK"
 VALUE_LETTERS = frozenset("XYZABCIJKRFPN")
 HALF_TURN = pi * (1 - 1e-12)
-
-
-class WordFault(MotionError):
-    """What is wrong with a block, at one of its words or, for "", all of it."""
-
-    def __init__(self, word: str, message: str) -> None:
-        self.word = word
-        super().__init__(message)
 
 
 class GcodeRun:

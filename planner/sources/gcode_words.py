@@ -8,7 +8,7 @@ Words of G-code that may be left out, since the path is the same without them.
 """
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from math import atan2, copysign, dist, hypot, pi, sqrt
 
@@ -30,6 +30,25 @@ _COMMENT = re.compile(r"\([^()]*\)|;.*")
 
 Words = list[tuple[str, str]]
 """Letters and the texts of their numbers."""
+GROUPS: Mapping[float, str] = {
+    **dict.fromkeys((0.0, 1.0, 2.0, 3.0), "motion"),
+    **dict.fromkeys((17.0, 18.0, 19.0), "plane"),
+    **dict.fromkeys((20.0, 21.0), "length"),
+    **dict.fromkeys((61.0, 61.1, 64.0), "join"),
+    **dict.fromkeys((90.0, 91.0), "distance"),
+    **dict.fromkeys((90.1, 91.1), "centre"),
+    **dict.fromkeys((93.0, 94.0), "feed"),
+    4.0: "dwell",
+}
+"""What each G says something about: of each, a block says one."""
+
+
+class WordFault(MotionError):
+    """What is wrong with a block, at one of its words or, for "", all of it."""
+
+    def __init__(self, word: str, message: str) -> None:
+        self.word = word
+        super().__init__(message)
 
 
 def words(text: str, faults: Faults) -> Iterator[tuple[int, str, Words]]:
