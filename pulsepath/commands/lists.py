@@ -1,11 +1,17 @@
-"""`pulsepath machines`, `programs`, `rigs`, `laws`, `rules`: list the bundled data."""
+"""`pulsepath machines`, `programs`, `rigs`, `laws`, `rules`: what is bundled, and by which names; what each is, its own
+file says.
+"""
 
+from functools import partial
+from inspect import getdoc
 from typing import Any
 
 import click
 
 from pulsepath.options import json_option
 from pulsepath.progress import say
+
+Record = dict[str, Any]
 
 
 @click.command()
@@ -39,9 +45,14 @@ def programs(as_json: bool) -> None:
 
     Example: pulsepath programs
     """
-    from pulsepath import bundled
-
-    _show("bundled programs", bundled.programs(), as_json)
+    _show(
+        "bundled programs",
+        [
+            {"name": name, "machine": data.get("machine"), "segments": len(data["segment"]), "about": about}
+            for name, data, about in _read_presets("planner")
+        ],
+        as_json,
+    )
 
 
 @click.command()
@@ -53,9 +64,19 @@ def rigs(as_json: bool) -> None:
 
     Example: pulsepath rigs
     """
-    from pulsepath import bundled
-
-    _show("bundled rigs", bundled.rigs(), as_json)
+    _show(
+        "bundled rigs",
+        [
+            {
+                "name": name,
+                "machine": data["machine"],
+                "tasks": list(dict.fromkeys(task["name"] for task in data.get("task", []))),
+                "about": about,
+            }
+            for name, data, about in _read_presets("controllers")
+        ],
+        as_json,
+    )
 
 
 @click.command()
@@ -67,9 +88,16 @@ def laws(as_json: bool) -> None:
 
     Example: pulsepath laws --json
     """
-    from pulsepath import bundled
+    from controllers.laws.registry import LAWS
 
-    _show("tracking laws", bundled.laws(), as_json)
+    found = []
+    for (number, name), make in LAWS.items():
+        told = getdoc(make.func if isinstance(make, partial) else make) or ""
+        own = make.keywords if isinstance(make, partial) else {}
+        about = told.splitlines()[0] + "".join(f" ({key}: {value})" for key, value in own.items())
+        gains = {gain: [float(value) for value in values] for gain, values in make().grid.items()}
+        found.append({"number": number, "name": name, "gains": gains, "about": about})
+    _show("tracking laws", found, as_json)
 
 
 @click.command()
@@ -89,10 +117,31 @@ def rules(as_json: bool) -> None:
         tables.show(tables.of_rules())
 
 
-def _show(title: str, listed: list[dict[str, Any]], as_json: bool) -> None:
+def _show(title: str, listed: list[Record], as_json: bool) -> None:
     from pulsepath.output import record, tables
 
     if as_json:
         click.echo(record.as_json(listed), nl=False)
     else:
         tables.show(tables.of_list(title, listed))
+
+
+def _read_presets(package: str) -> list[tuple[str, Record, str]]:
+    """Name, data and the first sentence of each preset of a package."""
+    import tomllib
+
+    from kinematics.foundation.names import presets
+
+    texts = {name: file.read_text(encoding="utf-8") for name, file in presets(package).items()}
+    return [(name, tomllib.loads(text), _sentence(text)) for name, text in texts.items()]
+
+
+def _sentence(text: str) -> str:
+    """The first of a comment at the head of a file."""
+    lines: list[str] = []
+    for line in text.splitlines():
+        if not line.startswith("# "):
+            break
+        lines.append(line[2:])
+    first, stop, _ = " ".join(lines).partition(". ")
+    return first.rstrip(".") + (stop.strip() or ".")
