@@ -5,7 +5,9 @@ The letters by which controllers know their axes.
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import islice
 from math import ceil, log10, pi
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
@@ -152,3 +154,11 @@ def told(axes: tuple[Axis, ...], letters: str) -> str:
 def plain(text: str) -> str:
     """The text as one line of printable ASCII, for comments; what is not shows as ?, and what is too long is cut."""
     return "".join(char if " " <= char <= "~" else "?" for char in text[:MAX_COMMENT_LENGTH])
+
+
+def line_blocks(path: Path, skip: int = 0, size: int = BLOCK, encoding: str = "ascii") -> Iterator[list[str]]:
+    """The lines of a written file in blocks, but for some at its head."""
+    with path.open(encoding=encoding, newline="") as file:
+        list(islice(file, skip))
+        while lines := list(islice(file, size)):
+            yield lines

@@ -24,7 +24,6 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import islice
 from pathlib import Path
 from typing import ClassVar, Literal
 
@@ -32,11 +31,11 @@ import numpy as np
 
 from kinematics.foundation.arrays import Array
 from planner.export.columns import (
-    BLOCK,
     USUAL,
     Columns,
     assign_letters,
     letters_option,
+    line_blocks,
     make_columns,
     origin_option,
     plain,
@@ -96,18 +95,17 @@ def _points(source: ExportSource, form: Columns, path: Path) -> Iterator[tuple[A
     at = rows_at(source.counted, np.zeros(1), 1)
     yield np.zeros(1), at
     t, place = 0.0, ((at[0, 0] - form.zero) * form.factor).tolist()
-    with path.open(encoding="ascii", newline="") as file:
-        while lines := list(islice(file, BLOCK)):
-            times, places = [], []
-            for line in lines:
-                code, *words = line.split()
-                if code == "G1":
-                    t += 60 / float(words[-1][1:])
-                    place = [float(word[1:]) for word in words[:-1]]
-                elif code == "G4":
-                    t += float(words[0][1:])
-                if code in ("G1", "G4"):
-                    times.append(t)
-                    places.append(place)
-            if times:
-                yield np.array(times), form.natural(np.array(places)[None])
+    for lines in line_blocks(path):
+        times, places = [], []
+        for line in lines:
+            code, *words = line.split()
+            if code == "G1":
+                t += 60 / float(words[-1][1:])
+                place = [float(word[1:]) for word in words[:-1]]
+            elif code == "G4":
+                t += float(words[0][1:])
+            if code in ("G1", "G4"):
+                times.append(t)
+                places.append(place)
+        if times:
+            yield np.array(times), form.natural(np.array(places)[None])

@@ -13,7 +13,6 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from itertools import islice
 from pathlib import Path
 from typing import ClassVar, Literal
 
@@ -21,7 +20,7 @@ import numpy as np
 
 from kinematics.foundation.arrays import LEAST_POSITIVE, Array, finite_array
 from kinematics.foundation.errors import MotionError
-from planner.export.columns import BLOCK, Columns, make_columns, origin_option
+from planner.export.columns import Columns, line_blocks, make_columns, origin_option
 from planner.export.format import Exported, ExportSource
 from planner.export.knots import Knots, choose_knots, compare, steps_to_seconds
 from planner.options import option
@@ -59,8 +58,7 @@ class Halstreamer:
 def _points(form: Columns, knots: Knots, path: Path) -> Iterator[tuple[Array, Array]]:
     """What the lines state."""
     first = 0
-    with path.open(encoding="ascii", newline="") as file:
-        while lines := list(islice(file, BLOCK)):
-            numbers = np.array([line.split() for line in lines], float)
-            yield steps_to_seconds(first + np.arange(len(lines)), knots.step), form.natural(numbers[None])
-            first += len(lines)
+    for lines in line_blocks(path):
+        numbers = np.array([line.split() for line in lines], float)
+        yield steps_to_seconds(first + np.arange(len(lines)), knots.step), form.natural(numbers[None])
+        first += len(lines)

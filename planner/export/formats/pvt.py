@@ -43,7 +43,6 @@ Zaber PVT as CSV: position and velocity of every axis at the end of each segment
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from itertools import islice
 from pathlib import Path
 from typing import ClassVar, Literal
 
@@ -54,11 +53,11 @@ from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
 from planner.export.columns import (
     ALPHABET,
-    BLOCK,
     USUAL,
     Columns,
     assign_letters,
     letters_option,
+    line_blocks,
     make_columns,
     origin_option,
     plain,
@@ -144,10 +143,9 @@ class Xps:
 
 
 def _read_xps(path: Path) -> Iterator[tuple[Array, Array]]:
-    with path.open(encoding="ascii", newline="") as file:
-        while lines := list(islice(file, BLOCK)):
-            table = np.array([line.split(",") for line in lines], float)
-            yield table[:, 0], np.stack([table[:, 1::2], table[:, 2::2]])
+    for lines in line_blocks(path):
+        table = np.array([line.split(",") for line in lines], float)
+        yield table[:, 0], np.stack([table[:, 1::2], table[:, 2::2]])
 
 
 PMAC_STEP = 0.25e-6
@@ -188,18 +186,17 @@ class Pmac:
 
 
 def _read_pmac(path: Path) -> Iterator[tuple[Array, Array]]:
-    with path.open(encoding="ascii", newline="") as file:
-        lasting = 0.0
-        while lines := list(islice(file, BLOCK)):
-            times, rows = [], []
-            for line in lines:
-                if line.startswith("PVT"):
-                    lasting = float(line[3:]) / 1e3
-                elif ":" in line and not line.startswith(";"):
-                    times.append(lasting)
-                    rows.append([word[1:].split(":") for word in line.split()])
-            if rows:
-                yield np.array(times), np.array(rows, float).transpose(2, 0, 1)
+    lasting = 0.0
+    for lines in line_blocks(path):
+        times, rows = [], []
+        for line in lines:
+            if line.startswith("PVT"):
+                lasting = float(line[3:]) / 1e3
+            elif ":" in line and not line.startswith(";"):
+                times.append(lasting)
+                rows.append([word[1:].split(":") for word in line.split()])
+        if rows:
+            yield np.array(times), np.array(rows, float).transpose(2, 0, 1)
 
 
 ZABER_STEP = 1e-4
@@ -241,11 +238,9 @@ class ZaberCsv:
 
 def _read_zaber(path: Path, form: Columns) -> Iterator[tuple[Array, Array]]:
     """The points as the device reads them."""
-    with path.open(encoding="utf-8", newline="") as file:
-        next(file)
-        end = 0.0
-        while lines := list(islice(file, BLOCK)):
-            table = np.array([line.split(",")[:-1] for line in lines], float)
-            t = end + np.cumsum(table[:, 0]) / 1e3
-            end = float(t[-1])
-            yield t, form.natural(np.stack([table[:, 1::2], table[:, 2::2]]))
+    end = 0.0
+    for lines in line_blocks(path, 1, encoding="utf-8"):
+        table = np.array([line.split(",")[:-1] for line in lines], float)
+        t = end + np.cumsum(table[:, 0]) / 1e3
+        end = float(t[-1])
+        yield t, form.natural(np.stack([table[:, 1::2], table[:, 2::2]]))

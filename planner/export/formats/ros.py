@@ -17,14 +17,13 @@
 import json
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import islice
 from pathlib import Path
 from typing import ClassVar, Literal
 
 import numpy as np
 
 from kinematics.foundation.arrays import Array
-from planner.export.columns import BLOCK, Columns, make_columns, origin_option
+from planner.export.columns import BLOCK, Columns, line_blocks, make_columns, origin_option
 from planner.export.format import Exported, ExportSource
 from planner.export.knots import choose_knots, compare, spacing_option, tolerance_option
 from planner.options import option
@@ -74,10 +73,8 @@ def quoted(name: str) -> str:
 
 
 def _points(path: Path, form: Columns) -> Iterator[tuple[Array, Array]]:
-    with path.open(encoding="ascii", newline="") as file:
-        list(islice(file, 2))
-        while lines := list(islice(file, LINES * BLOCK)):
-            rows = [[json.loads(line.partition(":")[2]) for line in lines[k::LINES]] for k in range(len(ROWS))]
-            parts = [line.strip("}\n").replace(",", ":").split(":") for line in lines[LINES - 1 :: LINES]]
-            t = [int(part[2]) + int(part[4]) / PER_SECOND for part in parts]
-            yield np.array(t), form.natural(np.array(rows))
+    for lines in line_blocks(path, 2, LINES * BLOCK):
+        rows = [[json.loads(line.partition(":")[2]) for line in lines[k::LINES]] for k in range(len(ROWS))]
+        parts = [line.strip("}\n").replace(",", ":").split(":") for line in lines[LINES - 1 :: LINES]]
+        t = [int(part[2]) + int(part[4]) / PER_SECOND for part in parts]
+        yield np.array(t), form.natural(np.array(rows))

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
 from kinematics.machine.axis import Axis
-from planner.pulses.checking.search import HALF_TICK, ROUNDING, Samples, Search, check_band, check_between
+from planner.pulses.checking.search import HALF_TICK, ROUNDING, Samples, Search, Standard, check_band, check_between
 from planner.pulses.checking.standards import find_standard
 from planner.pulses.checking.verdict import AxisCheck, PulseCheck
 from planner.pulses.motion import AxesMotion, MotorMotion, apply_play, apply_screw
@@ -24,7 +24,7 @@ INSTANT_BLOCK = 1 << 14  # instants looked at together
 
 
 @dataclass(slots=True)
-class MechanicsStandard:
+class MechanicsStandard(Standard):
     """An axis behind what its pulses make up for: place = screw(play(count·pulse)), in pulses from home.
 
     |place - x| ≤ s (bound + one tick's travel of the motor + what turned nothing), and s·off more in the windows of
@@ -41,9 +41,10 @@ class MechanicsStandard:
     windows: Array
     place: float = 0.0
     largest: float = 0.0
-    exact: bool = False
-    begins: tuple[float, float] = (np.inf, np.inf)
-    wait: float = 2 * HALF_TICK
+
+    @property
+    def exact(self) -> bool:
+        return False
 
     def carry(self, counts: Array) -> Array:
         """(N,) the places, in pulses, to which the next counts lead the axis."""
@@ -68,9 +69,6 @@ class MechanicsStandard:
         for each in (s, before):
             check_band(search, each)
             self.largest = max(self.largest, float(abs(each.x - each.count).max()))
-
-    def conclude(self, search: Search) -> None:
-        """An axis that is left behind has left its band."""
 
 
 def search_behind(schedule: PulseSchedule, planned: AxesMotion, axes: Sequence[Axis], grid: Array) -> Iterator[Search]:

@@ -5,9 +5,10 @@ A motion of one axis in pulses, as the check samples it.
 Between its pulses, too, an axis stays within its sides of the count.
 """
 
+from abc import ABC, abstractmethod
 from collections import Counter
 from dataclasses import dataclass, field, fields
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,28 +54,36 @@ DRIFTED = 8 * np.finfo(float).eps  # of s·dx/ds
 MAX_LISTED_FAULTS = 20  # faults of one kind listed per axis
 
 
-class Standard(Protocol):
+class Standard(ABC):
     """What pulses are held to: how far x may be from the count, and when each is due."""
+
+    __slots__ = ()
 
     @property
     def exact(self) -> bool:
         """Each pulse has its one right tick."""
+        return True
 
     @property
     def wait(self) -> float:
         """Ticks that a pulse may wait for its own, while x runs on."""
+        return 2 * HALF_TICK
 
     @property
     def begins(self) -> tuple[float, float]:
-        """Pulses by which x may be below and above the count that it starts with."""
+        """Pulses by which x may be below and above the count that it starts with: any, if not exact."""
+        return (0.5, 0.5) if self.exact else (np.inf, np.inf)
 
     def sides(self, search: "Search", s: Samples) -> tuple[Array, Array]:
         """(N,) pulses by which x may be below and above the count from each instant on."""
+        bound = np.full(len(s.t), search.axis.bound)
+        return bound, bound
 
+    @abstractmethod
     def judge(self, search: "Search", ticks: Ticks, sign: Array, s: Samples, first: int) -> None:
         """The next pulses (N,), sampled when they fire, the first of them the first-th of the axis; report faults."""
 
-    def conclude(self, search: "Search") -> None:
+    def conclude(self, search: "Search") -> None:  # noqa: B027  most have told it by then
         """The motion has ended: report what is missing."""
 
 

@@ -1,12 +1,9 @@
 """What the check holds each firing rule to: written down again from what the rules state, without their code.
 
-Pulses of a digital differential analyser between listed points of the motion: where each is due.
-
-Pulses of looks at the motion at even times: at each, one towards it where it is more than half a pulse away.
-
-Pulses of which nothing is known but by how much their count may be from the motion.
-
-Pulses that stand for crossings of evenly spaced levels: of half a pulse, of whole counts, with hysteresis or not.
+Crossings of evenly spaced levels: of half a pulse, of whole counts, with hysteresis or not. Bursts of a digital
+differential analyser between listed points of the motion. Looks at the motion at even times, at each one pulse towards
+it where it is more than half a pulse away. And pulses of which nothing is known but by how much their count may be from
+the motion.
 """
 
 from dataclasses import dataclass, replace
@@ -22,7 +19,7 @@ MOVED_INSTANTS = 33  # instants about a pulse that was moved for its drive
 
 
 @dataclass(frozen=True, slots=True)
-class Crossings:
+class Crossings(Standard):
     """A pulse wherever x crosses k + above, on the nearest whole `grain` of ticks; between pulses x crosses none.
 
     hysteresis  pulses: the first pulse after one the other way, and the very first, is so far beyond its level
@@ -31,10 +28,6 @@ class Crossings:
     above: float
     hysteresis: float = 0.0
     grain: int = 1
-
-    @property
-    def exact(self) -> bool:
-        return True
 
     @property
     def wait(self) -> float:
@@ -81,9 +74,6 @@ class Crossings:
         resting = still[(search.at(around).v.reshape(2, -1) == 0).all(axis=0)]
         search.report("at rest", ticks[resting], "the axis stands still at {:.9g} s", s.t[resting])
 
-    def conclude(self, search: Search) -> None:
-        """What is missing leaves the sides of the count."""
-
     def _near(self, search: Search, ticks: Ticks, level: Array) -> np.ndarray:
         """(N,) whether x comes by the level within the largest shift that is stated for the axis."""
         reach = search.shift + HALF_TICK * self.grain
@@ -97,7 +87,7 @@ class Crossings:
 
 
 @dataclass(frozen=True, slots=True)
-class BurstStandard:
+class BurstStandard(Standard):
     """Bursts of `size` pulses at a rate (1/s), each of one direction.
 
     Of the c counts of an axis in a move of k steps, the n-th is sent at step ⌈(n·k - 1)/c⌉ of 1 … k (k = 1: at the
@@ -109,14 +99,6 @@ class BurstStandard:
     rate: float
     began: Array
     sign: Array
-
-    @property
-    def exact(self) -> bool:
-        return True
-
-    @property
-    def wait(self) -> float:
-        return 2 * HALF_TICK
 
     @classmethod
     def of(
@@ -134,14 +116,6 @@ class BurstStandard:
         step = -(-(nth * steps[move] - (steps[move] > 1)) // own[move])
         began = (move + (step - 1) / steps[move]) * gap
         return cls(size, rate, freeze_array(began), freeze_array(np.sign(counts[move, k])))
-
-    @property
-    def begins(self) -> tuple[float, float]:
-        return 0.5, 0.5
-
-    def sides(self, search: Search, s: Samples) -> tuple[Array, Array]:
-        bound = np.full(len(s.t), search.axis.bound)
-        return bound, bound
 
     def judge(self, search: Search, ticks: Ticks, sign: Array, s: Samples, first: int) -> None:
         check_band(search, s)
@@ -171,7 +145,7 @@ BLOCK = 1 << 15  # looks gone through together
 
 
 @dataclass(frozen=True, slots=True)
-class PeriodStandard:
+class PeriodStandard(Standard):
     """Every pulse at a look, towards x, which is ½ or more from the count; after each look it is no farther than ½.
 
     Looks are a period (ticks) apart, and the last at the end of the motion. With those two there is no other schedule,
@@ -180,22 +154,6 @@ class PeriodStandard:
     """
 
     period: int
-
-    @property
-    def exact(self) -> bool:
-        return True
-
-    @property
-    def wait(self) -> float:
-        return 2 * HALF_TICK
-
-    @property
-    def begins(self) -> tuple[float, float]:
-        return 0.5, 0.5
-
-    def sides(self, search: Search, s: Samples) -> tuple[Array, Array]:
-        bound = np.full(len(s.t), search.axis.bound)
-        return bound, bound
 
     def judge(self, search: Search, ticks: Ticks, sign: Array, s: Samples, first: int) -> None:
         before = replace(s, count=s.count - sign)
@@ -238,15 +196,12 @@ class PeriodStandard:
         search.seen = until + 1
 
 
-class BoundStandard:
+class BoundStandard(Standard):
     """|count - x| ≤ bound + one tick's travel; a pulse against the motion brings the count nearer to it."""
 
-    exact, wait = False, 2 * HALF_TICK
-    begins = np.inf, np.inf
-
-    def sides(self, search: Search, s: Samples) -> tuple[Array, Array]:
-        bound = np.full(len(s.t), search.axis.bound)
-        return bound, bound
+    @property
+    def exact(self) -> bool:
+        return False
 
     def judge(self, search: Search, ticks: Ticks, sign: Array, s: Samples, first: int) -> None:
         check_band(search, s)
@@ -255,9 +210,6 @@ class BoundStandard:
         away = sign * (s.x - before.count) < 0.5 - search.noise(s)
         astray = away & (sign * s.v < -(abs(s.a) * search.tick) - search.noise(s) / search.tick)
         search.report("against the motion", ticks[astray], "x moves at {:+.4g} pulses/s", s.v[astray])
-
-    def conclude(self, search: Search) -> None:
-        """Nothing that it could miss."""
 
 
 REACHED = 0.002  # pulses before a whole count where `floor` counts it as reached

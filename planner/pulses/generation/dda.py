@@ -16,7 +16,7 @@ from planner.options import option
 from planner.parallel import Progress
 from planner.place import Infeasible
 from planner.pulses.generation.pieces import FIT_TOLERANCE, Pieces, bound_rate, find_rate_jumps, fit, rate_error
-from planner.pulses.generation.rule import kept_rates, told
+from planner.pulses.generation.rule import Rule, told
 from planner.pulses.motion import AxesMotion
 from planner.pulses.schedule import AxisPulses, PulseSchedule, Signs, Ticks
 
@@ -25,7 +25,7 @@ DEFAULT_RATE = 1e5
 
 
 @dataclass(frozen=True, slots=True)
-class Dda:
+class Dda(Rule):
     """DDA between listed points: the axis with the most counts steps evenly, the others follow [KMITL 2005, Module2].
 
     - The motion is listed at even times, no further apart than `spacing`; a point is the nearest whole count from the
@@ -56,11 +56,8 @@ class Dda:
                 "must be positive, the last a whole number, e.g. 10 ms, 100 kHz and 50"
             )
 
-    def grain(self, clock_hz: int) -> int:
-        return 1
-
     def rates(self, axes: Sequence[Axis], clock_hz: int) -> list[float]:
-        held = kept_rates(axes, clock_hz)
+        held = Rule.rates(self, axes, clock_hz)
         if self.rate is not None:
             return held
         most = self._burst_rate(axes, clock_hz) - 2 * self.pulses_per_count / self.spacing
@@ -105,7 +102,7 @@ class Dda:
 
     def _burst_rate(self, axes: Sequence[Axis], clock_hz: int) -> float:
         """1/s: the rate given, or the highest that all axes take, or where none states one the usual."""
-        held = self.rate or min(kept_rates(axes, clock_hz), default=np.inf)
+        held = self.rate or min(Rule.rates(self, axes, clock_hz), default=np.inf)
         return held if held < np.inf else min(DEFAULT_RATE, clock_hz)
 
     def _refuse(

@@ -27,22 +27,20 @@ class Rule(Protocol):
     def name(self) -> str: ...
     def grain(self, clock_hz: int, /) -> int:
         """Ticks between the instants at which it can fire. Raises MotionError for a clock that it cannot run on."""
+        return 1
 
     def rates(self, axes: Sequence[Axis], clock_hz: int, /) -> list[float]:
         """(n,) 1/s: the pulses that a motion may need of each axis, for it to fire none sooner than the axis takes it.
 
-        ∞ of an axis that states no rate.
+        ∞ of an axis that states no rate. That of the axis itself, for a rule that fires on whole grains of ticks where
+        the motion asks for it.
         """
+        return [axis.held_rate(clock_hz, self.grain(clock_hz)) for axis in axes]
 
     def fire(
         self, motion: AxesMotion, axes: Sequence[Axis], home: Array, clock_hz: int, tell: Progress, /
     ) -> PulseSchedule:
         """The pulses of every axis; home (n,): the axis positions from which they count; tell: how far they are."""
-
-
-def kept_rates(axes: Sequence[Axis], clock_hz: int, grain: int = 1) -> list[float]:
-    """`Rule.rates` of a rule that fires on whole grains of ticks where the motion asks for it."""
-    return [axis.held_rate(clock_hz, grain) for axis in axes]
 
 
 def told(rule: Rule) -> str:
@@ -54,7 +52,7 @@ def told(rule: Rule) -> str:
 
 
 @dataclass(frozen=True, slots=True)
-class Nearest:
+class Nearest(Rule):
     """A pulse wherever x = (q(t) - home)/pulse crosses k + ½, at the true crossing time rounded to the nearest tick.
 
     |count - x| ≤ ½ pulse + one tick's travel at all times, and the final counts are exact.
@@ -71,12 +69,6 @@ class Nearest:
         if not 0 <= self.hysteresis < 0.5:
             raise MotionError(f"hysteresis {self.hysteresis!r} pulses: must be from 0 to below 0.5, e.g. 0.2")
 
-    def grain(self, clock_hz: int) -> int:
-        return 1
-
-    def rates(self, axes: Sequence[Axis], clock_hz: int) -> list[float]:
-        return kept_rates(axes, clock_hz)
-
     def fire(
         self, motion: AxesMotion, axes: Sequence[Axis], home: Array, clock_hz: int, tell: Progress
     ) -> PulseSchedule:
@@ -91,7 +83,7 @@ COUNT_ROUNDING = (
 
 
 @dataclass(frozen=True, slots=True)
-class Floor:
+class Floor(Rule):
     """A pulse wherever x = (q(t) - home)/pulse crosses a whole number: the count is the greatest not above x.
 
     |count - x| ≤ 1 pulse + one tick's travel at all times.
@@ -101,12 +93,6 @@ class Floor:
     """
 
     name: ClassVar[str] = "floor"
-
-    def grain(self, clock_hz: int) -> int:
-        return 1
-
-    def rates(self, axes: Sequence[Axis], clock_hz: int) -> list[float]:
-        return kept_rates(axes, clock_hz)
 
     def fire(
         self, motion: AxesMotion, axes: Sequence[Axis], home: Array, clock_hz: int, tell: Progress

@@ -13,13 +13,13 @@ from planner.options import option
 from planner.parallel import Progress
 from planner.pulses.generation.levels import BLOCK
 from planner.pulses.generation.pieces import FIT_TOLERANCE, bound_rate, fit, rate_error
-from planner.pulses.generation.rule import kept_rates, told
+from planner.pulses.generation.rule import Rule, told
 from planner.pulses.motion import AxesMotion
 from planner.pulses.schedule import AxisPulses, PulseSchedule, Ticks
 
 
 @dataclass(frozen=True, slots=True)
-class Sampled:
+class Sampled(Rule):
     """At every period Δt, where |x - count| > ½, one pulse towards x = (q(t) - home)/pulse [Motion 2-D, 4.4.b].
 
     |count - x| ≤ ½ + max|ẋ|·Δt, + one tick's travel. An axis gets one pulse a period at most, so one that runs faster
@@ -42,9 +42,6 @@ class Sampled:
                 f"number, e.g. {1e6 * max(period, 1) / clock_hz!r} us"
             )
         return period
-
-    def rates(self, axes: Sequence[Axis], clock_hz: int) -> list[float]:
-        return kept_rates(axes, clock_hz, self.grain(clock_hz))
 
     def fire(
         self, motion: AxesMotion, axes: Sequence[Axis], home: Array, clock_hz: int, tell: Progress

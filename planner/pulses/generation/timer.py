@@ -14,7 +14,7 @@ from planner.options import option
 from planner.parallel import Progress
 from planner.pulses.generation.levels import Levels, find_crossings
 from planner.pulses.generation.pieces import FIT_TOLERANCE, bound_rate, fit, rate_error
-from planner.pulses.generation.rule import kept_rates, told
+from planner.pulses.generation.rule import Rule, told
 from planner.pulses.motion import AxesMotion
 from planner.pulses.schedule import AxisPulses, PulseSchedule, Ticks
 
@@ -22,7 +22,7 @@ MOST = (1 << 16) - 1  # the greatest count of an Intel 8253
 
 
 @dataclass(frozen=True, slots=True)
-class Timer:
+class Timer(Rule):
     """Intervals of whole timer counts, each the nearest that keeps its pulse at its crossing [Sasidhar 1981, 5.2].
 
     A counter counts down at a fixed clock; at zero it fires a pulse and starts again from the count it is given for the
@@ -50,9 +50,6 @@ class Timer:
                 f"timer clock {timer} Hz does not divide the {clock_hz} Hz of the pulses; use one that does"
             )
         return clock_hz // timer
-
-    def rates(self, axes: Sequence[Axis], clock_hz: int) -> list[float]:
-        return kept_rates(axes, clock_hz, self.grain(clock_hz))
 
     def fire(
         self, motion: AxesMotion, axes: Sequence[Axis], home: Array, clock_hz: int, tell: Progress
