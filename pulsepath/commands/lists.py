@@ -1,6 +1,4 @@
-"""`pulsepath machines`, `programs`, `rigs`, `laws`, `rules`: what is bundled, and by which names; what each is, its own
-file says.
-"""
+"""`pulsepath machines`, `programs`, `rigs`, `laws`, `rules`: list the bundled data; what each is, its own file says."""
 
 from functools import partial
 from inspect import getdoc
