@@ -3,9 +3,10 @@
 What a validator of a file's values raises.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 from pydantic_core import PydanticCustomError
 
@@ -22,6 +23,16 @@ def _restore_error(kind: type[MotionError], args: tuple[Any, ...], state: dict[s
     error = kind.__new__(kind, *args)
     error.__dict__.update(state)
     return error
+
+
+Found = TypeVar("Found")
+
+
+def require(found: Found | MotionError) -> Found:
+    """What was found; at the boundary, where a refusal was found instead, it is raised."""
+    if isinstance(found, MotionError):
+        raise found
+    return found
 
 
 class BadValue(MotionError):
@@ -79,6 +90,26 @@ class OutOfReach(MotionError):
 
 class NotFree(OutOfReach):
     """A pose that is off home in a component that its machine does not move: no scale of the others helps."""
+
+
+@contextmanager
+def located(where: str) -> Iterator[None]:
+    """What is refused inside is told with where it stands: "option --speed: …"; what a BadValue knows stays."""
+    try:
+        yield
+    except BadValue as no:
+        raise BadValue(f"{where}: {no}", allowed=no.allowed, nearest=no.nearest) from None
+    except MotionError as no:
+        raise MotionError(f"{where}: {no}") from None
+
+
+@contextmanager
+def as_validation_error() -> Iterator[None]:
+    """What is refused inside a validator becomes what pydantic collects."""
+    try:
+        yield
+    except MotionError as no:
+        raise validation_error(no) from None
 
 
 def validation_error(told: str | MotionError, kind: str = "fault") -> PydanticCustomError:

@@ -21,10 +21,10 @@ from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.units import round_up_digits
 from kinematics.machine.machine import Machine
-from planner.actuation import actuate
+from planner.actuation import MachinePath, actuate
 from planner.certificate.certify import LIMIT_ROUNDING
 from planner.certificate.feasibility import prove_feasibility
-from planner.limits import limits_of
+from planner.limits import Limit, limits_of
 from planner.path.chain import default_start
 from planner.program.model import Arc, Curve, Dwell, Line, Program, Segment, Spline, Synchronised, Turn
 from planner.trajectory import unit_speed_trajectory
@@ -186,7 +186,7 @@ class _Search:
             if found is None
             else [round(floor(found * 1e3) / 1e3 - n * EXTRA_SHARE, 3) for n in range(MAX_EXTRA_STEPS)]
         )
-        return next((share for share in told if share > 0 and self._proves(made(share))), None)
+        return next((share for share in told if share > 0 and self._holds(made, share, _is_proved_kept)), None)
 
     def move(self, made: ProgramChange, below: float) -> float | None:
         """The least move (m) below another, in three digits of mm."""
@@ -197,7 +197,7 @@ class _Search:
             else [round_up_digits(found * (1 + n * EXTRA_SHARE) * 1e3, 3) for n in range(MAX_EXTRA_STEPS)]
         )
         sizes = (float(size) / 1e3 for size in told)
-        return next((size for size in sizes if size < below and self._proves(made(size))), None)
+        return next((size for size in sizes if size < below and self._holds(made, size, _is_proved_kept)), None)
 
     def _first(self, sizes: Sequence[float], made: ProgramChange) -> float | None:
         """The first size that holds, bisected towards the one before it; the first of all is known not to."""
@@ -214,22 +214,27 @@ class _Search:
         """Whether no geometric limit is broken at the places that are looked at."""
         if perf_counter() > self.until:
             return False
+        return self._holds(made, size, _seems_kept)
+
+    def _holds(self, made: ProgramChange, size: float, kept: Callable[[MachinePath, Sequence[Limit]], bool]) -> bool:
+        """Whether the path of the changed program can be drawn, and keeps its limits."""
         try:
             path = actuate(made(size), self.machine)
-            along = unit_speed_trajectory(path)
-            part = np.repeat(np.arange(len(along.s)), len(PART_SHARES))
-            state = along.within(part, np.tile(PART_SHARES, len(along.s)) * np.diff(along.knots)[part])
-            if not np.isfinite(state.q).all():
-                return False
-            geometric = [limit for limit in limits_of(path, self.machine.axes, self.order) if limit.geometric]
-            values = [(limit, limit.value(state)) for limit in geometric]
-            return all(limit.use(value, value, state.piece).max() <= 1 + LIMIT_ROUNDING for limit, value in values)
+            return kept(path, limits_of(path, self.machine.axes, self.order))
         except MotionError:
             return False
 
-    def _proves(self, program: Program) -> bool:
-        try:
-            path = actuate(program, self.machine)
-            return not prove_feasibility(path, limits_of(path, self.machine.axes, self.order)).violations
-        except MotionError:
-            return False
+
+def _seems_kept(path: MachinePath, limits: Sequence[Limit]) -> bool:
+    """Whether no geometric limit is broken at the places that are looked at."""
+    along = unit_speed_trajectory(path)
+    part = np.repeat(np.arange(len(along.s)), len(PART_SHARES))
+    state = along.within(part, np.tile(PART_SHARES, len(along.s)) * np.diff(along.knots)[part])
+    if not np.isfinite(state.q).all():
+        return False
+    values = [(limit, limit.value(state)) for limit in limits if limit.geometric]
+    return all(limit.use(value, value, state.piece).max() <= 1 + LIMIT_ROUNDING for limit, value in values)
+
+
+def _is_proved_kept(path: MachinePath, limits: Sequence[Limit]) -> bool:
+    return not prove_feasibility(path, limits).violations

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinematics.foundation.arrays import Array
-from kinematics.foundation.errors import MotionError
+from kinematics.foundation.errors import MotionError, require
 from kinematics.foundation.polynomials import shift_polynomials
 from kinematics.foundation.units import apart
 from planner.export.format import ExportSource
@@ -173,17 +173,15 @@ def call_list(source: ExportSource, spacing: float | None, speed_range: float | 
     if spacing is not None:
         if not 1e-6 <= spacing <= 1e3:
             raise MotionError(f"adlink: spacing {spacing} s must be from 1 µs to 1000 s")
-        return _make_calls(source, kinds, round(spacing * MICROSECONDS), speed_range)
+        return require(_make_calls(source, kinds, round(spacing * MICROSECONDS), speed_range))
     tried = MAX_SPACING_US
     while tried // 2 >= MIN_SPACING_US:
-        try:
-            made = _make_calls(source, kinds, tried, speed_range)
-            if replay_error(source, made.calls) <= MAX_ERROR_PULSES:
-                return made
-        except MotionError:
-            pass  # coarse ramps overshoot the motion's speeds: finer ones may fit the cards
+        made = _make_calls(source, kinds, tried, speed_range)
+        # coarse ramps overshoot the motion's speeds: finer ones may fit the cards
+        if not isinstance(made, MotionError) and replay_error(source, made.calls) <= MAX_ERROR_PULSES:
+            return made
         tried //= 2
-    return _make_calls(source, kinds, tried, speed_range)
+    return require(_make_calls(source, kinds, tried, speed_range))
 
 
 def wired(source: ExportSource) -> list[CardKind]:
@@ -209,7 +207,10 @@ def wired(source: ExportSource) -> list[CardKind]:
     return kinds
 
 
-def _make_calls(source: ExportSource, kinds: Sequence[CardKind], spacing: int, speed_range: float | None) -> CallList:
+def _make_calls(
+    source: ExportSource, kinds: Sequence[CardKind], spacing: int, speed_range: float | None
+) -> CallList | MotionError:
+    """The calls; what to say where they would need speeds beyond the card or the range."""
     trajectory = source.trajectory
     end = int(np.ceil(trajectory.duration * MICROSECONDS))
     grid = np.append(np.arange(0, end, spacing), end)
@@ -230,7 +231,7 @@ def _make_calls(source: ExportSource, kinds: Sequence[CardKind], spacing: int, s
         if top > kind.max_speed or fastest > top:
             when = float(t[int(np.maximum(start, 2 * mean - start).argmax())]) / MICROSECONDS
             needed, range_, most = apart(fastest, top, kind.max_speed)
-            raise MotionError(
+            return MotionError(
                 f"adlink: axis {axis.name} needs {needed} pulses/s at t = {when:.6g} s, its speed range is "
                 f"{range_} and the card's {most}; widen the range, use a longer pulse, or slow down"
             )

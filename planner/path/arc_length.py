@@ -95,10 +95,16 @@ def even_speed(
     MotionError where the tool all but stands still.
     """
     joined = stops[1:-1] != 1
-    drawn = [_draw_parts(piece, MAX_HALVINGS) if piece.constant and uneven(piece) else [] for piece in pieces]
+    drawn: list[list[Piece]] = [[] for _ in pieces]
+    for k, piece in enumerate(pieces):
+        if piece.constant and uneven(piece):
+            drawn[k] = _draw_parts(piece, MAX_HALVINGS)
+            if not drawn[k]:
+                raise _standstill_error(piece)
     for k in np.flatnonzero(np.logical_or(*_find_redrawn_neighbours(drawn, joined))).tolist():
         if not pieces[k].constant and uneven(pieces[k]):
-            drawn[k] = _draw_few_parts(pieces[k])
+            few = _draw_parts(pieces[k], MAX_PARTS)
+            drawn[k] = few if len(few) <= MAX_PARTS else []
     parts = [
         anew or ([piece] if piece.constant else _change_parameter(piece, start, end))
         for piece, anew, start, end in zip(pieces, drawn, *_find_redrawn_neighbours(drawn, joined), strict=True)
@@ -131,22 +137,14 @@ def _path_speed(piece: Piece, s: Array) -> Array:
 
 
 def _draw_parts(piece: Piece, halvings: int) -> list[Piece]:
-    """The piece by its own length, in as many parts as its polynomials need."""
+    """The piece by its own length, in as many parts as its polynomials need; none where the tool stands still."""
     if _path_speed(piece, _sample_places(piece)).min() < MIN_SPEED_SHARE or halvings == 0:
-        raise _standstill_error(piece)
+        return []
     drawn = draw_by_length(piece)
     if not uneven(drawn):
         return [drawn]
-    return [part for half in piece.cut(2) for part in _draw_parts(half, halvings - 1)]
-
-
-def _draw_few_parts(piece: Piece) -> list[Piece]:
-    """The piece by its own length, nothing where that takes more than FEW parts or the tool stands still."""
-    try:
-        parts = _draw_parts(piece, MAX_PARTS)
-    except MotionError:
-        return []
-    return parts if len(parts) <= MAX_PARTS else []
+    halves = [_draw_parts(half, halvings - 1) for half in piece.cut(2)]
+    return [part for half in halves for part in half] if all(halves) else []
 
 
 def _standstill_error(piece: Piece) -> MotionError:

@@ -16,7 +16,7 @@ from functools import reduce
 
 import casadi as ca
 
-from kinematics.foundation.errors import BadValue, MotionError
+from kinematics.foundation.errors import BadValue, MotionError, located
 from kinematics.foundation.names import closest, nearest
 from kinematics.foundation.units import describe_value
 
@@ -101,12 +101,8 @@ def formula(text: str, constants: Mapping[str, float], t: ca.SX | None = None) -
     known = {"pi": ca.SX(math.pi), **{name: ca.SX(value) for name, value in constants.items()}}
     if t is not None:
         known["t"] = t
-    try:
+    with located(str(describe_value(text))):
         return _build_node(tree, text, known, 0)
-    except BadValue as no:
-        raise BadValue(f"{describe_value(text)}: {no}", allowed=no.allowed, nearest=no.nearest) from None
-    except MotionError as no:
-        raise MotionError(f"{describe_value(text)}: {no}") from None
 
 
 def constant(text: str, constants: Mapping[str, float]) -> float:

@@ -25,7 +25,7 @@ from kinematics.files.schema import (
 )
 from kinematics.files.toml_document import read
 from kinematics.foundation.arrays import freeze_array
-from kinematics.foundation.errors import Fault, FileError, MotionError, validation_error
+from kinematics.foundation.errors import Fault, FileError, validation_error
 from kinematics.foundation.names import find, presets
 from kinematics.foundation.units import Unit
 from kinematics.machine.pose import Pose
@@ -308,12 +308,12 @@ def load_program(name_or_path: str | PathLike[str]) -> Program:
 
 def _suggest_import(path: Path, error: FileError) -> FileError:
     """The error, with what to do where the file's suffix is that of a format that programs are imported from."""
-    from planner.sources.source import source_name
+    from planner.sources.source import suffix_formats
 
-    try:
-        told = f"by its suffix it is {source_name(path)}: make a program of it by pulsepath import"
-    except MotionError:
+    name = suffix_formats().get(path.suffix.lower())
+    if name is None:
         return error
+    told = f"by its suffix it is {name}: make a program of it by pulsepath import"
     return FileError(error.file, [*error.faults, Fault("", told, error.faults[-1].line)])
 
 

@@ -16,7 +16,7 @@ from pydantic import AfterValidator, Field, PlainValidator, ValidationInfo, mode
 
 from kinematics.files.keys import Chosen, key
 from kinematics.files.schema import Number, TableSchema
-from kinematics.foundation.errors import MotionError, validation_error
+from kinematics.foundation.errors import as_validation_error, validation_error
 from kinematics.foundation.units import Unit, describe_value
 from planner.program.formula import check_names, constant, formula
 from planner.program.model import Curve, Segment
@@ -156,10 +156,8 @@ class PathEntry(MovingEntry):
 
 
 def _constants(given: dict[str, float]) -> dict[str, float]:
-    try:
+    with as_validation_error():
         check_names(given)
-    except MotionError as no:
-        raise validation_error(no) from None
     return given
 
 
@@ -179,10 +177,8 @@ def _formula_validator(declared: str, unit: str) -> PlainValidator:
 
     def validate(value: object, info: ValidationInfo) -> tuple[str, float]:
         text = _text(value)
-        try:
+        with as_validation_error():
             formula(text, info.data.get("constants", {}), SX.sym("t"))
-        except MotionError as no:
-            raise validation_error(no) from None
         scales = info.context or {}
         if declared not in scales:
             raise validation_error(f'values without a unit: add the line {declared} = "{unit}" at the top')
@@ -192,10 +188,8 @@ def _formula_validator(declared: str, unit: str) -> PlainValidator:
 
 
 def _read_bound(value: object, info: ValidationInfo) -> float:
-    try:
+    with as_validation_error():
         return constant(_text(value), info.data.get("constants", {}))
-    except MotionError as no:
-        raise validation_error(no) from None
 
 
 Length = Annotated[tuple[str, float], _formula_validator("length", "mm")]

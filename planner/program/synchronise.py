@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics.foundation.arrays import freeze_array
-from kinematics.foundation.errors import MotionError
+from kinematics.foundation.errors import MotionError, located
 from kinematics.machine.machine import Machine
 from kinematics.machine.pose import Pose
 from planner.path.chain import Moving, default_start, segment_end
@@ -28,10 +28,8 @@ def synchronise(program: Program, machine: Machine) -> tuple[Program, tuple[int,
         if isinstance(segment, Dwell):
             segments.append(segment)
             continue
-        try:
+        with located(f"segment {number}, {type(segment).__name__.lower()}"):
             ends = list(_segment_poses(segment, here))
-        except MotionError as wrong:
-            raise MotionError(f"segment {number}, {type(segment).__name__.lower()}: {wrong}") from None
         moves = [(a, b) for a, b in zip([here, *ends], ends, strict=False) if _is_elsewhere(a, b)]
         _refuse_trigger(segment.trigger, number, len(moves))
         segments += [_move(segment, a, b, b is ends[-1]) for a, b in moves]

@@ -226,12 +226,10 @@ class Dxf:
             if shapes.knows(entity):
                 try:
                     parts += shapes.strokes(entity)
-                except MotionError as wrong:
-                    named = f"{entity.dxftype()} {entity.dxf.handle}"
-                    faults.add(str(wrong), find_line(path, HANDLE_CODE, str(entity.dxf.handle)), named)
-                except Exception as wrong:  # what ezdxf comes upon in an entity that it has read
-                    named = f"{entity.dxftype()} {entity.dxf.handle}"
-                    faults.add(f"broken: {wrong}", find_line(path, HANDLE_CODE, str(entity.dxf.handle)), named)
+                except Exception as wrong:  # ours, or what ezdxf comes upon in an entity that it has read
+                    handle = str(entity.dxf.handle)
+                    fault = str(wrong) if isinstance(wrong, MotionError) else f"broken: {wrong}"
+                    faults.add(fault, find_line(path, HANDLE_CODE, handle), f"{entity.dxftype()} {handle}")
         kept, short = _drop_short_lines(parts, self.tolerance)
         if not faults and not kept:
             faults.add("nothing to run: no lines or curves longer than the tolerance on these layers")

@@ -221,10 +221,8 @@ def _columns(
             option = {"m": ", or give the option length", "rad": ", or give the option angle"}.get(UNITS[place], "")
             faults.add(f'column {name} has no unit: write it as "{like}"{option}', number)
         else:
-            try:
+            with faults.collect(number, f"column {name}", cell.strip()):
                 columns.append((place, unit_value(unit, UNITS[place])))
-            except MotionError as error:
-                faults.add(error, number, f"column {name}", cell.strip())
     return columns
 
 

@@ -9,7 +9,8 @@ What is wrong with a file, gathered in one pass and bounded: a reader adds, and 
 The text of a file from elsewhere: bounded, and with whatever bytes it has.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
@@ -129,9 +130,14 @@ def find_source(name: str) -> type[Source]:
     return found
 
 
+def suffix_formats() -> dict[str, str]:
+    """The names of the formats by the suffixes of their files."""
+    return {suffix: name for name in SOURCES for suffix in find_source(name).suffixes}
+
+
 def source_name(path: Path) -> str:
     """The name of the format that a file's suffix stands for. Raises MotionError where it stands for none."""
-    known = {suffix: name for name in SOURCES for suffix in find_source(name).suffixes}
+    known = suffix_formats()
     if path.suffix.lower() not in known:
         suffixes = ", ".join(f"{suffix} ({name})" for suffix, name in known.items())
         told = f'suffix "{path.suffix}" is not a known format' if path.suffix else "it has no suffix"
@@ -175,6 +181,14 @@ class Faults:
         if len(self._found) == MOST:
             last = Fault("", f"{MOST} faults; the rest was not checked", line)
             raise FileError(self.file, [*self._found, last])
+
+    @contextmanager
+    def collect(self, line: int | None, key: str, value: str) -> Iterator[None]:
+        """What is refused inside is one fault."""
+        try:
+            yield
+        except MotionError as told:
+            self.add(told, line, key, value)
 
     def __bool__(self) -> bool:
         return bool(self._found)

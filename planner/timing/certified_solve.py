@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kinematics.foundation.errors import MotionError
+from kinematics.foundation.errors import MotionError, require
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
 from planner.actuation import ActuatorPath
@@ -19,7 +19,7 @@ from planner.path.stands import count_zero_derivatives
 from planner.timing.certified_run import ROUNDS, CertifiedRun, RunCertifier, Timing, hold_axes
 from planner.timing.parts import fastest_timing
 from planner.timing.problem import Run, Solver
-from planner.timing.profile import Profile, require
+from planner.timing.profile import Profile
 from planner.trajectory import Trajectory
 
 if TYPE_CHECKING:

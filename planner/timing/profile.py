@@ -7,7 +7,7 @@ What a profile uses of every limit, looked at closely: cheap, and no proof.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from typing import Literal, TypeVar
+from typing import Literal
 
 import numpy as np
 
@@ -194,6 +194,12 @@ class RunSolution:
     def duration(self) -> float:
         return self.profile.duration
 
+    def require_profile(self) -> Profile:
+        """The motion. Raises the refusal where there is none."""
+        if self.refusal is not None:
+            raise self.refusal
+        return self.profile
+
     @property
     def method(self) -> str:
         """What gave the motion, whether it was slowed, and whether it rests where the path does not ask for it."""
@@ -231,18 +237,6 @@ class RunSolution:
         """Shares of the limits as shares of what it aims at."""
         aim = EXACT_AIM if self.maker == STRAIGHT else SOLVER_AIM
         return {name: values / aim for name, values in use.items()}
-
-
-Found = TypeVar("Found")
-
-
-def require(found: Found | MotionError) -> Found:
-    """What was found; at the boundary, where there is nothing, why not is raised."""
-    if isinstance(found, MotionError):
-        raise found
-    if isinstance(found, RunSolution) and found.refusal is not None:
-        raise found.refusal
-    return found
 
 
 # Newton steps: the first leaves the square of a solver's 1e-8 or so, the others its own rounding.

@@ -15,7 +15,7 @@ import numpy as np
 from benchmarks.evidence.timing import time_calls
 from kinematics import load_machine
 from kinematics.foundation.arrays import Array
-from kinematics.foundation.errors import MotionError
+from kinematics.foundation.errors import MotionError, require
 from kinematics.machine.axis import Axis
 from planner import load_program
 from planner.actuation import ActuatorPath, actuate
@@ -26,7 +26,7 @@ from planner.timing import discretization as posing
 from planner.timing.certified_solve import certified_solve
 from planner.timing.discretization import jerk_problem
 from planner.timing.problem import Run, Solver, make_grid, pose_problem
-from planner.timing.profile import Profile, require
+from planner.timing.profile import Profile
 from planner.timing.solvers import third_order as solver
 from planner.timing.solvers.second_order import second_order
 from planner.timing.solvers.third_order import third_order
@@ -199,7 +199,7 @@ def solve_general(case: Case) -> PeerAnswer:
 
     def solve() -> PeerMotion:
         problem, start = require(jerk_problem(case.path, limits, _run(case)))
-        profile = require(third_order(problem, start.on(problem.s))).profile
+        profile = third_order(problem, start.on(problem.s)).require_profile()
         return profile.duration, sample_profile(profile, 3)
 
     return answer(case, 3, "ours, general solver, uncertified", None, solve)
@@ -210,7 +210,7 @@ def solve_order2(case: Case) -> Iterator[PeerAnswer]:
 
     def by(which: Solver, intervals: int) -> PeerMotion:
         problem = pose_problem(case.path, limits, *make_grid(case.path, _run(case), intervals))
-        profile = require(second_order(problem, solver=which)).profile
+        profile = second_order(problem, solver=which).require_profile()
         return profile.duration, sample_profile(profile, 2)
 
     yield answer(case, 2, "ours, uncertified", INTERVALS, lambda: by("passes", INTERVALS))
@@ -234,7 +234,7 @@ def solve_by_ipopt(case: Case) -> PeerAnswer:
     guess = start.on(problem.s)
 
     def solve() -> PeerMotion:
-        profile = require(third_order(problem, guess, solver="ipopt")).profile
+        profile = third_order(problem, guess, solver="ipopt").require_profile()
         return profile.duration, sample_profile(profile, 3)
 
     try:

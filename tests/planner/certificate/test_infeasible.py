@@ -12,7 +12,6 @@ from planner import Infeasible, Line, Program, check
 from planner.limits import limits_of
 from planner.path.polynomial import PolynomialPath
 from planner.timing.problem import Run
-from planner.timing.profile import require
 from planner.timing.run import solve_run
 
 STROKE, TILT = 0.0508, np.deg2rad(12.0)
@@ -74,7 +73,9 @@ def test_too_fast_at_an_end(seed, order):
     asked, end = rng.uniform(5, 20), int(rng.integers(2))
 
     def tried(speed):
-        return require(solve_run(path, limits, Run(0, 2, *((speed, 0.0) if end == 0 else (0.0, speed))), order))
+        return solve_run(
+            path, limits, Run(0, 2, *((speed, 0.0) if end == 0 else (0.0, speed))), order
+        ).require_profile()
 
     with pytest.raises(Infeasible) as refused:
         tried(asked)

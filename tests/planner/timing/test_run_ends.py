@@ -11,7 +11,6 @@ from planner.path.polynomial import PolynomialPath
 from planner.place import Infeasible
 from planner.timing import jerk_limited, run
 from planner.timing.problem import Run, make_grid, pose_problem
-from planner.timing.profile import require
 from planner.timing.run import solve_run
 from planner.timing.solvers.second_order import second_order
 from planner.trajectory import Trajectory
@@ -38,7 +37,7 @@ def way(request, monkeypatch):
 
 
 def solved(path, start, end, order, last=0):
-    return require(solve_run(path, limits_on(path, order), Run(0, last, start, end), order)).profile
+    return solve_run(path, limits_on(path, order), Run(0, last, start, end), order).require_profile()
 
 
 def ramp(change, order):

@@ -17,7 +17,6 @@ from planner.limits.limit import Term
 from planner.path.polynomial import PolynomialPath
 from planner.timing.discretization import acceleration_problem, refine_problem
 from planner.timing.problem import SOLVER_AIM, Run, make_grid, pose_problem
-from planner.timing.profile import require
 from planner.timing.run import solve_run
 from planner.timing.solvers.second_order import second_order
 from planner.trajectory import Trajectory
@@ -39,9 +38,9 @@ def solved(path, axes, last=0):
     """By the general solver, straight or not."""
     limits = limits_of(path, axes, 2)
     problem = acceleration_problem(path, limits, Run(0, last))
-    profile = require(second_order(problem)).profile
+    profile = second_order(problem).require_profile()
     finer = refine_problem(path, limits, problem, profile)
-    return profile if finer is None else require(second_order(finer)).profile
+    return profile if finer is None else second_order(finer).require_profile()
 
 
 def trapezoid_time(length, speed, acceleration):
@@ -270,4 +269,4 @@ def test_what_nothing_bounds_is_refused():
     path = line(1.0)
     limits = limits_of(path, [Axis("axis0", max_speed=1.0)], 2)
     with pytest.raises(MotionError, match=r"nothing bounds the motion.*acceleration"):
-        require(solve_run(path, limits, Run(0, 0), 2))
+        solve_run(path, limits, Run(0, 0), 2).require_profile()

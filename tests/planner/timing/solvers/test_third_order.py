@@ -16,7 +16,7 @@ from planner.timing import jerk_limited
 from planner.timing.certified_solve import certified_solve
 from planner.timing.discretization import jerk_problem
 from planner.timing.problem import Run
-from planner.timing.profile import RunSolution, require
+from planner.timing.profile import RunSolution
 from planner.timing.run import solve_run
 from planner.timing.solvers import third_order as solver_module
 from planner.timing.solvers.patience import EvaluationLimit
@@ -56,7 +56,7 @@ def limits_on(path, speed, acceleration, jerk):
 def solved(path, limits):
     """By the general solver, straight or not."""
     problem, start = jerk_problem(path, limits, Run(0, 0))
-    return require(third_order(problem, start.on(problem.s))).profile
+    return third_order(problem, start.on(problem.s)).require_profile()
 
 
 CURVE = {"speed": 0.6, "acceleration": 1.5, "jerk": 8.0}
@@ -284,4 +284,4 @@ def test_other_limits_may_be_missing(missing, seven_segments):
 def test_without_a_limit_of_jerk_it_is_refused():
     path = line(1.0)
     with pytest.raises(MotionError, match=r"nothing bounds the motion.*jerk"):
-        require(solve_run(path, limits_on(path, 1.0, 1.0, None), Run(0, 0), 3))
+        solve_run(path, limits_on(path, 1.0, 1.0, None), Run(0, 0), 3).require_profile()
