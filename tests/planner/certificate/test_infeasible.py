@@ -24,7 +24,7 @@ def machine(hexapod, stroke=STROKE, tilt=None):
 
 @pytest.fixture(autouse=True)
 def impatient(monkeypatch):
-    """How far a path must shrink or move is test_remedies' matter, and takes its time."""
+    """How far a path must shrink or move is test_advice' matter, and takes its time."""
     monkeypatch.setattr("planner.certificate.advice.PATIENCE", 0.0)
 
 
