@@ -2,11 +2,11 @@
 
 What a key takes comes from its annotation, what it means from its declaration (`kinematics.files.keys`); or, of a table
 that sets the fields of another class, from the docstring of that class, in which a line reads `key  meaning`. A key
-that nothing explains is a warning, and so ends the build.
+that nothing explains ends the build. {kind-keys}: the tables of every kind of machine, so that a new one needs no line.
 """
 
 import re
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from importlib import import_module
 from inspect import cleandoc
 from types import NoneType, UnionType
@@ -16,12 +16,12 @@ from docutils import nodes
 from docutils.parsers.rst import directives
 from pydantic_core import PydanticUndefined
 from sphinx.application import Sphinx
-from sphinx.util import logging
 from sphinx.util.docutils import SphinxDirective
 
 from kinematics.files.keys import Chosen
 from kinematics.files.schema import TableSchema
 from kinematics.foundation.units import Unit, describe, everyday_unit
+from kinematics.machine.machine_file import KINDS
 
 LINE = re.compile(r"^((?:\w+, )*\w+) {2,}(\S.*(?:\n {3,}\S.*)*)", re.MULTILINE)
 PROBES: tuple[Any, ...] = (0.0, {}, (), ((),), "", (0.0,) * 3, (0.0,) * 6, "1 1/s")
@@ -111,33 +111,51 @@ def default(field: Any) -> str:
     return f"`{str(value).lower() if isinstance(value, bool) else value!r}`".replace("'", '"')
 
 
+def rows(table: type[TableSchema], told: dict[str, str], without: Collection[str] = ()) -> Iterator[str]:
+    """The Markdown table of a schema's keys; raises KeyError for one that nothing explains."""
+    yield from ("| key | takes | default | what it is |", "| --- | --- | --- | --- |")
+    for name, field in table.model_fields.items():
+        key = field.alias or name
+        if key not in without:
+            taken = takes(field.annotation, tuple(field.metadata))
+            cells = (f"`{key}`", taken, default(field), told.get(key) or about(field))
+            yield f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in cells)} |"
+
+
+def about(field: Any) -> str:
+    if not field.description:
+        raise KeyError(f"nothing says what {field} is")
+    return str(field.description)
+
+
 class FileKeys(SphinxDirective):
     """The table of one schema."""
 
     required_arguments = 1
-    option_spec = {"told": directives.unchanged, "without": directives.unchanged}  # noqa: RUF012
+    option_spec = {"told": directives.unchanged}  # noqa: RUF012
 
     def run(self) -> list[nodes.Node]:
-        table = named(self.arguments[0])
         told = meanings(named(self.options["told"])) if "told" in self.options else {}
-        told |= {
-            field.alias or name: field.description for name, field in table.model_fields.items() if field.description
-        }
-        left_out = self.options.get("without", "").split()
-        rows = ["| key | takes | default | what it is |", "| --- | --- | --- | --- |"]
-        for name, field in table.model_fields.items():
-            key = field.alias or name
-            if key in left_out:
-                continue
-            if key not in told:
-                logging.getLogger(__name__).warning(
-                    "%s: nothing says what %s is", table, key, location=self.get_location()
-                )
-            cells = (f"`{key}`", takes(field.annotation, tuple(field.metadata)), default(field), told.get(key, ""))
-            rows.append(f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in cells)} |")
-        return self.parse_text_to_nodes("\n".join(rows))
+        return self.parse_text_to_nodes("\n".join(rows(named(self.arguments[0]), told)))
+
+
+class KindKeys(SphinxDirective):
+    """The [geometry] of each kind of machine, one after the other."""
+
+    def run(self) -> list[nodes.Node]:
+        lines: list[str] = []
+        for kind, (schema, *_) in KINDS.items():
+            lines += [f"### geometry of {'an' if kind[0] in 'aeiou' else 'a'} {kind}", ""]
+            first, *others = schema.tables_of("geometry")
+            lines += [cleandoc(first.__doc__ or ""), "", *rows(first, {}), ""]
+            for table in others:
+                shared = first.model_fields.keys() & table.model_fields.keys()
+                lines += [f"or: {cleandoc(table.__doc__ or '')} The other keys are the same.", ""]
+                lines += [*rows(table, {}, shared), ""]
+        return self.parse_text_to_nodes("\n".join(lines), allow_section_headings=True)
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
+    app.add_directive("kind-keys", KindKeys)
     app.add_directive("file-keys", FileKeys)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
