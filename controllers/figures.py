@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 
 from controllers.metrics import ErrorSeries, Metrics
 from controllers.metrics.circular_test import CircularTest
-from controllers.metrics.pose_and_path_accuracy import PathAccuracy
+from controllers.metrics.iso_style import PathAccuracy
 from controllers.tracking import Tracking
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.figure import PALETTE, escape_dollars, line_style, new_axes

@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from controllers.curve import MotionCurve, PathCurve, ReferenceCurve, directions, piece_of
-from controllers.metrics.contour import contour_error
+from controllers.metrics.contour import MotionCurve, PathCurve, ReferenceCurve, contour_error, directions, piece_of
 from controllers.metrics.metrics import (
     BAND,
     Effort,

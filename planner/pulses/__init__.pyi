@@ -7,4 +7,4 @@ from .generation.rule import Rule as Rule
 from .motion import AxesMotion as AxesMotion, MotionState as MotionState
 from .realised_path import RealisedError as RealisedError, RealisedPath as RealisedPath, realised as realised
 from .schedule import AxisPulses as AxisPulses, MovedPulses as MovedPulses, PulseSchedule as PulseSchedule
-from .step_queue import StepQueue as StepQueue, decompress as decompress
+from .compression import StepQueue as StepQueue, decompress as decompress

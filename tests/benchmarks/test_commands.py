@@ -9,11 +9,11 @@ import pytest
 from benchmarks import evidence
 
 FOLDER = Path(evidence.__file__).parent
-SERVE = {"timing", "published.compared", "published.conformance", "published.sasidhar_deflection", "thesis.outcome"}
+SERVE = {"timing", "published.compared", "published.conformance", "thesis.outcome"}
 """What scripts share, and tables that pages show."""
 PACKAGES = {"peers"}
 """Run as a whole."""
-QUICK = ("published.initial_design", "published.sizing")
+QUICK = ("published.sizing",)
 
 
 def commands():
@@ -48,7 +48,7 @@ def test_it_prints_what_it_found(name, capsys, monkeypatch):
 
 
 def test_the_initial_design_is_told_beside_print(capsys):
-    import_module("benchmarks.evidence.published.initial_design").main()
+    import_module("benchmarks.evidence.published.sizing").main()
     said = capsys.readouterr().out
     assert "47.58" in said
     assert "54.563" in said

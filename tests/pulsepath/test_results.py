@@ -18,8 +18,7 @@ from benchmarks.reports.gain.verdict import Margin, Verdict
 from benchmarks.sweep.result import Cell, SavedRuns, Setting
 from benchmarks.sweep.result import RunResult as Run
 from controllers.metrics.circular_test import Circle, circular_test
-from controllers.metrics.iso_style import IsoStyle, VelocityAccuracy
-from controllers.metrics.pose_and_path_accuracy import PathAccuracy, PoseAccuracy
+from controllers.metrics.iso_style import IsoStyle, PathAccuracy, PoseAccuracy, VelocityAccuracy
 from kinematics.foundation.result import Result
 from planner.cross_check import CrossCheck
 from planner.sources.source import Imported

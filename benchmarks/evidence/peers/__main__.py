@@ -5,12 +5,13 @@ from argparse import ArgumentParser
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from benchmarks.evidence.peers.adapters import solve_by_copp, solve_by_ruckig
 from benchmarks.evidence.peers.case import (
     Case,
     PeerAnswer,
     circle,
+    solve_by_copp,
     solve_by_ipopt,
+    solve_by_ruckig,
     solve_certified,
     solve_general,
     solve_order2,

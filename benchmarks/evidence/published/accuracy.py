@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from benchmarks.evidence.published.sasidhar_deflection import FRAME, INCH, LOAD, POUND_FORCE
+from benchmarks.evidence.published.sizing import FRAME, INCH, LOAD, POUND_FORCE
 from kinematics import load_machine
 from kinematics.design.accuracy import Backlash, Budget, LeadError, PulseLength, Quantization, Temperature, error_budget
 from kinematics.design.deflection import Deflection

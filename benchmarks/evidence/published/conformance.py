@@ -8,7 +8,7 @@ from scipy.interpolate import PPoly
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from benchmarks.evidence.published.compared import NumberComparison
-from benchmarks.evidence.published.initial_design import PRINTED, needs
+from benchmarks.evidence.published.sizing import PRINTED, needs
 from kinematics import Axis, Hexapod, load_machine
 from kinematics.foundation.arrays import Array
 from kinematics.kinds.hexapod import joint_circle

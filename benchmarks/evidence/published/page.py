@@ -8,8 +8,7 @@ import numpy as np
 
 from benchmarks.evidence.published import conformance, sizing
 from benchmarks.evidence.published.compared import LINE_HEADER, NumberComparison, cells, comparison, markdown, run
-from benchmarks.evidence.published.sasidhar_deflection import appendix_d
-from benchmarks.evidence.published.sizing import appendix_b
+from benchmarks.evidence.published.sizing import appendix_b, appendix_d
 from benchmarks.reports.calibration_report import explain_pulse
 from kinematics import Hexapod, load_machine
 from kinematics.calibration import calibrate

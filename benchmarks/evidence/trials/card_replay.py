@@ -23,8 +23,7 @@ from controllers.card.model import PCI_8132, PCI_8164, Card, Refused
 from controllers.card.record import Train, play
 from controllers.card.state import at_rest
 from controllers.card.trapezoid import TAMove
-from controllers.curve import PathCurve
-from controllers.metrics.contour import contour_error
+from controllers.metrics.contour import PathCurve, contour_error
 from kinematics import load_machine
 from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.errors import MotionError

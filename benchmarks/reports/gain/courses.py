@@ -16,7 +16,7 @@ from benchmarks.reports.gain.verdict import Verdict
 from benchmarks.sweep import RunSeries
 from benchmarks.sweep.result import NOMINAL
 from controllers.metrics import Circle, CircularTest, circular_test
-from controllers.metrics.pose_and_path_accuracy import Stations, path_accuracy, pose_accuracy
+from controllers.metrics.iso_style import Stations, path_accuracy, pose_accuracy
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
 

@@ -30,9 +30,8 @@ from kinematics.foundation.errors import MotionError
 from kinematics.foundation.units import apart
 from planner.export.format import Exported, ExportSource
 from planner.options import option
-from planner.pulses.compression import compress
+from planner.pulses.compression import StepQueue, compress, decompress
 from planner.pulses.schedule import Signs, Ticks
-from planner.pulses.step_queue import StepQueue, decompress
 
 TOLERANCE = 1e-6  # s
 TICK_ROUNDING = 1e-6  # ticks: a time so near to whole ones is meant to be whole

@@ -7,8 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.spatial.transform import Rotation
 
-from controllers.metrics.iso_style import velocity_accuracy
-from controllers.metrics.pose_and_path_accuracy import Stations, path_accuracy, pose_accuracy
+from controllers.metrics.iso_style import Stations, path_accuracy, pose_accuracy, velocity_accuracy
 from kinematics.foundation.errors import MotionError
 
 X = np.array([1.0, 0, 0])

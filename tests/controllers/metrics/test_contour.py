@@ -9,8 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from controllers.curve import MotionCurve, PathCurve
-from controllers.metrics.contour import contour_error
+from controllers.metrics.contour import MotionCurve, PathCurve, contour_error
 
 RADIUS = 15e-3
 ROUNDING = 1e-15

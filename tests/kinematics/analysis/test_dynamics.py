@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from benchmarks.evidence.published import initial_design
+from benchmarks.evidence.published import sizing as initial_design
 from kinematics import MotionError, OutOfReach, load_machine
 from kinematics.analysis.dynamics import forces
 from kinematics.kinds.arm import Arm, Joints

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform
 
-from benchmarks.evidence.published.sasidhar_deflection import FRAME
+from benchmarks.evidence.published.sizing import FRAME
 from kinematics import Axis, MotionError
 from kinematics.design.accuracy import error_budget
 from kinematics.design.deflection import Beam, Deflection

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from benchmarks.evidence.published import accuracy, initial_design, sizing
+from benchmarks.evidence.published import accuracy, sizing
+from benchmarks.evidence.published import sizing as initial_design
 from benchmarks.evidence.published.compared import PublishedLine, shown
-from benchmarks.evidence.published.sasidhar_deflection import appendix_d
-from benchmarks.evidence.published.sizing import INCH, OUNCE_INCH, appendix_b, other_axes, size_axis
+from benchmarks.evidence.published.sizing import INCH, OUNCE_INCH, appendix_b, appendix_d, other_axes, size_axis
 
 B = {line.what: line for line in appendix_b()}
 D = {line.what: line for line in appendix_d()}
