@@ -54,7 +54,7 @@ def time_path(path: MachinePath, shape: str, share: float, duration: float) -> T
     if not 0 < share <= 0.5:
         raise MotionError(f"a ramp of {share * duration:g} s does not fit twice into {duration:g} s; shorten it")
     if path.dwells.any():
-        raise MotionError("a task's program has no dwells: its profile runs from end to end; leave them out")
+        raise MotionError("a task's program has no dwells: its profile runs from end to end; omit them")
     unit = SHAPES[shape](share)
     stops = np.flatnonzero(path.stops(2))
     profiles = []

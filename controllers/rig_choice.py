@@ -30,7 +30,7 @@ def choose_rig(machine: Machine, rig: Rig | str | PathLike[str] | None) -> Rig:
         return fit_rig(rig if isinstance(rig, Rig) else load_rig(rig), machine)
     fitting = fitting_rigs(machine)
     if len(fitting) != 1:
-        raise MotionError(f"no rig is given, so the drives behind {machine.name} are not known: {rig_hint(machine)}")
+        raise MotionError(f"no rig is given, so the drives of {machine.name} are not known: {rig_hint(machine)}")
     return fit_rig(load_rig(fitting[0]), machine)
 
 

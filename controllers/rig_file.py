@@ -116,7 +116,7 @@ CARDS = {card.name: card for card in (PCI_8132, PCI_8164)}
 
 def _card(name: str) -> str:
     if name not in CARDS:
-        told = f"{describe_value(name)} is no card that is known{nearest(name, CARDS)}; cards: {', '.join(CARDS)}"
+        told = f"{describe_value(name)} is not a known card{nearest(name, CARDS)}; cards: {', '.join(CARDS)}"
         raise validation_error(BadValue(told, allowed=", ".join(CARDS), nearest=closest(name, CARDS)))
     return name
 

@@ -248,7 +248,7 @@ def _refuse(reference: Reference, rigs: Sequence[Rig]) -> None:
         raise MotionError("track: a batch needs a rig for each of its runs, and has none")
     axes, card = rigs[0].machine.axes, rigs[0].card
     if any(rig.machine.axes != axes or rig.card != card for rig in rigs):
-        raise MotionError("track: the rigs of one batch differ in their machine or card; run them apart")
+        raise MotionError("track: the rigs of one batch differ in their machine or card; run them separately")
     lanes = reference.position.shape[1:]
     if lanes not in ((len(axes),), (len(rigs), len(axes))):
         raise MotionError(

@@ -35,7 +35,7 @@ class SideBySide:
 
     def __post_init__(self) -> None:
         if len({law.host for law in self.laws}) != 1:
-            raise MotionError(f"laws {self.name} are meant for hosts of different timing: run them apart")
+            raise MotionError(f"laws {self.name} need hosts of different timing: run them separately")
 
     @property
     def host(self) -> Timer:
@@ -54,7 +54,7 @@ class SideBySide:
         kind: Any = type(commands[0])
         lanes = feedback.position.shape
         if any(type(command) is not kind for command in commands):
-            raise MotionError(f"laws {self.name} send different commands: run them apart")
+            raise MotionError(f"laws {self.name} send different commands: run them separately")
         own: Command = kind(
             *(self._own([getattr(command, of.name) for command in commands], lanes) for of in fields(kind))
         )
@@ -64,7 +64,7 @@ class SideBySide:
         """Of one value of every law's command, each run's own."""
         if all(isinstance(value, float) for value in values):
             if len(set(values)) != 1:
-                raise MotionError(f"laws {self.name} send ramps of different times: run them apart")
+                raise MotionError(f"laws {self.name} send ramps of different times: run them separately")
             return values[0]
         own = np.empty(lanes)
         for b, value in enumerate(values):

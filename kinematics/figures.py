@@ -45,7 +45,7 @@ def reach(workspace: Workspace, ax: Axes | None = None) -> Axes:
     free = [k for k in range(3) if len(workspace.nodes[k]) > 1]
     if len(free) < 2:
         raise MotionError(
-            f"workspace of {workspace.machine.name}: a figure needs a plane or a volume; hold one coordinate"
+            f"workspace of {workspace.machine.name}: a figure needs a plane or a volume; fix one coordinate"
         )
     if len(free) == 3:
         body: Axes = _body(workspace, cast("Axes3D | None", ax))
@@ -181,7 +181,7 @@ def force(forces: Forces, ax: Axes | None = None, t: ArrayLike | None = None) ->
     units = {"force (N)" if axis.kind == "linear" else "torque (N m)" for axis in forces.machine.axes}
     ax.set(xlabel="instant" if t is None else "time (s)", ylabel=", ".join(sorted(units)))
     ax.legend(frameon=False, loc="center left", bbox_to_anchor=(1, 0.5))
-    told = f", at most {100 * use:.0f} % of what they may give" if limits else ""
+    told = f", at most {100 * use:.0f} % of their limits" if limits else ""
     ax.set_title(f"Actuator forces of {escape_dollars(forces.machine.name)}{told}")
     return ax
 

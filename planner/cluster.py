@@ -83,7 +83,7 @@ def run_on_cluster(
             try:
                 result, theirs = future.result()
             except KilledWorker as lost:
-                yield futures[future], LostTask(f"every worker that took it died, as for want of memory: {lost}")
+                yield futures[future], LostTask(f"every worker that ran it died, possibly out of memory: {lost}")
                 continue
             if theirs is not None:
                 raise _mismatch_error("a worker that joined later", describe_mismatches(look(), theirs))
@@ -106,7 +106,7 @@ def _check_workers(client: Any, look: Look) -> None:
 
 def _mismatch_error(who: str, found: Sequence[str]) -> MotionError:
     return MotionError(
-        f"{who} would give other results: {'; '.join(found)}. Install the same there, and start the workers again"
+        f"{who} would give different results: {'; '.join(found)}. Install the same there, and start the workers again"
     )
 
 

@@ -171,7 +171,7 @@ def plan(
     if order is None:
         order = usual_order(machine.axes)
     if order not in (2, 3):
-        raise MotionError(f"order {order} is not known; 2 keeps speed and acceleration, 3 jerk as well")
+        raise MotionError(f"order {order} is not known; 2 limits speed and acceleration, 3 jerk too")
     if isinstance(clock_hz, bool) or not isinstance(clock_hz, (int, np.integer)) or clock_hz <= 0:
         raise MotionError(f"clock_hz {clock_hz} must be a positive whole number of ticks per second")
     duration = program.duration if duration is None else duration
@@ -211,12 +211,12 @@ def plan(
 def _refuse_solver(solver: str, order: int, duration: float | None) -> None:
     """Raise MotionError for a solver that is unknown, not there, or not for what is asked of it."""
     if solver != "toppra":
-        raise MotionError(f"solver {solver!r} is not known; there are passes (our own) and toppra")
+        raise MotionError(f"solver {solver!r} is not known; solvers: passes (our own) and toppra")
     if order != 2:
-        raise MotionError("solver toppra knows no limits on jerk: give order=2, or leave the solver out for order 3")
+        raise MotionError("solver toppra has no jerk limits: give order=2, or omit the solver for order 3")
     if duration is not None:
         raise MotionError(
-            f"solver toppra finds the fastest motion, not one of {duration:g} s: leave the solver or the duration out"
+            f"solver toppra finds the fastest motion, not one of {duration:g} s: omit the solver or the duration"
         )
     require("solver toppra")
 

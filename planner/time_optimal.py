@@ -118,7 +118,7 @@ def _pieces(path: Any) -> tuple[Array, Array]:
             f"the path's values have shape {path.c.shape[2:]}; they must be one value, or (n,) axis values"
         )
     if (np.diff(path.x) < 0).any():
-        raise MotionError("the path's breaks fall; turn it round so that they rise")
+        raise MotionError("the path's breaks decrease; reverse it so that they increase")
     inside &= np.diff(path.x) > 0
     if not inside.any():
         raise MotionError("the path has no length: all its breaks are the same")
@@ -146,7 +146,7 @@ def _check(path: PolynomialPath) -> None:
     pieces = np.arange(len(path.breaks) - 1)
     left, right = path.derivatives(path.breaks[:-1], pieces)[0], path.derivatives(path.breaks[1:], pieces)[0]
     if not np.abs(path.coefficients[:-1]).max(initial=0.0) > 0:
-        raise MotionError("nothing moves along the path: every axis stays where it is")
+        raise MotionError("nothing moves along the path: no axis changes")
     gap = np.abs(left[1:] - right[:-1])
     both = np.concatenate([left, right])
     extent = np.ptp(both, axis=0) + 1e-3 * np.abs(both).max(0)

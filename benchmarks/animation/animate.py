@@ -245,7 +245,7 @@ def document(plan: AnimatablePlan, frames: int = FRAMES, magnify: float | None =
     if not 2 <= frames <= MOST:
         raise MotionError(f"frames {frames}: an animation has from 2 to {MOST}")
     if magnify is not None and not magnify > 0:
-        raise MotionError(f"magnify {magnify}: how many times an error is drawn must be above 0; 1 is true scale")
+        raise MotionError(f"magnify {magnify}: the magnification must be above 0; 1 is true scale")
     return compose_page(compute_frames(plan, even_instants(plan.trajectory, frames), magnify))
 
 

@@ -330,7 +330,7 @@ def load_runs(folder: Path) -> SavedRuns:
         told = getattr(error, "strerror", None) or error
         raise MotionError(f"{folder} holds no saved runs ({RECORD}: {told}); {hint}") from None
     if not isinstance(record, dict) or record.get("kind") != KIND:
-        raise MotionError(f"{folder / RECORD} is no record of saved runs; {hint}")
+        raise MotionError(f"{folder / RECORD} is not a record of saved runs; {hint}")
     if not isinstance(record.get("cells"), list) or (SEAL in record and record[SEAL] != _seal(record)):
         raise MotionError(f"{folder / RECORD} is damaged; run the sweep again, the runs are kept")
     store, results = Store(folder), {}

@@ -199,7 +199,7 @@ def _reduce_run(
     `every`."""
     figures = metrics.figures()
     if isnan(figures["contour_rms"]):
-        return RunResult(cell, failure="the axes left what the machine can reach, or its way of standing")
+        return RunResult(cell, failure="the axes left the machine's reach, or its assembly mode")
     first = np.arange(len(metrics.t)) * every
     high, low = np.maximum.reduceat(share, first), np.minimum.reduceat(share, first)
     series = RunSeries(

@@ -134,13 +134,13 @@ def remote(line: str, names: Sequence[str]) -> Words:
 
 def _read(words: list[str], names: Sequence[str], known: Sequence[str]) -> Words:
     if not words:
-        raise MisreadLine(f"an empty line; there are {', '.join(known)}")
+        raise MisreadLine(f"an empty line; commands: {', '.join(known)}")
     first, rest = words[0], words[1:]
     if first not in known:
-        raise MisreadLine(f"{first} is no command; there are {', '.join(known)}")
+        raise MisreadLine(f"{first} is not a command; commands: {', '.join(known)}")
     if first in PLAIN_COMMANDS:
         if rest:
-            raise MisreadLine(f"{first} stands alone; {' '.join(rest)} is too much")
+            raise MisreadLine(f"{first} takes no arguments, not {' '.join(rest)}")
         return PLAIN_COMMANDS[first]
     match first:
         case "JOG":
@@ -197,17 +197,17 @@ def _position(first: str, rest: list[str], names: Sequence[str], signs: dict[str
 
 def _axis(word: str, names: Sequence[str]) -> int:
     if word not in names:
-        raise MisreadLine(f"{word} is no axis; there are {', '.join(names)}")
+        raise MisreadLine(f"{word} is not an axis; axes: {', '.join(names)}")
     return names.index(word)
 
 
 def _sign(word: str, signs: dict[str, int]) -> int:
     if word not in signs:
-        raise MisreadLine(f"{word} is no direction; there are {' and '.join(signs)}")
+        raise MisreadLine(f"{word} is not a direction; directions: {' and '.join(signs)}")
     return signs[word]
 
 
 def _refuse_repeated(axes: Sequence[int], names: Sequence[str]) -> None:
     for axis in axes:
         if axes.count(axis) > 1:
-            raise MisreadLine(f"axis {names[axis]} is named twice; name each once")
+            raise MisreadLine(f"axis {names[axis]} is given twice; give each once")

@@ -89,9 +89,9 @@ def describe_offer(session: Session) -> str:
 def _describe_mode(session: Session) -> str:
     if session.mode == "REM":
         names = " ".join(session.unknown())
-        lost = f"; {names} not homed, so P knows the length of their travel alone" if names else ""
-        return f"the remote line moves the axes; MAN takes them back{lost}"
-    return "the console moves the axes"
+        lost = f"; {names} not homed, so P limits them by travel length only" if names else ""
+        return f"remote control; MAN returns to manual mode{lost}"
+    return "manual control"
 
 
 def _help(session: Session) -> str:
@@ -104,18 +104,18 @@ def _help(session: Session) -> str:
     return (
         f"JOG {a} {way} (a key or STOP ends it); POS {a} {way} 100{also} (steps); "
         "MOVE x y z [rx ry rz] (mm, degrees, from home, in a straight line); "
-        "PTP x y z [rx ry rz] (the same pose, every axis straight to its place, all together); "
-        f"HOME {a} (its register is 0 here; where its place was not known, it stands at its switch); "
-        f"HOME {a} AT {example(session, one)} (so far from its switch, whatever was known); "
+        "PTP x y z [rx ry rz] (the same pose, axes synchronised, no straight line); "
+        f"HOME {a} (sets its register to 0 here; if its position was unknown, it is taken to be at its home switch); "
+        f"HOME {a} AT {example(session, one)} (states its distance from the home switch); "
         "ACCEPT (the last known position); WHERE; STOP "
-        "(each axis ramps down by itself; during a MOVE the tool leaves its line); "
+        "(each axis decelerates independently; during a MOVE the tool leaves its line); "
         f"REM, MAN, TEST (modes); the axes are {', '.join(drives.names)}{rotary}"
     )
 
 
 def _accept(session: Session, t: float) -> Answer:
     if session.offered is None:
-        raise Refused("nothing is offered to accept: no position was saved, or an axis has moved since; say HOME")
+        raise Refused("nothing to accept: no position was saved, or an axis has moved since; give HOME")
     last = session.offered
     known = last.known & ~session.homed
     changed = replace(
@@ -135,7 +135,7 @@ def _jog(session: Session, words: Jog, t: float) -> Answer:
     fine, reason = clear(session, lambda share: session.counts + np.rint(share * way))
     target = session.counts + np.rint(fine * way).astype(np.int64)
     if target[i] == session.counts[i]:
-        raise Refused(f"axis {drives.names[i]} stands at its end: {reason or 'of travel'}; jog it the other way")
+        raise Refused(f"axis {drives.names[i]} cannot go further: {reason or 'end of travel'}; jog it the other way")
     return Answer(
         session,
         motion=trapezoid_motion(drives, session.counts, target, drives.speed * JOG_SPEED_SHARE, t),
@@ -151,7 +151,7 @@ def _position(session: Session, words: Position, t: float) -> Answer:
     for i in np.flatnonzero((target < low) | (target > high)):
         name, (first, last) = drives.names[i], ends(session, int(i))
         known = "its travel" if session.homed[i] else "the length of its travel (not homed)"
-        elsewhere = f"; if its slide stands elsewhere, say where: HOME {name} AT {example(session, int(i))}"
+        elsewhere = f"; if its slide is elsewhere, state where: HOME {name} AT {example(session, int(i))}"
         raise Refused(
             f"axis {name} to {session.registered(target)[i]} steps is outside {first} to {last}, {known}"
             f"{elsewhere if session.homed[i] else ''}"
@@ -161,7 +161,7 @@ def _position(session: Session, words: Position, t: float) -> Answer:
     motion = trapezoid_motion(drives, session.counts, target, drives.speed, t)
     fine, reason = clear(session, lambda share: motion.counts(t + share * (motion.end - t)))
     if fine < 1:
-        raise Refused(f"on the way {reason}; MOVE keeps clear of that if there is a line that does")
+        raise Refused(f"on the path {reason}; MOVE avoids that if a straight line does")
     return Answer(session, motion=motion)
 
 
@@ -171,7 +171,7 @@ MAX_TEST_STEPS = 200_000
 
 def report(session: Session) -> str:
     """A line about each axis: steps over its travel, their rate at most, its ramp, the time, and whether all fired."""
-    drives, lines = session.drives, ["TEST: commands are checked and not run; MAN goes back"]
+    drives, lines = session.drives, ["TEST: commands are checked but not run; MAN returns to manual mode"]
     for i, (name, axis) in enumerate(zip(drives.names, session.machine.axes, strict=True)):
         steps = int(min(drives.high[i] - drives.low[i], MAX_TEST_STEPS))
         target = np.zeros(len(drives.names), np.int64)
@@ -200,7 +200,9 @@ def planned(session: Session, words: Move, t: float) -> PlannedMotion | None:
     from planner.program.model import Line, Program, Synchronised, Turn
 
     if unknown := session.unknown():
-        raise Refused(f"{' '.join(unknown)} not homed: a pose needs all places; HOME or ACCEPT on the console first")
+        raise Refused(
+            f"{' '.join(unknown)} not homed: a pose needs all axis positions; HOME or ACCEPT on the console first"
+        )
     start, end = session.pose(), Rotation.from_euler("XYZ", words.pose[3:])
     there = RigidTransform.from_components(words.pose[:3], end)
     if _pulses(session, there) <= STANDING_PULSES:

@@ -149,9 +149,9 @@ def _allow(session: Session, who: int, words: Words) -> None:
     if isinstance(words, (Halt, Where, Help)):
         return
     if who != CONSOLE and session.mode != "REM":
-        raise MotionError(f"the console is in mode {session.mode}; it hands over by REM")
+        raise MotionError(f"the console is in mode {session.mode}; give REM there for remote control")
     if who == CONSOLE and session.mode == "REM" and not isinstance(words, Switch):
-        raise MotionError("the remote line has the axes; MAN takes them back")
+        raise MotionError("the remote line has control; MAN returns to manual mode")
 
 
 def _stop(desk: Dispatcher, t: float) -> tuple[Dispatcher, tuple[Reply, ...]]:
@@ -198,7 +198,7 @@ class Trust:
         if self.known or self.shut:
             return self
         if not self.misread and HTTP.match(line.text):
-            return replace(self, shut="this line speaks no HTTP")
+            return replace(self, shut="HTTP is not accepted on this line")
         try:
             if not line.fault:
                 remote(line.text, names)
@@ -207,7 +207,7 @@ class Trust:
             pass
         misread = self.misread + 1
         return replace(
-            self, misread=misread, shut=f"{misread} lines were no commands" if misread >= MAX_MISREAD_LINES else ""
+            self, misread=misread, shut=f"{misread} lines were not commands" if misread >= MAX_MISREAD_LINES else ""
         )
 
 

@@ -81,7 +81,7 @@ class Horizon:
         if not loops.all():
             raise MotionError(
                 f"model of the axes: axis {int(np.argmin(loops)) + 1} has no position loop to predict (a stepper); "
-                "law feedforward sends it where it is to be"
+                "use law feedforward for it"
             )
         self._weight, self._dt = weight, dt
         self.free, self.driven = response(axes, dt, instants).over(steps)

@@ -124,8 +124,8 @@ def _prove_poses(q: Array, start: Array, planned: PlannedStates, machine: Machin
     if lost.any():
         first = int(np.argmax(lost)) * len(planned.t) // len(q)
         raise MotionError(
-            f"metrics: the axis positions at t = {planned.t[first]:.4g} s are no certain pose of machine "
-            f"{machine.name}; the tracking left the machine's reach: slow the motion down, or take a law that follows"
+            f"metrics: the axis positions at t = {planned.t[first]:.4g} s are not a certain pose of machine "
+            f"{machine.name}; the tracking left the machine's reach: slow the motion down, or use a law that tracks it"
         )
     return to_numbers(found.pose), found.certified
 

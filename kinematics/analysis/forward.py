@@ -81,8 +81,8 @@ def solve(machine: MachineModel, q: ArrayLike, near: Pose, certify: bool = True)
         least = f"the nearest leaves {residual[0] * 1e3:.6g} mm"
         raise OutOfReach(
             f"machine {machine.name}: no pose was found that has the lengths {given * 1e3} mm; "
-            f"{least if np.isfinite(residual[0]) else 'it was asked from one that is itself out of reach'}; "
-            "they may be out of reach: change them, or ask from a nearer pose"
+            f"{least if np.isfinite(residual[0]) else 'the pose given as `near` is itself out of reach'}; "
+            "they may be out of reach: change them, or give a closer pose as `near`"
         )
     return Forward(pose[0], residual[0], certified[0])
 

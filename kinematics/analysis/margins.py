@@ -68,7 +68,7 @@ class Margins(Result):
         """Name and use of the limit that is used most, over all poses."""
         use = self._use()
         if not use.size:
-            raise MotionError("margins of no poses have no worst; check at least one")
+            raise MotionError("margins of no poses have no worst case; check at least one pose")
         pose, entry = np.unravel_index(int(np.argmax(use)), use.shape)
         names = [f"{name} travel" for name in self.travel_names] + [f"{name} tilt" for name in self.tilt_names]
         at = f" at pose {pose}" if len(use) > 1 else ""

@@ -95,7 +95,7 @@ class Posture(Result):
         for name, gap in zip(margins.clearance_names, margins.clearance[0], strict=True):
             if gap < 0:
                 told.append(f"{name} clearance: they overlap by {-1e3 * gap:.4g} mm")
-        return tuple(f"{what}; take a pose that is nearer home, or turned less" for what in told)
+        return tuple(f"{what}; choose a pose closer to home, or with less rotation" for what in told)
 
     def tables(self) -> tuple[Table, ...]:
         """The pose in both frames, the platform's directions, every axis, every joint, and the margins."""
@@ -201,7 +201,7 @@ def _posture(machine: Machine, x: Array, q: Array) -> Posture:
     if not pulses.max() < MOST:
         axis = machine.axes[int(pulses.argmax())].name
         raise OutOfReach(
-            f"machine {machine.name}: {axis} would be {pulses.max():.3g} pulses from home; take a pose that is nearer"
+            f"machine {machine.name}: {axis} would be {pulses.max():.3g} pulses from home; choose a closer pose"
         )
     if machine.follows:
         x = machine.carried_map(machine.inputs(x, q))

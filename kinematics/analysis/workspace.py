@@ -233,7 +233,7 @@ class Workspace(Result):
         where = "" if around is None else f" around {1e3 * np.asarray(around, float)} mm"
         return MotionError(
             f"workspace of {self.machine.name}: no {what}{where} is proved to be inside all limits; "
-            "take another orientation or place, or more cells"
+            "choose another orientation or position, or more cells"
         )
 
 

@@ -59,7 +59,7 @@ def build_calibrated(prediction: Prediction, theta: Array) -> Machine:
     if offsets.any() or (joints != vector.nominal[vector.joints()]).any():
         x = prediction.poses(theta, np.zeros((1, len(axes))), to_numbers(home))
         if not np.isfinite(x).all():
-            raise MotionError(f"machine {machine.name}: with the parameters found it has no pose at zero counts")
+            raise MotionError(f"machine {machine.name}: it has no pose at zero counts with the identified parameters")
         home = from_numbers(x[0])
     if isinstance(machine, Hexapod):
         return _hexapod(machine, joints.reshape(2, 6, 3), axes, home)
@@ -119,7 +119,7 @@ def calibrate(
     if chosen.sum() < len(parameters):
         raise MotionError(
             f"{measured.name}: {measured.fit.sum()} poses give {chosen.sum()} values for {len(parameters)} parameters "
-            f"({', '.join(parts)}); measure more poses, or free fewer parameters"
+            f"({', '.join(parts)}); measure more poses, or identify fewer parameters"
         )
     prediction, select = Prediction.of(machine, vector, measured), selection(vector, parameters)
     weights = weights_of(machine, measured)

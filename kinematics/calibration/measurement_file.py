@@ -54,7 +54,7 @@ def load_measurements(name_or_path: str | PathLike[str]) -> Measurements:
         noise=None if model.noise is None else Noise(model.noise.position, model.noise.rotation),
         name=document.file,
         notes=tuple(
-            f"{name}: the file gives no position `at` of the turn, so home's was taken"
+            f"{name}: the file gives no position `at` of the rotation, so home is assumed"
             for name, entry in entries
             if isinstance(entry, TurnedAxis) and "at" not in entry.model_fields_set
         ),
@@ -80,7 +80,7 @@ def _unit_direction(angles: tuple[float, ...]) -> Array:
     if abs(length - 1) > NORM:
         shown_angles = ", ".join(f"{angle:.6g}" for angle in np.rad2deg(angles))
         raise validation_error(
-            f"{shown_angles} deg are the direction angles of no axis: the sum of cos² is {length**2:.4f} instead of 1"
+            f"{shown_angles} deg are not direction angles of an axis: the sum of cos² is {length**2:.4f} instead of 1"
         )
     return np.asarray(cosines / length)
 

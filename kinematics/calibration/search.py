@@ -106,7 +106,7 @@ def _refuse_unfinished(prediction: Prediction, start: Array, theta: Array, chose
     if used_up:
         raise MotionError(
             f"{name}: the search for the parameters did not converge in {EVALUATIONS} evaluations ({progress}): the "
-            "poses hardly show some of them; free fewer parameters, or measure poses that are farther apart"
+            "poses hardly determine some of them; identify fewer, or measure poses that are farther apart"
         )
     raise MotionError(
         f"{name}: the measurements contradict the machine {prediction.machine.name}: the search for parameters that "

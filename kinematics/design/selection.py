@@ -235,7 +235,7 @@ def select_parts(parts: Sequence[Part], need: ActuatorNeed | JointNeed, by: str 
         raise MotionError(f'no criterion "{by}"{nearest(by, _CRITERIA)}; criteria: {", ".join(_CRITERIA)}')
     wanted = need.asked()
     if not wanted:
-        raise MotionError("selection: nothing is needed; state at least one property")
+        raise MotionError("selection: no requirement; state at least one property")
     feasible: list[Choice[Part]] = []
     refused: list[Refusal[Part]] = []
     for part in parts:

@@ -280,7 +280,7 @@ def describe_differences(plan: Plan, timing: Classical) -> tuple[str, ...]:
     if not timing.certificate.holds:
         told.append("not certified")
     if timing.deviation is not None:
-        told.append(f"off the path by up to {1e3 * timing.deviation.distance:.3f} mm")
+        told.append(f"leaves the path by up to {1e3 * timing.deviation.distance:.3f} mm")
     if not plan.path.stops(plan.order).all():
         told.append("stops at every join")
     if plan.path.end_speeds != (0.0, 0.0):

@@ -96,7 +96,7 @@ def time_moves(
             knots.append(now + times[1:])
             now += float(times[-1])
     if not pieces:
-        raise MotionError("every segment ends where it starts, so a move from pose to pose does not move at all")
+        raise MotionError("every segment ends where it starts, so a point-to-point move does not move at all")
     breaks = np.concatenate(knots)
     along = PolynomialPath(breaks, np.concatenate(pieces, 1), path.names)
     count = len(breaks) - 1
@@ -155,7 +155,7 @@ def _ramp_limits(axes: Sequence[Axis], name: str) -> Array:
     """(2, n) aimed at, towards smaller and greater q. A move speeds up by the one as it slows down by the other."""
     missing = [axis.name for axis in axes if getattr(axis, name) is None]
     if missing:
-        raise MotionError(f"a move from pose to pose needs {name} of every axis: state it for {', '.join(missing)}")
+        raise MotionError(f"a point-to-point move needs {name} of every axis: state it for {', '.join(missing)}")
     return EXACT_AIM * np.array([directional_bounds(getattr(axis, name)) for axis in axes]).T
 
 
@@ -178,7 +178,7 @@ def deviation(
         segment = path.segment(int(first))
         found = machine.forward(moved.at(t).q, drawn[:: (CURVE_POINTS - 1) // (MOVE_INSTANTS - 1)], certify=False)
         if not found.residual.max() <= POSE_RESIDUAL:
-            raise MotionError(f"a move from pose to pose leads through no pose in segment {segment}")
+            raise MotionError(f"a point-to-point move has no pose in segment {segment}")
         run, curve = found.pose.translation, drawn.translation
         for off, places in (
             (distance_to_curve(run, curve), np.linspace(s[0], s[-1], MOVE_INSTANTS)),

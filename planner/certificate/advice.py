@@ -138,9 +138,9 @@ class Refit:
         if told:
             return f"the path fits the machine {', or '.join(told)}"
         if self.home:
-            return f"the machine is beyond a limit at home already ({self.home}): mend its geometry, home or limits"
+            return f"the machine already exceeds a limit at home ({self.home}): correct its geometry, home or limits"
         most = f"no scale down to {SHARES[-1] * 100:g} % and no move of up to {MOVES[-1] * 1e3:g} mm along an axis"
-        return f"{most} was found to bring the path into the machine"
+        return f"{most} was found to fit the path to the machine"
 
 
 def find_remedy(program: Program, machine: Machine, order: int) -> Refit:

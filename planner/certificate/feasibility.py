@@ -126,8 +126,10 @@ def prove_feasibility(path: ActuatorPath, limits: Sequence[Limit]) -> Standing:
     if isinstance(path, MachinePath):
         met = find_singularity(path, np.append(along.s, path.breaks[-1]), along.piece)
         if met is not None:
-            where = f"the pose at {path.place(*met)} is singular, or too near to one to be told from it"
-            lost_there = OutOfReach(f"{where}: the actuators do not hold the platform there; lead the path around it")
+            where = f"the pose at {path.place(*met)} is singular, or too close to a singularity"
+            lost_there = OutOfReach(
+                f"{where}: the actuators do not constrain the platform there; route the path around it"
+            )
             return Standing((lost_there,), {})
     use = prove_path_use(path, geometric)
     largest: dict[str, tuple[float, Place]] = {}

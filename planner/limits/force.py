@@ -51,7 +51,7 @@ class PullOutCurve:
                 levels.append(min(forces[k], levels[-1]))
         gives = np.array(levels) > 0
         if not gives[0]:
-            raise MotionError(f"axis {axis.name}: torque_speed gives no force at rest; state what the motor holds")
+            raise MotionError(f"axis {axis.name}: torque_speed gives no force at rest; state its holding torque")
         count = int(np.argmin(np.append(gives, False))) + 1  # up to where it gives none, if there is such a place
         v, f = np.array(ends)[:count], np.array(levels)[:count]
         slope = (f[:-1] - f[1:]) / np.diff(v)
@@ -110,8 +110,8 @@ class Holding(AxisLimit):
 
     def remedy(self, over: float, unit: str) -> str:
         return (
-            f"the machine cannot hold itself still there: take {over:.4g} {unit} off the axis, or give it a max_force "
-            "that is so much larger"
+            f"the machine cannot hold itself still there: reduce its load by {over:.4g} {unit}, or increase its "
+            "max_force by as much"
         )
 
     def value(self, motion: LimitState) -> Quantity:

@@ -72,7 +72,7 @@ class Resonance(AxisLimit):
         """What to say of the band that an axis has to stay below."""
         unit, scale = self.units[channel]
         low, high = (edge * scale for edge in (self.axes[channel].resonance or ((0.0, 0.0),))[0])
-        return f"a resonance band from {low:.6g} to {high:.6g} {unit} that states no time to cross it, "
+        return f"a resonance band from {low:.6g} to {high:.6g} {unit} without a crossing time, "
 
     def value(self, motion: LimitState) -> Quantity:
         return motion.qd

@@ -149,8 +149,8 @@ def _draw_parts(piece: Piece, halvings: int) -> list[Piece]:
 
 def _standstill_error(piece: Piece) -> MotionError:
     return MotionError(
-        f"segment {piece.segment}: the tool all but stands still on it, or in the blend at its end, where a constant "
-        'speed is asked for or met: write join = "stop" there, or take speed_constant away'
+        f"segment {piece.segment}: the tool nearly stops on it, or in the blend at its end, where the speed must be "
+        'constant: write join = "stop" there, or remove speed_constant'
     )
 
 

@@ -1,4 +1,4 @@
-"""From a program to the pieces of its path: frames, tool, arcs from where the path stands, turns, dwells, joins.
+"""From a program to the pieces of its path: frames, tool, arcs from the current point, turns, dwells, joins.
 
 The tool sits on the platform; the platform's path takes it along its own.
 """
@@ -166,7 +166,7 @@ def _segments_error(program: Program, faults: Sequence[tuple[int, MotionError]])
 
 
 def _repetition_error(wrong: MotionError, repetition: int) -> MotionError:
-    return MotionError(f"repetition {repetition}: {wrong}; what only leads to the first repetition belongs into start")
+    return MotionError(f"repetition {repetition}: {wrong}; put the approach to the first repetition into start")
 
 
 def _free_pieces(pieces: list[Piece], segment: Moving) -> list[Piece]:
@@ -238,7 +238,7 @@ def segment_end(segment: Moving, here: Pose) -> Pose:
             position = np.asarray(segment.to, float)
             if np.linalg.norm(position - here.translation) <= SAME:
                 raise MotionError(
-                    f"it ends where it starts, at {_mm(position)}; leave it out, or use turn to rotate on the spot"
+                    f"it ends where it starts, at {_mm(position)}; omit it, or use turn to rotate on the spot"
                 )
         case Synchronised():
             position = np.asarray(segment.to, float)
@@ -252,8 +252,8 @@ def segment_end(segment: Moving, here: Pose) -> Pose:
             position = segment.through[-1]
             if np.linalg.norm(segment.through[0] - here.translation) <= SAME:
                 raise MotionError(
-                    f"point 1 is where the path stands already, at {_mm(here.translation)}; "
-                    "leave it out: a spline starts there by itself"
+                    f"point 1 is the current point of the path, {_mm(here.translation)}; "
+                    "omit it: a spline starts there anyway"
                 )
         case Curve():
             return _curve_end(segment, here)
@@ -268,8 +268,8 @@ def _curve_end(segment: Curve, here: Pose) -> Pose:
     if np.linalg.norm(away) > SAME:
         raise MotionError(
             f"its equations begin at {_mm(first.translation)}, "
-            f"{np.linalg.norm(away) * 1e3:.6g} mm from where the path stands, {_mm(here.translation)}; "
-            "lead there by a line before it"
+            f"{np.linalg.norm(away) * 1e3:.6g} mm from the current point of the path, {_mm(here.translation)}; "
+            "add a line to it first"
         )
     rotation = here.rotation
     if segment.rotate is not None:
@@ -277,8 +277,8 @@ def _curve_end(segment: Curve, here: Pose) -> Pose:
         if angle > SAME:
             wanted = ", ".join(f"{each:.6g}" for each in first.rotation.as_euler("XYZ", degrees=True))
             raise MotionError(
-                f"its equations begin turned [{wanted}]°, {np.degrees(angle):.6g}° from how "
-                "the path stands; turn there before it"
+                f"its equations begin turned [{wanted}]°, {np.degrees(angle):.6g}° from the "
+                "current orientation; add a turn before it"
             )
         rotation = last.rotation * first.rotation.inv() * here.rotation
     return RigidTransform.from_components(here.translation + (last.translation - first.translation), rotation)
@@ -289,7 +289,7 @@ def _arc_end(segment: Arc, here: Pose) -> Array:
     u = here.translation - centre
     radius, height = float(np.linalg.norm(u)), float(u @ normal)
     if radius <= SAME:
-        raise MotionError(f"the path stands on the arc's centre {_mm(centre)}; the centre must lie beside it")
+        raise MotionError(f"the arc's centre is the current point of the path {_mm(centre)}; give another centre")
     if abs(height) > IN_PLANE * radius + SAME:
         raise MotionError(
             f"the path stands {abs(height) * 1e3:.4g} mm out of the plane "
@@ -313,7 +313,7 @@ def _pieces(
                 return [turn(start, axis, segment.angle, characteristic, number)]
             angle = turn_angle(start, end)
             if angle <= SAME:
-                raise MotionError("the orientation is reached already; leave it out")
+                raise MotionError("it already has that orientation; omit it")
             return [line(start, end, angle * characteristic, number)]
         case Line():
             length = float(np.linalg.norm(end.translation - start.translation))

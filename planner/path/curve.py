@@ -85,7 +85,9 @@ def ends(curve: Curve) -> tuple[Pose, Pose]:
     x = curve_equations(curve).pose(np.array([[curve.begin], [curve.end]]))
     for place, t in zip(x, (curve.begin, curve.end), strict=True):
         if not np.isfinite(place).all():
-            raise MotionError(f"its equations have no finite value at t = {t:.6g}; let t run where they have")
+            raise MotionError(
+                f"its equations have no finite value at t = {t:.6g}; choose a range of t where they have one"
+            )
     first, last = (RigidTransform.from_components(row[:3], Rotation.from_matrix(row[3:].reshape(3, 3))) for row in x)
     return first, last
 
@@ -142,12 +144,12 @@ def _explain_failure(pose: Expression, begin: float, end: float, t: float) -> st
     if least < STANDSTILL_SHARE * fastest:
         at = round(slow, 6 - int(np.floor(np.log10(high - low)))) + 0.0
         return (
-            f"it all but stands still around t = {at:.6g}, with {least / fastest:.1g} of its largest |dp/dt|; take "
+            f"it nearly stops around t = {at:.6g}, with {least / fastest:.1g} of its largest |dp/dt|; take "
             "another t, along which it moves more evenly"
         )
     return (
         f"it changes too often between t = {low:.6g} and {high:.6g} to be followed to {SAME:g} m, first around "
-        f"t = {t:.6g}; shorten the interval, or take a smoother curve"
+        f"t = {t:.6g}; shorten the interval, or use a smoother curve"
     )
 
 
@@ -218,7 +220,7 @@ def prove_smooth(pose: Expression, begin: float, end: float) -> None:
                 break
             raise MotionError(
                 f"its equations change so fast around t = {_about(low, high, doubtful):.6g} that nothing can be proved "
-                "of them; part the curve, or take simpler ones"
+                "about them; split the curve, or use simpler equations"
             )
         low, high = low[doubtful], high[doubtful]
         middle = (low + high) / 2
@@ -227,7 +229,7 @@ def prove_smooth(pose: Expression, begin: float, end: float) -> None:
     if rough.any():
         raise MotionError(
             f"its equations are not smooth, or not finite, at t = {_about(low, high, rough):.6g}: a root or log of 0, "
-            "a quotient by 0, or a kink of abs, min or max; let t run beside it, or part the curve there"
+            "a quotient by 0, or a kink of abs, min or max; choose another range of t, or split the curve there"
         )
     if still.any():
         raise MotionError(

@@ -59,7 +59,7 @@ def spline(start: Pose, through: Array, rotate: Rotation | None, segment: int) -
     if speed[slowest].min() < MIN_SPEED:
         raise MotionError(
             f"the curve turns back between {_name(slowest)} and {_name(slowest + 1)}; "
-            "add points that lead it round, or end the spline there and start another"
+            "add points around the reversal, or end the spline there and start another"
         )
     pieces = [Piece(SPLINE, own, length, segment) for own, length in zip(numbers, spans.tolist(), strict=True)]
     return [replace(piece, turn=turning(piece)) for piece in pieces]

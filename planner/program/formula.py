@@ -86,7 +86,7 @@ def formula(text: str, constants: Mapping[str, float], t: ca.SX | None = None) -
         raise MotionError(f"{describe_value(text)}: {len(text)} characters; a formula has at most {LONGEST}")
     if odd := _FORBIDDEN.search(text):
         instead = ": write ** for a power" if odd[0] == "^" else ""
-        raise MotionError(f"{describe_value(text)}: {describe_value(odd[0])} may not stand in a formula{instead}")
+        raise MotionError(f"{describe_value(text)}: {describe_value(odd[0])} is not allowed in a formula{instead}")
     text = text.strip()
     try:
         with warnings.catch_warnings():
@@ -118,14 +118,14 @@ def check_names(constants: Mapping[str, float]) -> None:
                 f"constant {describe_value(name)}: a name is letters, digits and _, and begins with a letter"
             )
         if name in KNOWN_NAMES:
-            raise MotionError(f"constant {name}: {name} has its meaning already; give it another name")
+            raise MotionError(f"constant {name}: {name} is predefined; choose another name")
         if not math.isfinite(value):
             raise MotionError(f"constant {name}: {value} must be finite")
 
 
 def _build_node(node: ast.expr, text: str, known: Mapping[str, ca.SX], depth: int) -> ca.SX:
     if depth > DEEPEST:
-        raise MotionError(f"nested more than {DEEPEST} deep; part it by constants")
+        raise MotionError(f"nested more than {DEEPEST} levels deep; split it with constants")
     match node:
         case ast.Constant(value=int() | float() as value) if not isinstance(value, bool):
             made = ca.SX(_finite(value))
@@ -133,7 +133,7 @@ def _build_node(node: ast.expr, text: str, known: Mapping[str, ca.SX], depth: in
             if name not in known:
                 where = " here" if name in ("t", *_FUNCTIONS) else nearest(name, [*known, *_FUNCTIONS])
                 near = "" if name in KNOWN_NAMES else closest(name, [*known, *_FUNCTIONS])
-                told = f"{name} has no meaning{where}; it knows {', '.join(known)}"
+                told = f"{name} is not defined{where}; known names are {', '.join(known)}"
                 raise BadValue(told, allowed=", ".join(known), nearest=near)
             made = known[name]
         case ast.UnaryOp(op=ast.UAdd() | ast.USub(), operand=operand):
@@ -148,11 +148,13 @@ def _build_node(node: ast.expr, text: str, known: Mapping[str, ca.SX], depth: in
             values = [_build_node(argument, text, known, depth + 1) for argument in arguments]
             made = reduce(function, values) if name in _VARIADIC else function(*values)
         case ast.Call(func=ast.Name(id=name)):
-            told = f"{name[:40]}(…) is not known{nearest(name, _FUNCTIONS)}; there are {', '.join(_FUNCTIONS)}"
+            told = (
+                f"{name[:40]}(…) is not a known function{nearest(name, _FUNCTIONS)}; there are {', '.join(_FUNCTIONS)}"
+            )
             raise BadValue(told, allowed=", ".join(_FUNCTIONS), nearest=closest(name, _FUNCTIONS))
         case _:
             raise MotionError(
-                f"{_source(node, text)}: not for formulas, which have numbers, names, + - * / ** and functions"
+                f"{_source(node, text)}: not allowed in formulas, which have numbers, names, + - * / ** and functions"
             )
     _check_finite(made, node, text)
     return made
@@ -199,11 +201,11 @@ def _power(base: ca.SX, exponent: ca.SX) -> ca.SX:
         return ca.SX(math.nan if isinstance(value, complex) else value)
     if not exponent.is_constant():
         if not base.is_constant() or float(base) <= 0:
-            raise MotionError("a varying exponent asks for a constant base above 0; write exp(b*log(a))")
+            raise MotionError("a variable exponent needs a constant base above 0; write exp(b*log(a))")
         return ca.exp(exponent * math.log(float(base)))
     power = float(exponent)
     if abs(power) > STEEPEST:
-        raise MotionError(f"exponent {power:g}: at most {STEEPEST} of what is not constant")
+        raise MotionError(f"exponent {power:g}: at most {STEEPEST} for a variable base")
     if power != int(power):
         return ca.exp(power * ca.log(base))
     whole = _product(base, abs(int(power)))

@@ -83,7 +83,7 @@ class Line(MovingSegment):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Arc(MovingSegment):
-    """A circular arc from where the path stands, by a signed angle: right hand about `normal`, any number of turns.
+    """A circular arc from the current point, by a signed angle: right hand about `normal`, any number of turns.
 
     centre  (3,) m;  normal  (3,) of any length, kept as a unit vector;  angle  rad
     rise    m by which it moves along the normal in all: a helix
@@ -160,7 +160,7 @@ class Curve(MovingSegment):
         check_positive("curve", "length", self.length, "m")
         check_positive("curve", "angle", self.angle, "rad")
         if not (isfinite(self.begin) and isfinite(self.end)) or self.begin == self.end:
-            raise MotionError(f"curve: t from {self.begin} to {self.end} must be finite, and the two not the same")
+            raise MotionError(f"curve: t from {self.begin} to {self.end} must be finite, and differ")
         for name, texts in (("position", self.position), ("rotate", self.rotate)):
             if texts is not None and len(texts) != 3:
                 raise MotionError(f"curve: {name} takes three formulas, not {len(texts)}")

@@ -53,7 +53,7 @@ class Trigger:
 
     def __post_init__(self) -> None:
         if not self.name:
-            raise MotionError("trigger: its name is empty; give the output line or the event that it stands for")
+            raise MotionError("trigger: its name is empty; give the name of the output line or event")
         legible("trigger", "its name", self.name)
         if not 0 <= self.at <= 1:
             raise MotionError(f"trigger {self.name}: at {self.at} must be a share of its segment, from 0 to 1")
@@ -76,5 +76,5 @@ class Free:
         if not 0 <= self.tilt < pi / 2:
             raise MotionError(f"free: tilt {self.tilt} rad must not be negative, and be less than a right angle")
         if not self.yaw and self.tilt == 0:
-            raise MotionError("free: leave yaw free, or a tilt, or both; else leave free out")
+            raise MotionError("free: free yaw, a tilt, or both; otherwise omit free")
         freeze_fields(self, "controls")

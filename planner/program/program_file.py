@@ -313,7 +313,7 @@ def _suggest_import(path: Path, error: FileError) -> FileError:
     name = suffix_formats().get(path.suffix.lower())
     if name is None:
         return error
-    told = f"by its suffix it is {name}: make a program of it by pulsepath import"
+    told = f"by its suffix it is {name}: convert it with pulsepath import"
     return FileError(error.file, [*error.faults, Fault("", told, error.faults[-1].line)])
 
 

@@ -25,7 +25,7 @@ from planner.program.modifiers import Blend, Free, Join, Stop, Through, Trigger
 
 def _check_has_speed(constant: bool, info: ValidationInfo) -> bool:
     if constant and info.data.get("speed", 1.0) is None:  # a faulty speed is not there, and told of already
-        raise validation_error('asks for a speed: add e.g. speed = "20 mm/s"')
+        raise validation_error('needs a speed: add e.g. speed = "20 mm/s"')
     return constant
 
 
@@ -221,7 +221,7 @@ class CurveTable(TableSchema):
     @model_validator(mode="after")
     def _some_way(self) -> Self:
         if self.begin == self.end:
-            raise validation_error(f"t runs from {self.begin:g} to {self.end:g}: the two must not be the same")
+            raise validation_error(f"t runs from {self.begin:g} to {self.end:g}: the two must differ")
         return self
 
 

@@ -38,7 +38,7 @@ def synchronise(program: Program, machine: Machine) -> tuple[Program, tuple[int,
     if all(isinstance(part, Dwell) for part in segments):
         raise MotionError(
             f"program {program.name}: every segment ends where it starts, so synchronised moves would not move at all; "
-            "part it where it should rest, or leave --motion out"
+            "split it where it should stop, or omit --motion"
         )
     changed = {name: getattr(program, name) for name in program.__dataclass_fields__} | {"segments": tuple(segments)}
     return Program(**changed), tuple(left_out)

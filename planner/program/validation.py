@@ -67,7 +67,7 @@ def unit_direction(segment: str, name: str, value: ArrayLike) -> Array:
     given = check_point(segment, name, value)
     largest = np.abs(given).max()
     if largest == 0:
-        raise MotionError(f"{segment}: {name} is zero; give the direction about which it turns, e.g. [0, 0, 1]")
+        raise MotionError(f"{segment}: {name} is zero; give the direction of the axis, e.g. [0, 0, 1]")
     scaled = given / largest  # the norm of very large or very small vectors would overflow
     unit = scaled / np.linalg.norm(scaled)
     return freeze_array(given if np.abs(given - unit).max() <= ROUNDING else unit)
@@ -93,9 +93,9 @@ def check_caps(stated: object, what: str) -> None:
     for name, unit in CAPS.items():
         check_positive(what, name, getattr(stated, name, None), unit)
     if getattr(stated, "speed_constant", False) and getattr(stated, "speed", None) is None:
-        raise MotionError(f"{what}: speed_constant asks for a speed: give speed as well")
+        raise MotionError(f"{what}: speed_constant needs a speed: give speed too")
 
 
 def repeats(number: int) -> str:
     """What to say of a spline whose point of a number, from 1, is its next one as well."""
-    return f"points {number} and {number + 1} are the same; leave one of them out"
+    return f"points {number} and {number + 1} are the same; omit one of them"

@@ -164,6 +164,6 @@ def _unproved_error(trajectory: Trajectory, limits: Sequence[Limit], certificate
     if unproved:
         return MotionError(
             f"the motion could not be proved: {unproved[0]} at {certificate.where[unproved[0]]} has no bound; "
-            "this is a fault of the planner: report it"
+            "this is a bug in the planner: please report it"
         )
     return MotionError(f"no motion could be proved within {ROUNDS} rounds; what remained:\n{certificate}")

@@ -247,7 +247,7 @@ def speed_error(
     remedy = (
         f"{band}so {speed * 1e3:.6g} mm/s cannot be kept constant: there it could be "
         f"{float(low[worst[0]]) * 1e3:.6g} mm/s; "
-        "lower the speed, or let the segment run without speed_constant"
+        "lower the speed, or omit speed_constant"
     )
     told = limit.name, limit.channels[channel], place, reached * scale, allowed * scale, unit, remedy
     return ConstantRefused(*told, asked=speed, possible=float(low[worst[0]]))
@@ -264,8 +264,8 @@ def _too_short_error(path: ActuatorPath, limits: Sequence[Limit], capped: Profil
     fastest = float(capped.v.max())
     place = path.place(float(capped.s[k[0]]), int(capped.piece[k[0]]), None, channel)
     remedy = (
-        f"the segment is too short for its ramps, held by the {timed[holding].name} of {channel}: "
-        f"lower the speed below {fastest * 1e3:.6g} mm/s, or let it run without speed_constant"
+        f"the segment is too short for its ramps, limited by the {timed[holding].name} of {channel}: "
+        f"lower the speed below {fastest * 1e3:.6g} mm/s, or omit speed_constant"
     )
     told = "constant speed", channel, place, speed * 1e3, fastest * 1e3, "mm/s", remedy
     return ConstantRefused(*told, asked=speed, possible=fastest)

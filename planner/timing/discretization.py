@@ -167,7 +167,7 @@ def _interval_count(rule: tuple[int, int, int], path: ActuatorPath, run: Run) ->
         order = ", or plan at order 2" if rule != SECOND_ORDER else ""
         raise MotionError(
             f"from {since} to {until} the motion does not stop, and takes {size} intervals to time, "
-            f'at most {most}: write join = "stop" on the way, or part a segment that turns on and on{order}'
+            f'at most {most}: write join = "stop" on the way, or split a segment that turns many times{order}'
         )
     return size
 
@@ -188,7 +188,7 @@ def unbounded_error(problem: Problem, order: int) -> MotionError | None:
     if any(np.any(block.start.get(term, 0.0)) for block in problem.blocks):
         return None
     return MotionError(
-        f"nothing bounds the motion: no axis that moves states a limit of {name}; state one, or plan at another order"
+        f"the motion is unbounded: no moving axis states a limit of {name}; state one, or plan at another order"
     )
 
 
@@ -233,9 +233,7 @@ def _second_order_start(problem: Problem) -> tuple[Problem, float]:
     jerk, speed, push = _mean_bound(problem, Term.SDDD), _mean_bound(problem, Term.SD), _mean_bound(problem, Term.SDD)
     reached = min(np.sqrt(speed * jerk), np.cbrt(jerk**2 * (problem.s[-1] - problem.s[0]) / 2))
     if not np.isfinite(reached):
-        raise MotionError(
-            "nothing bounds the motion: no axis that moves states a limit of speed or acceleration; state one"
-        )
+        raise MotionError("the motion is unbounded: no moving axis states a limit of speed or acceleration; state one")
     blocks = [block for block in problem.blocks if set(block.start) <= SECOND]
     if reached < push:
         size = np.full((problem.intervals, 1), 1 / reached)

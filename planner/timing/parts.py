@@ -71,7 +71,7 @@ def tighten_in_parts(
         found = tighten_in_parts(path, limits, part, own) if max(map(np.max, own.values())) > 1 else part
         if found.status in ("stopped", "too fast"):  # a ramp between given speeds, which does not know where it lies
             place = path.place(float(part.profile.s[0]), int(part.profile.piece[0]))
-            remedy = 'lower the constant speed that it joins, or write join = "stop" where its segments meet'
+            remedy = 'lower the adjacent constant speed, or write join = "stop" between the segments'
             return RunSolution.refused(MotionError(f"the ramp from {place}: {found.refusal}: {remedy}"))
         parts.append(found)
     return RunSolution.joined(parts, IN_PARTS)

@@ -51,6 +51,6 @@ def _place_refusal(path: ActuatorPath, run: Run, found: RunSolution) -> RunSolut
         return found
     place = path.place(float(run.breaks(path)[-no.end]), (run.first, run.last)[no.end])
     unit, scale = ("mm/s", 1e3) if place.segment is not None else ("/s", 1.0)
-    remedy = f"{no.largest * scale:.6g} {unit} is the largest that the limits leave room for"
+    remedy = f"{no.largest * scale:.6g} {unit} is the largest that the limits allow"
     remedy += ", from rest or to rest at the other end: both are too high" if no.both else ""
     return RunSolution.refused(Infeasible(no.name, "path", place, no.speed * scale, no.largest * scale, unit, remedy))

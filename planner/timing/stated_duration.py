@@ -197,11 +197,11 @@ def _refuse(path: ActuatorPath) -> None:
     asked = next((piece for piece in pieces if path.constant(piece) is not None), None)
     if asked is not None:
         where = path.place(float(path.breaks[asked]), asked)
-        raise MotionError(f"{where}: a constant speed leaves no choice of duration: leave out one of the two")
+        raise MotionError(f"{where}: a constant speed fixes the duration: omit one of the two")
     if max(path.end_speeds) > 0:
         raise MotionError(
             f"a stated duration goes from rest to rest, and this motion begins and ends at {path.end_speeds} along the "
-            "path: leave out the duration, or start_speed and end_speed"
+            "path: omit the duration, or start_speed and end_speed"
         )
 
 

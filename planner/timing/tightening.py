@@ -84,7 +84,7 @@ def tighten_leg(leg: RunSolution, use: Mapping[str, Array], slowness: float) -> 
         return RunSolution.refused(
             MotionError(
                 f"no motion from {start:.6g} to {end:.6g} along the path was found "
-                "that keeps every limit; ask for slower ends"
+                "that respects every limit; use slower end speeds"
             )
         )
     return leg.slowed(slowness)

@@ -45,7 +45,7 @@ def test_other_sources_on_a_worker_are_refused_before_any_work(tmp_path, monkeyp
             worker.kill()
     told = str(refused.value)
     assert told.startswith("1 of the cluster's workers, as tcp://")
-    assert "would give other results: other sources of planner. Install the same there" in told
+    assert "would give different results: other sources of planner. Install the same there" in told
 
 
 def test_another_library_on_the_workers_is_refused(monkeypatch):
@@ -55,7 +55,7 @@ def test_another_library_on_the_workers_is_refused(monkeypatch):
     with distributed.LocalCluster(n_workers=1, threads_per_worker=1, processes=True, dashboard_address=None) as cluster:
         numpy = look()["numpy"]
         monkeypatch.setitem(FIRST, key, {**look(), "numpy": "1.0"})
-        with pytest.raises(MotionError, match=rf"other results: numpy {numpy} \(here 1\.0\)\. Install the same"):
+        with pytest.raises(MotionError, match=rf"different results: numpy {numpy} \(here 1\.0\)\. Install the same"):
             list(run_on_cluster(divmod, [7], 2, cluster.scheduler_address))
 
 

@@ -113,7 +113,7 @@ def verdict_of(comparison: Comparison) -> Verdict:
     if not ranked or not isfinite(ranked[0][0]):
         why = "no other setting was run" if not others else "no other setting is stable on every path and rig"
         why = why if comparison.ranked else "no path ranks settings"
-        text = " ".join([f"The baseline {name} stands alone: {why}.", *describe_unranked(comparison)])
+        text = " ".join([f"The baseline {name} is not compared: {why}.", *describe_unranked(comparison)])
         return Verdict(None, inf, (), text)
     score, best = ranked[0][0], full[ranked[0][1]]
     ratio, least = comparison.mean_ratio(best), min(full, key=comparison.mean_ratio)
@@ -149,7 +149,7 @@ def _costs(comparison: Comparison, entry: SettingEntry) -> str:
 def describe_unranked(comparison: Comparison) -> list[str]:
     """A sentence for each path that does not count, and why."""
     return [
-        f"Not ranked: {task}, since some laws stay on it to less than a hundredth of a pulse, however they track."
+        f"Not ranked: {task}, because some laws track it to less than a hundredth of a pulse at any setting."
         for task in comparison.tasks
         if task not in comparison.ranked
     ]
@@ -182,7 +182,7 @@ def _describe_verdict(
     name, baseline = comparison.label(best), comparison.label(comparison.baseline)
     rows = comparison.of(best)
     marks = [row.against.mark for row in rows if row.against]
-    verb = "is the best" if score < 1 else "comes nearest to the baseline, which stays the best,"
+    verb = "is the best" if score < 1 else "comes closest to the baseline, which remains the best,"
     counts = ", ".join(f"{mark} on {marks.count(mark)}" for mark in ("better", "neither", "worse") if mark in marks)
     many = f"{len(comparison.ranked)} path{'s' if len(comparison.ranked) > 1 else ''}"
     pieces = [
@@ -197,10 +197,10 @@ def _describe_verdict(
         if row.task in comparison.ranked and other is not None and other.figures and row.figures
         for unit in [comparison.unit(RANK, row.task)]
     ]
-    pieces.append(f"As the rig is stated, that is from {', '.join(errors)}.")
+    pieces.append(f"On the rig as stated, this is from {', '.join(errors)}.")
     costs = _costs(comparison, best)
     if costs:
-        pieces.append(f"It pays with {costs}.")
+        pieces.append(f"It costs {costs}.")
     if away := sum(row.away for row in rows):
         theirs = comparison.of(comparison.baseline)
         pieces.append(
@@ -209,9 +209,11 @@ def _describe_verdict(
         )
     if least != best:
         dearer = _costs(comparison, least)
-        why = f"but it pays with {dearer}" if dearer else "but it is behind by all that is weighed together"
+        why = f"but it costs {dearer}" if dearer else "but its weighed total is worse"
         error = comparison.mean_ratio(least)
-        pieces.append(f"Less RMS contour error has {comparison.label(least)}, {error:.3g} times the baseline's, {why}.")
+        pieces.append(
+            f"A smaller RMS contour error has {comparison.label(least)}, {error:.3g} times the baseline's, {why}."
+        )
     for figure, what in (("torque_rms", "RMS torque"), ("torque_peak", "peak torque")):
         pair = [
             (row.figures[figure], other.figures[figure])
@@ -267,7 +269,7 @@ class Condition:
         the condition holds, since what is checked is not there.
         """
         if entry is None:
-            return [f"{self.text}: no setting holds on every path and rig"]
+            return [f"{self.text}: no setting is stable on every path and rig"]
         found = []
         for row in comparison.of(entry):
             unit = comparison.unit(self.figure, row.task)

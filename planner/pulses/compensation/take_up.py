@@ -239,9 +239,7 @@ def _refuse(motion: AxesMotion, k: int, axis: Axis, turns: Array, seen: _StepSam
     arrives, _, way = turns[np.argmin(abs(turns[:, 0] - t))]
     if arrives == 0:  # the play is on the other side before anything moves
         side = "-" if way < 0 else "+"
-        where = (
-            f'before {axis.name} first moves: let the program begin with a dwell of {rest} s, state pushed = "{side}"'
-        )
+        where = f'before {axis.name} first moves: start the program with a dwell of {rest} s, state pushed = "{side}"'
         where += " if that is the side on which it was homed"
     else:
         where = f"where {axis.name} turns: let it rest there for {rest} s (a dwell)"

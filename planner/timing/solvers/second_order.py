@@ -145,7 +145,7 @@ def _stopped(problem: Problem, x: Array | MotionError) -> MotionError:
             return TooFast(end, problem.speeds[end], float(np.sqrt(largest)) * unit)
     return MotionError(
         f"no motion gets past s = {problem.s[int(np.argmax(x[1:] + x[:-1] <= 0))]:.6g}; "
-        "check for a limit that leaves no room there, or a path that stands still"
+        "check for a limit that allows no motion there, or a path that stops"
     )
 
 

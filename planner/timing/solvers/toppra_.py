@@ -28,9 +28,7 @@ def largest_speeds(
     solver = algorithm([constraint], _Interval(), gridpoints=points, solver_wrapper="seidel")
     _, speed, _, _ = solver.compute_parameterization(*np.sqrt(ends), return_data=True)
     if speed is None or not np.isfinite(speed).all():
-        return MotionError(
-            f"toppra found no motion over {len(step)} intervals; our own solver may: leave the solver out"
-        )
+        return MotionError(f"toppra found no motion over {len(step)} intervals; our own solver may: omit the solver")
     return np.asarray(speed, float) ** 2
 
 
@@ -52,7 +50,7 @@ def _toppra(what: str = "this solver") -> tuple[Any, Any]:
         import toppra.algorithm as algorithm
         from toppra.constraint.linear_constraint import LinearConstraint
     except ImportError as missing:
-        raise NotInstalled(what, "toppra", instead="leave it out: our own solver needs no toppra") from missing
+        raise NotInstalled(what, "toppra", instead="omit it: our own solver does not need toppra") from missing
     import logging
 
     logging.getLogger("toppra").setLevel(logging.ERROR)

@@ -56,7 +56,7 @@ def test_a_jog_ends_by_stop_by_any_line_and_at_the_end_of_travel(talk):
     assert console.registers()[1] == 5
     console.say("JOG X CCW")
     assert console.wait() == ["STOPPED X 0 Y 5 Z 0 R 0"]
-    assert "its end: of travel" in console.say("JOG X CCW")[0]
+    assert "further: end of travel" in console.say("JOG X CCW")[0]
     console.assert_true()
 
 
@@ -149,7 +149,7 @@ def test_modes_say_who_drives(talk):
     assert console.say("STOP", REMOTE) == []
     assert console.wait() == ["STOPPED X 0 Y 0 Z 0 R 0"] * 2
     console.say("REM")
-    assert "MAN takes them back" in console.say("POS X CW 1")[0]
+    assert "MAN returns to manual mode" in console.say("POS X CW 1")[0]
     console.say("P X + 500", REMOTE)
     console.say("P X + 500", REMOTE)
     assert console.say("MAN")[0] == "ERROR dropped by the console; no motion"
@@ -171,7 +171,7 @@ def test_the_remote_line_needs_no_home_but_for_a_pose(talk):
     assert console.wait() == ["DONE"]
     assert console.registers() == [100, -40, 80, 0]
     assert "length of its travel (not homed)" in console.say("P X + 76701", REMOTE)[0]
-    assert "not homed: a pose needs all places" in console.say("MOVE 0 0 1", REMOTE)[0]
+    assert "not homed: a pose needs all axis positions" in console.say("MOVE 0 0 1", REMOTE)[0]
 
 
 def test_a_client_that_vanishes_leaves_the_move_under_way(talk):
@@ -206,7 +206,7 @@ def test_registers_are_offered_and_not_assumed(talk):
     desk, _ = take_line(Dispatcher(again), CONSOLE, TextLine("POS X CW 1"), 0.0)
     desk, _ = advance_time(desk, desk.end)
     desk, replies = take_line(desk, CONSOLE, TextLine("ACCEPT"), 1.0)
-    assert "nothing is offered" in replies[0][1]
+    assert "nothing to accept" in replies[0][1]
 
 
 def test_an_axis_that_was_moving_is_not_offered(talk):
@@ -329,7 +329,7 @@ def test_a_line_from_where_no_plan_can_begin_is_refused(talk):
 def test_single_legs_go_no_farther_than_the_joints_bear(talk):
     console = talk("hexapod")
     (reply,) = console.say("POS LEG1 CCW 60000")
-    assert reply.startswith("ERROR on the way leg1")
+    assert reply.startswith("ERROR on the path leg1")
     assert "tilt" in reply
     console.say("JOG LEG1 CCW")
     (reply,) = console.wait()

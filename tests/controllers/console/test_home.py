@@ -28,7 +28,7 @@ def test_home_in_mid_range_keeps_the_window_of_the_true_slide(talk):
     assert "outside -38400 to 38400" in console.say("POS X CW 38401")[0]
     console.say("POS X CW 38400")
     assert console.wait() == ["DONE"]
-    assert "stands at its end" in console.say("JOG X CW")[0]
+    assert "cannot go further" in console.say("JOG X CW")[0]
     # the seed's own example (F.3), and F.5: any point becomes the register's zero, and the slide ends where it did
     console.say("POS X CCW 8400 Z CCW 20")
     assert console.wait() == ["DONE"]
@@ -57,10 +57,10 @@ def test_the_examples_of_the_help_can_be_done_wherever_home_was_said(talk, first
         ("HOME X AT 24 deg", "24 deg"),
         ("HOME X AT 24", "AT takes where the slide stands"),
         ("HOME X AT", "AT takes where"),
-        ("HOME AT 24 in", "AT is no axis"),
+        ("HOME AT 24 in", "AT is not an axis"),
         ("HOME X AT 24 furlong", "furlong"),
         ("HOME X AT nan in", "AT takes where"),
-        ("HOME X AT 24 in X", "named twice"),
+        ("HOME X AT 24 in X", "given twice"),
         ("HOME R AT 999999 rev", "counter"),
     ],
 )
@@ -91,7 +91,7 @@ def test_axes_wired_the_other_way_and_legs_by_their_stroke(talk):
     legs.say("POS LEG1 CW 33333")
     assert legs.wait() == ["DONE"]
     assert legs.desk.session.counts[0] == 0
-    assert "stands at its end" in legs.say("JOG LEG1 CW")[0]
+    assert "cannot go further" in legs.say("JOG LEG1 CW")[0]
 
 
 def test_registers_and_places_outlive_the_session(talk, tmp_path):
@@ -123,7 +123,7 @@ def test_theta_is_the_rotary_axis_of_the_keyboard_alone():
     names = ("X", "Y", "Z", "R")
     for word in ("θ", "Θ", "theta", "R"):
         assert parse_operator_line(f"pos {word} cw 5", names) == parse_operator_line("POS R CW 5", names)
-    with pytest.raises(MisreadLine, match="THETA is no axis"):
+    with pytest.raises(MisreadLine, match="THETA is not an axis"):
         parse_operator_line("JOG θ CW", ("LEG1", "LEG2"))
     for word in ("θ", "THETA"):
         with pytest.raises(MisreadLine):

@@ -68,7 +68,7 @@ def test_a_serial_line_is_answered_after_the_motion(server, wire, baud):
     said = answered(remote, here, 3).split(b"\r\n")
     assert said[0] == b"X 100 Y 40 Z 80 R 0"  # WHERE does not wait
     assert said[1] == b"DONE"
-    assert said[2].startswith(b"ERROR Q is no axis")
+    assert said[2].startswith(b"ERROR Q is not an axis")
     assert remote.desk.session.registers(0.0).tolist() == [0, 0, 80, 0]
 
 

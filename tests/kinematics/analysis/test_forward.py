@@ -200,7 +200,7 @@ def test_a_start_out_of_reach_leads_nowhere():
     assert np.isinf(found.residual).all()
     assert not found.certified.any()
     assert np.isfinite(found.pose.as_matrix()).all()
-    with pytest.raises(OutOfReach, match=r"no pose was found .* from one that is itself out of reach"):
+    with pytest.raises(OutOfReach, match=r"no pose was found .* `near` is itself out of reach"):
         linkage.forward(linkage.home_q, nowhere)
 
 

@@ -93,8 +93,8 @@ BAD = {
     "not a number": (LEVEL.replace("10", "nan"), ["measured.toml:2: pose[1].desired[3]", "nan", "not a finite number"]),
     "too short": (LEVEL.replace(", 0]", "]", 1), ["pose[1].desired", "the array is too short"]),
     "too long": (LEVEL.replace("[0, 0, 10", "[0, 0, 0, 10"), ["pose[1].desired", "7 entries instead of 6"]),
-    "no direction": (LEVEL.replace("90, 90, 0", "90, 90, 90"), ["desired", "direction angles of no axis", "cos²"]),
-    "error of metres": (LEVEL.replace("[0, 0, 0, 0", "[0, 0, 0, 60"), ["pose[1]", "direction angles of no axis"]),
+    "no direction": (LEVEL.replace("90, 90, 0", "90, 90, 90"), ["desired", "not direction angles of an axis", "cos²"]),
+    "error of metres": (LEVEL.replace("[0, 0, 0, 0", "[0, 0, 0, 60"), ["pose[1]", "not direction angles of an axis"]),
     "both ways": (LEVEL + "measured = [0, 0, 0]\n", ["pose[1]", "exclude each other"]),
     "unknown key": (LEVEL + "sprad = [0, 0, 0, 0, 0, 0]\n", ["measured.toml:4", "sprad", "spread"]),
     "unknown table": (LEVEL + "[[rotaton]]\n", ["rotaton", 'nearest is "rotation"']),
@@ -143,5 +143,5 @@ def test_what_the_file_leaves_open_is_noted(load):
     text = CMM.replace("\nat = [0, 0, 25]", "")
     assert text != CMM
     (note,) = load(text).notes
-    assert note == "rotation 1: the file gives no position `at` of the turn, so home's was taken"
+    assert note == "rotation 1: the file gives no position `at` of the rotation, so home is assumed"
     assert load_measurements("cmm").notes == ()

@@ -163,7 +163,7 @@ def test_the_force_that_holds_it(hexapod):
     heavy = hexapod.carrying(Load(Body(140.0, [0.05, 0, 0.1])))
     no = refused(Program([Line([0.005, 0, 0.02])]), heavy)
     assert no.kind == "holding force"
-    over = float(number(r"take (\S+) N off the axis, or give it a max_force that is so much larger", no))
+    over = float(number(r"reduce its load by (\S+) N, or increase its max_force by as much", no))
     for factor, holds in ((1.001, True), (0.99, False)):
         axes = [replace(axis, max_force=axis.max_force + factor * over) for axis in hexapod.axes]
         stronger = Hexapod(hexapod.base, hexapod.platform, axes=axes, home=hexapod.home, max_tilt=np.deg2rad(35))
@@ -193,7 +193,7 @@ def test_the_speed_at_an_end(hexapod, end):
 
     with pytest.raises(Infeasible) as no:
         moving(0.2)
-    largest = float(number(r"(\S+) mm/s is the largest that the limits leave room for", no.value)) / 1e3
+    largest = float(number(r"(\S+) mm/s is the largest that the limits allow", no.value)) / 1e3
     assert moving(0.999 * largest).certificate.holds
     with pytest.raises(Infeasible):
         moving(1.001 * largest)
@@ -240,7 +240,7 @@ def test_a_machine_beyond_a_limit_at_home_is_told_so(hexapod):
     axes = [replace(axis, travel=(0.005, 0.03)) for axis in hexapod.axes]
     short = Hexapod(hexapod.base, hexapod.platform, axes=axes, home=hexapod.home)
     told = str(refused(Program([Line([0, 0, 0.06])]), short))
-    assert "beyond a limit at home already (leg" in told
+    assert "already exceeds a limit at home (leg" in told
     assert "travel: 140.0% of its limit" in told  # 17.5 mm from the middle of a range of 25 mm
 
 

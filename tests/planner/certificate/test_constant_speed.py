@@ -131,15 +131,15 @@ def test_the_refusal_agrees_with_a_scan_of_its_own(hexapod, own_lengths, speed):
 
 def test_a_segment_too_short_for_its_ramps_says_how_fast_it_gets(table):
     """From rest to rest over L one axis gets to √(A L)."""
-    with pytest.raises(Infeasible, match="too short for its ramps, held by the acceleration of X") as refusal:
+    with pytest.raises(Infeasible, match="too short for its ramps, limited by the acceleration of X") as refusal:
         plan(Program((Line([0.001, 0, 0], speed=0.05, speed_constant=True),)), table, order=2)
     assert refusal.value.limit / 1e3 == pytest.approx(np.sqrt(A * 0.001), rel=1e-3)
 
 
 def test_a_constant_speed_needs_a_speed():
-    with pytest.raises(MotionError, match="give speed as well"):
+    with pytest.raises(MotionError, match="give speed too"):
         Line([0, 0, 0.01], speed_constant=True)
-    with pytest.raises(MotionError, match="give speed as well"):
+    with pytest.raises(MotionError, match="give speed too"):
         Arc([0, 0, 0.01], [0, 0, 1], 1, speed_constant=True)
 
 

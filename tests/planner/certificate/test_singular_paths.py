@@ -33,7 +33,7 @@ def test_the_flat_pose_of_a_tripod_is_named(tripod):
     path, found = met(Program([Line([0, 0, flat + 0.05])]), tripod)
     assert found is not None
     assert found[0] == pytest.approx(flat, abs=1e-3)
-    with pytest.raises(OutOfReach, match=r"singular, or too near .* lead the path around it"):
+    with pytest.raises(OutOfReach, match=r"singular, or too close .* route the path around it"):
         plan(Program([Line([0, 0, flat + 0.05])]), tripod, order=2)
     (told,) = check(Program([Line([0, 0, flat + 0.05])]), tripod).violations
     assert "segment 1" in str(told)

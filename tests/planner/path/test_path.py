@@ -247,11 +247,14 @@ def test_tool_speed_caps_belong_to_their_segment(hexapod):
             [Dwell(0.1), Arc([0, 0, 0.022], [0, 0, 1], 1.0)],
             ["segment 2, arc", "3 mm out of the plane", "move the centre by [0, 0, 3] mm", "normal"],
         ),
-        ([Arc(RIM.translation, [0, 0, 1], 1.0)], ["segment 1, arc", "on the arc's centre", "[15, 0, 25] mm", "beside"]),
-        ([Turn(Rotation.identity())], ["segment 1, turn", "reached already", "leave it out"]),
+        (
+            [Arc(RIM.translation, [0, 0, 1], 1.0)],
+            ["segment 1, arc", "the arc's centre", "[15, 0, 25] mm", "give another centre"],
+        ),
+        ([Turn(Rotation.identity())], ["segment 1, turn", "already has that orientation", "omit it"]),
         (
             [Dwell(0.1), Spline([RIM.translation, [0, 0, 0.02]])],
-            ["segment 2, spline", "point 1 is where the path stands", "[15, 0, 25] mm"],
+            ["segment 2, spline", "point 1 is the current point of the path", "[15, 0, 25] mm"],
         ),
         (
             [Spline([[0, 0, 0.025], [0.01, 0, 0.025], [-0.01, 0, 0.025], [0.01, 1e-4, 0.025]])],

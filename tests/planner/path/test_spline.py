@@ -155,7 +155,7 @@ def test_a_turn_by_quarters_goes_all_the_way_round(hexapod):
     [
         (
             lambda: Spline([[0, 0, 1], [1, 0, 0], [1, 0, 0]]),
-            "spline: points 2 and 3 are the same; leave one of them out",
+            "spline: points 2 and 3 are the same; omit one of them",
         ),
         (lambda: Spline([]), "points of three finite numbers, at least one"),
         (lambda: Spline([[0, 0]]), "points of three finite numbers"),

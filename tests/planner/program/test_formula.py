@@ -164,9 +164,9 @@ def test_a_long_sum_is_not_nested():
 
 def test_constants_have_names_of_their_own():
     assert constant("2*pi*n", {"n": 3.0}) == 6 * math.pi
-    with pytest.raises(MotionError, match="t has no meaning here"):
+    with pytest.raises(MotionError, match="t is not defined here"):
         constant("2*t", {})
-    with pytest.raises(MotionError, match='radus has no meaning, nearest is "radius"'):
+    with pytest.raises(MotionError, match='radus is not defined, nearest is "radius"'):
         formula("radus*t", {"radius": 1.0}, T)
     for name in ("t", "pi", "sin", "a b", "1a", "", "_x", "é", "a.b", "x" * 100):
         with pytest.raises(MotionError, match="constant"):

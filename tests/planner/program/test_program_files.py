@@ -165,7 +165,7 @@ arc = {{ centre = [0, 2, 3], normal = [0, 0, 2], angle = 720, rise = "3 deg" }}
         load(text)
     found = [(fault.key, fault.message) for fault in refusal.value.faults]
     expected = [
-        ("segment[1].spline.through", "points 2 and 3 are the same; leave one of them out"),
+        ("segment[1].spline.through", "points 2 and 3 are the same; omit one of them"),
         ("segment[2].spline", "2 orientations in rotate for 1 points in through: give one for each, or none"),
         ("segment[2].join.angle", "must be"),
         ("segment[3].spline.through", "at least one point"),
@@ -258,7 +258,7 @@ def test_faults_of_these_keys_have_their_lines(load):
     text = str(refusal.value)
     for phrase in (
         'too: unknown key, nearest is "to"; valid keys: to, rotate',
-        'asks for a speed: add e.g. speed = "20 mm/s"',
+        'needs a speed: add e.g. speed = "20 mm/s"',
         "empty: give the name of the output line or event",
         "trigger: unknown key; valid keys: dwell",
     ):

@@ -178,7 +178,7 @@ BAND = (0.018, 0.022)
 def test_a_constant_speed_in_a_resonance_band_is_refused_by_name():
     """X states no time to cross it: from rest it stays below the band's lower edge."""
     machine = table_of(resonance=(BAND,))
-    with pytest.raises(Infeasible, match=r"resonance band from 18 to 22 mm/s that states no time") as refusal:
+    with pytest.raises(Infeasible, match=r"resonance band from 18 to 22 mm/s without a crossing time") as refusal:
         plan(Program((to(0.05, 0.02),)), machine, order=2)
     no = refusal.value
     assert (no.kind, no.axis, no.place.segment) == ("resonance", "X", 1)

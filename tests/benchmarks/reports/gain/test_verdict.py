@@ -38,7 +38,7 @@ def test_nine_per_cent_of_error_are_not_worth_2800_times_the_vibration(tmp_path)
     assert found.score(SettingEntry(0, GOOD)) > 1
     assert (verdict.best, verdict.least) == (SettingEntry(0, SAME), SettingEntry(0, GOOD))
     assert (
-        "Less RMS contour error has closed-position gain 0.3, 0.91 times the baseline's, but it pays with"
+        "A smaller RMS contour error has closed-position gain 0.3, 0.91 times the baseline's, but it costs"
         in verdict.text
     )
     assert "52.9 times the vibration (52.9 pulses RMS against 1 pulses RMS on " in verdict.text
@@ -47,7 +47,7 @@ def test_nine_per_cent_of_error_are_not_worth_2800_times_the_vibration(tmp_path)
     assert sum(record["weights"].values()) == pytest.approx(1)
     # and where it is all there is, the baseline stays
     alone = compare([with_costs(tmp_path / "alone", costs, {BASE: 100e-6, GOOD: 91e-6 / 1.05**2})])
-    assert "comes nearest to the baseline, which stays the best" in verdict_of(alone).text
+    assert "comes closest to the baseline, which remains the best" in verdict_of(alone).text
 
 
 def test_a_great_gain_is_worth_its_price_which_is_told(tmp_path):
@@ -56,9 +56,9 @@ def test_a_great_gain_is_worth_its_price_which_is_told(tmp_path):
     verdict = verdict_of(found)
     assert verdict.best == verdict.least == SettingEntry(0, GOOD)
     assert verdict.score < 0.2
-    assert "It pays with 3 times the vibration (3 pulses RMS against 1 pulses RMS on " in verdict.text
+    assert "It costs 3 times the vibration (3 pulses RMS against 1 pulses RMS on " in verdict.text
     assert "2 times the effort (20 % of the torque limit RMS against 10 % of the torque limit RMS on " in verdict.text
-    assert "Less RMS contour error has" not in verdict.text
+    assert "A smaller RMS contour error has" not in verdict.text
 
 
 def test_a_best_that_never_comes_to_its_goal_says_so(tmp_path):

@@ -283,5 +283,5 @@ def test_other_limits_may_be_missing(missing, seven_segments):
 
 def test_without_a_limit_of_jerk_it_is_refused():
     path = line(1.0)
-    with pytest.raises(MotionError, match=r"nothing bounds the motion.*jerk"):
+    with pytest.raises(MotionError, match=r"the motion is unbounded.*jerk"):
         solve_run(path, limits_on(path, 1.0, 1.0, None), Run(0, 0), 3).require_profile()
