@@ -1,4 +1,4 @@
-"""At which instants a motion is stated, so that what a consumer makes of it stays within a tolerance.
+"""Sampling times of a motion, chosen so that the reader's interpolation stays within a tolerance.
 
 Consumers run one polynomial per segment that meets the rows given at both its ends: one row (position) is a straight
 line, two (and velocity) the cubic of PVT, three (and acceleration) a quintic. What was written is decoded, interpolated
