@@ -9,7 +9,7 @@ from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
 from planner.limits.limit import Term
 from planner.plan import Plan
-from planner.timing.certified_solve import Solution, certified_solve
+from planner.timing.certified_solve import Solution, certified_solve, try_certified_solve
 from planner.timing.solvers.toppra_ import require
 
 if TYPE_CHECKING:
@@ -87,7 +87,5 @@ def cross_check(plan: Plan) -> CrossCheck:
         ours = Solution(*own)
     else:
         ours = certified_solve(plan.path, limits, 2)
-    try:
-        return CrossCheck(ours, certified_solve(plan.path, limits, 2, solver="toppra", proving=False))
-    except MotionError as no:
-        return CrossCheck(ours, None, str(no))
+    theirs = try_certified_solve(plan.path, limits, 2, solver="toppra", proving=False)
+    return CrossCheck(ours, None, str(theirs)) if isinstance(theirs, MotionError) else CrossCheck(ours, theirs)

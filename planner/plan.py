@@ -18,7 +18,6 @@ from planner.actuation import MachinePath, actuate
 from planner.certificate.certify import Certificate
 from planner.certificate.constant_speed import CONSTANT_SPEED, Stretch, find_stretches
 from planner.certificate.feasibility import Standing, prove_feasibility
-from planner.course import course
 from planner.limits import Limit, limits_of, usual_order
 from planner.limits.force import TorqueSpeed
 from planner.limits.limit import order_of
@@ -182,8 +181,8 @@ def plan(
         _refuse_solver(solver, order, duration)
     program = orient_open(program, machine, order)
     try:
-        whole = course(program, machine, order, pace_axes(machine.axes, int(clock_hz), rule))
-        path, limits = whole.path, whole.limits
+        path = actuate(program, machine)
+        limits = limits_of(path, pace_axes(machine.axes, int(clock_hz), rule), order)
         if duration is None:
             solution = certified_solve(path, limits, order, progress, solver=solver)
         else:

@@ -12,7 +12,7 @@ from kinematics.foundation.errors import MotionError
 from kinematics.machine.axis import Axis, Magnitude
 from planner.limits import limits_of
 from planner.path.polynomial import ROUNDING, PolynomialPath, Section, cut_sections, join_sections
-from planner.timing.certified_solve import Solution, certified_solve
+from planner.timing.certified_solve import Solution, certified_solve, try_certified_solve
 
 # A jump of an axis' values at a break, as a share of their range, up to which it is rounding.
 MAX_JUMP = 1e-9
@@ -66,10 +66,8 @@ def _choose_faster(part: Section, axes: Sequence[Axis], order: int) -> Polynomia
         return part.resting
     times = []
     for way in (part.resting, part.passing):
-        try:
-            times.append(certified_solve(way, limits_of(way, axes, order), order).trajectory.duration)
-        except MotionError:
-            times.append(np.inf)
+        found = try_certified_solve(way, limits_of(way, axes, order), order)
+        times.append(np.inf if isinstance(found, MotionError) else found.trajectory.duration)
     return part.resting if times[0] <= times[1] else part.passing
 
 

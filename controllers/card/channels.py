@@ -10,7 +10,7 @@ import numpy as np
 from controllers.card.model import Card, Refused
 from controllers.card.profile import MoveProfile
 from kinematics.foundation.arrays import Array, freeze_array
-from planner.pulses.motion import COUNTER
+from planner.pulses.schedule import COUNTER
 
 
 @dataclass(frozen=True, slots=True)

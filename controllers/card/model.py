@@ -10,7 +10,7 @@ import numpy as np
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.names import nearest
-from planner.pulses.motion import COUNTER
+from planner.pulses.schedule import COUNTER
 
 SPEED_STEPS = 65535
 """Largest value of the 16-bit speed registers; the smallest is 1."""

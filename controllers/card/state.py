@@ -17,7 +17,7 @@ from controllers.card.channels import Channels, Command
 from controllers.card.model import Card, Refused
 from controllers.card.profile import MoveProfile, current_move, cut, idle_move, merge_sequences, standstill
 from kinematics.foundation.arrays import Array, freeze_array
-from planner.pulses.motion import COUNTER
+from planner.pulses.schedule import COUNTER
 
 
 def insert_compensation(

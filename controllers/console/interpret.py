@@ -23,7 +23,7 @@ from kinematics.foundation.errors import MotionError, OutOfReach
 from kinematics.foundation.units import quantity
 from kinematics.machine.axis import Axis
 from kinematics.machine.pose import Pose
-from planner.pulses.motion import COUNTER
+from planner.pulses.schedule import COUNTER
 
 
 @dataclass(frozen=True, slots=True)

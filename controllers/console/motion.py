@@ -17,7 +17,7 @@ from kinematics.foundation.errors import MotionError
 from kinematics.machine.axis import directional_bounds
 from kinematics.machine.machine import Machine
 from planner.pulses import PulseSchedule
-from planner.pulses.motion import COUNTER
+from planner.pulses.schedule import COUNTER
 from planner.trajectory import Trajectory
 
 JOG_SPEED_SHARE = 0.1

@@ -6,7 +6,7 @@ What a baseline timing does otherwise than a plan: said beside every saving, so 
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import TYPE_CHECKING
 from weakref import WeakKeyDictionary
@@ -18,17 +18,17 @@ from kinematics.foundation.errors import MotionError
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
 from kinematics.machine.axis import Axis
+from kinematics.machine.machine import Machine
 from planner.actuation import ActuatorPath, MachinePath, actuate
 from planner.baselines.moves import Deviation, deviation, independent_ramps, synchronised_ramps, time_moves
 from planner.baselines.shapes import QUARTER_SINE, S_CURVE, TRAPEZOID, Shapes
 from planner.certificate.certify import CROSSING, Certificate, certify
-from planner.course import Course
 from planner.limits import limits_of
 from planner.limits.geometric import Travel
 from planner.limits.limit import Limit, Term
 from planner.limits.resonance import Resonance
 from planner.plan import Plan
-from planner.program.model import stopping
+from planner.program.model import Program, stopping
 from planner.timing.certified_run import Timing
 from planner.timing.certified_solve import certified_solve
 from planner.timing.problem import Block, Problem, Run, make_grid, pose_problem
@@ -38,6 +38,23 @@ from planner.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+
+@dataclass(frozen=True, slots=True)
+class Course:
+    """A program on a machine as it stands before it is timed: its path in the actuators, and the limits along it."""
+
+    program: Program
+    machine: Machine
+    path: MachinePath
+    limits: tuple[Limit, ...] = field(repr=False)
+
+
+def course(program: Program, machine: Machine, order: int) -> Course:
+    """Of a program in which nothing is left open. Raises MotionError for a path that cannot be drawn."""
+    path = actuate(program, machine)
+    return Course(program, machine, path, limits_of(path, machine.axes, order))
+
 
 # Intervals of a run at least, and for each radian that it turns, at which the limits' rows are looked up.
 INTERVALS, PER_RADIAN = 500, 100

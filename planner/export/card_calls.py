@@ -27,7 +27,7 @@ from kinematics.foundation.polynomials import shift_polynomials
 from kinematics.foundation.units import apart
 from planner.export.format import ExportSource
 from planner.pulses.generation.pieces import FIT_TOLERANCE, UNSEEN_FACTOR, Pieces, cut_monotone, fit
-from planner.pulses.motion import refuse_counter
+from planner.pulses.schedule import refuse_counter
 from planner.trajectory import Trajectory
 
 

@@ -1,8 +1,6 @@
 """What a pulse schedule is made from and checked against: a motion that can be sampled.
 
 What an axis' mechanics make of where its motor stands: its play, then its screw. Compensation is held against it.
-
-The position counters of the motion cards: what they hold, and the refusal of a motion that leaves them.
 """
 
 from typing import Protocol, runtime_checkable
@@ -10,9 +8,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 
 from kinematics.foundation.arrays import Array
-from kinematics.foundation.errors import MotionError
 from kinematics.machine.axis import Axis
-from planner.pulses.schedule import AxisPulses
 
 
 class MotionState(Protocol):
@@ -110,22 +106,3 @@ def told(axis: Axis, off: float) -> str:
         most = 1e6 * max(abs(error) for _, error in axis.lead_error)
         parts.append(f"lead error up to {most:.4g} ({'made up for' if 'lead' in axis.compensate else 'not'})")
     return f"{', '.join(parts)} µ{axis.unit}" if parts else ""
-
-
-COUNTER = -(1 << 27), (1 << 27) - 1
-"""What the 28-bit position counters of the cards hold [Sahbaz 2007]."""
-
-
-def refuse_counter(pulses: AxisPulses, axis: Axis) -> None:
-    """Raise MotionError where an axis, at rest or moving, stands at a count that its card's register does not hold.
-
-    The register counts as the wiring does: an axis of direction -1 the other way.
-    """
-    counts = np.cumsum(pulses.direction, dtype=np.int64)
-    for away in (counts.min(initial=0), counts.max(initial=0)):
-        wired = (pulses.start + int(away)) * axis.direction
-        if not COUNTER[0] <= wired <= COUNTER[1]:
-            raise MotionError(
-                f"axis {axis.name}: the motion counts to {wired}, beyond the {COUNTER[0]} .. {COUNTER[1]} of the "
-                f"28-bit position counter of card {axis.card}; use a longer pulse, or work nearer to home"
-            )

@@ -5,7 +5,6 @@ A schedule in parts that follow each other in time: joined, or compared without 
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,9 +13,7 @@ from kinematics.foundation.arrays import freeze_array
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
-
-if TYPE_CHECKING:
-    pass
+from kinematics.machine.axis import Axis
 
 Ticks = NDArray[np.int64]
 Signs = NDArray[np.int8]
@@ -112,6 +109,25 @@ class Compensation:
     max_acceleration: float | None = None
     jerk: float = 0.0
     windows: tuple[tuple[float, float], ...] = field(default=(), repr=False)
+
+
+COUNTER = -(1 << 27), (1 << 27) - 1
+"""What the 28-bit position counters of the cards hold [Sahbaz 2007]."""
+
+
+def refuse_counter(pulses: AxisPulses, axis: Axis) -> None:
+    """Raise MotionError where an axis, at rest or moving, stands at a count that its card's register does not hold.
+
+    The register counts as the wiring does: an axis of direction -1 the other way.
+    """
+    counts = np.cumsum(pulses.direction, dtype=np.int64)
+    for away in (counts.min(initial=0), counts.max(initial=0)):
+        wired = (pulses.start + int(away)) * axis.direction
+        if not COUNTER[0] <= wired <= COUNTER[1]:
+            raise MotionError(
+                f"axis {axis.name}: the motion counts to {wired}, beyond the {COUNTER[0]} .. {COUNTER[1]} of the "
+                f"28-bit position counter of card {axis.card}; use a longer pulse, or work nearer to home"
+            )
 
 
 @dataclass(frozen=True, slots=True)

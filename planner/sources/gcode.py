@@ -188,28 +188,26 @@ class GcodeRun:
             )
         end = self._end(values)
         place, self.place = self.place, end
-        try:
-            if self.motion in (2, 3):
-                self._arc(number, values, place, end, fed)
-            elif more := values.keys() & {"I", "J", "K", "R"}:
-                raise WordFault(min(more), f"{min(more)} belongs to G2 or G3")
-            elif dist(self.stands, end[:3]) > SAME and end[:3] != place[:3]:
-                self._line(number, place, end, fed)
-            elif dist(place[3:], end[3:]) > SAME:
+        # before anything can be wrong, so that what follows is held against what was meant
+        stands, self.stands = self.stands, end[:3]
+        if self.motion in (2, 3):
+            self._arc(number, values, stands, place, end, fed)
+        elif more := values.keys() & {"I", "J", "K", "R"}:
+            raise WordFault(min(more), f"{min(more)} belongs to G2 or G3")
+        elif dist(stands, end[:3]) > SAME and end[:3] != place[:3]:
+            self._line(number, dist(stands, end[:3]), place, end, fed)
+        else:
+            if dist(place[3:], end[3:]) > SAME:
                 self._turn(number, place, end, fed)
             else:
                 self.nowhere += 1
-        except MotionError:
-            self.stands = end[:3]  # so that what follows is held against what was meant
-            raise
+            self.stands = stands
 
-    def _line(self, number: int, place: list[float], end: list[float], fed: bool) -> None:
-        length = dist(self.stands, end[:3])
+    def _line(self, number: int, length: float, place: list[float], end: list[float], fed: bool) -> None:
         speed = self.options.rapid if self.motion == 0 else self._speed(length, self.unit, fed)
         turned = self._turned(place, end)
         self.segments.append(Line(np.array(end[:3]), turned, speed, self.join, line_number=number))
         self.entities[f"G{self.motion:.0f}"] += 1
-        self.stands = end[:3]
 
     def _end(self, values: dict[str, float]) -> list[float]:
         """The place that a block leads to."""
@@ -261,7 +259,15 @@ class GcodeRun:
         self.segments.append(replace(turn, angular_speed=speed))
         self.entities[f"G{self.motion:.0f}"] += 1
 
-    def _arc(self, number: int, values: dict[str, float], place: list[float], end: list[float], fed: bool) -> None:
+    def _arc(
+        self,
+        number: int,
+        values: dict[str, float],
+        begin: list[float],
+        place: list[float],
+        end: list[float],
+        fed: bool,
+    ) -> None:
         first, second, normal = PLANES[self.plane]
         word = f"G{self.motion:.0f}"
         offsets = values.keys() & set(OFFSETS)
@@ -269,7 +275,7 @@ class GcodeRun:
             raise WordFault("R" if offsets else "", f"{word} needs either its centre I J K or its radius R")
         if OFFSETS[normal] in offsets:
             raise WordFault(OFFSETS[normal], f"{OFFSETS[normal]} is outside the plane of G{self.plane:.0f}")
-        stands, start, there = ((p[first], p[second]) for p in (self.stands, place, end))
+        stands, start, there = ((p[first], p[second]) for p in (begin, place, end))
         if offsets:
             said = [values.get(OFFSETS[k], 0.0 if self.from_start else None) for k in (first, second)]
             if None in said:
@@ -282,9 +288,9 @@ class GcodeRun:
         else:
             arc = arc_by_radius(stands, start, there, values["R"] * self.unit, self.motion == 2)
         centre, axis = [0.0] * 3, [0.0] * 3
-        centre[first], centre[second], centre[normal] = *arc.centre, self.stands[normal]
+        centre[first], centre[second], centre[normal] = *arc.centre, begin[normal]
         axis[normal] = 1.0
-        rise = end[normal] - self.stands[normal]
+        rise = end[normal] - begin[normal]
         u, v = stands[0] - arc.centre[0], stands[1] - arc.centre[1]
         speed = self._speed(hypot(hypot(u, v) * arc.angle, rise), self.unit, fed)
         turned = self._turned(place, end)

@@ -2,12 +2,13 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kinematics.foundation.errors import MotionError, require
+from kinematics.foundation.errors import MotionError
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
 from planner.actuation import ActuatorPath
@@ -17,9 +18,11 @@ from planner.limits.limit import Limit
 from planner.parallel import Progress, spread
 from planner.path.stands import count_zero_derivatives
 from planner.timing.certified_run import ROUNDS, CertifiedRun, RunCertifier, Timing, hold_axes
-from planner.timing.parts import fastest_timing
+from planner.timing.parts import solve_in_parts, tighten_in_parts
 from planner.timing.problem import Run, Solver
 from planner.timing.profile import Profile
+from planner.timing.run import solve_run
+from planner.timing.tightening import tighten_run
 from planner.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -102,14 +105,16 @@ def certified_solve(
     if timing is None:
         for worst in prove_feasibility(path, limits).violations:
             raise worst
-        timing = fastest_timing(path, order)
+        timing = _fastest_timing(path, order)
     stops = np.flatnonzero(path.stops(order))
     runs = [replace(run, solver=solver) for run in _split_runs(path, stops)]
     parts = [runs[first : first + PART] for first in range(0, len(runs), PART)]
     found: list[CertifiedRun] = []
 
     def done(part: Sequence[Run], outcome: list[CertifiedRun] | MotionError) -> None:
-        found.extend(require(outcome))
+        if isinstance(outcome, MotionError):
+            raise outcome
+        found.extend(outcome)
         if progress is not None:
             progress(len(found), len(runs))
 
@@ -122,6 +127,23 @@ def certified_solve(
     rounds, methods = max(one.rounds for one in found), tuple(one.solution.method for one in found)
     least = sum(one.solution.bound for one in found) + float(path.dwells.sum())
     return Solution(trajectory, certificate, limits, order, rounds, methods, least)
+
+
+def try_certified_solve(
+    path: ActuatorPath, limits: Sequence[Limit], order: int, *, solver: Solver = "passes", proving: bool = True
+) -> Solution | MotionError:
+    """The same for whoever has another way to go: a refusal is a value."""
+    try:
+        return certified_solve(path, limits, order, solver=solver, proving=proving)
+    except MotionError as no:
+        return no
+
+
+def _fastest_timing(path: ActuatorPath, order: int) -> Timing:
+    """The fastest motion, at the constant speeds that segments ask for."""
+    if all(path.constant(piece) is None for piece in range(len(path.breaks) - 1)):
+        return Timing(partial(solve_run, order=order), tighten_run)
+    return Timing(partial(solve_in_parts, order=order), tighten_in_parts)
 
 
 def _split_runs(path: ActuatorPath, stops: np.ndarray) -> list[Run]:

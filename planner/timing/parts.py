@@ -35,13 +35,6 @@ AskedSpeeds = Mapping[int, float | None]
 """Of each piece of a run, the constant speed that is asked for, if any."""
 
 
-def fastest_timing(path: ActuatorPath, order: int) -> Timing:
-    """The fastest motion, at the constant speeds that segments ask for."""
-    if all(path.constant(piece) is None for piece in range(len(path.breaks) - 1)):
-        return Timing(partial(solve_run, order=order), tighten_run)
-    return Timing(partial(solve_in_parts, order=order), tighten_in_parts)
-
-
 def solve_in_parts(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int) -> RunSolution:
     """A run, in parts where its segments ask for constant speeds.
 

@@ -10,8 +10,8 @@ from controllers.tracking import track_each
 from kinematics import Machine, MotionError
 from planner import Plan, Program
 from planner.baselines import KINDS, Classical, classical
+from planner.baselines.classical import Course, course
 from planner.baselines.shapes import S_CURVE
-from planner.course import Course, course
 from pulsepath.options import LAWS
 
 

@@ -38,7 +38,7 @@ from planner.export.card_calls import (
 )
 from planner.export.format import Exported, ExportSource, refuse_compensated
 from planner.export.formats.adlink import commented
-from planner.pulses.motion import refuse_counter
+from planner.pulses.schedule import refuse_counter
 from planner.trajectory import Trajectory
 
 FUNCTIONS = {"8132": "B_8132.StartTMove", "8164": "B_8164.StartTRMove"}

@@ -24,8 +24,8 @@ from planner.pulses.generation.dda import Dda
 from planner.pulses.generation.rule import Floor, Nearest, Rule
 from planner.pulses.generation.sampled import Sampled
 from planner.pulses.generation.timer import Timer
-from planner.pulses.motion import AxesMotion, refuse_counter
-from planner.pulses.schedule import AxisPulses, MovedPulses, PulseSchedule, Ticks
+from planner.pulses.motion import AxesMotion
+from planner.pulses.schedule import AxisPulses, MovedPulses, PulseSchedule, Ticks, refuse_counter
 
 RULES: dict[str, type[Rule]] = {
     "nearest": Nearest,

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from controllers.card import PCI_8132, PCI_8164, Refused, TAMove, at_rest, pulse_ticks, send
-from planner.pulses.motion import COUNTER
+from planner.pulses.schedule import COUNTER
 
 EXACT = 1e-6
 """Pulses: rounding of positions of up to 1e6 pulses and of times of up to 1e3 s."""

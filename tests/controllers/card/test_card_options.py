@@ -26,7 +26,7 @@ from controllers.card import (
     send,
 )
 from kinematics.foundation.errors import MotionError
-from planner.pulses.motion import COUNTER
+from planner.pulses.schedule import COUNTER
 
 EXACT = 1e-6
 some = settings(max_examples=25)

@@ -1,0 +1,71 @@
+"""How far a program goes on its way to pulses: through how many files and functions, and how deep down to the solver.
+
+Whoever follows a plan through the code reads what is counted here; a change that makes it longer shows that it does.
+"""
+
+import os
+import sys
+from pathlib import Path
+
+import pytest
+
+import planner
+from kinematics import load_machine
+from planner import load_program, plan
+
+ROOT = Path(planner.__file__).parents[1]
+PACKAGES = tuple(
+    f"{ROOT / name}{os.sep}" for name in ("kinematics", "planner", "controllers", "benchmarks", "pulsepath")
+)
+# Reached with the circle at order 2, and room for a helper or two; the rest of its way is no longer than this.
+MOST_FILES, MOST_FUNCTIONS, DEEPEST = 50, 325, 7
+
+
+@pytest.fixture(scope="module")
+def entered():
+    """What the circle's plan enters of our code, and the chains of our functions that lead to the order-2 solver.
+
+    The plan is made once before: what is built once for a machine and kept is not on every program's way.
+    Comprehensions and lambdas belong to the function that they stand in, so that the count is that of any Python.
+    """
+    program, machine = load_program("circle"), load_machine("hexapod")
+    plan(program, machine, order=2)
+    functions, chains = set(), []
+
+    def note(frame, event, _):
+        if event != "call" or not frame.f_code.co_filename.startswith(PACKAGES):
+            return
+        if not frame.f_code.co_name.startswith("<"):
+            functions.add((frame.f_code.co_filename, frame.f_code.co_qualname))
+        if frame.f_code.co_name == "largest_speeds":
+            chain = []
+            while frame.f_code.co_name != "plan":
+                if frame.f_code.co_filename.startswith(PACKAGES) and not frame.f_code.co_name.startswith("<"):
+                    chain.append(frame.f_code.co_qualname)
+                frame = frame.f_back
+            chains.append(("plan", *reversed(chain)))
+
+    before = sys.getprofile()
+    sys.setprofile(note)
+    try:
+        plan(program, machine, order=2)
+    finally:
+        sys.setprofile(before)
+    return functions, chains
+
+
+def test_a_program_reaches_its_pulses_through_few_files_and_functions(entered):
+    functions, _ = entered
+    files = {Path(file).relative_to(ROOT).as_posix() for file, _ in functions}
+    assert len(files) <= MOST_FILES, sorted(files)
+    assert len(functions) <= MOST_FUNCTIONS
+
+
+def test_the_solver_is_near(entered):
+    """plan → certified_solve → a part's worth of runs → a run → its solver."""
+    _, chains = entered
+    first = min(chains, key=len)
+    assert len(first) <= DEEPEST, " > ".join(first)
+    assert first[-2:] == ("second_order", "largest_speeds")
+    # one frame more where a motion is tightened, or its lower bound is estimated
+    assert max(map(len, chains)) <= DEEPEST + 2
