@@ -12,11 +12,11 @@ from controllers import Metrics, Rig
 from controllers.metrics import ErrorSeries
 from kinematics import Axis, Machine, MotionError, Pose, Posture
 from kinematics.files.plain_text import plain_json
+from kinematics.foundation.options import options
 from planner import Infeasible, Place, Standing, Triggered
 from planner.baselines import describe_differences, missing_limits
 from planner.export.format import Exported
 from planner.limits import find_unkept_limits
-from planner.options import options
 from planner.path.departure import Departure
 from planner.path.join import Blended
 from planner.pulses import RULES, PulseCheck, RealisedPath

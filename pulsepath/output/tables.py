@@ -13,12 +13,12 @@ from rich.table import Table as Drawn
 
 from controllers import Metrics
 from kinematics import Axis, Machine
+from kinematics.foundation.options import options
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import SCALES, Column, Table
 from kinematics.machine.axis import Magnitude, directional_bounds
 from planner import Classical, Plan
 from planner.baselines import describe_differences, missing_limits
-from planner.options import options
 from planner.pulses import RULES
 from planner.sources.position_list import PositionList
 from pulsepath.job import Job

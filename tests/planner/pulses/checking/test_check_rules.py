@@ -6,8 +6,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from kinematics.foundation.options import options
 from kinematics.machine.axis import Axis, StepTiming
-from planner.options import options
 from planner.place import Infeasible
 from planner.pulses import RULES, AxisPulses, check, generate
 from planner.pulses.checking import standards
