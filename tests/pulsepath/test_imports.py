@@ -12,7 +12,7 @@ import pytest
 
 import pulsepath as pp
 
-SLOW = {"numpy", "scipy", "casadi", "toppra", "matplotlib", "pint", "pydantic", "rich", "jinja2"}
+SLOW = {"numpy", "scipy", "casadi", "toppra", "matplotlib", "pint", "pydantic", "rich", "jinja2", "numba"}
 
 
 def loaded_after(code):

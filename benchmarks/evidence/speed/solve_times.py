@@ -20,7 +20,7 @@ from planner.timing.certified_solve import certified_solve
 from planner.timing.discretization import jerk_problem
 from planner.timing.problem import Run, make_grid, pose_problem
 from planner.timing.solvers.second_order import second_order
-from planner.timing.solvers.third_order import Solver, third_order
+from planner.timing.solvers.third_order import Solver, solve_by_riccati, third_order
 
 REPEATS = 7
 JERK_SOLVERS: tuple[Solver, ...] = ("fatrop", "ipopt")
@@ -57,6 +57,8 @@ def main() -> None:
             profile, first, again = time_solver(partial(second_order, problem, solver=solver))
             print_times(f"{solver} alone, {points} intervals, not certified", profile.duration, first, again)
     third, start = require(jerk_problem(path, limits_of(path, machine.axes, 3), Run(0, 0)))
+    profile, first, again = time_solver(partial(solve_by_riccati, third, start.on(third.s)))
+    print_times(f"riccati alone, {third.intervals} intervals, not certified", profile.duration, first, again)
     for name in JERK_SOLVERS:
         profile, first, again = time_solver(partial(third_order, third, start.on(third.s), solver=name))
         print_times(f"{name} alone, {third.intervals} intervals, not certified", profile.duration, first, again)

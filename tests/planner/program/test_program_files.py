@@ -210,6 +210,143 @@ trigger = {{ name = "turned" }}
     assert (plain.segments[0].speed_constant, plain.segments[0].trigger) == (False, None)
 
 
+BAD_FEATURES = f"""{TOP}tool = {{ too = [0, 0, 1] }}
+work = [0, 0, 1]
+repeat = 0
+start_speed = "-1 mm/s"
+end_speed = 3
+[[segment]]
+line = {{ to = [1, 2, 3] }}
+speed_constant = true
+trigger = ""
+[[segment]]
+line = {{ to = [1, 2, 4] }}
+speed = "1 mm/s"
+speed_constant = 1
+trigger = {{ name = "a", at = 1.5 }}
+[[segment]]
+turn = {{ to = [0, 0, 0] }}
+speed_constant = true
+trigger = 3
+[[segment]]
+turn = {{ to = [0, 0, 1] }}
+trigger = {{ at = 0.5 }}
+[[segment]]
+dwell = "1 s"
+trigger = "late"
+"""
+
+
+def test_faults_of_these_keys_have_their_lines(load):
+    with pytest.raises(FileError) as refusal:
+        load(BAD_FEATURES)
+    assert [(fault.line, fault.key) for fault in refusal.value.faults] == [
+        (4, "tool.too"),
+        (5, "work"),
+        (6, "repeat"),
+        (7, "start_speed"),
+        (8, "end_speed"),
+        (11, "segment[1].speed_constant"),
+        (12, "segment[1].trigger"),
+        (16, "segment[2].speed_constant"),
+        (17, "segment[2].trigger.at"),
+        (20, "segment[3].speed_constant"),
+        (21, "segment[3].trigger"),
+        (24, "segment[4].trigger.name"),
+        (27, "segment[5].trigger"),
+    ]
+    text = str(refusal.value)
+    for phrase in (
+        'too: unknown key, nearest is "to"; valid keys: to, rotate',
+        'needs a speed: add e.g. speed = "20 mm/s"',
+        "empty: give the name of the output line or event",
+        "trigger: unknown key; valid keys: dwell",
+    ):
+        assert phrase in text
+
+
+BAD = """\
+schema = 1
+lenght = "mm"
+frame = "hme"
+start = [0, 0, 1, 2]
+machine = 3
+[[segment]]
+lin = { to = ["0 mm", "0 mm", "0 mm"] }
+[[segment]]
+line = { to = [0, "0 mm"], rotat = [1, 2, 3] }
+sped = "3 mm/s"
+[[segment]]
+line = { to = [
+  "0 mm",
+  "3 deg",
+  nan,
+] }
+speed = 30
+join = "halt"
+[[segment]]
+arc = { centre = ["0 mm", "0 mm", "1 mm"], normal = [0, 0, 0], angle = "0 deg" }
+join = { blend = "-1 mm" }
+[[segment]]
+dwell = "0 s"
+speed = "3 mm/s"
+[[segment]]
+dwell = "1 s"
+line = { to = ["0 mm", "0 mm", "0 mm"] }
+[[segment]]
+line = 3
+speed = "inf mm/s"
+[[segment]]
+turn = { to = 3 }
+[[segment]]
+"""
+
+
+def test_every_fault_is_reported_in_one_pass(load):
+    with pytest.raises(FileError) as refusal:
+        load(BAD)
+    assert [(fault.line, fault.key) for fault in refusal.value.faults] == [
+        (2, "lenght"),
+        (3, "frame"),
+        (4, "start"),
+        (5, "machine"),
+        (6, "segment[1]"),
+        (9, "segment[2].line.to[1]"),
+        (9, "segment[2].line.to[3]"),
+        (9, "segment[2].line.rotat"),
+        (10, "segment[2].sped"),
+        (14, "segment[3].line.to[2]"),
+        (15, "segment[3].line.to[3]"),
+        (17, "segment[3].speed"),
+        (18, "segment[3].join"),
+        (20, "segment[4].arc.normal"),
+        (20, "segment[4].arc.angle"),
+        (21, "segment[4].join.blend"),
+        (23, "segment[5].dwell"),
+        (24, "segment[5].speed"),
+        (25, "segment[6]"),
+        (29, "segment[7].line"),
+        (30, "segment[7].speed"),
+        (32, "segment[8].turn.to"),
+        (33, "segment[9]"),
+    ]
+    text = str(refusal.value)
+    for phrase in (
+        'lenght: unknown key, nearest is "length"',
+        '"hme" is not "home" or "base", nearest is "home"',
+        "give 3 (x, y, z) or 6 (x, y, z, θx, θy, θz)",
+        'unknown key "lin", nearest is "line"',
+        'add the line length = "mm" at the top, or write "0 mm"',
+        'rotat: unknown key, nearest is "rotate"',
+        'nearest is "speed"',
+        "nan: not a finite number",
+        '30: a number without a unit: write e.g. "20 mm/s"',
+        '"halt" is not a join: write "stop", "through" or { blend = "0.05 mm" }',
+        "line and dwell exclude each other: give line or arc or spline or curve or turn or synchronised or dwell",
+    ):
+        assert phrase in text
+
+
 @pytest.mark.parametrize(
     ("text", "line", "key", "phrase"),
     [

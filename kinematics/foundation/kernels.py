@@ -1,0 +1,78 @@
+"""Compiled kernels: loops over numbers that numba compiles at their first call and keeps on disk for the next process.
+
+A kernel is a plain function of numbers and arrays. numba is not imported, and nothing compiled, before one is called:
+then all kernels of its module are. What is compiled is kept beside the source, in the user's cache directory where that
+cannot be written, and nowhere where neither can. With NUMBA_DISABLE_JIT=1 the same source runs as Python: for debuggers
+and for coverage.
+"""
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import update_wrapper
+from threading import RLock, Timer
+from typing import Any
+
+ANNOUNCED_AFTER = 1.5
+"""s of compilation after which it is announced: kernels that are kept load faster than that."""
+announcements: list[Callable[[str], object]] = []
+"""Who is told that a long compilation goes on."""
+_LOCK = RLock()
+
+
+class Kernel:
+    """A function that is compiled at its first call."""
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        self.function = function
+        self.compiled: Callable[..., Any] | None = None
+        update_wrapper(self, function)
+
+    def __call__(self, *arguments: Any) -> Any:
+        if self.compiled is None:
+            with _LOCK:
+                _compile_module(sys.modules[self.function.__module__])
+            with _announced():
+                return self._dispatcher()(*arguments)
+        return self.compiled(*arguments)
+
+    def _dispatcher(self) -> Callable[..., Any]:
+        assert self.compiled is not None  # with its module
+        return self.compiled
+
+
+kernel = Kernel
+"""Decorator: `@kernel` before a function that loops over numbers."""
+
+
+def _compile_module(module: Any) -> None:
+    """Puts the compiled functions into the place of a module's kernels, so that they call each other compiled."""
+    import numba
+
+    for name, value in list(vars(module).items()):
+        if not isinstance(value, Kernel):
+            continue
+        if value.function.__module__ != module.__name__:
+            _compile_module(sys.modules[value.function.__module__])
+        elif value.compiled is None:
+            try:
+                value.compiled = numba.njit(cache=True, error_model="numpy")(value.function)
+            except RuntimeError:  # no place to keep it
+                value.compiled = numba.njit(error_model="numpy")(value.function)
+        setattr(module, name, value.compiled)
+
+
+@contextmanager
+def _announced() -> Iterator[None]:
+    timer = Timer(ANNOUNCED_AFTER, _announce)
+    timer.daemon = True
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()
+
+
+def _announce() -> None:
+    for tell in announcements:
+        tell("compiling for this computer, once: some 10 s")

@@ -1,0 +1,193 @@
+"""The fastest motion under limits on speed, acceleration and jerk, by an interior-point method of our own.
+
+    minimise Σ h + a trace of s⃛²    such that the stages follow each other and every row is kept
+
+Primal-dual: each row has a slack and a force, whose product is μ; Newton's method on the optimality conditions by a
+Riccati recursion over the stages (planner.timing.solvers.riccati), steps by a filter line search, μ lowered whenever
+the conditions hold well enough for it: A. Wächter and L. T. Biegler, Mathematical Programming 106 (2006) 25–57. The
+cost of an iteration grows as the number of intervals.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from kinematics.foundation.arrays import Array
+from planner.timing.solvers.riccati import Recursion, recur, roll
+from planner.timing.solvers.stages import (
+    Misses,
+    Motion,
+    Rows,
+    Slopes,
+    Stages,
+    change_slacks,
+    complementarity_error,
+    differentiate,
+    evaluate,
+    linearize,
+    measure,
+    pull,
+    push_forces,
+    try_change,
+)
+
+# The cost is counted in thousandths of the guess' duration: of that size, the constants below are usual ones.
+WEIGHT = 1000.0
+FIRST_MU, TOLERANCE = 1e-2, 1e-7
+MAX_ITERATIONS, MAX_HALVINGS = 200, 14
+LEAST_SLACK, LEAST_SPEED_SLACK = 1e-2, 1e-3
+# Of a last state that is given; its multiplier does the rest.
+PRICE = 1e8
+# Where the cost is not convex: the first that is added, by how much it is lowered from one iteration to the next and
+# raised until it does, first and later, and the largest.
+FIRST_CONVEXITY, LOWER, RAISE_FIRST, RAISE, MOST_CONVEXITY = 1e-4, 1 / 3, 100.0, 8.0, 1e20
+LEAST_CONVEXITY = 1e-14
+# The filter: shares by which misses or cost must fall, and what counts as few misses and far too many.
+FILTER_SHARE, FEW, MANY = 1e-5, 1e-4, 2.0
+ARMIJO, ROUNDING = 1e-8, 1e-13
+
+Status = Literal["solved", "slow", "not convex"]
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """States (N + 1, 2) and controls (N, 2), scaled as they were given; multipliers of rows, next states and steps.
+
+    The multipliers say what a unit of each bound is worth, in thousandths of the guess' duration.
+    """
+
+    status: Status
+    iterations: int
+    states: Array
+    controls: Array
+    low_forces: Array
+    high_forces: Array
+    next_forces: Array
+    step_forces: Array
+
+
+def minimise(stages: Stages, rows: Rows, states: Array, controls: Array, *, free_start: bool = False) -> Answer:
+    """From states (N + 1, 2), of which the first and the last are kept, and controls (N, 2).
+
+    free_start: the first s̈ is to be found, as the last one is with `stages.free_end`.
+    """
+    count, width = len(stages.step), rows.low.shape[1]
+    motion, trial = (_empty_motion(rows, states, controls) for _ in range(2))
+    trial = trial._replace(force_low=motion.force_low, force_high=motion.force_high)
+    misses, tried = (Misses(np.empty((count, width)), np.empty((count, 2)), np.empty(count)) for _ in range(2))
+    evaluate(stages, rows, motion.states, motion.controls, misses)
+    mu = FIRST_MU
+    _start_slacks(rows, motion, misses, mu)
+    slopes = Slopes(
+        np.zeros((count, width - 2, 5)),
+        np.zeros((count, 2, 4)),
+        np.zeros((count, 4)),
+        np.zeros((count, 4)),
+        np.zeros((count, 4, 4)),
+    )
+    recursion = Recursion(
+        np.zeros((count + 1, 3)),
+        np.zeros((count + 1, 2)),
+        np.zeros(count, int),
+        np.zeros((count, 4)),
+        np.zeros((count, 4)),
+    )
+    next_force, step_force = np.zeros((count + 1, 2)), np.zeros(count)
+    new_next_force, new_step_force = next_force.copy(), step_force.copy()
+    state_change, change = np.zeros((count + 1, 2)), np.zeros((count, 4))
+    pulls, steps = np.zeros((count, 4)), np.zeros((4, count, width))
+    first = np.zeros(2)
+    missed, cost = measure(stages, rows, motion, misses, mu, WEIGHT)
+    few, many = FEW * max(1.0, missed), MANY * max(1.0, missed)
+    filtered: list[tuple[float, float]] = []
+    last = convexity = 0.0
+    status: Status = "slow"
+    iterations = -1
+    while iterations < MAX_ITERATIONS:
+        iterations += 1
+        differentiate(stages, rows, motion.states, motion.controls, slopes)
+        row_error, cost_error, slack_error, force = linearize(
+            stages, rows, motion, misses, slopes, next_force, step_force, mu, WEIGHT
+        )
+        size = max(100.0, force) / 100.0
+        error = max(row_error, cost_error / size, slack_error / size)
+        if mu <= TOLERANCE and error <= 10 * TOLERANCE:
+            status = "solved"
+            break
+        before = mu
+        while error <= 10 * mu and mu > TOLERANCE:
+            mu = max(TOLERANCE, min(mu / 5, mu**1.5))
+            error = max(row_error, cost_error / size, complementarity_error(rows, motion, mu) / size)
+        if mu < before:
+            filtered.clear()
+            missed, cost = measure(stages, rows, motion, misses, mu, WEIGHT)
+        pull(stages, rows, motion, misses, slopes, mu, WEIGHT, pulls)
+        last, convexity = convexity or last, 0.0
+        while not recur(stages, misses, slopes, pulls, next_force[-1], PRICE, convexity, recursion):
+            if convexity == 0:
+                convexity = max(LEAST_CONVEXITY, last * LOWER) if last > 0 else FIRST_CONVEXITY
+            else:
+                convexity *= RAISE if last > 0 else RAISE_FIRST
+            if not convexity < MOST_CONVEXITY:
+                break
+        if not convexity < MOST_CONVEXITY:
+            status = "not convex"
+            break
+        if free_start:
+            first[1] = -recursion.linear[0, 1] / recursion.quadratic[0, 2]
+        roll(
+            stages,
+            misses,
+            slopes,
+            pulls,
+            convexity,
+            recursion,
+            first,
+            state_change,
+            change,
+            new_next_force,
+            new_step_force,
+        )
+        most, most_force, slope = change_slacks(stages, rows, motion, misses, slopes, change, mu, WEIGHT, steps)
+        share = most
+        for _ in range(MAX_HALVINGS):
+            try_change(stages, rows, motion, state_change, change, steps, share, trial)
+            evaluate(stages, rows, trial.states, trial.controls, tried)
+            new_missed, new_cost = measure(stages, rows, trial, tried, mu, WEIGHT)
+            held = all(new_missed < (1 - FILTER_SHARE) * m or new_cost < c - FILTER_SHARE * m for m, c in filtered)
+            if held and new_missed < many:
+                if missed <= few and slope < 0 and share * (-slope) ** 2.3 > missed**1.1:
+                    if new_cost <= cost + ARMIJO * share * slope + ROUNDING * abs(cost):
+                        break
+                elif new_missed <= (1 - FILTER_SHARE) * missed or new_cost <= cost - FILTER_SHARE * missed:
+                    filtered.append((missed, cost))
+                    break
+            share /= 2
+        # where no share is better the least one is taken all the same: it leads elsewhere
+        motion, trial = trial, motion
+        misses, tried = tried, misses
+        push_forces(rows, motion, steps, most_force, mu)
+        next_force += share * (new_next_force - next_force)
+        step_force += share * (new_step_force - step_force)
+        missed, cost = new_missed, new_cost
+    return Answer(
+        status, iterations, motion.states, motion.controls, motion.force_low, motion.force_high, next_force, step_force
+    )
+
+
+def _empty_motion(rows: Rows, states: Array, controls: Array) -> Motion:
+    ones = (np.ones(rows.low.shape) for _ in range(4))
+    return Motion(states.copy(), controls.copy(), next(ones), next(ones), next(ones), next(ones))
+
+
+def _start_slacks(rows: Rows, motion: Motion, misses: Misses, mu: float) -> None:
+    least = np.full(rows.low.shape[1], LEAST_SLACK)
+    least[-2:] = LEAST_SPEED_SLACK
+    for slack, force, room in (
+        (motion.slack_low, motion.force_low, misses.values - rows.low),
+        (motion.slack_high, motion.force_high, rows.high - misses.values),
+    ):
+        bound = np.isfinite(room)
+        slack[bound] = np.maximum(room, least)[bound]
+        force[:] = np.where(bound, mu / slack, 0.0)

@@ -1,0 +1,113 @@
+"""A run's order-3 problem as the interior-point method takes it, and the motion that it leads to."""
+
+import numpy as np
+
+from kinematics.foundation.arrays import Array
+from planner.limits.limit import Term
+from planner.timing.problem import Block, Problem
+from planner.timing.solvers.stages import DURATION, END, MIDDLE, SPEED, START, Rows, Stages
+
+# A trace for jerk: as a share of its limit, squared and averaged over the guess' time. Where many motions take the same
+# time it chooses a calm one, which also strays less between grid points.
+JERK_WEIGHT = 2e-3
+# What jerk costs beside a free end, where s̈ is to be constant: else q⃛ may peak between grid points, as it is 0 on one.
+FREE_END_JERK_WEIGHT = 1e3
+# Least duration of an interval, as a share of its guess: without it, solvers get stuck where some intervals vanish. It
+# holds the answer back in 2 of 100 random runs, by 1e-3 at most, until the next solve starts from there.
+SHORTEST = 0.1
+TERMS = tuple(Term)
+"""In the order that `stages` counts them in."""
+POWERS = {
+    Term.ONE: (0, 0),
+    Term.SD: (1, 1),
+    Term.SD2: (2, 2),
+    Term.SD3: (3, 3),
+    Term.SDD: (1, 2),
+    Term.SDSDD: (2, 3),
+    Term.SDDD: (1, 3),
+}
+"""L^p / T^q of each term, when lengths are counted in L and times in T."""
+
+
+def pose_stages(problem: Problem, guess: Array) -> tuple[Stages, Rows, Array, Array, Array]:
+    """Stages, rows, states (N + 1, 2) and controls (N, 2) to start from, and the units (4,) of ṡ, s̈, s⃛ and h.
+
+    guess (4, N): ṡ, s̈, s⃛, h. Lengths are counted in the run's, times in the guess' duration.
+    """
+    length, time = float(problem.s[-1] - problem.s[0]), float(guess[3].sum())
+    unit = np.array([length / time, length / time**2, length / time**3, time])
+    start = guess / unit[:, None]
+    # a motion of constant speed has no s̈ and s⃛; from rest to rest they are 4 and 32 at least
+    scale = np.maximum(np.abs(start[:3]).max(1), [0.0, 1.0, 1.0])
+    calm = JERK_WEIGHT * _jerk_share(problem, unit[2]) ** 2 * start[3]
+    controls = np.ascontiguousarray(start[2:].T)
+    states = np.zeros((problem.intervals + 1, 2))
+    states[:-1] = start[:2].T
+    states[[0, -1], 0] = np.array(problem.speeds) / unit[0]
+    states[-1, 1] = 0.0
+    if not problem.free[0]:
+        states[0, 1] = 0.0
+    for end in np.flatnonzero(problem.free):
+        calm[-end], controls[-end, 0] = FREE_END_JERK_WEIGHT / scale[2] ** 2, 0.0
+    step = np.diff(problem.s) / length
+    stages = Stages(step, calm, scale, start[3].copy(), bool(problem.free[1]))
+    return stages, _pose_rows(problem, length, time), states, controls, unit
+
+
+def _jerk_share(problem: Problem, unit: float) -> Array:
+    """(N,) what one (scaled) unit of s⃛ uses of the tightest jerk limit."""
+    share = np.zeros(problem.intervals)
+    for block in problem.blocks:
+        if Term.SDDD in block.start:
+            np.maximum(share, np.abs(block.start[Term.SDDD]).max(1) * unit, out=share)
+    return share
+
+
+def _pose_rows(problem: Problem, length: float, time: float) -> Rows:
+    terms, counts, sizes, at_end = [], [], [], []
+    first: list[Array] = []
+    second: list[Array] = []
+    low: list[list[Array]] = [[], []]
+    high: list[list[Array]] = [[], []]
+    for block in problem.blocks:
+        own = tuple(block.start)
+        end = Term.SDDD in own
+        terms.append([TERMS.index(term) for term in own] + [0] * (len(TERMS) - len(own)))
+        counts.append(len(own))
+        sizes.append(block.start[own[0]].shape[1])
+        at_end.append(end)
+        for term in own:
+            factor = length ** POWERS[term][0] / time ** POWERS[term][1]
+            first.append(block.start[term] * factor)
+            second.append((block.end[term] if end else (block.start[term] + block.end[term]) / 2) * factor)
+        for side, room in enumerate((_start_room(block), block.room)):
+            low[side].append((block.middle - 1) * room[:, None])
+            high[side].append((block.middle + 1) * room[:, None])
+    bounds = []
+    for sides, nothing in ((low, -np.inf), (high, np.inf)):
+        bounds.append(np.concatenate([*sides[0], *sides[1], np.full((problem.intervals, 2), nothing)], axis=1))
+    # none can be chosen at the very start, where ṡ and s̈ are given
+    fixed = np.repeat(~np.array(at_end), sizes)
+    bounds[0][0, : len(fixed)][fixed], bounds[1][0, : len(fixed)][fixed] = -np.inf, np.inf
+    bounds[0][1:, -2], bounds[0][:, -1] = 0.0, SHORTEST
+    place = np.concatenate(
+        [np.full(len(fixed), START), np.repeat(np.where(at_end, END, MIDDLE), sizes), [SPEED, DURATION]]
+    )
+    return Rows(
+        np.array(terms),
+        np.array(counts),
+        np.array(sizes),
+        np.array(at_end),
+        np.ascontiguousarray(np.concatenate(first, axis=1)),
+        np.ascontiguousarray(np.concatenate(second, axis=1)),
+        bounds[0],
+        bounds[1],
+        place,
+    )
+
+
+def _start_room(block: Block) -> Array:
+    """Room of the rows at an interval's start; rows that are kept there only speak for the interval before it too."""
+    if Term.SDDD in block.start:
+        return block.room
+    return np.concatenate([block.room[:1], np.minimum(block.room[1:], block.room[:-1])])

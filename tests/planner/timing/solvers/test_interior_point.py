@@ -1,0 +1,84 @@
+"""Our interior-point method: analytic motions, FATROP's answers, and the same source without a compiler."""
+
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from scipy.interpolate import CubicSpline
+
+from benchmarks.evidence.trials.robustness import random_problem
+from kinematics.foundation.errors import require
+from kinematics.machine.axis import Axis
+from planner.limits import limits_of
+from planner.path.polynomial import PolynomialPath
+from planner.timing.discretization import jerk_problem
+from planner.timing.problem import Run
+from planner.timing.solvers.third_order import solve_by_riccati, third_order
+
+
+def posed(path, speed, acceleration, jerk, stands=(False, False)):
+    """An order-3 problem from rest to rest, and what to start from."""
+    bounds = zip(speed, acceleration, jerk, strict=True)
+    axes = [Axis(f"q{n}", max_speed=v, max_acceleration=a, max_jerk=j) for n, (v, a, j) in enumerate(bounds)]
+    bare = PolynomialPath(path.x, path.c, [axis.name for axis in axes])
+    run = Run(0, len(bare.breaks) - 2, stands=stands)
+    problem, start = require(jerk_problem(bare, limits_of(bare, axes, 3), run))
+    return problem, start.on(problem.s)
+
+
+def spline(seed, axes=3):
+    rng = np.random.default_rng(seed)
+    return CubicSpline(np.arange(6.0), rng.uniform(-1, 1, (6, axes)))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_it_finds_what_fatrop_finds(seed):
+    problem, guess = posed(spline(seed), [1.0] * 3, [3.0] * 3, [30.0] * 3)
+    ours, theirs = solve_by_riccati(problem, guess), third_order(problem, guess)
+    assert ours.solved
+    assert ours.duration == pytest.approx(theirs.duration, rel=1e-6)
+    assert np.abs(ours.profile.v - theirs.profile.v).max() < 1e-3 * theirs.profile.v.max()
+
+
+def test_where_only_jerk_is_limited_a_line_takes_what_is_known():
+    """From rest to rest over L with |jerk| <= J: (32 L / J)^(1/3)."""
+    line = CubicSpline([0.0, 1.0, 2.0], [[0.0], [0.5], [1.0]])
+    problem, guess = posed(line, [1e3], [1e3], [2.0])
+    assert solve_by_riccati(problem, guess).duration == pytest.approx((32 / 2) ** (1 / 3), rel=1e-4)
+
+
+@pytest.mark.parametrize("seed", [3, 9, 38])
+def test_paths_that_stand_at_their_ends(seed):
+    """s̈ is free where q′ vanishes: clamped splines."""
+    random = random_problem(seed, 3)
+    assert "clamped" in random.what
+    problem, guess = posed(random.path, random.speed, random.acceleration, random.jerk, stands=(True, True))
+    ours, theirs = solve_by_riccati(problem, guess), third_order(problem, guess)
+    assert ours.solved
+    assert ours.duration == pytest.approx(theirs.duration, rel=2e-3)
+
+
+PLAIN = """
+import sys
+from tests.planner.timing.solvers.test_interior_point import posed, spline
+from planner.timing.solvers.stage_problem import pose_stages
+from planner.timing.solvers import interior_point
+interior_point.MAX_ITERATIONS = 2
+problem, guess = posed(spline(1, 1), [1.0], [3.0], [30.0])
+stages, rows, states, controls, unit = pose_stages(problem, guess)
+answer = interior_point.minimise(stages, rows, states, controls)
+print(repr(float(answer.states.sum())), repr(float(answer.high_forces.sum())), "numba" in sys.modules)
+"""
+
+
+def test_the_same_source_runs_without_a_compiler():
+    told = []
+    for off in ("0", "1"):
+        environment = {**os.environ, "NUMBA_DISABLE_JIT": off}
+        done = subprocess.run(
+            [sys.executable, "-c", PLAIN], capture_output=True, text=True, check=True, env=environment
+        )
+        told.append([float(word) for word in done.stdout.split()[:2]])
+    assert told[0] == pytest.approx(told[1], rel=1e-9)
