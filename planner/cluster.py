@@ -4,9 +4,11 @@ Hundreds of programs planned at once, on a cluster.
 """
 
 import pickle
+import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 from importlib.util import find_spec
+from types import ModuleType
 from typing import Any, TypeVar
 
 from kinematics.foundation.errors import MotionError, NotInstalled
@@ -15,7 +17,6 @@ from planner.environment import PACKAGES, Facts, Look, describe_mismatches, make
 from planner.parallel import Progress, cores
 from planner.plan import Plan, plan
 from planner.program.model import Program
-from planner.workers import hide_main
 
 Task = TypeVar("Task")
 Shared = TypeVar("Shared")
@@ -63,7 +64,7 @@ def run_on_cluster(
     with ExitStack() as stack:
         cluster: Any = address
         if address is None:
-            with hide_main():
+            with _hide_main():
                 local = LocalCluster(
                     n_workers=min(cores(), len(tasks)), threads_per_worker=1, processes=True, dashboard_address=None
                 )
@@ -88,6 +89,17 @@ def run_on_cluster(
             if theirs is not None:
                 raise _mismatch_error("a worker that joined later", describe_mismatches(look(), theirs))
             yield futures[future], result
+
+
+@contextmanager
+def _hide_main() -> Iterator[None]:
+    """Around the start of Dask's processes: each would run the caller's script again, and few are made for it."""
+    main = sys.modules["__main__"]
+    sys.modules["__main__"] = ModuleType("__main__")
+    try:
+        yield
+    finally:
+        sys.modules["__main__"] = main
 
 
 def _check_workers(client: Any, look: Look) -> None:

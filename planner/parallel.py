@@ -1,19 +1,53 @@
-"""Independent work spread over processes, where there is enough of it: the same results, in the same order."""
+"""Independent work in several processes, where there is enough of it: the same results, in the same order.
 
+The processes are loky's. Unlike those of Python's own pool they do not run the caller's script again, and where one is
+killed nothing waits for a lock that it held. What loky leaves open is done here: tasks and results go through files,
+since whoever reads a long message waits for ever where its writer is killed in the midst of it; the processes ignore
+Ctrl-C, which a terminal sends to all of a group, even before Python has started in them; and they end with the process
+that started them.
+"""
+
+import gc
 import multiprocessing
+import operator
 import os
 import pickle
-from collections.abc import Callable, Sequence
-from contextlib import closing
+import signal
+from collections import Counter
+from collections.abc import Callable, Generator, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, wait
+from contextlib import ExitStack, closing, contextmanager, suppress
+from dataclasses import dataclass
+from functools import lru_cache
+from importlib import import_module
+from itertools import count
+from multiprocessing import resource_tracker
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from threading import Thread
 from time import perf_counter
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
-from planner.workers import TaskOutcome, run_tasks
+if TYPE_CHECKING:
+    from multiprocessing.connection import Connection
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")
 Progress = Callable[[int, int], None]
 """Called with how much is done, and of how much; what it counts is its giver's to say."""
+
+# s of work left from which on processes pay: to start one, with all that it imports, takes a second or two.
+ENOUGH = 4.0
+# Tasks done here first, to see what one takes: the first of all also builds what all share.
+TRIED = 2
+# Processes that a task may take along before it is done here, and pools that are begun anew for it.
+MAX_DEATHS, MAX_POOLS = 2, 8
+# New objects until the youngest, the younger and all are looked through. Python's own numbers have a process that loads
+# much and ends soon look through all of it again and again, for a tenth of its time.
+THRESHOLDS = 50_000, 20, 100
+# loky would start a process anew that has grown by 300 MB, and find modules in the folder that the caller stands in.
+_ENVIRONMENT = {"LOKY_MAX_MEMORY_LEAK_SIZE": "1e18", "PYTHONSAFEPATH": "1"}
+_WORK = "work"
 
 
 def ignore_progress(done: int, of: int) -> None:
@@ -25,10 +59,17 @@ def share_progress(progress: Progress, nth: int, shares: int) -> Progress:
     return lambda done, of: progress(nth * of + done, shares * of)
 
 
-# s of work left from which on processes pay: to start one, with all that it imports, takes a second or two.
-ENOUGH = 4.0
-# Tasks done here first, to see what one takes: the first of all also builds what all share.
-TRIED = 2
+def cores() -> int:
+    """Processor cores that this process may use."""
+    try:
+        return len(os.sched_getaffinity(0))
+    except AttributeError:  # not on every system
+        return os.cpu_count() or 1
+
+
+def _may_start() -> bool:
+    """Whether other processes help: not inside a process of another pool."""
+    return cores() > 1 and multiprocessing.parent_process() is None
 
 
 def spread(
@@ -52,19 +93,18 @@ def spread(
         begin = perf_counter()
         have(work(tasks[len(results)]))
         waiting = (len(tasks) - len(results)) * (perf_counter() - begin)
-        if len(results) >= TRIED and waiting > ENOUGH and cores() > 1 and multiprocessing.parent_process() is None:
+        if len(results) >= TRIED and waiting > ENOUGH and _may_start():
             break
-    tried, early = len(results), dict[int, TaskOutcome]()
-    rest = tasks[tried:]
-    packed = _pickle_work(work) if rest else None
+    tried, early = len(results), dict[int, Result]()
+    packed = _pickle_work(work) if tried < len(tasks) else None
     if packed is not None:
-        with closing(run_tasks(packed, rest, min(cores(), len(rest)))) as outcomes:
-            for n, outcome in outcomes:
-                early[tried + n] = outcome
+        with closing(_run_tasks(packed, tasks[tried:])) as found:
+            for n, result in found:
+                early[tried + n] = result
                 while len(results) in early:
-                    have(early.pop(len(results)).result())
-    while (n := len(results)) < len(tasks):  # where processes cannot do it, one always can
-        have(early.pop(n).result() if n in early else work(tasks[n]))
+                    have(early.pop(len(results)))
+    while (n := len(results)) < len(tasks):  # what processes cannot do, or what raises
+        have(early.pop(n) if n in early else work(tasks[n]))
     return results
 
 
@@ -77,9 +117,182 @@ def _pickle_work(work: Callable[[Any], Any]) -> bytes | None:
     return None if b"__main__" in packed else packed
 
 
-def cores() -> int:
-    """Processor cores that this process may use."""
+def _run_tasks(work: bytes, tasks: Sequence[Any]) -> Generator[tuple[int, Any], None, None]:
+    """(n, result) of tasks as they are done; close it, and the processes are no more.
+
+    Left out are a task that raised and those after it, tasks that took several processes along, and all where too many
+    died.
+    """
+    todo, deaths = list(range(len(tasks))), Counter[int]()
+    for _ in range(MAX_POOLS):
+        if not todo:
+            return
+        given, ready = dict[int, PendingResult[Any]](), list[tuple[int, Any]]()
+        processes = min(cores(), len(todo))
+        with suppress(BrokenExecutor, OSError), open_pool(work, processes) as pool:
+            while todo or given:
+                while todo and len(given) < processes:
+                    given[todo[0]] = pool.submit(tasks[todo[0]])
+                    del todo[0]
+                yield from ready  # with all at work meanwhile
+                ready.clear()
+                wait([each.future for each in given.values()], return_when=FIRST_COMPLETED)
+                for n in [n for n, each in given.items() if each.future.done()]:
+                    if given[n].future.result():
+                        ready.append((n, given.pop(n).read()))
+                    else:
+                        del given[n]
+                        todo = [k for k in todo if k < n]
+        yield from ready
+        deaths.update([*given])
+        todo = sorted([*todo, *(n for n in given if deaths[n] < MAX_DEATHS)])
+
+
+@dataclass(frozen=True, slots=True)
+class PendingResult(Generic[Result]):
+    """What a process was asked to do: whether that is done, and its result is in `file`."""
+
+    future: "Future[bool]"
+    file: Path
+
+    def read(self) -> Result:
+        """The result of what is done, once."""
+        result: Result = pickle.loads(self.file.read_bytes())
+        self.file.unlink()
+        return result
+
+    def result(self, here: Callable[[], Result]) -> Result:
+        """Wait for it; `here` does the same in this process.
+
+        That is asked for what cannot be done there, for want of a process or because one died of it, or because
+        something cannot leave a process; and for what raised there, so that it raises here.
+        """
+        return here() if self.future.exception() is not None or not self.future.result() else self.read()
+
+
+class Pool:
+    """Processes that do one kind of work; when any dies, all do, and every future raises BrokenExecutor."""
+
+    def __init__(self, executor: Any, folder: Path) -> None:
+        self._executor, self._folder, self._numbers = executor, folder, count()
+
+    def submit(self, task: Any) -> PendingResult[Any]:
+        """Have it done. Raises BrokenExecutor, and what pickling the task raises."""
+        file = self._folder / str(next(self._numbers))
+        file.write_bytes(pickle.dumps(task))
+        return PendingResult(self._executor.submit(_do_task, file), file)
+
+
+@contextmanager
+def open_pool(work: bytes, processes: int, modules: Sequence[str] = ()) -> Iterator[Pool]:
+    """Processes that load modules, and then wait for tasks of pickled work; when the block ends, they are no more.
+
+    Raises OSError where the system has no room for them.
+    """
+    from loky import ProcessPoolExecutor
+    from loky.backend import resource_tracker as tracker
+
+    with ExitStack() as stack:
+        prefix = f"pulsepath-{os.getpid()}-"  # by which the command line clears up after a kill
+        folder = Path(stack.enter_context(TemporaryDirectory(prefix=prefix, ignore_cleanup_errors=True)))
+        tracker.register(str(folder), "folder")  # which goes even where this process is killed
+        stack.callback(tracker.unregister, str(folder), "folder")
+        (folder / _WORK).write_bytes(work)
+        ends = multiprocessing.Pipe(duplex=False)
+        for end in ends:
+            stack.enter_context(end)
+        begin = (ends[0], tuple(modules))
+        executor = ProcessPoolExecutor(processes, initializer=_begin_process, initargs=begin, env=_ENVIRONMENT)
+        stack.callback(executor.shutdown, kill_workers=True)
+        with _hold_interrupts():
+            executor.submit(int)  # on which they start
+        yield Pool(executor, folder)
+
+
+@contextmanager
+def _hold_interrupts() -> Iterator[None]:
+    """No Ctrl-C in processes that start meanwhile: what is held off here is held off in them."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    resource_tracker.ensure_running()  # else started with them, when it would let Ctrl-C in again
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
-        return len(os.sched_getaffinity(0))
-    except AttributeError:  # not on every system
-        return os.cpu_count() or 1
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _begin_process(parent: "Connection", modules: Sequence[str]) -> None:
+    """In a process: end with the one that started it, and load what its work takes."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the first process ends all
+    Thread(target=_end_with_parent, args=(parent,), daemon=True).start()
+    gc.set_threshold(*THRESHOLDS)
+    for name in modules:
+        import_module(name)
+    gc.freeze()  # loky has garbage collected after the first task
+
+
+def _end_with_parent(parent: "Connection") -> None:
+    """Even where that is killed: nothing ever comes through the pipe but its end."""
+    with suppress(EOFError, OSError):
+        parent.recv_bytes()
+    os._exit(1)
+
+
+def _do_task(file: Path) -> bool:
+    """In a process: put the result in the task's place. Whether it is there: what raises is done again, and raises."""
+    try:
+        result = _load_work(file.with_name(_WORK))(pickle.loads(file.read_bytes()))
+        file.write_bytes(pickle.dumps(result))
+    except BaseException:
+        return False
+    return True
+
+
+@lru_cache(1)
+def _load_work(file: Path) -> Callable[[Any], Any]:
+    work: Callable[[Any], Any] = pickle.loads(file.read_bytes())
+    return work
+
+
+class SideProcess:
+    """A process beside this one, or none; it does one thing after the other."""
+
+    def __init__(self, pool: Pool | None = None) -> None:
+        self._pool = pool
+
+    def start(self, work: Callable[[], Result]) -> PendingResult[Result]:
+        """Have it begin, when it is through with what it was asked for before."""
+        if self._pool is not None:
+            with suppress(Exception):  # it is no more; and pickle raises whatever an object's own code does
+                return self._pool.submit(work)
+        nowhere: Future[bool] = Future()
+        nowhere.set_result(False)
+        return PendingResult(nowhere, Path())
+
+
+NO_PROCESS = SideProcess()
+"""No other process: everything is done here."""
+
+
+@contextmanager
+def side_process(modules: Sequence[str] = ()) -> Iterator[SideProcess]:
+    """A process for a part of the work, with modules loaded, where there are a core and room for it."""
+    with ExitStack() as stack:
+        pool = None
+        if _may_start():
+            with suppress(OSError):
+                pool = stack.enter_context(open_pool(pickle.dumps(operator.call), 1, modules))
+        yield SideProcess(pool)
+
+
+@contextmanager
+def reduce_garbage_collection() -> Iterator[None]:
+    """Inside it, garbage is collected seldom."""
+    before = gc.get_threshold()
+    gc.set_threshold(*THRESHOLDS)
+    try:
+        yield
+    finally:
+        gc.set_threshold(*before)

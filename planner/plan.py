@@ -159,7 +159,7 @@ def plan(
     """The fastest motion of a machine along a program, proved to respect every limit, and its pulses.
 
     order 2 keeps speed and acceleration, 3 jerk as well; None: 3 where the machine states jerk limits. The pulse rates
-    that it keeps are those that the clock's whole ticks and the rule can hold (`planner.pulses.paced`).
+    that it keeps are those that the clock's whole ticks and the rule can hold (`planner.pulses.pace_axes`).
     duration (s): the smoothest motion that takes so long instead, as `planner.timing.stated_duration.solve_stated`
     has it; None: what the
     program states, if it does. solver: of order 2, "passes" (our own) or "toppra", whose motion is solved anew or

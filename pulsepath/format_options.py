@@ -7,8 +7,8 @@ from typing import Any, Literal, get_args, get_origin, get_type_hints
 import click
 
 from kinematics.foundation.errors import MotionError
+from kinematics.foundation.options import options as known_options
 from planner.export.format import FORMATS, find_format
-from planner.options import options as known_options
 from planner.sources.source import SOURCES, find_source
 from pulsepath.options import read_quantity
 

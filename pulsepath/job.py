@@ -1,20 +1,28 @@
-"""What the command `plan` computes: plan, baseline timings, quantization error, tracking errors."""
+"""What the command `plan` computes: plan, baseline timings, quantization error, tracking errors.
+
+Its second process does the baseline timings, the tracking errors and some figures.
+"""
 
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache, partial
 
+from controllers import Metrics, find_law
+from controllers.metrics.evaluate import PERIOD, evaluate_each
 from controllers.rig import Rig
+from controllers.tracking import track_each
 from kinematics import Machine, MotionError
 from planner import Plan, Program, plan
-from planner.baselines import Classical, pick_baseline
-from planner.beside import NO_PROCESS, SideProcess
+from planner.baselines import KINDS, Classical, classical, pick_baseline
+from planner.baselines.classical import Course, course
+from planner.baselines.shapes import S_CURVE
 from planner.cross_check import CrossCheck, cross_check
 from planner.limits import find_unkept_limits, usual_order
 from planner.orientation.orient import orient_open
+from planner.parallel import NO_PROCESS, SideProcess
 from planner.pulses import RealisedPath
-from pulsepath.process.second_work import PlanReview, seen, time_baselines, time_baselines_ahead
+from pulsepath.options import LAWS
 from pulsepath.progress import detail, note, step
 
 REALISED_SAMPLES = 25_000
@@ -23,6 +31,66 @@ REALISED_SAMPLES = 25_000
 
 class Defect(MotionError):
     """A fault of this program rather than of what it was given."""
+
+
+@dataclass(frozen=True, slots=True)
+class BaselineTimings:
+    """The baseline timings of a path that the program and the machine allow, and why there are no more."""
+
+    timings: tuple[Classical, ...]
+    notes: tuple[str, ...]
+
+
+def time_baselines(course: Course | Plan) -> BaselineTimings:
+    """Every baseline timing along a course. Raises as `planner.classical`, of the first of them.
+
+    Without a limit of jerk an s-curve is asked for by nothing, so that none needs no excuse.
+    """
+    found, notes = [classical(course)], []
+    jerk = any(axis.max_jerk is not None for axis in course.machine.axes)
+    for kind in KINDS[1:]:
+        if kind == S_CURVE.name and not jerk:
+            continue
+        try:
+            found.append(classical(course, kind))
+        except MotionError as error:
+            notes.append(f"no {kind} timing: {error}")
+    return BaselineTimings(tuple(found), tuple(notes))
+
+
+def time_baselines_ahead(program: Program, machine: Machine) -> BaselineTimings:
+    """The same while the plan is being made."""
+    return time_baselines(course(program, machine, 2))
+
+
+@dataclass(frozen=True, slots=True)
+class PlanReview:
+    """Of a plan: the errors of each law on a rig, and some of the figures; note: why there are no errors."""
+
+    metrics: tuple[Metrics, ...]
+    figures: Mapping[str, bytes]
+    note: str = ""
+
+
+def review_plan(plan: Plan, figures: bool, rig: Rig | None) -> PlanReview:
+    """No errors without a rig, nor where its card or drives cannot run the motion, which is no fault of the plan."""
+    metrics: tuple[Metrics, ...] = ()
+    note = ""
+    if rig is not None:
+        try:
+            metrics = _track_laws(plan, rig)
+        except MotionError as error:
+            note = f"not tracked: {error}"
+    if not figures:
+        return PlanReview(metrics, {}, note)
+    from benchmarks.reports.plan_report import draw_path, draw_tracking
+
+    return PlanReview(metrics, draw_path(plan) | draw_tracking(metrics), note)
+
+
+def _track_laws(plan: Plan, rig: Rig) -> tuple[Metrics, ...]:
+    laws = [find_law(law, rig) for law in LAWS]
+    return evaluate_each(track_each(plan, plan.machine, laws, rig=rig, period=PERIOD), plan, plan.machine)
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +138,7 @@ def run(
         program = orient_open(program, machine, usual_order(machine.axes) if order is None else order)
         timing = other.start(partial(time_baselines_ahead, program, machine))
         planned = plan(program, machine, order=order, clock_hz=clock_hz, duration=duration, rule=rule, progress=tell)
-    look = partial(seen, planned, figures, rig)
+    look = partial(review_plan, planned, figures, rig)
     looking = other.start(look)
     detail(_describe_solution(planned))
     realised = _followed(planned)

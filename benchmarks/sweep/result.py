@@ -22,9 +22,9 @@ from controllers.rig import Rig
 from kinematics.files.atomic_files import write_whole
 from kinematics.foundation.arrays import Array, finite_array, freeze_array
 from kinematics.foundation.errors import MotionError
+from kinematics.foundation.options import split_options
 from kinematics.foundation.result import Result as Shown
 from kinematics.foundation.table import Column, Table
-from planner.options import split_options
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

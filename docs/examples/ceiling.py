@@ -6,8 +6,8 @@ from typing import ClassVar
 
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
+from kinematics.foundation.options import option
 from kinematics.machine.axis import Axis
-from planner.options import option
 from planner.parallel import Progress
 from planner.pulses.generation.levels import Levels, find_crossings
 from planner.pulses.generation.rule import kept_rates, told

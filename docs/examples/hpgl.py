@@ -8,8 +8,8 @@ from typing import ClassVar
 import numpy as np
 
 from kinematics.foundation.arrays import freeze_array
+from kinematics.foundation.options import option
 from kinematics.foundation.units import describe_value
-from planner.options import option
 from planner.program.model import Line, Program
 from planner.program.modifiers import Through
 from planner.sources.source import Faults, Imported, decode_text

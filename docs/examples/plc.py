@@ -9,10 +9,10 @@ from typing import ClassVar
 import numpy as np
 
 from kinematics.foundation.arrays import LEAST_POSITIVE, Array, finite_array
+from kinematics.foundation.options import option
 from planner.export.columns import Columns, make_columns
 from planner.export.format import Exported, ExportSource
 from planner.export.knots import choose_knots, compare, steps_to_seconds
-from planner.options import option
 
 
 @dataclass(frozen=True, slots=True)

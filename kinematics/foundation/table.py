@@ -172,15 +172,8 @@ class Table:
 
     def __str__(self) -> str:
         rows = [[column.title for column in self.read], *self._read]
-        widths = [max(map(len, cells)) for cells in zip(*rows, strict=True)]
-        lines = (
-            "  ".join(
-                cell.rjust(width) if column.numeric else cell.ljust(width)
-                for cell, width, column in zip(row, widths, self.read, strict=True)
-            )
-            for row in rows
-        )
-        return "\n".join([*filter(None, [self.title]), *(line.rstrip() for line in lines), *self.notes])
+        lines = _align(rows, [column.numeric for column in self.read])
+        return "\n".join([*filter(None, [self.title]), *lines, *self.notes])
 
     def _repr_html_(self) -> str:
         """In the notebook's own colours, dark or light: nothing is set but lines, alignment and room."""
@@ -249,16 +242,18 @@ def align_columns(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 
     The last column, free text as a rule, is left as it is.
     """
-    table = [header, *rows]
-    widths = [max(len(row[k]) for row in table) for k in range(len(header))]
     number = [
         k > 0 and any(row[k] for row in rows) and all(_is_number(row[k]) for row in rows) for k in range(len(header))
     ]
-    lines = (
-        "  ".join(cell.rjust(w) if right else cell.ljust(w) for cell, w, right in zip(row, widths, number, strict=True))
-        for row in table
-    )
-    return "\n".join(line.rstrip() for line in lines)
+    return "\n".join(_align([header, *rows], number))
+
+
+def _align(rows: Sequence[Sequence[str]], right: Sequence[bool]) -> Iterator[str]:
+    """Rows as lines, each cell as wide as its column, some columns from the right."""
+    widths = [max(map(len, cells)) for cells in zip(*rows, strict=True)]
+    for row in rows:
+        cells = zip(row, widths, right, strict=True)
+        yield "  ".join(cell.rjust(width) if far else cell.ljust(width) for cell, width, far in cells).rstrip()
 
 
 def _is_number(cell: str) -> bool:

@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 
 from kinematics.foundation.arrays import Array, freeze_fields
 from kinematics.foundation.errors import MotionError
+from kinematics.foundation.options import option
 from kinematics.machine.axis import Axis
 from planner.export.format import ExportSource
 from planner.export.knots import TOLERANCE, Knots, rows_at, steps_to_seconds
-from planner.options import option
 
 BLOCK = 1 << 12  # points written or read together
 ROUNDING_SHARE = 1e-3  # of the tolerance that half a unit of the last decimal may be

@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
+from kinematics.foundation.options import option
 from kinematics.foundation.units import apart
 from kinematics.machine.axis import Axis
 from planner.export.format import Exported
-from planner.options import option
 from planner.pulses.motion import AxesMotion
 
 

@@ -27,8 +27,8 @@ import numpy as np
 
 from kinematics.foundation.errors import Fault, FileError, MotionError, NotInstalled
 from kinematics.foundation.names import nearest
+from kinematics.foundation.options import option
 from kinematics.foundation.units import describe_value
-from planner.options import option
 from planner.program.model import Line, Program
 from planner.program.modifiers import Blend, Stop, Through
 from planner.program.validation import check_positive

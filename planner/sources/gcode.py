@@ -36,8 +36,8 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics.foundation.errors import MotionError
+from kinematics.foundation.options import option
 from kinematics.machine.pose import Pose
-from planner.options import option
 from planner.program.model import SAME, Arc, Dwell, Line, Program, Segment, Turn
 from planner.program.modifiers import Blend, Join, Stop, Through
 from planner.program.validation import check_positive

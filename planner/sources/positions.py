@@ -30,10 +30,10 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics.foundation.errors import Fault, FileError, MotionError
+from kinematics.foundation.options import option
 from kinematics.foundation.units import describe_value, quantity
 from kinematics.kinds.tripod import Tripod
 from kinematics.machine.pose import Pose
-from planner.options import option
 from planner.program.model import SAME, Dwell, Line, Program, Segment, Turn
 from planner.program.modifiers import Blend, Join, Stop, Through
 from planner.program.validation import check_positive

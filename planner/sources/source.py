@@ -21,10 +21,10 @@ import numpy as np
 from kinematics.files import toml_document as text_file
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import BadValue, Fault, FileError, MotionError
+from kinematics.foundation.options import load_plugin
+from kinematics.foundation.options import option as option
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
-from planner.options import load_plugin
-from planner.options import option as option
 from planner.program.model import Arc, Line, Program, Segment, Spline
 from planner.sources.outline import Outline, outline
 

@@ -74,5 +74,5 @@ def calibrate(
         written = json.loads((out / CALIBRATION).read_bytes())
         click.echo(record.as_json({**written, "report": report}), nl=False)
     else:
-        tables.show(tables.of_calibration(found))
+        tables.show(tables.of_results(found))
         say(f"machine: {out / calibration_directory.MACHINE}\nreport: {report}")

@@ -39,6 +39,6 @@ def check(program: str, machine: str | None, motion: str, dumped: Path | None, f
     elif found.violations:
         say("\n".join(map(str, found.violations)))
     else:
-        tables.show(tables.of_check(found))
+        tables.show(tables.of_results(found))
     if found.violations:
         click.get_current_context().exit(INFEASIBLE)

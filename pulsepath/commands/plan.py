@@ -19,6 +19,10 @@ from pulsepath.options import (
 from pulsepath.process.intent import writes
 from pulsepath.progress import say
 
+WORK_MODULES = ("pulsepath.job",)
+FIGURE_MODULES = ("benchmarks.reports.plan_report", "controllers.figures", "planner.figures")
+"""What the second process loads."""
+
 
 @click.command()
 @program_argument
@@ -97,10 +101,10 @@ def plan(
     if out is None:
         raise click.UsageError("Missing option '--out'.", click.get_current_context())
     writes(out)
-    from pulsepath.process.second import reduce_garbage_collection, second
+    from planner.parallel import reduce_garbage_collection, side_process
 
     # before what is slow to load, so that both processes load at once
-    with reduce_garbage_collection(), second(figures) as other:
+    with reduce_garbage_collection(), side_process([*WORK_MODULES, *(FIGURE_MODULES if figures else ())]) as other:
         from planner.timing.solvers.toppra_ import require
         from pulsepath.inputs import read_inputs, read_rig
         from pulsepath.job import run

@@ -12,11 +12,11 @@ from controllers import Metrics, Rig
 from controllers.metrics import ErrorSeries
 from kinematics import Axis, Machine, MotionError, Pose, Posture
 from kinematics.files.plain_text import plain_json
+from kinematics.foundation.options import options
 from planner import Infeasible, Place, Standing, Triggered
 from planner.baselines import describe_differences, missing_limits
 from planner.export.format import Exported
 from planner.limits import find_unkept_limits
-from planner.options import options
 from planner.path.departure import Departure
 from planner.path.join import Blended
 from planner.pulses import RULES, PulseCheck, RealisedPath
@@ -250,11 +250,8 @@ def _pose(pose: Pose) -> Record:
 
 def of_positions(listed: PositionList, file: str) -> Record:
     """A position list; m and rad."""
-    return {"file": file, "rotation": listed.order, "frame": listed.frame, **_poses(listed)}
-
-
-def _poses(listed: PositionList) -> Record:
-    return {"poses": listed.poses.tolist(), "dwells_s": listed.rests.tolist()}
+    poses = {"poses": listed.poses.tolist(), "dwells_s": listed.rests.tolist()}
+    return {"file": file, "rotation": listed.order, "frame": listed.frame, **poses}
 
 
 def of_arms(found: ArmSimulation, file: str) -> Record:
@@ -344,12 +341,10 @@ def _place(place: Place) -> Record:
 
 def _trigger(event: Triggered, axes: Sequence[Axis]) -> Record:
     """An event; the pose is the platform's in the base frame, its angles about the moving axes in turn."""
-    angles = event.pose.rotation.as_euler("XYZ", suppress_warnings=True)
     return {
         "name": event.name,
         "where": _place(event.where),
-        "position_m": event.pose.translation.tolist(),
-        "angles_rad": angles.tolist(),
+        **_pose(event.pose),
         "counts": {axis.name: int(count) for axis, count in zip(axes, event.counts, strict=True)},
     }
 

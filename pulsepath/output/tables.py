@@ -13,13 +13,12 @@ from rich.table import Table as Drawn
 
 from controllers import Metrics
 from kinematics import Axis, Machine
-from kinematics.calibration import Calibration
+from kinematics.foundation.options import options
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import SCALES, Column, Table
 from kinematics.machine.axis import Magnitude, directional_bounds
-from planner import Classical, Plan, Standing
+from planner import Classical, Plan
 from planner.baselines import describe_differences, missing_limits
-from planner.options import options
 from planner.pulses import RULES
 from planner.sources.position_list import PositionList
 from pulsepath.job import Job
@@ -100,19 +99,9 @@ def of_rules() -> list[Drawn]:
     return [rules]
 
 
-def of_check(found: Standing) -> list[Drawn]:
-    """How near a path comes to each limit, and its blends."""
-    return of_results(found)
-
-
 def of_tracking(metrics: Iterable[Metrics]) -> list[Drawn]:
     """Errors of each axis and in space, one table per law."""
     return [drawn for law in metrics for drawn in _rich_tables(law.tables()[0])]
-
-
-def of_calibration(found: Calibration) -> list[Drawn]:
-    """Errors before and after, the parameters with their standard errors, and the observability."""
-    return of_results(found)
 
 
 def of_positions(listed: PositionList, file: str) -> list[Drawn]:

@@ -159,7 +159,7 @@ def _watch(worker: int, told: int) -> int:
             _, status = os.waitpid(worker, 0)
             for byte in _read_rest(told):
                 watch.read(bytes([byte]))
-            return _clear_up(watch, mode)
+            return _clear_up(worker, watch, mode)
         for number in [number for number, at in watch.forward.items() if at <= now]:
             del watch.forward[number]
             os.kill(worker, number)
@@ -178,7 +178,7 @@ def _watch(worker: int, told: int) -> int:
         return os.waitstatus_to_exitcode(status)
     for byte in _read_rest(told):
         watch.read(bytes([byte]))
-    _remove_leftovers(watch, mode)
+    _remove_leftovers(worker, watch, mode)
     signal.set_wakeup_fd(-1)
     number = os.WTERMSIG(status)
     if number != signal.SIGKILL:
@@ -197,9 +197,9 @@ def _read_rest(told: int) -> Iterator[int]:
         return
 
 
-def _clear_up(watch: _Watch, mode: list[Any] | None) -> int:
+def _clear_up(worker: int, watch: _Watch, mode: list[Any] | None) -> int:
     """After a worker that had to be killed: the terminal and the folders as they were, and a word of it."""
-    _remove_leftovers(watch, mode)
+    _remove_leftovers(worker, watch, mode)
     from pulsepath.process.interruption import of_interruption
     from pulsepath.process.load_alone import load_alone
 
@@ -212,18 +212,27 @@ def _clear_up(watch: _Watch, mode: list[Any] | None) -> int:
     return 128 + (watch.asked or signal.SIGINT)
 
 
-def _remove_leftovers(watch: _Watch, mode: list[Any] | None) -> None:
-    """Remove what the worker left beside the places of its results, and folders that it made for them."""
+def _remove_leftovers(worker: int, watch: _Watch, mode: list[Any] | None) -> None:
+    """Remove what the worker left: for its own processes, beside the places of its results, and folders made for them.
+
+    planner.parallel names the first by the worker's number, and so does loky.
+    """
     if mode is not None:
         import termios
 
         signal.signal(signal.SIGTTOU, signal.SIG_IGN)
         with suppress(termios.error):
             termios.tcsetattr(0, termios.TCSANOW, mode)
+    from pathlib import Path
+    from shutil import rmtree
+    from tempfile import gettempdir
+
+    for folder in Path(gettempdir()).glob(f"pulsepath-{worker}-*"):
+        rmtree(folder, ignore_errors=True)
+    for semaphore in Path("/dev/shm").glob(f"sem.loky-{worker}-*"):
+        semaphore.unlink(missing_ok=True)
     if not watch.told.get("folders"):
         return
-    from pathlib import Path
-
     from pulsepath.process.load_alone import load_alone
 
     clear = load_alone("leftovers").clear

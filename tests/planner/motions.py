@@ -39,12 +39,15 @@ def through(q, v, knots):
     return Polynomials(np.stack(((s * h - 2 * r) / h**3, (3 * r - s * h) / h**2, v[:-1], q[:-1])), knots)
 
 
-def example(seed=0):
-    """Three axes, three moves with a dwell of 20 ms between them, some 1500 pulses; every axis turns inside a move."""
+def example(seed=0, size=1.0):
+    """Three axes, three moves with a dwell of 20 ms between them, some 1500 pulses; every axis turns inside a move.
+
+    size: of the ways and the times, at the same speeds.
+    """
     rng = np.random.default_rng(seed)
-    knots = np.cumsum([0, 0.05, 0.06, 0.02, 0.07])
+    knots = size * np.cumsum([0, 0.05, 0.06, 0.02, 0.07])
     zigzag = np.array([0, 1, -1, -1, 1])[:, None] * rng.choice([-1, 1], 3)
-    q = 0.2 + zigzag * rng.uniform(0.1e-3, 0.25e-3, (5, 3))
+    q = 0.2 + size * zigzag * rng.uniform(0.1e-3, 0.25e-3, (5, 3))
     q[3] = q[2]
     v = np.zeros((5, 3))
     v[1] = rng.uniform(-8e-3, 8e-3, 3)

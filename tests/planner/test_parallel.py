@@ -1,7 +1,6 @@
 """Work spread over processes: the same results, the same refusals, and what is spread can leave its process."""
 
 import multiprocessing
-import operator
 import os
 import pickle
 import signal
@@ -38,6 +37,11 @@ def where(task):
     return task, os.getpid()
 
 
+def multiply(array, task):
+    time.sleep(0.02)  # so that one process is not through with all before the other has begun
+    return array * task
+
+
 def test_results_come_in_order_and_from_other_processes(eager):
     told = []
     found = parallel.spread(where, range(20), lambda task, result: told.append((task, result)))
@@ -65,7 +69,7 @@ def test_work_that_is_lost_with_its_process_is_done_here(eager):
 @pytest.mark.parametrize("moment", ["starting", "a moment later", 2, 3, 10, 30])
 def test_a_killed_process_costs_only_time(eager, moment):
     """Work and results are larger than what a pipe holds, so that either end may be in the midst of one."""
-    work = partial(operator.mul, np.random.default_rng(1).random(2**17))
+    work = partial(multiply, np.random.default_rng(1).random(2**17))
     killed, found = [], []
 
     def kill():

@@ -97,6 +97,10 @@ def test_the_same_from_a_process_of_its_own(corpus, file):
     assert not Path("out.toml").exists()
 
 
+def test_a_check_says_the_same(corpus):
+    assert refused(["check", "programs/many.toml"]) == refused(command("programs/many.toml"))
+
+
 def test_the_same_as_data(corpus):
     result = CliRunner().invoke(main, [*command("machines/many.toml"), "--json"])
     assert result.exit_code == 2

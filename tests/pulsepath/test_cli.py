@@ -164,33 +164,6 @@ def test_the_machine_of_a_program_counts_from_its_folder(call, tmp_path, program
     assert tilts[0] == pytest.approx(tilts[1] * 35 / 16, rel=1e-12)
 
 
-BAD = {
-    "unknown key": (LINE + "sped = 3\n", ["program.toml:7", "sped", "speed"]),
-    "number without a unit": (LINE + "speed = 30\n", ["program.toml:7", "speed", "30", "mm/s"]),
-    "not a number": ("[[segment]]\nline = { to = [0, 0, nan] }\n", ["program.toml:6", "segment[1].line.to[3]", "nan"]),
-    "empty": ("", ["program.toml", "segment"]),
-    "arc out of its plane": (
-        LINE + "[[segment]]\narc = { centre = [5, 0, 12], normal = [0, 0, 1], angle = 90 }\n",
-        ["segment[2].arc", "2 mm out of the plane", "centre"],
-    ),
-    "two faults at once": ("frame = 3\n" + LINE + "sped = 3\n", ["frame", "sped"]),
-    "not TOML": ("[[segment\n", ["program.toml:5", "TOML"]),
-}
-
-
-@pytest.mark.parametrize(("text", "told"), BAD.values(), ids=BAD)
-@pytest.mark.parametrize("command", ["plan", "check"])
-def test_bad_programs(call, tmp_path, program, command, text, told):
-    path = program(text)
-    out = ["--out", tmp_path / "out"] if command == "plan" else []
-    done = call(command, path, *out)
-    assert done.exit_code == 2
-    assert done.stdout == ""
-    for part in told:
-        assert part in done.stderr
-    assert [entry.name for entry in tmp_path.iterdir()] == ["program.toml"]
-
-
 def test_names_that_are_not_known(call, tmp_path, program):
     for arguments, told in [
         (["circel"], 'nearest is "circle"'),

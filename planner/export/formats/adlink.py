@@ -32,9 +32,9 @@ from json import dumps
 from pathlib import Path
 from typing import ClassVar
 
+from kinematics.foundation.options import option
 from planner.export.card_calls import KINDS, Call, CallList, call_list, replay_error
 from planner.export.format import Exported, ExportSource
-from planner.options import option
 
 WAIT_LINE = re.compile(r"    wait_until\(([0-9.]+)\);")
 CALL_LINE = re.compile(r"    DO\((\w+)\((\d+), (-?\d+), ([^,]+), ([^,]+), ([^,]+), ([^,)]+)\)\);")

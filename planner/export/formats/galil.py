@@ -24,10 +24,10 @@ import numpy as np
 
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
+from kinematics.foundation.options import option
 from planner.export.columns import BLOCK, Columns, make_columns, told
 from planner.export.format import Exported, ExportSource
 from planner.export.knots import Knots, choose_knots, compare
-from planner.options import option
 from planner.pulses.schedule import Ticks
 
 AXES = "ABCDEFGH"

@@ -20,10 +20,10 @@ import numpy as np
 
 from kinematics.foundation.arrays import LEAST_POSITIVE, Array, finite_array
 from kinematics.foundation.errors import MotionError
+from kinematics.foundation.options import option
 from planner.export.columns import Columns, line_blocks, make_columns, origin_option
 from planner.export.format import Exported, ExportSource
 from planner.export.knots import Knots, choose_knots, compare, steps_to_seconds
-from planner.options import option
 
 PINS = 21  # HAL_STREAM_MAX_PINS of LinuxCNC 2.9
 

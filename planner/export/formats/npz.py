@@ -24,8 +24,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinematics.foundation.errors import Fault, FileError, MotionError
+from kinematics.foundation.options import option
 from planner.export.format import Exported, ExportSource
-from planner.options import option
 from planner.parallel import Progress, ignore_progress
 from planner.pulses.schedule import AxisPulses, PulseSchedule, holds_same_pulses, join_schedules
 

@@ -24,9 +24,9 @@ from numpy.typing import NDArray
 
 from kinematics.foundation.arrays import merge_rising
 from kinematics.foundation.errors import MotionError
+from kinematics.foundation.options import option
 from kinematics.machine.axis import StepTiming, ceil_ticks
 from planner.export.format import Exported, ExportSource
-from planner.options import option
 from planner.parallel import Progress, ignore_progress, share_progress
 from planner.pulses.checking import edge_reader as lines
 from planner.pulses.schedule import PulseSchedule, Ticks, holds_same_pulses

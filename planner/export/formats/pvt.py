@@ -51,6 +51,7 @@ from numpy.typing import NDArray
 
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
+from kinematics.foundation.options import option
 from planner.export.columns import (
     ALPHABET,
     USUAL,
@@ -73,7 +74,6 @@ from planner.export.knots import (
     spacing_option,
     tolerance_option,
 )
-from planner.options import option
 
 
 def make_moves(columns: Columns, source: ExportSource, knots: Knots) -> Iterator[tuple[NDArray[np.int64], Array]]:

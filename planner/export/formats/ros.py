@@ -23,10 +23,10 @@ from typing import ClassVar, Literal
 import numpy as np
 
 from kinematics.foundation.arrays import Array
+from kinematics.foundation.options import option
 from planner.export.columns import BLOCK, Columns, line_blocks, make_columns, origin_option
 from planner.export.format import Exported, ExportSource
 from planner.export.knots import choose_knots, compare, spacing_option, tolerance_option
-from planner.options import option
 
 PER_SECOND = 10**9
 ROWS = ("positions", "velocities", "accelerations")

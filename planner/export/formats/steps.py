@@ -27,9 +27,9 @@ import numpy as np
 
 from kinematics.foundation.arrays import finite_array
 from kinematics.foundation.errors import MotionError
+from kinematics.foundation.options import option
 from kinematics.foundation.units import apart
 from planner.export.format import Exported, ExportSource
-from planner.options import option
 from planner.pulses.compression import StepQueue, compress, decompress
 from planner.pulses.schedule import Signs, Ticks
 

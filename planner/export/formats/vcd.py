@@ -32,9 +32,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinematics.foundation.errors import MotionError
+from kinematics.foundation.options import option
 from planner.export.format import Exported, ExportSource
 from planner.export.formats.pulse_csv import describe_high, edge_rows, high_ticks
-from planner.options import option
 from planner.pulses.schedule import PulseSchedule, Ticks
 
 SUFFIXES = {9: "1 ns", 10: "100 ps", 11: "10 ps", 12: "1 ps", 13: "100 fs", 14: "10 fs", 15: "1 fs"}

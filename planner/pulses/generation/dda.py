@@ -10,9 +10,9 @@ from numpy.typing import ArrayLike
 
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
+from kinematics.foundation.options import option
 from kinematics.foundation.units import apart, round_up_digits
 from kinematics.machine.axis import Axis
-from planner.options import option
 from planner.parallel import Progress
 from planner.place import Infeasible
 from planner.pulses.generation.pieces import FIT_TOLERANCE, Pieces, bound_rate, find_rate_jumps, fit, rate_error

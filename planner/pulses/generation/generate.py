@@ -14,9 +14,9 @@ from numpy.typing import ArrayLike
 from kinematics.foundation import names as registry
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
+from kinematics.foundation.options import read_options, split_options
 from kinematics.foundation.units import round_up_digits
 from kinematics.machine.axis import Axis, ceil_ticks, directional_bounds
-from planner.options import read_options, split_options
 from planner.parallel import Progress, ignore_progress
 from planner.place import Infeasible, Place
 from planner.pulses.compensation.compensate import CompensatedMotion, counted

@@ -9,8 +9,8 @@ from typing import Any, ClassVar, Protocol
 
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
+from kinematics.foundation.options import option, options
 from kinematics.machine.axis import Axis
-from planner.options import option, options
 from planner.parallel import Progress
 from planner.pulses.generation.levels import MAX_COUNT_BLUR, Levels, find_crossings
 from planner.pulses.motion import AxesMotion
@@ -20,7 +20,7 @@ from planner.pulses.schedule import PulseSchedule
 class Rule(Protocol):
     """A rule of firing. Its docstring says by how much a count may be from the motion; its schedules say it too.
 
-    A rule is a frozen dataclass whose fields, made by `planner.options.option`, are its options.
+    A rule is a frozen dataclass whose fields, made by `kinematics.foundation.options.option`, are its options.
     """
 
     @property

@@ -8,8 +8,8 @@ import numpy as np
 
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
+from kinematics.foundation.options import option
 from kinematics.machine.axis import Axis
-from planner.options import option
 from planner.parallel import Progress
 from planner.pulses.generation.levels import BLOCK
 from planner.pulses.generation.pieces import FIT_TOLERANCE, bound_rate, fit, rate_error

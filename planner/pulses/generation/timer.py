@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
+from kinematics.foundation.options import option
 from kinematics.machine.axis import Axis
-from planner.options import option
 from planner.parallel import Progress
 from planner.pulses.generation.levels import Levels, find_crossings
 from planner.pulses.generation.pieces import FIT_TOLERANCE, bound_rate, fit, rate_error

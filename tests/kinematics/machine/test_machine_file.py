@@ -176,95 +176,10 @@ def test_masses_are_stated_in_tables(load):
     assert not load(PRESET).loaded
 
 
-@pytest.mark.parametrize(
-    ("text", "key", "phrase"),
-    [
-        ('[platform]\nmass = "-1 kg"\n', "platform.mass", "must be at least 0 kg"),
-        ('[platform]\nmass = "1 kg"\ninertia = ["1 kg*m^2", "0 kg*m^2", "0 kg*m^2"]\n', "platform", "no rigid body's"),
-        ('[platform]\nweight = "1 kg"\n', "platform.weight", "unknown key"),
-        ('[legs]\nbarrel = { mass = "1 kg" }\n', "legs.rod", "missing"),
-        ('friction = "1 N"\n', "axes.friction", "not convertible to N*s/m"),
-    ],
-)
-def test_masses_that_cannot_be_are_faults(load, text, key, phrase):
-    with pytest.raises(FileError) as refusal:
-        load(PRESET + text)
-    assert [fault.key for fault in refusal.value.faults] == [key]
-    assert phrase in str(refusal.value)
-
-
-BAD = """\
-schema = 1
-kind = "hexapod"
-[geometry]
-base_radius = "149 mm"
-base_gap = "121 deg"
-base_height = 11.5
-platform_radius = "-100 mm"
-platform_gapp = "60 deg"
-platform_height = "11 kg"
-max_tilt = ["35 deg", "0 deg"]
-base_rest = [0, 0, 0]
-platform_rest = [[0, 0, 1], [0, 0, 1]]
-home = { to = ["0 mm", "0 mm"] }
-[axes]
-travel = ["50 mm", "0 mm"]
-direction = true
-max_sped = "20 mm/s"
-max_jerk = "4000 mm/s^2"
-torque_speed = [["0 mm/s", "3 N"], ["0 mm/s", "2 N"]]
-[[axis]]
-name = "leg7"
-[[axis]]
-name = "leg1"
-max_speed = "nan mm/s"
-[[axis]]
-name = "leg1"
-direction = 2
-"""
-
-
-def test_every_fault_is_reported_in_one_pass(load):
-    with pytest.raises(FileError) as refusal:
-        load(BAD)
-    found = [(fault.line, fault.key) for fault in refusal.value.faults]
-    short = [(12, f"geometry.platform_rest[{n}]") for n in (3, 4, 5, 6)]
-    assert found == [
-        (3, "geometry.platform_gap"),
-        (5, "geometry.base_gap"),
-        (6, "geometry.base_height"),
-        (7, "geometry.platform_radius"),
-        (8, "geometry.platform_gapp"),
-        (9, "geometry.platform_height"),
-        (10, "geometry.max_tilt[2]"),
-        (11, "geometry.base_rest"),
-        *short,
-        (13, "geometry.home.to[3]"),
-        (14, "axes.pulse"),
-        (15, "axes.travel"),
-        (16, "axes.direction"),
-        (17, "axes.max_sped"),
-        (18, "axes.max_jerk"),
-        (19, "axes.torque_speed"),
-        (21, "axis[1].name"),
-        (24, "axis[2].max_speed"),
-        (26, "axis[3].name"),
-        (27, "axis[3].direction"),
-    ]
-    text = str(refusal.value)
-    for phrase in (
-        '"121 deg" must be at least 0 deg and at most 120 deg',
-        '11.5: a number without a unit: write e.g. "20 mm"',
-        'platform_gapp: unknown key, nearest is "platform_gap"',
-        '"0 deg" must be above 0 deg',
-        "the first bound must be the smaller",
-        'max_sped: unknown key, nearest is "max_speed"',
-        "not convertible to mm/s^3",
-        '"leg7" is not "leg1", "leg2", "leg3", "leg4", "leg5" or "leg6", nearest is "leg',
-        '"leg1" has an [[axis]] table already',
-        "2 is neither 1 nor -1",
-    ):
-        assert phrase in text
+def test_masses_that_no_rigid_body_has_are_a_fault(load):
+    with pytest.raises(FileError, match="no rigid body's") as refusal:
+        load(PRESET + '[platform]\nmass = "1 kg"\ninertia = ["1 kg*m^2", "0 kg*m^2", "0 kg*m^2"]\n')
+    assert [fault.key for fault in refusal.value.faults] == ["platform"]
 
 
 @pytest.mark.parametrize(

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
+from kinematics import MotionError
 from kinematics.machine.axis import Axis
 from planner.certificate.certify import prove
 from planner.limits import limits_of
@@ -130,6 +131,17 @@ def test_beyond_the_speed_limit(order, way):
     with pytest.raises(Infeasible, match=r"end speed 1\.2 /s is beyond") as refused:
         solved(line(1.5), 0.0, 1.2, order)
     assert refused.value.limit == pytest.approx(1.0, rel=2e-3)
+
+
+def test_a_solver_returns_what_it_came_to_and_raises_nothing():
+    """Too fast for its own limit of speed, and for the way; who needs a motion all the same is refused."""
+    path = line(1.5)
+    for speed in (1.2, 50.0):
+        found = second_order(pose_problem(path, limits_on(path, 2), *make_grid(path, Run(0, 0), 300), (0.0, speed)))
+        assert (found.status, found.solved, found.duration) == ("too fast", False, 0.0)
+        assert found.refusal.largest < speed
+        with pytest.raises(MotionError, match="is beyond"):
+            found.require_profile()
 
 
 @pytest.mark.parametrize(("start", "end"), [(0.3, 0.0), (0.0, 0.5), (0.5, 0.4)])

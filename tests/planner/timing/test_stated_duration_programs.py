@@ -81,7 +81,7 @@ def test_the_longer_the_smoother(order, hexapod):
     arc = Arc(np.array([0, 0, 0.025]), np.array([0, 0, 1.0]), np.pi, rise=3e-3, join=Blend(1e-4))
     program = Program((arc, Line(np.array([0, 0, 0.028]))), start=RigidTransform.from_translation([0.015, 0, 0.025]))
     shortest = plan(program, hexapod, order=order).trajectory.duration
-    shares = (1.05, 1.2, 1.5, 2.0, 3.0)
+    shares = (1.05, 1.5, 2.0, 3.0)
     made = [plan(program, hexapod, order=order, duration=share * shortest) for share in shares]
     assert all(one.certificate.holds for one in made)
     assert {method for one in made for method in one.methods} == {"smoothest"}

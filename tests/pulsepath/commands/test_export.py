@@ -9,8 +9,8 @@ from typing import get_type_hints
 import numpy as np
 import pytest
 
+from kinematics.foundation.options import options
 from planner.export.format import FORMATS, find_format
-from planner.options import options
 from pulsepath.output import plan_directory
 from tests import read_lines
 

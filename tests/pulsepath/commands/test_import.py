@@ -6,8 +6,8 @@ from typing import get_type_hints
 
 import pytest
 
+from kinematics.foundation.options import options
 from planner import load_program
-from planner.options import options
 from planner.sources.source import SOURCES, find_source
 
 FLAT = "G21 G64 P0.05\nG0 X10\nF600 G2 X10 I-10\nG1 X0 Y0\nM30\n"

@@ -109,7 +109,7 @@ def test_arms_of_turned_poses_are_shown_and_saved_but_never_in_the_machine_s_own
     found = json.loads(done.stdout)
     assert found["turned"] == [False, True]
     assert found["off_if_held"][0] == 0 < found["off_if_held"][1]
-    assert "simulated only" in call("positions", path, "arms").stdout
+    assert "only simulated" in call("positions", path, "arms").stdout
     assert "1 rotations combined with a translation were dropped" in call("positions", path, "arms", "--steps").stdout
     for suffix, code in ((".csv", 0), (".png", 0), (".txt", 2)):
         assert call("positions", path, "arms", "--out", tmp_path / f"arms{suffix}").exit_code == code

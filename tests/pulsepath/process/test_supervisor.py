@@ -54,13 +54,13 @@ WORK = {
 """,
 }
 CHILD = """
-from planner.workers import Worker
 import pickle, time
-worker = Worker()
-worker.give(pickle.dumps(time.sleep), 0, 0)
-worker.wait()
-worker.take()
-worker.give(b"", 0, 100)
+from contextlib import ExitStack
+from planner.parallel import open_pool
+kept = ExitStack()
+pool = kept.enter_context(open_pool(pickle.dumps(time.sleep), 1))
+pool.submit(0).future.result()
+pool.submit(100)
 print("computing", file=sys.stderr, flush=True)
 """
 
@@ -75,7 +75,7 @@ def start(folder, work, script=SHORT, **more):
         text=True,
         **more,
     )
-    for _ in range(1 + ("Worker" in work)):
+    for _ in range(1 + ("pool" in work)):
         assert process.stderr.readline() == "computing\n"
     time.sleep(0.5 if "casadi" in work else 0.1)
     return process

@@ -6,8 +6,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from kinematics.foundation.options import options
 from kinematics.machine.axis import Axis, StepTiming
-from planner.options import options
 from planner.place import Infeasible
 from planner.pulses import RULES, AxisPulses, check, generate
 from planner.pulses.checking import standards
@@ -49,7 +49,7 @@ EVERY = [*(kind for kind in CORRUPTIONS if kind is not shift_one), shift_two, a_
 def test_every_corrupted_schedule_is_caught_under_every_rule(rule):
     missed = []
     for seed in range(SEEDS):
-        motion = example(seed)
+        motion = example(seed, size=0.25)
         home = motion.at(np.zeros(1)).q[0]
         axes = [Axis(f"leg{i}", pulse=PULSE) for i in range(3)]
         schedule = generate(motion, axes, home, CLOCK, rule)

@@ -17,8 +17,8 @@ CORRUPTED = 250
 
 @pytest.fixture(scope="module")
 def plan():
-    """Some 1500 pulses of three axes with a rest, on drives that ask for little less than they get."""
-    motion = example(5)
+    """Some 400 pulses of three axes with a rest, on drives that ask for little less than they get."""
+    motion = example(5, size=0.25)
     home = motion.at(np.zeros(1)).q[0]
     axes = [Axis(f"leg{k}", pulse=PULSE, timing=find_drive("DRV8825")) for k in range(3)]
     schedule = generate(motion, axes, home)
