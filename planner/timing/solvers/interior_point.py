@@ -14,23 +14,17 @@ from typing import Literal
 import numpy as np
 
 from kinematics.foundation.arrays import Array
-from planner.timing.solvers.riccati import Recursion, recur, roll
-from planner.timing.solvers.stages import (
-    Misses,
-    Motion,
-    Rows,
-    Slopes,
-    Stages,
+from planner.timing.solvers.optimality import (
     change_slacks,
     complementarity_error,
-    differentiate,
-    evaluate,
     linearize,
     measure,
     pull,
     push_forces,
     try_change,
 )
+from planner.timing.solvers.riccati import Recursion, recur, roll
+from planner.timing.solvers.stages import Iterate, Misses, Slopes, StageRows, Stages, differentiate, evaluate
 
 # The cost is counted in thousandths of the guess' duration: of that size, the constants below are usual ones.
 WEIGHT = 1000.0
@@ -51,7 +45,7 @@ Status = Literal["solved", "slow", "not convex"]
 
 
 @dataclass(frozen=True, slots=True)
-class Answer:
+class Minimum:
     """States (N + 1, 2) and controls (N, 2), scaled as they were given; multipliers of rows, next states and steps.
 
     The multipliers say what a unit of each bound is worth, in thousandths of the guess' duration.
@@ -67,13 +61,13 @@ class Answer:
     step_forces: Array
 
 
-def minimise(stages: Stages, rows: Rows, states: Array, controls: Array, *, free_start: bool = False) -> Answer:
+def minimise(stages: Stages, rows: StageRows, states: Array, controls: Array, *, free_start: bool = False) -> Minimum:
     """From states (N + 1, 2), of which the first and the last are kept, and controls (N, 2).
 
     free_start: the first s̈ is to be found, as the last one is with `stages.free_end`.
     """
     count, width = len(stages.step), rows.low.shape[1]
-    motion, trial = (_empty_motion(rows, states, controls) for _ in range(2))
+    motion, trial = (_empty_iterate(rows, states, controls) for _ in range(2))
     trial = trial._replace(force_low=motion.force_low, force_high=motion.force_high)
     misses, tried = (Misses(np.empty((count, width)), np.empty((count, 2)), np.empty(count)) for _ in range(2))
     evaluate(stages, rows, motion.states, motion.controls, misses)
@@ -171,17 +165,17 @@ def minimise(stages: Stages, rows: Rows, states: Array, controls: Array, *, free
         next_force += share * (new_next_force - next_force)
         step_force += share * (new_step_force - step_force)
         missed, cost = new_missed, new_cost
-    return Answer(
+    return Minimum(
         status, iterations, motion.states, motion.controls, motion.force_low, motion.force_high, next_force, step_force
     )
 
 
-def _empty_motion(rows: Rows, states: Array, controls: Array) -> Motion:
+def _empty_iterate(rows: StageRows, states: Array, controls: Array) -> Iterate:
     ones = (np.ones(rows.low.shape) for _ in range(4))
-    return Motion(states.copy(), controls.copy(), next(ones), next(ones), next(ones), next(ones))
+    return Iterate(states.copy(), controls.copy(), next(ones), next(ones), next(ones), next(ones))
 
 
-def _start_slacks(rows: Rows, motion: Motion, misses: Misses, mu: float) -> None:
+def _start_slacks(rows: StageRows, motion: Iterate, misses: Misses, mu: float) -> None:
     least = np.full(rows.low.shape[1], LEAST_SLACK)
     least[-2:] = LEAST_SPEED_SLACK
     for slack, force, room in (

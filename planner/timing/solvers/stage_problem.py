@@ -5,7 +5,7 @@ import numpy as np
 from kinematics.foundation.arrays import Array
 from planner.limits.limit import Term
 from planner.timing.problem import Block, Problem
-from planner.timing.solvers.stages import DURATION, END, MIDDLE, SPEED, START, Rows, Stages
+from planner.timing.solvers.stages import DURATION, END, MIDDLE, SPEED, START, StageRows, Stages
 
 # A trace for jerk: as a share of its limit, squared and averaged over the guess' time. Where many motions take the same
 # time it chooses a calm one, which also strays less between grid points.
@@ -29,7 +29,7 @@ POWERS = {
 """L^p / T^q of each term, when lengths are counted in L and times in T."""
 
 
-def pose_stages(problem: Problem, guess: Array) -> tuple[Stages, Rows, Array, Array, Array]:
+def pose_stages(problem: Problem, guess: Array) -> tuple[Stages, StageRows, Array, Array, Array]:
     """Stages, rows, states (N + 1, 2) and controls (N, 2) to start from, and the units (4,) of ṡ, s̈, s⃛ and h.
 
     guess (4, N): ṡ, s̈, s⃛, h. Lengths are counted in the run's, times in the guess' duration.
@@ -63,7 +63,7 @@ def _jerk_share(problem: Problem, unit: float) -> Array:
     return share
 
 
-def _pose_rows(problem: Problem, length: float, time: float) -> Rows:
+def _pose_rows(problem: Problem, length: float, time: float) -> StageRows:
     terms, counts, sizes, at_end = [], [], [], []
     first: list[Array] = []
     second: list[Array] = []
@@ -93,7 +93,7 @@ def _pose_rows(problem: Problem, length: float, time: float) -> Rows:
     place = np.concatenate(
         [np.full(len(fixed), START), np.repeat(np.where(at_end, END, MIDDLE), sizes), [SPEED, DURATION]]
     )
-    return Rows(
+    return StageRows(
         np.array(terms),
         np.array(counts),
         np.array(sizes),
