@@ -9,7 +9,7 @@ import pytest
 from benchmarks import evidence
 
 FOLDER = Path(evidence.__file__).parent
-SERVE = {"timing", "published.compared", "published.conformance", "thesis.outcome"}
+SERVE = {"timing", "published.compared", "thesis.outcome"}
 """What scripts share, and tables that pages show."""
 PACKAGES = {"peers"}
 """Run as a whole."""

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from controllers.drives.servo import leg_servo
-from controllers.laws.horizon import Horizon
 from controllers.laws.nominal import nominal_axes
 from controllers.laws.open_loop import Feedforward
+from controllers.laws.predictive import Horizon
 from controllers.learning import TAIL, fit_feedforward, learn
 from controllers.rig import Rig, Task
 from controllers.simulate import sample

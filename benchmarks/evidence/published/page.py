@@ -133,7 +133,7 @@ SECTIONS = (
     ),
     Section(
         "Forty assembly modes [Dietmaier 1998]",
-        "python -m benchmarks.evidence.trials.assembly_modes",
+        "python -m benchmarks.evidence.published.conformance",
         "How often all are found from other seeds, and in which time: the command above.",
         lambda: [comparison(conformance.modes())],
     ),

@@ -10,11 +10,10 @@ from scipy.integrate import solve_ivp
 
 from controllers.card import PCI_8132, at_rest, send
 from controllers.drives.servo import leg_servo
-from controllers.laws.horizon import Horizon
 from controllers.laws.law import Feedback, Reference, ramp
 from controllers.laws.nominal import NominalAxes, friction_response, nominal_axes, response, usual_axes
 from controllers.laws.open_loop import Feedforward, OpenPosition
-from controllers.laws.predictive import Friction, Predictive
+from controllers.laws.predictive import Friction, Horizon, Predictive
 from controllers.laws.registry import find_law
 from controllers.rig import Rig
 from controllers.rig_file import load_rig
