@@ -8,7 +8,7 @@ from collections.abc import Generator, Iterator
 import pytest
 from hypothesis import settings
 
-from kinematics.foundation.errors import NotInstalled
+from kinematics import NotInstalled
 
 # The same code gives the same verdict; to look for new examples: pytest --hypothesis-profile=default
 settings.register_profile("repeatable", derandomize=True, deadline=None)

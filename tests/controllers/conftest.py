@@ -7,11 +7,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from kinematics.kinds.hexapod import Hexapod, joint_circle
-from kinematics.machine.axis import Axis
+from kinematics import Axis, Hexapod, joint_circle
+from planner import Trajectory
 from planner.actuation import MachinePath
 from planner.path.shape import arc, line
-from planner.trajectory import Trajectory
 
 PULSE = 0.75e-6
 HEIGHT = 0.2336362

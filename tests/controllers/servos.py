@@ -1,7 +1,7 @@
 """Tracking on a servo that the tests state: `leg_servo` behind every axis, unless another is given."""
 
-from controllers import tracking
-from controllers.rig import Rig, assumed_rig
+from controllers import Rig, tracking
+from controllers.rig import assumed_rig
 
 
 def track(motion, machine, law, *, servo=None, **options):

@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 
 from benchmarks.evidence.speed.closed_loop import simulate_runs
+from controllers import find_law, load_rig
 from controllers.card import PCI_8164
-from controllers.laws.registry import find_law
 from controllers.rig import Host, disturbed, time_path
-from controllers.rig_file import load_rig
 from controllers.simulate import bank, sample, simulate, stack_references
-from kinematics.foundation.errors import MotionError
+from kinematics import MotionError
 
 SAME = 1e-12
 """Of the largest value: what a run may differ by, in a batch and alone."""

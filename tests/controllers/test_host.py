@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from controllers.rig import Host, instants
-from kinematics.foundation.errors import MotionError
+from kinematics import MotionError
 
 
 def test_a_counter_is_exact():

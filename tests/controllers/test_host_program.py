@@ -6,11 +6,12 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
+from controllers import Rig
 from controllers.card import PCI_8164, TAMove, at_rest, current_speed, send
 from controllers.drives.servo import leg_servo
 from controllers.laws.closed_loop import ClosedErrorSpeed
 from controllers.laws.open_loop import OpenPosition, OpenVelocity
-from controllers.rig import Host, Rig
+from controllers.rig import Host
 from controllers.simulate import sample, simulate
 
 DT = 0.05

@@ -5,15 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from controllers import Rig, track
 from controllers.drives.servo import leg_servo
 from controllers.laws.nominal import nominal_axes
 from controllers.laws.open_loop import Feedforward
 from controllers.laws.predictive import Horizon
 from controllers.learning import TAIL, fit_feedforward, learn
-from controllers.rig import Rig, Task
+from controllers.rig import Task
 from controllers.simulate import sample
-from controllers.tracking import track
-from kinematics.foundation.errors import MotionError
+from kinematics import MotionError
 
 PULSE = 0.75e-6
 DT = 0.125

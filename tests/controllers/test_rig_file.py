@@ -7,9 +7,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from controllers import load_rig, rig_names
 from controllers.rig import Sine, disturbed
-from controllers.rig_file import load_rig, rig_names
-from kinematics.foundation.errors import FileError, MotionError
+from kinematics import FileError, MotionError
 
 TEXT = (files("controllers") / "presets" / "servo-rig.toml").read_text()
 

@@ -11,7 +11,7 @@ from controllers.drives.servo import leg_servo
 from controllers.laws.closed_loop import ClosedPosition
 from controllers.laws.open_loop import OpenPosition
 from controllers.simulate import sample
-from kinematics.foundation.errors import MotionError
+from kinematics import MotionError
 from tests.controllers.servos import track
 
 PULSE = 0.75e-6

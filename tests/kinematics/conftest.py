@@ -6,12 +6,9 @@ from numpy.polynomial import chebyshev
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from benchmarks.evidence.published.conformance import PUBLISHED, mini_tetra, rubin, table_4_3
-from kinematics import Axis, Hexapod, load_machine
+from kinematics import Axis, Hexapod, Load, joint_circle, load_machine, motion_of_poses
 from kinematics.files.toml_document import read
-from kinematics.kinds.hexapod import joint_circle
 from kinematics.machine.kind import columns
-from kinematics.machine.load import Load
-from kinematics.machine.motion import motion_of_poses
 from kinematics.machine.pose import COMPONENTS, from_numbers, to_numbers
 
 

@@ -7,8 +7,7 @@ import pytest
 from scipy.integrate import cumulative_trapezoid
 from scipy.spatial.transform import RigidTransform
 
-from kinematics import Axis, Body, Traverser, load_machine
-from kinematics.machine.load import Load
+from kinematics import Axis, Body, Load, Traverser, load_machine
 from planner import load_program, plan
 
 

@@ -11,11 +11,10 @@ from numpy.polynomial import chebyshev
 from scipy.interpolate import PPoly
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from planner import Arc, Line, Program, Turn, load_program
+from planner import Arc, Line, Program, Trajectory, Turn, load_program
 from planner.actuation import actuate
 from planner.certificate.enclosure import Cells, bound_series, enclose
 from planner.path.polynomial import PolynomialPath
-from planner.trajectory import Trajectory
 
 HOME = np.array([0, 0, 0.2336362])
 

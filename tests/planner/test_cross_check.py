@@ -4,8 +4,7 @@ import sys
 
 import pytest
 
-from kinematics import MotionError
-from kinematics.foundation.errors import NotInstalled
+from kinematics import MotionError, NotInstalled
 from planner import Line, Program, load_program, plan
 from planner.cross_check import cross_check
 from planner.timing.solvers import toppra_ as toppra_adapter

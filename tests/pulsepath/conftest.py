@@ -3,7 +3,7 @@
 import pytest
 from click.testing import CliRunner
 
-from kinematics.foundation.errors import NotInstalled
+from kinematics import NotInstalled
 from pulsepath.cli import main
 from pulsepath.inputs import read_inputs
 from pulsepath.job import run

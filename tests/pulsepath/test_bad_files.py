@@ -14,9 +14,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from kinematics import FileError, load_machine
-from kinematics.calibration.measurement_file import load_measurements
-from kinematics.design.catalogue import load_actuators
+from kinematics import FileError, load_actuators, load_machine, load_measurements
 from planner import load_program
 from pulsepath.cli import main
 

@@ -17,8 +17,8 @@ from benchmarks.reports.gain.comparison import BaselineRatio, Comparison, Compar
 from benchmarks.reports.gain.verdict import Margin, Verdict
 from benchmarks.sweep.result import Cell, SavedRuns, Setting
 from benchmarks.sweep.result import RunResult as Run
-from controllers.metrics.circular_test import Circle, circular_test
-from controllers.metrics.iso_style import IsoStyle, PathAccuracy, PoseAccuracy, VelocityAccuracy
+from controllers.metrics import Circle, IsoStyle, circular_test
+from controllers.metrics.iso_style import PathAccuracy, PoseAccuracy, VelocityAccuracy
 from kinematics.foundation.result import Result
 from planner.cross_check import CrossCheck
 from planner.sources.source import Imported

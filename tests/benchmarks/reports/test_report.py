@@ -15,8 +15,7 @@ from controllers import evaluate, find_law, track
 from controllers.figures import contour_error, following_error
 from controllers.rig import assumed_rig
 from kinematics import load_machine
-from planner import load_program, plan
-from planner.baselines import classical
+from planner import classical, load_program, plan
 from planner.figures import axis_motion, limit_use, path_in_space, pulse_rate
 from planner.plan import active_limits
 from planner.pulses import check

@@ -25,7 +25,7 @@ from controllers.card import (
     read_counters,
     send,
 )
-from kinematics.foundation.errors import MotionError
+from kinematics import MotionError
 from planner.pulses.schedule import COUNTER
 
 EXACT = 1e-6

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from controllers.card import OUTPUT_MODES, PCI_8164, Refused, TAMove, at_rest, play, wires
-from kinematics.foundation.errors import MotionError
+from kinematics import MotionError
 
 CARD = replace(PCI_8164, speed_range=1e5)
 SENT = [

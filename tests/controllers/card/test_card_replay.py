@@ -9,8 +9,7 @@ import pytest
 
 from benchmarks.evidence.trials.card_replay import replay, round_trip
 from controllers.card import PCI_8132, PCI_8164, Refused
-from kinematics import load_machine
-from kinematics.foundation.errors import MotionError
+from kinematics import MotionError, load_machine
 from planner import load_program, plan
 from planner.export.card_calls import call_list
 from planner.export.format import ExportSource

@@ -19,8 +19,7 @@ from controllers.console import (
 from controllers.console.interpret import describe_offer
 from controllers.console.serve import WAITING
 from kinematics import MotionError, load_machine
-from planner.plan import plan
-from planner.program.model import Program, Turn
+from planner import Program, Turn, plan
 from tests.controllers.console.conftest import Talk
 
 REMOTE = 1

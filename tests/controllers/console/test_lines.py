@@ -3,7 +3,8 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from controllers.console.links import MAX_LINE_BYTES, Partial, TextLine
+from controllers.console import Partial, TextLine
+from controllers.console.links import MAX_LINE_BYTES
 
 
 def read(*chunks):

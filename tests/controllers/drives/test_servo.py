@@ -12,8 +12,7 @@ from scipy.linalg import expm
 from controllers.drives.axes import read_encoder, rotor
 from controllers.drives.servo import Servo, leg_servo, servo_axes
 from controllers.simulate import bank
-from kinematics.foundation.errors import MotionError
-from kinematics.machine.axis import Axis
+from kinematics import Axis, MotionError
 
 AXIS = Axis("leg", pulse=0.75e-6)
 PLAIN = leg_servo(AXIS)

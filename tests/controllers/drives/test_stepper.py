@@ -7,7 +7,7 @@ import pytest
 
 from controllers import evaluate, find_law, load_rig, track
 from controllers.drives.stepper import Stepper, stepper_axes
-from kinematics.foundation.errors import MotionError
+from kinematics import MotionError
 from planner import Line, Program, plan
 
 STEP = 2 * np.pi / 200

@@ -3,13 +3,14 @@
 import numpy as np
 import pytest
 
+from controllers import find_law, law_names
 from controllers.card import PCI_8132
 from controllers.laws.closed_loop import ClosedPosition
 from controllers.laws.law import Feedback, Reference
 from controllers.laws.open_loop import OpenPosition
-from controllers.laws.registry import LAWS, find_law, law_names
+from controllers.laws.registry import LAWS
 from controllers.simulate import SETTLE
-from kinematics.foundation.errors import MotionError
+from kinematics import MotionError
 from tests.controllers.servos import track
 
 PULSE = 0.75e-6

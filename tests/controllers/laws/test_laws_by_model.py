@@ -8,16 +8,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
+from controllers import Rig, find_law, load_rig
 from controllers.card import PCI_8132, at_rest, send
 from controllers.drives.servo import leg_servo
 from controllers.laws.law import Feedback, Reference, ramp
 from controllers.laws.nominal import NominalAxes, friction_response, nominal_axes, response, usual_axes
 from controllers.laws.open_loop import Feedforward, OpenPosition
 from controllers.laws.predictive import Friction, Horizon, Predictive
-from controllers.laws.registry import find_law
-from controllers.rig import Rig
-from controllers.rig_file import load_rig
-from kinematics.foundation.errors import MotionError
+from kinematics import MotionError
 from tests.controllers.servos import track
 
 PULSE = 0.75e-6

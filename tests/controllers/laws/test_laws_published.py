@@ -5,10 +5,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from controllers import find_law
 from controllers.card import TAMove, TRMove, TVMove, VChange
 from controllers.laws.law import Feedback, Reference
-from controllers.laws.registry import LAWS, find_law
-from kinematics.foundation.errors import MotionError
+from controllers.laws.registry import LAWS
+from kinematics import MotionError
 from tests.controllers.servos import track
 
 REFERENCE = Reference(0.01, [[0, 0], [10, -5], [30, -20], [40, -30]], [[0, 0], [1500, -900], [1500, -1200], [0, 0]])

@@ -8,7 +8,7 @@ from hypothesis.extra.numpy import arrays
 from scipy.spatial.transform import Rotation
 
 from controllers.metrics.iso_style import Stations, path_accuracy, pose_accuracy, velocity_accuracy
-from kinematics.foundation.errors import MotionError
+from kinematics import MotionError
 
 X = np.array([1.0, 0, 0])
 

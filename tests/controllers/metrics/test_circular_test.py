@@ -9,11 +9,11 @@ from scipy.spatial.transform import Rotation
 
 from controllers.drives.servo import leg_servo
 from controllers.laws.open_loop import OpenPosition
-from controllers.metrics import evaluate_runs
-from controllers.metrics.circular_test import Circle, circular_test, full_turn
+from controllers.metrics import Circle, circular_test, evaluate_runs
+from controllers.metrics.circular_test import full_turn
 from controllers.rig import Task, assumed_rig
 from controllers.simulate import sample, simulate
-from kinematics.foundation.errors import MotionError
+from kinematics import MotionError
 
 TILT = Rotation.from_rotvec([0.3, -0.5, 0.2])
 CENTRE = np.array([0.1, -0.2, 0.35])

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from controllers import load_rig
 from controllers.metrics.metrics import efforts, torque_limits
-from controllers.rig_file import load_rig
 
 
 def test_effort_of_a_square_wave_and_of_a_sine():

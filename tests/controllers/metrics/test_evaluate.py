@@ -7,15 +7,13 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform
 
+from controllers import Tracking, evaluate
 from controllers.drives.servo import leg_servo
 from controllers.laws.open_loop import OpenPosition
-from controllers.metrics import ErrorSeries, evaluate
-from controllers.tracking import Tracking
-from kinematics.foundation.errors import MotionError
-from kinematics.machine.axis import Axis
+from controllers.metrics import ErrorSeries
+from kinematics import Axis, MotionError
+from planner import Place, Trajectory
 from planner.path.polynomial import PolynomialPath
-from planner.place import Place
-from planner.trajectory import Trajectory
 from tests.controllers.servos import track
 
 

@@ -5,14 +5,12 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
+from controllers import Tracking, evaluate, find_law, load_rig
 from controllers.card import PCI_8164
-from controllers.laws.registry import find_law
-from controllers.metrics import FIGURES, evaluate, evaluate_runs, iso_style
+from controllers.metrics import FIGURES, evaluate_runs, iso_style
 from controllers.rig import Host, Sine, Task, assumed_rig
-from controllers.rig_file import load_rig
 from controllers.simulate import Runs, sample, simulate
-from controllers.tracking import Tracking
-from kinematics.foundation.errors import MotionError
+from kinematics import MotionError
 
 SETTLE = 0.25
 ENDS = 1e-12

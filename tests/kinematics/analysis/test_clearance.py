@@ -8,8 +8,8 @@ from hypothesis.extra.numpy import arrays
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from benchmarks.evidence.published.clearance import RADII, find_nearest_legs, hexapod_with_gap, travel_corners
-from kinematics import Axis, Hexapod, MotionError
-from kinematics.analysis.clearance import Bodies, Disc, segment_disc_distance, segment_distance
+from kinematics import Axis, Disc, Hexapod, MotionError
+from kinematics.analysis.clearance import Bodies, segment_disc_distance, segment_distance
 from kinematics.machine.pose import to_numbers
 
 EXACT = 1e-15

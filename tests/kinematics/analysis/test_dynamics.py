@@ -6,12 +6,21 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from benchmarks.evidence.published import sizing as initial_design
-from kinematics import MotionError, OutOfReach, load_machine
-from kinematics.analysis.dynamics import forces
-from kinematics.kinds.arm import Arm, Joints
-from kinematics.machine.axis import Axis
-from kinematics.machine.load import GRAVITY, Body, Leg, combine_bodies, cylinder
-from kinematics.machine.motion import motion_of_axes, motion_of_poses
+from kinematics import (
+    Arm,
+    Axis,
+    Body,
+    Joints,
+    Leg,
+    MotionError,
+    OutOfReach,
+    cylinder,
+    forces,
+    load_machine,
+    motion_of_axes,
+    motion_of_poses,
+)
+from kinematics.machine.load import GRAVITY, combine_bodies
 from kinematics.machine.pose import COMPONENTS
 
 G = -GRAVITY[2]

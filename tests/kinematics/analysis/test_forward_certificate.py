@@ -5,9 +5,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from kinematics import Axis, Hexapod, Machine, load_machine
+from kinematics import Axis, Hexapod, Machine, joint_circle, load_machine
 from kinematics.analysis.singularity import _bound_cells, prove_regular
-from kinematics.kinds.hexapod import joint_circle
 from kinematics.machine.pose import straight_parameters
 from tests.pace import cpu_limit
 

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from kinematics import MotionError
-from kinematics.analysis.dynamics import closed_loop, forces, local_wrench, states
-from kinematics.machine.load import GRAVITY, Body, Leg, cylinder
-from kinematics.machine.motion import motion_of_poses
+from kinematics import Body, Leg, MotionError, cylinder, forces, motion_of_poses
+from kinematics.analysis.dynamics import closed_loop, local_wrench, states
+from kinematics.machine.load import GRAVITY
 
 pin = pytest.importorskip("pinocchio")
 

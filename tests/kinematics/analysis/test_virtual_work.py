@@ -6,10 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from kinematics import Axis, Hexapod, MotionError, Traverser, load_machine
-from kinematics.analysis.dynamics import forces
-from kinematics.machine.load import Body, Leg, Load
-from kinematics.machine.motion import motion_of_poses
+from kinematics import Axis, Body, Hexapod, Leg, Load, MotionError, Traverser, forces, load_machine, motion_of_poses
 from kinematics.machine.pose import to_numbers
 
 PLATFORM = Body(3.0, [0.01, -0.02, 0.03], [[0.03, 0.002, 0.001], [0.002, 0.04, -0.003], [0.001, -0.003, 0.05]])

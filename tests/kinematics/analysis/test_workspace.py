@@ -12,9 +12,9 @@ from hypothesis.extra.numpy import arrays
 from matplotlib.contour import ContourSet
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from kinematics import Axis, Hexapod, Machine, MotionError, OutOfReach
+from kinematics import Axis, Hexapod, Machine, MotionError, OutOfReach, workspace
 from kinematics.analysis.containment import contains, uses
-from kinematics.analysis.workspace import largest_block, workspace
+from kinematics.analysis.workspace import largest_block
 
 
 class Gantry(Machine):

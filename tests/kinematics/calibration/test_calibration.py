@@ -21,11 +21,10 @@ from benchmarks.evidence.published.calibration import (
     predict_poses,
     rms,
 )
-from kinematics import Axis, Hexapod, Machine, MotionError
-from kinematics.calibration import PARTS, calibrate
+from kinematics import Axis, Hexapod, Machine, MotionError, Noise, calibrate, load_measurements, whole_poses
+from kinematics.calibration import PARTS
 from kinematics.calibration.checks import axis_checks
-from kinematics.calibration.measurement_file import load_measurements
-from kinematics.calibration.measurements import Noise, select_rows, whole_poses
+from kinematics.calibration.measurements import select_rows
 from kinematics.calibration.parameters import Prediction, full_vector
 from kinematics.calibration.result import identified_pulses, nearest_step
 

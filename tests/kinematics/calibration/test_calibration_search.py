@@ -9,8 +9,20 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from benchmarks.evidence.published.calibration import NOISE, add_noise, draw, draw_commands
-from kinematics import Axis, Hexapod, Machine, MotionError, OutOfReach, calibrate, load_machine, load_measurements
-from kinematics.calibration import Noise, measured_positions, search, whole_poses
+from kinematics import (
+    Axis,
+    Hexapod,
+    Machine,
+    MotionError,
+    Noise,
+    OutOfReach,
+    calibrate,
+    load_machine,
+    load_measurements,
+    measured_positions,
+    whole_poses,
+)
+from kinematics.calibration import search
 from kinematics.calibration.measurements import select_rows
 from kinematics.calibration.parameters import Prediction, full_vector
 from kinematics.calibration.search import _has_converged

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from kinematics.calibration.measurement_file import load_measurements
-from kinematics.foundation.errors import FileError, MotionError
+from kinematics import FileError, MotionError, load_measurements
 
 CMM = (files("kinematics.calibration") / "presets" / "cmm.toml").read_text(encoding="utf-8")
 WHOLE = '[[pose]]\ncommanded = [1, 2, 3, 4, 5, 6]\nmeasured = ["1.1 mm", "79 mil", 3, 4, "0.1 rad", 6]\n'

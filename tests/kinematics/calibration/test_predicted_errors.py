@@ -3,8 +3,16 @@
 import numpy as np
 import pytest
 
-from kinematics import MotionError, Noise, Pose, calibrate, foreseen_errors, load_machine, measured_positions
-from kinematics.calibration.measurement_file import load_measurements
+from kinematics import (
+    MotionError,
+    Noise,
+    Pose,
+    calibrate,
+    foreseen_errors,
+    load_machine,
+    load_measurements,
+    measured_positions,
+)
 
 FIRST = np.array([[5.0, 0, 10], [-2.5, 4.3, 10], [-2.5, -4.3, 10], [0, 0, 25], [5, 5, 35], [-5, -5, 15]]) * 1e-3
 FURTHER = np.array([[0.0, 0, 45], [0, 0, 12], [10, -5, 30]]) * 1e-3

@@ -10,10 +10,22 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from kinematics import Axis, Hexapod, Machine, MotionError, OutOfReach, load_machine
-from kinematics.design.accuracy import Backlash, LeadError, PulseLength, Quantization, Temperature, error_budget
-from kinematics.kinds.linkage import Linkage
-from kinematics.kinds.traverser import Traverser
+from kinematics import (
+    Axis,
+    Backlash,
+    Hexapod,
+    LeadError,
+    Linkage,
+    Machine,
+    MotionError,
+    OutOfReach,
+    PulseLength,
+    Quantization,
+    Temperature,
+    Traverser,
+    error_budget,
+    load_machine,
+)
 
 SAMPLES = 10_000
 SEVERAL = [

@@ -4,8 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import cumulative_simpson
 
-from kinematics import MotionError
-from kinematics.design.deflection import Beam
+from kinematics import Beam, MotionError
 
 BEAM, LOAD = Beam(2.0, 2e11, 3e-8), 500.0
 

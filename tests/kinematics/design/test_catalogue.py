@@ -1,7 +1,6 @@
 import pytest
 
-from kinematics.design.catalogue import load_actuators, load_joints
-from kinematics.foundation.errors import FileError
+from kinematics import FileError, load_actuators, load_joints
 
 INCH = 0.0254
 

@@ -3,11 +3,8 @@ import pytest
 from scipy.spatial.transform import RigidTransform
 
 from benchmarks.evidence.published.sizing import FRAME
-from kinematics import Axis, MotionError
-from kinematics.design.accuracy import error_budget
-from kinematics.design.deflection import Beam, Deflection
+from kinematics import Axis, Beam, Deflection, MotionError, Traverser, error_budget
 from kinematics.foundation.units import unit_value
-from kinematics.kinds.traverser import Traverser
 
 INCH, POUND_FORCE = unit_value("in", "m"), unit_value("lbf", "N")
 LOAD, HEIGHT = 255 * POUND_FORCE, 70 * INCH

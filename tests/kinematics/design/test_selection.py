@@ -4,11 +4,22 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import RigidTransform
 
-from kinematics import MotionError, load_machine
-from kinematics.analysis.dynamics import forces
-from kinematics.design.catalogue import Actuator, Joint, load_actuators, load_joints
-from kinematics.design.selection import ActuatorNeed, AxisMotion, JointNeed, actuator_need, joint_need, select_parts
-from kinematics.machine.motion import motion_of_poses
+from kinematics import (
+    Actuator,
+    ActuatorNeed,
+    AxisMotion,
+    Joint,
+    JointNeed,
+    MotionError,
+    actuator_need,
+    forces,
+    joint_need,
+    load_actuators,
+    load_joints,
+    load_machine,
+    motion_of_poses,
+    select_parts,
+)
 
 CHAPTER_2 = ActuatorNeed(stroke=47.58e-3, force=54.563)
 """What [Sahbaz 2007, chapter 2] asks for."""

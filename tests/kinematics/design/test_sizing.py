@@ -4,8 +4,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from kinematics import MotionError
-from kinematics.design.sizing import GRAVITY, Leadscrew, Slide, StepMotor, Traverse, size_stepper, trapezoid_time
+from kinematics import Leadscrew, MotionError, Slide, StepMotor, Traverse, size_stepper
+from kinematics.design.sizing import GRAVITY, trapezoid_time
 
 SLIDE, SCREW = Slide(20.0, 5.0, 1.0), Leadscrew(0.005, 0.02, 1.0, 0.9, 0.03)
 MOTOR, TRAVERSE = StepMotor(np.deg2rad(1.8), 4e-4, 2.0), Traverse(0.5, 20.0, 4.0, 1e-3)

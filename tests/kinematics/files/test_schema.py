@@ -4,9 +4,9 @@ from typing import Annotated, Literal
 
 import pytest
 
+from kinematics import FileError
 from kinematics.files.keys import Chosen
 from kinematics.files.schema import Direction, File, Number, TableSchema, build, one_of_tables
-from kinematics.foundation.errors import FileError
 from kinematics.foundation.units import Length, Unit
 
 

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from kinematics import FileError
 from kinematics.files.toml_document import MAX_BYTES, read
-from kinematics.foundation.errors import FileError
 
 TRICKY = '''\
 # a comment with [brackets] and "quotes"

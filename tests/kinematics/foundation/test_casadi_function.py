@@ -8,8 +8,8 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from kinematics import MotionError
 from kinematics.foundation.casadi_function import Expression
-from kinematics.foundation.errors import MotionError
 from kinematics.foundation.taylor_model import Series
 from kinematics.machine.pose import to_numbers
 

@@ -6,7 +6,7 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
-from kinematics.foundation.errors import MotionError
+from kinematics import MotionError
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import MAX_SHOWN_ROWS, Column, Table
 

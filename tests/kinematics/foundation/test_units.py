@@ -9,7 +9,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from kinematics.foundation.errors import MotionError
+from kinematics import MotionError
 from kinematics.foundation.units import (
     MAX_LENGTH,
     Unit,

@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from kinematics import FileError, MotionError, OutOfReach, load_machine
-from kinematics.kinds.arm import Arm, Joints, read_urdf
-from kinematics.machine.axis import Axis
+from kinematics import Arm, Axis, FileError, Joints, MotionError, OutOfReach, load_machine, read_urdf
 
 pin = pytest.importorskip("pinocchio")
 NAMES = ("yaw", "shoulder", "elbow")

@@ -8,9 +8,19 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from kinematics import Axis, Disc, Hexapod, MotionError, OutOfReach, Traverser, Tripod, load_machine, workspace
+from kinematics import (
+    Axis,
+    Disc,
+    Hexapod,
+    MotionError,
+    OutOfReach,
+    Traverser,
+    Tripod,
+    joint_circle,
+    load_machine,
+    workspace,
+)
 from kinematics.foundation.arrays import finite_array
-from kinematics.kinds.hexapod import joint_circle
 
 BASE, PLATFORM = joint_circle(0.2, 0.4, 0.0), joint_circle(0.12, 1.2, 0.0)
 HOME = RigidTransform.from_translation([0, 0, 0.3])

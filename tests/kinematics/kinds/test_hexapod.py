@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from kinematics import Axis, Hexapod, MotionError, OutOfReach
-from kinematics.kinds.hexapod import joint_circle
+from kinematics import Axis, Hexapod, MotionError, OutOfReach, joint_circle
 from kinematics.kinds.load_tables import HomeTable
 
 LEGS = tuple(f"leg{n}" for n in range(1, 7))

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from kinematics import load_machine
-from kinematics.foundation.errors import FileError
+from kinematics import FileError, load_machine
 
 POINTS = {
     "Past": (173.205, 0, 0), "Pand": (-86.602, 150, 0), "Pard": (-86.602, -150, 0),

@@ -6,10 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from kinematics import MotionError, OutOfReach, load_machine
-from kinematics.kinds.linkage import Linkage
-from kinematics.machine.axis import Axis
-from kinematics.machine.machine_writer import machine_toml
+from kinematics import Axis, Linkage, MotionError, OutOfReach, load_machine, machine_toml
 
 AXES = [Axis("a"), Axis("b")]
 

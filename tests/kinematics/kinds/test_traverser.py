@@ -6,10 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from kinematics import MotionError, OutOfReach, load_machine
-from kinematics.kinds.traverser import Traverser
-from kinematics.machine.axis import Axis
-from kinematics.machine.machine import Machine
+from kinematics import Axis, Machine, MotionError, OutOfReach, Traverser, load_machine
 
 AXES = [Axis("X"), Axis("Y"), Axis("Z"), Axis("R", kind="rotary")]
 

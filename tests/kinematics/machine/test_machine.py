@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from kinematics import MotionError, OutOfReach, forces, load_machine, machine_names, motion_of_poses
+from kinematics import Load, MotionError, OutOfReach, forces, load_machine, machine_names, motion_of_poses
 from kinematics.machine.kind import columns
-from kinematics.machine.load import Load
 from kinematics.machine.pose import COMPONENTS
 
 

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from kinematics import load_machine, machine_names
-from kinematics.foundation.errors import FileError, MotionError
+from kinematics import FileError, MotionError, load_machine, machine_names
 
 WHOLE = (files("kinematics") / "presets" / "hexapod.toml").read_text(encoding="utf-8")
 PRESET = WHOLE.partition("[platform]")[0]

@@ -9,10 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from kinematics import Axis, Hexapod, MotionError, Traverser, load_machine
-from kinematics.analysis.clearance import Disc
-from kinematics.machine.load import Body, Leg, Load
-from kinematics.machine.machine_writer import machine_toml
+from kinematics import Axis, Body, Disc, Hexapod, Leg, Load, MotionError, Traverser, load_machine, machine_toml
 
 PER_AXIS = [
     {},

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform
 
-from kinematics import MotionError, load_machine
-from kinematics.machine.axis import Axis
+from kinematics import Axis, MotionError, load_machine
 from kinematics.machine.pose import from_numbers
 from planner import Arc, Line, Program, classical, plan
 from planner.baselines.classical import PATH_SHAPES, FamilyTiming

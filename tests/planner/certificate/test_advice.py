@@ -12,9 +12,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from kinematics import Axis, Hexapod, MotionError, OutOfReach, load_machine
+from kinematics import Axis, Hexapod, Load, MotionError, OutOfReach, load_machine
 from kinematics.machine.axis import StepTiming
-from kinematics.machine.load import Load
 from planner import Arc, Curve, Infeasible, Line, Program, Spline, Turn, check, plan
 from planner.pulses import generate
 from tests.planner.motions import one_axis

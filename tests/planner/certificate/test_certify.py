@@ -9,15 +9,12 @@ from hypothesis import strategies as st
 from numpy.polynomial import Polynomial
 from scipy.interpolate import PPoly
 
-from kinematics import MotionError
-from kinematics.machine.axis import Axis
-from planner import time_optimal
+from kinematics import Axis, MotionError
+from planner import Place, Trajectory, time_optimal
 from planner.certificate.certify import ProvedUse, certify
 from planner.limits import limits_of
 from planner.limits.axis import Acceleration, Jerk, Speed
 from planner.path.polynomial import PolynomialPath
-from planner.place import Place
-from planner.trajectory import Trajectory
 
 
 def line(length):

@@ -11,11 +11,10 @@ from scipy.optimize import lsq_linear
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics import Hexapod
-from planner import Arc, Infeasible, Line, Program, Turn, check, plan
+from planner import Arc, Infeasible, Line, Program, Trajectory, Turn, check, plan
 from planner.actuation import actuate
 from planner.certificate.enclosure import Cells, bound_series, enclose
 from planner.limits.geometric import Clearance
-from planner.trajectory import Trajectory
 
 LIFTED = RigidTransform.from_components([0, 0, 0.03], Rotation.identity())
 VECTOR = np.deg2rad(80) * np.array([0.05, 0.1, 1.0])

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from kinematics import Hexapod
-from kinematics.machine.axis import Axis
+from kinematics import Axis, Hexapod
 from planner import Infeasible, Line, Program, check
 from planner.limits import limits_of
 from planner.path.polynomial import PolynomialPath

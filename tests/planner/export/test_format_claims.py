@@ -5,8 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kinematics import load_machine
-from kinematics.foundation.errors import MotionError
+from kinematics import MotionError, load_machine
 from planner import Arc, Blend, Dwell, Line, Program, Spline, plan
 from planner.export.format import FORMATS, Exported, ExportSource, export, find_format, is_moving
 

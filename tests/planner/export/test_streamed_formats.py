@@ -13,9 +13,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from kinematics import Axis, MotionError
+from planner import PulseSchedule
 from planner.export.format import ExportSource, find_format
 from planner.export.formats import pulse_csv, vcd
-from planner.pulses import AxisPulses, PulseSchedule
+from planner.pulses import AxisPulses
 
 NAMES = st.text(st.characters(exclude_categories=["Cs"]), min_size=1, max_size=12)
 

@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 from scipy.special import beta
 
-from kinematics.foundation.errors import FileError, MotionError
+from kinematics import FileError, MotionError
 from planner import Arc, Dwell, Line, Program, Turn, load_program, plan
 from planner.path.chain import chain_pieces
 

@@ -7,10 +7,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from kinematics import Hexapod, MotionError
-from kinematics.machine.axis import Axis
-from kinematics.machine.load import Body, Load
-from planner import Arc, Line, Program, Turn
+from kinematics import Axis, Body, Hexapod, Load, MotionError
+from planner import Arc, Line, Program, Trajectory, Turn
 from planner.actuation import actuate, make_points
 from planner.limits import Term, limits_of
 from planner.limits.axis import Acceleration, Jerk, PulseRate, Speed
@@ -21,7 +19,6 @@ from planner.limits.resonance import Resonance
 from planner.limits.tool import FACETS, AngularSpeed, ToolAcceleration, ToolLimit, ToolSpeed
 from planner.path.polynomial import PolynomialPath
 from planner.timing.problem import pose_problem
-from planner.trajectory import Trajectory
 
 COUNT = 400
 

@@ -7,10 +7,9 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics import Hexapod, MotionError, load_machine
-from planner import Arc, Free, Infeasible, Line, Program, Spline, check, load_program, orient, plan
+from planner import Arc, Blend, Free, Infeasible, Line, Program, Spline, Through, check, load_program, orient, plan
 from planner.actuation import actuate
 from planner.path.shape import DEGREE
-from planner.program.modifiers import Blend, Through
 
 
 @pytest.fixture(scope="module")

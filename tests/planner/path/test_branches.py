@@ -5,9 +5,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from kinematics import OutOfReach, load_machine
-from planner import plan
+from planner import Arc, Line, Program, Turn, plan
 from planner.actuation import actuate
-from planner.program.model import Arc, Line, Program, Turn
 from planner.pulses import check
 
 INCH = 0.0254

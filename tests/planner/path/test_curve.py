@@ -10,11 +10,9 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from scipy.special import ellipe
 
 from kinematics import FileError, MotionError
-from planner import load_program, plan
+from planner import Arc, Blend, Curve, Free, Line, Program, Through, Trigger, load_program, plan
 from planner.path.chain import chain_pieces
 from planner.path.curve import curve, ends
-from planner.program.model import Arc, Curve, Line, Program
-from planner.program.modifiers import Blend, Free, Through, Trigger
 from planner.program.program_writer import program_toml
 from planner.sources.outline import outline
 

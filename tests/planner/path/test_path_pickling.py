@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform
 
-from planner import Blend, Line, Program, Spline
+from planner import Blend, Free, Line, Program, Spline
 from planner.actuation import actuate
 from planner.path.shape import DEGREE
-from planner.program.modifiers import Free
 
 FIRST, THEN = Line((0.0, 0.0, 0.004), join=Blend(1e-4)), Line((0.004, 0.0, 0.004))
 TOOL = RigidTransform.from_translation([0.0, 0.0, 0.04])

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from controllers.card import PCI_8132, PCI_8164, TRMove, at_rest
-from controllers.card.record import play
+from controllers.card import PCI_8132, PCI_8164, TRMove, at_rest, play
 from kinematics import MotionError, load_machine
 from planner import (
     Arc,

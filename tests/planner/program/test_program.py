@@ -9,9 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from kinematics.foundation.errors import MotionError
-from planner.program.model import Arc, Dwell, Line, Program, Turn
-from planner.program.modifiers import Blend, Stop
+from kinematics import MotionError
+from planner import Arc, Blend, Dwell, Line, Program, Stop, Turn
 
 
 def test_segments_stop_by_default_and_are_read_only():

@@ -8,10 +8,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from kinematics.foundation.errors import FileError, MotionError
-from planner.program.model import Arc, Dwell, Line, Turn
-from planner.program.modifiers import Blend, Stop, Through, Trigger
-from planner.program.program_file import load_program, program_names
+from kinematics import FileError, MotionError
+from planner import Arc, Blend, Dwell, Line, Stop, Through, Trigger, Turn, load_program, program_names
 
 CIRCLE = (files("planner") / "presets" / "circle.toml").read_text(encoding="utf-8")
 TOP = 'schema = 1\nlength = "mm"\nangle = "deg"\n'

@@ -11,9 +11,22 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from kinematics import MotionError
 from kinematics.files.plain_text import obeyed
 from kinematics.foundation.arrays import MAX_DISTANCE
-from planner import load_program, program_names
-from planner.program.model import Arc, Curve, Dwell, Line, Program, Spline, Turn
-from planner.program.modifiers import Blend, Free, Stop, Through, Trigger
+from planner import (
+    Arc,
+    Blend,
+    Curve,
+    Dwell,
+    Free,
+    Line,
+    Program,
+    Spline,
+    Stop,
+    Through,
+    Trigger,
+    Turn,
+    load_program,
+    program_names,
+)
 from planner.program.program_writer import program_toml
 
 LAST = 4 * np.finfo(float).eps

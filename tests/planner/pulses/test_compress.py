@@ -9,7 +9,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from benchmarks.evidence.speed.compression import find_longest_commands
-from kinematics.foundation.errors import MotionError
+from kinematics import MotionError
 from planner.pulses import AxisPulses, compress, decompress
 
 

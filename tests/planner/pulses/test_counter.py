@@ -6,8 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from kinematics.foundation.errors import MotionError
-from kinematics.machine.axis import Axis
+from kinematics import Axis, MotionError
 from planner.export.format import ExportSource
 from planner.export.formats.adlink import AdlinkC, AdlinkCsv
 from planner.pulses import check, generate

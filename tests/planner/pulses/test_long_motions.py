@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import PchipInterpolator, PPoly
 
-from kinematics.machine.axis import Axis
+from kinematics import Axis
 from planner import time_optimal
 from planner.pulses import check, generate
 from planner.pulses.generation.pieces import FIT_TOLERANCE, fit

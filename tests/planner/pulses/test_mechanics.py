@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kinematics.machine.axis import Axis
+from kinematics import Axis
 from planner.pulses.motion import apply_screw, invert_screw, play_operator, told
 
 places = st.lists(st.integers(-8, 8), min_size=1, max_size=60)

@@ -8,10 +8,9 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from kinematics.foundation.errors import MotionError
-from kinematics.machine.axis import Axis
-from planner.place import Infeasible
-from planner.pulses import AxisPulses, PulseSchedule, check, generate
+from kinematics import Axis, MotionError
+from planner import Infeasible, PulseSchedule
+from planner.pulses import AxisPulses, check, generate
 from planner.pulses.generation import levels
 from tests.planner.motions import PULSE, Polynomials, smooth_motions
 

@@ -5,8 +5,7 @@ import pytest
 
 from kinematics import MotionError, load_machine
 from kinematics.machine.pose import to_numbers
-from planner import load_program, plan, realised
-from planner.pulses import PulseSchedule
+from planner import PulseSchedule, load_program, plan, realised
 from planner.pulses.count_errors import reached
 
 OVER = """schema = 1

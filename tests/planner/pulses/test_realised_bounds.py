@@ -8,10 +8,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from kinematics import Axis, Traverser, load_machine
-from kinematics.foundation.errors import MotionError
-from planner import Arc, Dwell, Line, Program, Turn, plan
-from planner.pulses import PulseSchedule, realised
+from kinematics import Axis, MotionError, Traverser, load_machine
+from planner import Arc, Dwell, Line, Program, PulseSchedule, Turn, plan, realised
 
 
 def short(machine, step=1e-3):

@@ -9,11 +9,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import linprog
 
-from kinematics.foundation.errors import MotionError
-from kinematics.machine.axis import DRIVES, Axis, StepTiming, find_drive
+from kinematics import Axis, MotionError
+from kinematics.machine.axis import DRIVES, StepTiming, find_drive
+from planner import Infeasible, PulseSchedule
 from planner.export.formats import pulse_csv
-from planner.place import Infeasible
-from planner.pulses import AxisPulses, PulseSchedule, check_file, generate
+from planner.pulses import AxisPulses, check_file, generate
 from planner.pulses.generation.generate import space_pulses
 from tests.planner.motions import in_pulses, one_axis
 

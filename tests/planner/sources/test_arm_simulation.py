@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform
 
-from kinematics import load_machine
-from kinematics.foundation.errors import MotionError
+from kinematics import MotionError, load_machine
 from planner import PositionList, simulate_arms
 from planner.sources.positions import step_through
 

@@ -16,10 +16,8 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from benchmarks.evidence.speed.reading import draw, scatter
-from kinematics.foundation.errors import FileError, MotionError
-from planner import Arc, Line, Spline, Stop, import_program, load_program, plan
-from planner.program.model import Program
-from planner.program.modifiers import Blend, Through
+from kinematics import FileError, MotionError
+from planner import Arc, Blend, Line, Program, Spline, Stop, Through, import_program, load_program, plan
 from planner.program.program_writer import program_toml
 from planner.sources.contours import find_tour
 from planner.sources.dxf import METRES

@@ -11,10 +11,8 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics import FileError, MotionError
-from planner import import_program, load_program
+from planner import Arc, Blend, Dwell, Line, Stop, Through, Turn, import_program, load_program
 from planner.path.chain import chain_pieces
-from planner.program.model import Arc, Dwell, Line, Turn
-from planner.program.modifiers import Blend, Stop, Through
 from planner.program.program_writer import program_toml
 from tests.pace import cpu_limit, slowness
 

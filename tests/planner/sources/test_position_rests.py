@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from kinematics import FileError, MotionError, load_machine
-from planner import Dwell, Line, PositionList, import_program, load_positions, plan, save_positions
+from planner import Dwell, Line, PositionList, Stop, import_program, load_positions, plan, save_positions
 from planner.export.formats.kmitl import list_text
-from planner.program.modifiers import Stop
 
 TEXT = "x [mm], z [mm], dwell [ms]\n0, 10, 200\n5, 10, 0\n-5, 10, 500\n"
 

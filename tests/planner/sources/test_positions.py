@@ -8,13 +8,23 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from kinematics import load_machine
-from kinematics.foundation.errors import FileError, MotionError
-from planner import Arc, Line, Program, Stop, Turn, import_program, load_positions, plan, save_positions
+from kinematics import FileError, MotionError, load_machine
+from planner import (
+    Arc,
+    Blend,
+    Line,
+    PositionList,
+    Program,
+    Stop,
+    Turn,
+    import_program,
+    load_positions,
+    plan,
+    save_positions,
+)
 from planner.export.format import ExportSource
 from planner.export.formats.kmitl import KmitlArms, KmitlByte, KmitlPositions
-from planner.program.modifiers import Blend
-from planner.sources.position_list import PositionList, positions_csv
+from planner.sources.position_list import positions_csv
 from planner.sources.positions import Positions
 
 POSES = np.array(

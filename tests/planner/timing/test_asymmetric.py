@@ -10,8 +10,7 @@ from scipy.interpolate import CubicSpline, PPoly
 from scipy.optimize import linprog
 
 from kinematics import Axis, MotionError
-from planner import Line, Program, plan, time_optimal
-from planner.baselines import classical
+from planner import Line, Program, classical, plan, time_optimal
 from planner.limits import limits_of
 from planner.path.polynomial import PolynomialPath
 from planner.timing.discretization import jerk_problem

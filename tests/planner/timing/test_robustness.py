@@ -8,8 +8,7 @@ from scipy.spatial.transform import RigidTransform
 
 from benchmarks.evidence.trials import robustness
 from benchmarks.evidence.trials.robustness import EXACT, check_scaling, random_problem, tiny_problems, try_problem
-from kinematics.kinds.linkage import Linkage
-from kinematics.machine.axis import Axis
+from kinematics import Axis, Linkage
 from planner import time_optimal
 from planner.actuation import MachinePath
 from planner.limits import limits_of

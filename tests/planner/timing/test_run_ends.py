@@ -4,17 +4,15 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from kinematics import MotionError
-from kinematics.machine.axis import Axis
+from kinematics import Axis, MotionError
+from planner import Infeasible, Trajectory
 from planner.certificate.certify import prove
 from planner.limits import limits_of
 from planner.path.polynomial import PolynomialPath
-from planner.place import Infeasible
 from planner.timing import jerk_limited, run
 from planner.timing.problem import Run, make_grid, pose_problem
 from planner.timing.run import solve_run
 from planner.timing.solvers.second_order import second_order
-from planner.trajectory import Trajectory
 
 SPEED, ACCELERATION, JERK = 1.0, 2.0, 20.0
 

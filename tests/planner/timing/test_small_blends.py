@@ -10,7 +10,7 @@ from benchmarks.evidence.trials.robust_programs import plan_program, random_prog
 from kinematics import MotionError, load_machine
 from planner import Blend, Line, Program, plan
 from planner.actuation import actuate
-from planner.limits.limit import Term
+from planner.limits import Term
 from planner.timing.problem import Block
 from planner.timing.profile import RunSolution
 from planner.timing.solvers import third_order as solver_module

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform
 
-from kinematics import Hexapod, MotionError
-from kinematics.machine.axis import Axis
+from kinematics import Axis, Hexapod, MotionError
 from planner import Arc, Blend, Dwell, Infeasible, Line, Program, load_program, plan
 from planner.limits import limits_of
 from planner.path.polynomial import PolynomialPath

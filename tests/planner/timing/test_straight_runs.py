@@ -6,12 +6,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.interpolate import CubicSpline, PPoly
 
-from kinematics import load_machine
-from kinematics.machine.axis import Axis
-from planner import Line, Program, plan, time_optimal
+from kinematics import Axis, load_machine
+from planner import Infeasible, Line, Program, plan, time_optimal
 from planner.limits import limits_of
 from planner.path.polynomial import PolynomialPath
-from planner.place import Infeasible
 from planner.timing.problem import Run
 from planner.timing.run import solve_run
 

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from benchmarks.evidence.published.calibration import NOISE, add_noise, draw, draw_commands
-from kinematics import calibrate, load_machine
-from kinematics.calibration import whole_poses
+from kinematics import calibrate, load_machine, whole_poses
 from pulsepath.output.calibration_directory import write
 
 FILES = {"calibration.json", "figures", "machine.toml", "measurements.toml", "nominal.toml", "report.html"}

@@ -5,7 +5,7 @@ import json
 import pytest
 
 from benchmarks.sweep import VARIATIONS, Grid, read_setting, sweep
-from controllers.rig_file import load_rig
+from controllers import load_rig
 
 
 @pytest.fixture(scope="module")

@@ -3,8 +3,7 @@
 import pytest
 
 from benchmarks.evidence.trials.laws_compared import SECOND, TUNED, error_reductions, measure_learning, row, verdict
-from controllers.laws.registry import find_law
-from controllers.rig_file import load_rig
+from controllers import find_law, load_rig
 
 
 @pytest.fixture(scope="module")

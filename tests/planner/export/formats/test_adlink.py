@@ -10,8 +10,7 @@ import pytest
 from scipy.spatial.transform import RigidTransform
 
 from controllers.card import Card, TAMove, at_rest, send
-from kinematics import Axis, Traverser
-from kinematics.foundation.errors import MotionError
+from kinematics import Axis, MotionError, Traverser
 from planner import Arc, Dwell, Line, Program, plan
 from planner.export.format import ExportSource
 from planner.export.formats.adlink import HEADER, AdlinkC, AdlinkCsv

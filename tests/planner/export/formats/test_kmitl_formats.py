@@ -6,8 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from kinematics import load_machine
-from kinematics.foundation.errors import MotionError
+from kinematics import MotionError, load_machine
 from planner import Arc, Dwell, Line, Program, plan
 from planner.export.format import ExportSource
 from planner.export.formats import kmitl

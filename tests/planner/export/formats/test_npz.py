@@ -10,9 +10,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from kinematics.foundation.errors import FileError, MotionError
+from kinematics import FileError, MotionError
+from planner import PulseSchedule
 from planner.export.formats import npz
-from planner.pulses import AxisPulses, PulseSchedule
+from planner.pulses import AxisPulses
 
 AXES = st.lists(
     st.lists(st.tuples(st.integers(1, 1 << 40), st.sampled_from([-1, 1])), max_size=40), min_size=1, max_size=4

@@ -13,9 +13,8 @@ from hypothesis import strategies as st
 from scipy.interpolate import BPoly, CubicHermiteSpline
 
 from kinematics import Axis, FileError, MotionError
-from planner import import_program, plan
+from planner import Dwell, Line, Program, import_program, plan
 from planner.export.format import ExportSource, find_format
-from planner.program.model import Dwell, Line, Program
 
 FORMATS = ("zaber", "xps", "pmac", "g93", "ros")
 EPS = 1e-6  # pulses, of decoding and interpolating positions of up to a million pulses in floats

@@ -10,10 +10,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from kinematics.foundation.errors import FileError, MotionError
-from kinematics.machine.axis import Axis
+from kinematics import Axis, FileError, MotionError
+from planner import PulseSchedule
 from planner.export.formats import pulse_csv
-from planner.pulses import AxisPulses, PulseSchedule
+from planner.pulses import AxisPulses
 from planner.pulses.checking import edge_reader as lines
 from tests import read_lines
 from tests.pace import cpu_limit

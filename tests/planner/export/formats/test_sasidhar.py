@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from kinematics import load_machine
-from kinematics.foundation.errors import MotionError
+from kinematics import MotionError, load_machine
 from planner import Arc, Blend, Dwell, Line, Program, Turn, plan
 from planner.export.format import ExportSource
 from planner.export.formats.sasidhar import Sasidhar

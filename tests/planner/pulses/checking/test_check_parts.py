@@ -9,9 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from kinematics.machine.axis import Axis
+from kinematics import Axis
+from planner import PulseSchedule
 from planner.export.formats import pulse_csv
-from planner.pulses import AxisPulses, PulseSchedule, check, check_file, generate
+from planner.pulses import AxisPulses, check, check_file, generate
 from planner.pulses.checking import check_parts
 from planner.pulses.checking import edge_reader as lines
 from planner.pulses.schedule import holds_same_pulses, join_schedules

@@ -6,9 +6,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from kinematics import Axis
 from kinematics.foundation.options import options
-from kinematics.machine.axis import Axis, StepTiming
-from planner.place import Infeasible
+from kinematics.machine.axis import StepTiming
+from planner import Infeasible
 from planner.pulses import RULES, AxisPulses, check, generate
 from planner.pulses.checking import standards
 from planner.pulses.generation.rule import COUNT_ROUNDING

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from kinematics.machine.axis import Axis
+from kinematics import Axis
 from planner.export.formats import pulse_csv
 from planner.pulses import check, check_file, generate
 from planner.pulses.compensation import compensate

@@ -6,8 +6,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from kinematics.foundation.errors import FileError
-from kinematics.machine.axis import Axis, StepTiming, find_drive
+from kinematics import Axis, FileError
+from kinematics.machine.axis import StepTiming, find_drive
 from planner.export.formats import pulse_csv
 from planner.pulses import check_file, generate
 from tests.planner.motions import PULSE, example

@@ -9,9 +9,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from kinematics.foundation.errors import MotionError
-from kinematics.machine.axis import Axis
-from planner.pulses import AxisPulses, PulseSchedule, check, generate
+from kinematics import Axis, MotionError
+from planner import PulseSchedule
+from planner.pulses import AxisPulses, check, generate
 from tests.planner.motions import PULSE, example, in_pulses, one_axis, through
 
 CLOCK = 10_000_000

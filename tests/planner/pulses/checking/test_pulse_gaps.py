@@ -8,14 +8,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from kinematics import load_machine
-from kinematics.kinds.traverser import Traverser
-from kinematics.machine.axis import Axis, StepTiming, find_drive, rate_ticks
-from planner import Line, Program
+from kinematics import Axis, Traverser, load_machine
+from kinematics.machine.axis import StepTiming, find_drive, rate_ticks
+from planner import Infeasible, Line, Program, PulseSchedule
 from planner import plan as planned
 from planner.export.formats import pulse_csv
-from planner.place import Infeasible
-from planner.pulses import AxisPulses, PulseSchedule, check, generate, pace_axes
+from planner.pulses import AxisPulses, check, generate, pace_axes
 from pulsepath.output.plan_directory import StoredPlan
 from tests.planner.motions import PULSE, in_pulses, one_axis
 

@@ -7,13 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from kinematics import Traverser, load_machine
-from kinematics.foundation.errors import MotionError
-from kinematics.machine.axis import Axis
-from planner import Dwell, Line, Program, plan
+from kinematics import Axis, MotionError, Traverser, load_machine
+from planner import Dwell, Infeasible, Line, Program, plan
 from planner.export.format import ExportSource
 from planner.export.formats.g93 import InverseTime
-from planner.place import Infeasible
 from planner.pulses import check, generate
 from planner.pulses.compensation import compensate
 from planner.pulses.compensation.compensate import compensated

@@ -7,10 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from kinematics.foundation.errors import MotionError
-from kinematics.machine.axis import Axis
-from planner.place import Infeasible
-from planner.pulses import RULES, AxisPulses, PulseSchedule, check, find_rule, generate
+from kinematics import Axis, MotionError
+from planner import Infeasible, PulseSchedule
+from planner.pulses import RULES, AxisPulses, check, find_rule, generate
 from planner.pulses.compensation.compensate import compensated
 from planner.pulses.generation.dda import spread_counts
 from planner.pulses.generation.levels import MAX_COUNT_BLUR

@@ -9,8 +9,8 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 from benchmarks.evidence.trials.robustness import random_problem
+from kinematics import Axis
 from kinematics.foundation.errors import require
-from kinematics.machine.axis import Axis
 from planner.limits import limits_of
 from planner.path.polynomial import PolynomialPath
 from planner.timing.discretization import jerk_problem

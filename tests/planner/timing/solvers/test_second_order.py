@@ -10,16 +10,14 @@ from scipy.interpolate import CubicSpline
 from scipy.optimize import linprog
 from scipy.sparse import diags_array, vstack
 
-from kinematics import MotionError
-from kinematics.machine.axis import Axis
-from planner.limits import limits_of
-from planner.limits.limit import Term
+from kinematics import Axis, MotionError
+from planner import Trajectory
+from planner.limits import Term, limits_of
 from planner.path.polynomial import PolynomialPath
 from planner.timing.discretization import acceleration_problem, refine_problem
 from planner.timing.problem import SOLVER_AIM, Run, make_grid, pose_problem
 from planner.timing.run import solve_run
 from planner.timing.solvers.second_order import second_order
-from planner.trajectory import Trajectory
 
 
 def axes_of(speeds, accelerations):

@@ -6,7 +6,7 @@ from threading import Thread
 import numpy as np
 import pytest
 
-from planner.limits.limit import Term
+from planner.limits import Term
 from planner.timing.problem import Block, Problem
 from planner.timing.solvers.patience import silence_stderr
 from planner.timing.solvers.third_order import third_order

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kinematics import MotionError
-from kinematics.machine.axis import Axis
+from kinematics import Axis, MotionError
+from planner import Trajectory
 from planner.certificate.certify import certify
 from planner.limits import limits_of
 from planner.path.polynomial import PolynomialPath
@@ -21,7 +21,6 @@ from planner.timing.run import solve_run
 from planner.timing.solvers import third_order as solver_module
 from planner.timing.solvers.patience import EvaluationLimit
 from planner.timing.solvers.third_order import third_order
-from planner.trajectory import Trajectory
 
 
 def line(length):
