@@ -43,6 +43,8 @@ def end(made: Path, place: Path) -> None:
     """Remove a staged directory; what stood in the place returns to it if nothing else has come there."""
     if (made / OLD).exists() and not os.path.lexists(place):
         (made / OLD).rename(place)
+    for part in (NEW, OLD):  # before the mark: who is killed here leaves what the next run still knows for ours
+        shutil.rmtree(made / part, ignore_errors=True)
     shutil.rmtree(made, ignore_errors=True)
 
 
