@@ -9,6 +9,7 @@ Names load when they are first used, so that importing this package costs nothin
 """
 
 from importlib import import_module
+from importlib.util import find_spec
 
 __version__ = "0.1.0"
 
@@ -25,6 +26,8 @@ _REPORTS = {
 
 def __getattr__(name: str) -> object:
     """A public name of the packages below [PEP 562], each of which loads it where it is; kept here from then on."""
+    if find_spec(f"{__name__}.{name}") is not None:  # a module of this package, which an import asks for here first
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     import controllers
     import kinematics
     import planner
