@@ -175,7 +175,7 @@ Drive = Servo | Stepper
 
 @dataclass(frozen=True, slots=True)
 class Rig:
-    """What a tracking law is tried on, as data.
+    """The test bench for tracking laws: machine, motion card, host, drives and tasks, as data.
 
     drives  one per axis of the machine
     card    one model; as many cards of it as the axes need

@@ -318,7 +318,7 @@ def _example(kind: str, name: str) -> str:
 
 
 def load_rig(name_or_path: str | PathLike[str]) -> Rig:
-    """The rig of a preset's name or of a TOML file, with its machine and the motions of its tasks.
+    """Load a rig from a preset name or a TOML file, with its machine and the motions of its tasks.
 
     Raises FileError with every fault of the file; MotionError for an unknown name, with the nearest and all known ones.
     """

@@ -81,7 +81,7 @@ class HasTrajectory(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Tracking(Result):
-    """What the axes did under a law; times and axis values at the drive's samples, or some of them, settling included.
+    """Axis motion under a tracking law: times and axis values at (some of) the drive's samples, settling included.
 
     t          (N,) s
     reference, command, actual  (N, n) q in m or rad: planned, as pulsed by the card, and true
@@ -145,7 +145,7 @@ def track(
     settle: float = SETTLE,
     period: float | None = None,
 ) -> Tracking:
-    """Tracks a plan (or its trajectory) on a rig and then holds its end for `settle` seconds, see `simulate`.
+    """Track a plan (or its trajectory) on a rig, then hold its end for `settle` seconds, see `simulate`.
 
     rig     drives, card and host behind the machine's axes: a `Rig`, or the name or file of one. None: the one bundled
             rig that fits the machine (`Tracking.rig` names it); nothing is assumed of a machine that none fits

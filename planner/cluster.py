@@ -149,7 +149,7 @@ def plan_many(
     address: str | None = None,
     progress: Progress | None = None,
 ) -> list[Plan | MotionError]:
-    """The plan of every program, or the MotionError that it met with, in the programs' order.
+    """Plan many programs in parallel: a Plan, or the MotionError raised, for each, in order.
 
     order and clock_hz as of `plan`. address as of `run_on_cluster`: of a Dask scheduler; None: this computer's cores.
     progress is told how many programs are done, and of how many. Raises MotionError where Dask is not installed or

@@ -47,7 +47,7 @@ def where_columns(places: "Sequence[Place]") -> tuple[Column, ...]:
 
 
 class Infeasible(MotionError):
-    """The motion asked for cannot keep a limit: kind, axis, place, value and limit in a unit, and what to change."""
+    """A motion that cannot respect a limit: kind, axis, place, value and limit in a unit, and the remedy."""
 
     def __init__(
         self, kind: str, axis: str, place: Place | None, value: float, limit: float, unit: str, remedy: str

@@ -54,7 +54,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Plan(Result):
-    """A program on a machine: the path in the actuators, the fastest motion, its proof, and the pulses that make it.
+    """A program on a machine: the path in actuator coordinates, the fastest motion, its certificate and pulses.
 
     counted          the motion, or where axes ask for compensation what their motors make of it, which the pulses count
     order            2: to acceleration, 3: to jerk
@@ -156,7 +156,7 @@ def plan(
     solver: Solver = "passes",
     progress: Progress | None = None,
 ) -> Plan:
-    """The fastest motion of a machine along a program, proved to respect every limit, and its pulses.
+    """Plan the fastest motion of a machine along a program, proved to respect every limit, and its pulses.
 
     order 2 keeps speed and acceleration, 3 jerk as well; None: 3 where the machine states jerk limits. The pulse rates
     that it keeps are those that the clock's whole ticks and the rule can hold (`planner.pulses.pace_axes`).

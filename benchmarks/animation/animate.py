@@ -229,7 +229,7 @@ FRAMES, MOST = 240, 5000
 def animate(
     plan: AnimatablePlan, path: str | Path, *, frames: int = FRAMES, magnify: float | None = None, force: bool = False
 ) -> Path:
-    """Write the machine moving along a plan as a page for a browser, in 3-D, at real time.
+    """Write an animation of the machine along a plan as an HTML page, in 3-D and real time.
 
     frames   how many, evenly from start to end; magnify: how many times the error of the pulses' path is drawn; 1 is
              true scale, None as large as can be seen. Raises MotionError for a file that exists, unless `force`.

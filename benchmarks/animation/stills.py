@@ -54,7 +54,7 @@ def write_four_views(plan: AnimatablePlan, target: Destination, t: float | None,
 
 
 def four_views(plan: AnimatablePlan, t: float | None = None, *, magnify: float | None = None) -> "tuple[Axes, ...]":
-    """Axes of the views top, front, side and 3-D of one figure, each with equal scales; coordinates of the base frame.
+    """Draw the views top, front, side and 3-D in one figure with equal scales, in base-frame coordinates; returns axes.
 
     t: s from the start; None: half of the motion. magnify as in `animate`. Raises MotionError for t out of the motion.
     """

@@ -40,7 +40,7 @@ def write_report(
     untracked: str = "",
     crossed: CrossCheck | None = None,
 ) -> None:
-    """Write the page to `path` and its figures to `figures/*.png` beside it.
+    """Write the report page to `path` and its figures to `figures/*.png` next to it.
 
     classical  the baseline of the saving
     metrics    the errors of each tracking law; none: the page says how to get them

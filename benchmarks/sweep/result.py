@@ -53,7 +53,7 @@ class Setting:
 
 
 def read_setting(text: str) -> Setting:
-    """The setting of "closed-position", "6" or "6:gain=0.7"; a gain that is not given has the law's own value.
+    """The setting of a text such as "closed-position", "6" or "6:gain=0.7"; gains not given have the law's defaults.
 
     Raises MotionError for an unknown law or gain, and for a value that the law refuses.
     """
@@ -69,7 +69,7 @@ def read_setting(text: str) -> Setting:
 
 
 def settings_of(name: str) -> list[Setting]:
-    """A law over the grid of gains that it states for reports."""
+    """All settings of a law over its gain grid for reports."""
     grid = find_law(name).grid
     return [Setting(_full_name(name), tuple(zip(grid, values, strict=True))) for values in product(*grid.values())]
 

@@ -146,7 +146,7 @@ def _motion(motion: Any) -> list[Any]:
 
 @dataclass(frozen=True, slots=True)
 class Grid:
-    """Every setting on every task, on every variation of the rig, for every seed; what is named twice is run once."""
+    """Every setting on every task, rig variation and seed; duplicates run once."""
 
     settings: tuple[Setting, ...]
     tasks: tuple[str, ...]
@@ -229,7 +229,7 @@ def sweep(
     progress: Progress | None = None,
     tell: Callable[[str], None] = lambda text: None,
 ) -> SavedRuns:
-    """Every run of a grid; what `folder` keeps of earlier sweeps is not run again.
+    """Run a grid and save the runs in `folder`; saved runs are reused.
 
     address: of a Dask scheduler whose workers have this package; None: this computer's cores, through Dask where it is
     installed, else through processes of our own, and `tell` is told so. progress is told how many runs are done, and of

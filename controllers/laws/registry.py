@@ -31,12 +31,12 @@ LAWS: dict[tuple[str, str], Callable[..., Law]] = {
 
 
 def law_names() -> tuple[str, ...]:
-    """Names of the laws."""
+    """Names of the tracking laws."""
     return tuple(name for _, name in LAWS)
 
 
 def find_law(name: str, rig: Rig | None = None, **gains: Gain) -> Law:
-    """The law of a number ("6") or name ("closed-position"), with gains other than its own. Raises MotionError.
+    """The law of a number ("6") or name ("closed-position"), with given gains. Raises MotionError.
 
     rig  whose nominal axes a law by model is to assume; it must be the rig as stated, also where others are tried
     """

@@ -219,7 +219,7 @@ BATCH_PERIOD = 5e-3
 def evaluate(
     tracking: Tracking, plan: AxesMotion | Plan, machine: Machine, *, period: float = PERIOD, band: float = BAND
 ) -> Metrics:
-    """The errors of a tracked plan, every `period` seconds, settling included; of each pose it is proved that it is it.
+    """Errors of a tracked plan every `period` seconds, settling included; every pose is certified.
 
     Settling, overshoot and vibration are taken at every sample of the record. band: pulses, see `Ending`.
 

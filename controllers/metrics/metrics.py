@@ -248,7 +248,7 @@ class ErrorSeries:
 
 @dataclass(frozen=True, slots=True)
 class Metrics(Result):
-    """The errors of one tracked motion at instants t (N,), s, settling included, and what it cost.
+    """Errors of one tracked motion at instants t (N,), s, settling included, with effort and vibration.
 
     following    actual − planned of each axis, m or rad
     tracking     ‖e‖, e = y(t) − r(t), of the platform's origin, m

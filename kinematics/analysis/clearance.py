@@ -23,7 +23,7 @@ HALVINGS = 55
 
 @dataclass(frozen=True, slots=True)
 class Disc:
-    """A platform's plate in its own frame: a cylinder of `radius` and `thickness` (m) about `normal` at `centre`."""
+    """A plate in its platform's frame: a cylinder of `radius` and `thickness` (m) about `normal` at `centre`."""
 
     radius: float
     thickness: float

@@ -212,7 +212,7 @@ COORDINATE_ROUNDING = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class Forces(Result):
-    """force (N, n): what each actuator gives, N along a linear axis and N·m about a rotary one.
+    """Actuator forces: force (N, n), N along a linear axis and N·m about a rotary one.
 
     Positive pushes towards greater q, so that force · q̇ is the power that the actuator gives.
     """
@@ -270,7 +270,7 @@ def forces(
     legs: Leg | Sequence[Leg] | None = None,
     reflected: ArrayLike | None = None,
 ) -> Forces:
-    """The forces that the actuators give in a motion, by inverse dynamics at every one of its N instants.
+    """Actuator forces of a motion by inverse dynamics at each of its N instants.
 
     motion     a `Motion`, or the state of a trajectory at N times
     platform   what moves with the platform's (tool's) frame, in that frame

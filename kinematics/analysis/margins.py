@@ -25,7 +25,7 @@ ROUNDING = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class Margins(Result):
-    """Use of each limit at each pose: 1 is at the limit, more is beyond.
+    """Use of each limit at each pose: 1 is at the limit, above 1 violates it.
 
     travel        (N, n) |q − middle| / half range, per axis; 0 where there is no limit
     tilt          (N, m) angle / limit, per joint; of π where there is no limit, which counts as no use. The joints of a

@@ -31,7 +31,7 @@ UNLIMITED = {"inf": "unlimited", "-inf": "unlimited"}
 
 @dataclass(frozen=True, slots=True)
 class Posture(Result):
-    """A machine in one pose.
+    """The axes, joints and margins of a machine at one pose.
 
     pose       in the base frame, with what follows as the axes lead it
     q          (n,) coordinates of the actuators: leg lengths between joint centres, slide positions, joint angles
@@ -172,7 +172,7 @@ class Posture(Result):
 
 
 def posture_of_pose(machine: Machine, pose: Pose, near: ArrayLike | None = None) -> Posture:
-    """Lengths, tilts, margins and proof of a pose in the base frame: inverse kinematics.
+    """Inverse kinematics of a pose in the base frame: lengths, tilts, margins and proof.
 
     near (n,) picks the branch, as in `Machine.inverse`. Raises OutOfReach where no coordinates lead there, and
     MotionError for a pose that is none, or several.
@@ -184,7 +184,7 @@ def posture_of_pose(machine: Machine, pose: Pose, near: ArrayLike | None = None)
 
 
 def posture_of_axes(machine: Machine, q: ArrayLike, near: Pose | None = None) -> Posture:
-    """Pose, tilts, margins and proof of coordinates (n,): forward kinematics from `near`, home by default.
+    """Forward kinematics of coordinates (n,), from `near` (default: home): pose, tilts, margins and proof.
 
     The proof is about the way from home. Raises OutOfReach where no pose has these coordinates, and MotionError for
     what are none, or several rows of them.

@@ -246,7 +246,7 @@ def workspace(
     rotation: Rotation | None = None,
     cells: int = 32,
 ) -> Workspace:
-    """Where the machine can go at one orientation (home's by default), under travel, tilt and clearance together.
+    """The workspace at one orientation (default: home's), under travel, tilt and clearance together.
 
     x, y, z  (low, high) m in the base frame; one number: held there; None: as far as the machine reaches from home
     cells    of the grid along every side

@@ -98,7 +98,7 @@ MAX_LEVERAGE = 1 - 1e-9
 def calibrate(
     machine: Machine, measured: Measurements, parts: Sequence[str] = DEFAULT, *, use: Use | None = None
 ) -> Calibration:
-    """Identify the parameters of `parts` (see PARTS): maximum likelihood under the measurements' noise.
+    """Identify the parameters of `parts` (see PARTS) by maximum likelihood under the measurements' noise.
 
     use  "position" or "all" that was measured; None: positions and rotations, not the direction of an axis alone,
          since that asks for a model of how the measuring frame is tilted
@@ -244,7 +244,7 @@ def _leave_one_out_errors(errors: Array, jacobian: Array, weights: Array, chosen
 
 
 def foreseen_errors(calibration: Calibration, commanded: Pose) -> Array:
-    """Standard errors (N, m) of the parameters if one of N further poses were measured too, each on its own.
+    """Predicted standard errors (N, m) of the parameters if one of N further poses were measured, one at a time.
 
     They depend on where a pose is and not on what will be read there: Σ⁻¹ = Σ₀⁻¹ + Jᵀ W J of its errors' Jacobian J at
     the estimates, of the components that the calibration used and with its noise. A standard error stays infinite where

@@ -28,7 +28,7 @@ SAME_ANGLE = np.deg2rad(0.01)
 
 
 def load_measurements(name_or_path: str | PathLike[str]) -> Measurements:
-    """The measurements of a preset's name or of a TOML file.
+    """Load measurements from a preset name or a TOML file.
 
     Each [[pose]] says what was commanded and what was measured, from the home pose, in one of two ways: commanded and
     measured, both x, y, z, θx, θy, θz (measured: or x, y, z alone); or, as coordinate measuring machines see a plane,

@@ -47,7 +47,7 @@ class Noise:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Measurements(Result):
-    """N poses relative to the machine's home pose, as in programs in the frame "home": commanded, and measured.
+    """N commanded and measured poses, relative to the machine's home pose (frame "home" of programs).
 
     seen    (N, 8) bool, by COMPONENTS: what was measured; of the rest `measured` holds anything
     fit     (N,) bool: what parameters are fitted to; the other poses are checks
@@ -144,7 +144,7 @@ def measured_positions(
     labels: Sequence[str] | None = None,
     name: str = "measurements",
 ) -> Measurements:
-    """Measurements of positions alone, (N, 3) m in the home pose's frame; the rest as `whole_poses`."""
+    """Measurements of positions only, (N, 3) m in the home frame; otherwise as `whole_poses`."""
     places = finite_array(measured, f"{name}: measured", unit="m")
     if places.ndim != 2 or places.shape[1] != 3:
         raise MotionError(f"{name}: measured must be positions (N, 3) in m, not of shape {places.shape}")

@@ -136,7 +136,7 @@ def _frame_yaw(vector: FullVector) -> Iterable[FreeParameter]:
 
 
 def calibration_parts() -> tuple[str, ...]:
-    """Names of the parts that a model can consist of."""
+    """Names of the parts of a calibration model."""
     return tuple(PARTS)
 
 

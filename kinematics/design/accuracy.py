@@ -93,7 +93,7 @@ class Contribution:
 
 @dataclass(frozen=True)
 class Budget(Result):
-    """The error of N poses, [dx, dy, dz, rx, ry, rz] in the base frame (m, rad), source by source and in total.
+    """Errors of N poses, [dx, dy, dz, rx, ry, rz] in the base frame (m, rad), per source and in total.
 
     Sources are independent of each other.
     """
@@ -145,7 +145,7 @@ def error_budget(
     near: ArrayLike | None = None,
     tool: ArrayLike | None = None,
 ) -> Budget:
-    """The error budget of a machine at N poses, such as those along a path, to first order in the errors.
+    """Error budget of a machine at N poses, such as along a path, to first order in the errors.
 
     Every source gives the error A z of the axes and B z + bias of the platform, for independent variables |z| ≤ 1 of
     variance v. With J of what the machine controls (what it holds gets no error from the axes, what follows follows):
@@ -212,7 +212,7 @@ PerAxis = float | Sequence[float]
 
 @dataclass(frozen=True, slots=True)
 class Quantization:
-    """Axes stand where whole pulses put them: |count·pulse − (q − home)| ≤ `pulses`·pulse, anywhere within.
+    """Rounding of axes to whole pulses: |count·pulse − (q − home)| ≤ `pulses`·pulse, uniformly distributed.
 
     By the rule `nearest`, pulses = ½: of a coordinate that is anywhere between two half-pulse levels with the same
     density, the variance is ∫ e² de / pulse over ±pulse/2, that is pulse²/12.
@@ -233,7 +233,7 @@ class Quantization:
 
 @dataclass(frozen=True, slots=True)
 class PulseLength:
-    """A pulse is longer than stated by a share within ±error (2e-6: 2 ppm), of every axis alike or of each its own.
+    """Relative error of the pulse length within ±error (2e-6: 2 ppm), common to all axes or of each axis.
 
     dq = error (q − home), since pulses count from home.
     """
@@ -252,7 +252,7 @@ class PulseLength:
 
 @dataclass(frozen=True, slots=True)
 class Backlash:
-    """Axes that rest at either end of a gap of this width (m or rad): dq = ±width/2, by the last direction.
+    """Backlash of `width` (m or rad): dq = ±width/2, depending on the last direction.
 
     None: of the backlash that each axis of the machine states.
     """
@@ -270,7 +270,7 @@ class Backlash:
 
 @dataclass(frozen=True, slots=True)
 class LeadError:
-    """What is left of the screws' errors after compensation.
+    """Lead error of the screws that remains after compensation.
 
     rate      share within ± of the travel from home, of each axis its own: dq = rate (q − home)
     periodic  amplitude (m or rad) of the error that returns with every turn, of unknown phase
@@ -291,7 +291,7 @@ class LeadError:
 
 @dataclass(frozen=True, slots=True)
 class Temperature:
-    """A temperature within ±ambient K of that of calibration, everywhere; the linear axes within ±heating K more.
+    """Temperature within ±ambient K of calibration everywhere; linear axes within ±heating K more.
 
     expansion of axes and frame per K. An axis grows with its whole natural coordinate q (the distance between joint
     centres). The inverse map is homogeneous: a frame that is larger by s shifts the platform by s p, and shortens every

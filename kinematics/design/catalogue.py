@@ -18,7 +18,7 @@ from kinematics.foundation.units import describe, describe_value, everyday_unit,
 
 @dataclass(frozen=True, slots=True)
 class Actuator:
-    """A linear actuator as its catalogue states it, SI; None is not stated.
+    """Catalogue data of a linear actuator, SI; None: not stated.
 
     size  outer dimensions, m; mass of all its parts, kg; cost (lowest, highest) in the catalogue's currency
     """
@@ -37,7 +37,7 @@ class Actuator:
 
 @dataclass(frozen=True, slots=True)
 class Joint:
-    """A spherical or universal joint as its catalogue states it: tilt (rad) to each side of its rest axis, else SI."""
+    """Catalogue data of a spherical or universal joint: tilt (rad) to each side of its rest axis; SI."""
 
     name: str
     line: int
@@ -51,7 +51,7 @@ class Joint:
 
 
 def load_actuators(path: str | PathLike[str] | None = None) -> tuple[Actuator, ...]:
-    """The actuators of a CSV file, or of the bundled catalogue [Sahbaz 2007, Table 3.1].
+    """Load actuators from a CSV file, or the bundled catalogue [Sahbaz 2007, Table 3.1].
 
     Columns: company, model, stroke, force, precision, speed, size, mass, type, cost, in any order; a unit follows the
     name (stroke_mm, speed_mm_s, stroke_in) or the number ("2 in"). An empty cell or "-" is not stated. Lines that begin
@@ -61,7 +61,7 @@ def load_actuators(path: str | PathLike[str] | None = None) -> tuple[Actuator, .
 
 
 def load_joints(path: str | PathLike[str] | None = None) -> tuple[Joint, ...]:
-    """The joints of a CSV file, or of the bundled catalogue [Sahbaz 2007, Tables 3.4 to 3.6].
+    """Load joints from a CSV file, or the bundled catalogue [Sahbaz 2007, Tables 3.4 to 3.6].
 
     As `load_actuators`, with the columns company, model, tilt, force, precision, size, mass, type, cost.
     """

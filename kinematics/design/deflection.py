@@ -79,7 +79,7 @@ _END_TOLERANCE = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class Deflection:
-    """The platform rides on a beam, which sinks and tilts under it.
+    """Deflection of a beam that carries the platform: it sinks and tilts.
 
     load, load_error  N of all that rides on the beam, and what it may differ by, ±
     start, along      (3,) m the beam's first support, and its direction; base frame

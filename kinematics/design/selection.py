@@ -63,7 +63,7 @@ class _Need(Result):
 
 @dataclass(frozen=True, slots=True)
 class ActuatorNeed(_Need):
-    """What every actuator must offer: stroke (m), speed (m/s), force (N); precision (m) no coarser. None: no matter."""
+    """Requirements on every actuator: stroke (m), speed (m/s), force (N), coarsest precision (m). None: any."""
 
     stroke: float | None = None
     speed: float | None = None
@@ -76,7 +76,7 @@ class ActuatorNeed(_Need):
 
 @dataclass(frozen=True, slots=True)
 class JointNeed(_Need):
-    """What every joint must offer: tilt (rad) from its rest axis, force (N). None: no matter."""
+    """Requirements on every joint: tilt (rad) from its rest axis, force (N). None: any."""
 
     tilt: float | None = None
     force: float | None = None
@@ -87,7 +87,7 @@ class JointNeed(_Need):
 
 @dataclass(frozen=True, slots=True)
 class AxisMotion:
-    """q (m), qd (m/s) and force (N) of all axes over a motion, each (N, n); force may be left out."""
+    """q (m), qd (m/s) and optional force (N) of all axes over a motion, each (N, n)."""
 
     q: Array
     qd: Array
@@ -107,7 +107,7 @@ class AxisMotion:
 
 
 def actuator_need(motions: Iterable[AxisMotion | Motion | Forces], precision: float | None = None) -> ActuatorNeed:
-    """What one type of linear actuator on all axes needs for all motions, mounted once.
+    """Requirements on one type of linear actuator used on all axes, for all motions.
 
     A motion may be given as what `forces` or `motion_of_poses` returns.
 
@@ -142,7 +142,7 @@ def _read_motion(motion: AxisMotion | Motion | Forces) -> AxisMotion:
 
 
 def joint_need(machine: Machine, pose: Pose, force: ArrayLike | None = None) -> JointNeed:
-    """What one type of joint everywhere needs: the largest tilt over N poses, the largest |force| (any shape, N)."""
+    """Requirements on one type of joint: largest tilt over N poses, largest |force| (any shape, N)."""
     if not machine.tilt_names:
         raise MotionError(f"machine {machine.name} has no joints that tilt")
     machine.inverse(pose)  # refuses what cannot be reached
@@ -181,7 +181,7 @@ class Refusal(Generic[Part]):
 
 @dataclass(frozen=True, slots=True)
 class Selection(Result, Generic[Part]):
-    """The feasible parts, best first by `criterion`, and the refused ones with their reasons."""
+    """Feasible parts, best first by `criterion`, and rejected parts with their reasons."""
 
     need: ActuatorNeed | JointNeed
     criterion: str
@@ -224,7 +224,7 @@ _CRITERIA: dict[str, tuple[str, Callable[[AnyPart, float], float | None]]] = {
 
 
 def select_parts(parts: Sequence[Part], need: ActuatorNeed | JointNeed, by: str = "cost") -> Selection[Part]:
-    """The parts that offer what is needed, ranked; each other one with every reason.
+    """Rank the parts that meet the requirements; list the reasons against all others.
 
     by  "cost", "mass", "precision" or "reserve": parts of which it is not stated come last; ties go to the larger
         reserve, then to the catalogue's order

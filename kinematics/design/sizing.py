@@ -93,7 +93,7 @@ class StepMotor:
 
 @dataclass(frozen=True, slots=True)
 class Traverse:
-    """What the axis must do: travel m within time s, ramps of `ramp` s each, accuracy m; top speed m/s if chosen."""
+    """Requirements on the axis: travel m within time s, ramps of `ramp` s each, accuracy m; optional top speed m/s."""
 
     travel: float
     time: float
@@ -230,7 +230,7 @@ _UNITS = {
 def size_stepper(
     slide: Slide, screw: Leadscrew, motor: StepMotor, traverse: Traverse, share: float = STEPS_PER_ACCURACY
 ) -> StepperSizing:
-    """Size the motor of a leadscrew axis; the rules that hold and those that do not are `checks`.
+    """Size the motor of a leadscrew axis; `checks` lists the rules that are met and those that are not.
 
     lead λ per revolution, r = λ/2π, efficiency η, step angle θ, top speed v:
     rate = v/λ · 2π/θ;  α = (v/r)/ramp;  I = m r² + π ρ L D⁴/32 + I_rotor

@@ -12,7 +12,7 @@ from pydantic_core import PydanticCustomError
 
 
 class MotionError(Exception):
-    """Something the user can act on: the message names what, where, value, limit, unit and remedy."""
+    """An error that the user can act on: the message names what, where, value, limit, unit and remedy."""
 
     def __reduce__(self) -> tuple[Any, ...]:
         """As it is: Python's own way calls the class with the message alone, which few of these take."""
@@ -48,7 +48,7 @@ class BadValue(MotionError):
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """One thing wrong with a file.
+    """One error in a file.
 
     `key` is the dotted path (`axes.travel`, `segment[2].arc.angle`), `line` counts from 1 (None: not in the text).
     As far as the fault has them: `value` as it is written, what is `allowed` there, and the `nearest` valid name.
@@ -63,7 +63,7 @@ class Fault:
 
 
 class FileError(MotionError):
-    """A file that cannot be used; `faults` holds everything wrong with it, found in one pass."""
+    """A file that cannot be used; `faults` holds all its errors, found in one pass."""
 
     def __init__(self, file: str, faults: Sequence[Fault]) -> None:
         self.file = file
@@ -76,7 +76,7 @@ class FileError(MotionError):
 
 
 class NotInstalled(MotionError):
-    """A package that `what` needs is not there. `extra`: ours, which brings it; None: no wheel for this platform."""
+    """A package required for `what` is missing. `extra`: our extra that installs it; None: no wheel here."""
 
     def __init__(self, what: str, package: str, extra: str | None = None, instead: str = "") -> None:
         self.package = package

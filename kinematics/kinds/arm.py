@@ -68,7 +68,7 @@ class Joints:
 
 
 class Arm(Machine):
-    """3R: yaw about an upright axis, then two joints with level, parallel axes.
+    """3R arm: yaw about a vertical axis, then two joints with horizontal, parallel axes.
 
     In the upright plane that the yaw turns, r outwards and z up from the second joint, with E = A₃ − A₂:
 
@@ -208,7 +208,7 @@ MAX_BASE_DISTANCE = 1e6
 
 
 def read_urdf(path: Path, joints: Sequence[str], tool: str) -> Joints:
-    """The three named joints and the tool frame at q = 0, in the base frame.
+    """Read the three named joints and the tool frame at q = 0, in the base frame, from a URDF file.
 
     The joints must turn, follow each other in this order from the base, and the last must carry the tool. Raises
     FileError for what the file does not hold, MotionError where pinocchio is not installed.

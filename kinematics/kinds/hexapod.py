@@ -40,7 +40,7 @@ def joint_circle(radius: float, gap: float, height: float) -> Array:
 
 
 class Hexapod(Legged):
-    """Six legs, all six freedoms: joint centres (6, 3) in base and platform frames, of any geometry.
+    """Six legs, six degrees of freedom: joint centres (6, 3) in base and platform frames, of any geometry.
 
     Everything else as `Legged` has it.
     """

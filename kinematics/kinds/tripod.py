@@ -49,7 +49,7 @@ from kinematics.machine.pose import Pose
 
 
 class Tripod(Legged):
-    """Three arms; the plate keeps the orientation that it has at home.
+    """Three arms; the plate keeps its orientation at home.
 
     base, platform  (3, 3) joint centres in the frames of base and plate, m
     tool            (3,) the tool's centre in the plate's frame, m: poses are those of the tool

@@ -16,7 +16,7 @@ ROUNDING = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class Body:
-    """A rigid body in the frame of the part that it belongs to.
+    """A rigid body, in the frame of its part.
 
     mass     kg; 0 for what weighs nothing
     centre   (3,) m, its centre of mass

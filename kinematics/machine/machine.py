@@ -47,7 +47,7 @@ def axes_table(machine: "Machine") -> Table:
 
 
 class Machine(MachineModel, Result):
-    """A machine of n axes that carries a platform (or tool).
+    """A machine with n axes that moves a platform (or tool).
 
     Its kind states the inverse map once; all else here follows from that: see `kinematics.machine.kind`.
     """

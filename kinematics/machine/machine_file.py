@@ -77,7 +77,7 @@ names of its axes where the kind says them."""
 
 
 def load_machine(name_or_path: str | PathLike[str]) -> Machine:
-    """The machine of a preset's name or of a TOML file.
+    """Load a machine from a preset name or a TOML file.
 
     Raises FileError with every fault of the file; MotionError for an unknown name, with the nearest and all known ones.
     """

@@ -36,7 +36,7 @@ def toml_of(source: Path | Traversable) -> bytes:
 
 
 def machine_toml(machine: Machine, comment: str = "", *, complete: bool = False) -> str:
-    """The TOML text of a machine, with explicit joint centres, after the lines of a comment.
+    """The TOML text of a machine, with explicit joint centres, after a comment.
 
     complete  with the keys that say what holds without them too
 

@@ -31,7 +31,7 @@ class AxesAndPose(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """Poses of the platform at N instants, what follows filled in, and the axes' coordinates q, q̇, q̈ (N, n).
+    """Poses of the platform at N instants, following coordinates included, and axis coordinates q, q̇, q̈ (N, n).
 
     twist         (N, 6) velocity of the platform's origin (m/s) and angular velocity (rad/s), in the base frame
     acceleration  (N, 6) their rates
@@ -58,7 +58,7 @@ def motion_of_poses(
     acceleration: ArrayLike | None = None,
     near: ArrayLike | None = None,
 ) -> Motion:
-    """The motion with these poses, twists (N, 6) and accelerations (N, 6); at rest where they are not given.
+    """The motion of given poses, twists (N, 6) and accelerations (N, 6); default: at rest.
 
     What follows is filled in, whatever is given for it. Raises OutOfReach where a pose has no coordinates, MotionError
     where a twist leaves the machine's freedom. near as in `Machine.inverse`.

@@ -178,7 +178,7 @@ KINDS = (*PATH_SHAPES, *MOVE_RAMPS)
 
 @dataclass(frozen=True, slots=True)
 class Classical(Result):
-    """A classical motion of a kind, and its own proof.
+    """A baseline motion of a classical kind, with its own certificate.
 
     order      to which its proof goes: 2 where its acceleration steps, so that no jerk limit could hold
     deviation  how far it leaves the programmed curve; None: it follows it
@@ -216,7 +216,7 @@ class Classical(Result):
 
 
 def classical(plan: Plan | Course, kind: str = "trapezoid") -> Classical:
-    """The baseline timing of a program, planned or not yet, as fast as its kind can be within the same limits.
+    """The baseline timing of a program, planned or not, as fast as its kind allows within the same limits.
 
     Along the path: "trapezoid", "s-curve" (seven pieces of constant jerk) and "quarter-sine", in arc length, each run
     the quickest of its kind, scaled until certified; all but the s-curve at order 2, since their accelerations step.

@@ -80,7 +80,7 @@ POINTS = 65
 
 @dataclass(frozen=True, slots=True)
 class Standing(Result):
-    """Every violation, the worst first, and of each limit the largest use that is proved, and where.
+    """All violations, the worst first, and for each limit the largest proven use, and where.
 
     blends: what became of the program's joins that ask for one
     departures: how far its synchronised moves leave the straight line

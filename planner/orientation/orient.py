@@ -30,7 +30,7 @@ Choice = Mapping[int, Array]
 
 
 def orient(program: Program, machine: Machine, objective: Objective = "time", order: int | None = None) -> Program:
-    """The program with the orientation of its free segments chosen.
+    """Choose the orientation of a program's free segments.
 
     "time": as fast as the machine's limits on speed and acceleration allow, and at the order planned (None: as `plan`
     has it) never slower than as the program says, where that is feasible; "tilt": the largest tilt of any joint as

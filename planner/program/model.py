@@ -109,7 +109,7 @@ class Arc(MovingSegment):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Spline(MovingSegment):
-    """A smooth curve from where the path stands through points, with four continuous derivatives and no stop inside.
+    """A smooth curve from the current point through points, four times continuously differentiable, without stops.
 
     through  (N, 3) m, no two neighbours the same (the path's shape: planner.path.spline)
     rotate   N orientations, one at each point; None: kept
@@ -135,7 +135,7 @@ class Spline(MovingSegment):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Curve(MovingSegment):
-    """A curve by equations: x(t), y(t), z(t), and angles if it turns the tool, for t from begin to end.
+    """A curve by equations x(t), y(t), z(t), and optional angles, for t from begin to end.
 
     position     three formulas (planner.program.formula) that give `length` m each 1;  begin, end  of t, also downwards
     rotate       three formulas of θx, θy, θz, `angle` rad each 1, as Rx · Ry · Rz; None: the orientation is kept
@@ -196,7 +196,7 @@ class Turn:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Synchronised:
-    """A move from pose to pose in which every axis goes straight to its place, all starting and ending together.
+    """A point-to-point move: all axes move straight to their targets and start and stop together.
 
     The point-to-point move of [Sahbaz 2007, 5.2.3]; where the tool goes between is what the machine makes of it.
 
@@ -220,7 +220,7 @@ class Synchronised:
 
 @dataclass(frozen=True, slots=True)
 class Dwell:
-    """A rest of `duration` (s)."""
+    """A dwell of `duration` (s)."""
 
     duration: float
     line_number: int | None = field(default=None, kw_only=True)
@@ -237,7 +237,7 @@ Frame = Literal["home", "base"]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Program(Result):
-    """A program of segments, run one after the other; coordinates are absolute in its frame.
+    """A program of segments, run in order; coordinates are absolute in its frame.
 
     frame    "home": relative to the machine's home pose, or "base": in the machine's base frame
     start    first pose, in the program's frame; None: where the machine's home pose has it

@@ -10,12 +10,12 @@ from planner.program.validation import check_positive, legible
 
 @dataclass(frozen=True, slots=True)
 class Stop:
-    """The join at which the motion comes to rest."""
+    """A join at which the motion stops."""
 
 
 @dataclass(frozen=True, slots=True)
 class Through:
-    """The join that is passed where the path is smooth enough for the motion's order, and a stop elsewhere.
+    """A join without a stop where the path is smooth enough for the motion's order, else a stop.
 
     Order 2 needs a common tangent (and turning rate), order 3 a common curvature too.
     """
@@ -23,7 +23,7 @@ class Through:
 
 @dataclass(frozen=True, slots=True)
 class Blend:
-    """The join that is rounded: it leaves the programmed corner by at most `tolerance` (m), and `angle` (rad).
+    """A rounded join: it deviates from the programmed corner by at most `tolerance` (m), and `angle` (rad).
 
     angle  None: what turns points at the machine's characteristic length by the tolerance
     """
@@ -43,7 +43,7 @@ STOP = Stop()
 
 @dataclass(frozen=True, slots=True)
 class Trigger:
-    """An event at a position: named, at a share of the tool's way along its segment (1: at its end).
+    """A named event at a position: a share of the tool path of its segment (1: its end).
 
     Where the segment only turns the tool, at a share of the angle.
     """
@@ -61,7 +61,7 @@ class Trigger:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Free:
-    """Orientation that a segment leaves free: the turn about the tool's own z axis, and a tilt of that axis.
+    """Free orientation of a segment: the rotation about the tool's z axis, and a tilt of that axis.
 
     yaw       whether the turn is free
     tilt      rad by which the axis may lean from where the program has it, any way; 0: not at all

@@ -276,7 +276,7 @@ PLAIN_UNITS = {"length": "m", "angle": "rad"}
 
 
 def load_program(name_or_path: str | PathLike[str]) -> Program:
-    """The program of a preset's name or of a TOML file.
+    """Load a program from a preset name or a TOML file.
 
     Raises FileError with every fault of the file; MotionError for an unknown name, with the nearest and all known ones.
     """

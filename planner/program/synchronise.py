@@ -15,7 +15,7 @@ from planner.program.modifiers import Trigger
 
 
 def synchronise(program: Program, machine: Machine) -> tuple[Program, tuple[int, ...]]:
-    """The program with a synchronised move to the end of every segment, and to every point of a spline.
+    """Replace every segment and spline point of a program by a synchronised move to its end.
 
     Caps, triggers and dwells stay; blends, constant speeds and free orientations have no place in it. Also the numbers
     of segments that end where they start, for which there is nothing to move: they are left out. Raises MotionError

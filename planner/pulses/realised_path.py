@@ -105,7 +105,7 @@ class RealisedError:
 
 @dataclass(frozen=True, slots=True)
 class RealisedPath(Result):
-    """How far the pose to which the integer counts lead the machine is from the planned pose.
+    """Quantization error: the pose given by the integer counts against the planned pose.
 
     rule      of firing that made the pulses
     instants  how many were looked at, each just after a pulse and just before the next
@@ -188,7 +188,7 @@ class CountedMotion(Protocol):
 
 
 def realised(plan: CountedMotion, pulses: PulseSchedule | None = None, *, stride: int = 1) -> RealisedPath:
-    """The realised path of a plan's pulses, or of other ones that stand for its motion.
+    """The realised path of a plan's pulses, or of other pulses for its motion.
 
     Between two pulses of any axis the counts stand for one pose: the motors are where they are counted, the axes where
     the play and the lead error that they state leave them (`planner.pulses.motion`), whatever of both the counts

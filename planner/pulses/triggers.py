@@ -22,7 +22,7 @@ HALVINGS = 64
 
 @dataclass(frozen=True, slots=True)
 class Triggered:
-    """A trigger's name and place (segment, repetition, s and t); there the platform's pose and the axes' counts (n,).
+    """A trigger's name, place (segment, repetition, s and t), platform pose and axis counts (n,).
 
     At a rest the time is that of the arrival.
     """

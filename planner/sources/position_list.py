@@ -269,5 +269,5 @@ def positions_csv(listed: PositionList) -> str:
 
 
 def save_positions(listed: PositionList, path: str | PathLike[str]) -> None:
-    """Write a list as CSV, so that it is there complete, or the file is as it was before."""
+    """Write a list as CSV atomically: complete, or the file is unchanged."""
     write_whole(Path(path), positions_csv(listed))

@@ -52,7 +52,7 @@ _ARM = re.compile(rf"PointL([123])_(\d{{5}}){_VALUE}", re.ASCII)
 
 
 def load_positions(path: str | PathLike[str], **options: Any) -> PositionList:
-    """The poses in a CSV file, or in one of the three-armed machine; options: the fields of `Positions`.
+    """Load poses from a CSV file or a file of the three-armed machine; options: the fields of `Positions`.
 
     Raises FileError with the faults of the file.
     """

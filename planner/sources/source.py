@@ -146,7 +146,7 @@ def source_name(path: Path) -> str:
 
 
 def import_program(path: str | PathLike[str], format: str | None = None, **options: Any) -> Imported:
-    """The program in a file of another format, and what was understood of the file.
+    """Import a program from a file of another format, with a summary of what was read.
 
     format   its name, as SOURCES has it; None: by the file's suffix
     options  the fields of the format's dataclass, in SI units

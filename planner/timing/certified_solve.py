@@ -34,7 +34,7 @@ PART = 8
 
 @dataclass(frozen=True, slots=True)
 class Solution(Result):
-    """A trajectory and the proof that it respects every limit.
+    """A trajectory with the proof that it respects every limit.
 
     order; rounds: how often it was solved until the proof held; methods: the solver that gave each run's motion
     lower_estimate: s, about the least that any motion within the limits on speed and acceleration takes, with the

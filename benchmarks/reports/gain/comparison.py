@@ -102,7 +102,7 @@ class ComparisonRow:
 
 @dataclass(frozen=True, slots=True)
 class Comparison(Shown):
-    """All rows, setting by setting, and what they were made of.
+    """All rows of a comparison, setting by setting, and the runs behind them.
 
     ranked  the tasks by which settings are ranked: those that no stable run stays on to less than the floor. On the
             others, as where two like axes go straight, an error to the path tells nothing of how it was tracked.
@@ -200,7 +200,7 @@ class Comparison(Shown):
 
 
 def compare(sources: Sequence[SavedRuns], baseline: str | None = None) -> Comparison:
-    """Every setting of the saved runs on every path.
+    """Compare every setting of the saved runs on every path.
 
     baseline: as `read_setting` reads it, of the first runs that have it. Without one it is `DEFAULT_BASELINE` where
     that was run, else the first setting. Raises MotionError where there are no runs, or not those of the baseline.

@@ -102,7 +102,7 @@ def gain_block(setting: Setting) -> str:
 
 
 def verdict_of(comparison: Comparison) -> Verdict:
-    """The best of all settings that hold on every path and rig, by what `criteria` weighs; what it gains and costs.
+    """The best setting that is stable on every path and rig, weighed by `criteria`, with its gains and costs.
 
     Where another setting has the least contour error it is named, with what it pays for that.
     """
