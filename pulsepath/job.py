@@ -161,7 +161,7 @@ def _describe_solution(planned: Plan) -> str:
     """How the motion was found."""
     runs = ", ".join(f"{count} by {method}" for method, count in Counter(planned.methods).items())
     near = "" if planned.gap is None else f"; {100 * planned.gap:.3f} % above the estimated minimum time"
-    return f"order {planned.order}, solver iterations: {planned.rounds}, runs between stops: {runs}{near}"
+    return f"order {planned.order}, solve rounds: {planned.rounds}, runs between stops: {runs}{near}"
 
 
 def _followed(planned: Plan) -> RealisedPath | None:

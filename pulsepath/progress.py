@@ -70,7 +70,7 @@ def options() -> list[click.Option]:
 
     return [
         flag(QUIET, "-q", "--quiet", told="Print results and errors only."),
-        flag(VERBOSE, "-v", "--verbose", told="Also print how the result was found: iterations, methods, times."),
+        flag(VERBOSE, "-v", "--verbose", told="Also print how the result was found: solve rounds, methods, times."),
     ]
 
 

@@ -88,7 +88,7 @@ class OpenVelocity:
 
 @dataclass(frozen=True, slots=True)
 class Feedforward:
-    """The command that a nominal drive turns into the reference: c(t) = r + α ṙ/K + γ r̈/(K ω), all at t + delay.
+    """Feedforward: the nominal drive outputs the reference for c(t) = r + α ṙ/K + γ r̈/(K ω), all at t + delay.
 
     A position loop of gain K lags ṙ/K behind, so it is commanded ahead by that much. Of a speed loop without integral
     r̈/(K ω) is left; the integral (time T, some 30 ms) takes that over where it is slower than 1/T, so γ = 0 by default.

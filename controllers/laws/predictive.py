@@ -178,7 +178,7 @@ class Friction:
 
 @dataclass(frozen=True, slots=True)
 class Predictive:
-    """At each step, of the commands over the next H steps, that which brings a nominal drive nearest to the reference.
+    """Preview predictive control: commands over the next H steps that bring a nominal drive closest to the reference.
 
     The program is `Horizon`'s, from the state s = (x, v, i, c) of the moment and around the feedforward law's command;
     its first step is sent, as `ramp`. The state is read anew at each step, so that the law keeps none: x from the

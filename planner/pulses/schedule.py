@@ -206,7 +206,7 @@ def holds_same_pulses(schedule: PulseSchedule, parts: Iterable[PulseSchedule]) -
 
 
 UNKNOWN_UNIT = "m or rad"
-BESIDE = "of the counts at all times, and what the axis moves in one tick of the clock beside"
+BESIDE = "bound of the count error at all times, plus the travel in one clock tick"
 
 
 def schedule_tables(schedule: PulseSchedule, units: Mapping[str, str]) -> Iterator[Table]:

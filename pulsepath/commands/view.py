@@ -60,7 +60,7 @@ def view(
     force: bool,
     as_json: bool,
 ) -> None:
-    """Animate the machine along the plan in DIR, in 3-D and real time.
+    """Animate the plan in DIR in 3-D and real time.
 
     Without --html and --stills, the page is served on loopback (127.0.0.1) only, until Ctrl-C. It needs no network.
 

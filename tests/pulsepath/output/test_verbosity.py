@@ -33,7 +33,7 @@ def test_verbose_says_how(call, tmp_path, monkeypatch, job):
     arguments = ["plan", "bare-circle", "--out", tmp_path / "o", "--no-figures", "--json", "--force"]
     for done in (call("--verbose", *arguments), call(*arguments, "-v")):
         assert done.exit_code == 0
-        assert "order 3, solver iterations: " in done.stderr
+        assert "order 3, solve rounds: " in done.stderr
         assert "runs between stops: 1 by " in done.stderr
     assert "iterations" not in call(*arguments).stderr
 
