@@ -128,7 +128,7 @@ def test_a_file_of_the_plan_itself_is_written_again_but_not_changed(call, plan, 
     for given in (["--width", "1 us"], ["--out", plan / "plan.json"], ["--out", plan / "." / "motion.json"]):
         done = call("export", plan, "--format", "pulses", *given, "--force")
         assert done.exit_code == 2
-        assert "is a file of the plan itself" in done.stderr
+        assert "is one of the plan's own files" in done.stderr
     for name in ("pulses.csv", "plan.json", "motion.json"):
         assert (plan / name).read_bytes() == (directory / name).read_bytes()
     made.write_text("mine")

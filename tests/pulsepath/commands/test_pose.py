@@ -58,7 +58,7 @@ def test_units_may_be_said(call):
 @pytest.mark.parametrize(
     ("arguments", "code", "phrase"),
     [
-        (["hexapod", "0,0,350"], 1, "infeasible: leg1 travel: 345.095 mm from home, outside 0 to 50.8 mm; take a pose"),
+        (["hexapod", "0,0,350"], 1, "infeasible: leg1 travel: 345.095 mm from home, outside 0 to 50.8 mm; choose"),
         (
             ["tripod", "--lengths", "100,100,100"],
             1,

@@ -96,7 +96,7 @@ def test_force_spares_what_is_not_ours(tmp_path, record):
 
 def test_a_file_is_never_replaced(tmp_path):
     (tmp_path / "out").write_text("mine")
-    with pytest.raises(MotionError, match="no directory"), replacing(tmp_path / "out", force=True):
+    with pytest.raises(MotionError, match="not a directory"), replacing(tmp_path / "out", force=True):
         pass
     assert (tmp_path / "out").read_text() == "mine"
 
