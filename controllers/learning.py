@@ -10,10 +10,10 @@ from typing import ClassVar
 import numpy as np
 
 from controllers.card import TAMove
-from controllers.laws.law import Feedback, Grid, Reference, Timer, ramp
+from controllers.laws.law import Feedback, Grid, Reference, ramp
 from controllers.laws.nominal import NominalAxes, nominal_axes
 from controllers.laws.predictive import Horizon
-from controllers.rig import Rig, Task
+from controllers.rig import Rig, Task, Timer
 from controllers.simulate import sample, simulate
 from kinematics.foundation.arrays import Array, freeze_array, freeze_fields
 from kinematics.foundation.errors import MotionError

@@ -16,16 +16,18 @@ import numpy as np
 from controllers.card import PCI_8132, Card
 from controllers.drives.servo import Servo, leg_servo
 from controllers.drives.stepper import Stepper
-from controllers.laws.law import Timer
 from kinematics.foundation.arrays import Array, freeze_array, freeze_fields
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.names import nearest
 from kinematics.machine.machine import Machine
-from planner.actuation import MachinePath
 from planner.baselines.shapes import quarter_sine, trapezoid
+from planner.path.actuation import MachinePath
 from planner.pulses.motion import AxesMotion
 from planner.timing.profile import Profile
 from planner.trajectory import Trajectory
+
+Timer = Literal["counter", "sleep"]
+"""How a host waits for its next step; a law says which it is meant for."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -26,7 +26,7 @@ from kinematics.foundation.units import Unit, describe_value
 from kinematics.kinds.axis_tables import find_repeated_names
 from kinematics.machine.machine import Machine
 from kinematics.machine.machine_file import load_machine
-from planner.actuation import actuate
+from planner.path.actuation import actuate
 from planner.program.program_file import load_program
 
 

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from controllers.card import Command
-from controllers.laws.law import Feedback, Law, Reference, Timer
-from controllers.rig import Rig
+from controllers.laws.law import Feedback, Law, Reference
+from controllers.rig import Rig, Timer
 from controllers.rig_choice import choose_rig
 from controllers.simulate import HOST_STEP, SETTLE, sample, simulate
 from kinematics.foundation.arrays import Array, freeze_fields

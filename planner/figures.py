@@ -23,7 +23,7 @@ from kinematics.foundation.figure import PALETTE, escape_dollars, line_style, ne
 from kinematics.foundation.result import draws
 from kinematics.machine.axis import Axis
 from kinematics.machine.pose import from_numbers
-from planner.actuation import MachinePath
+from planner.path.actuation import MachinePath
 from planner.plan import Plan, active_limits
 from planner.program.model import Program
 from planner.pulses.realised_path import RealisedPath

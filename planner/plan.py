@@ -14,7 +14,6 @@ from kinematics.foundation.errors import MotionError, NotFree, OutOfReach
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Table
 from kinematics.machine.machine import Machine
-from planner.actuation import MachinePath, actuate
 from planner.certificate.certify import Certificate
 from planner.certificate.constant_speed import CONSTANT_SPEED, Stretch, find_stretches
 from planner.certificate.feasibility import Standing, prove_feasibility
@@ -25,6 +24,7 @@ from planner.limits.registry import geometric_limits
 from planner.limits.resonance import Resonance
 from planner.orientation.orient import orient_open
 from planner.parallel import Progress, ignore_progress
+from planner.path.actuation import MachinePath, actuate
 from planner.path.departure import Departure, departure_tables, departures
 from planner.path.join import blend_tables
 from planner.place import Infeasible, LostPath

@@ -20,7 +20,7 @@ from kinematics.foundation.errors import MotionError
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
 from kinematics.machine.pose import Pose, from_numbers
-from planner.actuation import ActuatorPath, MachinePath
+from planner.path.actuation import ActuatorPath, MachinePath
 
 if TYPE_CHECKING:
     pass

@@ -9,11 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal, Protocol
+from typing import Protocol
 
 import numpy as np
 
 from controllers.card import Command, TAMove
+from controllers.rig import Timer
 from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.errors import MotionError
 
@@ -41,10 +42,6 @@ def format_gain(value: Gain) -> str:
     """The gain in a name: "0.7", or "0.5…0.9" where runs differ."""
     low, high = np.min(value), np.max(value)
     return f"{low:g}" if low == high else f"{low:g}…{high:g}"
-
-
-Timer = Literal["counter", "sleep"]
-"""How a law wants its host to wait for the next step, see `controllers.rig.Host`."""
 
 
 @dataclass(frozen=True, slots=True)

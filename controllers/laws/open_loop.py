@@ -11,8 +11,9 @@ from typing import ClassVar
 import numpy as np
 
 from controllers.card import TAMove, TVMove, VChange
-from controllers.laws.law import Feedback, Gain, Grid, Reference, Timer, check_gain, format_gain, ramp
+from controllers.laws.law import Feedback, Gain, Grid, Reference, check_gain, format_gain, ramp
 from controllers.laws.nominal import NominalAxes, usual_axes
+from controllers.rig import Timer
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
 

@@ -15,9 +15,10 @@ from typing import ClassVar
 import numpy as np
 
 from controllers.card import TAMove
-from controllers.laws.law import Feedback, Gain, Grid, Reference, Timer, check_gain, format_gain, ramp
+from controllers.laws.law import Feedback, Gain, Grid, Reference, check_gain, format_gain, ramp
 from controllers.laws.nominal import NominalAxes, friction_response, response, usual_axes
 from controllers.laws.open_loop import Feedforward
+from controllers.rig import Timer
 from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.errors import MotionError
 

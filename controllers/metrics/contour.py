@@ -11,7 +11,7 @@ from typing import Protocol
 import numpy as np
 
 from kinematics.foundation.arrays import Array, freeze_array
-from planner.actuation import MachinePath
+from planner.path.actuation import MachinePath
 from planner.pulses.motion import AxesMotion
 
 INSTANTS_PER_PIECE, HALVINGS = 64, 52

@@ -33,7 +33,7 @@ from kinematics.analysis.forward import RESIDUAL_TOLERANCE, iterate_newton
 from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.errors import MotionError
 from kinematics.machine.pose import from_numbers, to_numbers
-from planner.actuation import MachinePath
+from planner.path.actuation import MachinePath
 from planner.place import Place
 from planner.pulses.motion import AxesMotion
 

@@ -3,8 +3,8 @@
 import numpy as np
 
 from kinematics.foundation.arrays import Array, freeze_array
-from planner.actuation import Points
 from planner.limits.limit import Limit, LimitState, Quantity, Rows, Term
+from planner.path.actuation import Points
 
 CAP = 0.3
 """m/s² that the payload bears."""

@@ -19,7 +19,6 @@ from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
 from kinematics.machine.axis import Axis
 from kinematics.machine.machine import Machine
-from planner.actuation import ActuatorPath, MachinePath, actuate
 from planner.baselines.moves import Deviation, deviation, independent_ramps, synchronised_ramps, time_moves
 from planner.baselines.shapes import QUARTER_SINE, S_CURVE, TRAPEZOID, Shapes
 from planner.certificate.certify import CROSSING, Certificate, certify
@@ -27,6 +26,7 @@ from planner.limits import limits_of
 from planner.limits.geometric import Travel
 from planner.limits.limit import Limit, Term
 from planner.limits.resonance import Resonance
+from planner.path.actuation import ActuatorPath, MachinePath, actuate
 from planner.plan import Plan
 from planner.program.model import Program, stopping
 from planner.timing.certified_run import Timing

@@ -12,7 +12,7 @@ from kinematics.foundation.errors import MotionError
 from kinematics.machine.axis import Axis, directional_bounds
 from kinematics.machine.machine import Machine
 from kinematics.machine.pose import from_numbers
-from planner.actuation import MachinePath
+from planner.path.actuation import MachinePath
 from planner.path.polynomial import PolynomialPath
 from planner.place import Place
 from planner.timing.problem import EXACT_AIM

@@ -18,12 +18,12 @@ import numpy as np
 from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
-from planner.actuation import ActuatorPath
 from planner.certificate.constant_speed import CONSTANT_SPEED, claimed_speeds, prove_speed_deviation
 from planner.certificate.enclosure import Cells, bound_series, enclose
 from planner.certificate.resonance_dwell import find_stays
 from planner.limits.limit import Limit, order_of
 from planner.limits.resonance import Resonance
+from planner.path.actuation import ActuatorPath
 from planner.place import Place, where_columns
 from planner.trajectory import Trajectory, unit_speed_trajectory
 

@@ -14,9 +14,9 @@ from kinematics.foundation.errors import MotionError, OutOfReach
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
 from kinematics.foundation.taylor_model import Series
-from planner.actuation import ActuatorPath, MachinePath
 from planner.certificate.certify import prove_path_use, round_reached_use
 from planner.limits.limit import Limit
+from planner.path.actuation import ActuatorPath, MachinePath
 from planner.path.departure import Departure, departure_tables
 from planner.path.join import Blended, blend_tables
 from planner.place import Infeasible, Place, where_columns

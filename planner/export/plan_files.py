@@ -13,13 +13,14 @@ A trajectory's closed-form pieces as JSON: exact to the last bit, so that a plan
 
 import csv
 import json
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
-from kinematics import Fault, FileError
-from planner.actuation import ActuatorPath
-from planner.plan import Plan
+from kinematics import Axis, Fault, FileError
+from planner.path.actuation import ActuatorPath
+from planner.pulses.triggers import Triggered
 from planner.trajectory import Trajectory, column_headings, row_instants, rows
 
 BLOCK = 1 << 13
@@ -36,14 +37,14 @@ def write_trajectory_csv(trajectory: Trajectory, path: Path) -> None:
             np.savetxt(file, rows(trajectory, t[first : first + BLOCK]), fmt="%.12g", delimiter=",")
 
 
-def write_trigger_csv(plan: Plan, path: Path) -> None:
+def write_trigger_csv(triggers: Sequence[Triggered], axes: Sequence[Axis], path: Path) -> None:
     """Write the table: numbers as Python's shortest decimals, which read back as the same floats; line ends \\n."""
     place = [*(f"{name} [m]" for name in "xyz"), *(f"r{name} [rad]" for name in "xyz")]
-    counts = [f"{axis.name} [counts]" for axis in plan.machine.axes]
+    counts = [f"{axis.name} [counts]" for axis in axes]
     with path.open("w", encoding="utf-8", newline="") as file:
         table = csv.writer(file, lineterminator="\n")
         table.writerow(["name", "segment", "repetition", "t [s]", "s [m]", *place, *counts])
-        for event in sorted(plan.triggers, key=lambda event: event.time):
+        for event in sorted(triggers, key=lambda event: event.time):
             at, angles = event.where, event.pose.rotation.as_euler("XYZ", suppress_warnings=True)
             pose = [value + 0.0 for value in (*event.pose.translation.tolist(), *angles.tolist())]  # no −0
             table.writerow([event.name, at.segment, at.repetition or 1, event.time, at.s, *pose, *event.counts])

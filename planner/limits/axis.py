@@ -13,8 +13,8 @@ import numpy as np
 
 from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.machine.axis import Axis, Magnitude
-from planner.actuation import Points
 from planner.limits.limit import AxisLimit, LimitState, Quantity, Rows, Term
+from planner.path.actuation import Points
 
 
 class Speed(AxisLimit):

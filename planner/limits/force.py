@@ -18,8 +18,8 @@ from kinematics.foundation.errors import MotionError
 from kinematics.foundation.taylor_model import Series
 from kinematics.machine.axis import Axis
 from kinematics.machine.machine import Machine
-from planner.actuation import MachinePath, Points, make_points
 from planner.limits.limit import AxisLimit, Limit, LimitState, Quantity, Rows, Term
+from planner.path.actuation import MachinePath, Points, make_points
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,7 +13,7 @@ from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.casadi_function import Expression
 from kinematics.foundation.errors import MotionError
 from kinematics.machine.axis import Axis, Magnitude, directional_bounds
-from planner.actuation import Points
+from planner.path.actuation import Points
 
 MAX_OVERESTIMATE = 5e-7
 """How far above the largest use that is met its proven bound may stay, where a limit does not say otherwise."""

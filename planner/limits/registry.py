@@ -4,13 +4,13 @@ from collections.abc import Callable, Sequence
 
 from kinematics.machine.axis import Axis
 from kinematics.machine.machine import Machine
-from planner.actuation import ActuatorPath, MachinePath
 from planner.limits.axis import Acceleration, Jerk, PulseRate, Speed
 from planner.limits.force import Force, Holding, TorqueSpeed
 from planner.limits.geometric import Clearance, Tilt, Travel
 from planner.limits.limit import Limit
 from planner.limits.resonance import Resonance
 from planner.limits.tool import AngularSpeed, ToolAcceleration, ToolSpeed
+from planner.path.actuation import ActuatorPath, MachinePath
 
 # Of the axes alone, with the order of motion that they belong to.
 AXIS_LIMITS: dict[type[Limit], tuple[int, Callable[[Sequence[Axis]], Limit]]] = {

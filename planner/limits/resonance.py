@@ -7,8 +7,8 @@ import numpy as np
 
 from kinematics.foundation.arrays import Array
 from kinematics.machine.axis import Axis
-from planner.actuation import Points
 from planner.limits.limit import AxisLimit, LimitState, Quantity, Rows, Term
+from planner.path.actuation import Points
 
 # Room below a band where an axis is held: what lies between grid points must not touch the band.
 BAND_MARGIN = 1e-3

@@ -13,8 +13,8 @@ from typing import ClassVar
 import numpy as np
 
 from kinematics.foundation.arrays import Array, freeze_array
-from planner.actuation import Points
 from planner.limits.limit import Limit, LimitState, Quantity, Rows, Term
+from planner.path.actuation import Points
 
 
 class ToolLimit(Limit):

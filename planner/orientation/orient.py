@@ -15,9 +15,9 @@ import numpy as np
 from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.errors import MotionError
 from kinematics.machine.machine import Machine
-from planner.actuation import MachinePath, actuate
 from planner.limits import limits_of, usual_order
 from planner.orientation.nlp import FreePart, Objective, PartEnd, turned
+from planner.path.actuation import MachinePath, actuate
 from planner.path.chain import carry_tool, chain_pieces, draw_segments
 from planner.path.shape import DEGREE, Piece
 from planner.program.model import Dwell, Program

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Slerp
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.table import Column, Table
 from kinematics.machine.pose import Pose, from_numbers
-from planner.actuation import MachinePath
+from planner.path.actuation import MachinePath
 from planner.path.synchronised import NAME
 from planner.place import Place, where_columns
 

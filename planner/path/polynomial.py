@@ -19,7 +19,7 @@ import numpy as np
 
 from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.taylor_model import Series
-from planner.actuation import Derivatives
+from planner.path.actuation import Derivatives
 from planner.path.stands import count_zero_derivatives, cut_at_stands
 from planner.place import Place
 

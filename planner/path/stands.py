@@ -9,7 +9,7 @@ of what is asked for at rest, ṡ = 0 and s̈ = 0, cost next to nothing, as q ha
 import numpy as np
 
 from kinematics.foundation.arrays import Array
-from planner.actuation import ActuatorPath
+from planner.path.actuation import ActuatorPath
 
 # Share of its largest value on a piece up to which a derivative of an axis is nothing, where a piece is cut and at the
 # ends of what is cut, and of that of any axis: rounding.

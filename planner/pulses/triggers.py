@@ -9,7 +9,7 @@ import numpy as np
 from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.table import Column, Table
 from kinematics.machine.pose import Pose
-from planner.actuation import MachinePath, make_points
+from planner.path.actuation import MachinePath, make_points
 from planner.path.arc_length import measure_length
 from planner.place import Place, where_columns
 from planner.program.model import SAME, Dwell, Program

@@ -7,11 +7,11 @@ import numpy as np
 
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
-from planner.actuation import ActuatorPath
 from planner.certificate.certify import ProvedUse, prove, use_at_knots
 from planner.certificate.resonance_dwell import find_stays
 from planner.limits.limit import Limit
 from planner.limits.resonance import BAND_MARGIN, Resonance, SpeedCap
+from planner.path.actuation import ActuatorPath
 from planner.timing.problem import Run
 from planner.timing.profile import Profile, RunSolution, sample_limit_use
 from planner.timing.tightening import required_slowness

@@ -11,11 +11,11 @@ import numpy as np
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
-from planner.actuation import ActuatorPath
 from planner.certificate.certify import Certificate, ProvedUse, certify
 from planner.certificate.feasibility import limit_violation, prove_feasibility
 from planner.limits.limit import Limit
 from planner.parallel import Progress, spread
+from planner.path.actuation import ActuatorPath
 from planner.path.stands import count_zero_derivatives
 from planner.timing.certified_run import ROUNDS, CertifiedRun, RunCertifier, Timing, hold_axes
 from planner.timing.parts import solve_in_parts, tighten_in_parts

@@ -15,11 +15,11 @@ from dataclasses import replace
 import numpy as np
 
 from kinematics.foundation.arrays import Array
-from planner.actuation import ActuatorPath
 from planner.certificate.certify import LIMIT_ROUNDING
 from planner.limits.limit import Limit
 from planner.limits.resonance import Resonance
 from planner.limits.tool import ToolSpeed
+from planner.path.actuation import ActuatorPath
 from planner.place import ConstantRefused, Infeasible
 from planner.timing.problem import Run, make_grid
 from planner.timing.profile import CONSTANT_SPEED, STRAIGHT, Profile, RunSolution

@@ -8,8 +8,8 @@ import numpy as np
 
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
-from planner.actuation import ActuatorPath
 from planner.limits.limit import Limit, Term
+from planner.path.actuation import ActuatorPath
 from planner.timing.initial_guess import BRIEF, WIDE, Passing, Smoothed, slow_breaks
 from planner.timing.problem import Block, Problem, Run, make_grid, pose_problem
 from planner.timing.profile import Profile

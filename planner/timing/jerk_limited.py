@@ -10,8 +10,8 @@ from dataclasses import replace
 import numpy as np
 
 from kinematics.foundation.errors import MotionError
-from planner.actuation import ActuatorPath
 from planner.limits.limit import Limit, Term
+from planner.path.actuation import ActuatorPath
 from planner.timing.discretization import (
     START_GRID,
     brief_problem,

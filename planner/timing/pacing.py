@@ -7,11 +7,11 @@ import numpy as np
 
 from kinematics.foundation.arrays import Array
 from kinematics.machine.axis import Axis
-from planner.actuation import ActuatorPath
 from planner.certificate.resonance_dwell import Stay, find_stays
 from planner.limits.axis import Acceleration, Jerk, Speed
 from planner.limits.limit import AxisLimit, Limit
 from planner.limits.resonance import Resonance, SpeedCap
+from planner.path.actuation import ActuatorPath
 from planner.timing.certified_run import hold_axes
 from planner.timing.problem import Run
 from planner.timing.profile import Profile

@@ -13,9 +13,9 @@ import numpy as np
 
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
-from planner.actuation import ActuatorPath
 from planner.limits.limit import Limit
 from planner.limits.tool import ToolSpeed
+from planner.path.actuation import ActuatorPath
 from planner.place import ConstantRefused, Infeasible
 from planner.timing.certified_run import ROUNDS, RunCertifier, Timing
 from planner.timing.constant_speed import (

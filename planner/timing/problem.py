@@ -8,8 +8,8 @@ from typing import Literal
 import numpy as np
 
 from kinematics.foundation.arrays import Array
-from planner.actuation import ActuatorPath, make_points
 from planner.limits.limit import Limit, Rows, Term, order_of
+from planner.path.actuation import ActuatorPath, make_points
 
 SIDES = ("start", "end")
 IDLE_SHARE = 0.9

@@ -13,8 +13,8 @@ import numpy as np
 
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
-from planner.actuation import ActuatorPath
 from planner.limits.limit import Limit, order_of
+from planner.path.actuation import ActuatorPath
 from planner.place import Infeasible
 from planner.timing.problem import EXACT_AIM, SOLVER_AIM, Problem
 from planner.trajectory import Trajectory

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from kinematics.foundation.errors import MotionError
-from planner.actuation import ActuatorPath
 from planner.limits.limit import Limit
+from planner.path.actuation import ActuatorPath
 from planner.place import Infeasible
 from planner.timing.discretization import acceleration_problem, refine_problem, unbounded_error
 from planner.timing.jerk_limited import solve_leg, solve_legs

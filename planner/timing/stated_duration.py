@@ -23,9 +23,9 @@ import numpy as np
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
 from kinematics.machine.axis import Axis, directional_bounds
-from planner.actuation import ActuatorPath
 from planner.limits.limit import Limit
 from planner.parallel import Progress
+from planner.path.actuation import ActuatorPath
 from planner.place import Infeasible
 from planner.timing.certified_run import Timing
 from planner.timing.certified_solve import Solution, certified_solve

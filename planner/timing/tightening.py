@@ -7,8 +7,8 @@ import numpy as np
 
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
-from planner.actuation import ActuatorPath
 from planner.limits.limit import Limit
+from planner.path.actuation import ActuatorPath
 from planner.timing.problem import Block
 from planner.timing.profile import AVERAGED, STRAIGHT, WITH_RESTS, RunSolution, sample_limit_use
 from planner.timing.solvers.second_order import second_order

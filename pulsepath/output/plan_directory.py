@@ -15,11 +15,11 @@ import numpy as np
 from controllers.rig_choice import rig_hint
 from kinematics import Machine, MotionError, load_machine
 from planner import Plan, Program, Trajectory, load_program
-from planner.actuation import actuate
 from planner.export import plan_files as motion_json
 from planner.limits import Limit, limits_of
 from planner.orientation.orient import apply_choice, find_choice
 from planner.parallel import Progress, ignore_progress
+from planner.path.actuation import actuate
 from planner.pulses import PulseCheck, PulseSchedule, check, check_file, generate, pace_axes
 from planner.pulses.compensation.compensate import counted
 from pulsepath.inputs import Inputs
@@ -152,7 +152,7 @@ def write(folder: Path, job: Job, inputs: Inputs) -> PulseCheck:
         raise Defect(f"{verdict.fault_count} faults in the pulses, the first: {verdict.faults[0]}")
     (folder / CERTIFICATE).write_text(as_json(pulse_file_record(folder / PULSES, plan, verdict)), encoding="utf-8")
     if plan.triggers:
-        trigger_csv.write_trigger_csv(plan, folder / TRIGGERS)
+        trigger_csv.write_trigger_csv(plan.triggers, plan.machine.axes, folder / TRIGGERS)
     _write_report(folder / REPORT, job, verdict)
     (folder / RECORD).write_text(as_json(sealed(plan_record(job, inputs, verdict), folder)), encoding="utf-8")
     return verdict

@@ -9,7 +9,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics import Axis, Hexapod, joint_circle
 from planner import Trajectory
-from planner.actuation import MachinePath
+from planner.path.actuation import MachinePath
 from planner.path.shape import arc, line
 
 PULSE = 0.75e-6

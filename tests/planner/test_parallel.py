@@ -17,8 +17,8 @@ import pytest
 from benchmarks.evidence.speed.scale import raster
 from kinematics import Fault, FileError, MotionError, OutOfReach, load_machine, machine_names
 from planner import Infeasible, Place, parallel, plan
-from planner.actuation import actuate
 from planner.limits import limits_of
+from planner.path.actuation import actuate
 from planner.timing.certified_solve import certified_solve
 
 

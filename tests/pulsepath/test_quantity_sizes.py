@@ -5,7 +5,7 @@ from click.testing import CliRunner
 
 from kinematics import FileError, MotionError, load_machine
 from planner import Arc, Dwell, Line, Program, Turn, load_program, plan
-from planner.actuation import actuate
+from planner.path.actuation import actuate
 from planner.timing import discretization as posing
 from planner.trajectory import MOST_ROWS, period
 from pulsepath.cli import main

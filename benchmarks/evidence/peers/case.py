@@ -24,9 +24,9 @@ from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError, require
 from kinematics.machine.axis import Axis
 from planner import load_program
-from planner.actuation import ActuatorPath, actuate
 from planner.limits import limits_of
 from planner.limits.limit import Limit
+from planner.path.actuation import ActuatorPath, actuate
 from planner.path.polynomial import PolynomialPath
 from planner.timing import discretization as posing
 from planner.timing.certified_solve import certified_solve

@@ -28,10 +28,10 @@ import numpy as np
 from benchmarks.evidence.timing import Result, run_in_new_process, time_calls
 from kinematics import Hexapod, Machine, load_machine
 from planner import load_program, plan
-from planner.actuation import actuate
 from planner.export import plan_files as motion_json
 from planner.export.format import ExportSource
 from planner.export.formats import npz, pulse_csv
+from planner.path.actuation import actuate
 from planner.pulses import PulseSchedule, check, check_file, generate
 from planner.pulses.motion import AxesMotion
 from planner.trajectory import Trajectory

@@ -14,8 +14,8 @@ from benchmarks.evidence.timing import Result, time_calls
 from kinematics import Machine, load_machine
 from kinematics.foundation.errors import require
 from planner import Program, Solution, load_program
-from planner.actuation import actuate
 from planner.limits import limits_of
+from planner.path.actuation import actuate
 from planner.timing.certified_solve import certified_solve
 from planner.timing.discretization import jerk_problem
 from planner.timing.problem import Run, make_grid, pose_problem

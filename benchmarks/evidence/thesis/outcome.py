@@ -23,7 +23,7 @@ from controllers.rig import Rig, Task, disturbed, time_path
 from controllers.rig_file import load_rig
 from controllers.simulate import Runs, sample, simulate
 from kinematics.foundation.arrays import Array
-from planner.actuation import MachinePath
+from planner.path.actuation import MachinePath
 from planner.trajectory import Trajectory
 
 TASK = "line"

@@ -28,10 +28,10 @@ from kinematics import load_machine
 from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.errors import MotionError
 from planner import load_program, plan
-from planner.actuation import MachinePath
 from planner.export.card_calls import SPEED_HEADROOM, Call, wired_counts
 from planner.export.format import ExportSource, refuse_compensated
 from planner.export.formats.adlink import AdlinkCsv, read_calls
+from planner.path.actuation import MachinePath
 
 CARDS: Mapping[str, Card] = {"_8132_ta_move": PCI_8132, "_8164_start_ta_move": PCI_8164}
 """The card behind each function of the call list."""

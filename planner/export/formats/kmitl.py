@@ -54,8 +54,8 @@ from kinematics.foundation.options import option
 from kinematics.kinds.tripod import Tripod
 from kinematics.machine.machine import Machine
 from kinematics.machine.pose import from_numbers, to_numbers
-from planner.actuation import ActuatorPath
 from planner.export.format import Exported, ExportSource, refuse_compensated
+from planner.path.actuation import ActuatorPath
 from planner.pulses.schedule import Ticks
 from planner.sources.position_list import PositionList
 

@@ -20,9 +20,9 @@ import numpy as np
 
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
-from planner.actuation import MachinePath
 from planner.baselines.moves import deviation, distance_to_curve, independent_ramps, move_places, time_moves
 from planner.export.format import Exported, ExportSource, refuse_compensated
+from planner.path.actuation import MachinePath
 from planner.pulses.schedule import Ticks
 
 REST_SHARE = 1e-9

@@ -12,9 +12,9 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics import Hexapod
 from planner import Arc, Infeasible, Line, Program, Trajectory, Turn, check, plan
-from planner.actuation import actuate
 from planner.certificate.enclosure import Cells, bound_series, enclose
 from planner.limits.geometric import Clearance
+from planner.path.actuation import actuate
 
 LIFTED = RigidTransform.from_components([0, 0, 0.03], Rotation.identity())
 VECTOR = np.deg2rad(80) * np.array([0.05, 0.1, 1.0])

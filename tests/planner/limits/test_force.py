@@ -10,11 +10,11 @@ from kinematics import Body, Leg, Load, MotionError, Traverser, forces, load_mac
 from kinematics.kinds.hexapod import PLATE
 from kinematics.machine.load import GRAVITY, combine_bodies
 from planner import Arc, Infeasible, Line, Program, Trajectory, classical, plan
-from planner.actuation import actuate
 from planner.certificate.certify import certify
 from planner.certificate.enclosure import Cells, bound_series, enclose
 from planner.limits import find_unkept_limits, limits_of
 from planner.limits.force import Force, Holding, slowness
+from planner.path.actuation import actuate
 
 G = -GRAVITY[2]
 UP, DOWN = Program([Line([0, 0, 0.3])]), Program([Line([0, 0, -0.3])])

@@ -9,7 +9,6 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics import Axis, Body, Hexapod, Load, MotionError
 from planner import Arc, Line, Program, Trajectory, Turn
-from planner.actuation import actuate, make_points
 from planner.limits import Term, limits_of
 from planner.limits.axis import Acceleration, Jerk, PulseRate, Speed
 from planner.limits.force import Force, Holding, TorqueSpeed
@@ -17,6 +16,7 @@ from planner.limits.geometric import Clearance, Tilt, Travel
 from planner.limits.registry import AXIS_LIMITS, MACHINE_LIMITS
 from planner.limits.resonance import Resonance
 from planner.limits.tool import FACETS, AngularSpeed, ToolAcceleration, ToolLimit, ToolSpeed
+from planner.path.actuation import actuate, make_points
 from planner.path.polynomial import PolynomialPath
 from planner.timing.problem import pose_problem
 

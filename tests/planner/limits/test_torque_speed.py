@@ -11,8 +11,8 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from kinematics import Axis, Body, Load, MotionError, Traverser, forces
 from kinematics.machine.load import GRAVITY
 from planner import Infeasible, Line, Program, classical, plan
-from planner.actuation import actuate
 from planner.limits.force import PullOutCurve, TorqueSpeed
+from planner.path.actuation import actuate
 
 G = -GRAVITY[2]
 CONCAVE = ((0.0, 40.0), (0.5, 35.0), (1.0, 25.0))

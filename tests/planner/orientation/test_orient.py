@@ -8,7 +8,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics import Hexapod, MotionError, load_machine
 from planner import Arc, Blend, Free, Infeasible, Line, Program, Spline, Through, check, load_program, orient, plan
-from planner.actuation import actuate
+from planner.path.actuation import actuate
 from planner.path.shape import DEGREE
 
 

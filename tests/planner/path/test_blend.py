@@ -10,7 +10,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics import Hexapod
 from planner import Arc, Blend, Dwell, Line, Program, Spline, Stop, Through, Turn, check, plan
-from planner.actuation import actuate
+from planner.path.actuation import actuate
 from planner.program.model import stopping
 
 START = RigidTransform.from_components([0.0, 0, 0.25], Rotation.identity())

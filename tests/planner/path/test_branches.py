@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from kinematics import OutOfReach, load_machine
 from planner import Arc, Line, Program, Turn, plan
-from planner.actuation import actuate
+from planner.path.actuation import actuate
 from planner.pulses import check
 
 INCH = 0.0254

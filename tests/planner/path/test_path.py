@@ -10,7 +10,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics import Hexapod, MotionError, load_machine
 from planner import Arc, Dwell, Line, Program, Spline, Turn
-from planner.actuation import actuate
+from planner.path.actuation import actuate
 from planner.path.chain import chain_pieces
 
 ROUNDING = 1e-15  # m: a few roundings of coordinates of decimetres

@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import RigidTransform
 
 from planner import Blend, Free, Line, Program, Spline
-from planner.actuation import actuate
+from planner.path.actuation import actuate
 from planner.path.shape import DEGREE
 
 FIRST, THEN = Line((0.0, 0.0, 0.004), join=Blend(1e-4)), Line((0.004, 0.0, 0.004))

@@ -10,7 +10,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics import Hexapod, MotionError
 from planner import Line, Program, Spline, plan
-from planner.actuation import actuate
+from planner.path.actuation import actuate
 
 START = RigidTransform.from_components([0.0, 0, 0.25], Rotation.from_rotvec([0.02, -0.01, 0.03]))
 POINTS = [[0.004, 0.003, 0.25], [0.009, 0.001, 0.252], [0.012, 0.005, 0.251], [0.008, 0.012, 0.25]]

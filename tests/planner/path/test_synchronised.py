@@ -22,12 +22,12 @@ from planner import (
     plan,
     synchronise,
 )
-from planner.actuation import actuate
 from planner.certificate.feasibility import prove_feasibility
 from planner.export.format import ExportSource
 from planner.export.formats.adlink import AdlinkCsv
 from planner.export.formats.sahbaz import Sahbaz, read_moves
 from planner.limits import limits_of
+from planner.path.actuation import actuate
 from planner.path.departure import departures
 from planner.program.program_writer import program_toml
 

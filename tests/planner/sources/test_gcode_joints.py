@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from kinematics import FileError, MotionError, load_machine
 from planner import Blend, Dwell, Line, Program, Turn, import_program, plan
-from planner.actuation import actuate
+from planner.path.actuation import actuate
 
 TURNED = Rotation.from_euler("XYZ", [3, -4, 2], degrees=True)
 WAYS = {

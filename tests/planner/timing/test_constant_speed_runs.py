@@ -9,10 +9,10 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics import Traverser, load_machine
 from planner import Arc, Blend, Infeasible, Line, Program, Spline, Through, Trajectory, plan
-from planner.actuation import MachinePath, actuate
 from planner.certificate.certify import certify
 from planner.certificate.constant_speed import CONSTANT_SPEED, STEADY
 from planner.limits import limits_of
+from planner.path.actuation import MachinePath, actuate
 from planner.timing.parts import solve_in_parts, tighten_in_parts
 from planner.timing.problem import Run
 

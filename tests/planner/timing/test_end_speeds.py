@@ -9,8 +9,8 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics import MotionError
 from planner import Arc, Dwell, Infeasible, Line, Program, Spline, Turn, classical, plan, time_optimal
-from planner.actuation import actuate
 from planner.certificate.certify import certify
+from planner.path.actuation import actuate
 from planner.pulses import check
 
 V, A, J = 1.0, 2.0, 20.0

@@ -10,8 +10,8 @@ from benchmarks.evidence.trials import robustness
 from benchmarks.evidence.trials.robustness import EXACT, check_scaling, random_problem, tiny_problems, try_problem
 from kinematics import Axis, Linkage
 from planner import time_optimal
-from planner.actuation import MachinePath
 from planner.limits import limits_of
+from planner.path.actuation import MachinePath
 from planner.path.polynomial import PolynomialPath
 from planner.path.shape import arc, line
 from planner.timing import discretization as posing

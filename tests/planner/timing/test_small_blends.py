@@ -9,8 +9,8 @@ from scipy.spatial.transform import RigidTransform
 from benchmarks.evidence.trials.robust_programs import plan_program, random_program, stop_everywhere
 from kinematics import MotionError, load_machine
 from planner import Blend, Line, Program, plan
-from planner.actuation import actuate
 from planner.limits import Term
+from planner.path.actuation import actuate
 from planner.timing.problem import Block
 from planner.timing.profile import RunSolution
 from planner.timing.solvers import third_order as solver_module

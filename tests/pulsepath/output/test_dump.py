@@ -10,7 +10,7 @@ import pytest
 from kinematics import load_machine, machine_names
 from kinematics.kinds.axis_tables import LinearAxis
 from planner import load_program, program_names
-from planner.actuation import actuate
+from planner.path.actuation import actuate
 from pulsepath.inputs import read_inputs
 
 

@@ -12,8 +12,8 @@ from scipy.interpolate import PPoly
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from planner import Arc, Line, Program, Trajectory, Turn, load_program
-from planner.actuation import actuate
 from planner.certificate.enclosure import Cells, bound_series, enclose
+from planner.path.actuation import actuate
 from planner.path.polynomial import PolynomialPath
 
 HOME = np.array([0, 0, 0.2336362])
