@@ -10,13 +10,13 @@ from kinematics.foundation.options import option
 from kinematics.machine.axis import Axis
 from planner.parallel import Progress
 from planner.pulses.generation.levels import Levels, find_crossings
-from planner.pulses.generation.rule import kept_rates, told
+from planner.pulses.generation.rule import Rule, told
 from planner.pulses.motion import AxesMotion
 from planner.pulses.schedule import PulseSchedule
 
 
 @dataclass(frozen=True, slots=True)
-class Ceiling:
+class Ceiling(Rule):
     """A pulse as soon as x = (q(t) - home)/pulse leaves a whole number: the axis is never behind its motion.
 
     |count - x| ≤ 1 pulse + one tick's travel. A whole number counts as left `margin` pulses after it, so that
@@ -29,12 +29,6 @@ class Ceiling:
     def __post_init__(self) -> None:
         if not 0.002 <= self.margin < 0.5:
             raise MotionError(f"margin {self.margin!r} pulses: must be from 0.002 to below 0.5, e.g. 0.01")
-
-    def grain(self, clock_hz: int) -> int:
-        return 1
-
-    def rates(self, axes: Sequence[Axis], clock_hz: int) -> list[float]:
-        return kept_rates(axes, clock_hz)
 
     def fire(
         self, motion: AxesMotion, axes: Sequence[Axis], home: Array, clock_hz: int, tell: Progress

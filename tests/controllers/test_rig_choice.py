@@ -53,7 +53,7 @@ def test_no_servo_is_made_up(hexapod, motion):
         SimpleNamespace(name="own", axes=axes, home_q=home),
     ):
         assert fitting_rigs(machine) == ()
-        with pytest.raises(MotionError, match=r"drives behind own are not known: no bundled rig fits .* rig file"):
+        with pytest.raises(MotionError, match=r"drives of own are not known: no bundled rig fits .* rig file"):
             track(motion, machine, find_law("3"))
 
 

@@ -145,5 +145,5 @@ def test_axes_of_two_kinds_have_no_distance(axis_motion, tracked):
 def test_positions_that_no_pose_has_are_refused(circle_trip, hexapod, tracked):
     torn = np.array(tracked.actual)
     torn[2000:, 0] += 0.5
-    with pytest.raises(MotionError, match="no certain pose"):
+    with pytest.raises(MotionError, match="not a certain pose"):
         evaluate(replace(tracked, actual=torn), circle_trip, hexapod)

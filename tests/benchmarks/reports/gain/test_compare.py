@@ -225,7 +225,7 @@ def test_the_verdict_names_the_best_its_ratio_and_its_margin(comparison):
 def test_a_baseline_that_nothing_beats_stays_the_best(runs):
     verdict = verdict_of(compare([runs], "6:gain=0.3"))
     assert verdict.ratio > 1
-    assert "stays the best" in verdict.text
+    assert "remains the best" in verdict.text
     with pytest.raises(MotionError, match=r"baseline closed-position:gain=0\.4 is not among the runs"):
         compare([runs], "6:gain=0.4")
 
@@ -352,7 +352,7 @@ def test_the_parts_come_in_order_with_every_row(page, comparison):
     assert facts["SHA-256 of path there"] == "2" * 64
     assert facts["runs"] == "60"
     assert len(re.findall("<img ", page)) == 10
-    assert "<title>Gains compared on rig</title>" in page
+    assert "<title>Comparison of gains on rig</title>" in page
     assert "not a sample of a population" in page
 
 
