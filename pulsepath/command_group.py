@@ -12,7 +12,7 @@ import click
 from pulsepath import progress as talk
 from pulsepath.process import supervisor
 from pulsepath.process.ending import EndSignal, raise_on_signal
-from pulsepath.process.exits import INTERRUPTED, JSON, TRACEBACK, told
+from pulsepath.process.exits import INTERRUPTED, JSON, TRACEBACK, describe_error
 from pulsepath.process.intent import describe_interruption
 from pulsepath.progress import say
 
@@ -80,7 +80,7 @@ class Commands(click.Group):
         except Exception as error:  # every kind of failure ends here
             if os.environ.get(TRACEBACK) == "1":
                 raise
-            code, message = told(error)
+            code, message = describe_error(error)
             _print_json_error(ctx, error, code)
             say(message, err=True)
             ctx.exit(code)

@@ -259,7 +259,7 @@ def _format_bounds(limit: Limit) -> str:
     """The bounds of a limit in the units that people read; their range where the channels differ."""
     shown: dict[str, list[float]] = {}
     for channel, (unit, scale) in enumerate(limit.units):
-        both = (limit.told(side, channel)[1] for side in (-1.0, 1.0))
+        both = (limit.report_value(side, channel)[1] for side in (-1.0, 1.0))
         shown.setdefault(unit, []).extend(bound * scale for bound in both if isfinite(bound))
     return ", ".join(
         f"{' … '.join(f'{bound:.6g}' for bound in sorted({min(bounds), max(bounds)}))} {unit}"

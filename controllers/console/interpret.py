@@ -48,14 +48,14 @@ def interpret(session: Session, words: Words, t: float) -> Answer:
             return Answer(session, "DONE") if motion is None else Answer(session, motion=motion)
         case Home():
             changed = placed(session, words)
-            return Answer(changed, told(changed, [axis for axis, _ in words.places]))
+            return Answer(changed, describe_homes(changed, [axis for axis, _ in words.places]))
         case Accept():
             return _accept(session, t)
         case Switch(mode):
             changed = replace(session, mode=mode)
             return Answer(changed, report(session) if mode == "TEST" else f"{mode}: {_describe_mode(changed)}")
         case Halt():
-            return Answer(session, f"STOPPED {session.told(t)}")
+            return Answer(session, f"STOPPED {session.describe(t)}")
         case Where():
             return Answer(session, describe_registers(session, t))
         case Help():
@@ -64,7 +64,7 @@ def interpret(session: Session, words: Words, t: float) -> Answer:
 
 def describe_registers(session: Session, t: float) -> str:
     """The registers, and the tool's place where it stands and all of them count from home."""
-    words = session.told(t)
+    words = session.describe(t)
     if session.motion is None and not session.unknown():
         words += f" = {describe_tool(session)}"
     return words
@@ -123,7 +123,7 @@ def _accept(session: Session, t: float) -> Answer:
         zero=np.where(known, last.zero, session.zero),
         offered=None,
     )
-    return Answer(changed, f"ACCEPTED {changed.told(t)}")
+    return Answer(changed, f"ACCEPTED {changed.describe(t)}")
 
 
 def _jog(session: Session, words: Jog, t: float) -> Answer:
@@ -299,7 +299,7 @@ def placed(session: Session, words: Home) -> Session:
     return session.placed([axis for axis, _ in words.places], counts)
 
 
-def told(session: Session, axes: Sequence[int]) -> str:
+def describe_homes(session: Session, axes: Sequence[int]) -> str:
     """What holds now: "HOME X: register 0; X at 609.6 mm of its travel, 0 to 1219.2 mm, steps -38400 to 38400"."""
     names = " ".join(session.drives.names[axis] for axis in axes)
     return "; ".join([f"HOME {names}: register 0", *(_describe_axis(session, axis) for axis in axes)])

@@ -103,7 +103,7 @@ def advance_time(desk: Dispatcher, t: float) -> tuple[Dispatcher, tuple[Reply, .
     replies: tuple[Reply, ...] = ()
     while desk.end is not None and desk.end <= t:
         now, session = desk.end, desk.session.ended()
-        text = f"STOPPED {session.told(now)}" if desk.stopped or desk.session.jogging else "DONE"
+        text = f"STOPPED {session.describe(now)}" if desk.stopped or desk.session.jogging else "DONE"
         replies = (*replies, *((who, text) for who in desk.told))
         desk = replace(desk, session=session, told=(), stopped=False)
         while desk.waiting and desk.session.motion is None:

@@ -124,7 +124,7 @@ class Session:
             most=self.most + moved,
         )
 
-    def told(self, t: float) -> str:
+    def describe(self, t: float) -> str:
         """The registers, as "X 100 Y ?-40": a ? before what does not count from home."""
         values = zip(self.drives.names, self.homed, self.registers(t), strict=True)
         return " ".join(f"{name} {'' if homed else '?'}{register}" for name, homed, register in values)

@@ -10,7 +10,7 @@ from kinematics.foundation.options import option
 from kinematics.machine.axis import Axis
 from planner.parallel import Progress
 from planner.pulses.generation.levels import Levels, find_crossings
-from planner.pulses.generation.rule import Rule, told
+from planner.pulses.generation.rule import Rule, describe_rule
 from planner.pulses.motion import AxesMotion
 from planner.pulses.schedule import PulseSchedule
 
@@ -34,4 +34,4 @@ class Ceiling(Rule):
         self, motion: AxesMotion, axes: Sequence[Axis], home: Array, clock_hz: int, tell: Progress
     ) -> PulseSchedule:
         fired = find_crossings(motion, axes, home, clock_hz, Levels(self.margin), tell)
-        return PulseSchedule(clock_hz, fired, motion.duration, told(self))
+        return PulseSchedule(clock_hz, fired, motion.duration, describe_rule(self))

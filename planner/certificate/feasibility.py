@@ -165,6 +165,6 @@ def _state_at_points(along: Trajectory, part: int) -> State:
 def limit_violation(limit: Limit, value: float, channel: int, place: Place) -> Infeasible:
     """What to say where a geometric limit is broken."""
     unit, scale = limit.units[channel]
-    reached, allowed = (each * scale for each in limit.told(value, channel))
+    reached, allowed = (each * scale for each in limit.report_value(value, channel))
     remedy = limit.remedy(abs(reached - allowed), unit)
     return Infeasible(limit.name, limit.channels[channel], place, reached, allowed, unit, remedy)

@@ -146,7 +146,7 @@ def assign_letters(axes: tuple[Axis, ...], given: str | None, allowed: str, form
     return names if own else usual[: len(axes)]
 
 
-def told(axes: tuple[Axis, ...], letters: str) -> str:
+def describe_letters(axes: tuple[Axis, ...], letters: str) -> str:
     """Which letter is which axis, for the notes."""
     return ", ".join(f"{letter} = {axis.name}" for letter, axis in zip(letters, axes, strict=True))
 

@@ -32,7 +32,7 @@ class Travel(AxisLimit):
     def value(self, motion: LimitState) -> Quantity:
         return motion.q - self.middle
 
-    def told(self, value: float, channel: int) -> tuple[float, float]:
+    def report_value(self, value: float, channel: int) -> tuple[float, float]:
         """The stroke from home, and the end of travel on its side."""
         lo, hi = self.travel[channel]
         middle = (lo + hi) / 2 if np.isfinite([lo, hi]).all() else 0.0
@@ -55,7 +55,7 @@ class Tilt(Limit):
     def use(self, low: Array, high: Array, piece: np.ndarray) -> Array:
         return np.arccos(np.clip(low, -1.0, 1.0)) / self.bounds
 
-    def told(self, value: float, channel: int) -> tuple[float, float]:
+    def report_value(self, value: float, channel: int) -> tuple[float, float]:
         return float(np.arccos(np.clip(value, -1.0, 1.0))), float(self.bounds[channel])
 
 
@@ -86,5 +86,5 @@ class Clearance(Limit):
         """Distances have no smooth bound: a thousandth of the contact is near enough, and less where they overlap."""
         return np.where(met > 1, 0.05 * met, 1e-3)
 
-    def told(self, value: float, channel: int) -> tuple[float, float]:
+    def report_value(self, value: float, channel: int) -> tuple[float, float]:
         return value - float(self.bounds[channel]), 0.0

@@ -127,7 +127,7 @@ class Limit(ABC):
         """How far above the use that is met a proven bound may stay."""
         return MAX_OVERESTIMATE
 
-    def told(self, value: float, channel: int) -> tuple[float, float]:
+    def report_value(self, value: float, channel: int) -> tuple[float, float]:
         """A value as people say it and the limit that it is held against, SI."""
         return abs(value), float(self.bounds[channel])
 
@@ -155,7 +155,7 @@ class AxisLimit(Limit):
     def use(self, low: Array, high: Array, piece: np.ndarray) -> Array:
         return np.asarray(np.maximum(-low / self.below, high / self.bounds) + 0.0)  # no −0
 
-    def told(self, value: float, channel: int) -> tuple[float, float]:
+    def report_value(self, value: float, channel: int) -> tuple[float, float]:
         return abs(value), float((self.bounds if value > 0 else self.below)[channel])
 
 

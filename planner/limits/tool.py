@@ -31,7 +31,7 @@ class ToolLimit(Limit):
     def use(self, low: Array, high: Array, piece: np.ndarray) -> Array:
         return np.asarray(np.sqrt(np.maximum(high, 0.0)) / self.caps[piece][:, None])
 
-    def told(self, value: float, channel: int) -> tuple[float, float]:
+    def report_value(self, value: float, channel: int) -> tuple[float, float]:
         return float(np.sqrt(max(value, 0.0))), float(self.bounds[channel])
 
 

@@ -93,7 +93,7 @@ def invert_screw(wanted: Array, axis: Axis) -> Array:
     return np.asarray(wanted - np.interp(wanted, counted + error, error))
 
 
-def told(axis: Axis, off: float) -> str:
+def describe_mechanics(axis: Axis, off: float) -> str:
     """The axis' mechanics in words, for those who read what was simulated; empty where it states none.
 
     off: m or rad by which it is behind at most while play that is made up for is crossed.

@@ -23,7 +23,7 @@ from kinematics.machine.pose import COMPONENTS
 from planner.place import Place, where_columns
 from planner.pulses.compensation.compensate import CompensatedMotion
 from planner.pulses.count_errors import solve_poses
-from planner.pulses.motion import AxesMotion, apply_play, apply_screw, invert_screw, told
+from planner.pulses.motion import AxesMotion, apply_play, apply_screw, describe_mechanics, invert_screw
 from planner.pulses.schedule import PulseSchedule
 from planner.trajectory import State, Trajectory
 
@@ -358,9 +358,9 @@ def _describe_mechanics(axes: Sequence[Axis], behind: CompensatedMotion | None) 
     offs = [0.0] * len(axes) if behind is None else [cost.off for cost in behind.costs]
     alike: dict[str, list[tuple[Axis, float]]] = {}
     for axis, off in zip(axes, offs, strict=True):
-        alike.setdefault(told(axis, 0.0), []).append((axis, off))
+        alike.setdefault(describe_mechanics(axis, 0.0), []).append((axis, off))
     return tuple(
-        f"{', '.join(axis.name for axis, _ in same)}: {told(same[0][0], max(off for _, off in same))}"
+        f"{', '.join(axis.name for axis, _ in same)}: {describe_mechanics(same[0][0], max(off for _, off in same))}"
         for text, same in alike.items()
         if text
     )

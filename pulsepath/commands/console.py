@@ -133,7 +133,7 @@ def console(
                 supervisor.tell(patience=STOPPING_PATIENCE)
                 server.say("STOP")
                 server.finish()
-                tell(f"interrupted: {server.desk.session.told(server.clock.now)}, {keeper.told}")
+                tell(f"interrupted: {server.desk.session.describe(server.clock.now)}, {keeper.told}")
                 click.get_current_context().exit(end.code)
         if server.refused and terminal is None:
             click.get_current_context().exit(BAD_INPUT)

@@ -10,7 +10,7 @@ TRACEBACK = "PULSEPATH_TRACEBACK"
 """Set to 1 in the environment, it lets the traceback of an error through."""
 
 
-def told(error: Exception) -> tuple[int, str]:
+def describe_error(error: Exception) -> tuple[int, str]:
     """The exit code that an error asks for, and what to say about it."""
     from kinematics.foundation.errors import FileError, MotionError, OutOfReach
     from planner.place import Infeasible

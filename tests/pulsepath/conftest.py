@@ -7,7 +7,7 @@ from kinematics import NotInstalled
 from pulsepath.cli import main
 from pulsepath.inputs import read_inputs
 from pulsepath.job import run
-from pulsepath.process.exits import told
+from pulsepath.process.exits import describe_error
 
 
 @pytest.fixture(scope="session")
@@ -27,7 +27,7 @@ def absent_packages_skip(monkeypatch):
     def telling(error):
         if isinstance(error, NotInstalled):
             pytest.skip(str(error))
-        return told(error)
+        return describe_error(error)
 
     monkeypatch.setattr("pulsepath.command_group.told", telling)
 

@@ -34,12 +34,12 @@ from planner.export.columns import (
     USUAL,
     Columns,
     assign_letters,
+    describe_letters,
     letters_option,
     line_blocks,
     make_columns,
     origin_option,
     plain,
-    told,
 )
 from planner.export.format import Exported, ExportSource
 from planner.export.knots import choose_knots, compare, rows_at, spacing_option, tolerance_option
@@ -81,7 +81,7 @@ class InverseTime:
                         file.write(f"G1 {words} F{60 / lasting:.12g}\n")
                     before = words
             file.write("G94\nM2\n")
-        notes = (told(axes, letters), f"joint axes, positions from {self.origin}, in the sense of the axes")
+        notes = (describe_letters(axes, letters), f"joint axes, positions from {self.origin}, in the sense of the axes")
         return compare(motion, axes, knots, _points(source, form, path), notes)
 
 

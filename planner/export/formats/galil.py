@@ -25,7 +25,7 @@ import numpy as np
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.options import option
-from planner.export.columns import BLOCK, Columns, make_columns, told
+from planner.export.columns import BLOCK, Columns, describe_letters, make_columns
 from planner.export.format import Exported, ExportSource
 from planner.export.knots import Knots, choose_knots, compare
 from planner.pulses.schedule import Ticks
@@ -64,7 +64,7 @@ class Galil:
             file.write(f"CD {','.join('0' * len(axes))}=0\n")
         start = next(iter(form.blocks(source, knots, 1)))[1][0, 0]
         counts = ", ".join(f"{n:.0f}" for n in start)
-        notes = (told(axes, letters), f"begins at counts {counts} from home, in the sense of the wiring")
+        notes = (describe_letters(axes, letters), f"begins at counts {counts} from home, in the sense of the wiring")
         return compare(motion, axes, knots, _points(form, start, path), notes)
 
 

@@ -57,12 +57,12 @@ from planner.export.columns import (
     USUAL,
     Columns,
     assign_letters,
+    describe_letters,
     letters_option,
     line_blocks,
     make_columns,
     origin_option,
     plain,
-    told,
 )
 from planner.export.format import Exported, ExportSource
 from planner.export.knots import (
@@ -170,7 +170,7 @@ class Pmac:
             motion, axes, 2, step=PMAC_STEP, tolerance=self.tolerance, spacing=self.spacing, longest=MAX_SEGMENT_STEPS
         )
         form = make_columns(source, knots.tolerance, unit=self.unit)
-        named = told(axes, letters)
+        named = describe_letters(axes, letters)
         with path.open("w", encoding="ascii", newline="") as file:
             file.write(f"; {plain(source.name)}\n; {plain(named)}\n; in {form.unit}\nINC\n")
             before = 0
@@ -232,7 +232,7 @@ class ZaberCsv:
                     f"{time:.10g},{','.join(row)},false\n"
                     for time, row in zip((steps * (1e3 * self.step)).tolist(), form.text_rows(units), strict=True)
                 )
-        notes = (told(axes, letters), f"positions from {self.origin}, in the sense of the axes")
+        notes = (describe_letters(axes, letters), f"positions from {self.origin}, in the sense of the axes")
         return compare(motion, axes, knots, _read_zaber(path, form), notes)
 
 

@@ -16,7 +16,7 @@ from kinematics.machine.axis import Axis
 from planner.parallel import Progress
 from planner.place import Infeasible
 from planner.pulses.generation.pieces import FIT_TOLERANCE, Pieces, bound_rate, find_rate_jumps, fit, rate_error
-from planner.pulses.generation.rule import Rule, told
+from planner.pulses.generation.rule import Rule, describe_rule
 from planner.pulses.motion import AxesMotion
 from planner.pulses.schedule import AxisPulses, PulseSchedule, Signs, Ticks
 
@@ -98,7 +98,7 @@ class Dda(Rule):
             ticks, sign = self._bursts(began, steps[:, k], rate, clock_hz)
             fired.append(AxisPulses(axis.name, ticks, sign, int(start[k]), axis.pulse, float(home[k]), bound))
             tell(k + 1, len(axes))
-        return PulseSchedule(clock_hz, tuple(fired), motion.duration, told(replace(self, rate=rate)))
+        return PulseSchedule(clock_hz, tuple(fired), motion.duration, describe_rule(replace(self, rate=rate)))
 
     def _burst_rate(self, axes: Sequence[Axis], clock_hz: int) -> float:
         """1/s: the rate given, or the highest that all axes take, or where none states one the usual."""
@@ -129,7 +129,7 @@ class Dda(Rule):
 
     def _called(self, **changed: Any) -> str:
         """This rule with other options, as the command line and `find_rule` take it."""
-        return f' (rule "{told(replace(self, **changed))}")'
+        return f' (rule "{describe_rule(replace(self, **changed))}")'
 
     def _bursts(self, began: Array, steps: Signs, rate: float, clock_hz: int) -> tuple[Ticks, Signs]:
         """Ticks and directions of one axis from when its steps began (s)."""

@@ -43,7 +43,7 @@ class Rule(Protocol):
         """The pulses of every axis; home (n,): the axis positions from which they count; tell: how far they are."""
 
 
-def told(rule: Rule) -> str:
+def describe_rule(rule: Rule) -> str:
     """A rule as `find_rule` reads it, with the options that are not the default: "sampled:period=5e-05 s"."""
     kind: Any = type(rule)
     values = [(field, getattr(rule, name)) for name, field in options(kind).items()]
@@ -74,7 +74,7 @@ class Nearest(Rule):
     ) -> PulseSchedule:
         """Raises as `planner.pulses.generation.levels.find_crossings` does."""
         fired = find_crossings(motion, axes, home, clock_hz, Levels(0.5, self.hysteresis), tell)
-        return PulseSchedule(clock_hz, fired, motion.duration, told(self))
+        return PulseSchedule(clock_hz, fired, motion.duration, describe_rule(self))
 
 
 COUNT_ROUNDING = (
@@ -99,4 +99,4 @@ class Floor(Rule):
     ) -> PulseSchedule:
         """Raises as `planner.pulses.generation.levels.find_crossings` does."""
         fired = find_crossings(motion, axes, home, clock_hz, Levels(1 - COUNT_ROUNDING), tell)
-        return PulseSchedule(clock_hz, fired, motion.duration, told(self))
+        return PulseSchedule(clock_hz, fired, motion.duration, describe_rule(self))

@@ -13,7 +13,7 @@ from kinematics.machine.axis import Axis
 from planner.parallel import Progress
 from planner.pulses.generation.levels import BLOCK
 from planner.pulses.generation.pieces import FIT_TOLERANCE, bound_rate, fit, rate_error
-from planner.pulses.generation.rule import Rule, told
+from planner.pulses.generation.rule import Rule, describe_rule
 from planner.pulses.motion import AxesMotion
 from planner.pulses.schedule import AxisPulses, PulseSchedule, Ticks
 
@@ -64,7 +64,7 @@ class Sampled(Rule):
             sign = change[at].astype(np.int8)
             start = int(counts[0, k])
             fired.append(AxisPulses(axis.name, ticks[at], sign, start, axis.pulse, float(home[k]), widest[k]))
-        return PulseSchedule(clock_hz, tuple(fired), motion.duration, told(self))
+        return PulseSchedule(clock_hz, tuple(fired), motion.duration, describe_rule(self))
 
     def _counts(
         self, motion: AxesMotion, home: Array, pulse: Array, clock_hz: int, tell: Progress

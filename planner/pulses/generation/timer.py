@@ -14,7 +14,7 @@ from kinematics.machine.axis import Axis
 from planner.parallel import Progress
 from planner.pulses.generation.levels import Levels, find_crossings
 from planner.pulses.generation.pieces import FIT_TOLERANCE, bound_rate, fit, rate_error
-from planner.pulses.generation.rule import Rule, told
+from planner.pulses.generation.rule import Rule, describe_rule
 from planner.pulses.motion import AxesMotion
 from planner.pulses.schedule import AxisPulses, PulseSchedule, Ticks
 
@@ -68,7 +68,7 @@ class Timer(Rule):
                 raise rate_error(motion, axis, t, speed / axis.pulse, timer, "use a faster timer clock")
             bound = 0.5 + speed / axis.pulse / timer
             fired.append(replace(crossed, ticks=counts * grain, bound=bound))
-        return PulseSchedule(clock_hz, tuple(fired), motion.duration, told(self))
+        return PulseSchedule(clock_hz, tuple(fired), motion.duration, describe_rule(self))
 
 
 def counter_loads(pulses: AxisPulses, per_count: int) -> tuple[Ticks, NDArray[np.bool_]]:

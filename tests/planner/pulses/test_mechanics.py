@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from kinematics import Axis
-from planner.pulses.motion import apply_screw, invert_screw, play_operator, told
+from planner.pulses.motion import apply_screw, describe_mechanics, invert_screw, play_operator
 
 places = st.lists(st.integers(-8, 8), min_size=1, max_size=60)
 
@@ -68,6 +68,9 @@ def test_the_screw_is_beyond_where_it_counts_by_its_error_and_back():
 def test_what_an_axis_states_is_told():
     table = ((0.0, 0.0), (0.1, -2e-5))
     whole = Axis("x", backlash=5e-6, lead_error=table, compensate=("backlash",))
-    assert told(whole, 1e-6) == "play 5 (made up for, off by up to 1 while crossed), lead error up to 20 (not) µm"
-    assert told(Axis("x", kind="rotary", backlash=5e-6), 0.0) == "play 5 (not) µrad"
-    assert told(Axis("x"), 0.0) == ""
+    assert (
+        describe_mechanics(whole, 1e-6)
+        == "play 5 (made up for, off by up to 1 while crossed), lead error up to 20 (not) µm"
+    )
+    assert describe_mechanics(Axis("x", kind="rotary", backlash=5e-6), 0.0) == "play 5 (not) µrad"
+    assert describe_mechanics(Axis("x"), 0.0) == ""

@@ -1,10 +1,10 @@
-"""`plan --cross-check`: toppra's motion beside ours in every place where a plan is told."""
+"""`plan --cross-check`: toppra's motion beside ours in every place where a plan is describe_error."""
 
 import json
 import sys
 
 from planner.timing.solvers import toppra_ as toppra_adapter
-from pulsepath.process.exits import told
+from pulsepath.process.exits import describe_error
 
 
 def test_both_motions_are_in_the_record_the_report_and_the_terminal(call, tmp_path):
@@ -30,7 +30,7 @@ def test_without_it_nothing_is_said_of_toppra(directory):
 
 
 def test_it_is_refused_before_the_work_where_toppra_is_not_there(call, tmp_path, monkeypatch):
-    monkeypatch.setattr("pulsepath.command_group.told", told)  # to see the refusal instead of skipping
+    monkeypatch.setattr("pulsepath.command_group.told", describe_error)  # to see the refusal instead of skipping
     monkeypatch.setitem(sys.modules, "toppra.algorithm", None)
     toppra_adapter._toppra.cache_clear()
     done = call("plan", "bare-circle", "--cross-check", "--out", tmp_path / "plan")

@@ -13,7 +13,7 @@ from planner.pulses import RULES, AxisPulses, check, find_rule, generate
 from planner.pulses.compensation.compensate import compensated
 from planner.pulses.generation.dda import spread_counts
 from planner.pulses.generation.levels import MAX_COUNT_BLUR
-from planner.pulses.generation.rule import told
+from planner.pulses.generation.rule import describe_rule
 from planner.pulses.generation.timer import counter_loads, equal_steps
 from tests.planner.motions import PULSE, Polynomials, smooth_motions, through
 
@@ -78,7 +78,7 @@ def assert_sound(schedule, motion):
 @given(motion=smooth_motions((0.01, 0.013, 0.05), 4))
 def test_any_motion_is_followed_within_the_bound_that_the_schedule_states(rule, motion):
     schedule = fire(motion, rule)
-    assert schedule.rule == told(find_rule(rule))
+    assert schedule.rule == describe_rule(find_rule(rule))
     assert_sound(schedule, motion)
     found = check(schedule, motion)
     assert found.holds, found.faults
@@ -407,7 +407,7 @@ def test_a_hysteresis_that_would_spoil_whole_ends_is_refused():
 
 @pytest.mark.parametrize("rule", [*RULES, *EVERY, "dda:spacing=3ms,pulses_per_count=7,rate=3e5 1/s"])
 def test_a_rule_is_told_as_it_is_read(rule):
-    assert find_rule(told(find_rule(rule))) == find_rule(rule)
+    assert find_rule(describe_rule(find_rule(rule))) == find_rule(rule)
 
 
 @pytest.mark.parametrize(
