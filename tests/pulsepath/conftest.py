@@ -29,7 +29,7 @@ def absent_packages_skip(monkeypatch):
             pytest.skip(str(error))
         return describe_error(error)
 
-    monkeypatch.setattr("pulsepath.command_group.told", telling)
+    monkeypatch.setattr("pulsepath.command_group.describe_error", telling)
 
 
 @pytest.fixture

@@ -144,7 +144,7 @@ def _motion(**changed):
         (lambda: ActuatorNeed(stroke=-1.0), "needed stroke -1000 mm"),
         (lambda: ActuatorNeed(force=float("nan")), "needed force must be one finite number"),
         (lambda: JointNeed(tilt=0.0), "needed tilt 0 deg"),
-        (lambda: select_parts(load_actuators(), ActuatorNeed()), "nothing is needed"),
+        (lambda: select_parts(load_actuators(), ActuatorNeed()), "no requirement"),
         (lambda: select_parts(load_actuators(), CHAPTER_2, "price"), 'no criterion "price"'),
         (lambda: select_parts(load_actuators(), JointNeed(tilt=0.1)), "actuators have no tilt"),
         (lambda: _motion(q=[[np.nan]]), "q must be finite"),

@@ -205,7 +205,7 @@ def test_axes_that_rest_get_no_calls_and_names_survive(tmp_path):
     [
         ({"Y": {"card": None, "channel": None}}, {}, "axis Y of machine traverser has no card"),
         ({"Y": {"card": "PCI-7856"}}, {}, "axis Y .* is wired to 'PCI-7856'"),
-        ({"Y": {"card": "PCI-8164 (2)"}}, {}, "two cards of one kind"),
+        ({"Y": {"card": "PCI-8164 (2)"}}, {}, "two cards of one type"),
         ({"Y": {"channel": 48}}, {}, "axis Y: channel 48; limit 47"),
         ({"X": {"pulse": 1.25e-8}}, {}, r"axis X needs 8e\+06 pulses/s .* the card's 6\.55e\+06"),
         ({"X": {"card": "PCI-8132", "channel": 1, "pulse": 4e-8}}, {}, r"and the card's 2\.4e\+06"),

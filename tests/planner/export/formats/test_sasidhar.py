@@ -91,7 +91,7 @@ def test_a_motion_that_stops_nowhere_on_its_way_is_refused(tmp_path):
     """It used to leave an empty file that claimed to be 0 pulses off."""
     corners = np.array([[0.02, 0, 0], [0.02, 0.01, 0], [0, 0.01, 0]])
     blended = [Line(corner, join=Blend(1e-4)) for corner in corners]
-    with pytest.raises(MotionError, match=r"stops nowhere but where it starts.*join = .stop"):
+    with pytest.raises(MotionError, match=r"stops only where it starts.*join = .stop"):
         Sasidhar().write(source_of(*blended, Line([0, 0, 0])), tmp_path / "lines")
     # with one stop on the way the loop after it is lost, and what is claimed says so: the corner is 10 mm off
     made = source_of(Line([0.001, 0, 0]), *blended[:1], Line([0.02, 0.01, 0], join=Blend(1e-4)), Line([0.001, 0, 0]))
