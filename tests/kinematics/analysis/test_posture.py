@@ -51,7 +51,8 @@ def test_what_is_broken_is_named_with_its_value(preset):
     found = posture_of_pose(preset, at(preset, [0, 0, 60], [0, 0, 0]))
     assert len(found.violations) == 6
     stroke = 1e3 * (preset.inverse(found.pose) - preset.home_q)[0]
-    assert found.violations[0].startswith(f"leg1 travel: {stroke:.6g} mm from home, outside 0 to 50.8 mm; choose a pose")
+    told = f"leg1 travel: {stroke:.6g} mm from home, outside 0 to 50.8 mm; choose a pose"
+    assert found.violations[0].startswith(told)
     assert not found.margins.ok.any()
     turned = posture_of_pose(preset, at(preset, [0, 0, 5], [0, 0, 60]))
     assert any(" platform joint tilt: " in told and "more than 35°" in told for told in turned.violations)

@@ -30,7 +30,8 @@ def test_without_it_nothing_is_said_of_toppra(directory):
 
 
 def test_it_is_refused_before_the_work_where_toppra_is_not_there(call, tmp_path, monkeypatch):
-    monkeypatch.setattr("pulsepath.command_group.describe_error", describe_error)  # to see the refusal instead of skipping
+    # to see the refusal instead of skipping
+    monkeypatch.setattr("pulsepath.command_group.describe_error", describe_error)
     monkeypatch.setitem(sys.modules, "toppra.algorithm", None)
     toppra_adapter._toppra.cache_clear()
     done = call("plan", "bare-circle", "--cross-check", "--out", tmp_path / "plan")
