@@ -23,7 +23,7 @@ from kinematics.foundation.arrays import freeze_array
 from kinematics.foundation.errors import BadValue, Fault, FileError, MotionError, NotInstalled, validation_error
 from kinematics.foundation.names import closest, find, nearest, presets
 from kinematics.foundation.units import Unit, describe_value
-from kinematics.kinds.axis_tables import find_repeated_names
+from kinematics.kinds.axis_keys import find_repeated_names
 from kinematics.machine.machine import Machine
 from kinematics.machine.machine_file import load_machine
 from planner.path.actuation import actuate

@@ -25,8 +25,8 @@ from planner.limits.resonance import Resonance
 from planner.orientation.orient import orient_open
 from planner.parallel import Progress, ignore_progress
 from planner.path.actuation import MachinePath, actuate
-from planner.path.departure import Departure, departure_tables, departures
-from planner.path.join import blend_tables
+from planner.path.join_and_blend import blend_tables
+from planner.path.point_to_point import Departure, departure_tables, departures
 from planner.place import Infeasible, LostPath
 from planner.program.model import Program
 from planner.pulses import (

@@ -1,11 +1,14 @@
-"""The group of commands: common options, error handling and exit codes."""
+"""The group of commands: common options, error handling and exit codes.
+
+A command that takes its formats' options too; the formats load only when needed.
+"""
 
 import os
 import sys
 from collections.abc import Mapping, Sequence
 from io import StringIO
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar, Literal
 
 import click
 
@@ -107,3 +110,23 @@ def _replace_unprintable() -> None:
         reconfigure = getattr(stream, "reconfigure", None)
         if reconfigure is not None:
             reconfigure(errors="replace")
+
+
+class FormatCommand(click.Command):
+    """Such a command. `formats` names them in pulsepath.format_options."""
+
+    formats: ClassVar[Literal["EXPORTS", "IMPORTS"]]
+
+    def get_params(self, ctx: click.Context) -> list[click.Parameter]:
+        if ctx.resilient_parsing:  # while a shell completes, which must not wait for all formats to load
+            return super().get_params(ctx)
+        from pulsepath import format_options
+
+        own = getattr(format_options, self.formats).options()
+        return [*super().get_params(ctx)[:-1], *own, *super().get_params(ctx)[-1:]]  # --help stays last
+
+    def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        from pulsepath import format_options
+
+        formatter.write_paragraph()
+        formatter.write("Formats:\n" + getattr(format_options, self.formats).help_text() + "\n")

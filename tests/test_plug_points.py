@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from controllers.laws.registry import LAWS
-from kinematics.kinds.axis_tables import LinearAxis, RotaryAxis
+from kinematics.kinds.axis_keys import LinearAxis, RotaryAxis
 from kinematics.machine.machine_file import KINDS
 from planner.export.format import FORMATS
 from planner.limits.registry import AXIS_LIMITS, MACHINE_LIMITS

@@ -11,7 +11,7 @@ from controllers.drives.stepper import Stepper
 from kinematics.files.keys import key
 from kinematics.files.schema import TableSchema
 from kinematics.foundation.units import Unit
-from kinematics.kinds.axis_tables import check_rising
+from kinematics.kinds.axis_keys import check_rising
 from kinematics.machine.axis import Axis
 
 Samples = Annotated[int, Field(ge=0)]

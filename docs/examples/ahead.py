@@ -8,7 +8,8 @@ from typing import ClassVar
 import numpy as np
 
 from controllers.card import TAMove
-from controllers.laws.law import Feedback, Gain, Grid, Reference, Timer, check_gain, format_gain, ramp
+from controllers.laws.law import Feedback, Gain, Grid, Reference, check_gain, format_gain, ramp
+from controllers.rig import Timer
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,8 +12,8 @@ from kinematics.files.keys import key
 from kinematics.files.schema import TableSchema
 from kinematics.foundation.arrays import LEAST_POSITIVE, finite_array, freeze_array
 from kinematics.foundation.units import Unit
-from kinematics.kinds.axis_tables import AXES, GEOMETRY, KIND, OWN_AXES, LinearAxis, LinearDefaults, axes
-from kinematics.kinds.load_tables import HOME, HomeTable, LoadedFile, home_entries
+from kinematics.kinds.axis_keys import AXES, GEOMETRY, KIND, OWN_AXES, LinearAxis, LinearDefaults, axes
+from kinematics.kinds.load_keys import HOME, HomeTable, LoadedFile, home_entries
 from kinematics.machine.axis import Axis
 from kinematics.machine.load import Load
 from kinematics.machine.machine import Machine

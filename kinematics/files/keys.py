@@ -18,7 +18,7 @@ from pydantic import BaseModel, Field, GetCoreSchemaHandler, TypeAdapter, Valida
 from pydantic.fields import FieldInfo
 from pydantic_core import CoreSchema, core_schema
 
-from kinematics.files.toml_writer import format_decimal, format_quantity, format_rows, format_toml, quote
+from kinematics.files.toml_document import format_decimal, format_quantity, format_rows, format_toml, quote
 from kinematics.foundation.units import Unit
 
 MAX_LINE_CHARS, COMMENT_COLUMN, MAX_ROW_CHARS = 120, 40, 88

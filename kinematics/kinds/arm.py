@@ -24,8 +24,8 @@ from kinematics.foundation.casadi_function import Expression
 from kinematics.foundation.errors import BadValue, Fault, FileError, MotionError, NotInstalled
 from kinematics.foundation.names import closest, nearest
 from kinematics.foundation.units import Angle, describe_value
-from kinematics.kinds.axis_tables import AXES, GEOMETRY, KIND, OWN_AXES, RotaryAxis, axes
-from kinematics.kinds.load_tables import LoadedFile
+from kinematics.kinds.axis_keys import AXES, GEOMETRY, KIND, OWN_AXES, RotaryAxis, axes
+from kinematics.kinds.load_keys import LoadedFile
 from kinematics.kinds.traverser import nearest_turn
 from kinematics.machine.axis import Axis
 from kinematics.machine.kind import Bar, Pivot, Skeleton, side

@@ -22,9 +22,9 @@ from kinematics.files.keys import key
 from kinematics.files.schema import one_of_tables
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.units import Length, Unit
-from kinematics.kinds.axis_tables import AXES, GEOMETRY, KIND, OWN_AXES, LinearAxis, LinearDefaults, axes
+from kinematics.kinds.axis_keys import AXES, GEOMETRY, KIND, OWN_AXES, LinearAxis, LinearDefaults, axes
 from kinematics.kinds.legged import BASE_REST, PLATFORM_REST, Legged, Platforms, Radius, legged_geometry, rest_axes_type
-from kinematics.kinds.load_tables import LEG_MASSES, LegsTable, LoadedFile, Point
+from kinematics.kinds.load_keys import LEG_MASSES, LegsTable, LoadedFile, Point
 from kinematics.machine.load import Leg, cylinder
 from kinematics.machine.pose import Pose
 

@@ -22,7 +22,7 @@ from kinematics.files.schema import Direction, TableSchema
 from kinematics.foundation.arrays import LEAST_POSITIVE, Array, finite_array, freeze_array, unit_vectors
 from kinematics.foundation.errors import BadValue, MotionError
 from kinematics.foundation.units import Unit
-from kinematics.kinds.load_tables import HOME, HomeTable, Point, home_entries
+from kinematics.kinds.load_keys import HOME, HomeTable, Point, home_entries
 from kinematics.machine.axis import Axis
 from kinematics.machine.kind import Bar, Pivot, Skeleton, ring
 from kinematics.machine.load import Body, Leg, Load

@@ -17,8 +17,8 @@ from kinematics.files.schema import TableSchema
 from kinematics.foundation.arrays import LEAST_POSITIVE, Array, finite_array, freeze_array
 from kinematics.foundation.errors import MotionError, OutOfReach
 from kinematics.foundation.units import Angle, Length, Unit
-from kinematics.kinds.axis_tables import AXES, GEOMETRY, KIND, OWN_AXES, LinearAxis, LinearDefaults, axes
-from kinematics.kinds.load_tables import HOME, HomeTable, LoadedFile, home_entries
+from kinematics.kinds.axis_keys import AXES, GEOMETRY, KIND, OWN_AXES, LinearAxis, LinearDefaults, axes
+from kinematics.kinds.load_keys import HOME, HomeTable, LoadedFile, home_entries
 from kinematics.machine.axis import Axis
 from kinematics.machine.kind import Bar, Pivot, Skeleton, side
 from kinematics.machine.load import Load

@@ -17,8 +17,8 @@ from kinematics.files.schema import Direction, TableSchema
 from kinematics.foundation.arrays import LEAST_POSITIVE, finite_array, freeze_array, unit_vectors
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.units import Unit
-from kinematics.kinds.axis_tables import GEOMETRY, KIND, OWN_AXES, LinearAxis, LinearDefaults, RotaryAxis, axes
-from kinematics.kinds.load_tables import HOME, HomeTable, LoadedFile, home_entries
+from kinematics.kinds.axis_keys import GEOMETRY, KIND, OWN_AXES, LinearAxis, LinearDefaults, RotaryAxis, axes
+from kinematics.kinds.load_keys import HOME, HomeTable, LoadedFile, home_entries
 from kinematics.machine.axis import Axis
 from kinematics.machine.kind import Bar, Pivot, Skeleton, Sort
 from kinematics.machine.load import Load

@@ -41,9 +41,9 @@ from kinematics.foundation.arrays import Array, finite_array, freeze_array
 from kinematics.foundation.errors import Fault, FileError, MotionError
 from kinematics.foundation.names import closest, nearest
 from kinematics.foundation.units import describe_value
-from kinematics.kinds.axis_tables import AXES, GEOMETRY, KIND, OWN_AXES, LinearAxis, LinearDefaults, axes
+from kinematics.kinds.axis_keys import AXES, GEOMETRY, KIND, OWN_AXES, LinearAxis, LinearDefaults, axes
 from kinematics.kinds.legged import BASE_REST, PLATFORM_REST, Legged, Platforms, joints, legged_geometry, rest_axes_type
-from kinematics.kinds.load_tables import LEG_MASSES, LegsTable, LoadedFile, Point
+from kinematics.kinds.load_keys import LEG_MASSES, LegsTable, LoadedFile, Point
 from kinematics.machine.machine import Machine
 from kinematics.machine.pose import Pose
 

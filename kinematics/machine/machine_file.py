@@ -14,7 +14,7 @@ from kinematics.foundation.names import closest, find, nearest, presets, source_
 from kinematics.foundation.units import describe_value
 from kinematics.kinds import tripod as kmitl_geometry
 from kinematics.kinds.arm import ArmFile, build_arm, find_stray_axis_tables, joints_of
-from kinematics.kinds.axis_tables import MachineFile, find_pulse_faults, find_repeated_names, find_wiring_faults
+from kinematics.kinds.axis_keys import MachineFile, find_pulse_faults, find_repeated_names, find_wiring_faults
 from kinematics.kinds.hexapod import LEGS, HexapodFile, build_hexapod
 from kinematics.kinds.linkage import NAMES, LinkageFile, build_linkage
 from kinematics.kinds.traverser import ROTARY, SLIDES, TraverserFile, build_traverser

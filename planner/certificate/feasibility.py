@@ -17,8 +17,8 @@ from kinematics.foundation.taylor_model import Series
 from planner.certificate.certify import prove_path_use, round_reached_use
 from planner.limits.limit import Limit
 from planner.path.actuation import ActuatorPath, MachinePath
-from planner.path.departure import Departure, departure_tables
-from planner.path.join import Blended, blend_tables
+from planner.path.join_and_blend import Blended, blend_tables
+from planner.path.point_to_point import Departure, departure_tables
 from planner.place import Infeasible, Place, where_columns
 from planner.trajectory import State, Trajectory, unit_speed_trajectory
 

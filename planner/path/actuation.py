@@ -18,7 +18,7 @@ from kinematics.machine.kind import columns, refuse_uncontrolled
 from kinematics.machine.machine import Machine
 from kinematics.machine.pose import Pose, column
 from planner.path.chain import chain_pieces, tool_map
-from planner.path.join import Blended
+from planner.path.join_and_blend import Blended
 from planner.path.shape import Piece, Shape, differentiate, pose_map
 from planner.place import Place
 from planner.program.model import Program

@@ -18,7 +18,7 @@ from kinematics.machine.machine import Machine
 from kinematics.machine.pose import Pose, column, split_pose_symbols, to_numbers
 from planner.path.arc_length import even_speed
 from planner.path.curve import curve, ends
-from planner.path.join import Blended, join
+from planner.path.join_and_blend import Blended, join
 from planner.path.shape import DEGREE, Piece, Shape, arc, free_piece, line, turn, turn_angle, turning
 from planner.path.spline import spline
 from planner.path.synchronised import draw_synchronised

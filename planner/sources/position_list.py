@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from kinematics.files.atomic_files import write_whole
-from kinematics.files.toml_writer import format_decimal
+from kinematics.files.toml_document import format_decimal
 from kinematics.foundation.arrays import Array, finite_array, freeze_array
 from kinematics.foundation.errors import BadValue, MotionError
 from kinematics.foundation.names import closest, nearest

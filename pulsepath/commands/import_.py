@@ -6,7 +6,7 @@ from typing import Any
 import click
 
 from pulsepath import known_names
-from pulsepath.format_command import FormatCommand
+from pulsepath.command_group import FormatCommand
 from pulsepath.known_names import make_completer
 from pulsepath.process.intent import writes
 from pulsepath.progress import say

@@ -38,8 +38,8 @@ def init(directory: Path, machine: str | None, program: str | None, force: bool,
     Example: pulsepath init mine --machine tripod
     """
     from kinematics import load_machine
-    from kinematics.machine.machine_starter import companions, machine_starter
-    from planner.program.program_starter import machine_of, program_starter
+    from kinematics.machine.machine_writer import companions, machine_starter
+    from planner.program.program_writer import machine_of, program_starter
     from pulsepath.output import record
     from pulsepath.output.directory import write_files
 

@@ -7,7 +7,7 @@ from shlex import join
 
 import click
 
-from kinematics.files.toml_writer import format_toml
+from kinematics.files.toml_document import format_toml
 from kinematics.machine.machine_writer import machine_toml
 from planner.program.program_writer import program_toml
 from pulsepath.inputs import Inputs

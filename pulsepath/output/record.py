@@ -17,8 +17,8 @@ from planner import Infeasible, Place, Standing, Triggered
 from planner.baselines import describe_differences, missing_limits
 from planner.export.format import Exported
 from planner.limits import find_unkept_limits
-from planner.path.departure import Departure
-from planner.path.join import Blended
+from planner.path.join_and_blend import Blended
+from planner.path.point_to_point import Departure
 from planner.pulses import RULES, PulseCheck, RealisedPath
 from planner.sources.arm_simulation import ArmSimulation
 from planner.sources.outline import Outline

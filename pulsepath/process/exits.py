@@ -1,7 +1,14 @@
 """Exit codes and error messages of the commands: on stderr, without a traceback.
 
 With --json an error is told on stdout as well, as data: {"schema": 1, "error": {…}} (pulsepath.process.error_record).
+
+What is said of an interrupted command, by what it was about to write. Standard library only: see `supervisor`.
 """
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
 
 INFEASIBLE, BAD_INPUT, INTERNAL, INTERRUPTED = 1, 2, 3, 130
 JSON = "pulsepath.json"
@@ -30,3 +37,27 @@ def describe_error(error: Exception) -> tuple[int, str]:
         case _:
             hint = f"please report it, with the traceback that {TRACEBACK}=1 shows"
             return INTERNAL, f"internal error: {type(error).__name__}: {error}; {hint}"
+
+
+Stamp = list[int] | None
+
+
+def of_interruption(intent: Mapping[str, Any]) -> str:
+    """The same by what the command was about to write, as `writes` states it."""
+    before, kept = intent.get("writes", ()), intent.get("kept", "")
+    if not before:
+        return "interrupted"
+    written = [target for target, place, stamp in before if read_stamp(place) != stamp]
+    if written:
+        return f"interrupted, after {' and '.join(written)} had been written"
+    told = " or ".join(f"{target}, which is unchanged" if stamp else target for target, _, stamp in before)
+    return f"interrupted: nothing was written to {told}{kept and f'; {kept}'}"
+
+
+def read_stamp(path: str | Path) -> Stamp:
+    """Tells a file or directory from another that takes its place; None: there is none."""
+    try:
+        found = os.lstat(path)
+    except OSError:
+        return None
+    return [found.st_ino, found.st_mtime_ns]

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from pulsepath.process import supervisor
-from pulsepath.process.interruption import of_interruption, read_stamp
+from pulsepath.process.exits import of_interruption, read_stamp
 
 _INTENT = "pulsepath.process.intent"
 

@@ -200,7 +200,7 @@ def _read_rest(told: int) -> Iterator[int]:
 def _clear_up(worker: int, watch: _Watch, mode: list[Any] | None) -> int:
     """After a worker that had to be killed: the terminal and the folders as they were, and a word of it."""
     _remove_leftovers(worker, watch, mode)
-    from pulsepath.process.interruption import of_interruption
+    from pulsepath.process.exits import of_interruption
     from pulsepath.process.load_alone import load_alone
 
     with suppress(OSError):  # where nobody looks any more

@@ -42,7 +42,7 @@ def test_what_docstrings_set_in_columns_is_set_as_such(site):
 
 
 def test_every_command_and_every_key_is_there(site):
-    from kinematics.kinds.axis_tables import LinearDefaults
+    from kinematics.kinds.axis_keys import LinearDefaults
     from planner.program.program_file import ProgramFile
     from pulsepath.cli import main
 
@@ -113,8 +113,8 @@ def test_a_key_takes_what_its_annotation_says(monkeypatch):
     monkeypatch.syspath_prepend(str(ROOT / "docs" / "_ext"))
     from file_keys import default, takes
 
-    from kinematics.kinds.axis_tables import LinearDefaults
-    from kinematics.kinds.load_tables import LoadedFile
+    from kinematics.kinds.axis_keys import LinearDefaults
+    from kinematics.kinds.load_keys import LoadedFile
     from planner.program.segment_tables import PathEntry
 
     def of(table, key):

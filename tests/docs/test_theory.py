@@ -10,7 +10,7 @@ from scipy.interpolate import CubicSpline, PPoly
 from benchmarks.evidence.peers.case import circle, spline
 from planner import time_optimal
 from planner.certificate.enclosure import _coefficient_range
-from planner.path.join import overlap_lengths
+from planner.path.join_and_blend import overlap_lengths
 from planner.timing.solvers.passes import largest_speeds
 from tests.docs.pages import DOCS
 

@@ -15,8 +15,8 @@ from kinematics.foundation.units import apart, round_up_digits
 from kinematics.machine.axis import Axis
 from planner.parallel import Progress
 from planner.place import Infeasible
+from planner.pulses.generation.firing_rule import Rule, describe_rule
 from planner.pulses.generation.pieces import FIT_TOLERANCE, Pieces, bound_rate, find_rate_jumps, fit, rate_error
-from planner.pulses.generation.rule import Rule, describe_rule
 from planner.pulses.motion import AxesMotion
 from planner.pulses.schedule import AxisPulses, PulseSchedule, Signs, Ticks
 

@@ -21,7 +21,7 @@ from planner.parallel import Progress, ignore_progress
 from planner.place import Infeasible, Place
 from planner.pulses.compensation.compensate import CompensatedMotion, counted
 from planner.pulses.generation.dda import Dda
-from planner.pulses.generation.rule import Floor, Nearest, Rule
+from planner.pulses.generation.firing_rule import Floor, Nearest, Rule
 from planner.pulses.generation.sampled import Sampled
 from planner.pulses.generation.timer import Timer
 from planner.pulses.motion import AxesMotion

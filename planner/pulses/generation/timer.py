@@ -12,9 +12,9 @@ from kinematics.foundation.errors import MotionError
 from kinematics.foundation.options import option
 from kinematics.machine.axis import Axis
 from planner.parallel import Progress
+from planner.pulses.generation.firing_rule import Rule, describe_rule
 from planner.pulses.generation.levels import Levels, find_crossings
 from planner.pulses.generation.pieces import FIT_TOLERANCE, bound_rate, fit, rate_error
-from planner.pulses.generation.rule import Rule, describe_rule
 from planner.pulses.motion import AxesMotion
 from planner.pulses.schedule import AxisPulses, PulseSchedule, Ticks
 

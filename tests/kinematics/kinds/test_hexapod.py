@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics import Axis, Hexapod, MotionError, OutOfReach, joint_circle
-from kinematics.kinds.load_tables import HomeTable
+from kinematics.kinds.load_keys import HomeTable
 
 LEGS = tuple(f"leg{n}" for n in range(1, 7))
 HEIGHT = 0.2336362 - 0.0115 - 0.011

@@ -28,7 +28,7 @@ from planner.export.formats.adlink import AdlinkCsv
 from planner.export.formats.sahbaz import Sahbaz, read_moves
 from planner.limits import limits_of
 from planner.path.actuation import actuate
-from planner.path.departure import departures
+from planner.path.point_to_point import departures
 from planner.program.program_writer import program_toml
 
 MILLI = 1e-3

@@ -9,14 +9,14 @@ import click
 import pytest
 
 from kinematics import load_machine, machine_names
-from kinematics.kinds.axis_tables import LinearDrive, RotaryDrive, TimingTable
+from kinematics.kinds.axis_keys import LinearDrive, RotaryDrive, TimingTable
 from kinematics.kinds.legged import Plate
-from kinematics.kinds.load_tables import HomeTable, Mass
+from kinematics.kinds.load_keys import HomeTable, Mass
 from kinematics.machine.machine_file import KINDS
-from kinematics.machine.machine_starter import companions, known_keys, machine_starter
+from kinematics.machine.machine_writer import companions, known_keys, machine_starter
 from planner import load_program, plan, program_names
 from planner.program.program_file import ArcTable, LineTable, PoseTable, ProgramFile, SplineTable, TurnBy, TurnTo
-from planner.program.program_starter import HEAD, MODIFIERS, SHAPES, program_starter
+from planner.program.program_writer import HEAD, MODIFIERS, SHAPES, program_starter
 from planner.program.segment_tables import BlendTable, CurveTable, FreeTable, PathEntry, TriggerTable
 from pulsepath.cli import main
 

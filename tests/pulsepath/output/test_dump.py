@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from kinematics import load_machine, machine_names
-from kinematics.kinds.axis_tables import LinearAxis
+from kinematics.kinds.axis_keys import LinearAxis
 from planner import load_program, program_names
 from planner.path.actuation import actuate
 from pulsepath.inputs import read_inputs

@@ -10,7 +10,7 @@ import time
 import pytest
 
 from pulsepath.process import supervisor
-from pulsepath.process.interruption import of_interruption
+from pulsepath.process.exits import of_interruption
 from tests.pace import delay
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="one process there: there is no fork")

@@ -12,7 +12,7 @@ from kinematics.machine.axis import StepTiming
 from planner import Infeasible
 from planner.pulses import RULES, AxisPulses, check, generate
 from planner.pulses.checking import standards
-from planner.pulses.generation.rule import COUNT_ROUNDING
+from planner.pulses.generation.firing_rule import COUNT_ROUNDING
 from tests.planner.motions import PULSE, example, in_pulses
 from tests.planner.pulses.checking.test_pulse_check import CLOCK, CORRUPTIONS, shift_one
 

@@ -12,8 +12,8 @@ from planner import Infeasible, PulseSchedule
 from planner.pulses import RULES, AxisPulses, check, find_rule, generate
 from planner.pulses.compensation.compensate import compensated
 from planner.pulses.generation.dda import spread_counts
+from planner.pulses.generation.firing_rule import describe_rule
 from planner.pulses.generation.levels import MAX_COUNT_BLUR
-from planner.pulses.generation.rule import describe_rule
 from planner.pulses.generation.timer import counter_loads, equal_steps
 from tests.planner.motions import PULSE, Polynomials, smooth_motions, through
 

@@ -190,7 +190,7 @@ class Blended:
 
     segment     number of the one before it; the blend leads to the next that moves
     tolerance   m, and angle (rad): what it may leave the unblended path by
-    deviation   m, and turned (rad): by how much it does, at most (see planner.path.join)
+    deviation   m, and turned (rad): by how much it does, at most (see planner.path.join_and_blend)
     reach       m of each segment that it takes the place of
     half_of     the segments of which it takes half, or all that can be had, though the tolerance would allow more
     stop        why the motion rests there instead, or ""

@@ -13,7 +13,7 @@ from kinematics.files.keys import Chosen, key
 from kinematics.files.schema import Direction, TableSchema
 from kinematics.foundation.errors import MotionError, validation_error
 from kinematics.foundation.units import Angle, Length, Unit
-from kinematics.kinds.axis_tables import MachineFile
+from kinematics.kinds.axis_keys import MachineFile
 from kinematics.machine.load import GRAVITY, Body, Leg, Load
 from kinematics.machine.pose import Pose
 
