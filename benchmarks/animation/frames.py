@@ -23,7 +23,7 @@ from planner.limits import Limit
 from planner.limits.geometric import Tilt
 from planner.program.model import Program
 from planner.pulses import PulseSchedule
-from planner.pulses.count_errors import reached
+from planner.pulses.motion import reached
 from planner.trajectory import State, Trajectory
 
 TOOL = "tool"

@@ -29,11 +29,10 @@ from planner.limits.resonance import Resonance
 from planner.path.actuation import ActuatorPath, MachinePath, actuate
 from planner.plan import Plan
 from planner.program.model import Program, stopping
-from planner.timing.certified_run import Timing
+from planner.timing.certified_run import Timing, required_slowness
 from planner.timing.certified_solve import certified_solve
 from planner.timing.problem import Block, Problem, Run, make_grid, pose_problem
 from planner.timing.profile import Profile, RunSolution
-from planner.timing.tightening import required_slowness
 from planner.trajectory import Trajectory
 
 if TYPE_CHECKING:

@@ -22,8 +22,7 @@ from kinematics.machine.machine import Machine
 from kinematics.machine.pose import COMPONENTS
 from planner.place import Place, where_columns
 from planner.pulses.compensation.compensate import CompensatedMotion
-from planner.pulses.count_errors import solve_poses
-from planner.pulses.motion import AxesMotion, apply_play, apply_screw, describe_mechanics, invert_screw
+from planner.pulses.motion import AxesMotion, apply_play, apply_screw, describe_mechanics, invert_screw, solve_poses
 from planner.pulses.schedule import PulseSchedule
 from planner.trajectory import State, Trajectory
 

@@ -17,12 +17,11 @@ from planner.limits.limit import Limit
 from planner.parallel import Progress, spread
 from planner.path.actuation import ActuatorPath
 from planner.path.stands import count_zero_derivatives
-from planner.timing.certified_run import ROUNDS, CertifiedRun, RunCertifier, Timing, hold_axes
+from planner.timing.certified_run import ROUNDS, CertifiedRun, RunCertifier, Timing, hold_axes, tighten_run
 from planner.timing.parts import solve_in_parts, tighten_in_parts
 from planner.timing.problem import Run, Solver
 from planner.timing.profile import Profile
 from planner.timing.run import solve_run
-from planner.timing.tightening import tighten_run
 from planner.trajectory import Trajectory
 
 if TYPE_CHECKING:

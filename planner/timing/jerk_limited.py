@@ -12,6 +12,7 @@ import numpy as np
 from kinematics.foundation.errors import MotionError
 from planner.limits.limit import Limit, Term
 from planner.path.actuation import ActuatorPath
+from planner.timing.certified_run import SOLVER_MARGIN, required_slowness, tighten_until_kept
 from planner.timing.discretization import (
     START_GRID,
     brief_problem,
@@ -26,7 +27,6 @@ from planner.timing.solvers.closed_form import straight
 from planner.timing.solvers.second_order import TERMS as SECOND
 from planner.timing.solvers.second_order import estimate_lower_bound, second_order
 from planner.timing.solvers.third_order import solve_jerk_limited, third_order
-from planner.timing.tightening import SOLVER_MARGIN, required_slowness, tighten_until_kept
 
 # A leg that has to be this much slower as a whole is tried in two, with a rest between: what is slow there stays there.
 MIN_SPLIT_SLOWNESS = 1.01

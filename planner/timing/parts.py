@@ -17,7 +17,7 @@ from planner.limits.limit import Limit
 from planner.limits.tool import ToolSpeed
 from planner.path.actuation import ActuatorPath
 from planner.place import ConstantRefused, Infeasible
-from planner.timing.certified_run import ROUNDS, RunCertifier, Timing
+from planner.timing.certified_run import ROUNDS, RunCertifier, Timing, tighten_run
 from planner.timing.constant_speed import (
     joined_speed_error,
     solve_constant_speed,
@@ -27,7 +27,6 @@ from planner.timing.constant_speed import (
 from planner.timing.problem import Run
 from planner.timing.profile import CONSTANT_SPEED, IN_PARTS, RunSolution
 from planner.timing.run import solve_run
-from planner.timing.tightening import tighten_run
 
 # Slower speeds that are tried where one is refused, each this share of what the last refusal left possible.
 MAX_TRIALS, SPEED_SHARE = 4, 0.9995

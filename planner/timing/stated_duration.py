@@ -27,7 +27,7 @@ from planner.limits.limit import Limit
 from planner.parallel import Progress
 from planner.path.actuation import ActuatorPath
 from planner.place import Infeasible
-from planner.timing.certified_run import Timing
+from planner.timing.certified_run import MAX_TRIES, Timing, tighten_block
 from planner.timing.certified_solve import Solution, certified_solve
 from planner.timing.discretization import grade_problem
 from planner.timing.pacing import Pacer
@@ -35,7 +35,6 @@ from planner.timing.problem import Problem, Run
 from planner.timing.profile import Profile, RunSolution, close_profile
 from planner.timing.solvers.patience import EvaluationLimit, silence_stderr
 from planner.timing.solvers.third_order import _ONE_AT_A_TIME, Signature, _rows, _stage, chain_stages, derivatives
-from planner.timing.tightening import MAX_TRIES, tighten_block
 
 ITERATIONS, EVALUATIONS, TOLERANCE = 300, 600, 1e-8
 # Least duration of an interval, as a share of its guess.

@@ -20,8 +20,7 @@ from kinematics.foundation.figure import PALETTE, new_axes
 from kinematics.machine.machine import Machine
 from planner import Plan, load_program, plan
 from planner.pulses import RULES, check, generate
-from planner.pulses.count_errors import axis_errors, space_errors
-from planner.pulses.motion import AxesMotion
+from planner.pulses.motion import AxesMotion, axis_errors, space_errors
 from planner.pulses.schedule import PulseSchedule
 from planner.trajectory import Trajectory
 

@@ -8,9 +8,9 @@ from scipy.interpolate import PPoly
 
 from benchmarks.evidence.trials.firing_rules import axis_error, draw_close_up, space_error
 from planner.pulses import generate
-from planner.pulses.count_errors import axis_errors, space_errors
 from planner.pulses.generation.dda import DEFAULT_RATE
 from planner.pulses.generation.pieces import bound_rate, fit
+from planner.pulses.motion import axis_errors, space_errors
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,7 @@ import pytest
 from kinematics import MotionError, load_machine
 from kinematics.machine.pose import to_numbers
 from planner import PulseSchedule, load_program, plan, realised
-from planner.pulses.count_errors import reached
+from planner.pulses.motion import reached
 
 OVER = """schema = 1
 length = "mm"

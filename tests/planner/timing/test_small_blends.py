@@ -11,11 +11,11 @@ from kinematics import MotionError, load_machine
 from planner import Blend, Line, Program, plan
 from planner.limits import Term
 from planner.path.actuation import actuate
+from planner.timing.certified_run import tighten_block
 from planner.timing.problem import Block
 from planner.timing.profile import RunSolution
 from planner.timing.solvers import third_order as solver_module
 from planner.timing.solvers.third_order import third_order
-from planner.timing.tightening import tighten_block
 
 START = RigidTransform.from_translation([0.0, 0.0, 0.025])
 
