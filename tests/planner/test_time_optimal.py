@@ -202,9 +202,7 @@ def ppoly(*pieces, breaks=(0.0, 1.0, 2.0), dtype=float):
         pytest.param(ppoly([0, 4.0], [0, 4.0]), ["nothing moves"], id="constant"),
         pytest.param(ppoly([4.0]), ["nothing moves"], id="degree 0"),
         pytest.param(ppoly([1j, 0], dtype=complex), ["real"], id="complex"),
-        pytest.param(
-            ppoly([1, 0], [1, -1], breaks=(2.0, 1.0, 0.0)), ["breaks decrease", "reverse it"], id="falling"
-        ),
+        pytest.param(ppoly([1, 0], [1, -1], breaks=(2.0, 1.0, 0.0)), ["breaks decrease", "reverse it"], id="falling"),
         pytest.param(PPoly(np.ones((2, 1, 2, 2)), [0, 1]), ["shape (2, 2)"], id="matrix"),
         pytest.param(lambda s: s, ["piecewise polynomial", "function"], id="function"),
         pytest.param([[0, 0], [1, 1]], ["piecewise polynomial", "list"], id="list"),
