@@ -106,7 +106,7 @@ def test_a_key_of_an_axis_is_stated_once():
     declared = {
         name: sum(isinstance(n, ast.AnnAssign) and getattr(n.target, "id", "") == name for n in ast.walk(tree))
         for name in ("take_up_acceleration", "max_jerk", "torque_speed", "friction", "reflected", "max_pulse_rate")
-        for tree in [trees["axis_tables.py"]]
+        for tree in [trees["axis_keys.py"]]
     }
     assert set(declared.values()) == {1}
     for file in ("machine_writer.py", "machine_starter.py", "load_tables.py"):
