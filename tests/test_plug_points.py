@@ -109,7 +109,7 @@ def test_a_key_of_an_axis_is_stated_once():
         for tree in [trees["axis_keys.py"]]
     }
     assert set(declared.values()) == {1}
-    for file in ("machine_writer.py", "machine_starter.py", "load_tables.py"):
+    for file in ("machine_writer.py", "load_keys.py"):
         texts = {n.value for n in ast.walk(trees[file]) if isinstance(n, ast.Constant)}
         assert not texts & declared.keys(), file
     assert LinearAxis.model_fields.keys() == RotaryAxis.model_fields.keys()
