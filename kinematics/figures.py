@@ -1,7 +1,4 @@
-"""Figures of this package's results: each draws on `ax`, or on a figure of its own, and returns the axes.
-
-Figures of a calibration: each draws on `ax`, or on a figure of its own, and returns the axes.
-"""
+"""Figures of this package's results: each draws on `ax`, or on a figure of its own, and returns the axes."""
 
 from __future__ import annotations
 

@@ -1,10 +1,7 @@
 """Independent work on a cluster: Dask's, on this computer or on any number of others.
 
-Hundreds of programs planned at once, on a cluster.
-
-What a process computes with: versions of Python and libraries, and the sources of packages, to be compared.
-
-Two computers give the same results only where these agree.
+Hundreds of programs are planned at once. Two computers give the same results only where what they compute with agrees:
+versions of Python and libraries, and the sources of packages, which are compared before any work is given out.
 """
 
 import pickle

@@ -1,11 +1,4 @@
-"""Figures of a plan: each function draws on `ax`, or on a figure of its own, and returns the axes.
-
-Figures of a motion alone: each function draws on `ax`, or on a figure of its own, and returns the axes.
-
-The figure of an imported program: flat where it lies in a plane of the axes, else in space.
-
-The figure of a pulse schedule.
-"""
+"""Figures of this package's results: each draws on `ax`, or on a figure of its own, and returns the axes."""
 
 from itertools import groupby, pairwise
 from typing import Any, Literal, cast

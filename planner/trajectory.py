@@ -8,7 +8,6 @@ A path walked at unit speed: what depends on the place alone is the same under e
 from dataclasses import dataclass, field
 from functools import partial
 from math import ceil, log10
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,9 +20,6 @@ from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
 from kinematics.machine.pose import Pose, from_numbers
 from planner.path.actuation import ActuatorPath, MachinePath
-
-if TYPE_CHECKING:
-    pass
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,6 +1,6 @@
 """The group of commands: common options, error handling and exit codes.
 
-A command that takes its formats' options too; the formats load only when needed.
+A command may take its formats' options too: the formats load only when needed.
 """
 
 import os

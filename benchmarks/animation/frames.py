@@ -232,7 +232,8 @@ def count_instants(duration: float) -> int:
 
 
 def magnification(planned: Array, errors: Array | None) -> float:
-    """1, 2 or 5 times a power of ten that draws the largest error at most SHOWN of the path's size; 1 at least."""
+    """1, 2 or 5 times a power of ten that draws the largest error at most DRAWN_ERROR_SHARE of the path's size; 1 at
+    least."""
     largest = 0.0 if errors is None else float(np.linalg.norm(errors, axis=1).max())
     if largest == 0.0:
         return 1.0

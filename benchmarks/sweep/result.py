@@ -186,7 +186,7 @@ class RunResult:
 
     @staticmethod
     def unpacked(content: bytes) -> RunResult:
-        """What `packed` made, without the series. Raises Damaged for anything else, were it by a single bit.
+        """What `packed` made, without the series. Raises DamagedRun for anything else, were it by a single bit.
 
         Every array is read, and so held against its checksum: what is damaged is found here, not by who uses it.
         """

@@ -120,7 +120,7 @@ class MisreadLine(MotionError):
 
 
 def parse_operator_line(line: str, names: Sequence[str]) -> Words:
-    """A line of the operator, in capitals or not; names: of the axes, in capitals. Raises Misread."""
+    """A line of the operator, in capitals or not; names: of the axes, in capitals. Raises MisreadLine."""
     words = ["THETA" if word in ROTARY_KEYS else word for word in line.upper().split()]
     if ROTARY in names and "THETA" not in names:
         words = [ROTARY if word == "THETA" else word for word in words]
@@ -128,7 +128,7 @@ def parse_operator_line(line: str, names: Sequence[str]) -> Words:
 
 
 def remote(line: str, names: Sequence[str]) -> Words:
-    """A line of the remote computer, in capitals. Raises Misread."""
+    """A line of the remote computer, in capitals. Raises MisreadLine."""
     return _read(line.split(), names, REMOTE_COMMANDS)
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,9 +10,6 @@ from kinematics.foundation.arrays import Array, freeze_array, unit_vectors
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
-
-if TYPE_CHECKING:
-    pass
 
 ANGLES = 720
 """Of a full turn, even: two a degree."""

@@ -35,7 +35,7 @@ HOME = key('the pose from which travel and pulses count, in the base frame; turn
 
 
 def home_entries(home: Pose) -> dict[str, Any]:
-    """The same, written."""
+    """The entries of a home that is written."""
     return {"to": home.translation, "rotate": home.rotation.as_euler("XYZ") + 0.0}
 
 

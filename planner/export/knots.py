@@ -198,7 +198,8 @@ def _even_steps(end: int, spacing: float, step: float, longest: int | None) -> S
 
 
 def _mark_steps(motion: AxesMotion, step: float, end: int, pulse: Array) -> tuple[Steps, Steps]:
-    """The motion's knots in steps, and those that part the first segments: ends of rests, every GROUP-th from there.
+    """The motion's knots in steps, and those that part the first segments: ends of rests, every GROUP_PIECES-th from
+    there.
 
     The ends of a rest are moved into it, where speeds are 0: a long cubic magnifies what is left of one.
     """

@@ -1,10 +1,7 @@
-"""Speed of every axis, or of the motor behind a screw whose error it makes up for: −V₋ ≤ r q̇ ≤ V₊.
+"""Limits of every axis: speed, acceleration, jerk and pulse rate.
 
-Acceleration of every axis: −A₋ ≤ q̈ ≤ A₊.
-
-Jerk of every axis: −J₋ ≤ q⃛ ≤ J₊.
-
-Pulse rate of every axis: |q̇| r/pulse ≤ f.
+−V₋ ≤ r q̇ ≤ V₊ (of the motor, behind a screw whose error it makes up for)
+−A₋ ≤ q̈ ≤ A₊    −J₋ ≤ q⃛ ≤ J₊    |q̇| r/pulse ≤ f
 """
 
 from collections.abc import Sequence

@@ -114,7 +114,7 @@ def _geometry(machine: Machine, shape: Shape) -> ca.Function:
 def _solve(
     machine: Machine, parts: Sequence[FreePart], joints: Sequence[PartEnd], objective: Objective, start: Array
 ) -> Array:
-    """Controls (NUMBERS, P)."""
+    """Controls (k, P)."""
     high = _control_bounds(parts, joints)
     open_ = np.flatnonzero(high > 0)
     chosen, slack = ca.MX.sym("chosen", len(open_)), ca.MX.sym("slack")

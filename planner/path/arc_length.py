@@ -196,7 +196,7 @@ def _change_parameter(piece: Piece, start: bool, end: bool) -> list[Piece]:
 
 
 def _scale_derivatives(ends: Array, rates: Array, length: float) -> Array:
-    """u and its derivatives by x (SMOOTH+1, 2) at both ends of [−1, 1]."""
+    """u and its derivatives by x (MATCHED_DERIVATIVES+1, 2) at both ends of [−1, 1]."""
     return np.asarray(np.stack([ends, *rates]) * (length / 2) ** np.arange(MATCHED_DERIVATIVES + 1)[:, None])
 
 
@@ -210,7 +210,8 @@ def _reparametrize(piece: Piece, length: float, met: Array, inner: Array, betwee
 
 
 def _condition_matrix(inner: Array) -> Array:
-    """What coefficients of Chebyshev polynomials make of derivatives 0 … SMOOTH at −1 and 1, and of values inside."""
+    """What coefficients of Chebyshev polynomials make of derivatives 0 … MATCHED_DERIVATIVES at −1 and 1, and of
+    values inside."""
     degree, rows = 2 * MATCHED_DERIVATIVES + 1 + len(inner), []
     for times in range(MATCHED_DERIVATIVES + 1):
         differentiated = chebyshev.chebder(np.eye(degree + 1), times)

@@ -83,8 +83,8 @@ def fit_blend(a: Piece, b: Piece, most: float, tolerance: float, angle: float) -
 
     Deviation: a pose of the blend is compared with the nearest of the unblended path (the two pieces), where an angle
     counts as tolerance/angle times so many metres; the larger of the two, each as a share of its tolerance, has to lie
-    between LOWEST and HIGHEST. None where the motion all but reverses, in space (or in orientation, where one of the
-    two only turns).
+    between MIN_SHARE and MAX_SHARE. None where the motion all but reverses, in space (or in orientation, where one of
+    the two only turns).
     """
     found: dict[float, tuple[float, float]] = {}
 

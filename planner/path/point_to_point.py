@@ -111,7 +111,7 @@ class Departure:
 
 
 def departures(path: MachinePath) -> tuple[Departure, ...]:
-    """Of every synchronised move of a path, in turn, at LOOKED places of each."""
+    """Of every synchronised move of a path, in turn, at MOVE_POINTS places of each."""
     names = [piece.shape.name for piece in path.pieces]
     mine = [k for k, name in enumerate(names) if name.split("_")[0] == NAME]
     moves = groupby(mine, lambda k: (path.pieces[k].repetition, path.pieces[k].segment))

@@ -157,7 +157,7 @@ def _span_powers(values: Array, spans: Array) -> Array:
 
 
 def _span_speeds(numbers: Array, spans: Array) -> Array:
-    """|dp/ds| (N, LOOKED) over every span."""
+    """|dp/ds| (N, SPAN_POINTS) over every span."""
     s = spans[:, None] * np.linspace(0.0, 1.0, SPAN_POINTS)
     powers = numbers.reshape(len(spans), DEGREE + 1, 7)[:, None, :, :3]
     slope = sum(k * powers[:, :, k] * s[..., None] ** (k - 1) for k in range(1, DEGREE + 1))

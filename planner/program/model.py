@@ -5,7 +5,7 @@ The segments of a program: what the tool is asked to do next, in SI units and in
 
 from dataclasses import dataclass, field, replace
 from math import isfinite
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 from casadi import SX
@@ -32,9 +32,6 @@ from planner.program.validation import (
     repeats,
     unit_direction,
 )
-
-if TYPE_CHECKING:
-    pass
 
 SAME = 1e-9
 """Points nearer than this are the same (m), angles likewise (rad)."""

@@ -1,7 +1,4 @@
-"""Program files, read: the program that one describes (its schema: planner.program.program_file).
-
-The schema of a program's TOML: what each [[segment]] may say, and the segment that it describes.
-"""
+"""Program files: the schema of their TOML, what each [[segment]] may say, and the program that one describes."""
 
 from itertools import pairwise
 from math import dist

@@ -8,7 +8,7 @@ How far the axes can be from where they are planned while the counts keep their 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import product
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 import numpy as np
 
@@ -25,9 +25,6 @@ from planner.pulses.compensation.compensate import CompensatedMotion
 from planner.pulses.motion import AxesMotion, apply_play, apply_screw, describe_mechanics, invert_screw, solve_poses
 from planner.pulses.schedule import PulseSchedule
 from planner.trajectory import State, Trajectory
-
-if TYPE_CHECKING:
-    pass
 
 
 def bound_axis_errors(

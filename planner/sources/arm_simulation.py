@@ -5,7 +5,6 @@ does this: lengths are shown, and no motion is made of them.
 """
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
@@ -18,9 +17,6 @@ from kinematics.kinds.tripod import Tripod
 from kinematics.machine.machine import Machine
 from planner.sources.position_list import PositionList
 from planner.sources.positions import step_poses
-
-if TYPE_CHECKING:
-    pass
 
 ANGLE_TOLERANCE = 1e-9
 """rad by which a plate is held as it is at home, but for rounding."""

@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 from math import degrees
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -33,9 +33,6 @@ from kinematics.foundation.table import Column, Table
 from kinematics.foundation.units import describe_value, unit_value
 from planner.program.model import Frame
 from planner.sources.source import Faults
-
-if TYPE_CHECKING:
-    pass
 
 Order = Literal["xyz", "yzx"]
 """How three angles combine: Rx · Ry · Rz, or Ry · Rz · Rx as [KMITL 2005] has it."""

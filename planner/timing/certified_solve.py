@@ -131,7 +131,7 @@ def certified_solve(
 def try_certified_solve(
     path: ActuatorPath, limits: Sequence[Limit], order: int, *, solver: Solver = "passes", proving: bool = True
 ) -> Solution | MotionError:
-    """The same for whoever has another way to go: a refusal is a value."""
+    """`certified_solve` for whoever has another way to go: a refusal is a value."""
     try:
         return certified_solve(path, limits, order, solver=solver, proving=proving)
     except MotionError as no:

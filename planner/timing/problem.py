@@ -71,7 +71,7 @@ class Block:
 
     The coefficients (N, m) are divided by half the range between the bounds.
 
-    room    (N,) AIM, or less where the certificate asked for it: what it takes off leaves standing still inside
+    room    (N,) SOLVER_AIM, or less where the certificate asked for it: what it takes off leaves standing still inside
     middle  (m,) of the range, in ]−1, 1[: 0 where the bounds are the same both ways
     about   (low, high at the start, low, high at the end), each (N, m): as `Rows` has it, None where every row speaks
     hull    of rows with `about`: what keeps them keeps these, at every speed
@@ -197,8 +197,8 @@ def pose_problem(
 ) -> Problem:
     """Evaluate the rows of every timing limit on both sides of every grid point, in one batch.
 
-    Rows of loads that no motion within the others can use more than IDLE of are left out: they cost time and change
-    nothing. The certificate judges the motion by every limit all the same.
+    Rows of loads that no motion within the others can use more than IDLE_SHARE of are left out: they cost time and
+    change nothing. The certificate judges the motion by every limit all the same.
     """
     count = len(piece)
     # an interval ends where the next one starts, unless that is on another piece
@@ -263,7 +263,7 @@ def _normalise_rows(rows: Rows, points: int) -> tuple[dict[Term, Array], Array, 
 
 
 def _drop_idle_blocks(blocks: Sequence[Block]) -> tuple[Block, ...]:
-    """The blocks without those of forces that no motion within the others can use more than IDLE of."""
+    """The blocks without those of forces that no motion within the others can use more than IDLE_SHARE of."""
     if not any(Term.ONE in block.start for block in blocks):
         return tuple(blocks)
     bounds = [

@@ -142,7 +142,7 @@ def _assemble(intervals: int, signature: Signature, axes: int) -> tuple[ca.Funct
             "max_iter": ITERATIONS,
             "tol": TOLERANCE,
             "mu_init": 1e-1,
-            "alpha_min_frac": 0.0,  # see Patience
+            "alpha_min_frac": 0.0,  # see EvaluationLimit
         },
     }
     problem = chain_stages(interval, intervals, patience)

@@ -31,7 +31,7 @@ class EndSignal(KeyboardInterrupt):
 
 @contextmanager
 def raise_on_signal(last: bool = False) -> Iterator[None]:
-    """Within, each of the signals raises Ended, the first time: what then brings things in order is not broken off.
+    """Within, each of the signals raises EndSignal, the first time: what then brings things in order is not broken off.
 
     last  whether the process ends after it: then a second one is ignored until it has
     One that is ignored already, as by nohup, stays so.

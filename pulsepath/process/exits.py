@@ -43,7 +43,7 @@ Stamp = list[int] | None
 
 
 def of_interruption(intent: Mapping[str, Any]) -> str:
-    """The same by what the command was about to write, as `writes` states it."""
+    """The line for an interrupted command, by what it was about to write, as `intent.writes` states it."""
     before, kept = intent.get("writes", ()), intent.get("kept", "")
     if not before:
         return "interrupted"

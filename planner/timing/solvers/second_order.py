@@ -196,7 +196,7 @@ def estimate_lower_bound(problem: Problem, fastest: Profile | None = None) -> fl
 
     Fewer limits take no longer, and no longer does the least concave limit around one that is not; so it bounds every
     motion of the run from below, but for what the extrapolation is off: an estimate, not a proof. Under limits smaller
-    by a factor a motion is at most longer by its inverse, so AIM times what it takes is below that of the limits.
+    by a factor a motion is at most longer by its inverse, so EXACT_AIM times what it takes is below that of the limits.
     fastest: the order-2 motion of a problem without such rows, where it is known.
     """
     blocks = [block if block.hull is None else block.hull for block in problem.blocks if set(block.start) <= TERMS]

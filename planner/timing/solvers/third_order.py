@@ -332,7 +332,7 @@ def _build(intervals: int, signature: Signature, solver: Solver) -> tuple[ca.Fun
             "structure_detection": "auto",
             "equality": equality.tolist(),
             "cache": derivatives(interval, intervals),
-            # no step too short: else its restoration begins, which knows no end (see Patience)
+            # no step too short: else its restoration begins, which knows no end (see EvaluationLimit)
             "fatrop": {"print_level": 0, "max_iter": ITERATIONS, "tol": 1e-7, "mu_init": 1e-2, "alpha_min_frac": 0.0},
         }
     else:
