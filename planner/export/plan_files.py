@@ -1,12 +1,12 @@
 """The files of a plan's motion: trajectory.csv and triggers.csv as tables, motion.json as its exact pieces.
 
-trajectory.csv has one row per instant, for spreadsheets and plots. Columns are time, distance along the path, the
-pose of the platform in the base frame (rx, ry, rz about the moving axes
-in turn), and position (natural coordinate), speed, acceleration and jerk of every axis. SI units, as the header says.
+trajectory.csv has one row per instant, for spreadsheets and plots. Columns are time, distance along the path, the pose
+of the platform in the base frame (rx, ry, rz about the moving axes in turn), and position (natural coordinate), speed,
+acceleration and jerk of every axis. SI units, as the header says.
 
 triggers.csv has one row per event, in the order of time. Columns are name, segment, repetition (1 where the program
-runs once), time, distance along the path, the pose of the
-platform in the base frame (rx, ry, rz about the moving axes in turn), and the count of every axis. SI units.
+runs once), time, distance along the path, the pose of the platform in the base frame, and the count of every axis. SI
+units.
 
 motion.json has the closed-form pieces, exact to the last bit, so that a plan can be taken up without solving.
 """
