@@ -42,7 +42,8 @@ from controllers.simulate import sample, simulate
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
 from kinematics.machine.machine import Machine
-from planner.cluster import LIBRARIES, LostTask, installed, run_on_cluster
+from planner.cluster import LostTask, installed, run_on_cluster
+from planner.environment import LIBRARIES
 from planner.parallel import Progress, spread
 from planner.path.actuation import MachinePath
 from planner.trajectory import Trajectory

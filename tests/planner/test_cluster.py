@@ -12,7 +12,8 @@ import pytest
 import planner
 from kinematics import MotionError
 from planner import Line, Program, plan_many
-from planner.cluster import FIRST, _wrap_checked, describe_mismatches, make_fact_finder, run_on_cluster
+from planner.cluster import _wrap_checked, run_on_cluster
+from planner.environment import FIRST, describe_mismatches, make_fact_finder
 
 LOADED = "import sys, cloudpickle; print(cloudpickle.loads(bytes.fromhex(sys.argv[1]))())"
 
