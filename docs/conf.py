@@ -6,7 +6,7 @@ from pathlib import Path
 HERE = Path(__file__).parent
 sys.path[:0] = [str(HERE.parent), str(HERE / "_ext")]
 
-from pulsepath import __version__  # noqa: E402
+from pulsepath import __version__  # noqa: E402  found by the line before
 
 project = "pulsepath"
 author = "the pulsepath authors"

@@ -66,7 +66,7 @@ class Infeasible(MotionError):
 
     def __reduce__(self) -> tuple[Any, ...]:
         """With its remedy worked out: what does that need not be known where it is sent."""
-        self.remedy  # noqa: B018
+        self.remedy  # noqa: B018  a cached property: looking at it works it out
         return super().__reduce__()
 
     @property

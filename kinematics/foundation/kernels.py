@@ -7,16 +7,11 @@ and for coverage.
 """
 
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from functools import update_wrapper
-from threading import RLock, Timer
+from threading import RLock
 from typing import Any
 
-ANNOUNCED_AFTER = 1.5
-"""s of compilation after which it is announced: kernels that are kept load faster than that."""
-announcements: list[Callable[[str], object]] = []
-"""Who is told that a long compilation goes on."""
 _LOCK = RLock()
 
 
@@ -32,13 +27,8 @@ class Kernel:
         if self.compiled is None:
             with _LOCK:
                 _compile_module(sys.modules[self.function.__module__])
-            with _announced():
-                return self._dispatcher()(*arguments)
-        return self.compiled(*arguments)
-
-    def _dispatcher(self) -> Callable[..., Any]:
         assert self.compiled is not None  # with its module
-        return self.compiled
+        return self.compiled(*arguments)
 
 
 kernel = Kernel
@@ -60,19 +50,3 @@ def _compile_module(module: Any) -> None:
             except RuntimeError:  # no place to keep it
                 value.compiled = numba.njit(error_model="numpy")(value.function)
         setattr(module, name, value.compiled)
-
-
-@contextmanager
-def _announced() -> Iterator[None]:
-    timer = Timer(ANNOUNCED_AFTER, _announce)
-    timer.daemon = True
-    timer.start()
-    try:
-        yield
-    finally:
-        timer.cancel()
-
-
-def _announce() -> None:
-    for tell in announcements:
-        tell("compiling for this computer, once: some 10 s")

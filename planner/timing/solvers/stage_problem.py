@@ -39,7 +39,7 @@ def pose_stages(problem: Problem, guess: Array) -> tuple[Stages, StageRows, Arra
     start = guess / unit[:, None]
     # a motion of constant speed has no s̈ and s⃛; from rest to rest they are 4 and 32 at least
     scale = np.maximum(np.abs(start[:3]).max(1), [0.0, 1.0, 1.0])
-    calm = JERK_WEIGHT * _jerk_share(problem, unit[2]) ** 2 * start[3]
+    calm = JERK_WEIGHT * jerk_share(problem, unit[2]) ** 2 * start[3]
     controls = np.ascontiguousarray(start[2:].T)
     states = np.zeros((problem.intervals + 1, 2))
     states[:-1] = start[:2].T
@@ -54,7 +54,7 @@ def pose_stages(problem: Problem, guess: Array) -> tuple[Stages, StageRows, Arra
     return stages, _pose_rows(problem, length, time), states, controls, unit
 
 
-def _jerk_share(problem: Problem, unit: float) -> Array:
+def jerk_share(problem: Problem, unit: float) -> Array:
     """(N,) what one (scaled) unit of s⃛ uses of the tightest jerk limit."""
     share = np.zeros(problem.intervals)
     for block in problem.blocks:

@@ -38,7 +38,7 @@ from planner.timing.problem import Block, Problem
 from planner.timing.profile import RunSolution, close_profile
 from planner.timing.solvers.interior_point import minimise
 from planner.timing.solvers.patience import EvaluationLimit, silence_stderr
-from planner.timing.solvers.stage_problem import pose_stages
+from planner.timing.solvers.stage_problem import JERK_WEIGHT, POWERS, SHORTEST, jerk_share, pose_stages
 
 
 def chain_stages(stage: ca.Function, intervals: int, patience: EvaluationLimit) -> dict[str, ca.MX]:
@@ -106,35 +106,18 @@ def _chain(slope: ca.Sparsity, states: int, intervals: int) -> tuple[ca.Sparsity
 Solver = Literal["fatrop", "ipopt"]
 LARGE_PROBLEM = 500
 """Intervals up to which assembled problems are kept a dozen at a time."""
-# The cost is the duration in thousandths of the guess', which suits the solver's tolerances, and a trace for jerk: as a
-# share of its limit, squared and averaged over the guess' time. Where many motions take the same time it chooses a calm
-# one, which also strays less between grid points.
-DURATION_WEIGHT, JERK_WEIGHT = 1000.0, 2e-3
+# The cost is the duration in thousandths of the guess', which suits the solver's tolerances, and a trace for jerk.
+DURATION_WEIGHT = 1000.0
 # What a speed at an end is worth that is to be as large as can be, beside the duration.
 END_SPEED_WEIGHT = 100.0
 # Iterations of a solver, and evaluations of the constraints, after which it is given up; 40 of either are usual.
 ITERATIONS, EVALUATIONS = 200, 400
-# Least duration of an interval, as a share of its guess: without it, solvers get stuck where some intervals vanish. It
-# holds the answer back in 2 of 100 random runs, by 1e-3 at most, until the next solve starts from there.
-_SHORTEST = 0.1
 # Rounding of a given speed beyond a limit.
 SPEED_ROUNDING = 1e-9
 # CasADi's solvers share state between threads.
 _ONE_AT_A_TIME = Lock()
 Signature = tuple[tuple[tuple[Term, ...], int], ...]
 """Of each block: its terms and its number of rows."""
-
-# L^p / T^q of each term, when lengths are counted in L and times in T.
-_POWERS = {
-    Term.ONE: (0, 0),
-    Term.SD: (1, 1),
-    Term.SD2: (2, 2),
-    Term.SD3: (3, 3),
-    Term.SDD: (1, 2),
-    Term.SDSDD: (2, 3),
-    Term.SDDD: (1, 3),
-}
-
 
 # How often a problem is solved whose rows depend on the motion, unless a round gains less than this share.
 MAX_ROUNDS, MIN_ROUND_GAIN = 4, 1e-4
@@ -187,7 +170,7 @@ def third_order(
     scale[3] = start[3]
     signature, coefficients, low, high = _rows(problem, length, time)
     step = np.diff(problem.s)[None] / length
-    jerk = _jerk_share(problem, unit) * scale[2:3] * np.sqrt(start[3])
+    jerk = jerk_share(problem, unit[2]) * scale[2:3] * np.sqrt(start[3])
     data = np.concatenate([step, scale, jerk, coefficients])
     if not (np.isfinite(data).all() and (step > 0).all()):
         told = "the jerk-limited problem holds what is no number, or an interval of no length"
@@ -218,7 +201,7 @@ def third_order(
 
 
 def solve_by_riccati(problem: Problem, guess: Array) -> RunSolution:
-    """The same motion as `third_order`'s, by our own interior-point method: in a tenth of the time.
+    """The same motion as `third_order`'s, by our own interior-point method.
 
     Between given speeds or from rest to rest. Not yet what `solve_jerk_limited` asks.
     """
@@ -232,15 +215,6 @@ def solve_by_riccati(problem: Problem, guess: Array) -> RunSolution:
     if isinstance(profile, MotionError):
         return RunSolution.refused(profile)
     return RunSolution("solved", profile, maker="riccati", problem=problem)
-
-
-def _jerk_share(problem: Problem, unit: Array) -> Array:
-    """(1, N) what one (scaled) unit of s⃛ uses of the tightest jerk limit."""
-    share = np.zeros(problem.intervals)
-    for block in problem.blocks:
-        if Term.SDDD in block.start:
-            np.maximum(share, np.abs(block.start[Term.SDDD]).max(1) * unit[2], out=share)
-    return share[None]
 
 
 def _kept_at_end(terms: Sequence[Term]) -> bool:
@@ -258,7 +232,7 @@ def _rows(problem: Problem, length: float, time: float) -> tuple[Signature, Arra
         middle = {term: (block.start[term] + block.end[term]) / 2 for term in terms}
         second, room_second = (block.end, block.room) if _kept_at_end(terms) else (middle, block.room)
         for side, share in ((block.start, _row_room(block)), (second, room_second)):
-            coefficients += [side[term].T * (length ** _POWERS[term][0] / time ** _POWERS[term][1]) for term in terms]
+            coefficients += [side[term].T * (length ** POWERS[term][0] / time ** POWERS[term][1]) for term in terms]
             low.append((block.middle - 1)[:, None] * share)
             high.append((block.middle + 1)[:, None] * share)
     return tuple(signature), np.concatenate(coefficients), np.concatenate(low), np.concatenate(high)
@@ -361,7 +335,7 @@ def _answer(
     free: the ends at which s̈ is not given
     """
     count = guess.shape[1]
-    least = np.tile([0.0, -np.inf, -np.inf, _SHORTEST], (count, 1))
+    least = np.tile([0.0, -np.inf, -np.inf, SHORTEST], (count, 1))
     most = np.full((count, 4), np.inf)
     pushed = np.where(free, np.inf, 0.0)
     most[0, :2], most_last = (speeds[0], pushed[0]), [speeds[1], pushed[1]]
