@@ -165,7 +165,12 @@ def _rms(part: Contribution) -> Array:
 
 
 @draws(Forces)
-def force(forces: Forces, ax: Axes | None = None, t: ArrayLike | None = None) -> Axes:
+def draw_forces(forces: Forces, ax: Axes | None = None, t: ArrayLike | None = None) -> Axes:
+    """Force of every axis over time t (N,), or over the instants' numbers."""
+    return force(forces, t, ax)
+
+
+def force(forces: Forces, t: ArrayLike | None, ax: Axes | None = None) -> Axes:
     """Force of every axis over time, with the least max_force of all as two dashed lines where it is near."""
     ax = new_axes(ax, (7, 4))
     when = np.arange(len(forces.force)) if t is None else np.asarray(t, float)

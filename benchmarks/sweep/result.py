@@ -12,7 +12,7 @@ from hashlib import sha256
 from io import BytesIO
 from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -259,6 +259,7 @@ class Store:
 class SavedRuns(Shown):
     """Saved runs that belong together, by the names of their files, and the record of how they were made."""
 
+    saved_as: ClassVar[str] = "Runs"
     folder: Path
     record: Mapping[str, Any] = field(repr=False)
     results: Mapping[str, RunResult] = field(repr=False)

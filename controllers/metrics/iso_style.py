@@ -313,8 +313,7 @@ class IsoStyle(Result):
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Accuracy and repeatability of the path, station by station."""
-        axes: Axes = self.path.plot(ax)
-        return axes
+        return self.path.plot(ax)
 
 
 def iso_style(runs: Runs, task: Task, rigs: Sequence[Rig], *, stations: int = STATIONS) -> IsoStyle:

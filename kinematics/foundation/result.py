@@ -1,9 +1,7 @@
 """What every result can do: print itself as tables, draw itself, become a data frame, and be saved.
 
-The figures and file formats of results, registered by the result's type.
-
-A result imports neither: the modules `figures` and `saving` of its top-level package stand above it, and are loaded
-when a figure or a file is first asked for.
+Its figure and its file formats are registered by its type in the modules `figures` and `saving` of its top-level
+package. A result imports neither: they stand above it, and are loaded when a figure or a file is first asked for.
 """
 
 from __future__ import annotations
@@ -17,7 +15,7 @@ from importlib import import_module
 from importlib.util import find_spec
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 
 from kinematics.files.atomic_files import Destination
 from kinematics.foundation.errors import MotionError
@@ -26,48 +24,55 @@ from kinematics.foundation.table import Table
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.axes import Axes
 
-Role = Literal["figures", "saving"]
 F = TypeVar("F", bound=Callable[..., Any])
+Made = TypeVar("Made")
 
-_REGISTRY: dict[tuple[Role, type], Callable[..., Any]] = {}
+
+class _Registry(Generic[Made]):
+    """Functions of results, by the type of the result; module: where a top-level package registers its own."""
+
+    def __init__(self, module: str) -> None:
+        self.module = module
+        self.functions: dict[type, Callable[..., Made]] = {}
+
+    def register(self, kind: type) -> Callable[[F], F]:
+        def register(function: F) -> F:
+            self.functions[kind] = function
+            return function
+
+        return register
+
+    def find(self, kind: type) -> Callable[..., Made] | None:
+        """What is registered for a type or the nearest of its bases; None where nothing is."""
+        for base in kind.__mro__:
+            self._load(base.__module__.partition(".")[0])
+            if base in self.functions:
+                return self.functions[base]
+        return None
+
+    def _load(self, package: str) -> None:
+        try:
+            found = find_spec(f"{package}.{self.module}")
+        except (ModuleNotFoundError, ValueError):  # a module that is no package, or a script
+            return
+        if found is not None:
+            import_module(f"{package}.{self.module}")
+
+
+_FIGURES: _Registry[Axes] = _Registry("figures")
+_FILES: _Registry[Mapping[str, Callable[[Path], None]]] = _Registry("saving")
 
 
 def draws(kind: type) -> Callable[[F], F]:
     """Register a function (result, ax=None, **options) -> axes as the figure of a type of result."""
-    return _make_decorator("figures", kind)
+    return _FIGURES.register(kind)
 
 
 def saves(kind: type) -> Callable[[F], F]:
     """Register a function result -> {suffix: function of a path} as the file formats of a type of result."""
-    return _make_decorator("saving", kind)
-
-
-def find_registered(role: Role, kind: type) -> Callable[..., Any] | None:
-    """What is registered for a type or the nearest of its bases; None where nothing is."""
-    for base in kind.__mro__:
-        _load(role, base.__module__.partition(".")[0])
-        if (role, base) in _REGISTRY:
-            return _REGISTRY[role, base]
-    return None
-
-
-def _make_decorator(role: Role, kind: type) -> Callable[[F], F]:
-    def register(function: F) -> F:
-        _REGISTRY[role, kind] = function
-        return function
-
-    return register
-
-
-def _load(role: Role, package: str) -> None:
-    """Load the module of a top-level package that registers what it has in a role, if there is one."""
-    try:
-        found = find_spec(f"{package}.{role}")
-    except (ModuleNotFoundError, ValueError):  # a module that is no package, or a script
-        return
-    if found is not None:
-        import_module(f"{package}.{role}")
+    return _FILES.register(kind)
 
 
 class Result(ABC):
@@ -77,20 +82,22 @@ class Result(ABC):
     """
 
     __slots__ = ()
+    saved_as: ClassVar[str] = ""
+    """What files and messages call it, where that is not the class' name."""
 
     @abstractmethod
     def tables(self) -> tuple[Table, ...]:
         """What it tells, the main thing first."""
 
-    def plot(self, ax: Any = None, *args: Any, **options: Any) -> Any:
+    def plot(self, ax: Axes | None = None, *args: Any, **options: Any) -> Axes:
         """The figure that tells most of it, on `ax` or a figure of its own; the axes, which a notebook shows.
 
         It is the one registered for the type (`kinematics.foundation.result`), which says what options it has.
         Raises MotionError where there is none.
         """
-        draw = find_registered("figures", type(self))
+        draw = _FIGURES.find(type(self))
         if draw is None:
-            raise MotionError(f"a {type(self).__name__} has no figure; print it, or draw its data()")
+            raise MotionError(f"a {self._kind} has no figure; print it, or draw its data()")
         return draw(self, ax, *args, **options)
 
     def data(self) -> Table:
@@ -99,7 +106,7 @@ class Result(ABC):
 
     def files(self) -> Mapping[str, Callable[[Path], None]]:
         """How it is written, by the suffix: as tables, and as is registered for the type beside them or instead."""
-        saved = find_registered("saving", type(self))
+        saved = _FILES.find(type(self))
         own = saved(self) if saved else {}
         return {**own, ".csv": self._csv, ".json": self._json, **own}
 
@@ -133,7 +140,7 @@ class Result(ABC):
         what = f"save {place}"
         if place.suffix not in known:
             raise MotionError(
-                f'{what}: "{place.suffix}" is no suffix of what a {type(self).__name__} is saved as'
+                f'{what}: "{place.suffix}" is no suffix of what a {self._kind} is saved as'
                 f"{nearest(place.suffix, known)}; there are {', '.join(known)}"
             )
         if not place.parent.is_dir():
@@ -142,6 +149,10 @@ class Result(ABC):
             raise MotionError(f"{what}: it is a folder; give the name of a file")
         with Destination(place, force=force, remedy="give another name, or force=True to replace it").staged() as file:
             known[place.suffix](file)
+
+    @property
+    def _kind(self) -> str:
+        return self.saved_as or type(self).__name__
 
     def _csv(self, path: Path) -> None:
         text = io.StringIO()
@@ -161,7 +172,7 @@ class Result(ABC):
             }
             for table in self.tables()
         ]
-        told = {"result": type(self).__name__, "tables": tables}
+        told = {"result": self._kind, "tables": tables}
         path.write_bytes((json.dumps(told, indent=1, ensure_ascii=False, allow_nan=False) + "\n").encode())
 
 

@@ -210,8 +210,7 @@ class Classical(Result):
 
     def plot(self, ax: "Axes | None" = None) -> "Axes":
         """The speed along the path over time."""
-        axes: Axes = self.trajectory.plot(ax)
-        return axes
+        return self.trajectory.plot(ax)
 
 
 def classical(plan: Plan | Course, kind: str = "trapezoid") -> Classical:

@@ -95,8 +95,7 @@ class Imported(Result):
 
     def plot(self, ax: "Axes | None" = None) -> "Axes":
         """The tool's way in the program's coordinates."""
-        axes: Axes = self.program.plot(ax)
-        return axes
+        return self.program.plot(ax)
 
 
 class Source(Protocol):

@@ -64,8 +64,7 @@ class Solution(Result):
 
     def plot(self, ax: "Axes | None" = None) -> "Axes":
         """The speed along the path over time."""
-        axes: Axes = self.trajectory.plot(ax)
-        return axes
+        return self.trajectory.plot(ax)
 
 
 def timing_table(title: str, duration: float, least: float, note: str | None = None) -> Table:
