@@ -5,8 +5,7 @@ from functools import partial
 from pathlib import Path
 
 from kinematics.foundation.result import saves
-from planner.export import plan_files as motion_json
-from planner.export import plan_files as trajectory_csv
+from planner.export import plan_files
 from planner.export.formats import npz
 from planner.program.model import Program
 from planner.program.program_writer import program_toml
@@ -27,8 +26,8 @@ def program_files(program: Program) -> Files:
 def trajectory_files(trajectory: Trajectory) -> Files:
     """.csv: `data()` in 12 digits; .json: the closed-form pieces, exact."""
     return {
-        ".csv": partial(trajectory_csv.write_trajectory_csv, trajectory),
-        ".json": partial(motion_json.write_motion_json, trajectory),
+        ".csv": partial(plan_files.write_trajectory_csv, trajectory),
+        ".json": partial(plan_files.write_motion_json, trajectory),
     }
 
 

@@ -12,7 +12,7 @@ from typing import Any, ClassVar, Literal
 
 import click
 
-from pulsepath import progress as talk
+from pulsepath import progress
 from pulsepath.process import supervisor
 from pulsepath.process.ending import EndSignal, raise_on_signal
 from pulsepath.process.exits import INTERRUPTED, JSON, TRACEBACK, describe_error
@@ -31,11 +31,11 @@ class Commands(click.Group):
     def __init__(self, *args: Any, sections: Mapping[str, Sequence[str]] | None = None, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
         self.sections = dict(sections or {})
-        self.params.extend(talk.options())
+        self.params.extend(progress.options())
 
     def add_command(self, cmd: click.Command, name: str | None = None) -> None:
         if not isinstance(cmd, Commands):
-            cmd.params.extend(talk.options())
+            cmd.params.extend(progress.options())
         super().add_command(cmd, name)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:

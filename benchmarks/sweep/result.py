@@ -23,7 +23,7 @@ from kinematics.files.atomic_files import write_whole
 from kinematics.foundation.arrays import Array, finite_array, freeze_array
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.options import split_options
-from kinematics.foundation.result import Result as Shown
+from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
 
 if TYPE_CHECKING:
@@ -256,7 +256,7 @@ class Store:
 
 
 @dataclass(frozen=True, slots=True)
-class SavedRuns(Shown):
+class SavedRuns(Result):
     """Saved runs that belong together, by the names of their files, and the record of how they were made."""
 
     saved_as: ClassVar[str] = "Runs"

@@ -27,8 +27,7 @@ from controllers.metrics.metrics import (
 )
 from controllers.rig import Rig, Task
 from controllers.simulate import Runs
-from controllers.tracking import HasTrajectory as Plan
-from controllers.tracking import Tracking, motion_of
+from controllers.tracking import HasTrajectory, Tracking, motion_of
 from kinematics.analysis.forward import RESIDUAL_TOLERANCE, iterate_newton
 from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.errors import MotionError
@@ -217,7 +216,12 @@ BATCH_PERIOD = 5e-3
 
 
 def evaluate(
-    tracking: Tracking, plan: AxesMotion | Plan, machine: Machine, *, period: float = PERIOD, band: float = BAND
+    tracking: Tracking,
+    plan: AxesMotion | HasTrajectory,
+    machine: Machine,
+    *,
+    period: float = PERIOD,
+    band: float = BAND,
 ) -> Metrics:
     """Errors of a tracked plan every `period` seconds, settling included; every pose is certified.
 
@@ -231,7 +235,7 @@ def evaluate(
 
 def evaluate_each(
     tracked: Sequence[Tracking],
-    plan: AxesMotion | Plan,
+    plan: AxesMotion | HasTrajectory,
     machine: Machine,
     *,
     period: float = PERIOD,

@@ -12,23 +12,29 @@ from kinematics.files.toml_document import Key, read
 from kinematics.foundation.errors import BadValue, FileError, MotionError, NotInstalled
 from kinematics.foundation.names import closest, find, nearest, presets, source_folder
 from kinematics.foundation.units import describe_value
-from kinematics.kinds import tripod as kmitl_geometry
 from kinematics.kinds.arm import ArmFile, build_arm, find_stray_axis_tables, joints_of
 from kinematics.kinds.axis_keys import MachineFile, find_pulse_faults, find_repeated_names, find_wiring_faults
 from kinematics.kinds.hexapod import LEGS, HexapodFile, build_hexapod
 from kinematics.kinds.linkage import NAMES, LinkageFile, build_linkage
 from kinematics.kinds.traverser import ROTARY, SLIDES, TraverserFile, build_traverser
-from kinematics.kinds.tripod import ARMS, TripodFile, build_tripod, is_basic_lengths, read_basic_lengths
+from kinematics.kinds.tripod import (
+    ARMS,
+    TEMPLATE_MACHINE,
+    TripodFile,
+    build_tripod,
+    is_basic_lengths,
+    read_basic_lengths,
+)
 from kinematics.machine.machine import Machine
 
 
 def read_machine(source: Path | Traversable) -> Machine:
     """The machine that a file describes, named after the file. Raises FileError with every fault of the file.
 
-    Also that of the geometry file of [KMITL 2005] (`kmitl_geometry`), which is no TOML.
+    Also that of the geometry file of [KMITL 2005], which is no TOML.
     """
     if is_basic_lengths(source):
-        return read_basic_lengths(source, read_machine(find("kinematics", "machine", kmitl_geometry.TEMPLATE_MACHINE)))
+        return read_basic_lengths(source, read_machine(find("kinematics", "machine", TEMPLATE_MACHINE)))
     document = read(source)
     refuse_wrong_kind(document, MachineFile.what)
     kind = document.data.get("kind")

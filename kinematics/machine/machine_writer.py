@@ -23,10 +23,9 @@ from kinematics.files.toml_document import format_millimetres, quote
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.names import find, source_folder
-from kinematics.kinds import tripod as kmitl_geometry
 from kinematics.kinds.axis_keys import LinearAxis, MachineFile, RotaryAxis, TimingTable
 from kinematics.kinds.load_keys import Carried, LegsTable
-from kinematics.kinds.tripod import is_basic_lengths
+from kinematics.kinds.tripod import ASSUMED, is_basic_lengths
 from kinematics.machine.axis import DRIVES, Axis, StepTiming
 from kinematics.machine.load import GRAVITY, Body, Load
 from kinematics.machine.machine import Machine
@@ -39,7 +38,7 @@ def toml_of(source: Path | Traversable) -> bytes:
     """The TOML of a machine's file as it stands; of one that is no TOML, one that says the same."""
     if not is_basic_lengths(source):
         return source.read_bytes()
-    return machine_toml(read_machine(source), f"from {source.name}; {kmitl_geometry.ASSUMED}").encode()
+    return machine_toml(read_machine(source), f"from {source.name}; {ASSUMED}").encode()
 
 
 def machine_toml(machine: Machine, comment: str = "", *, complete: bool = False) -> str:

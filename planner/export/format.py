@@ -16,7 +16,6 @@ import numpy as np
 from kinematics.files.atomic_files import Destination
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.options import load_plugin
-from kinematics.foundation.options import option as option
 from kinematics.machine.machine import Machine
 from planner.parallel import Progress, ignore_progress
 from planner.pulses.compensation.compensate import counted

@@ -17,10 +17,7 @@ from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
 from kinematics.machine.pose import Pose
 from planner.program.formula import check_names, formula
-from planner.program.modifiers import STOP, Free, Join, Trigger
-from planner.program.modifiers import Blend as Blend
-from planner.program.modifiers import Stop as Stop
-from planner.program.modifiers import Through as Through
+from planner.program.modifiers import STOP, Free, Join, Stop, Trigger
 from planner.program.validation import (
     MOST_SEGMENTS,
     check_angle,

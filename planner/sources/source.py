@@ -18,11 +18,10 @@ from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
 import numpy as np
 
-from kinematics.files import toml_document as text_file
+from kinematics.files import toml_document
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import BadValue, Fault, FileError, MotionError
 from kinematics.foundation.options import load_plugin
-from kinematics.foundation.options import option as option
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
 from planner.program.model import Arc, Line, Program, Segment, Spline
@@ -204,7 +203,7 @@ MAX_BYTES = 64 * 2**20
 
 def read_all_bytes(path: Path) -> bytes:
     """All of a file. Raises FileError for one that is missing, unreadable or too large."""
-    return text_file.bytes_of(path, MAX_BYTES)
+    return toml_document.bytes_of(path, MAX_BYTES)
 
 
 def decode_text(path: Path) -> str:
@@ -213,6 +212,6 @@ def decode_text(path: Path) -> str:
     Raises FileError for a file that is missing, unreadable, too large or UTF-16.
     """
     raw = read_all_bytes(path)
-    text_file.refuse_utf16(str(path), raw)
+    toml_document.refuse_utf16(str(path), raw)
     text = raw.decode("utf-8", "surrogateescape").removeprefix("\ufeff")
     return text.replace("\r\n", "\n").replace("\r", "\n")

@@ -48,8 +48,7 @@ def calibrate(
     Example: pulsepath calibrate hexapod cmm --out out/calibrated
     """
     writes(out)
-    from kinematics import load_machine
-    from kinematics.calibration import calibrate as identify
+    from kinematics import calibration, load_machine
     from kinematics.calibration.measurement_file import load_measurements
     from kinematics.foundation.names import find
     from pulsepath.output import calibration_directory, record, tables
@@ -65,7 +64,7 @@ def calibrate(
         out, force, CALIBRATION_KIND
     ) as folder:  # where nothing can be written, that is said before the work
         with step(f"identifying {nominal.name} from {len(measured)} measurements"):
-            found = identify(nominal, measured, [part.strip() for part in model.split(",")], use=use)
+            found = calibration.calibrate(nominal, measured, [part.strip() for part in model.split(",")], use=use)
         detail(f"{len(found.parameters)} parameters, {found.observability.rank} combinations of them identifiable")
         with step("writing files"):
             calibration_directory.write(folder, found, sources)

@@ -24,7 +24,7 @@ def check(program: str, machine: str | None, motion: str, dumped: Path | None, f
 
     Example: pulsepath check circle --machine hexapod
     """
-    from planner import check as look
+    import planner
     from pulsepath.inputs import read_inputs
     from pulsepath.output import record, tables
     from pulsepath.output.dump import dump
@@ -33,7 +33,7 @@ def check(program: str, machine: str | None, motion: str, dumped: Path | None, f
     if dumped is not None:
         dump(dumped, inputs, "check", {}, force, as_json)
         return
-    found = look(inputs.program, inputs.machine)
+    found = planner.check(inputs.program, inputs.machine)
     if as_json:
         click.echo(record.as_json(record.of_check(found)), nl=False)
     elif found.violations:

@@ -84,8 +84,7 @@ def compare(
     Example: pulsepath compare servo-rig --law 3 --law 6 --out out/laws
     """
     writes(out / "compare.json", kept="" if saved else f"finished runs are kept in {out} and reused next time")
-    from benchmarks.reports.gain import compare as compared
-    from benchmarks.reports.gain import read_condition
+    from benchmarks.reports import gain
     from benchmarks.sweep import load_runs
     from controllers.rig_file import load_rig
     from kinematics import MotionError
@@ -94,7 +93,7 @@ def compare(
 
     if saved and (rig or laws or tasks or address or seeds != 1):
         raise MotionError("compare: with --from nothing is run, so give no RIG, --law, --task, --seeds or --address")
-    asked = [read_condition(text) for text in conditions]
+    asked = [gain.read_condition(text) for text in conditions]
     to = compare_directory.destinations(out, force)
     if saved:
         runs = [load_runs(folder) for folder in saved]
@@ -103,7 +102,7 @@ def compare(
     else:
         runs = [_run(load_rig(rig or "servo-rig"), out, laws, tasks, seeds, address, baseline, asked)]
     with step("comparing runs"):
-        found = compared(runs, baseline)
+        found = gain.compare(runs, baseline)
         verdict = compare_directory.write(to, found)
     met = [reason for condition in asked for reason in condition.met(found, verdict.best)]
     report = str(out / compare_directory.REPORT)

@@ -88,7 +88,7 @@ def console(
     from controllers.console.links import LOOPBACK, Socket, Transport, pipe, require_pollable, serial_line
     from controllers.console.serve import Clock, Server
     from kinematics import MotionError, load_machine
-    from pulsepath import terminal as console_prompt
+    from pulsepath import terminal
     from pulsepath.output import register_file
 
     require_pollable()
@@ -106,18 +106,18 @@ def console(
             socket = Socket(tcp, listen or LOOPBACK)
             remote.append(socket)
             _tell(f"TCP {socket.address[0]} port {socket.address[1]}")
-        terminal = console_prompt.terminal(session.drives.names) if sys.stdin.isatty() else None
+        shell = terminal.terminal(session.drives.names) if sys.stdin.isatty() else None
 
         def tell(text: str) -> None:
-            if terminal is not None:
-                terminal.screen.wipe()
+            if shell is not None:
+                shell.screen.wipe()
             _tell(text)
 
         keeper = register_file.Keeper(place, tell)
         server = Server(
             Dispatcher(session),
             Clock(fast=fast),
-            console=terminal or pipe(),
+            console=shell or pipe(),
             remote=remote,
             save=lambda desk, t: keeper.save(snapshot_session(desk.session, t)),
             echo=tell,
@@ -125,17 +125,17 @@ def console(
         _tell(f"{driven.name}: {describe_offer(session)}")
         with raise_on_signal():
             try:
-                if terminal is not None:
-                    console_prompt.prompt(server, terminal.screen)
+                if shell is not None:
+                    terminal.prompt(server, shell.screen)
                 else:
-                    console_prompt.script(server, bool(remote))
+                    terminal.script(server, bool(remote))
             except EndSignal as end:
                 supervisor.tell(patience=STOPPING_PATIENCE)
                 server.say("STOP")
                 server.finish()
                 tell(f"interrupted: {server.desk.session.describe(server.clock.now)}, {keeper.told}")
                 click.get_current_context().exit(end.code)
-        if server.refused and terminal is None:
+        if server.refused and shell is None:
             click.get_current_context().exit(BAD_INPUT)
 
 

@@ -71,11 +71,11 @@ def import_(
         found = source.read(file)
         way = found.outline
     with step(f"writing {out} and {image}"), stage_files(destinations) as (written, drawn):
-        from planner import figures as plots
+        from planner.figures import program_path
 
         told = f"{found.program.name}, imported from {file.name} ({name})"
         written.write_text(program_toml(found.program, told), encoding="utf-8")
-        figure_of = plots.program_path(way).get_figure(root=True)
+        figure_of = program_path(way).get_figure(root=True)
         if figure_of is not None:
             figure_of.savefig(drawn, dpi=150)
     about = record.of_import(name, found, way, str(out), str(image))

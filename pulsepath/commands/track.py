@@ -44,9 +44,8 @@ def track(
     Example: pulsepath track out/circle --rig hexapod-steppers --law 3 --law 6:gain=0.7
     """
     writes(directory / "track.json")
+    import controllers
     from benchmarks.sweep import read_setting
-    from controllers import evaluate
-    from controllers import track as run
     from controllers.metrics.evaluate import PERIOD
     from controllers.rig_choice import choose_rig
     from kinematics.files.atomic_files import Destination
@@ -62,8 +61,8 @@ def track(
     metrics = []
     for law in [setting.made(behind) for setting in settings]:
         with step(f"tracking under {law.name}"):
-            tracked = run(planned.trajectory, planned.machine, law, rig=behind, period=PERIOD)
-            metrics.append(evaluate(tracked, planned.trajectory, planned.machine))
+            tracked = controllers.track(planned.trajectory, planned.machine, law, rig=behind, period=PERIOD)
+            metrics.append(controllers.evaluate(tracked, planned.trajectory, planned.machine))
     found = {**record.of_doubts(planned.doubts), **record.of_tracking(behind, metrics)}
     text = record.as_json({"schema": record.SCHEMA, **found})
     target.write(text)

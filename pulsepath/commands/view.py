@@ -121,7 +121,7 @@ def _show(page: str, port: int, no_browser: bool, told: dict[str, Any], as_json:
     """Serve a page until Ctrl-C, which is how this ends well."""
     import webbrowser
 
-    from pulsepath import progress as talk
+    from pulsepath import progress
     from pulsepath.output import record
     from pulsepath.page_server import serve_page
 
@@ -130,12 +130,12 @@ def _show(page: str, port: int, no_browser: bool, told: dict[str, Any], as_json:
             with serve_page(page, port) as address:
                 click.echo(record.as_json(told | {"address": address}) if as_json else address, nl=not as_json)
                 sys.stdout.flush()
-                talk.note("press Ctrl-C to stop")
+                progress.note("press Ctrl-C to stop")
                 if not no_browser:
                     webbrowser.open(address)
                 while True:
                     time.sleep(3600)
         except EndSignal as end:
-            talk.note("stopped")
+            progress.note("stopped")
             if end.code != INTERRUPTED:
                 click.get_current_context().exit(end.code)

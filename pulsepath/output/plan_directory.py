@@ -15,7 +15,7 @@ import numpy as np
 from controllers.rig_choice import rig_hint
 from kinematics import Machine, MotionError, load_machine
 from planner import Plan, Program, Trajectory, load_program
-from planner.export import plan_files as motion_json
+from planner.export import plan_files
 from planner.limits import Limit, limits_of
 from planner.orientation.orient import apply_choice, find_choice
 from planner.parallel import Progress, ignore_progress
@@ -129,8 +129,6 @@ def write(folder: Path, job: Job, inputs: Inputs) -> PulseCheck:
 
     Raises Defect where they fail it.
     """
-    from planner.export import plan_files as trajectory_csv
-    from planner.export import plan_files as trigger_csv
     from planner.export.formats import pulse_csv
 
     plan = job.plan
@@ -138,10 +136,10 @@ def write(folder: Path, job: Job, inputs: Inputs) -> PulseCheck:
     (folder / SOURCES["machine"]).write_bytes(inputs.machine_toml)
     for name, content in inputs.companions.items():
         (folder / name).write_bytes(content)
-    motion_json.write_motion_json(plan.trajectory, folder / MOTION)
+    plan_files.write_motion_json(plan.trajectory, folder / MOTION)
     if choice := find_choice(plan.program):
         (folder / ORIENTATION).write_text(as_json({str(k): chosen.tolist() for k, chosen in choice.items()}))
-    trajectory_csv.write_trajectory_csv(plan.trajectory, folder / TRAJECTORY)
+    plan_files.write_trajectory_csv(plan.trajectory, folder / TRAJECTORY)
     axes = plan.machine.axes
     wiring, timing = [axis.direction for axis in axes], [axis.timing for axis in axes]
     with step(f"writing {plan.pulses.total} pulses") as tell:
@@ -152,7 +150,7 @@ def write(folder: Path, job: Job, inputs: Inputs) -> PulseCheck:
         raise Defect(f"{verdict.fault_count} faults in the pulses, the first: {verdict.faults[0]}")
     (folder / CERTIFICATE).write_text(as_json(pulse_file_record(folder / PULSES, plan, verdict)), encoding="utf-8")
     if plan.triggers:
-        trigger_csv.write_trigger_csv(plan.triggers, plan.machine.axes, folder / TRIGGERS)
+        plan_files.write_trigger_csv(plan.triggers, plan.machine.axes, folder / TRIGGERS)
     _write_report(folder / REPORT, job, verdict)
     (folder / RECORD).write_text(as_json(sealed(plan_record(job, inputs, verdict), folder)), encoding="utf-8")
     return verdict
@@ -212,7 +210,7 @@ def read(folder: Path, unverified: bool = False) -> StoredPlan:
         _restore_orientation(program, folder / ORIENTATION), name=f"{name}{NOT_VERIFIED}" if unverified else name
     )
     machine = machine.called(str(record.get("machine") or machine.name))
-    trajectory = motion_json.read(folder / MOTION, actuate(program, machine))
+    trajectory = plan_files.read(folder / MOTION, actuate(program, machine))
     taken = StoredPlan(program, machine, trajectory, clock, rule, order, digest)
     if unverified:
         return replace(taken, doubts=(*doubts, "the motion was not proved again"))

@@ -7,7 +7,7 @@ import pytest
 from kinematics import MotionError, NotInstalled
 from planner import Line, Program, load_program, plan
 from planner.cross_check import cross_check
-from planner.timing.solvers import toppra_ as toppra_adapter
+from planner.timing.solvers import toppra_
 
 
 @pytest.fixture(scope="module")
@@ -22,10 +22,10 @@ def own(program, hexapod):
 
 @pytest.fixture
 def without_toppra(monkeypatch):
-    toppra_adapter._toppra.cache_clear()
+    toppra_._toppra.cache_clear()
     monkeypatch.setitem(sys.modules, "toppra.algorithm", None)
     yield
-    toppra_adapter._toppra.cache_clear()
+    toppra_._toppra.cache_clear()
 
 
 def test_a_plan_by_toppra_is_certified_and_as_fast(program, hexapod, own):
@@ -68,7 +68,7 @@ def test_where_toppra_gives_no_motion_that_is_told(monkeypatch, own, program, he
     def gives_up(*_):
         return MotionError("toppra found no motion over 1000 intervals")
 
-    monkeypatch.setattr(toppra_adapter, "largest_speeds", gives_up)
+    monkeypatch.setattr(toppra_, "largest_speeds", gives_up)
     found = cross_check(own)
     assert found.theirs is None
     assert found.difference is None

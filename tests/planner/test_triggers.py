@@ -10,7 +10,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics import MotionError
 from planner import Arc, Dwell, Line, Program, Spline, Trigger, Turn, plan
-from planner.export import plan_files as trigger_csv
+from planner.export import plan_files
 from planner.path.actuation import actuate, make_points
 
 TWIST = Rotation.from_euler("XYZ", [0.05, 0.0, 0.0])
@@ -101,7 +101,7 @@ def test_counts_are_those_of_the_pulses(marked):
 
 
 def test_the_table_reads_back(marked, tmp_path):
-    trigger_csv.write_trigger_csv(marked.triggers, marked.machine.axes, tmp_path / "triggers.csv")
+    plan_files.write_trigger_csv(marked.triggers, marked.machine.axes, tmp_path / "triggers.csv")
     with (tmp_path / "triggers.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
     assert [row["name"] for row in rows] == [event.name for event in marked.triggers]

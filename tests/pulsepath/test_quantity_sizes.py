@@ -6,7 +6,7 @@ from click.testing import CliRunner
 from kinematics import FileError, MotionError, load_machine
 from planner import Arc, Dwell, Line, Program, Turn, load_program, plan
 from planner.path.actuation import actuate
-from planner.timing import discretization as posing
+from planner.timing import discretization
 from planner.trajectory import MOST_ROWS, period
 from pulsepath.cli import main
 
@@ -106,7 +106,7 @@ def turning(tmp_path):
 
 
 def test_a_run_of_too_many_intervals_is_refused_with_the_remedy(monkeypatch):
-    monkeypatch.setattr(posing, "MOST", (100, 100))
+    monkeypatch.setattr(discretization, "MOST", (100, 100))
 
     with pytest.raises(MotionError, match=r'intervals to time, at most 100: write join = "stop" .* or plan at order 2'):
         plan(load_program("bare-circle"), load_machine("hexapod"), order=3)

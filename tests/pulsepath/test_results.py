@@ -15,8 +15,7 @@ from scipy.interpolate import CubicSpline
 import pulsepath as pp
 from benchmarks.reports.gain.comparison import BaselineRatio, Comparison, ComparisonRow, SettingEntry
 from benchmarks.reports.gain.verdict import Margin, Verdict
-from benchmarks.sweep.result import Cell, SavedRuns, Setting
-from benchmarks.sweep.result import RunResult as Run
+from benchmarks.sweep.result import Cell, RunResult, SavedRuns, Setting
 from controllers.metrics import Circle, IsoStyle, circular_test
 from controllers.metrics.iso_style import PathAccuracy, PoseAccuracy, VelocityAccuracy
 from kinematics.foundation.result import Result
@@ -84,7 +83,7 @@ def runs():
     cells = [Cell(Setting("6", (("gain", gain),)), "line") for gain in (0.5, 0.7)]
     record = {"axes": {"a": "m"}, "tasks": {"line": {"unit": "m"}}}
     done = {"contour_rms": 1.5e-6, "following_max.a": 3e-6, "end_time": np.inf}
-    return SavedRuns(Path("<i>"), record, {"0": Run(cells[0], done), "1": Run(cells[1], failure="<b>")})
+    return SavedRuns(Path("<i>"), record, {"0": RunResult(cells[0], done), "1": RunResult(cells[1], failure="<b>")})
 
 
 PATH = PathAccuracy(3, np.array([1e-6, 2e-6]), np.array([3e-6, 4e-6]))

@@ -28,7 +28,7 @@ from planner.limits import limits_of
 from planner.limits.limit import Limit
 from planner.path.actuation import ActuatorPath, actuate
 from planner.path.polynomial import PolynomialPath
-from planner.timing import discretization as posing
+from planner.timing import discretization
 from planner.timing.certified_solve import certified_solve
 from planner.timing.discretization import jerk_problem
 from planner.timing.problem import Run, Solver, make_grid, pose_problem
@@ -232,11 +232,11 @@ def solve_order2(case: Case) -> Iterator[PeerAnswer]:
 
 def solve_by_ipopt(case: Case) -> PeerAnswer:
     """The reference: IPOPT on many intervals, from where FATROP ends on as many."""
-    usual, posing.THIRD_ORDER = posing.THIRD_ORDER, (REFERENCE_3, 0, 0)
+    usual, discretization.THIRD_ORDER = discretization.THIRD_ORDER, (REFERENCE_3, 0, 0)
     try:
         problem, start = require(jerk_problem(case.path, axis_limits(case, 3), _run(case)))
     finally:
-        posing.THIRD_ORDER = usual
+        discretization.THIRD_ORDER = usual
     guess = start.on(problem.s)
 
     def solve() -> PeerMotion:

@@ -28,7 +28,7 @@ import numpy as np
 from benchmarks.evidence.timing import Result, run_in_new_process, time_calls
 from kinematics import Hexapod, Machine, load_machine
 from planner import load_program, plan
-from planner.export import plan_files as motion_json
+from planner.export import plan_files
 from planner.export.format import ExportSource
 from planner.export.formats import npz, pulse_csv
 from planner.path.actuation import actuate
@@ -62,7 +62,7 @@ def main() -> None:
     print("stage         pulses   CPU s   M pulses/s   peak MB   bytes/pulse above the fewest")
     with TemporaryDirectory() as folder:
         motion = Path(folder) / "motion.json"
-        motion_json.write_motion_json(plan(load_program("circle"), load_machine("hexapod")).trajectory, motion)
+        plan_files.write_motion_json(plan(load_program("circle"), load_machine("hexapod")).trajectory, motion)
         for stage in STAGES:
             least: tuple[int, float] | None = None
             for count in CASES:
@@ -79,7 +79,7 @@ def measure_stage(stage: str, count: int, motion: Path) -> tuple[int, float, int
     """Pulses, CPU seconds of the stage, and peak bytes of this process."""
     repetitions, coarser = CASES[count]
     machine = load_coarse_hexapod(coarser)
-    trajectory = repeat_motion(motion_json.read(motion, actuate(load_program("circle"), machine)), repetitions)
+    trajectory = repeat_motion(plan_files.read(motion, actuate(load_program("circle"), machine)), repetitions)
     axes = machine.axes
     schedule, seconds = time_best(lambda: generate(trajectory, axes, machine.home_q, CLOCK), count)
     if stage == "check":

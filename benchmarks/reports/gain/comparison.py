@@ -14,7 +14,7 @@ from benchmarks.reports.gain.criteria import About, compare_figures, mean_of, we
 from benchmarks.sweep import RunResult, SavedRuns, Setting, read_setting
 from benchmarks.sweep.result import NOMINAL, figure_unit
 from kinematics.foundation.errors import MotionError
-from kinematics.foundation.result import Result as Shown
+from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
 
 if TYPE_CHECKING:
@@ -101,7 +101,7 @@ class ComparisonRow:
 
 
 @dataclass(frozen=True, slots=True)
-class Comparison(Shown):
+class Comparison(Result):
     """All rows of a comparison, setting by setting, and the runs behind them.
 
     ranked  the tasks by which settings are ranked: those that no stable run stays on to less than the floor. On the

@@ -28,7 +28,7 @@ from kinematics.foundation.options import option
 from kinematics.machine.axis import StepTiming, ceil_ticks
 from planner.export.format import Exported, ExportSource
 from planner.parallel import Progress, ignore_progress, share_progress
-from planner.pulses.checking import edge_reader as lines
+from planner.pulses.checking import edge_reader
 from planner.pulses.schedule import PulseSchedule, Ticks, holds_same_pulses
 
 STEP_WIDTH = 2e-6  # s, enough for every common drive
@@ -47,7 +47,8 @@ class PulseCsv:
         axes, pulses = source.machine.axes, source.pulses
         wiring, timing = [axis.direction for axis in axes], [axis.timing for axis in axes]
         write(pulses, path, wiring, width=self.width, timing=timing, tell=share_progress(source.tell, 0, 2))
-        held = lines.parts(path, pulses.clock_hz, axes, source.machine.home_q, tell=share_progress(source.tell, 1, 2))
+        tell = share_progress(source.tell, 1, 2)
+        held = edge_reader.parts(path, pulses.clock_hz, axes, source.machine.home_q, tell=tell)
         exact = holds_same_pulses(pulses, (part.schedule for part in held))
         notes = (describe_high(pulses, self.width, timing),)
         return Exported(0.0 if exact else np.inf, "the pulses, edge by edge", notes, pulses.total)

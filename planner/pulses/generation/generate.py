@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinematics.foundation import names as registry
+from kinematics.foundation import names
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.options import read_options, split_options
@@ -44,7 +44,7 @@ def find_rule(text: str) -> Rule:
     """
     name, given = split_options(text, "firing rule")
     if name not in RULES:
-        raise MotionError(f'unknown firing rule "{name}"{registry.nearest(name, RULES)}; rules: {", ".join(RULES)}')
+        raise MotionError(f'unknown firing rule "{name}"{names.nearest(name, RULES)}; rules: {", ".join(RULES)}')
     return RULES[name](**read_options(RULES[name], given, f"firing rule {name}"))
 
 

@@ -10,9 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.sweep import VARIATIONS, Grid, Setting, load_runs, read_setting, settings_of, sweep
-from benchmarks.sweep import run as digesting
-from benchmarks.sweep import run as sweeping
+from benchmarks.sweep import VARIATIONS, Grid, Setting, load_runs, read_setting, run, settings_of, sweep
 from benchmarks.sweep.result import CELLS, DamagedRun, RunResult, RunSeries, Store
 from benchmarks.sweep.run import Digests, digest, score
 from controllers.rig import Host, Task, assumed_rig
@@ -48,8 +46,8 @@ def alone(monkeypatch):
         ran.extend(cells)
         return score(cells, rig)
 
-    monkeypatch.setattr(sweeping, "installed", lambda: False)
-    monkeypatch.setattr(sweeping, "score", counting)
+    monkeypatch.setattr(run, "installed", lambda: False)
+    monkeypatch.setattr(run, "score", counting)
     return ran
 
 
@@ -160,8 +158,8 @@ def test_results_do_not_depend_on_the_batch(rig, grid):
 
 @pytest.mark.parametrize("killing", [False, True])
 def test_results_do_not_depend_on_the_number_of_processes(tmp_path, rig, grid, monkeypatch, killing):
-    monkeypatch.setattr(sweeping, "installed", lambda: False)
-    monkeypatch.setattr(sweeping, "LANES", 1)
+    monkeypatch.setattr(run, "installed", lambda: False)
+    monkeypatch.setattr(run, "LANES", 1)
     grid = replace(grid, tasks=("dash",))
     one = sweep(grid, rig, tmp_path / "one")
     monkeypatch.setattr("planner.parallel.ENOUGH", 0.0)
@@ -230,24 +228,24 @@ def test_every_input_changes_the_name(rig, grid):
 
 @pytest.mark.parametrize("library", ["numpy", "scipy", "casadi", "osqp", "pin", "pulsepath"])
 def test_another_version_of_a_library_changes_the_name(rig, grid, monkeypatch, library):
-    cell, now = next(iter(grid)), digesting.version
+    cell, now = next(iter(grid)), run.version
     name = digest(cell, Digests(rig))
-    monkeypatch.setattr(digesting, "version", lambda package: "0.0" if package == library else now(package))
+    monkeypatch.setattr(run, "version", lambda package: "0.0" if package == library else now(package))
     assert digest(cell, Digests(rig)) != name
 
 
 def test_another_python_changes_the_name(rig, grid, monkeypatch):
     name = digest(next(iter(grid)), Digests(rig))
-    monkeypatch.setattr(digesting, "python_version", lambda: "3.0.0")
+    monkeypatch.setattr(run, "python_version", lambda: "3.0.0")
     assert digest(next(iter(grid)), Digests(rig)) != name
 
 
 @pytest.mark.parametrize("package", ["kinematics", "planner", "controllers", "benchmarks.sweep"])
 def test_another_source_changes_the_name(tmp_path, monkeypatch, package):
-    monkeypatch.setattr(digesting, "files", lambda name: tmp_path / name)
-    for name in digesting.PACKAGES:
+    monkeypatch.setattr(run, "files", lambda name: tmp_path / name)
+    for name in run.PACKAGES:
         (tmp_path / name / "inner").mkdir(parents=True)
-    code = digesting.code.__wrapped__
+    code = run.code.__wrapped__
     before = code()
     (tmp_path / package / "inner" / "module.py").write_text("x = 1")
     assert code() != before
@@ -282,7 +280,7 @@ def test_an_address_without_dask_is_refused(tmp_path, rig, grid, monkeypatch):
 
 def test_a_killed_worker_loses_nothing(tmp_path, rig, grid, monkeypatch):
     distributed = pytest.importorskip("distributed", reason="the extra cluster")
-    monkeypatch.setattr(sweeping, "LANES", 1)
+    monkeypatch.setattr(run, "LANES", 1)
     grid = replace(grid, tasks=("dash",), variations=VARIATIONS[:1])
     with distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None) as cluster:
         first, *_ = (worker.pid for worker in cluster.workers.values())
@@ -295,7 +293,7 @@ def test_a_killed_worker_loses_nothing(tmp_path, rig, grid, monkeypatch):
 
         runs = sweep(grid, rig, tmp_path / "cluster", address=cluster.scheduler_address, progress=kill)
         assert killed.is_set()
-    monkeypatch.setattr(sweeping, "installed", lambda: False)
+    monkeypatch.setattr(run, "installed", lambda: False)
     here = sweep(grid, rig, tmp_path / "here")
     assert set(runs.results) == set(here.results)
     for key, result in runs.results.items():

@@ -5,8 +5,13 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics import Axis, Hexapod, MotionError
-from kinematics.analysis.assembly_modes import GENERIC_SOLUTIONS, assembly_modes, solve_generic, solve_modes
-from kinematics.analysis.assembly_modes import LegParameters as Parameters
+from kinematics.analysis.assembly_modes import (
+    GENERIC_SOLUTIONS,
+    LegParameters,
+    assembly_modes,
+    solve_generic,
+    solve_modes,
+)
 
 LEGS = tuple(f"leg{n}" for n in range(1, 7))
 SAME = 1e-8
@@ -83,7 +88,7 @@ def test_a_generic_machine_has_forty_complex_solutions():
     machine = random_machine(7)
     a, b = machine.platform / 2, machine.base / 2
     c = (a**2).sum(1) + (b**2).sum(1) - (machine.home_q / 2) ** 2
-    real = Parameters(*(x[None].astype(complex) for x in (a, b, c)))
+    real = LegParameters(*(x[None].astype(complex) for x in (a, b, c)))
     for theta, found in ((legs, y), (real, solve_modes(real, 0))):
         assert len(found) == 40
         e, h = found[:, :4], found[:, 4:]

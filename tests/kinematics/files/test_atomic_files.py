@@ -75,15 +75,15 @@ def test_the_command_line_ends_by_the_same_signals():
 
 @pytest.mark.parametrize("broken", ["_made", "end"])
 def test_nothing_staged_is_left_where_making_or_removing_it_is_broken_off(tmp_path, monkeypatch, broken):
-    from kinematics.files import atomic_files as staging
+    from kinematics.files import atomic_files
 
-    done = getattr(staging, broken)
+    done = getattr(atomic_files, broken)
 
     def interrupted(*arguments):
         come()
         return done(*arguments)
 
-    monkeypatch.setattr(staging, broken, interrupted)
+    monkeypatch.setattr(atomic_files, broken, interrupted)
     with pytest.raises(KeyboardInterrupt), staged(tmp_path / "file") as file:
         file.write_text("new")
     # where the signal came while it was removed, the file was in its place already

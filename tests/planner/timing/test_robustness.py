@@ -14,7 +14,7 @@ from planner.limits import limits_of
 from planner.path.actuation import MachinePath
 from planner.path.polynomial import PolynomialPath
 from planner.path.shape import arc, line
-from planner.timing import discretization as posing
+from planner.timing import discretization
 from planner.timing.certified_solve import certified_solve
 from planner.timing.problem import Run, make_grid, pose_problem
 from planner.timing.solvers.second_order import second_order
@@ -95,7 +95,7 @@ def distances():
 
 @pytest.mark.parametrize("resolution", [50, 51, 77, 100, 200, 1000])
 def test_line_arc_line_on_two_distances(monkeypatch, resolution):
-    monkeypatch.setattr(posing, "SECOND_ORDER", (resolution, 0, 0))
+    monkeypatch.setattr(discretization, "SECOND_ORDER", (resolution, 0, 0))
     path, axes = distances()
     found = certified_solve(path, limits_of(path, axes, 2), 2)
     assert found.certificate.holds

@@ -3,7 +3,7 @@
 import json
 import sys
 
-from planner.timing.solvers import toppra_ as toppra_adapter
+from planner.timing.solvers import toppra_
 from pulsepath.process.exits import describe_error
 
 
@@ -33,9 +33,9 @@ def test_it_is_refused_before_the_work_where_toppra_is_not_there(call, tmp_path,
     # to see the refusal instead of skipping
     monkeypatch.setattr("pulsepath.command_group.describe_error", describe_error)
     monkeypatch.setitem(sys.modules, "toppra.algorithm", None)
-    toppra_adapter._toppra.cache_clear()
+    toppra_._toppra.cache_clear()
     done = call("plan", "bare-circle", "--cross-check", "--out", tmp_path / "plan")
-    toppra_adapter._toppra.cache_clear()
+    toppra_._toppra.cache_clear()
     assert done.exit_code == 2
     assert "--cross-check needs toppra" in done.stderr
     assert not (tmp_path / "plan").exists()

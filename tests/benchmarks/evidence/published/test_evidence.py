@@ -4,21 +4,18 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.evidence.published import conformance
-from benchmarks.evidence.published import conformance as sahbaz_geometry
-from benchmarks.evidence.published import page as evidence
+from benchmarks.evidence.published import conformance, page
 from benchmarks.evidence.published.compared import NumberComparison, comparison, markdown
-from benchmarks.evidence.published.page import COMMAND, page
 
 PAGE = Path(__file__).parents[4] / "docs" / "evidence.md"
 
 
 def test_the_committed_page_is_what_the_command_prints():
-    assert PAGE.read_text(encoding="utf-8") == page(), f"stale: {COMMAND} --out docs/evidence.md"
+    assert PAGE.read_text(encoding="utf-8") == page.page(), f"stale: {page.COMMAND} --out docs/evidence.md"
 
 
 REPRODUCED = [
-    *sahbaz_geometry.retracted(),
+    *conformance.retracted(),
     *conformance.length_changes(),
     *conformance.home_lengths(),
     *conformance.modes(),
@@ -34,11 +31,11 @@ def test_ours_is_the_published_number_to_the_last_digit_printed(row):
 
 def test_the_leg_angles_of_table_4_3_are_those_printed():
     """Rounded on the way in print: 1.02e-7° at most."""
-    assert max(abs(row.difference) for row in sahbaz_geometry.leg_angles()) < 1.05e-7
+    assert max(abs(row.difference) for row in conformance.leg_angles()) < 1.05e-7
 
 
 def test_what_does_not_follow_is_said_not_to():
-    rows = sahbaz_geometry.initial_design()
+    rows = conformance.initial_design()
     assert all("does not follow" in row.remark and row.remark in comparison(rows) for row in rows)
     # within what an independent search over readings of the geometry found
     assert 38 < rows[0].ours < 64
@@ -55,15 +52,15 @@ def test_a_table_shows_one_digit_more_than_print():
 
 def test_table_6_4_is_explained_in_part_and_the_page_says_in_which():
     """The tilt grows with the pulse, by nearly what was measured; a factor common to all legs turns no heading."""
-    tables = "\n".join(evidence.calibrated())
+    tables = "\n".join(page.calibrated())
     assert "| tilt from z | 0.179 | 0.165 |" in tables
     assert "| heading of the tilt about z | -1.792 | -0.042 |" in tables
 
 
 def test_a_page_that_cannot_be_written_is_told(monkeypatch, capsys, tmp_path):
     monkeypatch.setattr("sys.argv", ["evidence", "--out", str(tmp_path / "none" / "page.md")])
-    monkeypatch.setattr(evidence, "page", lambda: "")
+    monkeypatch.setattr(page, "page", lambda: "")
     with pytest.raises(SystemExit) as end:
-        evidence.main()
+        page.main()
     assert end.value.code == 2
     assert "cannot write" in capsys.readouterr().err

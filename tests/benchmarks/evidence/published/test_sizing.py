@@ -5,7 +5,6 @@ import pytest
 from scipy.integrate import quad
 
 from benchmarks.evidence.published import accuracy, sizing
-from benchmarks.evidence.published import sizing as initial_design
 from benchmarks.evidence.published.compared import PublishedLine, shown
 from benchmarks.evidence.published.sizing import INCH, OUNCE_INCH, appendix_b, appendix_d, other_axes, size_axis
 
@@ -91,31 +90,31 @@ def test_initial_design_moves_as_printed():
         (2.8, top * np.cos(0.4 * omega)),
         (3, 0),
     ):
-        assert float(initial_design.progress(np.array(t))[1]) == pytest.approx(rate, abs=1e-12)
+        assert float(sizing.progress(np.array(t))[1]) == pytest.approx(rate, abs=1e-12)
     for t in (0.3, 0.6, 1.7, 2.4, 2.9, 3.0):
-        way = quad(lambda at: float(initial_design.progress(np.array(at))[1]), 0, t, points=[0.6, 2.4], limit=200)[0]
-        assert float(initial_design.progress(np.array(t))[0]) == pytest.approx(way, rel=1e-9)
-    assert float(initial_design.progress(np.array(3.0))[0]) == pytest.approx(1.0)
+        way = quad(lambda at: float(sizing.progress(np.array(at))[1]), 0, t, points=[0.6, 2.4], limit=200)[0]
+        assert float(sizing.progress(np.array(t))[0]) == pytest.approx(way, rel=1e-9)
+    assert float(sizing.progress(np.array(3.0))[0]) == pytest.approx(1.0)
 
 
 def test_initial_design_needs_other_numbers_than_printed():
     """Stroke from the printed joints by hand; neither printed number follows from them."""
-    actuator, joint = initial_design.needs()
+    actuator, joint = sizing.needs()
 
     def circle(radius, gap, z):
         azimuth = np.deg2rad([gap / 2, 120 - gap / 2, 120 + gap / 2, 240 - gap / 2, 240 + gap / 2, -gap / 2])
         return np.stack([radius * np.cos(azimuth), radius * np.sin(azimuth), np.full(6, z)], 1)
 
     lengths = []
-    for share in initial_design.progress(np.linspace(0, 3, 21))[0]:
+    for share in sizing.progress(np.linspace(0, 3, 21))[0]:
         c, s = np.cos(np.deg2rad(10) * share), np.sin(np.deg2rad(10) * share)
         turned = circle(149, 60, -7.5) @ np.array([[1, 0, 0], [0, c, -s], [0, s, c]]).T
         lengths.append(
             np.linalg.norm(turned + np.array([0, 30 * share, 230 - 30 * share]) - circle(100, 20, 17.5), axis=1)
         )
     assert actuator.stroke * 1e3 == pytest.approx(np.ptp(lengths, axis=0).max(), rel=1e-12)
-    assert actuator.stroke != pytest.approx(initial_design.PRINTED.stroke, rel=0.1)
-    assert actuator.force != pytest.approx(initial_design.PRINTED.force, rel=0.1)
+    assert actuator.stroke != pytest.approx(sizing.PRINTED.stroke, rel=0.1)
+    assert actuator.force != pytest.approx(sizing.PRINTED.force, rel=0.1)
     assert joint.force == actuator.force
 
 

@@ -2,7 +2,7 @@
 are found."""
 
 from benchmarks.evidence.trials.console import run_crowd
-from controllers.console import serve as desk
+from controllers.console import serve
 
 
 def test_lines_that_come_mid_move_wait_and_stop_drops_them():
@@ -15,5 +15,5 @@ def test_lines_that_come_mid_move_wait_and_stop_drops_them():
 
 
 def test_a_queue_that_is_longer_is_found(monkeypatch):
-    monkeypatch.setattr(desk, "WAITING", 4)
+    monkeypatch.setattr(serve, "WAITING", 4)
     assert run_crowd(300, seed=3).faults

@@ -2,7 +2,7 @@
 faults are found."""
 
 from benchmarks.evidence.trials.console import fuzz
-from controllers.console import links as lines
+from controllers.console import links
 
 
 def test_random_bytes_move_nothing_that_was_not_asked_for():
@@ -14,5 +14,5 @@ def test_random_bytes_move_nothing_that_was_not_asked_for():
 
 
 def test_a_console_that_passes_over_noise_is_found(monkeypatch):
-    monkeypatch.setattr(lines, "_read", lambda held: lines.TextLine(held.decode("ascii", "ignore")))
+    monkeypatch.setattr(links, "_read", lambda held: links.TextLine(held.decode("ascii", "ignore")))
     assert fuzz(200, seed=3).faults

@@ -13,8 +13,7 @@ from kinematics import Axis
 from planner import PulseSchedule
 from planner.export.formats import pulse_csv
 from planner.pulses import AxisPulses, check, check_file, generate
-from planner.pulses.checking import check_parts
-from planner.pulses.checking import edge_reader as lines
+from planner.pulses.checking import check_parts, edge_reader
 from planner.pulses.schedule import holds_same_pulses, join_schedules
 from tests import read_lines
 from tests.planner.motions import PULSE, example
@@ -81,8 +80,8 @@ def test_a_file_reads_the_same_in_pieces_of_any_size(plan, tmp_path, monkeypatch
     axes = plan.machine.axes
     pulse_csv.write(plan.pulses, tmp_path / "p.csv", [axis.direction for axis in axes])
     expected = read_lines.read(tmp_path / "p.csv", 10_000_000, axes, plan.machine.home_q)
-    monkeypatch.setattr(lines, "PART", size)
-    parts = list(lines.parts(tmp_path / "p.csv", 10_000_000, axes, plan.machine.home_q))
+    monkeypatch.setattr(edge_reader, "PART", size)
+    parts = list(edge_reader.parts(tmp_path / "p.csv", 10_000_000, axes, plan.machine.home_q))
     assert len(parts) > 1 or size > 1000
     assert holds_same_pulses(plan.pulses, (part.schedule for part in parts))
     assert parts[-1].times == expected.times
@@ -94,13 +93,15 @@ def test_a_file_reads_the_same_in_pieces_of_any_size(plan, tmp_path, monkeypatch
 
 def test_reading_takes_no_memory_for_the_pulses_that_are_read(tmp_path, monkeypatch):
     """Twice the pulses take the same: the growth allowed is a tenth of what their ticks alone would take."""
-    monkeypatch.setattr(lines, "PART", 1 << 15)
+    monkeypatch.setattr(edge_reader, "PART", 1 << 15)
     axes, peaks = [Axis("x", pulse=PULSE)], []
     for pulses in (30_000, 60_000):
         made = AxisPulses("x", 100 * np.arange(1, pulses + 1), np.ones(pulses, np.int8), 0, PULSE, 0.0)
         pulse_csv.write(PulseSchedule(10_000_000, (made,), 1.0), tmp_path / "p.csv", [1])
         tracemalloc.start()
-        assert sum(len(part.schedule.axes[0]) for part in lines.parts(tmp_path / "p.csv", 10_000_000, axes, [0.0]))
+        assert sum(
+            len(part.schedule.axes[0]) for part in edge_reader.parts(tmp_path / "p.csv", 10_000_000, axes, [0.0])
+        )
         peaks.append(tracemalloc.get_traced_memory()[1])
         tracemalloc.stop()
     assert peaks[1] - peaks[0] < 0.1 * 8 * 30_000
