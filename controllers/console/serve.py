@@ -319,9 +319,10 @@ class Server:
                 self._end(served)
 
     def say(self, text: str, who: int = CONSOLE) -> None:
-        """Hand a line to the desk as if it had come from someone."""
+        """Hand a line to the desk as if it had come from someone; an empty one is none."""
         self.clock.advance(None)
-        self._take(take_line(self.desk, who, TextLine(text), self.clock.now))
+        for line in Partial().fed(text.encode(errors="replace") + b"\n")[1]:
+            self._take(take_line(self.desk, who, line, self.clock.now))
 
     def finish(self) -> None:
         """Bring the motion under way to its end, without waiting for it."""

@@ -2,7 +2,9 @@
 
 import os
 import sys
+from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
@@ -12,6 +14,9 @@ from pulsepath.process import supervisor
 from pulsepath.process.ending import EndSignal, raise_on_signal
 from pulsepath.process.exits import BAD_INPUT
 from pulsepath.progress import say
+
+if TYPE_CHECKING:
+    from controllers.console.serve import Server
 
 STOPPING_PATIENCE = 50.0
 """Times the usual that an orderly end may take: axes are ramped down, and their registers saved."""
@@ -88,7 +93,6 @@ def console(
     from controllers.console.links import LOOPBACK, Socket, Transport, pipe, require_pollable, serial_line
     from controllers.console.serve import Clock, Server
     from kinematics import MotionError, load_machine
-    from pulsepath import terminal
     from pulsepath.output import register_file
 
     require_pollable()
@@ -106,18 +110,23 @@ def console(
             socket = Socket(tcp, listen or LOOPBACK)
             remote.append(socket)
             _tell(f"TCP {socket.address[0]} port {socket.address[1]}")
-        shell = terminal.terminal(session.drives.names) if sys.stdin.isatty() else None
+        terminal = None
+        if sys.stdin.isatty():
+            from pulsepath.terminal import open_terminal
+
+            terminal = open_terminal(session.drives.names)
 
         def tell(text: str) -> None:
-            if shell is not None:
-                shell.screen.wipe()
-            _tell(text)
+            if terminal is None:
+                _tell(text)
+            else:
+                terminal.show(partial(_tell, text))
 
         keeper = register_file.Keeper(place, tell)
         server = Server(
             Dispatcher(session),
             Clock(fast=fast),
-            console=shell or pipe(),
+            console=terminal or pipe(),
             remote=remote,
             save=lambda desk, t: keeper.save(snapshot_session(desk.session, t)),
             echo=tell,
@@ -125,18 +134,25 @@ def console(
         _tell(f"{driven.name}: {describe_offer(session)}")
         with raise_on_signal():
             try:
-                if shell is not None:
-                    terminal.prompt(server, shell.screen)
+                if terminal is not None:
+                    terminal.prompt(server)
                 else:
-                    terminal.script(server, bool(remote))
+                    _run_script(server, bool(remote))
             except EndSignal as end:
                 supervisor.tell(patience=STOPPING_PATIENCE)
                 server.say("STOP")
                 server.finish()
                 tell(f"interrupted: {server.desk.session.describe(server.clock.now)}, {keeper.told}")
                 click.get_current_context().exit(end.code)
-        if server.refused and shell is None:
+        if server.refused and terminal is None:
             click.get_current_context().exit(BAD_INPUT)
+
+
+def _run_script(server: "Server", remote: bool) -> None:
+    """Serve until the script has ended and all stands; with a remote line, in mode REM, until interrupted."""
+    server.until(
+        lambda desk: not server.script_left and server.standing and not (remote and desk.session.mode == "REM")
+    )
 
 
 def _tell(text: str) -> None:

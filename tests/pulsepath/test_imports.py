@@ -12,20 +12,41 @@ import pytest
 
 import pulsepath as pp
 
-SLOW = {"numpy", "scipy", "casadi", "toppra", "matplotlib", "pint", "pydantic", "rich", "jinja2", "numba"}
+SLOW = {
+    "numpy",
+    "scipy",
+    "casadi",
+    "toppra",
+    "matplotlib",
+    "pint",
+    "pydantic",
+    "rich",
+    "jinja2",
+    "numba",
+    "prompt_toolkit",
+}
 
 
 def loaded_after(code):
     """Those of the slow packages that a fresh interpreter has loaded after some code."""
     report = f"import json, sys\n{code}\nprint(json.dumps(sorted({SLOW!r} & set(sys.modules))), file=sys.stderr)"
-    done = subprocess.run([sys.executable, "-c", report], capture_output=True, text=True, check=True)
-    return json.loads(done.stderr)
+    done = subprocess.run([sys.executable, "-c", report], input="", capture_output=True, text=True, check=True)
+    return json.loads(done.stderr.splitlines()[-1])
 
 
 @pytest.mark.parametrize("arguments", [["--help"], ["plan", "--help"], ["console", "--help"], ["--version"]])
 def test_help_loads_nothing_slow(arguments):
     code = f"from pulsepath.cli import main\ntry: main({arguments!r})\nexcept SystemExit as end: assert not end.code"
     assert loaded_after(code) == []
+
+
+@pytest.mark.skipif(os.name != "posix", reason="Windows has no console")
+def test_a_script_from_a_pipe_needs_no_prompt(tmp_path):
+    arguments = ["console", "--machine", "traverser", "--fast", "--state", str(tmp_path / "state.json")]
+    code = f"from pulsepath.cli import main\ntry: main({arguments!r})\nexcept SystemExit as end: assert not end.code"
+    loaded = loaded_after(code)
+    assert "numpy" in loaded
+    assert "prompt_toolkit" not in loaded
 
 
 def test_importing_the_package_loads_nothing_slow():

@@ -189,6 +189,10 @@ def test_registers_of_before_are_not_left_to_be_offered(state, monkeypatch):
         assert register_file.read(state) == last
 
 
+SEQUENCE = re.compile(r"\x1b\[[?0-9;]*[A-Za-z]")
+"""Moves the cursor, or changes how the terminal draws."""
+
+
 class Seat:
     """An operator at a terminal of the console's own."""
 
@@ -203,11 +207,11 @@ class Seat:
         os.write(self.terminal, keys)
 
     def expect(self, text, seconds=30):
-        """What was shown up to a text, which comes by then."""
+        """What was shown up to a text, which comes by then; a space may have been shown as a move of the cursor."""
         end = time.monotonic() + seconds
         while text not in self.shown and time.monotonic() < end:
             if select.select([self.terminal], [], [], 0.1)[0]:
-                self.shown += os.read(self.terminal, 4096).decode()
+                self.shown = SEQUENCE.sub("", self.shown + os.read(self.terminal, 4096).decode())
         assert text in self.shown, self.shown
         before, _, self.shown = self.shown.partition(text)
         return before
@@ -235,15 +239,15 @@ def seat(state):
 
 def test_an_operator_at_a_terminal_ends_a_jog_by_any_key(state, seat):
     operator = seat()
-    operator.expect("MAN> ")
+    operator.expect("MAN>")
     operator.type(b"HOME X Y Z R\n")
     operator.expect("register 0")
-    operator.expect("MAN> ")
+    operator.expect("MAN>")
     operator.type(b"jo\tx cw\n")  # completed
     time.sleep(1.0)
     operator.type(b" ")
     operator.expect("STOPPED X ")
-    operator.expect("MAN> ")
+    operator.expect("MAN>")
     operator.type(b"EXIT\n")
     assert operator.code() == 0
     assert 0 < json.loads(state.read_text())["registers"]["X"] < 2400
@@ -254,13 +258,13 @@ def test_a_half_typed_line_holds_up_neither_remote_lines_nor_their_stop(seat):
     operator.expect("port ")
     port = int(operator.expect("\r\n"))
     operator.type(b"HOME X Y Z R\nREM\n")
-    operator.expect("REM> ")
+    operator.expect("REM>")
     with socket.create_connection(("127.0.0.1", port), timeout=10) as client:
         replies = client.makefile("rb")
         client.sendall(b"P X + 48000\r")
         time.sleep(0.5)
         operator.type(b"wh")  # stray keys, and no Enter
-        operator.expect("REM> wh")
+        operator.expect("wh")
         client.sendall(b"WHERE\r")
         assert replies.readline().startswith(b"X ")
         client.sendall(b"STOP\r")
@@ -271,9 +275,42 @@ def test_a_half_typed_line_holds_up_neither_remote_lines_nor_their_stop(seat):
     assert operator.code() == 0
 
 
+def test_keys_at_a_terminal(seat):
+    operator = seat("--fast")
+    operator.expect("MAN>")
+    operator.type(b"HOME X Y Z R\n")
+    operator.expect("register 0")
+    operator.type("POS θ CW 4\nPOS X CW 7\n".encode())
+    operator.expect("DONE")
+    operator.expect("DONE")
+    operator.type(b"\x1b[A\x1b[A\n")  # the last line but one
+    operator.expect("DONE")
+    operator.type(b"P" * 121 + b"\n")
+    operator.expect("ERROR a line is longer than 120 characters; no motion")
+    operator.type(b"WHERX\x7fE\n")
+    operator.expect("X 7 Y 0 Z 0 R 8 =")
+    operator.type(b"WHE\x04")  # Ctrl-D leaves an empty line alone
+    operator.expect("WHE")
+    operator.type(b"\x15qu\t\n")
+    assert operator.code() == 0
+
+
+def test_ctrl_c_at_a_terminal_ends_the_console_and_leaves_the_terminal_as_it_was(seat):
+    import termios
+
+    operator = seat()
+    before = termios.tcgetattr(operator.terminal)
+    operator.expect("MAN>")
+    assert termios.tcgetattr(operator.terminal) != before
+    operator.type(b"half a line\x03")
+    operator.expect("interrupted: X ?0 Y ?0 Z ?0 R ?0, saved in")
+    assert operator.code() == 130
+    assert termios.tcgetattr(operator.terminal) == before
+
+
 def test_a_terminal_that_hangs_up_ends_the_console_in_order(state, seat):
     operator = seat()
-    operator.expect("MAN> ")
+    operator.expect("MAN>")
     operator.type(b"HOME X Y Z R\nPOS X CW 48000\n")
     operator.expect("register 0")
     time.sleep(1.0)
