@@ -49,7 +49,7 @@ class Learned:
         return ramp(target, -turn / 2, turn / 2, feedback.counter, reference.dt)
 
 
-TAIL = 3
+TAIL_STEPS = 3
 """Steps after the end of the motion that are learned too, in which the axes come to rest."""
 
 
@@ -58,7 +58,7 @@ class Learning:
     """What trials brought: the law of each, the first being the uncorrected one, and what error each left.
 
     laws   (trials + 1,)
-    error  (trials + 1, n) pulses, RMS of reference − encoder of each axis `INSTANTS` times a step
+    error  (trials + 1, n) pulses, RMS of reference − encoder of each axis `STEP_INSTANTS` times a step
     """
 
     laws: tuple[Learned, ...]
@@ -78,8 +78,8 @@ def learn(rig: Rig, task: Task, trials: int, *, plant: Rig | None = None, change
     so u⁺ = u + (PᵀP + s I)⁻¹ Pᵀ e where no limit is active: norm-optimal learning with W = I, S = s I, R = 0, whose
     error falls with every trial as long as P is the plant. u are the speeds at the start and end of each step (times
     dt), P the nominal drives' response to them over the whole motion (`Horizon`); e what the host reads of the encoders
-    while it waits, `INSTANTS` times a step, less the nominal play that they do not see. The first u is the reference,
-    as law 3 has it.
+    while it waits, `STEP_INSTANTS` times a step, less the nominal play that they do not see. The first u is the
+    reference, as law 3 has it.
 
     rig     as stated: P and the limits
     plant   what the trials run on, `rig` by default
@@ -91,7 +91,7 @@ def learn(rig: Rig, task: Task, trials: int, *, plant: Rig | None = None, change
         raise MotionError(f"learning: change {change} must be a positive finite number")
     plant, dt = plant or rig, task.dt
     reference = sample(task.motion, rig.machine, dt)
-    axes, steps = nominal_axes(rig), reference.steps + TAIL
+    axes, steps = nominal_axes(rig), reference.steps + TAIL_STEPS
     program = Horizon(axes, dt, steps, change)
     u = np.stack([np.stack([reference.npuls(i), reference.npuls(i + 1)], -1) for i in range(steps)]) * dt
     u = np.moveaxis(u, 0, 1).reshape(len(axes), 2 * steps)
@@ -128,7 +128,7 @@ def _law(reference: Reference, u: Array) -> Learned:
 
 def _errors(reference: Reference, law: Learned, plant: Rig, axes: NominalAxes, program: Horizon) -> Array:
     """Reference and half the nominal play − encoder (n, steps · m), pulses, at the program's instants."""
-    runs = simulate(reference, law, [plant], settle=(TAIL + 1) * reference.dt)
+    runs = simulate(reference, law, [plant], settle=(TAIL_STEPS + 1) * reference.dt)
     # the undelayed model is where the axes will be
     t = program.instants[:, None] * reference.dt + axes.delay
     at = np.minimum(np.searchsorted(runs.t, t - 1e-9), len(runs.t) - 1)

@@ -113,7 +113,7 @@ class Recorder:
 HOST_STEP = 5e-3
 """s. Between two commands the card's speed is a straight line, which leaves the plan by dt²/12 of what the acceleration
 changes by: at most 1.3 pulses of 0.75 µm between ±225 mm/s², the hexapod's. A host that polls the card can keep it."""
-SETTLE = 0.5
+SETTLING_TIME = 0.5
 """s after the end of the plan: fifteen time constants of a 30 1/s position loop."""
 
 
@@ -173,7 +173,7 @@ class Runs:
 
 
 def simulate(
-    reference: Reference, law: Law, rigs: Sequence[Rig], *, settle: float = SETTLE, period: float | None = None
+    reference: Reference, law: Law, rigs: Sequence[Rig], *, settle: float = SETTLING_TIME, period: float | None = None
 ) -> Runs:
     """B = len(rigs) runs of a reference under a law, whose gains are numbers or arrays (B, 1); a run is on its own rig.
 
@@ -228,7 +228,7 @@ def simulate(
             for tdec in np.unique(closing[ends & np.isfinite(closing)]).tolist():
                 state = send(card, state, DStop(tdec), now, (ends & (closing == tdec))[:, None])
             before, last, k = np.where(due[:, None], position, before), np.where(due, start, last), k + due
-        block = max(BLOCK // counts.size, 1)
+        block = max(BLOCK_VALUES // counts.size, 1)
         for first in range(start, stop, block):
             counter = state.counter(np.arange(first, min(first + block, stop)) * h)
             response, drives = axes.run(drives, counter * pulse, recorder.kept(first, len(counter)))
@@ -238,7 +238,7 @@ def simulate(
     return Runs(t=t, **records, pulses=pulses, lost=lost, steps=begin)
 
 
-BLOCK = 1 << 15
+BLOCK_VALUES = 1 << 15
 """Values of a quantity that are worked on at once: 256 kB, so that they stay near the processor."""
 
 

@@ -16,7 +16,7 @@ from controllers.card import Command
 from controllers.laws.law import Feedback, Law, Reference
 from controllers.rig import Rig, Timer
 from controllers.rig_choice import choose_rig
-from controllers.simulate import HOST_STEP, SETTLE, sample, simulate
+from controllers.simulate import HOST_STEP, SETTLING_TIME, sample, simulate
 from kinematics.foundation.arrays import Array, freeze_fields
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.result import Result
@@ -142,7 +142,7 @@ def track(
     *,
     rig: Rig | str | PathLike[str] | None = None,
     dt: float = HOST_STEP,
-    settle: float = SETTLE,
+    settle: float = SETTLING_TIME,
     period: float | None = None,
 ) -> Tracking:
     """Track a plan (or its trajectory) on a rig, then hold its end for `settle` seconds, see `simulate`.
@@ -167,7 +167,7 @@ def track_each(
 ) -> tuple[Tracking, ...]:
     """The same under each of several laws, in the time of one. Raises MotionError for laws that are no `SideBySide`."""
     law = SideBySide(tuple(laws))
-    return _track_lanes(plan, machine, law, laws, rig=rig, dt=HOST_STEP, settle=SETTLE, period=period)
+    return _track_lanes(plan, machine, law, laws, rig=rig, dt=HOST_STEP, settle=SETTLING_TIME, period=period)
 
 
 def _track_lanes(

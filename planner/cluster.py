@@ -23,7 +23,7 @@ Shared = TypeVar("Shared")
 Result = TypeVar("Result")
 
 # s to wait for a cluster that is said to be there.
-PATIENCE = 10.0
+MAX_CONNECTION_TIME = 10.0
 
 
 class LostTask(MotionError):
@@ -70,7 +70,7 @@ def run_on_cluster(
                 )
                 cluster = stack.enter_context(local)
         try:
-            client = stack.enter_context(Client(cluster, timeout=PATIENCE))
+            client = stack.enter_context(Client(cluster, timeout=MAX_CONNECTION_TIME))
         except (OSError, ValueError) as silent:
             raise MotionError(f"no Dask scheduler answers at {address}: {silent}; check the address") from silent
         look = make_fact_finder(packages)
@@ -105,9 +105,9 @@ def _hide_main() -> Iterator[None]:
 def _check_workers(client: Any, look: Look) -> None:
     """Raise MotionError unless there are workers, all of which compute with what is here."""
     try:
-        client.wait_for_workers(1, timeout=PATIENCE)
+        client.wait_for_workers(1, timeout=MAX_CONNECTION_TIME)
     except TimeoutError:
-        raise MotionError(f"the Dask cluster has no worker after {PATIENCE:g} s: start some") from None
+        raise MotionError(f"the Dask cluster has no worker after {MAX_CONNECTION_TIME:g} s: start some") from None
     ours = look()
     others = {worker: describe_mismatches(ours, theirs) for worker, theirs in client.run(look).items()}
     others = {worker: found for worker, found in others.items() if found}

@@ -11,7 +11,7 @@ Look = Callable[[], Facts]
 
 PACKAGES = ("kinematics", "planner")
 LIBRARIES = ("pulsepath", "numpy", "scipy", "casadi", "osqp", "pin")
-FIRST: dict[tuple[str, ...], Facts] = {}
+FIRST_FACTS: dict[tuple[str, ...], Facts] = {}
 """What was found when first looked for: sources that are changed later are not those that run."""
 
 
@@ -49,10 +49,10 @@ def make_fact_finder(packages: Sequence[str] = PACKAGES, libraries: Sequence[str
                     digest.update(name.encode() + b"\0" + sha256(file.read_bytes()).digest())
             facts[f"sources of {package}"] = digest.hexdigest() if spec else "not installed"
         try:
-            from planner.environment import FIRST
+            from planner.environment import FIRST_FACTS
         except ImportError:  # none here, or one too old to have it
             return facts
-        return FIRST.setdefault((*packages, "", *libraries), facts)
+        return FIRST_FACTS.setdefault((*packages, "", *libraries), facts)
 
     return look
 

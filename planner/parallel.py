@@ -37,14 +37,14 @@ Progress = Callable[[int, int], None]
 """Called with how much is done, and of how much; what it counts is its giver's to say."""
 
 # s of work left from which on processes pay: to start one, with all that it imports, takes a second or two.
-ENOUGH = 4.0
+MIN_POOL_WORK = 4.0
 # Tasks done here first, to see what one takes: the first of all also builds what all share.
-TRIED = 2
+FIRST_TASKS = 2
 # Processes that a task may take along before it is done here, and pools that are begun anew for it.
 MAX_DEATHS, MAX_POOLS = 2, 8
 # New objects until the youngest, the younger and all are looked through. Python's own numbers have a process that loads
 # much and ends soon look through all of it again and again, for a tenth of its time.
-THRESHOLDS = 50_000, 20, 100
+GC_THRESHOLDS = 50_000, 20, 100
 # loky would start a process anew that has grown by 300 MB, and find modules in the folder that the caller stands in.
 _ENVIRONMENT = {"LOKY_MAX_MEMORY_LEAK_SIZE": "1e18", "PYTHONSAFEPATH": "1"}
 _WORK = "work"
@@ -93,7 +93,7 @@ def spread(
         begin = perf_counter()
         have(work(tasks[len(results)]))
         waiting = (len(tasks) - len(results)) * (perf_counter() - begin)
-        if len(results) >= TRIED and waiting > ENOUGH and _may_start():
+        if len(results) >= FIRST_TASKS and waiting > MIN_POOL_WORK and _may_start():
             break
     tried, early = len(results), dict[int, Result]()
     packed = _pickle_work(work) if tried < len(tasks) else None
@@ -227,7 +227,7 @@ def _begin_process(parent: "Connection", modules: Sequence[str]) -> None:
     """In a process: end with the one that started it, and load what its work takes."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the first process ends all
     Thread(target=_end_with_parent, args=(parent,), daemon=True).start()
-    gc.set_threshold(*THRESHOLDS)
+    gc.set_threshold(*GC_THRESHOLDS)
     for name in modules:
         import_module(name)
     gc.freeze()  # loky has garbage collected after the first task
@@ -291,7 +291,7 @@ def side_process(modules: Sequence[str] = ()) -> Iterator[SideProcess]:
 def reduce_garbage_collection() -> Iterator[None]:
     """Inside it, garbage is collected seldom."""
     before = gc.get_threshold()
-    gc.set_threshold(*THRESHOLDS)
+    gc.set_threshold(*GC_THRESHOLDS)
     try:
         yield
     finally:

@@ -11,7 +11,7 @@ from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
 from kinematics.machine.axis import Axis, Magnitude
 from planner.limits import limits_of
-from planner.path.polynomial import ROUNDING, PolynomialPath, Section, cut_sections, join_sections
+from planner.path.polynomial import VALUE_ROUNDING, PolynomialPath, Section, cut_sections, join_sections
 from planner.timing.certified_solve import Solution, certified_solve, try_certified_solve
 
 # A jump of an axis' values at a break, as a share of their range, up to which it is rounding.
@@ -148,7 +148,7 @@ def _check(path: PolynomialPath) -> None:
     gap = np.abs(left[1:] - right[:-1])
     both = np.concatenate([left, right])
     extent = np.ptp(both, axis=0) + 1e-3 * np.abs(both).max(0)
-    beyond = gap - MAX_JUMP * extent - ROUNDING * extent.max()
+    beyond = gap - MAX_JUMP * extent - VALUE_ROUNDING * extent.max()
     if beyond.max(initial=0.0) > 0:
         at, axis = np.unravel_index(int(np.argmax(beyond)), gap.shape)
         raise MotionError(

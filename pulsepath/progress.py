@@ -14,7 +14,7 @@ import click
 
 from pulsepath.process.load_alone import load_alone
 
-EVERY = 10.0
+REPORT_PERIOD = 10.0
 """s between two lines of a long step, where they are not drawn over each other."""
 MAX_COUNTED = 1000
 """Up to so many, things are told by number; of more, as of ticks or bytes, their share says enough."""
@@ -38,7 +38,7 @@ def step(what: str) -> Iterator[Callable[[int, int], None]]:
 
         def tell(done: int, of: int) -> None:
             nonlocal told
-            if perf_counter() - told > EVERY:
+            if perf_counter() - told > REPORT_PERIOD:
                 told = perf_counter()
                 print(f"{what}: {_far(done, of)}", file=sys.stderr, flush=True)
 

@@ -116,9 +116,9 @@ BALL, BASE_AXES_LENGTH = 0.012, 0.12
 """Radius of joints and tool and the length of the base frame's axes, as shares of the size of all that is drawn."""
 SKY, SUN = 1.9, 1.0
 """Light from all over, and from aside above."""
-SIDES = 16
+CYLINDER_SIDES = 16
 """Of the cylinders."""
-CELLS = 10
+GROUND_CELLS = 10
 """Of the grid on the ground, over the size of all that is drawn."""
 
 
@@ -130,7 +130,7 @@ def record_scene(frames: Frames) -> str:
     tints = colour_uses(frames.use_of(bars.owners))
     places = np.concatenate([frames.placed.pivots, frames.tool[:, None]], 1)
     marks = colour_uses(np.concatenate([frames.tilt, frames.use_of([TOOL])], 1))
-    rod = trimesh.creation.cylinder(radius=1.0, height=1.0, sections=SIDES)
+    rod = trimesh.creation.cylinder(radius=1.0, height=1.0, sections=CYLINDER_SIDES)
     ball = trimesh.creation.icosphere(subdivisions=2, radius=BALL * size)
     with _server() as server:
         scene = server.scene
@@ -185,7 +185,7 @@ def _add_surroundings(scene: SceneApi, frames: Frames) -> None:
     sun = scene.add_light_directional("/light/sun", intensity=SUN)
     sun.position = middle + size * np.array([1.0, -2.0, 2.0])
     ground = scene.add_grid(
-        "/ground", 1.6 * size, 1.6 * size, cell_size=size / CELLS, section_size=size, shadow_opacity=0.0
+        "/ground", 1.6 * size, 1.6 * size, cell_size=size / GROUND_CELLS, section_size=size, shadow_opacity=0.0
     )
     ground.position = (float(middle[0]), float(middle[1]), float(low[2] - 0.02 * size))
     scene.add_frame("/base frame", axes_length=BASE_AXES_LENGTH * size, axes_radius=BASE_AXES_LENGTH * size / 30)
@@ -222,7 +222,7 @@ def _as_float32(values: Array) -> np.ndarray:
     return values.astype(np.float32)
 
 
-FRAMES, MOST = 240, 5000
+FRAMES, MAX_FRAMES = 240, 5000
 """Frames by default, and so many at most: more would make pages that no one can open."""
 
 
@@ -242,8 +242,8 @@ def animate(
 def document(plan: AnimatablePlan, frames: int = FRAMES, magnify: float | None = None) -> str:
     """The page as text."""
 
-    if not 2 <= frames <= MOST:
-        raise MotionError(f"frames {frames}: an animation has from 2 to {MOST}")
+    if not 2 <= frames <= MAX_FRAMES:
+        raise MotionError(f"frames {frames}: an animation has from 2 to {MAX_FRAMES}")
     if magnify is not None and not magnify > 0:
         raise MotionError(f"magnify {magnify}: the magnification must be above 0; 1 is true scale")
     return compose_page(compute_frames(plan, even_instants(plan.trajectory, frames), magnify))

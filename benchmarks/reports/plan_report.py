@@ -13,7 +13,7 @@ from controllers.metrics import Metrics
 from controllers.rig import Rig
 from planner.baselines import Classical, describe_differences, missing_limits
 from planner.certificate.certify import CROSSING
-from planner.certificate.constant_speed import CONSTANT_SPEED, STEADY
+from planner.certificate.constant_speed import CONSTANT_SPEED, SPEED_TOLERANCE
 from planner.cross_check import CrossCheck
 from planner.limits import Limit
 from planner.plan import ACTIVE_SHARE, Plan, active_limits
@@ -252,7 +252,7 @@ def _page(
 
 
 # What is proved beside the limits, and what it is held against.
-CLAIMS = {CROSSING: "the time of its axis", CONSTANT_SPEED: f"{STEADY:g} off the speed"}
+CLAIMS = {CROSSING: "the time of its axis", CONSTANT_SPEED: f"{SPEED_TOLERANCE:g} off the speed"}
 
 
 def _format_bounds(limit: Limit) -> str:

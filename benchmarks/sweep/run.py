@@ -48,7 +48,7 @@ from planner.parallel import Progress, spread
 from planner.path.actuation import MachinePath
 from planner.trajectory import Trajectory
 
-PERIOD = 1e-3
+SAMPLE_PERIOD = 1e-3
 """s between the instants at which a motion is hashed."""
 PACKAGES = ("kinematics", "planner", "controllers", "benchmarks.sweep")
 """Whose source makes the results."""
@@ -136,7 +136,7 @@ def _feed(value: object, found: Any) -> None:
 
 
 def _motion(motion: Any) -> list[Any]:
-    t = np.append(np.arange(0.0, motion.duration, PERIOD), motion.duration)
+    t = np.append(np.arange(0.0, motion.duration, SAMPLE_PERIOD), motion.duration)
     state = motion.at(t)
     found = [t, state.q, state.qd]
     if isinstance(motion, Trajectory) and isinstance(motion.path, MachinePath):
@@ -216,7 +216,7 @@ def _reduce_run(
     return RunResult(cell, {name: value for name, value in figures.items() if not isnan(value)}, series=series)
 
 
-LANES = 64
+MAX_LANES = 64
 """Runs simulated at once: more gain little, and hold their whole course in memory."""
 
 
@@ -292,8 +292,8 @@ def _batches(cells: Sequence[Cell]) -> Iterator[tuple[Cell, ...]]:
     for cell in cells:
         groups.setdefault((cell.setting.law, tuple(name for name, _ in cell.setting.gains), cell.task), []).append(cell)
     for group in groups.values():
-        for first in range(0, len(group), LANES):
-            yield tuple(group[first : first + LANES])
+        for first in range(0, len(group), MAX_LANES):
+            yield tuple(group[first : first + MAX_LANES])
 
 
 def described(grid: Grid, rig: Rig) -> dict[str, Any]:

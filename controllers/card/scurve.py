@@ -12,7 +12,7 @@ from controllers.card.profile import MoveProfile, registers_of
 from controllers.card.trapezoid import lock_move, plan_move, start_and_end_speeds
 from kinematics.foundation.arrays import Array
 
-SHORTEST = 1e-12
+MIN_BEND_TIME = 1e-12
 """s: a bent piece of a ramp that is shorter than any clock's tick is none, and its jerk would be beyond all numbers."""
 
 
@@ -134,7 +134,7 @@ def _bend_ramp(length: Array, speed: Array, rate: Array, share: Array) -> list[P
     none = np.zeros_like(speed)
     most = rate * (1 + 2 * share)
     bent = length * 2 * share / (1 + 2 * share)
-    bent = np.where(bent > SHORTEST, bent, 0.0)
+    bent = np.where(bent > MIN_BEND_TIME, bent, 0.0)
     jerk = np.where(bent > 0, most / np.where(bent > 0, bent, 1.0), 0.0)
     straight = length - 2 * bent
     rising = speed + most * bent / 2

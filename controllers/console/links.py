@@ -20,7 +20,7 @@ from kinematics.foundation.errors import MotionError, NotInstalled
 LOOPBACK = "127.0.0.1"
 BAUD = (110, 115200)
 PARITIES = {"none": "N", "even": "E", "odd": "O"}
-CLIENTS = 4
+MAX_CLIENTS = 4
 """Remote computers on the socket at a time; more are turned away."""
 READ_BYTES = 4096
 """Bytes read at a time."""
@@ -136,7 +136,7 @@ class Socket(Transport):
         require_pollable()
         try:
             family = socket.AF_INET6 if ":" in host else socket.AF_INET
-            self._listener = socket.create_server((host, port), family=family, backlog=CLIENTS)
+            self._listener = socket.create_server((host, port), family=family, backlog=MAX_CLIENTS)
         except (OSError, OverflowError) as error:
             raise MotionError(f"TCP {host} port {port}: {error}") from None
         self._listener.setblocking(False)
@@ -151,7 +151,7 @@ class Socket(Transport):
                 client, (host, port, *_) = self._listener.accept()
             except OSError:  # nobody, or one that has gone already
                 return tuple(found)
-            if len(self._open) == CLIENTS:
+            if len(self._open) == MAX_CLIENTS:
                 client.close()
                 continue
             client.setblocking(False)

@@ -211,7 +211,7 @@ class Trust:
         )
 
 
-TICK = 0.05
+MAX_WAIT = 0.05
 """s after which links that have opened are looked for at the latest."""
 MAX_UNREAD_BYTES = 65536
 """Bytes that wait for a reader at most: one that takes none of them is shut out."""
@@ -333,8 +333,8 @@ class Server:
     def _patience(self) -> float:
         end = self.desk.end
         if end is None:
-            return 0.0 if any(served.held for served in self._links) else TICK
-        return 0.0 if self.clock.fast else min(max(end - self.clock.now, 0.0), TICK)
+            return 0.0 if any(served.held for served in self._links) else MAX_WAIT
+        return 0.0 if self.clock.fast else min(max(end - self.clock.now, 0.0), MAX_WAIT)
 
     def _receive(self, served: ServedLink) -> None:
         if served not in self._links:

@@ -100,7 +100,7 @@ def _numbers(drive: Servo | Stepper, axis: Axis) -> tuple[float, ...]:
     return (drive.position_gain, loop, drive.integral_time, friction, coulomb, delay, seen, top, rate)
 
 
-STATE = 4
+STATE_SIZE = 4
 """Numbers of an axis' state: position x, speed v, integral i of the speed loop, command c."""
 
 
@@ -122,16 +122,16 @@ class Response:
     def over(self, steps: int) -> tuple[Array, Array]:
         """The positions (n, steps·m) over several steps, O s + Γ w: O (n, steps·m, 4), Γ (n, steps·m, 2·steps)."""
         n, m, _ = self.C.shape
-        through = np.zeros((n, STATE, STATE + 2 * steps))
-        through[:, :, :STATE] = np.eye(STATE)
-        rows = np.zeros((n, steps * m, STATE + 2 * steps))
+        through = np.zeros((n, STATE_SIZE, STATE_SIZE + 2 * steps))
+        through[:, :, :STATE_SIZE] = np.eye(STATE_SIZE)
+        rows = np.zeros((n, steps * m, STATE_SIZE + 2 * steps))
         for k in range(steps):
-            here, mine = slice(k * m, (k + 1) * m), slice(STATE + 2 * k, STATE + 2 * k + 2)
+            here, mine = slice(k * m, (k + 1) * m), slice(STATE_SIZE + 2 * k, STATE_SIZE + 2 * k + 2)
             rows[:, here] = self.C @ through
             rows[:, here, mine] += self.D
             through = self.F @ through
             through[:, :, mine] += self.G
-        return freeze_array(rows[:, :, :STATE]), freeze_array(rows[:, :, STATE:])
+        return freeze_array(rows[:, :, :STATE_SIZE]), freeze_array(rows[:, :, STATE_SIZE:])
 
 
 def response(axes: NominalAxes, dt: float, instants: int) -> Response:
@@ -142,12 +142,12 @@ def response(axes: NominalAxes, dt: float, instants: int) -> Response:
     n = len(axes)
     # x, v, i, c and the command's speed and acceleration
     rates = np.zeros((n, 6, 6))
-    rates[:, :STATE, :STATE] = _rates(axes)
+    rates[:, :STATE_SIZE, :STATE_SIZE] = _rates(axes)
     rates[:, 3, 4] = rates[:, 4, 5] = 1.0
     flow = _flow(rates, dt / instants, instants)[:, 1:]
     # command's speed w₀/dt, acceleration (w₁ − w₀)/dt²
     enter = np.array([[1 / dt, 0.0], [-1 / dt**2, 1 / dt**2]])
-    held, driven = flow[..., :STATE, :STATE], flow[..., :STATE, STATE:] @ enter
+    held, driven = flow[..., :STATE_SIZE, :STATE_SIZE], flow[..., :STATE_SIZE, STATE_SIZE:] @ enter
     return Response(
         freeze_array(held[:, -1]),
         freeze_array(driven[:, -1]),
@@ -159,10 +159,10 @@ def response(axes: NominalAxes, dt: float, instants: int) -> Response:
 def friction_response(axes: NominalAxes, tick: float, count: int) -> Array:
     """x (n, count + 1) of axes at rest, every `tick` seconds after an outer torque of unit acceleration has set in."""
     n = len(axes)
-    rates = np.zeros((n, STATE + 1, STATE + 1))
-    rates[:, :STATE, :STATE] = _rates(axes)
-    rates[:, 1, STATE] = 1.0
-    return freeze_array(_flow(rates, tick, count)[:, :, 0, STATE])
+    rates = np.zeros((n, STATE_SIZE + 1, STATE_SIZE + 1))
+    rates[:, :STATE_SIZE, :STATE_SIZE] = _rates(axes)
+    rates[:, 1, STATE_SIZE] = 1.0
+    return freeze_array(_flow(rates, tick, count)[:, :, 0, STATE_SIZE])
 
 
 def _rates(axes: NominalAxes) -> Array:
@@ -171,7 +171,7 @@ def _rates(axes: NominalAxes) -> Array:
     gain, loop, integral, friction = (
         np.broadcast_to(of, n) for of in (axes.position_gain, axes.speed_loop, axes.integral_time, axes.friction)
     )
-    rates = np.zeros((n, STATE, STATE))
+    rates = np.zeros((n, STATE_SIZE, STATE_SIZE))
     rates[:, 0, 1] = rates[:, 1, 2] = 1.0
     for row, strength in ((1, loop), (2, loop / integral)):
         rates[:, row, 0], rates[:, row, 3] = -strength * gain, strength * gain

@@ -72,7 +72,7 @@ class QuadraticProgram:
         return np.asarray(result.x)
 
 
-INSTANTS = 5
+STEP_INSTANTS = 5
 """m, instants in each step at which an error counts: what happens between samples is error too."""
 
 
@@ -87,7 +87,7 @@ class Horizon:
     Only vectors change from one `best` to the next: the matrices are factorized once.
     """
 
-    def __init__(self, axes: NominalAxes, dt: float, steps: int, weight: float, instants: int = INSTANTS) -> None:
+    def __init__(self, axes: NominalAxes, dt: float, steps: int, weight: float, instants: int = STEP_INSTANTS) -> None:
         n = len(axes)
         loops = np.isfinite(axes.position_gain)
         if not loops.all():

@@ -11,7 +11,7 @@ from kinematics.foundation.errors import MotionError
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
 
-ANGLES = 720
+ANGLE_COUNT = 720
 """Of a full turn, even: two a degree."""
 MAX_TURN_SHORTFALL = np.deg2rad(1.0)
 """By which an axis with play may end before its full turn."""
@@ -127,7 +127,7 @@ def full_turn(points: Array, circle: Circle, sense: int) -> Array:
             f"turn of the circle of {circle.radius * 1e3:.6g} mm, 360°"
         )
     first = np.concatenate([[True], np.diff(forward) > 0])
-    wanted = 2 * np.pi / ANGLES * np.arange(ANGLES)
+    wanted = 2 * np.pi / ANGLE_COUNT * np.arange(ANGLE_COUNT)
     wanted = wanted[wanted <= forward[-1]]
     radius = np.interp(wanted, forward[first], np.linalg.norm(flat, axis=1)[first])
     at = angle[0] + sense * wanted

@@ -14,7 +14,7 @@ from kinematics.foundation.arrays import Array, freeze_array
 from planner.path.actuation import MachinePath
 from planner.pulses.motion import AxesMotion
 
-INSTANTS_PER_PIECE, HALVINGS = 64, 52
+INSTANTS_PER_PIECE, BISECTIONS_OF_PLACE = 64, 52
 """Instants of a piece between which axes may turn back once; halvings until the instant is found to its rounding."""
 INSIDE_SHARE = 1e-4
 """Share of a piece by which one goes inside it for the direction at an end where the curve stands still."""
@@ -60,7 +60,7 @@ class MotionCurve:
         speed = self.motion.at(t).qd
         back = (speed[:-1] * speed[1:]).sum(1) < 0
         low, high, forth = t[:-1][back], t[1:][back], speed[:-1][back]
-        for _ in range(HALVINGS if back.any() else 0):
+        for _ in range(BISECTIONS_OF_PLACE if back.any() else 0):
             middle = (low + high) / 2
             beyond = (self.motion.at(middle).qd * forth).sum(1) < 0
             low, high = np.where(beyond, low, middle), np.where(beyond, middle, high)
@@ -89,9 +89,9 @@ def directions(curve: ReferenceCurve, s: Array, piece: np.ndarray) -> Array:
     return np.asarray(slope / np.where(size > 0, size, 1.0)[:, None])
 
 
-SAGITTA = 1e-5
+SAGITTA_SHARE = 1e-5
 """Share of the path's extent by which a polyline may be off the curve: it finds the place, Newton the distance."""
-EDGES = 8, 1 << 14
+EDGE_COUNTS = 8, 1 << 14
 """Edges of a piece, at least and at most."""
 
 
@@ -114,10 +114,10 @@ class Polyline:
 def polyline(curve: ReferenceCurve) -> Polyline:
     """As few edges as the sagitta allows: a straight piece has the least number.
 
-    Halving an edge divides its sagitta by four, so that of `EDGES[0]` edges tells how many are needed.
+    Halving an edge divides its sagitta by four, so that of `EDGE_COUNTS[0]` edges tells how many are needed.
     """
     pieces = len(curve.breaks) - 1
-    edges = np.full(pieces, EDGES[0])
+    edges = np.full(pieces, EDGE_COUNTS[0])
     while True:
         piece = np.repeat(np.arange(pieces), edges)
         share = np.arange(len(piece)) - np.repeat(np.cumsum(edges) - edges, edges)
@@ -127,11 +127,11 @@ def polyline(curve: ReferenceCurve) -> Polyline:
         off = _edge_distances(curve.at((s[1:] + s[:-1]) / 2, piece)[0], r)
         extent = float(np.linalg.norm(np.ptp(r, axis=0)))
         worst = np.maximum.reduceat(off, np.cumsum(edges) - edges)
-        short = (worst > SAGITTA * extent) & (edges < EDGES[1])
+        short = (worst > SAGITTA_SHARE * extent) & (edges < EDGE_COUNTS[1])
         if not short.any():
             break
-        wanted = edges * np.sqrt(worst / max(SAGITTA * extent, 1e-300)) * 1.1
-        edges = np.where(short, np.clip(np.ceil(wanted), edges + 1, EDGES[1]).astype(int), edges)
+        wanted = edges * np.sqrt(worst / max(SAGITTA_SHARE * extent, 1e-300)) * 1.1
+        edges = np.where(short, np.clip(np.ceil(wanted), edges + 1, EDGE_COUNTS[1]).astype(int), edges)
     way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(r, axis=0), axis=1))])
     return Polyline(s, r, way, piece, float(off.max()), extent)
 

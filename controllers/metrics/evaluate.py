@@ -14,7 +14,7 @@ import numpy as np
 
 from controllers.metrics.contour import MotionCurve, PathCurve, ReferenceCurve, contour_error, directions, piece_of
 from controllers.metrics.metrics import (
-    BAND,
+    END_BAND,
     Effort,
     Ending,
     ErrorSeries,
@@ -138,7 +138,7 @@ def _estimate_poses(q: Array, start: Array, machine: Machine) -> tuple[Array, np
     return np.where(sure[:, None], x, start), sure
 
 
-POSES = 1 << 17
+BLOCK_POSES = 1 << 17
 """Poses worked on together: they take some hundred megabytes."""
 
 
@@ -162,7 +162,7 @@ def space_errors(actual: Array, planned: PlannedStates, machine: Machine, *, cer
 
     A run with a pose that is not known has nan throughout.
     """
-    at_once, path = max(1, POSES // len(actual)), planned.path
+    at_once, path = max(1, BLOCK_POSES // len(actual)), planned.path
     for start in range(0, actual.shape[1], at_once):
         some = actual[:, start : start + at_once]
         yield (
@@ -221,7 +221,7 @@ def evaluate(
     machine: Machine,
     *,
     period: float = PERIOD,
-    band: float = BAND,
+    band: float = END_BAND,
 ) -> Metrics:
     """Errors of a tracked plan every `period` seconds, settling included; every pose is certified.
 
@@ -239,7 +239,7 @@ def evaluate_each(
     machine: Machine,
     *,
     period: float = PERIOD,
-    band: float = BAND,
+    band: float = END_BAND,
 ) -> tuple[Metrics, ...]:
     """The same of several trackings at the same instants (`track_each`), in less time for each."""
     first = tracked[0]
@@ -259,7 +259,7 @@ def evaluate_runs(
     *,
     laws: Sequence[str] | None = None,
     period: float = BATCH_PERIOD,
-    band: float = BAND,
+    band: float = END_BAND,
 ) -> tuple[Metrics, ...]:
     """The same of a batch of B runs of one task, each on its own rig, in a fraction of the time for each.
 

@@ -283,7 +283,7 @@ def velocity_accuracy(speeds: Array, commanded: float) -> VelocityAccuracy:
     )
 
 
-STATIONS = 50
+DEFAULT_STATIONS = 50
 """Along the path, evenly: the standard asks for 10 at least."""
 STEADY_SPEED_SHARE = 1e-3
 """Share of the top speed by which the planned speed may be off it where the speed is judged."""
@@ -316,7 +316,7 @@ class IsoStyle(Result):
         return self.path.plot(ax)
 
 
-def iso_style(runs: Runs, task: Task, rigs: Sequence[Rig], *, stations: int = STATIONS) -> IsoStyle:
+def iso_style(runs: Runs, task: Task, rigs: Sequence[Rig], *, stations: int = DEFAULT_STATIONS) -> IsoStyle:
     """From B cycles of one task, every one with a scatter of its own: seeds of the host's timing, or of the rig.
 
     Stations lie evenly along the path, half their distance from its ends; the pose is that at the end of the record;

@@ -50,9 +50,9 @@ def efforts(torque: Array, limit: Array) -> tuple[Effort, ...]:
     return tuple(Effort(*map(freeze_array, each)) for each in zip(rms, peak, share, strict=True))
 
 
-CHUNK = 1 << 20
+BLOCK_SAMPLES = 1 << 20
 """Samples transformed together: a few times what a processor's cache holds."""
-LOBE = 2
+LOBE_BINS = 2
 """Half the width of a Hann window's main lobe, in bins."""
 
 
@@ -83,17 +83,17 @@ def vibrations(t: Array, actual: Array, planned: Array, pulse: Array, host_step:
     """
     n, (runs, axes) = len(t), actual.shape[1:]
     sample, above = float(t[1] - t[0]), 1 / host_step
-    first = int(np.ceil(above * n * sample - 1e-6)) - LOBE
+    first = int(np.ceil(above * n * sample - 1e-6)) - LOBE_BINS
     window = np.sin(np.pi * np.arange(n) / n) ** 2
     weight = np.full(n // 2 + 1, 2.0)
     weight[0], weight[-1] = 1.0, 1.0 if n % 2 == 0 else 2.0
     jerk, power = np.empty((runs, axes)), np.full((runs, axes), np.nan)
-    at_once = max(1, CHUNK // (n * axes))
+    at_once = max(1, BLOCK_SAMPLES // (n * axes))
     for start in range(0, runs, at_once):
         some = slice(start, start + at_once)
         lanes = np.ascontiguousarray(np.moveaxis(actual[:, some], 0, -1))
         jerk[some] = np.sqrt(np.mean(np.diff(lanes, 3) ** 2, -1)) / sample**3 if n > 3 else np.nan
-        if LOBE < first < len(weight) - 1:
+        if LOBE_BINS < first < len(weight) - 1:
             error = lanes - planned.T
             error -= error.mean(-1, keepdims=True)
             spectrum = np.fft.rfft(error * window)[..., first:]
@@ -102,10 +102,10 @@ def vibrations(t: Array, actual: Array, planned: Array, pulse: Array, host_step:
     return tuple(Vibration(sample, above, freeze_array(j), freeze_array(p)) for j, p in zip(jerk, power, strict=True))
 
 
-BAND = 10.0
+END_BAND = 10.0
 """Pulses about the last planned position within which an axis counts as being there. Assumed: no source states one; it
 is 0.024° of an output turn on the thesis' servo rig, 7.5 µm on its hexapod."""
-BLOCK = 256
+BLOCK_INSTANTS = 256
 """Samples looked at together, from the last one back."""
 
 
@@ -128,7 +128,7 @@ class Ending:
 
 
 def endings(
-    t: Array, actual: Array, planned: Array, duration: float, pulse: Array, band: float = BAND
+    t: Array, actual: Array, planned: Array, duration: float, pulse: Array, band: float = END_BAND
 ) -> tuple[Ending, ...]:
     """Of B runs: actual (N, B, n) and planned (N, n) positions in pulses at t (N,), s; pulse (n,), m or rad.
 
@@ -156,8 +156,8 @@ def _settling_instants(t: Array, actual: Array, end: Array, band: float) -> Arra
     """(B, n) instants from which each axis stays within the band; looked for from the end back, where they are."""
     since = np.full(actual.shape[1:], t[0])
     open_ = np.ones(actual.shape[1:], bool)
-    for stop in range(len(t), 0, -BLOCK):
-        start = max(stop - BLOCK, 0)
+    for stop in range(len(t), 0, -BLOCK_INSTANTS):
+        start = max(stop - BLOCK_INSTANTS, 0)
         out = ~(np.abs(actual[start:stop] - end) <= band)
         found = open_ & out.any(0)
         first_in = stop - np.argmax(out[::-1], axis=0)

@@ -15,9 +15,9 @@ from numpy.typing import ArrayLike
 from kinematics.foundation.arrays import LEAST_POSITIVE, Array, finite_array, freeze_array, unit_vectors
 from kinematics.foundation.errors import MotionError
 
-BLOCK = 1024
+BLOCK_POSES = 1024
 """Poses measured at a time."""
-HALVINGS = 55
+BISECTIONS_OF_ROOT = 55
 """Until the last place of a parameter in [0, 1]."""
 
 
@@ -88,7 +88,7 @@ class Bodies:
     def distances(self, x: Array) -> Array:
         """(N, k) m between the axes of any two legs, then between legs and discs, at the poses of numbers x (N, 12)."""
         # blocks that fit into the processor's cache
-        blocks = [self._distances(x[first : first + BLOCK]) for first in range(0, len(x), BLOCK)]
+        blocks = [self._distances(x[first : first + BLOCK_POSES]) for first in range(0, len(x), BLOCK_POSES)]
         return np.concatenate([np.zeros((0, len(self.names))), *blocks])
 
     def change(self, x: Array, way: Array, turn: Array) -> Array:
@@ -171,7 +171,7 @@ def segment_disc_distance(start: Array, end: Array, disc: Disc) -> Array:
     distance = np.minimum(first, last)
     rows = np.flatnonzero((falling < 0) & (rising > 0))
     start, along, low, high = start[rows], along[rows], low[rows], high[rows]
-    for _ in range(HALVINGS if len(rows) else 0):
+    for _ in range(BISECTIONS_OF_ROOT if len(rows) else 0):
         middle = (low + high) / 2
         falls = _point_disc(start, along, middle, disc)[1] < 0
         low, high = np.where(falls, middle, low), np.where(falls, high, middle)

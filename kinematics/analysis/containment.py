@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from kinematics.analysis.margins import ROUNDING, clearance_use, limits_used
+from kinematics.analysis.margins import USE_ROUNDING, clearance_use, limits_used
 from kinematics.foundation.arrays import Array, finite_array, freeze_array
 from kinematics.foundation.errors import MotionError, OutOfReach
 from kinematics.foundation.taylor_model import Series
@@ -74,18 +74,18 @@ def prove_cells(machine: Machine, rotation: Rotation, centre: Array, half: Array
     inside = np.ones(len(centre), bool)
     for axis, home, q in zip(machine.axes, machine.home_q, machine.inverse_map.enclose([*x, *near]), strict=True):
         lo, hi = axis.travel
-        slack = ROUNDING * (hi - lo) / 2
+        slack = USE_ROUNDING * (hi - lo) / 2
         inside &= np.isfinite(q.rad[0])
         if np.isfinite(hi):
             inside &= (q.mid[0] - q.rad[0] >= home + lo - slack) & (q.mid[0] + q.rad[0] <= home + hi + slack)
     for limit, cosine in zip(machine.max_tilt, machine.tilt_map.enclose(x), strict=True):
         if limit < np.pi:
-            inside &= cosine.mid[0] - cosine.rad[0] >= np.cos(limit * (1 + ROUNDING))
+            inside &= cosine.mid[0] - cosine.rad[0] >= np.cos(limit * (1 + USE_ROUNDING))
     rows = np.flatnonzero(inside)
     if machine.bodies and len(rows):
         least = machine.bodies.distances(pose_rows(centre[rows], rotation)) - machine.bodies.contact
         reach = np.linalg.norm(half[rows], axis=1)
-        inside[rows] = (least + ROUNDING * machine.bodies.contact >= reach[:, None]).all(1)
+        inside[rows] = (least + USE_ROUNDING * machine.bodies.contact >= reach[:, None]).all(1)
     return inside
 
 
@@ -103,7 +103,7 @@ def prove(
     for level in range(depth + 1):
         fail = ~prove_cells(machine, rotation, centre, half)
         owner, centre, half = owner[fail], centre[fail], half[fail]
-        wrong = uses(machine, rotation, centre).max(1) > 1 + ROUNDING
+        wrong = uses(machine, rotation, centre).max(1) > 1 + USE_ROUNDING
         outside[owner[wrong]], place[owner[wrong]] = True, centre[wrong]
         fail = ~outside[owner]
         owner, centre, half = owner[fail], centre[fail], half[fail]
@@ -123,7 +123,7 @@ def prove(
 def contains(machine: Machine, rotation: Rotation, low: ArrayLike, high: ArrayLike, depth: int = 9) -> Containment:
     """Whether all positions of the box low … high (3,) m are inside all limits: proved, refuted by a place, or open.
 
-    Inside means what it means to `Margins`: no more than ROUNDING of a limit beyond it. Raises MotionError for ends
+    Inside means what it means to `Margins`: no more than USE_ROUNDING of a limit beyond it. Raises MotionError for ends
     that are none, OutOfReach where the machine does not control what the box asks.
     """
     what = f"box of machine {machine.name}:"
@@ -134,7 +134,7 @@ def contains(machine: Machine, rotation: Rotation, low: ArrayLike, high: ArrayLi
     corners = np.array(list(product(*zip(low, high, strict=True))))
     use = uses(machine, rotation, corners).max(1)
     worst = int(np.argmax(use))
-    if use[worst] > 1 + ROUNDING:
+    if use[worst] > 1 + USE_ROUNDING:
         return Containment(
             False, freeze_array(corners[worst]), f"corner {describe_worst(machine, rotation, corners[worst])}"
         )

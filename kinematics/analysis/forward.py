@@ -21,11 +21,11 @@ MAX_ITERATIONS = 50
 RESIDUAL_TOLERANCE = 1e-9
 """m or rad: residual under which a pose counts as a solution (Newton leaves 1e-16; the rest is for scale)."""
 # Share of the coordinates at which Newton stops: some thirty units in the last place.
-ROUNDING = 1e-14
+STEP_ROUNDING = 1e-14
 # m or rad by which coordinates of one pose on the same branch differ at most: rounding, where the machine is regular.
 BRANCH_TOLERANCE = 1e-6
 # Rows solved at a time, so that the memory that proofs take does not grow with the number of rows.
-BLOCK = 4096
+BLOCK_ROWS = 4096
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +71,7 @@ def solve(machine: MachineModel, q: ArrayLike, near: Pose, certify: bool = True)
             f"not {len(start)}"
         )
     refuse_uncontrolled(machine, start, "near {}".format)
-    blocks = [slice(first, first + BLOCK) for first in range(0, max(1, len(rows)), BLOCK)]
+    blocks = [slice(first, first + BLOCK_ROWS) for first in range(0, max(1, len(rows)), BLOCK_ROWS)]
     found = [_solve(machine, rows[b], near if len(start) == 1 else near[b], certify) for b in blocks]
     pose = RigidTransform.concatenate([each[0] for each in found]) if len(found) > 1 else found[0][0]
     residual, certified = (np.concatenate([each[k] for each in found]) for k in (1, 2))
@@ -160,7 +160,7 @@ def _newton(machine: MachineModel, q: Array, x: Array) -> Array:
     for _ in range(MAX_ITERATIONS):
         size = np.abs(error[active]).max(1)
         # a hopeless damping ends the search
-        active = active[(size > ROUNDING * floor) & (damping[active] > 1e-6)]
+        active = active[(size > STEP_ROUNDING * floor) & (damping[active] > 1e-6)]
         if not len(active):
             break
         step = np.zeros((len(active), 6))

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 # Rounding of a stroke computed from coordinates of decimetres; far below any pulse.
-ROUNDING = 1e-9
+USE_ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +57,7 @@ class Margins(Result):
     @property
     def ok(self) -> np.ndarray:
         """(N,) bool: every limit respected. No limit is set on conditioning and singularity."""
-        return np.asarray(self._use().max(1) <= 1 + ROUNDING)
+        return np.asarray(self._use().max(1) <= 1 + USE_ROUNDING)
 
     @property
     def use(self) -> Array:

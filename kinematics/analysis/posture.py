@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinematics.analysis.margins import ROUNDING, Margins
+from kinematics.analysis.margins import USE_ROUNDING, Margins
 from kinematics.foundation.arrays import Array, freeze_fields
 from kinematics.foundation.errors import MotionError, OutOfReach
 from kinematics.foundation.result import Result
@@ -22,9 +22,9 @@ if TYPE_CHECKING:
 
     from kinematics.machine.machine import Machine
 
-SAME = 1e-6
+SAME_POSE_TOLERANCE = 1e-6
 """m, or of a rotation's entries, by which two poses differ at most that are one."""
-MOST = 2.0**53
+MAX_PULSES = 2.0**53
 """Pulses from home that are told apart."""
 UNLIMITED = {"inf": "unlimited", "-inf": "unlimited"}
 
@@ -85,12 +85,12 @@ class Posture(Result):
         """Every limit that the pose breaks: which, by how much, and what to do."""
         margins, told = self.margins, []
         for axis, value, use in zip(self.machine.axes, self.travel, margins.travel[0], strict=True):
-            if use > 1 + ROUNDING:
+            if use > 1 + USE_ROUNDING:
                 unit, scale = SCALES["human"][axis.unit]
                 low, high = (f"{scale * end:.6g}" for end in axis.travel)
                 told.append(f"{axis.name} travel: {scale * value:.6g} {unit} from home, outside {low} to {high} {unit}")
         for name, tilt, limit in zip(margins.tilt_names, self.tilt, margins.max_tilt, strict=True):
-            if limit < np.pi and tilt > limit * (1 + ROUNDING):
+            if limit < np.pi and tilt > limit * (1 + USE_ROUNDING):
                 told.append(f"{name} tilt: {np.degrees(tilt):.6g}°, more than {np.degrees(limit):.6g}°")
         for name, gap in zip(margins.clearance_names, margins.clearance[0], strict=True):
             if gap < 0:
@@ -198,7 +198,7 @@ def posture_of_axes(machine: Machine, q: ArrayLike, near: Pose | None = None) ->
 
 def _posture(machine: Machine, x: Array, q: Array) -> Posture:
     pulses = np.abs(q - machine.home_q) / [axis.pulse for axis in machine.axes]
-    if not pulses.max() < MOST:
+    if not pulses.max() < MAX_PULSES:
         axis = machine.axes[int(pulses.argmax())].name
         raise OutOfReach(
             f"machine {machine.name}: {axis} would be {pulses.max():.3g} pulses from home; choose a closer pose"
@@ -217,7 +217,7 @@ def _comes_to(machine: Machine, x: Array, q: Array) -> bool:
         proof = machine.forward(q)
     except OutOfReach:  # far from home: Newton finds no pose at all
         return False
-    return bool(proof.certified) and bool(np.abs(to_numbers(proof.pose) - x).max() < SAME)
+    return bool(proof.certified) and bool(np.abs(to_numbers(proof.pose) - x).max() < SAME_POSE_TOLERANCE)
 
 
 def refuse_dependent(machine: Machine, stated: Mapping[str, float]) -> None:

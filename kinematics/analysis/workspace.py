@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics.analysis.containment import KINDS, Containment, contains, describe_worst, pose_rows, prove, uses
-from kinematics.analysis.margins import ROUNDING
+from kinematics.analysis.margins import USE_ROUNDING
 from kinematics.foundation.arrays import Array, finite_array, freeze_array
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.result import Result
@@ -121,7 +121,7 @@ class Workspace(Result):
     @property
     def reachable(self) -> np.ndarray:
         """(nx, ny, nz) bool: nodes inside all limits."""
-        return np.asarray(self.uses.max(-1) <= 1 + ROUNDING)
+        return np.asarray(self.uses.max(-1) <= 1 + USE_ROUNDING)
 
     @property
     def volume(self) -> float:
@@ -269,7 +269,7 @@ def workspace(
     refuse_uncontrolled(machine, pose_rows(positions, rotation), lambda k: f"position {positions[k] * 1e3} mm")
     used = uses(machine, rotation, positions).reshape(*(len(n) for n in nodes), len(KINDS))
     low, high = _points(*(n[: max(1, len(n) - 1)] for n in nodes)), _points(*(n[min(1, len(n) - 1) :] for n in nodes))
-    inside = _cells_of(used.max(-1) <= 1 + ROUNDING).ravel()
+    inside = _cells_of(used.max(-1) <= 1 + USE_ROUNDING).ravel()
     inside[inside] = prove(machine, rotation, low[inside], high[inside], MAX_PROOF_HALVINGS)[0]
     proved = inside.reshape([max(1, count) for count in counts])
     proved.flags.writeable = False
@@ -299,7 +299,7 @@ def _find_ranges(
     open_ = [k for k, r in enumerate(asked) if r is None]
     for _ in range(MAX_DOUBLINGS):
         nodes = [np.linspace(low[k], high[k], COARSE_POINTS if high[k] > low[k] else 1) for k in range(3)]
-        inside = uses(machine, rotation, _points(*nodes)).max(1).reshape([len(n) for n in nodes]) <= 1 + ROUNDING
+        inside = uses(machine, rotation, _points(*nodes)).max(1).reshape([len(n) for n in nodes]) <= 1 + USE_ROUNDING
         span, grown = high - low, False
         for k in open_:
             faces = np.moveaxis(inside, k, 0)

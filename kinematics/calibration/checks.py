@@ -20,7 +20,7 @@ from kinematics.machine.model import square_jacobian
 from kinematics.machine.motion import is_singular
 from kinematics.machine.pose import Pose, to_numbers
 
-SIGMAS = 3.0
+NOISE_SIGMAS = 3.0
 """Stated noise of a rotation, in standard deviations, that an explained error may leave."""
 
 
@@ -59,7 +59,7 @@ def _check(calibration: Calibration, k: int) -> DirectionCheck:
     poses = data.commanded[k], data.measured[k], calibration.predicted[k]
     axes = [pose.rotation.as_matrix()[:, 2] for pose in poses]
     spread = float(np.linalg.norm(data.spread[k, AXIS]))
-    noise = np.nan if data.noise is None else SIGMAS * data.noise.rotation
+    noise = np.nan if data.noise is None else NOISE_SIGMAS * data.noise.rotation
     return DirectionCheck(
         data.labels[k],
         (_tilt(axes[0]), _tilt(axes[1]), _tilt(axes[2])),

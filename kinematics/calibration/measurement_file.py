@@ -21,7 +21,7 @@ PLAIN_UNITS = {"length": "m", "angle": "rad", "error": "m"}
 """The declarations that give plain numbers their unit, and the SI unit of each; "error" is of lengths in errors."""
 DEFAULT_UNITS = {"length": "mm", "angle": "deg", "error": "um"}
 """What plain numbers are where a file declares nothing: as coordinate measuring machines print them."""
-NORM = 5e-3
+UNIT_LENGTH_TOLERANCE = 5e-3
 """How far the cosines of direction angles may be from a unit vector: angles to 0.3°, or differences of such."""
 SAME_ANGLE = np.deg2rad(0.01)
 """How far θ and the direction angles of one command may be apart: half a unit of the second decimal of a degree."""
@@ -77,7 +77,7 @@ def _unit_direction(angles: tuple[float, ...]) -> Array:
     """The unit vector of direction angles, which are redundant."""
     cosines = np.cos(angles)
     length = float(np.linalg.norm(cosines))
-    if abs(length - 1) > NORM:
+    if abs(length - 1) > UNIT_LENGTH_TOLERANCE:
         shown_angles = ", ".join(f"{angle:.6g}" for angle in np.rad2deg(angles))
         raise validation_error(
             f"{shown_angles} deg are not direction angles of an axis: the sum of cos² is {length**2:.4f} instead of 1"

@@ -16,7 +16,7 @@ from kinematics.foundation.units import describe, everyday_unit
 
 FIRST_STEP_SHARE = 0.01
 """Share of the machine's size by which the first step may change the parameters together."""
-EVALUATIONS = 5000
+MAX_EVALUATIONS = 5000
 MAX_RELATIVE_OFFSET = 1e-3
 """Relative offset [Bates and Watts 1981] up to which a search counts as converged: along no parameter would the errors
 fall by more than this share of what is left of them, degree of freedom by degree of freedom."""
@@ -66,7 +66,7 @@ def minimize_errors(prediction: Prediction, start: Array, weights: Array, chosen
         xtol=1e-12,
         ftol=1e-12,
         gtol=None,  # gradients of what is hardly seen are small long before it is found
-        max_nfev=EVALUATIONS,
+        max_nfev=MAX_EVALUATIONS,
     )
     theta = np.asarray(start + steps @ found.x)
     least = NEGLIGIBLE_ERROR * float(np.linalg.norm(np.broadcast_to(weights, chosen.shape)[chosen])) / whole
@@ -105,8 +105,8 @@ def _refuse_unfinished(prediction: Prediction, start: Array, theta: Array, chose
     progress = f"RMS position error {before:.6g} um at the start, {after:.6g} um at the end"
     if used_up:
         raise MotionError(
-            f"{name}: the search for the parameters did not converge in {EVALUATIONS} evaluations ({progress}): the "
-            "poses hardly determine some of them; identify fewer, or measure poses that are farther apart"
+            f"{name}: the search for the parameters did not converge in {MAX_EVALUATIONS} evaluations ({progress}): "
+            "the poses hardly determine some of them; identify fewer, or measure poses that are farther apart"
         )
     raise MotionError(
         f"{name}: the measurements contradict the machine {prediction.machine.name}: the search for parameters that "

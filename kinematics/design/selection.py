@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from kinematics.analysis.dynamics import Forces
 from kinematics.design.catalogue import Actuator, Joint, Part
-from kinematics.design.sizing import ROUNDING
+from kinematics.design.sizing import SLACK
 from kinematics.foundation.arrays import Array, finite_array, freeze_array
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.names import nearest
@@ -266,7 +266,7 @@ def _reason(part: AnyPart, name: str, needed: float) -> str | None:
     offered, unit = getattr(part, name), UNITS[name]
     if offered is None:
         return f"{name} not stated, {describe(needed, unit)} needed"
-    if _ratio(name, offered, needed) >= 1 - ROUNDING:
+    if _ratio(name, offered, needed) >= 1 - SLACK:
         return None
     sign = ">" if name in _UPPER_BOUNDED else "<"
     return f"{name} {describe(offered, unit)} {sign} {describe(needed, unit)}"

@@ -289,13 +289,13 @@ def trapezoid_time(travel: float, speed: float, ramp: float) -> float:
     return travel / speed + ramp
 
 
-ROUNDING = 1e-12
+SLACK = 1e-12
 """Share by which rounding may break a rule that is met exactly."""
 
 
 def _check_at_most(name: str, offered: float, needed: float, unit: str) -> Check:
-    return Check(name, offered, needed, unit, bool(offered <= needed * (1 + ROUNDING)))
+    return Check(name, offered, needed, unit, bool(offered <= needed * (1 + SLACK)))
 
 
 def _check_at_least(name: str, offered: float | None, needed: float, unit: str) -> Check:
-    return Check(name, offered, needed, unit, None if offered is None else bool(offered >= needed * (1 - ROUNDING)))
+    return Check(name, offered, needed, unit, None if offered is None else bool(offered >= needed * (1 - SLACK)))

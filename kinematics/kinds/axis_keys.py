@@ -52,7 +52,7 @@ def _magnitude(unit: str) -> Chosen:
 
 
 Steps = Annotated[int, AfterValidator(_check_steps)]
-RATIO = 1e6
+MAX_RATIO = 1e6
 """Of what one pulse, or one turn, may stand for another."""
 Teeth = Annotated[int, Field(ge=1, le=10**9)]
 
@@ -129,7 +129,7 @@ class RotaryDrive(TableSchema):
     """A stepper behind a gear: one pulse turns 1/(steps · gear) of a revolution."""
 
     steps: Steps = key("pulses for one turn of the motor")
-    gear: Annotated[float, Field(ge=1 / RATIO, le=RATIO), AllowInfNan(False)] = key(
+    gear: Annotated[float, Field(ge=1 / MAX_RATIO, le=MAX_RATIO), AllowInfNan(False)] = key(
         "turns of the motor for one of the axis", default=1.0
     )
 
@@ -177,7 +177,7 @@ def declares_keys(table: type[Table]) -> type[Table]:
         electronic_gear: tuple[Teeth, Teeth] | None = key(
             "(n, d): the drive makes n/d steps of each pulse", "[2, 1]", None
         )
-        pulse_factor: Annotated[float, Field(ge=1 / RATIO, le=RATIO), AllowInfNan(False)] | None = key(
+        pulse_factor: Annotated[float, Field(ge=1 / MAX_RATIO, le=MAX_RATIO), AllowInfNan(False)] | None = key(
             "what a calibration found a pulse to be, over what is stated", "1.0001", None
         )
         direction: Annotated[int, AfterValidator(_check_direction)] | None = key(

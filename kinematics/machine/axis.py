@@ -13,7 +13,7 @@ from kinematics.foundation.arrays import LEAST_POSITIVE, MAX_FLOAT, finite_array
 from kinematics.foundation.errors import BadValue, MotionError
 from kinematics.foundation.names import closest, nearest
 
-ROUNDING = 1e-12
+TIME_ROUNDING = 1e-12
 """Share of a time that decimal fractions of seconds may be off."""
 MAX_SHORTENING_SHARE = 1e-3
 """Share of its interval by which whole ticks may shorten one at a stated rate; where a tick is more, they do not."""
@@ -66,7 +66,7 @@ class StepTiming:
 
 def ceil_ticks(time: float, clock_hz: int) -> int:
     """Clock ticks that last at least a time (s), but for rounding."""
-    return ceil(time * clock_hz * (1 - ROUNDING))
+    return ceil(time * clock_hz * (1 - TIME_ROUNDING))
 
 
 def rate_ticks(rate: float, clock_hz: int, grain: int = 1) -> int:
@@ -76,8 +76,8 @@ def rate_ticks(rate: float, clock_hz: int, grain: int = 1) -> int:
     """
     grains = clock_hz / (rate * grain)
     if grains * MAX_SHORTENING_SHARE >= 1:
-        return grain * floor(grains * (1 + ROUNDING))
-    return grain * max(1, ceil(grains * (1 - ROUNDING)))
+        return grain * floor(grains * (1 + TIME_ROUNDING))
+    return grain * max(1, ceil(grains * (1 - TIME_ROUNDING)))
 
 
 def _timing_in_us(high: float, low: float, setup: float, hold: float, max_rate: float | None = None) -> StepTiming:

@@ -11,7 +11,7 @@ from kinematics.foundation.arrays import Array, finite_array, freeze_array
 from kinematics.foundation.errors import MotionError
 
 # Rounding, as a share of the largest moment, that an inertia may be off what a rigid body can have.
-ROUNDING = 1e-9
+INERTIA_ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +36,7 @@ class Body:
             raise MotionError(f"{self.name}: mass {self.mass} kg must be finite and not below 0")
         centre = finite_array(self.centre, f"{self.name}: centre", (3,), unit="m")
         inertia = finite_array(self.inertia, f"{self.name}: inertia", (3, 3), unit="kg·m²")
-        slack = ROUNDING * float(np.abs(inertia).max())
+        slack = INERTIA_ROUNDING * float(np.abs(inertia).max())
         if np.abs(inertia - inertia.T).max() > slack:
             raise MotionError(f"{self.name}: inertia {inertia.tolist()} kg·m² must be symmetric")
         low, middle, high = np.linalg.eigvalsh(inertia)

@@ -56,7 +56,7 @@ def course(program: Program, machine: Machine, order: int) -> Course:
 
 
 # Intervals of a run at least, and for each radian that it turns, at which the limits' rows are looked up.
-INTERVALS, PER_RADIAN = 500, 100
+MIN_INTERVALS, PER_RADIAN = 500, 100
 # Values of each parameter tried at first, by how many parameters there are; then directions tried around the best, the
 # share of the step that is left where none of them is better, and the step at which the search ends.
 GRID_VALUES, SEARCH_DIRECTIONS, STEP_SHRINK, MIN_SEARCH_STEP = {1: 32, 2: 12}, {1: 2, 2: 8}, 0.6, 3e-4
@@ -66,10 +66,10 @@ GOLDEN_ANGLE = np.pi * (3 - np.sqrt(5))
 PIECE_INSTANTS, INSTANTS_PER_SHARE = 8, 400
 # By how much the first motion is too fast: a quantity's use goes with a power of time, so the proof of a motion that
 # breaks a limit tells exactly by how much to slow it.
-SPEED_EXCESS, MARGIN = 1e-2, 1e-6
+SPEED_EXCESS, SLOWING_MARGIN = 1e-2, 1e-6
 # Where a limit has terms of several powers of time it tells that only nearly: a finer grid, and less haste.
 GRID_REFINEMENT, FINE_SPEED_EXCESS = 6, 1e-4
-BISECTIONS = 50
+BISECTIONS_OF_SPEED = 50
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +80,7 @@ class FamilyTiming:
     shapes: Shapes
 
     def solve(self, path: ActuatorPath, limits: Sequence[Limit], run: Run) -> RunSolution:
-        intervals = max(INTERVALS, int(PER_RADIAN * path.turns[run.first : run.last + 1].sum()))
+        intervals = max(MIN_INTERVALS, int(PER_RADIAN * path.turns[run.first : run.last + 1].sum()))
         problem = pose_problem(path, limits, *make_grid(path, run, intervals))
         mixed = any(len({term.per_time for term in block.start}) > 1 for block in problem.blocks)
         if mixed:
@@ -95,7 +95,7 @@ class FamilyTiming:
         self, path: ActuatorPath, limits: Sequence[Limit], solution: RunSolution, use: Mapping[str, Array]
     ) -> RunSolution:
         """The same shape, slower: only time scales it."""
-        slowness = required_slowness(limits, use) * (1 + MARGIN)
+        slowness = required_slowness(limits, use) * (1 + SLOWING_MARGIN)
         return replace(solution, profile=solution.profile.slowed(slowness))
 
 
@@ -157,7 +157,7 @@ def _block_time(block: Block, interval: np.ndarray, values: Mapping[Term, Array]
         return float(block.share(part).max()) ** (1 / power) if power else 0.0
     # terms of several powers of time: the use falls with time until only what acts at rest remains
     low, high = 1e-9, 1e9
-    for _ in range(BISECTIONS):
+    for _ in range(BISECTIONS_OF_SPEED):
         time = float(np.sqrt(low * high))
         total: Array = np.sum([part / time**power for power, part in parts.items()], axis=0)
         if block.about is not None:  # rows that speak near some motions only

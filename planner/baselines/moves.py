@@ -21,7 +21,7 @@ from planner.trajectory import Trajectory
 # Instants of a move at which its pose is found, and points of the programmed curve that it is held against.
 MOVE_INSTANTS, CURVE_POINTS = 65, 129
 # Share of the largest coordinate up to which a difference between two ends is rounding.
-ROUNDING = 1e-12
+END_ROUNDING = 1e-12
 # m or rad: residual of a pose that has been found.
 POSE_RESIDUAL = 1e-6
 
@@ -87,11 +87,11 @@ def time_moves(
         if n + 1 == len(ends):
             break
         way = q[n + 1] - q[n]
-        way = np.where(np.abs(way) > ROUNDING * np.abs(q).max(0), way, 0.0)
+        way = np.where(np.abs(way) > END_ROUNDING * np.abs(q).max(0), way, 0.0)
         if way.any():
             ramp, whole = ramps(np.abs(way), np.where(way > 0, speeds[1], speeds[0]), acceleration)
             times = np.unique(np.concatenate([[0.0], ramp, whole - ramp, whole]))
-            times = times[np.append(True, np.diff(times) > ROUNDING * times[-1])]
+            times = times[np.append(True, np.diff(times) > END_ROUNDING * times[-1])]
             pieces.append(_parabolas(times, q[n], way, ramp, whole))
             knots.append(now + times[1:])
             now += float(times[-1])

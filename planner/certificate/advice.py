@@ -101,11 +101,11 @@ def _scale_segment(segment: Segment, share: float, away: Array) -> Segment:
 
 
 # s after which nothing more is looked for: a refusal is not to take longer than a plan.
-PATIENCE = 10.0
+MAX_SEARCH_TIME = 10.0
 # Shares and moves (m) that are tried before bisecting between one that holds and the one before it.
-SHARES = (1.0, *np.linspace(0.95, 0.05, 19).tolist())
-MOVES = (0.0, *(4e-4 * 2.0 ** np.arange(9)).tolist())
-HALVINGS = 10
+TRIAL_SHARES = (1.0, *np.linspace(0.95, 0.05, 19).tolist())
+TRIAL_MOVES = (0.0, *(4e-4 * 2.0 ** np.arange(9)).tolist())
+BISECTIONS_OF_REMEDY = 10
 # What does not prove as it is told is taken so much further, so often.
 EXTRA_SHARE, MAX_EXTRA_STEPS = 1e-3, 4
 # Places of a part of a path that are looked at.
@@ -139,8 +139,8 @@ class Refit:
             return f"the path fits the machine {', or '.join(told)}"
         if self.home:
             return f"the machine already exceeds a limit at home ({self.home}): correct its geometry, home or limits"
-        most = f"no scale down to {SHARES[-1] * 100:g} % and no move of up to {MOVES[-1] * 1e3:g} mm along an axis"
-        return f"{most} was found to fit the path to the machine"
+        most = f"{TRIAL_SHARES[-1] * 100:g} % and no move of up to {TRIAL_MOVES[-1] * 1e3:g} mm along an axis"
+        return f"no scale down to {most} was found to fit the path to the machine"
 
 
 def find_remedy(program: Program, machine: Machine, order: int) -> Refit:
@@ -149,7 +149,7 @@ def find_remedy(program: Program, machine: Machine, order: int) -> Refit:
     A scale of the way keeps orientations, and one of the angles the way; a move takes the start with it only where the
     program states one and does not lead away from it by a line or a spline. Equations are moved where no scale helps.
     """
-    search = _Search(machine, order, perf_counter() + PATIENCE)
+    search = _Search(machine, order, perf_counter() + MAX_SEARCH_TIME)
     begin = default_start(program, machine) if program.start is None else program.start
     start = begin.translation
     scale = search.share(lambda share: scale_program(program, start, share))
@@ -180,7 +180,7 @@ class _Search:
 
     def share(self, made: ProgramChange) -> float | None:
         """The largest share, in tenths of a per cent."""
-        found = self._first(SHARES, made)
+        found = self._first(TRIAL_SHARES, made)
         told = (
             []
             if found is None
@@ -190,7 +190,7 @@ class _Search:
 
     def move(self, made: ProgramChange, below: float) -> float | None:
         """The least move (m) below another, in three digits of mm."""
-        found = self._first([size for size in MOVES if size < below], made)
+        found = self._first([size for size in TRIAL_MOVES if size < below], made)
         told = (
             []
             if found is None
@@ -204,7 +204,7 @@ class _Search:
         for before, size in pairwise(sizes):
             if self._fits(made, size):
                 bad, good = before, size
-                for _ in range(HALVINGS):
+                for _ in range(BISECTIONS_OF_REMEDY):
                     middle = (bad + good) / 2
                     bad, good = (bad, middle) if self._fits(made, middle) else (middle, good)
                 return good

@@ -33,11 +33,11 @@ if TYPE_CHECKING:
 # A jump of q, q̇ (and q̈ under jerk limits) between two pieces up to this share of the largest value met is rounding.
 MAX_JUMP = 1e-9
 # Rounding of what all axes are computed from, as a share of the largest of them.
-ROUNDING = 1e-13
+AXIS_ROUNDING = 1e-13
 # Rounding of an instant, as a share of it: of a sum of durations, and of the difference of two instants.
-INSTANT = 8 * float(np.finfo(float).eps)
+INSTANT_ROUNDING = 8 * float(np.finfo(float).eps)
 # Rounding of a value of the path or of its derivatives, as a share of the largest on a piece.
-EVALUATED = 8 * float(np.finfo(float).eps)
+VALUE_ROUNDING = 8 * float(np.finfo(float).eps)
 # States that are computed together: a state holds far more than what is kept of it.
 STATE_BATCH = 1 << 14
 
@@ -55,7 +55,7 @@ def find_jumps(trajectory: Trajectory, order: int) -> dict[str, Place]:
     asked = [np.stack([start[0][0], end[0][-1]]), q1 * stated, q2 * stated**2]
     found: dict[str, Place] = {}
     rounded = _rounded(trajectory)
-    blur = INSTANT * trajectory.knots[:, None]
+    blur = INSTANT_ROUNDING * trajectory.knots[:, None]
     for n, name in enumerate(("position jump", "speed jump", "acceleration jump")[:order]):
         begun, ended = start[n], end[n]
         before, after = asked[n][:1], asked[n][1:]
@@ -64,7 +64,7 @@ def find_jumps(trajectory: Trajectory, order: int) -> dict[str, Place]:
         scale = np.ptp(begun, axis=0) + 1e-6 * np.abs(begun).max(0)
         # an instant is known to a share of itself, in which a value goes on by its derivative
         goes = np.abs(np.concatenate([start[n + 1], 0 * after])), np.abs(np.concatenate([0 * before, end[n + 1]]))
-        beyond = gap - MAX_JUMP * scale - ROUNDING * scale.max() - blur * np.maximum(*goes) - rounded[n]
+        beyond = gap - MAX_JUMP * scale - AXIS_ROUNDING * scale.max() - blur * np.maximum(*goes) - rounded[n]
         if not beyond.max() <= 0:
             knot, axis = np.unravel_index(int(np.argmax(np.where(np.isnan(beyond), np.inf, beyond))), beyond.shape)
             found[name] = place_at(trajectory, float(trajectory.knots[knot]), trajectory.path.names[axis])
@@ -80,7 +80,7 @@ def _rounded(trajectory: Trajectory) -> tuple[Array, Array, Array]:
     values = path.derivatives(trajectory.s, trajectory.piece, 2)
     largest = [np.zeros((pieces, value.shape[1])) for value in values]
     for most, value in zip(largest, values, strict=True):
-        np.maximum.at(most, trajectory.piece, EVALUATED * np.abs(value))
+        np.maximum.at(most, trajectory.piece, VALUE_ROUNDING * np.abs(value))
     q, q1, q2 = (most[trajectory.piece] for most in largest)
     h, v, a, j = np.diff(trajectory.knots), trajectory.v, trajectory.a, trajectory.j
     found: list[Array] = []
@@ -112,7 +112,7 @@ def find_gaps(trajectory: Trajectory) -> dict[str, Place]:
         turn = np.where((j > 0) & (-a / j > 0) & (-a / j < h), v - a**2 / (2 * j), np.inf)  # least ṡ inside a piece
     slowest = np.minimum(np.minimum(v, v + h * (a + h * j / 2)), turn)
     low, high = path.breaks[trajectory.piece], path.breaks[trajectory.piece + 1]
-    blur = INSTANT * trajectory.knots[1:]
+    blur = INSTANT_ROUNDING * trajectory.knots[1:]
     slack = MAX_JUMP * length + blur * np.abs(v + h * (a + h * j / 2))
     wrong = {
         "start off the path's": (np.arange(len(h)) == 0) & ~(np.abs(trajectory.s - path.breaks[0]) <= slack),

@@ -12,7 +12,7 @@ from planner.trajectory import Trajectory
 
 CONSTANT_SPEED = "constant speed"
 """What it is called in a certificate: the largest deviation that is proved, over the one that is allowed."""
-STEADY = 1e-9
+SPEED_TOLERANCE = 1e-9
 """The share by which a constant speed may differ from the one that is asked for."""
 # Order of the expansions, cells looked at together, and how often a cell is halved at most.
 EXPANSION, CELL_BATCH, MAX_HALVINGS = 6, 1024, 12
@@ -50,12 +50,12 @@ def find_stretches(trajectory: Trajectory, use: Array) -> tuple[Stretch, ...]:
         s = float(trajectory.s[last] + trajectory.v[last] * (end - trajectory.knots[last]))
         since = path.place(float(trajectory.s[first]), int(trajectory.piece[first]), start)
         until = path.place(s, int(trajectory.piece[last]), end)
-        found.append(Stretch(float(speed[first]), since, until, STEADY * float(use[first : last + 1].max())))
+        found.append(Stretch(float(speed[first]), since, until, SPEED_TOLERANCE * float(use[first : last + 1].max())))
     return tuple(found)
 
 
 def prove_speed_deviation(trajectory: Trajectory) -> tuple[Array, Array, Place]:
-    """The share of STEADY by which the tool's speed differs from the one claimed, at most in each time piece (M,).
+    """The share of SPEED_TOLERANCE by which the tool's speed differs from the one claimed, at most in each piece (M,).
 
     As it is proved, by enclosures of |ṗ|² (planner.certificate.enclosure), as it is met at the cells' ends and
     centres, and the place of the largest.
@@ -95,5 +95,5 @@ def _bound_deviation(trajectory: Trajectory, cells: Cells, speed: Array) -> tupl
 
 
 def _deviation(square: Array, speed: Array) -> Array:
-    """||ṗ|/v − 1| over STEADY, from |ṗ|²."""
-    return np.asarray(np.abs(np.sqrt(np.maximum(square, 0.0)) / speed - 1) / STEADY)
+    """||ṗ|/v − 1| over SPEED_TOLERANCE, from |ṗ|²."""
+    return np.asarray(np.abs(np.sqrt(np.maximum(square, 0.0)) / speed - 1) / SPEED_TOLERANCE)

@@ -75,7 +75,7 @@ def _is_nonsingular(path: MachinePath, low: Array, width: Array, piece: np.ndarr
 
 
 # Points of a part of the path that are looked at for the worst place.
-POINTS = 65
+PART_POINTS = 65
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,7 +159,7 @@ def prove_feasibility(path: ActuatorPath, limits: Sequence[Limit]) -> Standing:
 
 def _state_at_points(along: Trajectory, part: int) -> State:
     span = along.knots[part + 1] - along.knots[part]
-    return along.within(np.full(POINTS, part), span * np.linspace(0.0, 1.0, POINTS))
+    return along.within(np.full(PART_POINTS, part), span * np.linspace(0.0, 1.0, PART_POINTS))
 
 
 def limit_violation(limit: Limit, value: float, channel: int, place: Place) -> Infeasible:

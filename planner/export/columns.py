@@ -20,7 +20,7 @@ from kinematics.machine.axis import Axis
 from planner.export.format import ExportSource
 from planner.export.knots import TOLERANCE, Knots, rows_at, steps_to_seconds
 
-BLOCK = 1 << 12  # points written or read together
+BLOCK_POINTS = 1 << 12  # points written or read together
 ROUNDING_SHARE = 1e-3  # of the tolerance that half a unit of the last decimal may be
 DECIMALS_RANGE = (6, 15)  # at least and at most
 
@@ -65,16 +65,16 @@ class Columns:
         """
         scale = self.factor * 10.0**self.decimals
         lasting = np.diff(knots.steps, prepend=0)
-        for first in range(0, len(knots.steps), BLOCK):
-            steps = knots.steps[first : first + BLOCK]
+        for first in range(0, len(knots.steps), BLOCK_POINTS):
+            steps = knots.steps[first : first + BLOCK_POINTS]
             told = rows_at(source.counted, steps_to_seconds(steps, knots.step), rows)
             told[0] -= self.zero
             units = np.rint(told * scale)
             if rest and first == 0:
                 units[1:, 0] = 0.0
-            if rest and first + BLOCK >= len(knots.steps):
+            if rest and first + BLOCK_POINTS >= len(knots.steps):
                 units[1:, -1] = 0.0
-            yield lasting[first : first + BLOCK], units + 0.0  # no −0
+            yield lasting[first : first + BLOCK_POINTS], units + 0.0  # no −0
 
     def text_rows(self, units: Array) -> list[list[str]]:
         """A list per point of (rows, K, axes) whole units: the rows of the first axis, of the second, … as numbers.
@@ -114,14 +114,14 @@ def make_columns(
     return Columns(factor, zero, tuple(names.get(key, unit) for key in own), decimals)
 
 
-USUAL = "XYZABCUVW"
+LETTERS = "XYZABCUVW"
 MAX_COMMENT_LENGTH = 200  # characters of a comment: G-code lines have 255 at most
 ALPHABET = "ABCDEFGHIJKLMNOPQRSTUVWXYZ"
 
 
 def letters_option() -> Any:
     return option(
-        None, f"letters of the axes, in the machine's order. Default: their names where letters, else {USUAL}"
+        None, f"letters of the axes, in the machine's order. Default: their names where letters, else {LETTERS}"
     )
 
 
@@ -142,7 +142,7 @@ def assign_letters(axes: tuple[Axis, ...], given: str | None, allowed: str, form
         return chosen
     names = "".join(axis.name.upper() for axis in axes if len(axis.name) == 1)
     own = len(names) == len(axes) == len(set(names)) and set(names) <= set(allowed)
-    usual = USUAL if len(axes) <= len(USUAL) else USUAL + "".join(sorted(set(allowed) - set(USUAL)))
+    usual = LETTERS if len(axes) <= len(LETTERS) else LETTERS + "".join(sorted(set(allowed) - set(LETTERS)))
     return names if own else usual[: len(axes)]
 
 
@@ -156,7 +156,7 @@ def plain(text: str) -> str:
     return "".join(char if " " <= char <= "~" else "?" for char in text[:MAX_COMMENT_LENGTH])
 
 
-def line_blocks(path: Path, skip: int = 0, size: int = BLOCK, encoding: str = "ascii") -> Iterator[list[str]]:
+def line_blocks(path: Path, skip: int = 0, size: int = BLOCK_POINTS, encoding: str = "ascii") -> Iterator[list[str]]:
     """The lines of a written file in blocks, but for some at its head."""
     with path.open(encoding=encoding, newline="") as file:
         list(islice(file, skip))

@@ -23,7 +23,7 @@ from planner.path.actuation import ActuatorPath
 from planner.pulses.triggers import Triggered
 from planner.trajectory import Trajectory, column_headings, row_instants, rows
 
-BLOCK = 1 << 13
+BLOCK_ROWS = 1 << 13
 """Rows computed and written together, so that memory stays bounded."""
 
 
@@ -33,8 +33,8 @@ def write_trajectory_csv(trajectory: Trajectory, path: Path) -> None:
     header = [f"{name} [{unit}]" if unit else name for name, unit in column_headings(trajectory.path)]
     with path.open("w", encoding="utf-8", newline="") as file:
         csv.writer(file, lineterminator="\n").writerow(header)
-        for first in range(0, len(t), BLOCK):
-            np.savetxt(file, rows(trajectory, t[first : first + BLOCK]), fmt="%.12g", delimiter=",")
+        for first in range(0, len(t), BLOCK_ROWS):
+            np.savetxt(file, rows(trajectory, t[first : first + BLOCK_ROWS]), fmt="%.12g", delimiter=",")
 
 
 def write_trigger_csv(triggers: Sequence[Triggered], axes: Sequence[Axis], path: Path) -> None:

@@ -28,14 +28,14 @@ Objective = Literal["time", "tilt", "feasible"]
 # Grid intervals of a segment, closer together towards its ends.
 INTERVALS = 48
 # Share of travel and tilt that is left free, for what lies between the points of the grid; and for rounding.
-LIMIT_MARGIN, ROUNDING = 5e-4, 1e-9
+LIMIT_MARGIN, ROOM_ROUNDING = 5e-4, 1e-9
 # Weight of turning at all, against the objective: where several ways are as good, the calmest.
 TURNING_WEIGHT = 1e-4
 # Least ṡ² inside a segment, in a problem scaled to about one.
 MIN_SQUARED_SPEED = 1e-8
 # Room inside a cone, for the solver's tolerance.
 CONE_MARGIN = 1e-6
-ITERATIONS, EVALUATIONS = 300, 30_000
+MAX_ITERATIONS, MAX_EVALUATIONS = 300, 30_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,7 +146,7 @@ def _solve(
             cost += duration * unit / whole
     cost += TURNING_WEIGHT * ca.sumsqr(controls) / len(parts)
     joined = [row for k, _ in enumerate(pairwise(parts)) for row in _continuity_rows(parts, joints[k + 1], controls, k)]
-    patience = EvaluationLimit(EVALUATIONS)
+    patience = EvaluationLimit(MAX_EVALUATIONS)
     rows, equal = ca.vertcat(*below) + patience(slack), ca.vertcat(*joined)
     timed = objective == "time"
     x = ca.vertcat(chosen, slack, *([*speeds, passed] if timed else []))
@@ -158,7 +158,7 @@ def _solve(
         "ipopt",
         {"x": x, "f": cost, "g": ca.vertcat(rows, equal)},
         {
-            "ipopt": {"print_level": 0, "sb": "yes", "max_iter": ITERATIONS, "tol": 1e-7, "acceptable_tol": 1e-5},
+            "ipopt": {"print_level": 0, "sb": "yes", "max_iter": MAX_ITERATIONS, "tol": 1e-7, "acceptable_tol": 1e-5},
             "print_time": False,
             "calc_lam_p": False,  # nobody asks for them, and where IPOPT gives up CasADi would warn of them
             "error_on_fail": False,
@@ -234,7 +234,7 @@ def _range_rows(machine: Machine, q: ca.MX, cosines: ca.MX, slack: ca.MX, object
     half = (hi - lo)[bounded] / 2
     off = (q[bounded.tolist(), :] - ca.DM((machine.home_q + lo)[bounded] + half)) / ca.DM(half)
     room = np.full(INTERVALS + 1, LIMIT_MARGIN)
-    room[[0, -1]] = -ROUNDING
+    room[[0, -1]] = -ROOM_ROUNDING
     moved = slack if objective == "feasible" else 0.0
     travel = ca.DM(np.tile(1 - room, (len(bounded), 1))) + moved
     least = np.cos(np.outer(machine.max_tilt, 1 - room))

@@ -24,7 +24,7 @@ from planner.place import Place
 from planner.program.model import Program
 
 # Points of a piece that are looked at first, and at most: an axis turns by less than NEAR (rad) from one to the next.
-POINTS, MAX_POINTS, MAX_TURN_STEP = 65, 2**16 + 1, np.pi / 4
+FIRST_POINTS, MAX_POINTS, MAX_TURN_STEP = 65, 2**16 + 1, np.pi / 4
 # How far (rad) a part of a piece may turn an axis: from its middle to the next turn's coordinates are π either way.
 MAX_PART_TURN = 1.5 * np.pi
 
@@ -60,7 +60,7 @@ def split_turns(machine: Machine, pieces: Sequence[Piece]) -> tuple[list[list[Pi
 
 def _follow_coordinates(machine: Machine, piece: Piece, here: Array, rotary: np.ndarray) -> Array:
     """Coordinates (M, n) along a piece, from those near `here`, without a jump."""
-    points = POINTS
+    points = FIRST_POINTS
     while True:
         x = _poses(piece, points)
         first = machine.inverse_map(machine.inputs(x[:1], here))

@@ -22,7 +22,7 @@ from planner.path.join_and_blend import Blended, join
 from planner.path.shape import DEGREE, Piece, Shape, arc, free_piece, line, turn, turn_angle, turning
 from planner.path.spline import spline
 from planner.path.synchronised import draw_synchronised
-from planner.program.model import SAME, Arc, Curve, Dwell, Line, Program, Segment, Spline, Synchronised, Turn
+from planner.program.model import MIN_MOVE, Arc, Curve, Dwell, Line, Program, Segment, Spline, Synchronised, Turn
 from planner.program.modifiers import Join
 from planner.program.validation import CAPS
 
@@ -236,7 +236,7 @@ def segment_end(segment: Moving, here: Pose) -> Pose:
             return RigidTransform.from_components(here.translation, turned)
         case Line():
             position = np.asarray(segment.to, float)
-            if np.linalg.norm(position - here.translation) <= SAME:
+            if np.linalg.norm(position - here.translation) <= MIN_MOVE:
                 raise MotionError(
                     f"it ends where it starts, at {_mm(position)}; omit it, or use turn to rotate on the spot"
                 )
@@ -244,13 +244,13 @@ def segment_end(segment: Moving, here: Pose) -> Pose:
             position = np.asarray(segment.to, float)
             turned = here.rotation if segment.rotate is None else segment.rotate
             angle = float((here.rotation.inv() * turned).magnitude())
-            if np.linalg.norm(position - here.translation) <= SAME and angle <= SAME:
+            if np.linalg.norm(position - here.translation) <= MIN_MOVE and angle <= MIN_MOVE:
                 raise MotionError(f"it ends where it starts, at {_mm(position)}; leave it out")
         case Arc():
             position = _arc_end(segment, here)
         case Spline():
             position = segment.through[-1]
-            if np.linalg.norm(segment.through[0] - here.translation) <= SAME:
+            if np.linalg.norm(segment.through[0] - here.translation) <= MIN_MOVE:
                 raise MotionError(
                     f"point 1 is the current point of the path, {_mm(here.translation)}; "
                     "omit it: a spline starts there anyway"
@@ -265,7 +265,7 @@ def _curve_end(segment: Curve, here: Pose) -> Pose:
     """Where its equations end, which must begin where the path stands."""
     first, last = ends(segment)
     away = first.translation - here.translation
-    if np.linalg.norm(away) > SAME:
+    if np.linalg.norm(away) > MIN_MOVE:
         raise MotionError(
             f"its equations begin at {_mm(first.translation)}, "
             f"{np.linalg.norm(away) * 1e3:.6g} mm from the current point of the path, {_mm(here.translation)}; "
@@ -274,7 +274,7 @@ def _curve_end(segment: Curve, here: Pose) -> Pose:
     rotation = here.rotation
     if segment.rotate is not None:
         angle = float((first.rotation.inv() * here.rotation).magnitude())
-        if angle > SAME:
+        if angle > MIN_MOVE:
             wanted = ", ".join(f"{each:.6g}" for each in first.rotation.as_euler("XYZ", degrees=True))
             raise MotionError(
                 f"its equations begin turned [{wanted}]°, {np.degrees(angle):.6g}° from the "
@@ -288,9 +288,9 @@ def _arc_end(segment: Arc, here: Pose) -> Array:
     centre, normal = np.asarray(segment.centre, float), _unit(segment.normal)
     u = here.translation - centre
     radius, height = float(np.linalg.norm(u)), float(u @ normal)
-    if radius <= SAME:
+    if radius <= MIN_MOVE:
         raise MotionError(f"the arc's centre is the current point of the path {_mm(centre)}; give another centre")
-    if abs(height) > IN_PLANE * radius + SAME:
+    if abs(height) > IN_PLANE * radius + MIN_MOVE:
         raise MotionError(
             f"the path stands {abs(height) * 1e3:.4g} mm out of the plane "
             f"through the centre {_mm(centre)}, at {_mm(here.translation)}; "
@@ -312,7 +312,7 @@ def _pieces(
                 axis = start.rotation.inv().apply(frame.rotation.apply(np.array(segment.about)))
                 return [turn(start, axis, segment.angle, characteristic, number)]
             angle = turn_angle(start, end)
-            if angle <= SAME:
+            if angle <= MIN_MOVE:
                 raise MotionError("it already has that orientation; omit it")
             return [line(start, end, angle * characteristic, number)]
         case Line():

@@ -16,14 +16,14 @@ from kinematics.machine.pose import Pose, column, split_pose_symbols, to_numbers
 from planner.path.arc_length import draw_by_length, measure_length, uneven
 from planner.path.shape import Piece, Shape, turning
 from planner.program.formula import formula
-from planner.program.model import SAME, Curve
+from planner.program.model import MIN_MOVE, Curve
 
 # Cells of t at first, how often each may be halved until it is proved, and how many there may be.
 FIRST_CELLS, MAX_HALVINGS, MAX_CELLS = 64, 24, 1 << 14
 # Derivatives that are proved to be finite: those that a certificate of jerk needs, and one more.
 PROVED_DERIVATIVES = 4
 # Points of a part that show its turning, at first and at most, and by what share twice as many may differ.
-POINTS, MAX_POINTS, TURNING_AGREEMENT = 65, 4097, 1e-3
+FIRST_POINTS, MAX_POINTS, TURNING_AGREEMENT = 65, 4097, 1e-3
 # Share of the largest |dp/dt| below which a curve stands still, for its user; places looked at, and zooms to the least.
 STANDSTILL_SHARE, SEARCH_POINTS, ZOOMS = 1e-4, 4097, 3
 
@@ -95,7 +95,7 @@ def ends(curve: Curve) -> tuple[Pose, Pose]:
 def curve(start: Pose, segment: Curve, frame: Pose, number: int) -> list[Piece]:
     """The pieces from start (base frame) along a segment's equations, which hold in `frame`.
 
-    Their parameter is the way itself, to 1e-10 (planner.path.arc_length). Where the equations begin within SAME of
+    Their parameter is the way itself, to 1e-10 (planner.path.arc_length). Where the equations begin within MIN_MOVE of
     the start
     they are moved to begin there. Raises MotionError, which names t, where they are not finite, not smooth, or stand
     still.
@@ -148,7 +148,7 @@ def _explain_failure(pose: Expression, begin: float, end: float, t: float) -> st
             "another t, along which it moves more evenly"
         )
     return (
-        f"it changes too often between t = {low:.6g} and {high:.6g} to be followed to {SAME:g} m, first around "
+        f"it changes too often between t = {low:.6g} and {high:.6g} to be followed to {MIN_MOVE:g} m, first around "
         f"t = {t:.6g}; shorten the interval, or use a smoother curve"
     )
 
@@ -158,7 +158,7 @@ def _by_length(piece: Callable[[float, float], Piece], begin: float, end: float,
     whole = piece(begin, end)
     if not uneven(whole):
         return [whole]
-    if whole.length <= SAME:
+    if whole.length <= MIN_MOVE:
         raise _UnevenCurve(begin)
     with np.errstate(over="ignore", invalid="ignore"):  # where a polynomial is far from what it should follow
         drawn = draw_by_length(whole)
@@ -172,7 +172,7 @@ def _by_length(piece: Callable[[float, float], Piece], begin: float, end: float,
 
 
 def _measure_turning(piece: Piece) -> float:
-    points, found = POINTS, turning(piece, POINTS)
+    points, found = FIRST_POINTS, turning(piece, FIRST_POINTS)
     while points < MAX_POINTS:
         points, before = 2 * points - 1, found
         found = turning(piece, points)

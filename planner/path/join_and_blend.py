@@ -20,7 +20,7 @@ from planner.program.modifiers import Blend, Join, Stop
 # sampling of the largest deviation can miss.
 MIN_SHARE, TARGET_SHARE, MAX_SHARE = 0.97, 0.985, 0.998
 # Points of a blend that are looked at, and as often as ZOOMS says so many between the neighbours of the farthest.
-POINTS, ZOOMS = 33, 2
+BLEND_POINTS, ZOOMS = 33, 2
 # Newton steps to the nearest point of the unblended path, and the step (as a share of the reach) that is the last.
 NEWTON_STEPS, LAST_NEWTON_STEP = 8, 1e-4
 # Least speed along the path, as a share of what the neighbours have: a reversal comes to rest, and so close to one the
@@ -132,7 +132,7 @@ def _deviation(a: Piece, b: Piece, reach: float, weight: float) -> tuple[float, 
     low, high = 0.0, 2 * reach
     most = np.zeros(2)
     for _ in range(1 + ZOOMS):
-        s = np.linspace(low, high, POINTS)
+        s = np.linspace(low, high, BLEND_POINTS)
         x = piece.poses(s)
         on_a, on_b = overlap_lengths(s, reach)
         feet = [
@@ -143,7 +143,7 @@ def _deviation(a: Piece, b: Piece, reach: float, weight: float) -> tuple[float, 
         off = np.where(apart[0] < apart[1], feet[0], feet[1])
         most = np.maximum(most, off.max(1))
         top = int(np.argmax(np.maximum(off[0], weight * off[1])))
-        low, high = s[max(top - 1, 0)], s[min(top + 1, POINTS - 1)]
+        low, high = s[max(top - 1, 0)], s[min(top + 1, BLEND_POINTS - 1)]
     return float(most[0]), float(most[1])
 
 
@@ -169,12 +169,12 @@ def _min_speed_share(piece: Piece, a: Piece, b: Piece, weight: float) -> float:
     ends = [part.derivatives(np.array([s]))[1][0] for part, s in ((a, a.start + a.length), (b, b.start))]
     still = any(np.linalg.norm(end[:3]) < MIN_SPEED_SHARE for end in ends)
     size = np.concatenate([np.ones(3), np.full(9, weight / np.sqrt(2) if still else 0.0)])
-    slowest = np.linalg.norm(piece.derivatives(np.linspace(0.0, piece.length, POINTS))[1] * size, axis=1).min()
+    slowest = np.linalg.norm(piece.derivatives(np.linspace(0.0, piece.length, BLEND_POINTS))[1] * size, axis=1).min()
     return float(slowest / min(np.linalg.norm(end * size) for end in ends))
 
 
 # A jump of a derivative of the pose that is rounding, as a share of its size: a tenth of what the certificate allows.
-ROUNDING = 1e-10
+JUMP_ROUNDING = 1e-10
 ALWAYS_REST, NEVER_REST = 1, 0
 # The least that a blend may reach, as a share of the machine's characteristic length: its curvature goes with 1/reach,
 # and below so much the rounding of coordinates leaves no proof of an acceleration within the certificate's tolerance.
@@ -273,7 +273,7 @@ def _rest_order(a: Piece, b: Piece, dwell: float, characteristic: float) -> int:
     ends = zip(a.derivatives(np.array([a.start + a.length])), b.derivatives(np.array([b.start])), strict=True)
     for order, (left, right) in enumerate(ends):
         least = characteristic ** (1 - order)
-        if np.abs((left - right) * size).max() > ROUNDING * max(
+        if np.abs((left - right) * size).max() > JUMP_ROUNDING * max(
             least, *np.abs(np.stack([left, right]) * size).max((1, 2))
         ):
             return order + 1

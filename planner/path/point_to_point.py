@@ -19,7 +19,7 @@ from planner.path.actuation import MachinePath
 from planner.path.chain import Moving, default_start, segment_end
 from planner.path.synchronised import NAME
 from planner.place import Place, where_columns
-from planner.program.model import SAME, Dwell, Program, Segment, Spline, Synchronised
+from planner.program.model import MIN_MOVE, Dwell, Program, Segment, Spline, Synchronised
 from planner.program.modifiers import Trigger
 
 
@@ -64,11 +64,11 @@ def _segment_poses(segment: Moving, here: Pose) -> Iterator[Pose]:
 
 def _is_elsewhere(one: Pose, other: Pose) -> bool:
     away = float(np.linalg.norm(other.translation - one.translation))
-    return away > SAME or _has_turned(one.rotation, other.rotation)
+    return away > MIN_MOVE or _has_turned(one.rotation, other.rotation)
 
 
 def _has_turned(one: Rotation, other: Rotation) -> bool:
-    return float((one.inv() * other).magnitude()) > SAME
+    return float((one.inv() * other).magnitude()) > MIN_MOVE
 
 
 def _refuse_trigger(trigger: Trigger | None, number: int, moves: int) -> None:

@@ -24,9 +24,9 @@ from planner.path.stands import count_zero_derivatives, cut_at_stands
 from planner.place import Place
 
 # A jump of a derivative at a break up to this share of its axis' largest value is rounding, or of any axis' largest.
-MAX_JUMP, ROUNDING = 1e-9, 1e-13
+MAX_JUMP, VALUE_ROUNDING = 1e-9, 1e-13
 # Halvings that find a parameter: to rounding.
-HALVINGS = 54
+BISECTIONS_OF_PARAMETER = 54
 
 
 class PolynomialPath:
@@ -72,7 +72,7 @@ class PolynomialPath:
         slow = np.where(turning[:, None], 1.0, (size / most).max(1, keepdims=True, initial=0.0))
         for k in range(1, order):
             gap, size = np.abs(left[k] - right[k]), np.maximum(np.abs(left[k]), np.abs(right[k])).max(0, initial=0.0)
-            jumps = (gap > MAX_JUMP * size * slow**k + ROUNDING * size.max(initial=0.0)).any(1)
+            jumps = (gap > MAX_JUMP * size * slow**k + VALUE_ROUNDING * size.max(initial=0.0)).any(1)
             stops[inner] |= jumps & ~turning if k == 1 else jumps
         return stops
 
@@ -88,7 +88,7 @@ class PolynomialPath:
         rising, target = np.sign(np.take_along_axis(way, axis, 1)), np.take_along_axis(there, axis, 1)
         low, high = self.breaks[own], self.breaks[own + 1]
         given = self.origin
-        for _ in range(HALVINGS):
+        for _ in range(BISECTIONS_OF_PARAMETER):
             middle = (low + high) / 2
             at = np.clip(np.searchsorted(given.breaks, middle, side="right") - 1, 0, len(given.breaks) - 2)
             value = np.take_along_axis(given.derivatives(middle, at, 0)[0], axis, 1)

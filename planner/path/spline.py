@@ -17,7 +17,7 @@ SPAN_POINTS = 201
 # Least |dp/ds|, which is about 1: less is a cusp.
 MIN_SPEED = 0.05
 # Least product of two unit quaternions that follow each other: 120°.
-NEAREST = 0.5
+MIN_QUATERNION_PRODUCT = 0.5
 # Third and fourth derivative of a quintic at its start and its end, by v, a, w, b there: factors, and powers of h.
 _START = np.array([[-36.0, -9, -24, 3], [192, 36, 168, -24]])
 _END = np.array([[-24.0, -3, -36, 9], [-168, -24, -192, 36]])
@@ -77,10 +77,10 @@ def _quaternions(start: Pose, rotate: Rotation | None, count: int) -> Array:
     found = np.concatenate([first, rotate.as_quat()])
     nearness = (found[1:] * found[:-1]).sum(1)
     far = int(np.argmin(np.abs(nearness)))
-    if abs(nearness[far]) < NEAREST:
+    if abs(nearness[far]) < MIN_QUATERNION_PRODUCT:
         raise MotionError(
             f"{_name(far + 1)} turns by {np.degrees(2 * np.arccos(abs(nearness[far]))):.4g}° from {_name(far)}; "
-            f"at most {np.degrees(2 * np.arccos(NEAREST)):.4g}° lie between two points: add some"
+            f"at most {np.degrees(2 * np.arccos(MIN_QUATERNION_PRODUCT)):.4g}° lie between two points: add some"
         )
     sides = np.cumprod(np.concatenate([[1.0], np.where(nearness < 0, -1.0, 1.0)]))
     return np.asarray(found * sides[:, None])

@@ -13,7 +13,7 @@ from planner.path.actuation import ActuatorPath
 
 # Share of its largest value on a piece up to which a derivative of an axis is nothing, where a piece is cut and at the
 # ends of what is cut, and of that of any axis: rounding.
-ZERO_SHARE, CUT_ZERO_SHARE, ROUNDING = 1e-12, 1e-10, 1e-15
+ZERO_SHARE, CUT_ZERO_SHARE, DERIVATIVE_ROUNDING = 1e-12, 1e-10, 1e-15
 # Points of a piece at which the size of q′ is looked at.
 SLOPE_POINTS = 9
 # Parts of a piece in which a bound of q″ may show that q′ is nowhere nothing.
@@ -42,7 +42,7 @@ def count_zero_derivatives(path: ActuatorPath) -> np.ndarray:
 
 def _is_zero(slope: Array, size: Array, share: float = ZERO_SHARE) -> np.ndarray:
     """Whether a derivative (…, n) is nothing beside its size on the piece (…, n)."""
-    most = share * size + ROUNDING * size.max(-1, keepdims=True)
+    most = share * size + DERIVATIVE_ROUNDING * size.max(-1, keepdims=True)
     return np.asarray((np.abs(slope) <= most).all(-1))
 
 
@@ -91,7 +91,7 @@ def _find_suspects(slope: Array, size: Array) -> np.ndarray:
     """The pieces (K,) on which a bound of q″ leaves room for a place at which no axis moves."""
     powers = np.arange(len(slope) - 1, 0, -1)[:, None, None]
     bend = np.abs(slope[:-1] * powers).sum(0)
-    least = ZERO_SHARE * size + ROUNDING * size.max(1, keepdims=True)
+    least = ZERO_SHARE * size + DERIVATIVE_ROUNDING * size.max(1, keepdims=True)
     suspect = np.zeros(slope.shape[1], bool)
     for middle in (np.arange(BOUND_PARTS) + 0.5) / BOUND_PARTS:
         suspect |= (np.abs(_evaluate(slope, middle)) <= bend / (2 * BOUND_PARTS) + least).all(1)

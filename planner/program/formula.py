@@ -20,11 +20,11 @@ from kinematics.foundation.errors import BadValue, MotionError, located
 from kinematics.foundation.names import closest, nearest
 from kinematics.foundation.units import describe_value
 
-LONGEST = 500
+MAX_CHARACTERS = 500
 """Characters of a formula."""
-DEEPEST = 40
+MAX_DEPTH = 40
 """Operands inside each other: in parentheses, signs, exponents and calls. A row as a + b - c, however long, is one."""
-STEEPEST = 64
+MAX_EXPONENT = 64
 """Largest exponent of what is not constant."""
 
 _FORBIDDEN = re.compile(r"[^A-Za-z0-9_+\-*/()., \t]")
@@ -82,8 +82,8 @@ def formula(text: str, constants: Mapping[str, float], t: ca.SX | None = None) -
 
     Raises MotionError for anything that the allow-list has not, and for what is not finite or not real.
     """
-    if len(text) > LONGEST:
-        raise MotionError(f"{describe_value(text)}: {len(text)} characters; a formula has at most {LONGEST}")
+    if len(text) > MAX_CHARACTERS:
+        raise MotionError(f"{describe_value(text)}: {len(text)} characters; a formula has at most {MAX_CHARACTERS}")
     if odd := _FORBIDDEN.search(text):
         instead = ": write ** for a power" if odd[0] == "^" else ""
         raise MotionError(f"{describe_value(text)}: {describe_value(odd[0])} is not allowed in a formula{instead}")
@@ -113,7 +113,7 @@ def constant(text: str, constants: Mapping[str, float]) -> float:
 def check_names(constants: Mapping[str, float]) -> None:
     """Raise MotionError for a constant whose name is none, or means something else already, or that is not finite."""
     for name, value in constants.items():
-        if not _NAME.fullmatch(name) or len(name) > DEEPEST:
+        if not _NAME.fullmatch(name) or len(name) > MAX_DEPTH:
             raise MotionError(
                 f"constant {describe_value(name)}: a name is letters, digits and _, and begins with a letter"
             )
@@ -124,8 +124,8 @@ def check_names(constants: Mapping[str, float]) -> None:
 
 
 def _build_node(node: ast.expr, text: str, known: Mapping[str, ca.SX], depth: int) -> ca.SX:
-    if depth > DEEPEST:
-        raise MotionError(f"nested more than {DEEPEST} levels deep; split it with constants")
+    if depth > MAX_DEPTH:
+        raise MotionError(f"nested more than {MAX_DEPTH} levels deep; split it with constants")
     match node:
         case ast.Constant(value=int() | float() as value) if not isinstance(value, bool):
             made = ca.SX(_finite(value))
@@ -181,7 +181,7 @@ def _check_finite(made: ca.SX, node: ast.expr, text: str) -> None:
 
 def _source(node: ast.expr, text: str) -> str:
     own = text[node.col_offset : node.end_col_offset]
-    return own if len(own) <= DEEPEST else f"{own[:DEEPEST]} ..."
+    return own if len(own) <= MAX_DEPTH else f"{own[:MAX_DEPTH]} ..."
 
 
 def _finite(value: float) -> float:
@@ -204,8 +204,8 @@ def _power(base: ca.SX, exponent: ca.SX) -> ca.SX:
             raise MotionError("a variable exponent needs a constant base above 0; write exp(b*log(a))")
         return ca.exp(exponent * math.log(float(base)))
     power = float(exponent)
-    if abs(power) > STEEPEST:
-        raise MotionError(f"exponent {power:g}: at most {STEEPEST} for a variable base")
+    if abs(power) > MAX_EXPONENT:
+        raise MotionError(f"exponent {power:g}: at most {MAX_EXPONENT} for a variable base")
     if power != int(power):
         return ca.exp(power * ca.log(base))
     whole = _product(base, abs(int(power)))

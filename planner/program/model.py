@@ -30,7 +30,7 @@ from planner.program.validation import (
     unit_direction,
 )
 
-SAME = 1e-9
+MIN_MOVE = 1e-9
 """Points nearer than this are the same (m), angles likewise (rad)."""
 
 
@@ -118,7 +118,7 @@ class Spline(MovingSegment):
     def __post_init__(self) -> None:
         through = check_points("spline", "through", self.through)
         object.__setattr__(self, "through", through)
-        repeated = np.flatnonzero(np.linalg.norm(np.diff(through, axis=0), axis=1) <= SAME)
+        repeated = np.flatnonzero(np.linalg.norm(np.diff(through, axis=0), axis=1) <= MIN_MOVE)
         if len(repeated):
             raise MotionError(f"spline: {repeats(int(repeated[0]) + 1)}")
         if self.rotate is not None and (self.rotate.single or len(self.rotate) != len(through)):

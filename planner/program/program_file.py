@@ -26,7 +26,7 @@ from kinematics.foundation.errors import Fault, FileError, validation_error
 from kinematics.foundation.names import find, presets
 from kinematics.foundation.units import Unit
 from kinematics.machine.pose import Pose
-from planner.program.model import SAME, Arc, Dwell, Frame, Line, Program, Segment, Spline, Synchronised, Turn
+from planner.program.model import MIN_MOVE, Arc, Dwell, Frame, Line, Program, Segment, Spline, Synchronised, Turn
 from planner.program.segment_tables import (
     ACCELERATION,
     SPEED,
@@ -55,7 +55,7 @@ def _check_distinct(points: tuple[tuple[float, float, float], ...]) -> tuple[Any
     if not points:
         raise validation_error("empty: give a spline at least one point")
     for n, (one, other) in enumerate(pairwise(points), 1):
-        if dist(one, other) <= SAME:
+        if dist(one, other) <= MIN_MOVE:
             raise validation_error(repeats(n))
     return points
 

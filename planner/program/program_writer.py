@@ -137,7 +137,7 @@ SHAPES = {one.name: one for entry in SEGMENTS for one in keys_of(entry) if one.n
 _ORDER = ("speed", "acceleration", "angular_speed", "speed_constant", "join", "trigger")
 MODIFIERS = sorted(keys_of(PathEntry), key=lambda one: _ORDER.index(one.name) if one.name in _ORDER else len(_ORDER))
 """What a segment may say beside."""
-RADIUS = 10
+EXAMPLE_RADIUS = 10
 """mm, of that circle."""
 
 
@@ -173,7 +173,7 @@ def _first_segments(kind: str) -> dict[str, Any]:
         "frame": "home",
         "segment": [
             {"line": {"to": [x, y, z]}},
-            {"arc": {"centre": [x + RADIUS, y, z], "normal": [0, 0, 1], "angle": 360}},
+            {"arc": {"centre": [x + EXAMPLE_RADIUS, y, z], "normal": [0, 0, 1], "angle": 360}},
             {"dwell": "0.2 s"},
             {"line": {"to": [0, 0, 0]}},
         ],

@@ -13,7 +13,7 @@ CAPS = {"speed": "m/s", "acceleration": "m/s²", "angular_speed": "rad/s"}
 """What segments may cap, as far as they have it, and its unit."""
 MAX_REPEATS, MOST_SEGMENTS = 1_000_000, 1_000_000
 """Of a program: how often it may be run, and the segments that this comes to."""
-ROUNDING = 4 * float(np.finfo(float).eps)
+UNIT_VECTOR_ROUNDING = 4 * float(np.finfo(float).eps)
 """By which an entry of a unit vector may be off: of a norm of three squares and the division by it, twice."""
 
 
@@ -70,7 +70,7 @@ def unit_direction(segment: str, name: str, value: ArrayLike) -> Array:
         raise MotionError(f"{segment}: {name} is zero; give the direction of the axis, e.g. [0, 0, 1]")
     scaled = given / largest  # the norm of very large or very small vectors would overflow
     unit = scaled / np.linalg.norm(scaled)
-    return freeze_array(given if np.abs(given - unit).max() <= ROUNDING else unit)
+    return freeze_array(given if np.abs(given - unit).max() <= UNIT_VECTOR_ROUNDING else unit)
 
 
 def check_positive(segment: str, name: str, value: float | None, unit: str) -> None:

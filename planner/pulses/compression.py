@@ -277,11 +277,11 @@ def _emit_commands(
     return np.column_stack([at, interval, count, np.where(count > 1, add, 0)])
 
 
-PROBES = 64  # commands that tell how long one is
+PROBE_COMMANDS = 64  # commands that tell how long one is
 PROBE_PULSES = 1 << 13  # pulses that each may be long
 BLOCK_COMMANDS = 20  # of that length in a block
 MIN_BLOCK_PULSES = 128  # pulses of a block
-PIECE = 1 << 20  # pulses encoded together: what bounds the memory
+PIECE_PULSES = 1 << 20  # pulses encoded together: what bounds the memory
 
 
 def compress(axes: Sequence[AxisPulses], tolerance: int, least: int = 1) -> tuple[StepQueue, ...]:
@@ -332,7 +332,7 @@ def _typical_pulses(axes: Sequence[AxisPulses], stretches: Ticks, tolerance: int
     if not len(lengths):
         return 1
     behind = np.cumsum(lengths)
-    probes = np.unique(np.linspace(0, behind[-1] - 1, PROBES).astype(np.int64))
+    probes = np.unique(np.linspace(0, behind[-1] - 1, PROBE_COMMANDS).astype(np.int64))
     stretch = np.searchsorted(behind, probes, side="right")
     axis, _, end = stretches[stretch].T
     begin = end - (behind[stretch] - probes)
@@ -350,7 +350,7 @@ def _pieces(stretches: Ticks, typical: int) -> Iterator[Ticks]:
             stop = min(start + size, end)
             blocks.append((axis, start, stop, stop < end))
             total += stop - start
-            if total >= PIECE:
+            if total >= PIECE_PULSES:
                 yield np.array(blocks, np.int64)
                 blocks, total = [], 0
     if blocks:

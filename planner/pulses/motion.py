@@ -119,7 +119,7 @@ def describe_mechanics(axis: Axis, off: float) -> str:
 
 EVEN_INSTANTS = 20_000
 """Instants looked at beside those of the pulses."""
-BLOCK = 1 << 14
+BLOCK_INSTANTS = 1 << 14
 FREEDOM = ("x", "y", "z", "rx", "ry", "rz")
 
 
@@ -134,8 +134,8 @@ def axis_errors(schedule: PulseSchedule, motion: AxesMotion, axis: int = 0) -> t
     t = np.concatenate((even, fires, fires))
     counts = np.concatenate((schedule.counts(even)[:, axis], pulses.counts(pulses.ticks - 1)))
     counts = np.concatenate((counts, pulses.counts(pulses.ticks)))
-    blocks = range(0, len(t), BLOCK)
-    q = np.concatenate([motion.at(t[lo : lo + BLOCK]).q[:, axis] for lo in blocks])
+    blocks = range(0, len(t), BLOCK_INSTANTS)
+    q = np.concatenate([motion.at(t[lo : lo + BLOCK_INSTANTS]).q[:, axis] for lo in blocks])
     order = np.argsort(t, kind="stable")
     return t[order], (counts - (q - pulses.home) / pulses.pulse)[order]
 
@@ -150,13 +150,13 @@ def space_errors(schedule: PulseSchedule, motion: Trajectory, machine: Machine) 
     home = np.array([axis.home for axis in schedule.axes])
     free = [FREEDOM.index(name) for name in machine.freedom]
     moved = np.zeros((len(t), 6))
-    for lo in range(0, len(t), BLOCK):
-        state = motion.at(t[lo : lo + BLOCK])
+    for lo in range(0, len(t), BLOCK_INSTANTS):
+        state = motion.at(t[lo : lo + BLOCK_INSTANTS])
         off = schedule.counts(state.t) * pulse - (state.q - home)
         pose = state.pose
         if pose is not None:
             inverse = np.linalg.pinv(machine.jacobian(pose)[:, :, free])
-            moved[lo : lo + BLOCK, free] = (inverse @ off[:, :, None])[:, :, 0]
+            moved[lo : lo + BLOCK_INSTANTS, free] = (inverse @ off[:, :, None])[:, :, 0]
     return t, np.linalg.norm(moved[:, :3], axis=1)
 
 

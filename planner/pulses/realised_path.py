@@ -162,7 +162,7 @@ class RealisedPath(Result):
         return Table(f"realised path of {self.machine}", (*ends, *series))
 
 
-BLOCK = 1 << 12
+BLOCK_PULSES = 1 << 12
 """Pulses per axis gone through together, so that memory stays bounded."""
 WINDOWS = 1000
 """Windows of time whose largest errors are kept."""
@@ -253,7 +253,9 @@ def _intervals(
     schedule: PulseSchedule, driven: Sequence[Axis], grid: Array, stride: int
 ) -> Iterator[tuple[Array, Array, Array]]:
     """Begin and end (M,) in ticks of what lies between edges, pulses or the grid's; coordinates (M, n)."""
-    marks = np.unique(np.concatenate([[0], *(axis.ticks[BLOCK::BLOCK] for axis in schedule.axes)])).astype(float)
+    marks = np.unique(
+        np.concatenate([[0], *(axis.ticks[BLOCK_PULSES::BLOCK_PULSES] for axis in schedule.axes)])
+    ).astype(float)
     counts = np.array([axis.start for axis in schedule.axes])
     pushed = [axis.start * axis.pulse for axis in schedule.axes]
     seen = 0

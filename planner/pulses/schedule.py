@@ -206,7 +206,7 @@ def holds_same_pulses(schedule: PulseSchedule, parts: Iterable[PulseSchedule]) -
 
 
 UNKNOWN_UNIT = "m or rad"
-BESIDE = "bound of the count error at all times, plus the travel in one clock tick"
+COUNT_BOUND = "bound of the count error at all times, plus the travel in one clock tick"
 
 
 def schedule_tables(schedule: PulseSchedule, units: Mapping[str, str]) -> Iterator[Table]:
@@ -220,7 +220,7 @@ def schedule_tables(schedule: PulseSchedule, units: Mapping[str, str]) -> Iterat
             Column("net count", [axis.final - axis.start for axis in axes]),
             Column("error ≤", [axis.bound for axis in axes], "pulses", form=".3f", up=True),
         ),
-        (f"{schedule.total} pulses of all axes", f"error: {BESIDE}"),
+        (f"{schedule.total} pulses of all axes", f"error: {COUNT_BOUND}"),
     )
     if moved := schedule.moves:
         yield Table(

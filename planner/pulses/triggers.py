@@ -12,12 +12,12 @@ from kinematics.machine.pose import Pose
 from planner.path.actuation import MachinePath, make_points
 from planner.path.arc_length import measure_length
 from planner.place import Place, where_columns
-from planner.program.model import SAME, Dwell, Program
+from planner.program.model import MIN_MOVE, Dwell, Program
 from planner.pulses import PulseSchedule
 from planner.trajectory import Trajectory
 
 # Halvings of an interval of time after which nothing of it is left to floats.
-HALVINGS = 64
+BISECTIONS_OF_TIME = 64
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +79,7 @@ def _place(path: MachinePath, first: int, last: int, share: float) -> float:
         for piece in (range(first, last + 1) if 0 < share < 1 else ())
     ]
     done = np.cumsum([0.0, *(each.length for each in ways)])
-    if done[-1] <= SAME:
+    if done[-1] <= MIN_MOVE:
         return high if share == 1 else low + share * (high - low)
     k = int(np.clip(np.searchsorted(done, share * done[-1], side="right") - 1, 0, len(ways) - 1))
     return float(ways[k].place(np.array([share * done[-1] - done[k]]))[0])
@@ -103,7 +103,7 @@ def arrival_time(trajectory: Trajectory, s: float) -> float:
         return float(trajectory.knots[there[-1] + 1])
     k = int(there[max(int(np.searchsorted(trajectory.s[there], s, side="right")) - 1, 0)])
     low, high = 0.0, float(trajectory.knots[k + 1] - trajectory.knots[k])
-    for _ in range(HALVINGS):
+    for _ in range(BISECTIONS_OF_TIME):
         middle = (low + high) / 2
         low, high = (middle, high) if _path_length_at(trajectory, k, middle) < s else (low, middle)
     return float(trajectory.knots[k]) + high

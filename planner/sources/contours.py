@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
-from planner.program.model import SAME, Line, Segment
+from planner.program.model import MIN_MOVE, Line, Segment
 from planner.program.modifiers import Join, Stop
 from planner.sources.stroke import (
     Chain,
@@ -30,7 +30,7 @@ from planner.sources.stroke import (
     signed_area,
 )
 
-NEIGHBOURS = 7
+NEIGHBOUR_COUNT = 7
 """Ends that are looked at from each end."""
 MAX_ROUNDS = 40
 MIN_GAIN = 1e-9
@@ -107,7 +107,7 @@ def _improve_order(start: Array, order: Numbers, ends: Array) -> tuple[Numbers, 
     order = np.concatenate([[0], order + 1])
     n = len(order)
     flat = points.reshape(-1, 3)
-    near = cKDTree(flat).query(flat, min(NEIGHBOURS + 1, len(flat)))[1]
+    near = cKDTree(flat).query(flat, min(NEIGHBOUR_COUNT + 1, len(flat)))[1]
     a, b = np.repeat(np.arange(len(flat)), near.shape[1]), near.ravel()
     a, b = a[a // 2 < b // 2], b[a // 2 < b // 2]
     if n < 3 or not len(a):
@@ -220,7 +220,7 @@ def _order_chains(
 
 def _move_to_contour(segments: list[Segment], here: Array, there: Array, how: Cutting) -> Array:
     """To where a contour starts: up, across, down at rapid speed, and the rest at that of the contour."""
-    if np.linalg.norm(there - here) <= SAME:
+    if np.linalg.norm(there - here) <= MIN_MOVE:
         return here
     if how.retract is None:
         return _append_line(segments, here, there, how.rapid)
@@ -232,7 +232,7 @@ def _move_to_contour(segments: list[Segment], here: Array, there: Array, how: Cu
 
 
 def _append_line(segments: list[Segment], here: Array, there: Array, speed: float | None) -> Array:
-    if np.linalg.norm(there - here) <= SAME:
+    if np.linalg.norm(there - here) <= MIN_MOVE:
         return here
     segments.append(Line(there, None, speed))
     return there
@@ -301,7 +301,7 @@ def _group_ends(ends: Array, tolerance: float) -> list[list[int]]:
     from scipy.spatial import cKDTree
 
     # first those that are the same, which may be any number: pairs are counted among the others
-    _, first, same = np.unique(np.rint(ends / SAME), axis=0, return_index=True, return_inverse=True)
+    _, first, same = np.unique(np.rint(ends / MIN_MOVE), axis=0, return_index=True, return_inverse=True)
     tree = cKDTree(ends[first])
     if tree.count_neighbors(tree, tolerance) > MAX_NEIGHBOURS * len(first):
         raise MotionError(

@@ -59,7 +59,7 @@ METRES = {
 LAST_CODE = 24
 HANDLE_CODE, VARIABLE_CODE = 5, 9
 """Group codes."""
-HANDLES = 1000
+MAX_HANDLES = 1000
 """Entities of a kind and layer that are named one by one."""
 
 
@@ -155,11 +155,11 @@ def refuse_unknown(path: Path, entities: list[Any], faults: Faults) -> None:
     for entity in entities:
         groups[entity.dxftype(), layer_of(entity)].append(str(entity.dxf.handle))
     for (kind, layer), handles in groups.items():
-        more = f" and {len(handles) - HANDLES} more" if len(handles) > HANDLES else ""
+        more = f" and {len(handles) - MAX_HANDLES} more" if len(handles) > MAX_HANDLES else ""
         remedy = "explode it" if kind in ("INSERT", "DIMENSION", "MLINE", "POLYLINE") else "take it out"
         faults.add(
             f"{kind} is not supported: {remedy}, or skip its layer; handle{'s' * (len(handles) > 1)} "
-            f"{', '.join(handles[:HANDLES])}{more}",
+            f"{', '.join(handles[:MAX_HANDLES])}{more}",
             find_line(path, HANDLE_CODE, handles[0]),
             f"layer {describe_value(layer)}",
         )

@@ -14,7 +14,7 @@ import numpy as np
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
 from planner.path.spline import along
-from planner.program.model import SAME
+from planner.program.model import MIN_MOVE
 from planner.sources.stroke import Chain, Stroke, arc, cross_product, curve, line
 
 FIRST_POINTS, MAX_ROUNDS, MAX_POINTS = 17, 40, 20_000
@@ -61,7 +61,7 @@ def _curve_deviation(curve: Curve, t: Array, points: Array) -> Array:
     return np.asarray(np.linalg.norm(x - curve(near)[0], axis=1).reshape(len(t) - 1, -1).max(1))
 
 
-LARGEST = 1e5
+MAX_SIZE = 1e5
 """m; no coordinate of a drawing that means something comes near it."""
 REQUIRED_ATTRIBUTES = {
     "LINE": ("start", "end"), "CIRCLE": ("center", "radius"), "ARC": ("center", "radius", "start_angle", "end_angle"),
@@ -112,12 +112,12 @@ class StrokeMaker:
 
     def _point(self, place: Any) -> Array:
         point = np.array([place.x * self.metres, place.y * self.metres, place.z * self.metres])
-        if not max(map(abs, point.tolist())) <= LARGEST or np.isnan(point).any():
-            raise MotionError(f"point ({place.x:g}, {place.y:g}, {place.z:g}) is not a place within {LARGEST:g} m")
+        if not max(map(abs, point.tolist())) <= MAX_SIZE or np.isnan(point).any():
+            raise MotionError(f"point ({place.x:g}, {place.y:g}, {place.z:g}) is not a place within {MAX_SIZE:g} m")
         return point
 
     def _straight(self, start: Array, end: Array) -> Iterator[Stroke]:
-        if np.linalg.norm(end - start) > SAME:
+        if np.linalg.norm(end - start) > MIN_MOVE:
             yield line(start, end)
         else:
             self.nothing += 1
@@ -130,14 +130,14 @@ class StrokeMaker:
         ocs = _object_coordinates(entity)
         ux, uy, normal = _coordinate_axes(ocs)
         centre, radius = self._point(ocs.to_wcs(entity.dxf.center)), entity.dxf.radius * self.metres
-        if not 0 <= radius <= LARGEST:
-            raise MotionError(f"radius {entity.dxf.radius:g} must not be negative, and be less than {LARGEST:g} m")
+        if not 0 <= radius <= MAX_SIZE:
+            raise MotionError(f"radius {entity.dxf.radius:g} must not be negative, and be less than {MAX_SIZE:g} m")
         full = entity.dxftype() == "CIRCLE"
         first, last = (0.0, 360.0) if full else (entity.dxf.start_angle, entity.dxf.end_angle)
         if not (isfinite(first) and isfinite(last)):
             raise MotionError(f"angles {first:g} and {last:g} must be finite")
         turn = 360.0 if full else (last - first) % 360.0
-        if radius * radians(turn) <= SAME:
+        if radius * radians(turn) <= MIN_MOVE:
             self.nothing += 1
             return
         start, end = (
@@ -178,19 +178,19 @@ class StrokeMaker:
             if not isfinite(bulge):
                 raise MotionError(f"bulge {bulge} must be finite")
             side = end - start
-            if bulge == 0 or np.linalg.norm(side) <= SAME:
+            if bulge == 0 or np.linalg.norm(side) <= MIN_MOVE:
                 yield from self._straight(start, end)
                 continue
             centre = (start + end) / 2 + cross_product(normal, side) * ((1 - bulge**2) / (4 * bulge))
-            if not (abs(centre) <= LARGEST).all():  # nor is what is no number
-                raise MotionError(f"bulge {bulge:g} makes an arc of a radius beyond {LARGEST:g} m; make it straight")
+            if not (abs(centre) <= MAX_SIZE).all():  # nor is what is no number
+                raise MotionError(f"bulge {bulge:g} makes an arc of a radius beyond {MAX_SIZE:g} m; make it straight")
             yield arc(start, centre, normal, 4 * atan(bulge), end)
 
     def _ellipse(self, entity: Any) -> Iterator[Stroke]:
         """c + a cos t + b sin t; where both axes are alike an arc, else a curve through points."""
         centre, major = self._point(entity.dxf.center), self._point(entity.dxf.major_axis)
         normal, ratio = _coordinate_axes(_object_coordinates(entity))[2], entity.dxf.ratio
-        if not 0 < abs(ratio) <= 1 or np.linalg.norm(major) <= SAME:
+        if not 0 < abs(ratio) <= 1 or np.linalg.norm(major) <= MIN_MOVE:
             raise MotionError(f"axes of {entity.dxf.major_axis.magnitude:g} and {ratio:g} of that make no ellipse")
         minor = cross_product(normal, major) * ratio
         low, high = entity.dxf.get("start_param", 0.0), entity.dxf.get("end_param", 2 * pi)

@@ -38,7 +38,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.options import option
 from kinematics.machine.pose import Pose
-from planner.program.model import SAME, Arc, Dwell, Line, Program, Segment, Turn
+from planner.program.model import MIN_MOVE, Arc, Dwell, Line, Program, Segment, Turn
 from planner.program.modifiers import Blend, Join, Stop, Through
 from planner.program.validation import check_positive
 from planner.sources.gcode_joints import find_header, read_joints, refuse_options
@@ -194,10 +194,10 @@ class GcodeRun:
             self._arc(number, values, stands, place, end, fed)
         elif more := values.keys() & {"I", "J", "K", "R"}:
             raise WordFault(min(more), f"{min(more)} belongs to G2 or G3")
-        elif dist(stands, end[:3]) > SAME and end[:3] != place[:3]:
+        elif dist(stands, end[:3]) > MIN_MOVE and end[:3] != place[:3]:
             self._line(number, dist(stands, end[:3]), place, end, fed)
         else:
-            if dist(place[3:], end[3:]) > SAME:
+            if dist(place[3:], end[3:]) > MIN_MOVE:
                 self._turn(number, place, end, fed)
             else:
                 self.nowhere += 1

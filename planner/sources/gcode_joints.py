@@ -17,7 +17,7 @@ from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
 from kinematics.machine.machine import Machine
 from planner.export.formats.g93 import header_name
-from planner.program.model import SAME, Dwell, Line, Program, Segment, Turn
+from planner.program.model import MIN_MOVE, Dwell, Line, Program, Segment, Turn
 from planner.program.modifiers import Join, Stop
 from planner.sources.gcode_words import WORD, Words, words
 from planner.sources.source import Faults, Imported
@@ -91,8 +91,8 @@ def read_joints(path: Path, text: str, header: Header, machine: str | None, join
     place, turned = found.pose[0].translation, found.pose[0].rotation
     for k in range(1, len(q)):
         pose = found.pose[k]
-        moves = float(np.linalg.norm(pose.translation - place)) > SAME
-        rotates = turns and float((turned.inv() * pose.rotation).magnitude()) > SAME
+        moves = float(np.linalg.norm(pose.translation - place)) > MIN_MOVE
+        rotates = turns and float((turned.inv() * pose.rotation).magnitude()) > MIN_MOVE
         if moves:
             segments.append(
                 Line(pose.translation, pose.rotation if rotates else None, None, join, line_number=numbers[k])

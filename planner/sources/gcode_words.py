@@ -14,10 +14,10 @@ from math import atan2, copysign, dist, hypot, pi, sqrt
 
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.units import describe_value
-from planner.program.model import SAME
+from planner.program.model import MIN_MOVE
 from planner.sources.source import Faults
 
-LONGEST = 1024
+MAX_CHARACTERS = 1024
 """Characters of a line; controllers take 255 or 256."""
 MAX_NUMBER = 1e9
 """Magnitude of a number; no coordinate, speed or line number that means something comes near it."""
@@ -59,8 +59,8 @@ def words(text: str, faults: Faults) -> Iterator[tuple[int, str, Words]]:
     """
     begun = False
     for number, line in enumerate(text.split("\n"), 1):
-        if len(line) > LONGEST:
-            faults.add(f"{len(line)} characters; a line has at most {LONGEST}", number)
+        if len(line) > MAX_CHARACTERS:
+            faults.add(f"{len(line)} characters; a line has at most {MAX_CHARACTERS}", number)
             continue
         if "(" in line or ";" in line or ")" in line:
             line = _COMMENT.sub(lambda comment: " " * len(comment[0]), line)
@@ -133,14 +133,14 @@ def arc_by_centre(stands: Point, start: Point, end: Point, offset: Point, clockw
     first, last = ((p[0] - centre[0], p[1] - centre[1]) for p in (stands, end))
     radius, final = hypot(*first), hypot(*last)
     off = abs(radius - final)
-    if min(radius, final) <= SAME:
+    if min(radius, final) <= MIN_MOVE:
         raise MotionError(f"its centre [{_mm(centre)}] mm is its start or end point; give another centre, or R")
     if off > ALWAYS_REFUSED or off > max(ROUNDED, RELATIVE * max(radius, final)):
         raise MotionError(
             f"its start is {radius * 1e3:.6g} mm from the centre [{_mm(centre)}] mm and its end {final * 1e3:.6g} mm; "
             f"at most {min(ALWAYS_REFUSED, max(ROUNDED, RELATIVE * radius)) * 1e3:.4g} mm may lie between the two"
         )
-    if dist(start, end) <= SAME:
+    if dist(start, end) <= MIN_MOVE:
         return ArcFit(centre, -2 * pi if clockwise else 2 * pi, off)
     angle = atan2(first[0] * last[1] - first[1] * last[0], first[0] * last[0] + first[1] * last[1])
     if clockwise and angle >= 0:
@@ -157,7 +157,7 @@ def arc_by_radius(stands: Point, start: Point, end: Point, radius: float, clockw
     """
     over, up = end[0] - stands[0], end[1] - stands[1]
     half = hypot(over, up) / 2
-    if half == 0 or dist(start, end) <= SAME:
+    if half == 0 or dist(start, end) <= MIN_MOVE:
         raise MotionError("R does not define a full circle; give its centre with I J K")
     if half - abs(radius) > ROUNDED:
         raise MotionError(

@@ -16,7 +16,7 @@ from planner.program.model import Arc, Curve, Line, Program, Segment, Spline, Sy
 
 ARC_STEP = pi / 48
 """rad between two points of an arc: the chord is off by 5e-4 of the radius."""
-POINTS, SPAN_POINTS = 33, 9
+PIECE_POINTS, SPAN_POINTS = 33, 9
 """Points of a piece of a curve, and of a span of a spline that has MANY spans or more."""
 MANY_SPANS = 8
 PARTS, LENGTH_AGREEMENT = 8, 1e-10
@@ -92,7 +92,7 @@ def _stroke(segment: Segment, here: Array) -> tuple[Array | None, float]:
         case Curve():
             start = RigidTransform.from_components(here, Rotation.identity())
             pieces = curve(start, segment, RigidTransform.identity(), 0)
-            s = [piece.length * np.linspace(0, 1, POINTS) for piece in pieces]
+            s = [piece.length * np.linspace(0, 1, PIECE_POINTS) for piece in pieces]
             points = np.concatenate([piece.poses(own)[:, :3] for piece, own in zip(pieces, s, strict=True)])
             return points, sum(_length(piece) for piece in pieces)
         case _:
@@ -105,7 +105,7 @@ def _splines(corners: Array) -> tuple[Array, float]:
     By Gauss and Legendre, in one part of every span where 8 places say what 16 do, else in PARTS.
     """
     spans = np.linalg.norm(np.diff(corners, axis=1), axis=2)
-    points = POINTS if spans.shape[1] < MANY_SPANS else SPAN_POINTS
+    points = PIECE_POINTS if spans.shape[1] < MANY_SPANS else SPAN_POINTS
     shares = np.concatenate([np.linspace(0, 1, points), *((places + 1) / 2 for places in _PLACES)])
     drawn, slopes = along(corners, shares)
     speed = np.linalg.norm(slopes[:, :, points:], axis=3)

@@ -36,7 +36,7 @@ from planner.sources.source import Faults
 
 Order = Literal["xyz", "yzx"]
 """How three angles combine: Rx · Ry · Rz, or Ry · Rz · Rx as [KMITL 2005] has it."""
-FARTHEST = 1e5
+MAX_COORDINATE = 1e5
 """m and rad; nothing that means something is listed beyond."""
 MAX_DWELL = 1e5
 """s of a rest, likewise."""
@@ -63,7 +63,7 @@ class PositionList(Result):
                 f'position list: order "{self.order}" is neither "xyz" nor "yzx", or frame "{self.frame}" neither '
                 '"home" nor "base"'
             )
-        poses = finite_array(self.poses, "position list: poses", (None, 6), least=-FARTHEST, most=FARTHEST)
+        poses = finite_array(self.poses, "position list: poses", (None, 6), least=-MAX_COORDINATE, most=MAX_COORDINATE)
         object.__setattr__(self, "poses", freeze_array(poses))
         given = np.zeros(len(poses)) if self.dwells is None else self.dwells
         dwells = finite_array(given, "position list: dwells", (len(poses),), least=0.0, most=MAX_DWELL, unit="s")
@@ -118,7 +118,9 @@ class PositionList(Result):
         return replace(self, poses=self.poses[first - 1 : last], dwells=self.rests[first - 1 : last])
 
     def _with(self, place: int, pose: ArrayLike, dwell: float) -> "PositionList":
-        one = finite_array(pose, "position list: a pose (x, y, z, θx, θy, θz)", (6,), least=-FARTHEST, most=FARTHEST)
+        one = finite_array(
+            pose, "position list: a pose (x, y, z, θx, θy, θz)", (6,), least=-MAX_COORDINATE, most=MAX_COORDINATE
+        )
         return replace(
             self, poses=np.insert(self.poses, place, one, axis=0), dwells=np.insert(self.rests, place, dwell)
         )
@@ -233,8 +235,8 @@ def _row(number: int, cells: list[str], columns: list[tuple[int, float]], faults
         name = NAMES[place]
         if not _NUMBER.fullmatch(text):
             faults.add(f"{describe_value(text)} is not a number", number, f"column {name}", text)
-        elif not abs(float(text) * unit) <= FARTHEST:
-            allowed = f"at most {FARTHEST / unit:g} of its unit either way"
+        elif not abs(float(text) * unit) <= MAX_COORDINATE:
+            allowed = f"at most {MAX_COORDINATE / unit:g} of its unit either way"
             faults.add(
                 BadValue(f"{describe_value(text)} must be {allowed}", allowed=allowed), number, f"column {name}", text
             )

@@ -34,13 +34,13 @@ from kinematics.foundation.options import option
 from kinematics.foundation.units import describe_value, quantity
 from kinematics.kinds.tripod import Tripod
 from kinematics.machine.pose import Pose
-from planner.program.model import SAME, Dwell, Line, Program, Segment, Turn
+from planner.program.model import MIN_MOVE, Dwell, Line, Program, Segment, Turn
 from planner.program.modifiers import Blend, Join, Stop, Through
 from planner.program.validation import check_positive
 from planner.sources.position_list import PositionList, read_csv
 from planner.sources.source import Faults, Imported, decode_text
 
-FIRST = 10_001
+FIRST_NUMBER = 10_001
 """Number of the first point of arm lengths."""
 LENGTH_TOLERANCE = 1e-9
 """m by which arms may miss their lengths."""
@@ -113,7 +113,7 @@ def _arms(text: str, unit: float, three: Tripod, faults: Faults) -> PositionList
         if not line.strip():
             continue
         found = _ARM.fullmatch(line.strip())
-        nth = FIRST + len(lengths) - bool(arm)
+        nth = FIRST_NUMBER + len(lengths) - bool(arm)
         if found is None or (int(found[1]), int(found[2])) != (arm + 1, nth):
             faults.add(f'{describe_value(line)}: expected "PointL{arm + 1}_{nth}" and a length', number)
             break  # what follows has lost count
@@ -122,11 +122,11 @@ def _arms(text: str, unit: float, three: Tripod, faults: Faults) -> PositionList
         lengths[-1].append(float(found[3]) * unit)
         arm = (arm + 1) % 3
     if arm and not faults:
-        faults.add(f"point {FIRST + len(lengths) - 1} has {arm} lengths of 3: the file ends too early")
+        faults.add(f"point {FIRST_NUMBER + len(lengths) - 1} has {arm} lengths of 3: the file ends too early")
     faults.refuse()
     found_poses = three.forward(np.array(lengths))
     for k in np.flatnonzero((found_poses.residual > LENGTH_TOLERANCE) | ~found_poses.certified):
-        faults.add(f"point {FIRST + k}: {three.name} has no pose connected to home with arms of these lengths")
+        faults.add(f"point {FIRST_NUMBER + k}: {three.name} has no pose connected to home with arms of these lengths")
     faults.refuse()
     angles = np.zeros((len(lengths), 3))  # the plate keeps its orientation
     return PositionList(np.column_stack([found_poses.pose.translation, angles]), "yzx", "base")
@@ -154,7 +154,7 @@ def read_frame(text: str) -> Pose:
 
 ANGLE_STEP = pi / 180
 """rad of a step where only angles change [KMITL 2005]."""
-MOST = 100_000
+MAX_STEPS = 100_000
 """Steps of a program."""
 STEP_ROUNDING = 1e-9
 """Share of a step by which a way may be longer than a whole number of them."""
@@ -171,8 +171,8 @@ def join_poses(
     still, far = 0, 0
     place, turned = start.translation, start.rotation
     for nth, (pose, rotation) in enumerate(zip(listed.poses, listed.rotations, strict=True)):
-        moves = float(np.linalg.norm(pose[:3] - place)) > SAME
-        turns = float((turned.inv() * rotation).magnitude()) > SAME
+        moves = float(np.linalg.norm(pose[:3] - place)) > MIN_MOVE
+        turns = float((turned.inv() * rotation).magnitude()) > MIN_MOVE
         if moves:
             segments.append(Line(pose[:3], rotation if turns else None, speed, join))
         elif turns:
@@ -226,14 +226,16 @@ def step_poses(listed: PositionList, unit: float) -> tuple[PositionList, list[st
     count = sum(
         _count_steps(b[:3] - a[:3], unit) or _count_steps(b[3:] - a[3:], ANGLE_STEP) for a, b in pairwise(listed.poses)
     )
-    if count > MOST:
-        raise MotionError(f"{count} steps of {unit * 1e3:g} mm, more than {MOST}: use a longer unit, or fewer poses")
+    if count > MAX_STEPS:
+        raise MotionError(
+            f"{count} steps of {unit * 1e3:g} mm, more than {MAX_STEPS}: use a longer unit, or fewer poses"
+        )
     angles, dropped = listed.poses[0, 3:], 0
     steps, rests = [listed.poses[0]], [float(listed.rests[0])]
     for (before, after), rest in zip(pairwise(listed.poses), listed.rests[1:].tolist(), strict=True):
         way = after[:3] - before[:3]
-        if abs(way).max() > SAME:
-            dropped += float(abs(after[3:] - angles).max()) > SAME
+        if abs(way).max() > MIN_MOVE:
+            dropped += float(abs(after[3:] - angles).max()) > MIN_MOVE
             some = [np.concatenate((before[:3] + share * way, angles)) for share in _step_shares(way, unit)]
         else:
             turn = after[3:] - angles
@@ -252,14 +254,14 @@ def step_poses(listed: PositionList, unit: float) -> tuple[PositionList, list[st
 
 def _count_steps(way: np.ndarray, step: float) -> int:
     largest = float(abs(way).max())
-    return ceil(largest / step - STEP_ROUNDING) if largest > SAME else 0
+    return ceil(largest / step - STEP_ROUNDING) if largest > MIN_MOVE else 0
 
 
 def _step_shares(way: np.ndarray, step: float) -> Iterator[float]:
     """Shares of a way at which its steps end, the last of them 1."""
     for nth in range(1, _count_steps(way, step)):
         yield nth * step / float(abs(way).max())
-    if abs(way).max() > SAME:
+    if abs(way).max() > MIN_MOVE:
         yield 1.0
 
 

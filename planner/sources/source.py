@@ -158,7 +158,7 @@ def import_program(path: str | PathLike[str], format: str | None = None, **optio
     return source.read(Path(path))
 
 
-MOST = 100
+MAX_FAULTS = 100
 """Faults that are told; a file with more is another format as a rule, or broken."""
 
 
@@ -176,8 +176,8 @@ class Faults:
         """
         known = (told.allowed, told.nearest) if isinstance(told, BadValue) else ()
         self._found.append(Fault(key, str(told), line, value, *known))
-        if len(self._found) == MOST:
-            last = Fault("", f"{MOST} faults; the rest was not checked", line)
+        if len(self._found) == MAX_FAULTS:
+            last = Fault("", f"{MAX_FAULTS} faults; the rest was not checked", line)
             raise FileError(self.file, [*self._found, last])
 
     @contextmanager

@@ -8,7 +8,7 @@ import numpy as np
 
 from kinematics.foundation.arrays import Array
 from planner.path.spline import along
-from planner.program.model import SAME, Arc, Line, Spline
+from planner.program.model import MIN_MOVE, Arc, Line, Spline
 
 MIN_CHORD_RADII = 0.5
 """Chord of an arc, in radii, above which it can be led through an end that is a little off."""
@@ -78,7 +78,7 @@ def move_start(stroke: Stroke, start: Array) -> Stroke:
     is moved as it is, and so is its end.
     """
     off = start - stroke.start
-    if np.linalg.norm(off) <= SAME:
+    if np.linalg.norm(off) <= MIN_MOVE:
         return stroke
     match stroke.segment:
         case Line():
@@ -113,7 +113,7 @@ def max_height(stroke: Stroke) -> float:
 def is_full_circle(chain: Chain) -> bool:
     """Whether it is one full turn of a circle."""
     segment = chain[0].segment
-    return len(chain) == 1 and isinstance(segment, Arc) and abs(abs(segment.angle) - 2 * pi) < SAME
+    return len(chain) == 1 and isinstance(segment, Arc) and abs(abs(segment.angle) - 2 * pi) < MIN_MOVE
 
 
 def find_vertices(chain: Chain) -> Array:

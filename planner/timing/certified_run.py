@@ -103,12 +103,12 @@ def tighten_block(block: Block, excess: Array, tries: int) -> Block:
 
 
 # How often a run is solved until its proof holds, before it is slowed as a whole; and how often it is slowed.
-ROUNDS, LAST = 8, 3
+MAX_ROUNDS, MAX_SLOWINGS = 8, 3
 # How often axes are held below resonance bands: so often where they stay in them too long, then over their whole run,
 # at last all of them; each time more of the same by so much farther below, as a grid lets a motion peak beside it.
-HOLDINGS, STRETCH_ROUNDS, ALL, FARTHER = 8, 2, 6, 4.0
+MAX_HOLDINGS, STRETCH_ROUNDS, ALL_HOLDINGS, MARGIN_GROWTH = 8, 2, 6, 4.0
 # What is slowed is slowed a little more: rounding.
-MARGIN = 1e-6
+SLOWING_MARGIN = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,7 +147,7 @@ class CertifiedRun:
 
 @dataclass(frozen=True, slots=True)
 class RunCertifier:
-    """Runs -> their motions, each proved to keep every limit on time; what does not within ROUNDS is slowed until then.
+    """Runs -> their motions, each proved to keep every limit on time; what does not in MAX_ROUNDS is slowed until then.
 
     Given up is only what cannot be slowed: between stated speeds, or in a stated duration. A refusal of the first run
     that has one is returned, not raised.
@@ -201,20 +201,20 @@ class RunCertifier:
         # a use without a bound is nothing that another motion mends
         if not 1 < max(float(one.known.use[limit.name].max()) for limit in self._timed) < np.inf:
             return None
-        if one.tightened + 1 < ROUNDS:
+        if one.tightened + 1 < MAX_ROUNDS:
             solution = self.timing.tighten(self.path, self.limits, one.solution, one.known.use)
             return solution.refusal or replace(one, solution=solution, tightened=one.tightened + 1)
-        return self._slow(one, required_slowness(self._timed, one.known.use) * (1 + MARGIN))
+        return self._slow(one, required_slowness(self._timed, one.known.use) * (1 + SLOWING_MARGIN))
 
     def _hold_back(self, one: CertifiedRun, more: Sequence[SpeedCap]) -> CertifiedRun | MotionError | None:
         """A run solved with axes held in more places; where that is of no use, slowed below all bands."""
-        if one.holdings < HOLDINGS:
+        if one.holdings < MAX_HOLDINGS:
             held = (*one.held, *more)
             solution = self.timing.solve(self.path, hold_axes(self.limits, held), one.run)
             if solution.refusal is None:
                 return replace(one, solution=solution, held=held, holdings=one.holdings + 1)
-            if one.holdings + 1 < ALL:  # all that is held may leave a solver more room than a part of it
-                one = replace(one, holdings=ALL)
+            if one.holdings + 1 < ALL_HOLDINGS:  # all that is held may leave a solver more room than a part of it
+                one = replace(one, holdings=ALL_HOLDINGS)
                 return self._hold_back(one, self._choose_caps((), one))
             if not one.solution.fastest:
                 return solution.refusal
@@ -224,7 +224,7 @@ class RunCertifier:
 
     def _slow(self, one: CertifiedRun, slowness: float) -> CertifiedRun | None:
         """The same motion, slower as a whole, if that has not been tried too often."""
-        if one.slowed >= LAST or not one.solution.fastest or one.solution.moving:
+        if one.slowed >= MAX_SLOWINGS or not one.solution.fastest or one.solution.moving:
             return None
         return replace(one, solution=one.solution.slowed(slowness), slowed=one.slowed + 1)
 
@@ -244,12 +244,12 @@ class RunCertifier:
             return list(staying)
         first, last = one.run.breaks(self.path)[[0, -1]].tolist()
         bands = dict.fromkeys(each.band for each in staying)
-        if one.holdings >= ALL:
+        if one.holdings >= ALL_HOLDINGS:
             bands = dict.fromkeys(band for limit in self.limits if isinstance(limit, Resonance) for band in limit.bands)
         found = []
         for band in bands:
             before = sum(each.band == band and (each.first, each.last) == (first, last) for each in one.held)
-            found.append(SpeedCap(band, first, last, BAND_MARGIN * FARTHER**before))
+            found.append(SpeedCap(band, first, last, BAND_MARGIN * MARGIN_GROWTH**before))
         return found
 
     @property

@@ -17,7 +17,7 @@ from planner.limits.limit import Limit
 from planner.parallel import Progress, spread
 from planner.path.actuation import ActuatorPath
 from planner.path.stands import count_zero_derivatives
-from planner.timing.certified_run import ROUNDS, CertifiedRun, RunCertifier, Timing, hold_axes, tighten_run
+from planner.timing.certified_run import MAX_ROUNDS, CertifiedRun, RunCertifier, Timing, hold_axes, tighten_run
 from planner.timing.parts import solve_in_parts, tighten_in_parts
 from planner.timing.problem import Run, Solver
 from planner.timing.profile import Profile
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 # Runs that are proved together: what one of them takes is more than handing it to another process.
-PART = 8
+PART_RUNS = 8
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +91,7 @@ def certified_solve(
 ) -> Solution:
     """The motion of every run between stops, discretized, solved, certified and tightened until it holds, as a whole.
 
-    Runs go in parts of PART to whichever process is free; each part is solved and proved by itself, so that what
+    Runs go in parts of PART_RUNS to whichever process is free; each part is solved and proved by itself, so that what
     becomes of it does not depend on who does it. Here refusals are raised that were values so far: Infeasible where a
     limit is broken, MotionError where no round holds.
 
@@ -106,7 +106,7 @@ def certified_solve(
         timing = _fastest_timing(path, order)
     stops = np.flatnonzero(path.stops(order))
     runs = [replace(run, solver=solver) for run in _split_runs(path, stops)]
-    parts = [runs[first : first + PART] for first in range(0, len(runs), PART)]
+    parts = [runs[first : first + PART_RUNS] for first in range(0, len(runs), PART_RUNS)]
     found: list[CertifiedRun] = []
 
     def done(part: Sequence[Run], outcome: list[CertifiedRun] | MotionError) -> None:
@@ -186,4 +186,4 @@ def _unproved_error(trajectory: Trajectory, limits: Sequence[Limit], certificate
             f"the motion could not be proved: {unproved[0]} at {certificate.where[unproved[0]]} has no bound; "
             "this is a bug in the planner: please report it"
         )
-    return MotionError(f"no motion could be proved within {ROUNDS} rounds; what remained:\n{certificate}")
+    return MotionError(f"no motion could be proved within {MAX_ROUNDS} rounds; what remained:\n{certificate}")

@@ -10,7 +10,7 @@ from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
 from planner.limits.limit import Limit, Term
 from planner.path.actuation import ActuatorPath
-from planner.timing.initial_guess import BRIEF, WIDE, Passing, Smoothed, slow_breaks
+from planner.timing.initial_guess import MAX_BRIEF_SHARE, WINDOW_GROWTH, Passing, Smoothed, slow_breaks
 from planner.timing.problem import Block, Problem, Run, make_grid, pose_problem
 from planner.timing.profile import Profile
 from planner.timing.solvers.second_order import TERMS as SECOND
@@ -20,7 +20,7 @@ from planner.timing.solvers.second_order import second_order
 # that starts an order-3 solve.
 SECOND_ORDER, THIRD_ORDER, COARSE = (1000, 50, 40), (240, 32, 15), (400, 20, 20)
 # Intervals of a run at most, at order 2 and 3: these hold some 5 kB each, and 0.15 MB.
-MOST = (1_000_000, 50_000)
+MAX_INTERVALS = (1_000_000, 50_000)
 # The first two of a part between breaks that the jerk lets by only slowly; and of one whose length is less than such a
 # share of the others', on average: little time goes by there.
 PART_GRID, SHORT_SHARE, SHORT_PART_GRID = (32, 32), 0.2, (32, 16)
@@ -34,7 +34,7 @@ DIRECTION_POINTS = 17
 START_GRID = "start"
 """Name of the rows that bound s̈ by what the jerk lets a motion reach: no limit's."""
 # Window of the average, as a share of what the run allows, where a gentle start finds no way between two speeds.
-SHORTENED = 1e-2
+SHORT_WINDOW_SHARE = 1e-2
 
 
 def acceleration_problem(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> Problem:
@@ -74,7 +74,7 @@ def brief_problem(
         return None
     gentle, window = _second_order_start(replace(coarse, free=(False, False)))
     sharp = second_order(gentle)
-    if not sharp.solved or WIDE * window > BRIEF * sharp.duration:
+    if not sharp.solved or WINDOW_GROWTH * window > MAX_BRIEF_SHARE * sharp.duration:
         return None
     placed = _grid(SECOND_ORDER, path, run, _graded_shares(_interval_count(SECOND_ORDER, path, run)))
     return _second_order_start(pose_problem(path, limits, *placed))
@@ -158,7 +158,8 @@ def _graded_shares(intervals: int) -> Array:
 def _interval_count(rule: tuple[int, int, int], path: ActuatorPath, run: Run) -> int:
     least, per_piece, per_radian = rule
     turn = float(path.turns[run.first : run.last + 1].sum())
-    size, most = max(least, per_piece * (run.last - run.first + 1), int(per_radian * turn)), MOST[rule != SECOND_ORDER]
+    size = max(least, per_piece * (run.last - run.first + 1), int(per_radian * turn))
+    most = MAX_INTERVALS[rule != SECOND_ORDER]
     if size > most:
         since, until = (
             path.place(float(s), k)
@@ -206,7 +207,7 @@ def _smooth_motion(coarse: Problem) -> Smoothed | MotionError:
     found = _average_motion(gentle, min(window, whole))
     if isinstance(found, MotionError):
         blocks = tuple(block for block in coarse.blocks if set(block.start) <= SECOND)
-        return _average_motion(replace(gentle, blocks=blocks), SHORTENED * whole)
+        return _average_motion(replace(gentle, blocks=blocks), SHORT_WINDOW_SHARE * whole)
     return found
 
 

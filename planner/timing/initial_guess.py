@@ -34,10 +34,10 @@ ACTING_SHARE = 0.02
 # Least step of a grid, as a share of an even one's: a step of no length would divide by zero.
 MIN_STEP_SHARE = 1e-6
 # How often the instant at which the motion comes by is enclosed more narrowly: s goes with its cube near rest.
-HALVINGS = 40
+BISECTIONS_OF_INSTANT = 40
 # Windows below this share of a motion are averaged piece by piece, where they have no more than so many: differences of
 # what was integrated from the start on lose as many digits as the window is shorter.
-SHORT, FEW = 1e-4, 8
+SHORT_WINDOW_SHARE, MAX_PIECES = 1e-4, 8
 
 
 class Smoothed:
@@ -63,10 +63,10 @@ class Smoothed:
         """s, ṡ, s̈, s⃛ of the average."""
         now, before = self._motion(t), self._motion(t - self.window)
         s, v, a, j = ((x - y) / self.window for x, y in zip(now, before, strict=True))
-        if self.window > SHORT * self.duration:
+        if self.window > SHORT_WINDOW_SHARE * self.duration:
             return s, v, a, j
         first, last = (np.searchsorted(self.knots, instants, side="right") for instants in (t - self.window, t))
-        few = np.flatnonzero((last - first < FEW) & (t - self.window < t))
+        few = np.flatnonzero((last - first < MAX_PIECES) & (t - self.window < t))
         s[few], v[few], a[few] = self._of_few(t[few], now[1][few], first[few], last[few])
         return s, v, a, j
 
@@ -81,7 +81,7 @@ class Smoothed:
         speeds = np.concatenate([self.speeds[:1], m.v, self.speeds[1:]])
         slopes = np.concatenate([[0.0], m.a, [0.0]])
         whole, way, rise, short = np.zeros((4, len(t)))
-        for n in range(FEW):
+        for n in range(MAX_PIECES):
             k = np.minimum(first + n, last)
             low, high = np.maximum(edges[k], begin), np.minimum(edges[k + 1], t)
             h = np.where(first + n <= last, np.maximum(high - low, 0.0), 0.0)
@@ -96,7 +96,7 @@ class Smoothed:
         dense = self._instants(len(s))
         after = np.searchsorted(np.maximum.accumulate(self.at(dense)[0]), s).clip(1, len(dense) - 1)
         low, high = dense[after - 1], dense[after]
-        for _ in range(HALVINGS):
+        for _ in range(BISECTIONS_OF_INSTANT):
             t = (low + high) / 2
             early = self.at(t)[0] < s
             low, high = np.where(early, t, low), np.where(early, high, t)
@@ -234,9 +234,9 @@ def _reachable_speed(speed: float, jerk: float, way: float) -> float:
     return float(speed + more)
 
 
-# A window up to this share of the motion is brief, and one of at least LEAST of it is told from the rounding of
-# instants; it is so many times as long as ramps need at least, as s̈ may step from its limit to that the other way.
-BRIEF, LEAST, WIDE = 1e-5, 1e-9, 4.0
+# A window up to this share of the motion is brief, and one of at least MIN_WINDOW_SHARE of it is told from the rounding
+# of instants; it is so many times as long as ramps need at least, as s̈ may step from its limit to that the other way.
+MAX_BRIEF_SHARE, MIN_WINDOW_SHARE, WINDOW_GROWTH = 1e-5, 1e-9, 4.0
 
 
 def ramped(motion: Profile, window: float, breaks: Array, first: int) -> Profile | None:
@@ -244,8 +244,8 @@ def ramped(motion: Profile, window: float, breaks: Array, first: int) -> Profile
 
     breaks (P+1,) of its run, whose pieces begin with number `first`. None where ramps are not brief, or overlap.
     """
-    window = max(WIDE * window, LEAST * motion.duration)
-    if not window <= min(BRIEF * motion.duration, float(motion.h.min())):
+    window = max(WINDOW_GROWTH * window, MIN_WINDOW_SHARE * motion.duration)
+    if not window <= min(MAX_BRIEF_SHARE * motion.duration, float(motion.h.min())):
         return None
     s, v = np.append(motion.s, breaks[-1]), np.append(motion.v, 0.0)
     before, after = np.append(0.0, motion.a), np.append(motion.a, 0.0)

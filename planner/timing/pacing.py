@@ -22,7 +22,7 @@ EASING_SHARES = (0.1, 0.3, 0.9)
 # By how much a motion may be shorter than it shall be, before it is slowed to that: room for the proof, and no more
 # than what a crossing has to spare.
 MIN_SHORTENING, MAX_SHORTENING = 1e-4, 2e-3
-HALVINGS = 40
+BISECTIONS_OF_PACE = 40
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +86,7 @@ class Pacer:
         most = np.abs(free.along(self.path).within(np.arange(len(free.h)), free.h).qd).max(0)
         low, high, found = 0.0, 1.0, free
         share, before = free.duration / duration, (1.0, free.duration)
-        for _ in range(HALVINGS):
+        for _ in range(BISECTIONS_OF_PACE):
             tried = self.fastest([*self._gentler(limits, eased, share * most)])
             if tried is None:
                 return None

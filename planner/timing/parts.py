@@ -17,7 +17,7 @@ from planner.limits.limit import Limit
 from planner.limits.tool import ToolSpeed
 from planner.path.actuation import ActuatorPath
 from planner.place import ConstantRefused, Infeasible
-from planner.timing.certified_run import ROUNDS, RunCertifier, Timing, tighten_run
+from planner.timing.certified_run import MAX_ROUNDS, RunCertifier, Timing, tighten_run
 from planner.timing.constant_speed import (
     joined_speed_error,
     solve_constant_speed,
@@ -88,7 +88,7 @@ def _find_slower_speed(
             speed = min(speed, found.possible)
         elif not isinstance(found, MotionError):
             (one,) = found
-            if one.rounds < ROUNDS and all(np.max(use) < np.inf for use in one.known.use.values()):
+            if one.rounds < MAX_ROUNDS and all(np.max(use) < np.inf for use in one.known.use.values()):
                 return speed
     return None
 

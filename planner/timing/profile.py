@@ -20,7 +20,7 @@ from planner.timing.problem import EXACT_AIM, SOLVER_AIM, Problem
 from planner.trajectory import Trajectory
 
 # How often the instant at which a profile comes by a break is enclosed more narrowly.
-HALVINGS = 60
+BISECTIONS_OF_INSTANT = 60
 # Least duration of an interval, as a share of an even one's: of one that rounding leaves nothing of.
 MIN_DURATION_SHARE = 1e-6
 
@@ -105,7 +105,7 @@ class Profile:
         """The pieces (K,) in which it comes by s (K,), and how long after their starts."""
         k = np.clip(np.searchsorted(self.s, s, side="right") - 1, 0, None)
         low, high = np.zeros(len(s)), self.h[k]
-        for _ in range(HALVINGS):
+        for _ in range(BISECTIONS_OF_INSTANT):
             tau = (low + high) / 2
             early = self.at(k, tau)[0] < s
             low, high = np.where(early, tau, low), np.where(early, high, tau)

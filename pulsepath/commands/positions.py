@@ -169,7 +169,7 @@ def arms(
 
     from kinematics import MotionError, load_machine
     from kinematics.files.atomic_files import Destination
-    from planner.export.formats.kmitl import UNIT
+    from planner.export.formats.kmitl import UNIT_LENGTH
     from planner.sources.arm_simulation import simulate_arms
     from pulsepath.output import record, tables
 
@@ -180,7 +180,7 @@ def arms(
     destination = None if out is None else Destination(out, force=force)
     listed = of.read(machine).part(first, last)
     listed = replace(listed, frame=frame or listed.frame)
-    found = simulate_arms(listed, load_machine(machine), unit=UNIT if steps else None)
+    found = simulate_arms(listed, load_machine(machine), unit=UNIT_LENGTH if steps else None)
     if destination is not None:
         kind = destination.path.suffix.lower()
         with destination.staged() as file:

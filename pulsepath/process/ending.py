@@ -13,7 +13,7 @@ NAMES = ("SIGINT", "SIGTERM", "SIGHUP")
 """As in kinematics.files.atomic_files, which would load all of kinematics here."""
 RESEND_DELAY = 0.002
 """s until a signal is given again that would have been lost."""
-UNSAFE = ("casadi.casadi", "importlib._bootstrap", "_frozen_importlib")
+UNSAFE_MODULES = ("casadi.casadi", "importlib._bootstrap", "_frozen_importlib")
 """Modules in whose calls nothing may be raised.
 
 CasADi calls Python to convert arguments, and clears errors. A compiled module that is being loaded makes an ImportError
@@ -79,7 +79,7 @@ def _resend(number: signal.Signals) -> None:
 def _is_swallowed(where: FrameType | None, outermost: FrameType) -> bool:
     """Whether what is raised in a frame would be lost, or end the process, on its way to the outermost."""
     while where is not None and where is not outermost:
-        if where.f_globals.get("__name__") in UNSAFE:
+        if where.f_globals.get("__name__") in UNSAFE_MODULES:
             return True
         where = where.f_back
     return False

@@ -3,8 +3,8 @@
 Python runs the handler of a signal between two of its own instructions. While a foreign library computes, as CasADi may
 for many minutes, there are none, and some libraries swallow what a handler raises. So the first process, which loads
 nothing, is told of signals (its own, and by the wakeup descriptor [signal.set_wakeup_fd] of those of the worker),
-passes them on, gives the worker GRACE to end in good order, and then ends it and what it started, and clears up after
-it.
+passes them on, gives the worker GRACE_PERIOD to end in good order, and then ends it and what it started, and clears up
+after it.
 
 Only `pulsepath` as a program does so: whoever calls its functions has one process, and his own signals.
 """
@@ -20,7 +20,7 @@ from typing import Any
 
 SIGNAL_NAMES = ("SIGINT", "SIGTERM", "SIGHUP")
 """As in kinematics.files.atomic_files, which would load all of kinematics here."""
-GRACE = 1.2
+GRACE_PERIOD = 1.2
 """s that the worker has to end in good order, of the 2 s within which a signal ends a command."""
 SAME_SIGNAL_TIME = 0.05
 """s within which a signal to all of a group, as a terminal's Ctrl-C, has reached the worker as well."""
@@ -123,7 +123,7 @@ class _Watch:
     def _ask(self, number: int, now: float) -> None:
         if self.asked is None:
             self.asked = number
-            self.deadline = now + GRACE * self.told.get("patience", 1.0)
+            self.deadline = now + GRACE_PERIOD * self.told.get("patience", 1.0)
 
     def _take(self, line: bytes) -> None:
         import json
@@ -133,7 +133,7 @@ class _Watch:
         except ValueError:
             return
         if self.asked is not None and "patience" in self.told:
-            self.deadline = time.monotonic() + GRACE * self.told["patience"]
+            self.deadline = time.monotonic() + GRACE_PERIOD * self.told["patience"]
 
 
 def _numbers() -> frozenset[int]:

@@ -10,7 +10,7 @@ from controllers.drives.servo import leg_servo
 from controllers.laws.nominal import nominal_axes
 from controllers.laws.open_loop import Feedforward
 from controllers.laws.predictive import Horizon
-from controllers.learning import TAIL, fit_feedforward, learn
+from controllers.learning import TAIL_STEPS, fit_feedforward, learn
 from controllers.rig import Task
 from controllers.simulate import sample
 from kinematics import MotionError
@@ -67,7 +67,7 @@ def test_the_table_ends_where_the_motion_does(learning, bench):
     rig, task = bench
     reference = sample(task.motion, rig.machine, DT)
     for law in learning.laws[1:]:
-        assert len(law.turn) == reference.steps + TAIL
+        assert len(law.turn) == reference.steps + TAIL_STEPS
         np.testing.assert_allclose(law.position[-1], reference.position[-1], atol=1.0)
 
 

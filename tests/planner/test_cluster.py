@@ -13,7 +13,7 @@ import planner
 from kinematics import MotionError
 from planner import Line, Program, plan_many
 from planner.cluster import _wrap_checked, run_on_cluster
-from planner.environment import FIRST, describe_mismatches, make_fact_finder
+from planner.environment import FIRST_FACTS, describe_mismatches, make_fact_finder
 
 LOADED = "import sys, cloudpickle; print(cloudpickle.loads(bytes.fromhex(sys.argv[1]))())"
 
@@ -21,7 +21,7 @@ LOADED = "import sys, cloudpickle; print(cloudpickle.loads(bytes.fromhex(sys.arg
 def test_other_sources_on_a_worker_are_refused_before_any_work(tmp_path, monkeypatch, hexapod):
     """One worker with a copy of the planner that differs by a comment: nothing is planned there."""
     distributed = pytest.importorskip("distributed", reason="the extra cluster")
-    monkeypatch.setattr("planner.cluster.PATIENCE", 60.0)  # for a worker that starts while other tests run
+    monkeypatch.setattr("planner.cluster.MAX_CONNECTION_TIME", 60.0)  # for a worker that starts while other tests run
     copy = tmp_path / "planner"
     shutil.copytree(Path(planner.__file__).parent, copy, ignore=shutil.ignore_patterns("__pycache__"))
     with (copy / "plan.py").open("a") as file:
@@ -51,17 +51,17 @@ def test_other_sources_on_a_worker_are_refused_before_any_work(tmp_path, monkeyp
 def test_another_library_on_the_workers_is_refused(monkeypatch):
     distributed = pytest.importorskip("distributed", reason="the extra cluster")
     look = make_fact_finder()
-    key = next(key for key, facts in FIRST.items() if facts == look())
+    key = next(key for key, facts in FIRST_FACTS.items() if facts == look())
     with distributed.LocalCluster(n_workers=1, threads_per_worker=1, processes=True, dashboard_address=None) as cluster:
         numpy = look()["numpy"]
-        monkeypatch.setitem(FIRST, key, {**look(), "numpy": "1.0"})
+        monkeypatch.setitem(FIRST_FACTS, key, {**look(), "numpy": "1.0"})
         with pytest.raises(MotionError, match=rf"different results: numpy {numpy} \(here 1\.0\)\. Install the same"):
             list(run_on_cluster(divmod, [7], 2, cluster.scheduler_address))
 
 
 def test_a_cluster_without_workers_is_told(monkeypatch):
     distributed = pytest.importorskip("distributed", reason="the extra cluster")
-    monkeypatch.setattr("planner.cluster.PATIENCE", 0.5)
+    monkeypatch.setattr("planner.cluster.MAX_CONNECTION_TIME", 0.5)
     with (
         distributed.LocalCluster(n_workers=0, processes=False, dashboard_address=None) as cluster,
         pytest.raises(MotionError, match=r"no worker after 0\.5 s: start some"),

@@ -49,7 +49,7 @@ def test_an_existing_cluster_by_address(hexapod):
 
 def test_no_answer_says_where(monkeypatch, hexapod):
     pytest.importorskip("distributed", reason="the extra cluster")
-    monkeypatch.setattr("planner.cluster.PATIENCE", 0.5)
+    monkeypatch.setattr("planner.cluster.MAX_CONNECTION_TIME", 0.5)
     with pytest.raises(MotionError, match=r"no Dask scheduler answers at tcp://127\.0\.0\.1:9"):
         plan_many([raster(1)], hexapod, address="tcp://127.0.0.1:9")
 

@@ -25,7 +25,7 @@ from planner.timing.certified_solve import certified_solve
 @pytest.fixture
 def eager(monkeypatch):
     """Two processes, however little there is to do."""
-    monkeypatch.setattr(parallel, "ENOUGH", 0.0)
+    monkeypatch.setattr(parallel, "MIN_POOL_WORK", 0.0)
     monkeypatch.setattr(parallel, "cores", lambda: 2)
 
 
@@ -47,9 +47,9 @@ def test_results_come_in_order_and_from_other_processes(eager):
     found = parallel.spread(where, range(20), lambda task, result: told.append((task, result)))
     assert [task for task, _ in found] == list(range(20))
     assert told == list(zip(range(20), found, strict=True))
-    processes = {process for _, process in found[parallel.TRIED :]}
+    processes = {process for _, process in found[parallel.FIRST_TASKS :]}
     assert os.getpid() not in processes
-    assert {process for _, process in found[: parallel.TRIED]} == {os.getpid()}
+    assert {process for _, process in found[: parallel.FIRST_TASKS]} == {os.getpid()}
 
 
 def test_what_a_task_raises_is_raised_as_itself(eager):
@@ -126,9 +126,9 @@ def test_little_work_stays_here():
 def test_the_same_motion_to_the_bit(eager, monkeypatch, order, hexapod):
     path = actuate(raster(8), hexapod)
     limits, told = limits_of(path, hexapod.axes, order), []
-    monkeypatch.setattr("planner.timing.certified_solve.PART", 2)
+    monkeypatch.setattr("planner.timing.certified_solve.PART_RUNS", 2)
     spread = certified_solve(path, limits, order, lambda done, of: told.append((done, of)))
-    monkeypatch.setattr(parallel, "ENOUGH", np.inf)
+    monkeypatch.setattr(parallel, "MIN_POOL_WORK", np.inf)
     alone = certified_solve(path, limits, order)
     for name in ("knots", "s", "v", "a", "j", "piece"):
         assert np.array_equal(getattr(spread.trajectory, name), getattr(alone.trajectory, name)), name
@@ -142,7 +142,7 @@ SCRIPT = """
     import signal, sys, time
     import kinematics, planner.parallel as parallel
     print("begins", flush=True)
-    parallel.ENOUGH, parallel.cores = 0.0, lambda: 2
+    parallel.MIN_POOL_WORK, parallel.cores = 0.0, lambda: 2
     try:
         print(sum(parallel.spread({work}, [0.01] * 2 + [{wait}] * 6) or [0]), flush=True)
     except KeyboardInterrupt:

@@ -16,13 +16,13 @@ def test_a_step_tells_what_and_how_long_on_stderr(capsys):
 def test_a_long_step_tells_how_far_it_is(capsys, monkeypatch):
     with step("counting") as tell:
         tell(1, 3)  # too early to say anything
-        monkeypatch.setattr(progress, "EVERY", 0.0)
+        monkeypatch.setattr(progress, "REPORT_PERIOD", 0.0)
         tell(2, 3)
     assert capsys.readouterr().err.splitlines()[:2] == ["counting …", "counting: 2 of 3"]
 
 
 def test_of_many_the_share_is_told(capsys, monkeypatch):
-    monkeypatch.setattr(progress, "EVERY", 0.0)
+    monkeypatch.setattr(progress, "REPORT_PERIOD", 0.0)
     with step("reading") as tell:
         tell(1_999_999, 10_000_000)
         tell(10_000_000, 10_000_000)

@@ -106,7 +106,7 @@ def turning(tmp_path):
 
 
 def test_a_run_of_too_many_intervals_is_refused_with_the_remedy(monkeypatch):
-    monkeypatch.setattr(discretization, "MOST", (100, 100))
+    monkeypatch.setattr(discretization, "MAX_INTERVALS", (100, 100))
 
     with pytest.raises(MotionError, match=r'intervals to time, at most 100: write join = "stop" .* or plan at order 2'):
         plan(load_program("bare-circle"), load_machine("hexapod"), order=3)

@@ -16,7 +16,7 @@ ANSWER_HEADER = (
     "speed", "acceleration", "jerk", "duration slowed to hold (s)", "remark",
 )  # fmt: skip
 # How near to the best certified duration counts as close.
-CLOSE = 1e-3
+CLOSE_SHARE = 1e-3
 
 
 def cells(a: PeerAnswer) -> list[str]:
@@ -58,11 +58,11 @@ def verdicts(found: Sequence[PeerAnswer]) -> Iterator[str]:
             f"{name}, order 3: best known {best:.6f} s; ours {100 * (ours.feasible / best - 1):.3f} % above it; "
             f"building the problem, once per process: {max(0.0, ours.first - ours.again):.3f} s"
         )
-        near = [a for a in peers if a.feasible <= best * (1 + CLOSE)]
+        near = [a for a in peers if a.feasible <= best * (1 + CLOSE_SHARE)]
         if near:
             fastest = min(near, key=lambda a: a.again)
             yield (
-                f"  copp-py's fastest within {CLOSE:.1%}: {fastest.again:.3f} s ({fastest.method}, "
+                f"  copp-py's fastest within {CLOSE_SHARE:.1%}: {fastest.again:.3f} s ({fastest.method}, "
                 f"{fastest.intervals} intervals); ours with certificate {ours.again:.3f} s, "
                 f"{ours.again / fastest.again:.2f} of it"
             )
@@ -70,8 +70,8 @@ def verdicts(found: Sequence[PeerAnswer]) -> Iterator[str]:
             closest = min((a for a in peers if a.feasible == a.feasible), key=lambda a: a.feasible, default=None)
             if closest is not None:
                 yield (
-                    f"  no copp-py run within {CLOSE:.1%}; the closest {100 * (closest.feasible / best - 1):.3f} % "
-                    f"above, in {closest.again:.3f} s; ours with certificate {ours.again:.3f} s"
+                    f"  no copp-py run within {CLOSE_SHARE:.1%}; the closest {100 * (closest.feasible / best - 1):.3f} "
+                    f"% above, in {closest.again:.3f} s; ours with certificate {ours.again:.3f} s"
                 )
 
 

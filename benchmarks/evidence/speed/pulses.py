@@ -40,7 +40,7 @@ CLOCK = 10_000_000
 CASES = {100_000: (1, 8.83), 1_000_000: (1, 1.0), 10_000_000: (12, 1.0), 100_000_000: (114, 1.0)}
 """Repetitions, and how much coarser the pulses are, for about so many pulses."""
 STAGES = ("generate", "npz", "check", "csv", "file")
-LARGE = ("check", "csv", "file")
+LARGE_STAGES = ("check", "csv", "file")
 TARGET, STRETCH, MEMORY = 5e6, 15e6, 2e9
 SINGLE_RUN_PULSES = 3_000_000  # pulses from which once has to do
 REPEATS = 7
@@ -66,7 +66,7 @@ def main() -> None:
         for stage in STAGES:
             least: tuple[int, float] | None = None
             for count in CASES:
-                if count == max(CASES) and stage in LARGE and not options.full:
+                if count == max(CASES) and stage in LARGE_STAGES and not options.full:
                     continue
                 pulses, seconds, peak = run_in_new_process(__spec__.name, "--row", stage, count, motion)
                 least = least or (pulses, peak)

@@ -23,10 +23,10 @@ from typing import Any
 from benchmarks.evidence.timing import time_calls
 from planner import import_program
 
-ENTITIES, LINES, TIMES = 10_000, 100_000, 3
-SECONDS = {"dxf": 10.0, "gcode": 2.0}
+ENTITIES, LINES, REPEATS = 10_000, 100_000, 3
+MAX_SECONDS = {"dxf": 10.0, "gcode": 2.0}
 """What is asked for."""
-PART = 20
+PART_ENTITIES = 20
 """Entities of one part: an outline of 12 in 6 lines and 6 arcs, 3 slots, 4 holes, and an ellipse or a spline."""
 
 
@@ -37,7 +37,7 @@ def draw(path: Path, count: int) -> int:
     rng = random.Random(1)
     document = new(units=4)
     sheet = document.modelspace()
-    parts = count // PART
+    parts = count // PART_ENTITIES
     across = ceil(sqrt(parts))
     drawn: list[tuple[str, tuple[Any, ...], dict[str, Any]]] = []
     for part in range(parts):
@@ -142,11 +142,11 @@ def main() -> None:
         path = Path(folder) / ("program.nc" if kind == "gcode" else "sheet.dxf")
         if kind == "gcode":
             path.write_text("\n".join(make_blocks(LINES)), encoding="ascii")
-            found, took = time_calls(lambda: import_program(path), TIMES)
-            said, allowed = f"{LINES} lines", SECONDS["gcode"]
+            found, took = time_calls(lambda: import_program(path), REPEATS)
+            said, allowed = f"{LINES} lines", MAX_SECONDS["gcode"]
         else:
-            said, allowed = f"{ENTITIES} entities, {KINDS[kind](path, ENTITIES)} contours", SECONDS["dxf"]
-            found, took = time_calls(lambda: import_program(path, retract=5e-3, speed=0.02), TIMES)
+            said, allowed = f"{ENTITIES} entities, {KINDS[kind](path, ENTITIES)} contours", MAX_SECONDS["dxf"]
+            found, took = time_calls(lambda: import_program(path, retract=5e-3, speed=0.02), REPEATS)
     _, (drawn,) = time_calls(lambda: found.outline)
     print(
         f"{kind}: {said}, {len(found.program.segments)} segments: {min(took):.2f} s, "

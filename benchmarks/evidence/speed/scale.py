@@ -59,7 +59,7 @@ def _segments() -> Iterator[Segment]:
 
 
 # What a thousand segments may take (s), by order, and the memory of all processes together (MB).
-TARGETS, MOST = {2: 30.0, 3: 120.0}, 1000.0
+TARGETS, MAX_MEMORY_MB = {2: 30.0, 3: 120.0}, 1000.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,7 +114,8 @@ def main() -> None:
         sizes = (chosen.segments // part for part in (4, 2, 1))
         runs = [PlanRun(**run_in_new_process(__spec__.name, "--one", size, "--order", order)) for size in sizes]
         print(
-            f"order {order}; wanted for 1000 segments: {TARGETS[order]:.0f} s, {MOST:.0f} MB\n\n{table(runs)}\n",
+            f"order {order}; wanted for 1000 segments: {TARGETS[order]:.0f} s, {MAX_MEMORY_MB:.0f} MB\n\n"
+            f"{table(runs)}\n",
             flush=True,
         )
 

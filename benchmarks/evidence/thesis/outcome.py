@@ -111,7 +111,7 @@ LAWS = ("1", "2", "3", "3t", "4", "5", "6", "7", "6r", "7r")
 PERIOD = 1e-3
 SETTLING_TIME = 1.0
 """s that are watched after the planned end."""
-LATE = 0.5
+LATE_TIME = 0.5
 """s after the planned end at which an axis that is to arrive is looked at: fifteen time constants of a 30 1/s loop."""
 
 
@@ -122,7 +122,7 @@ class LawSetting:
     gains: Mapping[str, float]
     figures: Mapping[str, float]
     short: float
-    """Pulses by which the worst axis is from its goal `LATE` s after the planned end."""
+    """Pulses by which the worst axis is from its goal `LATE_TIME` s after the planned end."""
     over: float = 0.0
     """s after the planned end at which the host comes to the last sample, and sends its closing stop."""
 
@@ -168,5 +168,5 @@ def _settings(assumption: Assumption, number: str) -> tuple[LawSetting, ...]:
 
 def _goal_distances(runs: Runs, task: Task, reference: Reference) -> Array:
     """(B,) of each run, see `LawSetting.short`."""
-    at = int(np.searchsorted(runs.t, task.motion.duration + LATE))
+    at = int(np.searchsorted(runs.t, task.motion.duration + LATE_TIME))
     return np.asarray(np.abs(runs.actual[at] - reference.position[-1]).max(1))

@@ -11,8 +11,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from benchmarks.evidence.published.compared import markdown, run
-from benchmarks.evidence.thesis.outcome import LATE, READINGS, LawSetting, Outcome, assumptions, run_laws
-from controllers.metrics.metrics import BAND
+from benchmarks.evidence.thesis.outcome import LATE_TIME, READINGS, LawSetting, Outcome, assumptions, run_laws
+from controllers.metrics.metrics import END_BAND
 
 GOOD_GAINS, BEST_GAINS = (0.5, 0.9), (0.6, 0.8)
 """Gains k that the thesis calls good, and what counts as near its best, 0.7."""
@@ -95,7 +95,7 @@ def judge_end_times(outcome: Outcome) -> FindingVerdict:
 def judge_arrival(outcome: Outcome) -> FindingVerdict:
     short = {law: min(setting.short for setting in outcome.settings[law]) for law in "1234567"}
     told = ", ".join(f"{law} {pulses:.0f}" for law, pulses in short.items())
-    return FindingVerdict(max(short.values()) <= BAND, f"pulses from the goal: {told}")
+    return FindingVerdict(max(short.values()) <= END_BAND, f"pulses from the goal: {told}")
 
 
 def _judge_gain_range(outcome: Outcome, laws: tuple[str, ...]) -> FindingVerdict:
@@ -181,8 +181,8 @@ FINDINGS = (
     ),
     Finding(
         "In the end the motors are where the reference is",
-        f"all axes are within {BAND:g} pulses (0.024°) of their goal {LATE} s after the planned end, with a law's best "
-        "gain. This criterion is ours: the thesis states none",
+        f"all axes are within {END_BAND:g} pulses (0.024°) of their goal {LATE_TIME} s after the planned end, "
+        "with a law's best gain. This criterion is ours: the thesis states none",
         judge_arrival,
         "Laws 4 and 5 have lost the place, and law 2 the time. Straight ramps from sample to sample of a speed that is "
         f"curved cover {UNCOVERED} pulses less than the motion, and in none of the other laws a later command has the "

@@ -140,7 +140,7 @@ def _cut(random: np.random.Generator, data: bytes) -> list[bytes]:
 
 
 QUEUE = 16
-CLIENTS = 3
+CLIENT_COUNT = 3
 START = (30000, 30000, 30000, 0)
 
 
@@ -231,7 +231,7 @@ def run_crowd(lines: int, seed: int = 1) -> CrowdReport:
             compare(f"before line {number}", replies, model.end(stands))
         if number == lines:
             break
-        t, who = float(until), int(random.integers(1, CLIENTS + 1))
+        t, who = float(until), int(random.integers(1, CLIENT_COUNT + 1))
         text = (b"STOP", b"P X + nothing", random_command(random).strip())[random.choice(3, p=[0.04, 0.05, 0.91])]
         midway += desk.end is not None
         counted, seen = counted + _sum_fired_pulses(desk.session.motion, seen, t), t

@@ -73,7 +73,7 @@ class ComparisonRow:
     figures   mean over the seeds on the rig as stated; none where a run of those failed
     spread    least and largest RMS contour error of all rigs and seeds that did not fail
     failures  (rig, reason) of every run that failed
-    away      how many runs are not within `BAND` pulses of their goal at the end of the record
+    away      how many runs are not within `END_BAND` pulses of their goal at the end of the record
     unstable  how many failed, or are away and err by more than `UNSTABLE_SHARE` of the path's extent
     against   the baseline on the same path; None where either failed on a rig, of the baseline itself, and where the
               path is not ranked

@@ -51,7 +51,7 @@ QUANTIZED = 0.3
 """Pulses RMS: what rounding to whole pulses alone shakes a shaft by, 1/√12; less is no difference."""
 LEAST_TORQUE = 0.01
 """Of the torque limit, RMS."""
-SOON, NEVER = 0.01, 0.5
+MIN_LATE, MAX_LATE = 0.01, 0.5
 """s after the planned end: sooner is no difference, and a record ends so late that is off its goal to the end."""
 
 
@@ -87,7 +87,7 @@ def _effort(figures: Figures, about: About) -> float | None:
 
 
 def _end(figures: Figures, about: About) -> float | None:
-    return min(max(figures["late"], SOON), NEVER) if "late" in figures else None
+    return min(max(figures["late"], MIN_LATE), MAX_LATE) if "late" in figures else None
 
 
 CRITERIA = (
@@ -96,10 +96,13 @@ CRITERIA = (
     Criterion("vibration", 0.2, _vibration, lambda value, _: f"{value:.3g} pulses RMS"),
     Criterion("effort", 0.1, _effort, lambda value, _: f"{100 * value:.3g} % of the torque limit RMS"),
     Criterion(
-        "end", 0.1, _end, lambda value, _: f"{1e3 * value:.3g} ms late" if value < NEVER else "off its goal to the end"
+        "end",
+        0.1,
+        _end,
+        lambda value, _: f"{1e3 * value:.3g} ms late" if value < MAX_LATE else "off its goal to the end",
     ),
 )
-TRADE = 1.25
+TRADE_RATIO = 1.25
 """A criterion that is worse by more than this factor is named beside what is gained."""
 
 

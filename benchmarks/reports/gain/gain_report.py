@@ -22,7 +22,7 @@ from benchmarks.reports.gain.criteria import CRITERIA, HUMAN, number, shown, wei
 from benchmarks.reports.gain.run_figures import draw
 from benchmarks.reports.gain.verdict import Verdict, describe_unranked, verdict_of
 from benchmarks.reports.page import render
-from controllers.metrics.metrics import BAND
+from controllers.metrics.metrics import END_BAND
 
 MARKS = {
     "better": ("▼ better", "good"),
@@ -69,7 +69,7 @@ def gain_report(comparison: Comparison) -> tuple[Verdict, str]:
         shown=[comparison.label(entry) for entry in shown_ones.entries],
         least=100 * MIN_DIFFERENCE_SHARE,
         unstable=100 * UNSTABLE_SHARE,
-        band=BAND,
+        band=END_BAND,
         rigs=max(len(source.record["variations"]) for source in comparison.sources),
         not_ranked=describe_unranked(comparison),
         criteria=CRITERIA,

@@ -63,7 +63,7 @@ def axes_over_time(comparison: Comparison, shown: SettingSeries, task: str) -> l
     return add_shared_legend([*panels.ravel()], 2)
 
 
-POINTS = 1500
+MAX_POINTS = 1500
 """Instants that a line is drawn with: more than a page's pixels show nothing more."""
 
 
@@ -124,7 +124,7 @@ def _mark_corners(ax: Axes, places: Sequence[float]) -> None:
 def _draw_over_time(ax: Axes, comparison: Comparison, shown: SettingSeries, task: str) -> None:
     unit, scale = HUMAN[comparison.unit(RANK, task)]
     for entry, series in shown.on(task):
-        every = slice(None, None, max(1, len(series.t) // POINTS))
+        every = slice(None, None, max(1, len(series.t) // MAX_POINTS))
         n = shown.entries.index(entry)
         ax.plot(series.t[every], scale * series.contour[every], label=comparison.label(entry), **line_style(n))
     _mark_corners(ax, [corner["t_s"] for corner in _corners(comparison, task)])
@@ -137,7 +137,7 @@ def _draw_along_path(ax: Axes, comparison: Comparison, shown: SettingSeries, tas
     series = shown.on(task)[0][1]
     length = 1e3 if _is_in_space(comparison, task) else 1.0
     for entry, one in shown.on(task):
-        every = slice(None, None, max(1, len(one.t) // POINTS))
+        every = slice(None, None, max(1, len(one.t) // MAX_POINTS))
         n = shown.entries.index(entry)
         ax.plot(length * one.s[every], scale * one.contour[every], label=comparison.label(entry), **line_style(n))
     _mark_corners(ax, [length * corner["s_m"] for corner in _corners(comparison, task)])
@@ -260,7 +260,7 @@ def spectrum(series: RunSeries) -> tuple[Array, Array]:
 
 def _draw_effort(ax: Axes, comparison: Comparison, shown: SettingSeries, task: str) -> None:
     for entry, series in shown.on(task):
-        every = max(1, len(series.t) // POINTS)
+        every = max(1, len(series.t) // MAX_POINTS)
         share = np.abs(series.torque).max(1)
         first = np.arange(0, len(share), every)
         n = shown.entries.index(entry)

@@ -10,7 +10,7 @@ from math import inf, isfinite
 from typing import TYPE_CHECKING, Any
 
 from benchmarks.reports.gain.comparison import RANK, Comparison, SettingEntry
-from benchmarks.reports.gain.criteria import CRITERIA, TRADE, shown, weights_text
+from benchmarks.reports.gain.criteria import CRITERIA, TRADE_RATIO, shown, weights_text
 from benchmarks.sweep import Setting
 from benchmarks.sweep.result import figure_unit
 from controllers.metrics import FIGURES
@@ -127,7 +127,7 @@ def _costs(comparison: Comparison, entry: SettingEntry) -> str:
     told = []
     for one in CRITERIA:
         ratio = comparison.ratios(entry).get(one.name, 1.0)
-        if ratio <= TRADE:
+        if ratio <= TRADE_RATIO:
             continue
         values = [
             (own / base, own, base, row.task)

@@ -31,7 +31,7 @@ import numpy as np
 
 from kinematics.foundation.arrays import Array
 from planner.export.columns import (
-    USUAL,
+    LETTERS,
     Columns,
     assign_letters,
     describe_letters,
@@ -60,7 +60,7 @@ class InverseTime:
 
     def write(self, source: ExportSource, path: Path) -> Exported:
         axes, motion = source.machine.axes, source.counted
-        letters = assign_letters(axes, self.letters, USUAL, "G-code")
+        letters = assign_letters(axes, self.letters, LETTERS, "G-code")
         knots = choose_knots(motion, axes, 1, step=TIME_STEP, tolerance=self.tolerance, spacing=self.spacing)
         form = make_columns(source, knots.tolerance, origin=self.origin)
         with path.open("w", encoding="ascii", newline="") as file:

@@ -25,15 +25,15 @@ import numpy as np
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.options import option
-from planner.export.columns import BLOCK, Columns, describe_letters, make_columns
+from planner.export.columns import BLOCK_POINTS, Columns, describe_letters, make_columns
 from planner.export.format import Exported, ExportSource
 from planner.export.knots import Knots, choose_knots, compare
 from planner.pulses.schedule import Ticks
 
 AXES = "ABCDEFGH"
 SAMPLE_TIME = 1e-3
-INTERVALS = range(1, 9)
-MOST = 32767
+INTERVALS_MS = range(1, 9)
+MAX_COUNTS = 32767
 """Counts of an increment. An assumption: 16 bits with a sign."""
 
 
@@ -51,7 +51,7 @@ class Galil:
                 f"axis {axes[len(AXES)].name}: {len(axes)} axes, but contour mode has at most {len(AXES)}, {AXES}; "
                 "choose another format"
             )
-        if self.interval not in INTERVALS:
+        if self.interval not in INTERVALS_MS:
             raise MotionError(f"interval {self.interval}: must be from 1 to 8, for 2^n ms")
         letters, each = AXES[: len(axes)], SAMPLE_TIME * 2**self.interval
         knots = choose_knots(motion, axes, 1, step=each, tolerance=None, spacing=each)
@@ -81,9 +81,9 @@ def _refuse_fast(source: ExportSource, increments: Ticks, each: float) -> None:
     """Raise MotionError where an axis goes further in an interval than a line can say."""
     most = abs(increments).max(axis=0, initial=0)
     k = int(most.argmax())
-    if most[k] > MOST:
+    if most[k] > MAX_COUNTS:
         raise MotionError(
-            f"axis {source.machine.axes[k].name}: {most[k]} counts in {1e3 * each:g} ms, limit {MOST}; "
+            f"axis {source.machine.axes[k].name}: {most[k]} counts in {1e3 * each:g} ms, limit {MAX_COUNTS}; "
             "give a smaller interval, or a longer pulse"
         )
 
@@ -94,7 +94,7 @@ def _points(form: Columns, start: Array, path: Path) -> Iterator[tuple[Array, Ar
     t, at = 0.0, start
     with path.open(encoding="ascii", newline="") as file:
         _, each = next(file), SAMPLE_TIME * 2 ** int(next(file).split()[1])
-        while lines := [line for line in islice(file, BLOCK) if "=" not in line]:
+        while lines := [line for line in islice(file, BLOCK_POINTS) if "=" not in line]:
             place = at + np.cumsum(np.array([line[3:].split(",") for line in lines], float), axis=0)
             yield t + each * np.arange(1, len(place) + 1), form.natural(place[None])
             t, at = t + each * len(place), place[-1]

@@ -59,10 +59,10 @@ from planner.path.actuation import ActuatorPath
 from planner.pulses.schedule import Ticks
 from planner.sources.position_list import PositionList
 
-UNIT = 1e-3
+UNIT_LENGTH = 1e-3
 """m. ASSUMPTION: the source does not say what its unit is; this machine's 25 000 pulses per mm fit 500 · 50."""
-DIGITS = 7
-LAST = 32_767
+MAX_DIGITS = 7
+LAST_NUMBER = 32_767
 """The largest number of a line: Visual Basic's Integer."""
 
 
@@ -96,23 +96,23 @@ def steps(path: ActuatorPath, piece: int, step: float) -> int:
 
 def number(value: float, what: str) -> str:
     """A number in seven characters, as many decimals as fit. Raises MotionError for one that does not."""
-    for decimals in range(DIGITS - 2, -1, -1):
+    for decimals in range(MAX_DIGITS - 2, -1, -1):
         text = f"{value:.{decimals}f}"
-        if len(text) <= DIGITS:
+        if len(text) <= MAX_DIGITS:
             return "0" + text[2:] if text.startswith("-0") and float(text) == 0 else text
-    raise MotionError(f"kmitl: {what} {value:.6g} units needs more than {DIGITS} characters; choose a longer unit")
+    raise MotionError(f"kmitl: {what} {value:.6g} units needs more than {MAX_DIGITS} characters; choose a longer unit")
 
 
 def check_numbers(count: int, first: int, what: str) -> None:
     """Raises MotionError for more points than the source's numbers reach."""
-    if first + count - 1 > LAST:
+    if first + count - 1 > LAST_NUMBER:
         raise MotionError(
-            f"kmitl: {count} {what}, numbered from {first}; the source counts to {LAST}: list fewer points"
+            f"kmitl: {count} {what}, numbered from {first}; the source counts to {LAST_NUMBER}: list fewer points"
         )
 
 
 FIRST_NUMBER = 10_001
-COUNTS = 500
+COUNTS_PER_UNIT = 500
 """Counts of one unit of length [KMITL 2005]."""
 
 
@@ -122,7 +122,7 @@ class KmitlArms:
 
     suffix: ClassVar[str] = ".txt"
     point_step: float = option(1e-3, "distance between listed points along the path. Default 1 mm", "m")
-    unit_length: float = option(UNIT, "length of one unit. Default 1 mm", "m")
+    unit_length: float = option(UNIT_LENGTH, "length of one unit. Default 1 mm", "m")
 
     def write(self, source: ExportSource, path: Path) -> Exported:
         tripod_of(source, "kmitl-arms")
@@ -145,8 +145,8 @@ class KmitlArms:
             "the path, the DDA run from point to point",
             (
                 f"{len(s)} points, {1e3 * step:g} mm apart at most; the file holds no times",
-                f"its reader counts {COUNTS} to a unit of {1e3 * unit:g} mm: one count is "
-                f"{unit / COUNTS / source.machine.axes[0].pulse:.6g} pulses",
+                f"its reader counts {COUNTS_PER_UNIT} to a unit of {1e3 * unit:g} mm: one count is "
+                f"{unit / COUNTS_PER_UNIT / source.machine.axes[0].pulse:.6g} pulses",
             ),
             int(np.diff(held, axis=0).any(1).sum()),
         )
@@ -167,12 +167,12 @@ def _errors(source: ExportSource, lengths: Array, s: Array, piece: np.ndarray, u
     home_q = source.trajectory.path.derivatives(s[:1], piece[:1])[0]
     at = np.zeros(3)
     yield 0.0
-    for n, target in enumerate((lengths[1:] - lengths[0]) * COUNTS, 1):
+    for n, target in enumerate((lengths[1:] - lengths[0]) * COUNTS_PER_UNIT, 1):
         counts = at + dda_counts(target - at)
         counts = counts if len(counts) > 1 else np.repeat(counts, 2, axis=0)
         share = np.arange(len(counts)) / (len(counts) - 1)
         q = source.trajectory.path.derivatives(s[n - 1] + (s[n] - s[n - 1]) * share, np.full(len(counts), piece[n]))[0]
-        yield float((abs(counts * unit / COUNTS - (q - home_q)) / pulse).max())
+        yield float((abs(counts * unit / COUNTS_PER_UNIT - (q - home_q)) / pulse).max())
         at = counts[-1]
 
 
@@ -186,7 +186,7 @@ def dda_counts(way: Array) -> Array:
     return np.sign(way) * np.floor((turns[:, None] * abs(way) + 1) / most) if most >= 1 else np.zeros((1, 3))
 
 
-MOST = 4
+MAX_AXES = 4
 
 
 @dataclass(frozen=True, slots=True)
@@ -197,8 +197,10 @@ class KmitlByte:
 
     def write(self, source: ExportSource, path: Path) -> Exported:
         axes, pulses = source.machine.axes, source.pulses.axes
-        if len(axes) > MOST:
-            raise MotionError(f"byte: machine {source.machine.name} has {len(axes)} axes; a byte holds {MOST} at most")
+        if len(axes) > MAX_AXES:
+            raise MotionError(
+                f"byte: machine {source.machine.name} has {len(axes)} axes; a byte holds {MAX_AXES} at most"
+            )
         ticks = np.unique(np.concatenate([axis.ticks for axis in pulses]))
         steps = np.zeros(len(ticks), np.uint8)
         for k, (axis, driven) in enumerate(zip(pulses, axes, strict=True)):
@@ -242,7 +244,7 @@ class KmitlPositions:
     chord: float = option(
         1e-5, "largest deviation from the path of the straight lines between poses. Default 0.01 mm", "m"
     )
-    unit_length: float = option(UNIT, "length of one unit. Default 1 mm", "m")
+    unit_length: float = option(UNIT_LENGTH, "length of one unit. Default 1 mm", "m")
 
     def write(self, source: ExportSource, path: Path) -> Exported:
         machine = tripod_of(source, "kmitl-positions")
@@ -290,7 +292,7 @@ def height_offset(machine: Tripod) -> float:
     return float(machine.home.translation[2])
 
 
-def list_text(listed: PositionList, machine: Machine, unit: float = UNIT) -> str:
+def list_text(listed: PositionList, machine: Machine, unit: float = UNIT_LENGTH) -> str:
     """The list of recorded poses: those from home are put into the base frame.
 
     Raises MotionError for no tripod, and for rests, which have no place in it.
@@ -312,7 +314,7 @@ def list_text(listed: PositionList, machine: Machine, unit: float = UNIT) -> str
 def _chords(curve: ActuatorPath, piece: int, chord: float) -> tuple[Array, np.ndarray]:
     """Ends of equal parts of a piece, none of which leaves its chord by more than `chord` (m)."""
     count = 1
-    while count <= LAST:
+    while count <= LAST_NUMBER:
         s, index = spread_over_piece(curve, piece, count)
         inside = (s[:-1, None] + np.diff(s)[:, None] * CHORD_SHARES).ravel()
         here = _numbers(curve, inside, np.full(len(inside), piece))[:, :3].reshape(count, -1, 3)
@@ -320,7 +322,7 @@ def _chords(curve: ActuatorPath, piece: int, chord: float) -> tuple[Array, np.nd
         if float(np.linalg.norm(here - _nearest(here, ends), axis=2).max()) <= chord:
             return s, index
         count *= 2
-    raise MotionError(f"kmitl-positions: chord {chord:g} m asks for more than {LAST} poses; widen it")
+    raise MotionError(f"kmitl-positions: chord {chord:g} m asks for more than {LAST_NUMBER} poses; widen it")
 
 
 def _nearest(points: Array, ends: Array) -> Array:

@@ -30,7 +30,7 @@ from planner.parallel import Progress, ignore_progress
 from planner.pulses.schedule import AxisPulses, PulseSchedule, holds_same_pulses, join_schedules
 
 INDEX, SCHEMA, KIND = "schedule.json", 1, "pulse schedule"
-PART = 1 << 20
+MAX_PART_PULSES = 1 << 20
 ARRAYS = {"ticks": "<i8", "direction": "|i1"}
 
 
@@ -39,7 +39,7 @@ class Npz:
     """Ticks and directions of every axis as arrays, in parts, for numpy.load."""
 
     suffix: ClassVar[str] = ".npz"
-    part: int = option(PART, "largest number of pulses per axis and part")
+    part: int = option(MAX_PART_PULSES, "largest number of pulses per axis and part")
 
     def write(self, source: ExportSource, path: Path) -> Exported:
         write(source.pulses, path, self.part, source.tell)
@@ -48,7 +48,7 @@ class Npz:
 
 
 def write(
-    schedule: PulseSchedule, path: str | PathLike[str], part: int = PART, tell: Progress = ignore_progress
+    schedule: PulseSchedule, path: str | PathLike[str], part: int = MAX_PART_PULSES, tell: Progress = ignore_progress
 ) -> None:
     """Write a schedule in parts, in memory that does not grow with it. Raises MotionError for parts without pulses."""
     if part < 1:

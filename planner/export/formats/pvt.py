@@ -54,7 +54,7 @@ from kinematics.foundation.errors import MotionError
 from kinematics.foundation.options import option
 from planner.export.columns import (
     ALPHABET,
-    USUAL,
+    LETTERS,
     Columns,
     assign_letters,
     describe_letters,
@@ -164,7 +164,7 @@ class Pmac:
 
     def write(self, source: ExportSource, path: Path) -> Exported:
         axes, motion = source.machine.axes, source.counted
-        letters = assign_letters(axes, self.letters, USUAL, "a PMAC coordinate system")
+        letters = assign_letters(axes, self.letters, LETTERS, "a PMAC coordinate system")
         refuse_moving_ends(motion, axes, "a PMAC program in PVT mode")
         knots = choose_knots(
             motion, axes, 2, step=PMAC_STEP, tolerance=self.tolerance, spacing=self.spacing, longest=MAX_SEGMENT_STEPS

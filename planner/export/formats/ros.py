@@ -24,7 +24,7 @@ import numpy as np
 
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.options import option
-from planner.export.columns import BLOCK, Columns, line_blocks, make_columns, origin_option
+from planner.export.columns import BLOCK_POINTS, Columns, line_blocks, make_columns, origin_option
 from planner.export.format import Exported, ExportSource
 from planner.export.knots import choose_knots, compare, spacing_option, tolerance_option
 
@@ -73,7 +73,7 @@ def quoted(name: str) -> str:
 
 
 def _points(path: Path, form: Columns) -> Iterator[tuple[Array, Array]]:
-    for lines in line_blocks(path, 2, LINES * BLOCK):
+    for lines in line_blocks(path, 2, LINES * BLOCK_POINTS):
         rows = [[json.loads(line.partition(":")[2]) for line in lines[k::LINES]] for k in range(len(ROWS))]
         parts = [line.strip("}\n").replace(",", ":").split(":") for line in lines[LINES - 1 :: LINES]]
         t = [int(part[2]) + int(part[4]) / PER_SECOND for part in parts]

@@ -29,7 +29,7 @@ REST_SHARE = 1e-9
 """Share of the highest speed along the path under which the motion is at rest."""
 PIECE_PLACES, MOVE_PLACES = 33, 257
 """Places of a piece of the path, and of a move, that are held against each other."""
-BLOCK = 1 << 20
+BLOCK_POINTS = 1 << 20
 """Distances found together."""
 PART = re.compile(r" ([A-Z]) ([+-]) (\d+)")
 
@@ -112,7 +112,7 @@ def _deviation(source: ExportSource, q: Array, ends: np.ndarray) -> float:
 
 def _max_curve_distance(points: Array, curve: Array) -> float:
     """The largest distance of points (N, n) from a curve drawn as a polyline (M, n), some points at a time."""
-    size = max(1, BLOCK // len(curve))
+    size = max(1, BLOCK_POINTS // len(curve))
     return max(float(distance_to_curve(points[lo : lo + size], curve).max()) for lo in range(0, len(points), size))
 
 

@@ -35,7 +35,7 @@ from planner.pulses.schedule import Signs, Ticks
 
 TOLERANCE = 1e-6  # s
 TICK_ROUNDING = 1e-6  # ticks: a time so near to whole ones is meant to be whole
-BLOCK = 1 << 13  # commands written together
+BLOCK_COMMANDS = 1 << 13  # commands written together
 COMMANDS = {
     "queue_step": ("oid", "interval", "count", "add"),
     "set_next_step_dir": ("oid", "dir"),
@@ -88,8 +88,8 @@ def _lines(queues: Sequence[StepQueue], wiring: Sequence[int], forms: dict[str, 
     turned = (nth == 0) | (np.diff(way, prepend=-1) != 0)
     numbers = np.concatenate([np.column_stack([queue.interval, queue.count, queue.add]) for queue in queues])
     step, turn, restart = (forms[name] for name in COMMANDS)
-    for first in range(0, len(order), BLOCK):
-        part = order[first : first + BLOCK]
+    for first in range(0, len(order), BLOCK_COMMANDS):
+        part = order[first : first + BLOCK_COMMANDS]
         rows = zip(*(column[part].tolist() for column in (oid, reset, turned, way, numbers)), strict=True)
         yield "".join(
             (restart % (k, clock) if clock >= 0 else "") + (turn % (k, to) if turns else "") + step % (k, *of_command)

@@ -38,8 +38,8 @@ from planner.export.formats.pulse_csv import describe_high, edge_rows, high_tick
 from planner.pulses.schedule import PulseSchedule, Ticks
 
 SUFFIXES = {9: "1 ns", 10: "100 ps", 11: "10 ps", 12: "1 ps", 13: "100 fs", 14: "10 fs", 15: "1 fs"}
-PART = 1 << 22  # bytes read together
-LONGEST = 24  # bytes of a time
+PART_BYTES = 1 << 22  # bytes read together
+TIME_BYTES = 24  # bytes of a time
 IDS = range(ord("!"), ord("~") + 1)
 
 
@@ -152,11 +152,11 @@ def _read(path: Path, lines: int) -> list[tuple[Ticks, NDArray[np.uint8]]]:
         while not file.readline().startswith(b"$enddefinitions"):
             pass
         now, kept = 0, b""
-        while part := file.read(PART):
+        while part := file.read(PART_BYTES):
             *words, kept = (kept + part).split(b"\n")
             if not words:
                 continue
-            table = np.array(words, f"S{LONGEST}").view(np.uint8).reshape(len(words), LONGEST)
+            table = np.array(words, f"S{TIME_BYTES}").view(np.uint8).reshape(len(words), TIME_BYTES)
             timed = table[:, 0] == ord("#")
             times = np.array([now, *(int(word[1:]) for word in words if word[:1] == b"#")], np.int64)
             at, now = times[np.cumsum(timed)], int(times[-1])

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
 from kinematics.machine.axis import Axis
-from planner.pulses.checking.search import HALF_TICK, ROUNDING, Samples, Search, Standard, check_band, check_between
+from planner.pulses.checking.search import HALF_TICK, X_ROUNDING, Samples, Search, Standard, check_band, check_between
 from planner.pulses.checking.standards import find_standard
 from planner.pulses.checking.verdict import AxisCheck, PulseCheck
 from planner.pulses.motion import AxesMotion, MotorMotion, apply_play, apply_screw
@@ -136,7 +136,7 @@ class Gaps:
             search.report(kind, ticks[these], text, 1e6 * had[these] * search.tick)
 
 
-BLOCK = 1 << 15  # pulses gone through together
+BLOCK_PULSES = 1 << 15  # pulses gone through together
 GRID_INSTANTS = 8  # instants per knot interval besides the pulses' own
 
 
@@ -210,8 +210,8 @@ def _check_part(search: Search, carried: Search | None, part: AxisPulses, gaps: 
     """Go through the pulses of a part, block by block."""
     _check_order(search, part, gaps)
     done = search.pulses - len(part)
-    for lo in range(0, len(part) if search.ordered else 0, BLOCK):
-        ticks, direction = part.ticks[lo : lo + BLOCK], part.direction[lo : lo + BLOCK]
+    for lo in range(0, len(part) if search.ordered else 0, BLOCK_PULSES):
+        ticks, direction = part.ticks[lo : lo + BLOCK_PULSES], part.direction[lo : lo + BLOCK_PULSES]
         _check_motion(search, ticks, direction, done + lo)
         if carried is not None:
             _check_motion(carried, ticks, direction, done + lo)
@@ -259,7 +259,7 @@ def _check_identity(search: Search, machine_axes: Sequence[Axis] | None, home_q:
             search.report("pulse", nowhere, "{:.9g} times the machine's", np.array([axis.pulse / given.pulse]))
     if home_q is not None:
         off = axis.home - float(np.asarray(home_q, float)[search.k])
-        if abs(off) > ROUNDING * abs(axis.home):
+        if abs(off) > X_ROUNDING * abs(axis.home):
             search.report("home", nowhere, "{:+.9g} from the machine's", np.array([off]))
 
 
@@ -267,8 +267,8 @@ def _check_order(search: Search, part: AxisPulses, gaps: Gaps | None) -> None:
     """The ticks rise, from 0 to the end, as far apart as the axis takes them, and every direction is one."""
     way = search.way
     last = search.motion.duration / search.tick
-    for lo in range(0, len(part), BLOCK):
-        ticks, direction = part.ticks[lo : lo + BLOCK], part.direction[lo : lo + BLOCK]
+    for lo in range(0, len(part), BLOCK_PULSES):
+        ticks, direction = part.ticks[lo : lo + BLOCK_PULSES], part.direction[lo : lo + BLOCK_PULSES]
         steps = np.diff(ticks) if search.latest is None else np.diff(ticks, prepend=search.latest)
         back = np.flatnonzero(steps <= 0)
         search.report("order", ticks[back + len(ticks) - len(steps)], "{} ticks after the pulse before it", steps[back])

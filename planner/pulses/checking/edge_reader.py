@@ -28,7 +28,7 @@ from planner.pulses.checking.verdict import LineTimes, PulseCheck, PulseFault
 from planner.pulses.motion import AxesMotion
 from planner.pulses.schedule import AxisPulses, PulseSchedule, Signs, Ticks
 
-PART = 1 << 23  # bytes read together
+PART_BYTES = 1 << 23  # bytes read together
 OFF_TICK = 0.1  # a time further from every tick was written for another clock
 MAX_FAULTS = 20  # of one kind told of at once
 EXACT_DIGITS = 15  # digits that floats hold, whatever they are
@@ -146,7 +146,7 @@ def _tables(file: BinaryIO, name: str, columns: int, line: int) -> Iterator[tupl
     One part without rows where there are none.
     """
     kept, begin = b"", line
-    while part := file.read(PART):
+    while part := file.read(PART_BYTES):
         text, newline, kept = (kept + part).rpartition(b"\n")
         if newline:
             yield line, _table(text, name, columns, line)
@@ -216,7 +216,7 @@ def _ticks(time: Array, last: float, clock_hz: int, name: str, line: int) -> Tic
     return ticks.astype(np.int64)
 
 
-ROUNDING = 1e-12  # s by which decimal fractions may seem shorter than they are
+DECIMAL_ROUNDING = 1e-12  # s by which decimal fractions may seem shorter than they are
 
 
 class PlannedPulses(Protocol):
@@ -260,6 +260,6 @@ def _find_short_times(times: LineTimes, axis: Axis) -> Iterator[PulseFault]:
         return
     for name in ("high", "low", "setup", "hold"):
         least, needed = getattr(times, name), getattr(asked, name)
-        if least < needed - ROUNDING:
+        if least < needed - DECIMAL_ROUNDING:
             seen, wanted = apart(1e6 * least, 1e6 * needed, digits=4)
             yield PulseFault(axis.name, 0, f"{name}: {seen} us, and its drive needs {wanted}")

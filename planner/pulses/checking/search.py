@@ -19,7 +19,7 @@ from planner.pulses.motion import AxesMotion, MotionState, SingleAxisMotion
 from planner.pulses.schedule import AxisPulses, PulseSchedule, Signs, Ticks
 
 HALF_TICK = 0.501  # what rounding to a whole tick may take, and a thousandth for the arithmetic of both sides
-ROUNDING = 64 * np.finfo(float).eps
+X_ROUNDING = 64 * np.finfo(float).eps
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,9 +48,9 @@ class Samples:
         return np.asarray(abs(self.v) * time + abs(self.a) * time**2 / 2)
 
 
-SLOPES = 4097  # instants between which dx/ds is seen
-SEEN = 1e-9  # share of the path over which it is more than rounding
-DRIFTED = 8 * np.finfo(float).eps  # of s·dx/ds
+SLOPE_INSTANTS = 4097  # instants between which dx/ds is seen
+MIN_WAY_SHARE = 1e-9  # share of the path over which it is more than rounding
+DRIFT_ROUNDING = 8 * np.finfo(float).eps  # of s·dx/ds
 MAX_LISTED_FAULTS = 20  # faults of one kind listed per axis
 
 
@@ -116,11 +116,11 @@ class Search:
     faults: list[PulseFault] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        t = np.linspace(0.0, self.motion.duration, SLOPES)
+        t = np.linspace(0.0, self.motion.duration, SLOPE_INSTANTS)
         state, k = self._state(t)
         way, change = abs(np.diff(state.s)), abs(np.diff(state.q[:, k])) / self.axis.pulse
         far = float(abs(state.s).max())
-        seen = way > SEEN * far
+        seen = way > MIN_WAY_SHARE * far
         self.drift = far * float((change[seen] / way[seen]).max(initial=0.0))
 
     @property
@@ -152,8 +152,8 @@ class Search:
 
     def noise(self, s: Samples) -> Array:
         """(N,) pulses: what rounding may have done to x."""
-        own = ROUNDING * (abs(s.x) + 2 * abs(self.axis.home) / self.axis.pulse + abs(s.v * s.t))
-        return np.maximum(own, DRIFTED * self.drift)
+        own = X_ROUNDING * (abs(s.x) + 2 * abs(self.axis.home) / self.axis.pulse + abs(s.v * s.t))
+        return np.maximum(own, DRIFT_ROUNDING * self.drift)
 
     def excess(self, s: Samples) -> Array:
         """(N,) pulses by which x is farther from the count than its sides, waiting and rounding not allowed for."""

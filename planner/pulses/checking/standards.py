@@ -141,7 +141,7 @@ class BurstStandard(Standard):
             search.report("pulses", np.rint(end), "{:.0f} fewer than its listed points ask for", np.array([missing]))
 
 
-BLOCK = 1 << 15  # looks gone through together
+BLOCK_LOOKS = 1 << 15  # looks gone through together
 
 
 @dataclass(frozen=True, slots=True)
@@ -183,8 +183,8 @@ class PeriodStandard(Standard):
         """After every look since the pulses before, up to a tick, x is at most ½ from the count."""
         counts = search.count + np.concatenate(([0.0], np.cumsum(sign)))
         begin = -(-(search.seen - offset) // self.period) * self.period + offset
-        for lo in range(begin, until + 1, self.period * BLOCK):
-            looks = np.arange(lo, min(lo + self.period * BLOCK, until + 1), self.period)
+        for lo in range(begin, until + 1, self.period * BLOCK_LOOKS):
+            looks = np.arange(lo, min(lo + self.period * BLOCK_LOOKS, until + 1), self.period)
             s = search.at((looks * search.tick).clip(0.0, search.motion.duration))
             away = abs(s.x - counts[np.searchsorted(ticks, looks, side="right")])
             late = ~(away <= 0.5 + search.noise(s))
@@ -212,9 +212,9 @@ class BoundStandard(Standard):
         search.report("against the motion", ticks[astray], "x moves at {:+.4g} pulses/s", s.v[astray])
 
 
-REACHED = 0.002  # pulses before a whole count where `floor` counts it as reached
-PERIOD, TIMER = 2e-5, 2e6  # s and 1/s: what `sampled` and `timer` do where they state nothing else
-SPACING, COUNT = 1e-2, 50  # and `dda`: s and pulses; it always states its rate
+REACHED_SHARE = 0.002  # pulses before a whole count where `floor` counts it as reached
+SAMPLED_PERIOD, TIMER_RATE = 2e-5, 2e6  # s and 1/s: what `sampled` and `timer` do where they state nothing else
+DDA_SPACING, DDA_COUNT = 1e-2, 50  # and `dda`: s and pulses; it always states its rate
 BOUND_TOLERANCE = 1e-9  # of a bound
 
 
@@ -232,13 +232,13 @@ def find_standard(schedule: PulseSchedule, k: int, motion: AxesMotion) -> Standa
         late = stated.get("hysteresis", 0.0)
         if abs(bound - 0.5 - late) <= BOUND_TOLERANCE:
             return Crossings(0.5, late)
-    if name == "floor" and abs(bound - 1 + REACHED) <= BOUND_TOLERANCE:
-        return Crossings(1 - REACHED)
+    if name == "floor" and abs(bound - 1 + REACHED_SHARE) <= BOUND_TOLERANCE:
+        return Crossings(1 - REACHED_SHARE)
     if name == "timer" and bound >= 0.5:
-        return Crossings(0.5, grain=round(schedule.clock_hz / stated.get("clock", TIMER)))
+        return Crossings(0.5, grain=round(schedule.clock_hz / stated.get("clock", TIMER_RATE)))
     if name == "sampled" and bound >= 0.5:
-        return PeriodStandard(round(stated.get("period", PERIOD) * schedule.clock_hz))
+        return PeriodStandard(round(stated.get("period", SAMPLED_PERIOD) * schedule.clock_hz))
     if name == "dda" and bound >= 0.5 and "rate" in stated:
-        count = round(stated.get("pulses_per_count", COUNT))
-        return BurstStandard.of(motion, k, schedule, stated.get("spacing", SPACING), count, stated["rate"])
+        count = round(stated.get("pulses_per_count", DDA_COUNT))
+        return BurstStandard.of(motion, k, schedule, stated.get("spacing", DDA_SPACING), count, stated["rate"])
     return BoundStandard()

@@ -50,16 +50,16 @@ def find_turning_points(stretches: Stretches, axis: Axis) -> tuple[list[tuple[fl
 
 # s that the play takes where the axis states no limits.
 DEFAULT_TAKE_UP_TIME = 0.01
-# Peak speed, acceleration (10/√3, at the places PEAKS) and jerk of the smooth step 10 u³ - 15 u⁴ + 6 u⁵, whose ends are
-# at rest to acceleration.
+# Peak speed, acceleration (10/√3, at the places PEAK_SHARES) and jerk of the smooth step 10 u³ - 15 u⁴ + 6 u⁵, whose
+# ends are at rest to acceleration.
 PEAK_SPEED, PEAK_ACCELERATION, PEAK_JERK = 1.875, 10 / np.sqrt(3), 60.0
-PEAKS = (0.5 - np.sqrt(3) / 6, 0.5, 0.5 + np.sqrt(3) / 6)
+PEAK_SHARES = (0.5 - np.sqrt(3) / 6, 0.5, 0.5 + np.sqrt(3) / 6)
 # Where a step is looked at, beside the knots of the motion.
-STEP_SHARES = np.union1d(np.linspace(0, 1, 65), PEAKS)
+STEP_SHARES = np.union1d(np.linspace(0, 1, 65), PEAK_SHARES)
 # Instants looked at together: a state holds far more than what is kept of it.
-BLOCK = 1 << 14
+BLOCK_INSTANTS = 1 << 14
 # Factor by which a step that asks too much is made longer, while there is room.
-LENGTHENING = 1.1
+STEP_GROWTH = 1.1
 # What an advised rest is longer by than the least: its ends are known to rounding.
 REST_MARGIN = 1e-9
 # Where an acceleration that suffices is looked for: up to so many times what is stated, and to what share.
@@ -118,7 +118,7 @@ def _fit_steps(motion: AxesMotion, k: int, axis: Axis, turns: Array) -> tuple[Ar
         better = (share < best[todo]) & ((off <= axis.backlash) | np.isinf(best[todo]))
         steps[todo[better]], best[todo[better]] = tried[better], share[better]
         todo = todo[(best[todo] > LIMIT_SLACK) & (off < axis.backlash) & (span < after[todo] - before[todo])]
-        time[todo] = np.minimum(time[todo] * LENGTHENING, after[todo] - before[todo])
+        time[todo] = np.minimum(time[todo] * STEP_GROWTH, after[todo] - before[todo])
     return steps, best
 
 
@@ -215,7 +215,9 @@ def _sample_steps(motion: AxesMotion, k: int, axis: Axis, steps: Array, turn: Ar
     step = np.concatenate([np.repeat(every, len(STEP_SHARES)), every, inside, inside])
     t = np.concatenate([(start[:, None] + time[:, None] * STEP_SHARES).ravel(), turns, at, np.nextafter(at, -np.inf)])
     t = np.clip(t, 0.0, motion.duration)
-    q, qd, qdd = np.concatenate([_axis_state(motion, k, t[i : i + BLOCK]) for i in range(0, len(t), BLOCK)], axis=1)
+    q, qd, qdd = np.concatenate(
+        [_axis_state(motion, k, t[i : i + BLOCK_INSTANTS]) for i in range(0, len(t), BLOCK_INSTANTS)], axis=1
+    )
     u = np.clip((t - start[step]) / time[step], 0.0, 1.0)
     made = _step(u, time[step]) * way[step]
     # the motor's speed on the steepest and the gentlest part of its screw's table, whichever is faster

@@ -17,8 +17,8 @@ from planner.parallel import Progress, share_progress
 from planner.place import Infeasible, Place
 from planner.pulses.generation.pieces import (
     FIT_TOLERANCE,
-    ROUNDING,
     UNSEEN_FACTOR,
+    X_ROUNDING,
     Stretches,
     cut_monotone,
     fit,
@@ -26,11 +26,11 @@ from planner.pulses.generation.pieces import (
 from planner.pulses.motion import AxesMotion
 from planner.pulses.schedule import AxisPulses, Signs, Ticks
 
-BLOCK = 1 << 14  # pulses solved together: their arrays stay in the processor's cache
-BLOCK_INDICES = freeze_array(np.arange(BLOCK, dtype=float))
+BLOCK_PULSES = 1 << 14  # pulses solved together: their arrays stay in the processor's cache
+BLOCK_INDICES = freeze_array(np.arange(BLOCK_PULSES, dtype=float))
 TICK_ERROR = 1e-4  # of a crossing time before it is rounded to a whole tick
 MAX_COUNT_BLUR = 1e-3  # of a pulse: rounding may not blur a count by more
-POLISHING = 5  # looks at the motion itself, each a Newton step from the one before
+NEWTON_STEPS = 5  # looks at the motion itself, each a Newton step from the one before
 POLISHED_TICKS = 1e-6  # ticks: a step that no longer matters
 
 Refuse = Callable[[], Infeasible]
@@ -66,7 +66,7 @@ def find_crossings(
     """
     pulse = np.array([axis.pulse for axis in axes])
     pieces = fit(motion, FIT_TOLERANCE * pulse)
-    slack = (pieces.noise + ROUNDING * abs(home)) / pulse
+    slack = (pieces.noise + X_ROUNDING * abs(home)) / pulse
     fired = []
     for k, axis in enumerate(axes):
         if slack[k] > MAX_COUNT_BLUR:
@@ -134,7 +134,7 @@ def _polish_crossings(
     """Crossing times (N,) in ticks by the motion itself, from times that are good but not to the tick."""
     nearest, least = time.copy(), np.full(len(time), np.inf)
     rest = np.arange(len(time))
-    for _ in range(POLISHING):
+    for _ in range(NEWTON_STEPS):
         state = trajectory.at(np.clip(time / clock_hz, 0.0, trajectory.duration))
         off = (state.q[:, k] - home) / pulse - level[rest]
         nearer = abs(off) < least[rest]
@@ -211,8 +211,8 @@ def _blocks(pulses: Ticks) -> Iterator[tuple[int, int, slice, NDArray[np.intp], 
     """
     end = np.cumsum(pulses)
     begin, total = end - pulses, int(end[-1])
-    for lo in range(0, total, BLOCK):
-        hi = min(lo + BLOCK, total)
+    for lo in range(0, total, BLOCK_PULSES):
+        hi = min(lo + BLOCK_PULSES, total)
         part = slice(int(np.searchsorted(end, lo, side="right")), int(np.searchsorted(end, hi, side="left")) + 1)
         inside = np.minimum(end[part], hi) - np.maximum(begin[part], lo)
         yield lo, hi, part, np.repeat(np.arange(len(inside)), inside), lo - begin[part]

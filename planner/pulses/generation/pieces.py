@@ -18,13 +18,13 @@ from planner.place import Infeasible, Place
 from planner.pulses.motion import AxesMotion
 
 PROBES = np.array([0.3, 0.7])  # off the middle: there an error that is odd about the middle would hide
-ROUNDING = 16 * np.finfo(float).eps
+X_ROUNDING = 16 * np.finfo(float).eps
 FIT_TOLERANCE = 1e-6  # of a pulse: how well pieces meet a motion whose own noise hides more
-SEEN = 1e-9  # share of the path's length over which a slope dq/ds is more than rounding
+MIN_WAY_SHARE = 1e-9  # share of the path's length over which a slope dq/ds is more than rounding
 UNSEEN_FACTOR = (
     4  # times the error of the pieces where it was looked at: that of a sextic is 1.7 times larger elsewhere
 )
-BLOCK = 1 << 14
+BLOCK_INTERVALS = 1 << 14
 MAX_HALVINGS, MAX_PIECES = 24, 1 << 18  # a motion that asks for more, of an interval or of all together, is not smooth
 
 
@@ -66,8 +66,8 @@ def fit(motion: AxesMotion, tolerance: Array) -> Pieces:
     for depth in range(MAX_HALVINGS):
         coefficients, error, size, rate, along = _quintics(motion, lo, hi)
         reach, speed, drift = np.maximum(reach, size), np.maximum(speed, rate), np.maximum(drift, along)
-        noise = ROUNDING * (reach + speed * motion.duration)
-        most = np.maximum(tolerance, ROUNDING * (reach + speed * motion.duration + drift))
+        noise = X_ROUNDING * (reach + speed * motion.duration)
+        most = np.maximum(tolerance, X_ROUNDING * (reach + speed * motion.duration + drift))
         good = ((error <= noise) | ((error <= most) & (error > before / 4))).all(axis=1)
         worst = np.maximum(worst, error[good].max(axis=0, initial=0.0))
         rough = np.where(worst > np.maximum(tolerance, noise), worst, 0.0)
@@ -105,7 +105,7 @@ def _quintics(motion: AxesMotion, lo: Array, hi: Array) -> tuple[Array, Array, A
 
     In blocks: a state holds far more than what is kept.
     """
-    blocks = [slice(first, first + BLOCK) for first in range(0, len(lo), BLOCK)]
+    blocks = [slice(first, first + BLOCK_INTERVALS) for first in range(0, len(lo), BLOCK_INTERVALS)]
     axes = motion.at(lo[:1]).q.shape[1]
     coefficients, error = np.empty((axes, 6, len(lo))), np.empty((len(lo), axes))
     reach, speed, drift = np.zeros((3, axes))
@@ -138,7 +138,7 @@ def _block(motion: AxesMotion, lo: Array, hi: Array) -> tuple[Array, Array, Arra
 def _drift(s: Array, q0: Array, q1: Array) -> Array:
     """(n,) the largest |s|·|Δq/Δs| of intervals, s (2 P,) at their starts and ends: rounding of s shows so in q."""
     far, way = abs(s).max(initial=0.0), abs(np.diff(s.reshape(2, -1), axis=0)[0])
-    seen = way > SEEN * far
+    seen = way > MIN_WAY_SHARE * far
     return np.asarray(far * (abs(q1 - q0)[seen] / way[seen, None]).max(axis=0, initial=0.0))
 
 

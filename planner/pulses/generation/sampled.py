@@ -12,7 +12,7 @@ from kinematics.foundation.options import option
 from kinematics.machine.axis import Axis
 from planner.parallel import Progress
 from planner.pulses.generation.firing_rule import Rule, describe_rule
-from planner.pulses.generation.levels import BLOCK
+from planner.pulses.generation.levels import BLOCK_PULSES
 from planner.pulses.generation.pieces import FIT_TOLERANCE, bound_rate, fit, rate_error
 from planner.pulses.motion import AxesMotion
 from planner.pulses.schedule import AxisPulses, PulseSchedule, Ticks
@@ -75,8 +75,8 @@ class Sampled(Rule):
         ticks = np.arange(end % period, end + 1, period, dtype=np.int64)
         x = np.empty((len(ticks) + 1, len(pulse)))
         x[0] = (motion.at(np.zeros(1)).q[0] - home) / pulse
-        for lo in range(0, len(ticks), BLOCK):
-            t = np.minimum(ticks[lo : lo + BLOCK] / clock_hz, motion.duration)
+        for lo in range(0, len(ticks), BLOCK_PULSES):
+            t = np.minimum(ticks[lo : lo + BLOCK_PULSES] / clock_hz, motion.duration)
             x[lo + 1 : lo + 1 + len(t)] = (motion.at(t).q - home) / pulse
             tell(lo + len(t), len(ticks))
         low, high = np.ceil(x - 0.5).astype(np.int64), np.floor(x + 0.5).astype(np.int64)

@@ -18,7 +18,7 @@ from planner.pulses.generation.pieces import FIT_TOLERANCE, bound_rate, fit, rat
 from planner.pulses.motion import AxesMotion
 from planner.pulses.schedule import AxisPulses, PulseSchedule, Ticks
 
-MOST = (1 << 16) - 1  # the greatest count of an Intel 8253
+MAX_COUNT = (1 << 16) - 1  # the greatest count of an Intel 8253
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,10 +83,10 @@ def counter_loads(pulses: AxisPulses, per_count: int) -> tuple[Ticks, NDArray[np
     if len(wrong):
         tick = pulses.ticks[wrong[0]]
         raise MotionError(f"axis {pulses.name}: the pulse at tick {tick} is no whole timer count after the one before")
-    loads = -(-counts // MOST)
-    values = np.full(int(loads.sum()), MOST, np.int64)
+    loads = -(-counts // MAX_COUNT)
+    values = np.full(int(loads.sum()), MAX_COUNT, np.int64)
     final = np.cumsum(loads) - 1
-    values[final] = counts - (loads - 1) * MOST
+    values[final] = counts - (loads - 1) * MAX_COUNT
     opened = np.zeros(len(values), bool)
     opened[final] = True
     return values, opened
@@ -99,10 +99,10 @@ def equal_steps(first: int, step: int, pulses: int) -> Ticks:
     so it is gentle at first and steep at the end. Raises MotionError where a count leaves 1 to 65535.
     """
     counts = first - step * np.arange(pulses, dtype=np.int64)
-    wrong = np.flatnonzero((counts < 1) | (counts > MOST))
+    wrong = np.flatnonzero((counts < 1) | (counts > MAX_COUNT))
     if len(wrong):
         raise MotionError(
-            f"pulse {wrong[0] + 1} of the ramp would have a count of {counts[wrong[0]]}: must be 1 to {MOST}; "
+            f"pulse {wrong[0] + 1} of the ramp would have a count of {counts[wrong[0]]}: must be 1 to {MAX_COUNT}; "
             "use a smaller step, fewer pulses, or another first count"
         )
     return counts

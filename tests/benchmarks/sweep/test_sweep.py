@@ -159,10 +159,10 @@ def test_results_do_not_depend_on_the_batch(rig, grid):
 @pytest.mark.parametrize("killing", [False, True])
 def test_results_do_not_depend_on_the_number_of_processes(tmp_path, rig, grid, monkeypatch, killing):
     monkeypatch.setattr(run, "installed", lambda: False)
-    monkeypatch.setattr(run, "LANES", 1)
+    monkeypatch.setattr(run, "MAX_LANES", 1)
     grid = replace(grid, tasks=("dash",))
     one = sweep(grid, rig, tmp_path / "one")
-    monkeypatch.setattr("planner.parallel.ENOUGH", 0.0)
+    monkeypatch.setattr("planner.parallel.MIN_POOL_WORK", 0.0)
     monkeypatch.setattr("planner.parallel.cores", lambda: 2)
     workers, killed = set(), []
 
@@ -280,7 +280,7 @@ def test_an_address_without_dask_is_refused(tmp_path, rig, grid, monkeypatch):
 
 def test_a_killed_worker_loses_nothing(tmp_path, rig, grid, monkeypatch):
     distributed = pytest.importorskip("distributed", reason="the extra cluster")
-    monkeypatch.setattr(run, "LANES", 1)
+    monkeypatch.setattr(run, "MAX_LANES", 1)
     grid = replace(grid, tasks=("dash",), variations=VARIATIONS[:1])
     with distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None) as cluster:
         first, *_ = (worker.pid for worker in cluster.workers.values())

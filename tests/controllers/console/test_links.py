@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from controllers.console import Dispatcher, open_session
-from controllers.console.links import CLIENTS, Socket, serial_line
+from controllers.console.links import MAX_CLIENTS, Socket, serial_line
 from controllers.console.serve import Clock, Server
 from kinematics import MotionError, load_machine
 
@@ -234,7 +234,7 @@ def test_clients_beyond_a_few_are_turned_away(server):
     listener = Socket(0)
     remote = server(listener)
     clients = []
-    for _ in range(CLIENTS + 1):
+    for _ in range(MAX_CLIENTS + 1):
         clients.append(socket.create_connection(listener.address))
         served(remote, 0.06)
     clients[-1].settimeout(1)

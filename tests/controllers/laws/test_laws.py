@@ -9,7 +9,7 @@ from controllers.laws.closed_loop import ClosedPosition
 from controllers.laws.law import Feedback, Reference
 from controllers.laws.open_loop import OpenPosition
 from controllers.laws.registry import LAWS
-from controllers.simulate import SETTLE
+from controllers.simulate import SETTLING_TIME
 from kinematics import MotionError
 from tests.controllers.servos import track
 
@@ -118,7 +118,7 @@ def test_closed_loop_is_the_open_loop_on_the_thesis_reference(rig, axis_motion, 
     for run in runs[1:]:
         assert np.abs(run.command - runs[0].command)[under_way].max() <= PULSE * (1 + 1e-6)
     # afterwards the error still draws law 6 on, at the least speed of the card
-    creep = PCI_8132.least_speed * SETTLE + 1
+    creep = PCI_8132.least_speed * SETTLING_TIME + 1
     for run in runs[1:]:
         assert np.abs(run.command - runs[0].command).max() <= creep * PULSE
 

@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics import MotionError, OutOfReach, load_machine
-from kinematics.analysis.forward import BLOCK, iterate_newton
+from kinematics.analysis.forward import BLOCK_ROWS, iterate_newton
 from kinematics.machine.pose import to_numbers
 from tests.pace import cpu_limit
 
@@ -95,7 +95,7 @@ def test_a_long_way_is_gone_in_steps(preset, distance):
 
 def test_more_than_a_block_at_once(preset, poses_about):
     """Rows are solved in blocks; each is where it belongs, with its own start."""
-    count = 2 * BLOCK + 5
+    count = 2 * BLOCK_ROWS + 5
     poses, near = poses_about(preset.home, preset, count, 0.1), poses_about(preset.home, preset, count, 0.05, seed=1)
     q = preset.inverse(poses)
     for starts in (None, near):
@@ -109,7 +109,7 @@ def test_more_than_a_block_at_once(preset, poses_about):
 
 def test_memory_does_not_grow_with_the_rows(preset, poses_about, monkeypatch):
     """The proof takes several kB a row; only the answers, some 200 bytes a row, may add up."""
-    monkeypatch.setattr("kinematics.analysis.forward.BLOCK", 100)
+    monkeypatch.setattr("kinematics.analysis.forward.BLOCK_ROWS", 100)
     q = preset.inverse(poses_about(preset.home, preset, 1000, 0.15))
     peaks = []
     for count in (100, 1000):

@@ -161,7 +161,7 @@ def test_convergence_is_what_the_tangent_plane_still_promises():
 
 
 def test_a_search_that_does_not_converge_is_told_from_bad_data(preset, monkeypatch):
-    monkeypatch.setattr(search, "EVALUATIONS", 5)
+    monkeypatch.setattr(search, "MAX_EVALUATIONS", 5)
     with pytest.raises(MotionError, match=r"did not converge in 5 evaluations.*identify fewer, or measure"):
         calibrate(preset, translations(preset, 0, 20, 0.005), ("factors", "joints"))
 

@@ -28,7 +28,7 @@ SHAKEN = Program([Line([0, 0, 0.02]), Curve(("0.01*sin(t)", "0", "0.02 + 0.02*t"
 @pytest.fixture(autouse=True)
 def patient(monkeypatch):
     """What is found must not depend on what else the computer does."""
-    monkeypatch.setattr("planner.certificate.advice.PATIENCE", 600.0)
+    monkeypatch.setattr("planner.certificate.advice.MAX_SEARCH_TIME", 600.0)
 
 
 def number(pattern, no):

@@ -9,7 +9,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics import MotionError, Traverser, load_machine
 from planner import Arc, Infeasible, Line, Program, plan
-from planner.certificate.constant_speed import STEADY
+from planner.certificate.constant_speed import SPEED_TOLERANCE
 
 A, J = 0.5, 10.0
 RIM = RigidTransform.from_components([0.015, 0, 0.025], Rotation.identity())
@@ -32,7 +32,7 @@ def kept(made, speed, number=1):
     """Asserts that the stretch at constant speed is there, by the trajectory itself; its ends along the segment."""
     (stretch,) = (each for each in made.constant_speeds if each.since.segment == number)
     assert stretch.speed == speed
-    assert stretch.deviation <= STEADY
+    assert stretch.deviation <= SPEED_TOLERANCE
     t = np.linspace(stretch.since.t, stretch.until.t, 5001)[1:-1]
     moved = np.linalg.norm(made.trajectory.at(t).tool_velocity, axis=1)
     assert np.abs(moved / speed - 1).max() < 1e-9

@@ -24,7 +24,7 @@ def machine(hexapod, stroke=STROKE, tilt=None):
 @pytest.fixture(autouse=True)
 def impatient(monkeypatch):
     """How far a path must shrink or move is test_advice' matter, and takes its time."""
-    monkeypatch.setattr("planner.certificate.advice.PATIENCE", 0.0)
+    monkeypatch.setattr("planner.certificate.advice.MAX_SEARCH_TIME", 0.0)
 
 
 def named(no, kind, axes):

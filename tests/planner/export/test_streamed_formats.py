@@ -327,7 +327,7 @@ def test_a_dump_is_written_and_read_in_pieces(tmp_path, monkeypatch):
     source = pulsed(pulses=3000)
     assert find_format("vcd")().write(source, tmp_path / "whole.vcd").error == 0
     monkeypatch.setattr(pulse_csv, "WINDOW", 100)
-    monkeypatch.setattr(vcd, "PART", 1000)
+    monkeypatch.setattr(vcd, "PART_BYTES", 1000)
     assert find_format("vcd")().write(source, tmp_path / "pieces.vcd").error == 0
     assert (tmp_path / "pieces.vcd").read_bytes() == (tmp_path / "whole.vcd").read_bytes()
 

@@ -12,7 +12,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from kinematics import MotionError
-from planner.program.formula import DEEPEST, LONGEST, check_names, constant, formula
+from planner.program.formula import MAX_CHARACTERS, MAX_DEPTH, check_names, constant, formula
 from tests.pace import cpu_limit
 
 T = ca.SX.sym("t")
@@ -117,7 +117,7 @@ HOSTILE = [
     "t; t", "t\nt", "t\x00", "# t", "t # t", "t\\", "import os", "", " ", "()", "(", ")", "t)", "((t)", "t t",
     "1.2.3", "1..",
     "--" * 100 + "t", "(" * 240 + "t" + ")" * 240, "sin(" * 100 + "t" + ")" * 100, "t+" * 249 + "t",
-    "t" * (LONGEST + 1),
+    "t" * (MAX_CHARACTERS + 1),
     "-" * 499 + "t", "not " * 120 + "t", "await t", "yield t", "ｓin(t)", "t\u200b", "²", "t·t", "print", "assert t",
     "1if t else 2", "0777", "1__0", "_", "__", "_t", "t.real", "1 .real", "1.real", "t.", ".",
 ]
@@ -146,10 +146,10 @@ def test_any_text_is_a_formula_or_refused(text):
 
 
 def test_nesting_ends_before_the_stack_does():
-    deep = "sin(" * (DEEPEST - 1) + "t" + ")" * (DEEPEST - 1)
+    deep = "sin(" * (MAX_DEPTH - 1) + "t" + ")" * (MAX_DEPTH - 1)
     assert math.isfinite(at(deep, 1.0))
     with pytest.raises(MotionError, match="deep"):
-        formula("sin(" * (DEEPEST + 1) + "t" + ")" * (DEEPEST + 1), {}, T)
+        formula("sin(" * (MAX_DEPTH + 1) + "t" + ")" * (MAX_DEPTH + 1), {}, T)
 
 
 def test_a_long_sum_is_not_nested():
@@ -159,7 +159,7 @@ def test_a_long_sum_is_not_nested():
     assert at("*".join(["t"] * 240), 1.0) == 1
     assert at("8/2/2*t-3-2", 2.0) == -1
     with pytest.raises(MotionError, match="deep"):
-        formula("(1+" * (DEEPEST + 1) + "t" + ")" * (DEEPEST + 1), {}, T)
+        formula("(1+" * (MAX_DEPTH + 1) + "t" + ")" * (MAX_DEPTH + 1), {}, T)
 
 
 def test_constants_have_names_of_their_own():

@@ -130,7 +130,7 @@ def test_pieces_of_bounded_memory_make_the_same_queue(monkeypatch):
     random = np.random.default_rng(1)
     legs = [axis_of(400 + random.integers(0, 9, 5000), random.choice([-1, 1], 5001)) for _ in range(3)]
     whole = compress(legs, 5)
-    monkeypatch.setattr(import_module("planner.pulses.compression"), "PIECE", 300)
+    monkeypatch.setattr(import_module("planner.pulses.compression"), "PIECE_PULSES", 300)
     for leg, queue, one in zip(legs, compress(legs, 5), whole, strict=True):
         assert_kept(leg, queue, 5)
         assert (queue.count == one.count).all()

@@ -367,6 +367,6 @@ def test_where_the_fitted_pieces_cannot_tell_the_motion_itself_does(planned, hex
     stray = 3e-4 * hexapod.axes[0].pulse
     strayed = true.coefficients + stray * np.eye(6)[0][:, None]
     monkeypatch.setattr(source, "fit", lambda *_: replace(true, coefficients=strayed, error=true.error + stray))
-    monkeypatch.setattr(source, "POLISHING", polishing)
+    monkeypatch.setattr(source, "NEWTON_STEPS", polishing)
     schedule = generate(trajectory, hexapod.axes, hexapod.home_q)
     assert check(schedule, trajectory, hexapod.axes, hexapod.home_q).holds == (polishing > 0)

@@ -174,7 +174,7 @@ def test_without_pulses_the_error_is_what_the_start_leaves(slides):
 
 def test_blocks_change_nothing(made, monkeypatch):
     planned, whole = made
-    monkeypatch.setattr(sys.modules[realised.__module__], "BLOCK", 97)
+    monkeypatch.setattr(sys.modules[realised.__module__], "BLOCK_PULSES", 97)
     again = planned.realised()
     for error in whole.errors:
         assert again[error.name].max == error.max
@@ -289,7 +289,7 @@ def test_a_stride_and_blocks_lose_no_turn_of_the_play(slides, monkeypatch):
     thin = planned.realised(stride=200)
     assert (thin["x"].series <= whole["x"].series).all()
     assert thin["x"].series[-1] == pytest.approx(PLAY, abs=0.501e-5)
-    monkeypatch.setattr(sys.modules[realised.__module__], "BLOCK", 61)
+    monkeypatch.setattr(sys.modules[realised.__module__], "BLOCK_PULSES", 61)
     assert np.array_equal(planned.realised()["x"].series, whole["x"].series)
 
 

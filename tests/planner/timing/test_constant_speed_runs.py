@@ -10,7 +10,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from kinematics import Traverser, load_machine
 from planner import Arc, Blend, Infeasible, Line, Program, Spline, Through, Trajectory, plan
 from planner.certificate.certify import certify
-from planner.certificate.constant_speed import CONSTANT_SPEED, STEADY
+from planner.certificate.constant_speed import CONSTANT_SPEED, SPEED_TOLERANCE
 from planner.limits import limits_of
 from planner.path.actuation import MachinePath, actuate
 from planner.timing.parts import solve_in_parts, tighten_in_parts
@@ -139,12 +139,14 @@ def test_the_tool_of_a_hexapod_is_at_its_speed(hexapod, order, segments):
     (stretch,) = made.constant_speeds
     assert made.certificate.holds
     assert np.abs(by_differences(made, stretch) / SAID["speed"] - 1).max() < 1e-8
-    assert np.abs(np.linalg.norm(made.trajectory.at(stretch.since.t).tool_velocity) / SAID["speed"] - 1) < STEADY
+    assert (
+        np.abs(np.linalg.norm(made.trajectory.at(stretch.since.t).tool_velocity) / SAID["speed"] - 1) < SPEED_TOLERANCE
+    )
     met = np.linalg.norm(
         made.trajectory.at(np.linspace(stretch.since.t, stretch.until.t, 2001)[:-1]).tool_velocity, 2, 1
     )
-    assert np.abs(met / SAID["speed"] - 1).max() <= stretch.deviation < STEADY
-    assert made.certificate.worst[CONSTANT_SPEED] == pytest.approx(stretch.deviation / STEADY)
+    assert np.abs(met / SAID["speed"] - 1).max() <= stretch.deviation < SPEED_TOLERANCE
+    assert made.certificate.worst[CONSTANT_SPEED] == pytest.approx(stretch.deviation / SPEED_TOLERANCE)
     first = made.path.breaks[next(k for k, piece in enumerate(made.path.pieces) if piece.constant)]
     assert stretch.since.s - first < 2e-4  # v²/2A is 0.06 mm
     assert made.path.breaks[-1] - stretch.until.s < 2e-4
@@ -165,10 +167,10 @@ def test_a_speed_that_is_claimed_but_not_had_is_found_out(hexapod):
     off = np.abs(np.linalg.norm(dense, axis=1) - 1).max()
     assert off > 0.01
     assert not certificate.holds
-    assert certificate.worst[CONSTANT_SPEED] * STEADY == pytest.approx(
+    assert certificate.worst[CONSTANT_SPEED] * SPEED_TOLERANCE == pytest.approx(
         off, rel=1e-3
     )  # cells are not cut once it is clear
-    assert certificate.worst[CONSTANT_SPEED] * STEADY >= off
+    assert certificate.worst[CONSTANT_SPEED] * SPEED_TOLERANCE >= off
 
 
 BAND = (0.018, 0.022)

@@ -193,14 +193,14 @@ def test_a_million_pulses_are_written_and_read_in_pieces(tmp_path, monkeypatch):
     text = pulse_csv._text
     monkeypatch.setattr(pulse_csv, "_text", watched)
     monkeypatch.setattr(pulse_csv, "WINDOW", 500)
-    monkeypatch.setattr(edge_reader, "PART", 1000)
+    monkeypatch.setattr(edge_reader, "PART_BYTES", 1000)
     few = replace(schedule, axes=tuple(replace(a, ticks=a.ticks[:3000], direction=a.direction[:3000]) for a in axes))
     pulse_csv.write(few, tmp_path / "pieces.csv", [1] * 6)
     monkeypatch.undo()
     pulse_csv.write(few, tmp_path / "whole.csv", [1] * 6)
     assert (tmp_path / "pieces.csv").read_bytes() == (tmp_path / "whole.csv").read_bytes()
     assert largest <= 2 * 6 * 500
-    monkeypatch.setattr(edge_reader, "PART", 1000)
+    monkeypatch.setattr(edge_reader, "PART_BYTES", 1000)
     assert_same(read_back(tmp_path / "pieces.csv", few), few)
 
 

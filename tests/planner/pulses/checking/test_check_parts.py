@@ -80,7 +80,7 @@ def test_a_file_reads_the_same_in_pieces_of_any_size(plan, tmp_path, monkeypatch
     axes = plan.machine.axes
     pulse_csv.write(plan.pulses, tmp_path / "p.csv", [axis.direction for axis in axes])
     expected = read_lines.read(tmp_path / "p.csv", 10_000_000, axes, plan.machine.home_q)
-    monkeypatch.setattr(edge_reader, "PART", size)
+    monkeypatch.setattr(edge_reader, "PART_BYTES", size)
     parts = list(edge_reader.parts(tmp_path / "p.csv", 10_000_000, axes, plan.machine.home_q))
     assert len(parts) > 1 or size > 1000
     assert holds_same_pulses(plan.pulses, (part.schedule for part in parts))
@@ -93,7 +93,7 @@ def test_a_file_reads_the_same_in_pieces_of_any_size(plan, tmp_path, monkeypatch
 
 def test_reading_takes_no_memory_for_the_pulses_that_are_read(tmp_path, monkeypatch):
     """Twice the pulses take the same: the growth allowed is a tenth of what their ticks alone would take."""
-    monkeypatch.setattr(edge_reader, "PART", 1 << 15)
+    monkeypatch.setattr(edge_reader, "PART_BYTES", 1 << 15)
     axes, peaks = [Axis("x", pulse=PULSE)], []
     for pulses in (30_000, 60_000):
         made = AxisPulses("x", 100 * np.arange(1, pulses + 1), np.ones(pulses, np.int8), 0, PULSE, 0.0)

@@ -89,10 +89,14 @@ def test_a_pulse_the_wrong_way_is_caught_whatever_is_known_of_the_rule(rule):
 def test_what_the_checker_writes_down_again_is_what_the_rules_say():
     """The defaults of the rules' options, and the way that `floor` leaves to a whole count."""
     told = {name: {key: field.default for key, field in options(rule).items()} for name, rule in RULES.items()}
-    assert told["sampled"]["period"] == standards.PERIOD
-    assert told["timer"]["clock"] == standards.TIMER
-    assert list(told["dda"].values()) == [standards.SPACING, standards.COUNT, None]  # schedules state their rate
-    assert standards.REACHED == COUNT_ROUNDING
+    assert told["sampled"]["period"] == standards.SAMPLED_PERIOD
+    assert told["timer"]["clock"] == standards.TIMER_RATE
+    assert list(told["dda"].values()) == [
+        standards.DDA_SPACING,
+        standards.DDA_COUNT,
+        None,
+    ]  # schedules state their rate
+    assert standards.REACHED_SHARE == COUNT_ROUNDING
 
 
 @pytest.fixture(scope="module")
