@@ -218,24 +218,27 @@ MAX_UNREAD_BYTES = 65536
 
 
 class Clock:
-    """The session's time, s: that of the wall, without what planning takes; or without any waiting at all (`fast`)."""
+    """The session's time, s: that of the wall, without what planning takes; or without any waiting at all (`fast`).
 
-    __slots__ = ("_lost", "fast", "now")
+    read  the wall's, s
+    """
 
-    def __init__(self, *, fast: bool = False) -> None:
-        self.fast, self.now, self._lost = fast, 0.0, monotonic()
+    __slots__ = ("_lost", "_read", "fast", "now")
+
+    def __init__(self, *, fast: bool = False, read: Callable[[], float] = monotonic) -> None:
+        self.fast, self.now, self._read, self._lost = fast, 0.0, read, read()
 
     def advance(self, end: float | None) -> None:
         """To now; a fast clock to the end of the motion, if there is one."""
         if not self.fast:
-            self.now = max(self.now, monotonic() - self._lost)
+            self.now = max(self.now, self._read() - self._lost)
         elif end is not None:
             self.now = max(self.now, end)
 
     def excuse(self) -> None:
         """Leave out what has passed since it was last advanced: work that axes do not move in."""
         if not self.fast:
-            self._lost = monotonic() - self.now
+            self._lost = self._read() - self.now
 
 
 @dataclass(slots=True, eq=False)

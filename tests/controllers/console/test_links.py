@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from controllers.console import Dispatcher, open_session
+from controllers.console import Dispatcher, open_session, take_line
 from controllers.console.links import MAX_CLIENTS, Socket, serial_line
 from controllers.console.serve import Clock, Server
 from kinematics import MotionError, load_machine
@@ -18,19 +18,32 @@ from kinematics import MotionError, load_machine
 pty, tty = pytest.importorskip("pty"), pytest.importorskip("tty")  # not on Windows, where the console is refused
 
 
+class Hands:
+    """A wall's clock, s, that goes on by hand, and by so much whenever it is looked at."""
+
+    def __init__(self, by=0.0):
+        self.t, self.by = 0.0, by
+
+    def __call__(self):
+        self.t += self.by
+        return self.t
+
+
 @pytest.fixture
 def server():
-    def serving(*transports, fast=True):
+    def serving(*transports, wall=None):
         session = replace(open_session(load_machine("traverser")), mode="REM", homed=np.ones(4, bool))
-        return Server(Dispatcher(session), Clock(fast=fast), remote=transports)
+        clock = Clock(fast=True) if wall is None else Clock(read=wall)
+        return Server(Dispatcher(session), clock, remote=transports)
 
     return serving
 
 
-def served(server, seconds=5.0, until=None):
-    """Serve for a time, or until something is true."""
-    end = time.monotonic() + seconds
-    while time.monotonic() < end and not (until and until()):
+def serve_until(server, true):
+    """Serve until something is true, which it is in time."""
+    end = time.monotonic() + 30
+    while not true():
+        assert time.monotonic() < end
         server.step()
 
 
@@ -44,14 +57,17 @@ def wire():
     os.close(there)
 
 
-def answered(server, here, lines, seconds=5.0):
+def answered(server, here, lines):
     """What comes back along a wire while the server works, up to so many lines."""
     data = b""
-    end = time.monotonic() + seconds
-    while data.count(b"\n") < lines and time.monotonic() < end:
-        server.step()
+
+    def come():
+        nonlocal data
         while select.select([here], [], [], 0)[0]:
             data += os.read(here, 4096)
+        return data.count(b"\n") >= lines
+
+    serve_until(server, come)
     return data
 
 
@@ -59,11 +75,11 @@ def answered(server, here, lines, seconds=5.0):
 def test_a_serial_line_is_answered_after_the_motion(server, wire, baud):
     here, name = wire
     remote = server(serial_line(name, baud))
-    served(remote, 0.1)
+    remote.step()
     os.write(here, b"P X + 100 Y + 40 Z + 80\r")
     assert answered(remote, here, 1) == b"DONE\r\n"
     os.write(here, b"P X - 100 Y")
-    served(remote, 0.1)
+    remote.step()
     os.write(here, b" - 40\r\nP Q + 1\nWHERE\r")
     said = answered(remote, here, 3).split(b"\r\n")
     assert said[0] == b"X 100 Y 40 Z 80 R 0"  # WHERE does not wait
@@ -74,24 +90,33 @@ def test_a_serial_line_is_answered_after_the_motion(server, wire, baud):
 
 def test_motions_take_as_long_as_they_take(server, wire):
     here, name = wire
-    remote = server(serial_line(name, 9600), fast=False)
-    served(remote, 0.1)
-    begin = time.monotonic()
+    wall = Hands()
+    remote = server(serial_line(name, 9600), wall=wall)
+    remote.step()
     os.write(here, b"P X + 30\r")
+    serve_until(remote, lambda: remote.desk.end is not None)
+    assert remote.desk.end == pytest.approx(0.5, abs=1e-3)  # 2 √(30/480)
+    wall.t = remote.desk.end - 1e-9
+    remote.step()
+    assert remote.desk.end is not None
+    wall.t = remote.desk.end
     assert answered(remote, here, 1) == b"DONE\r\n"
-    # 2 √(30/480) = 0.5 s, seen at most a tick late; a machine with other work may be later still
-    assert 0.5 - 1e-3 <= time.monotonic() - begin < 1.5
 
 
-def test_axes_do_not_move_while_they_are_planned_for():
+def test_axes_do_not_move_while_they_are_planned_for(monkeypatch):
+    wall = Hands()
+
+    def take_long(*args):
+        wall.t += 100.0
+        return take_line(*args)
+
+    monkeypatch.setattr("controllers.console.serve.take_line", take_long)
     session = replace(open_session(load_machine("hexapod")), homed=np.ones(6, bool))
-    server = Server(Dispatcher(session), Clock())
-    begin = time.monotonic()
+    server = Server(Dispatcher(session), Clock(read=wall))
     server.say("MOVE 0 0 25")
-    planned = time.monotonic() - begin
     server.clock.advance(None)
     motion = server.desk.session.motion
-    assert server.clock.now - motion.begun < 0.2 * planned
+    assert server.clock.now == motion.begun
     assert not motion.counts(motion.begun).any()
 
 
@@ -116,7 +141,7 @@ def test_parity_is_sent_and_looked_at(server, wire, monkeypatch, parity, letter)
     remote = server(serial_line(name, 9600, parity))
     assert asked["parity"] == letter
     assert bool(termios.tcgetattr(os.open(name, os.O_RDWR | os.O_NOCTTY))[0] & termios.INPCK) == (parity != "none")
-    served(remote, 0.1)
+    remote.step()
     os.write(here, b"P X + 1\x0000\rP X + 5\r")
     assert answered(remote, here, 2).split(b"\r\n")[:2] == [
         b"ERROR byte 0x00 at 8 of a line is no character of a command; no motion",
@@ -133,56 +158,50 @@ def test_a_socket_listens_on_loopback_alone_and_serves_several_clients(server):
     with socket.create_connection(listener.address) as one, socket.create_connection(listener.address) as other:
         one.sendall(b"P X + 10\r")
         other.sendall(b"P Y + 20\rP Y - 21\r")
-        for client, wanted in ((one, b"DONE\r\n"), (other, b"DONE\r\n")):
-            client.settimeout(0.01)
-            got = b""
-            end = time.monotonic() + 5
-            while not got.endswith(b"\n") and time.monotonic() < end:
-                served(remote, 0.05)
-                with suppress(TimeoutError):
-                    got += client.recv(4096)
-            assert got.startswith(wanted)
+        for client in (one, other):
+            assert answered(remote, client.fileno(), 1).startswith(b"DONE\r\n")
     assert remote.desk.session.registers(0.0).tolist() == [10, 20, 0, 0]
     listener.close()
 
 
 def test_a_client_that_vanishes_mid_move(server):
-    listener = Socket(0)
-    remote = server(listener, fast=False)
+    listener, wall = Socket(0), Hands()
+    remote = server(listener, wall=wall)
     client = socket.create_connection(listener.address)
     client.sendall(b"P X + 200\rP X + 1000\rP X + 5")
-    served(remote, until=lambda: remote.desk.end is not None)
+    serve_until(remote, lambda: remote.desk.waiting)
     client.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, b"\x01\x00\x00\x00\x00\x00\x00\x00")
     client.close()  # with a reset
-    served(remote, 1.0, until=lambda: not remote.desk.waiting)
-    assert remote.desk.end is not None  # the move is not broken off: 2 √(200/480) = 1.29 s
-    served(remote, until=lambda: remote.desk.end is None)
+    serve_until(remote, lambda: not remote.desk.waiting)
+    assert remote.desk.end == pytest.approx(1.29, abs=1e-2)  # the move is not broken off: 2 √(200/480) s
+    wall.t = remote.desk.end
+    serve_until(remote, lambda: remote.desk.end is None)
     assert remote.desk.session.registers(0.0).tolist() == [200, 0, 0, 0]
     # the next client is served
     with socket.create_connection(listener.address) as again:
         again.sendall(b"WHERE\n")
-        served(remote, 0.3)
-        assert again.recv(100) == (b"X 200 Y 0 Z 0 R 0 = x 3.1750 y 0.0000 z 0.0000 mm rz 0.0000 deg\r\n")
+        told = answered(remote, again.fileno(), 1)
+    assert told == b"X 200 Y 0 Z 0 R 0 = x 3.1750 y 0.0000 z 0.0000 mm rz 0.0000 deg\r\n"
     listener.close()
 
 
-def heard_back(remote, client, seconds=5.0):
+def heard_back(remote, client):
     """All that comes back until the other end closes."""
-    got, end = b"", time.monotonic() + seconds
-    client.settimeout(0.01)
-    while time.monotonic() < end:
-        remote.step()
-        with suppress(TimeoutError):
-            data = client.recv(4096)
-            if not data:
-                return got
-            got += data
-    raise AssertionError(f"not closed after {got!r}")
+    got = []
+
+    def closed():
+        with suppress(BlockingIOError):
+            got.append(client.recv(4096))
+        return got[-1:] == [b""]
+
+    client.setblocking(False)
+    serve_until(remote, closed)
+    return b"".join(got)
 
 
 def test_a_client_that_says_no_more_is_answered_all_it_has_said(server):
     listener = Socket(0)
-    remote = server(listener, fast=False)
+    remote = server(listener, wall=Hands(0.2))
     with socket.create_connection(listener.address) as client:
         client.sendall(b"P X + 10\rP X + 10 Y + 5\rP Z + 3\rWHERE")  # as a pipe into netcat, which then half-closes
         client.shutdown(socket.SHUT_WR)
@@ -236,7 +255,7 @@ def test_clients_beyond_a_few_are_turned_away(server):
     clients = []
     for _ in range(MAX_CLIENTS + 1):
         clients.append(socket.create_connection(listener.address))
-        served(remote, 0.06)
+        remote.step()
     clients[-1].settimeout(1)
     assert clients[-1].recv(1) == b""
     for client in clients:
