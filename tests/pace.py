@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from time import perf_counter, process_time
+from time import process_time
 
 LOOP = 300_000
 WRITTEN_ON = 0.0175
@@ -17,13 +17,6 @@ def slowness() -> float:
         sum(k * k for k in range(LOOP))
         took.append(process_time() - begin)
     return max(1.0, min(took) / WRITTEN_ON)
-
-
-def delay() -> float:
-    """Times that a second on the clock lasts longer than where nothing else runs, 1 at least: by a loop, once."""
-    begin = perf_counter()
-    sum(k * k for k in range(10 * LOOP))
-    return max(1.0, (perf_counter() - begin) / (10 * WRITTEN_ON))
 
 
 @contextmanager

@@ -14,7 +14,7 @@ import select
 import signal
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from typing import Any
 
@@ -91,7 +91,8 @@ def _end_with_parent(first: int) -> None:
 class _Watch:
     """What the first process knows of the worker: the signal that is to end it, by when, and what it told."""
 
-    def __init__(self) -> None:
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self._clock = clock
         self.asked: int | None = None
         self.deadline = float("inf")
         self.forward: dict[int, float] = {}
@@ -101,7 +102,7 @@ class _Watch:
 
     def come(self, number: int) -> None:
         """A signal to this process: given on, unless it reaches the worker as well."""
-        now = time.monotonic()
+        now = self._clock()
         self._ask(number, now)
         if now - self.reached.get(number, -1.0) > 2 * SAME_SIGNAL_TIME:
             self.forward.setdefault(number, now + SAME_SIGNAL_TIME)
@@ -110,7 +111,7 @@ class _Watch:
         """What the worker told, and the signals that reached it."""
         for byte in content:
             if byte in _numbers():
-                now = time.monotonic()
+                now = self._clock()
                 self._ask(byte, now)
                 self.reached[byte] = now
                 self.forward.pop(byte, None)
@@ -133,7 +134,7 @@ class _Watch:
         except ValueError:
             return
         if self.asked is not None and "patience" in self.told:
-            self.deadline = time.monotonic() + GRACE_PERIOD * self.told["patience"]
+            self.deadline = self._clock() + GRACE_PERIOD * self.told["patience"]
 
 
 def _numbers() -> frozenset[int]:
