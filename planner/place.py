@@ -6,7 +6,7 @@ from typing import Any
 
 from kinematics.foundation.errors import MotionError, OutOfReach
 from kinematics.foundation.table import Column
-from kinematics.foundation.units import apart
+from kinematics.foundation.units import format_distinct
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +58,7 @@ class Infeasible(MotionError):
         self._more: Callable[[], object] | None = None
         where = "" if place is None else f" at {place}"
         who = f"{axis} " if axis and (place is None or not place.axis) else ""
-        reached, allowed = apart(value, limit)
+        reached, allowed = format_distinct(value, limit)
         super().__init__(f"{who}{kind} {reached} {unit} is beyond {allowed} {unit}{where}")
 
     def __str__(self) -> str:

@@ -48,7 +48,7 @@ def write_four_views(plan: AnimatablePlan, target: Destination, t: float | None,
     if target.path.suffix.lower() not in FORMATS:
         raise MotionError(f"{target.path}: still images are {', '.join(FORMATS)}; give a name that ends so")
     figure = four_views(plan, t, magnify=magnify)[0].get_figure(root=True)
-    with target.staged() as file:
+    with target.stage() as file:
         if figure is not None:
             figure.savefig(file, dpi=DPI)
 

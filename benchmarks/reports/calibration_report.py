@@ -96,7 +96,7 @@ def _page(calibration: Calibration, figures: dict[str, bytes]) -> str:
         parameters=[_row(estimate) for estimate in calibration.parameters],
         meanings=[explain_pulse(pulse) for pulse in identified_pulses(calibration)],
         indices=[(name, value, MEANINGS[name]) for name, value in observed.indices.items()],
-        unseen=[describe_combination(change, names) for change in observed.unseen],
+        unseen=[describe_combination(change, names) for change in observed.unobservable_changes],
         weakest=describe_combination(observed.weakest, names),
         errors={group: _errors(calibration, group) for group in rms_by_stage(calibration)},
         components={group: COMPONENTS[part] for group, part in GROUPS.items()},

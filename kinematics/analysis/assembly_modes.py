@@ -126,7 +126,7 @@ class LegParameters:
         draws = (random.normal(size=(2, count, *shape)) for shape in ((6, 3), (6, 3), (6,)))
         return LegParameters(*((real + 1j * imaginary) / np.sqrt(2) for real, imaginary in draws))
 
-    def repeated(self, times: int) -> LegParameters:
+    def repeat(self, times: int) -> LegParameters:
         return LegParameters(*(np.repeat(x, times, 0) for x in (self.a, self.b, self.c)))
 
 
@@ -153,7 +153,7 @@ def assembly_modes(machine: Legged, q: ArrayLike, *, seed: int = 0) -> Pose:
     near = RigidTransform.from_components(size * position[real].real + below - turn.apply(above), turn)
     found = machine.forward(np.tile(lengths, (len(near), 1)), near)
     solved = to_numbers(found.pose)[found.residual <= RESIDUAL_SHARE * max(1.0, lengths.max())]
-    return from_numbers(solved[~repeated(solved / np.repeat([size, 1.0], [3, 9]))])
+    return from_numbers(solved[~find_repeats(solved / np.repeat([size, 1.0], [3, 9]))])
 
 
 def solve_modes(target: LegParameters, seed: int) -> Complex:
@@ -162,7 +162,7 @@ def solve_modes(target: LegParameters, seed: int) -> Complex:
     ends, arrived = np.zeros_like(start), np.zeros(len(start))
     suspect = np.ones(len(start), bool)
     for trust in TRUST_TOLERANCES:
-        equations = _equations(legs.repeated(suspect.sum()), target.repeated(suspect.sum()))
+        equations = _equations(legs.repeat(suspect.sum()), target.repeat(suspect.sum()))
         ends[suspect], arrived[suspect] = follow(equations, start[suspect], trust)
         finite = np.abs((ends[:, :4] ** 2).sum(1)) > MIN_SQUARED_NORM
         at_end = np.flatnonzero(finite & (arrived == 1))
@@ -189,14 +189,14 @@ def solve_generic(seed: int) -> tuple[LegParameters, Complex]:
     legs = LegParameters(legs.a, legs.b, legs.c - left / (y[0, :4] @ y[0, :4]))
     for _ in range(MAX_LOOP_ROUNDS):
         loops = -(-GENERIC_SOLUTIONS // len(y))
-        corners = [legs.repeated(loops), LegParameters.random(random, loops), LegParameters.random(random, loops)]
+        corners = [legs.repeat(loops), LegParameters.random(random, loops), LegParameters.random(random, loops)]
         ends, arrived = np.tile(y, (loops, 1)), np.ones(loops * len(y), bool)
         for k in range(3):
-            one, other = (corners[j % 3].repeated(len(y)) for j in (k, k + 1))
+            one, other = (corners[j % 3].repeat(len(y)) for j in (k, k + 1))
             ends, t = follow(_equations(one, other), ends, TRUST_TOLERANCES[0])
             arrived &= t == 1
         found = np.concatenate([y, ends[arrived]])
-        y = found[~repeated(_entries(found))]
+        y = found[~find_repeats(_entries(found))]
         if len(y) == GENERIC_SOLUTIONS:
             return legs, y
     raise MotionError(
@@ -204,7 +204,7 @@ def solve_generic(seed: int) -> tuple[LegParameters, Complex]:
     )
 
 
-def repeated(values: Complex | Array) -> np.ndarray:
+def find_repeats(values: Complex | Array) -> np.ndarray:
     """(N,) bool: which rows (N, k) are the same as one before them."""
     same = np.abs(values[:, None] - values).max(2, initial=0.0) < SAME_POSE_TOLERANCE
     return np.asarray(np.tril(same, -1).any(1))

@@ -118,7 +118,7 @@ class Margins(Result):
 
 def measure(machine: MachineModel, pose: Pose, near: ArrayLike | None = None) -> Margins:
     """Margins of N poses (N = 1 for a single one), on the branch of the coordinates near (n,), or home's."""
-    x, q = machine.located(pose, near)
+    x, q = machine.locate_pose(pose, near)
     travel, tilt, clearance = limits_used(machine, x, q)
     stretch = _singular_values(scaled_jacobian(machine, x, q))
     return Margins(

@@ -179,7 +179,7 @@ def posture_of_pose(machine: Machine, pose: Pose, near: ArrayLike | None = None)
     """
     if not pose.single:
         raise MotionError(f"machine {machine.name}: a posture is of one pose, not of {len(pose)}")
-    x, q = machine.located(pose, near)
+    x, q = machine.locate_pose(pose, near)
     return _posture(machine, x, q[0])
 
 

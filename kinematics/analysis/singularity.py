@@ -191,7 +191,7 @@ def _bound_cells(
     count, axes, half = len(low), len(machine.axes), width / 2
     # a little wider, for the rounding of the cells' ends
     inputs = [(low + half)[:, None], half[:, None] * (1 + 1e-9) + 1e-15, parameters]
-    values = machine.derived(cell_map)(np.concatenate([*inputs, near] if machine.branched else inputs, 1))
+    values = machine.derive(cell_map)(np.concatenate([*inputs, near] if machine.branched else inputs, 1))
     at, error, change, spread = values[:, :-1].reshape(count, 4, axes, -1).transpose(1, 0, 2, 3)
     inverse = np.linalg.pinv(np.where(np.isfinite(at), at, 0.0))  # out of reach, it proves nothing
     size = np.abs(inverse)
@@ -225,7 +225,7 @@ def _complete_twists(machine: MachineModel, inputs: Array) -> Array:
     position, rotation = split_pose_symbols(x)
     moved = position + twist[:3], rotation + ca.skew(twist[3:]) @ rotation
     q = machine.expression(*moved, near if machine.branched else ca.SX.zeros(len(machine.axes)))
-    carried_position, carried_rotation = machine.carried(*moved, q)
+    carried_position, carried_rotation = machine.fill_pose(*moved, q)
     slope = ca.jacobian(column(carried_position, carried_rotation), twist)
     turns = []
     for k in range(6):

@@ -48,7 +48,7 @@ def solve_series(matrix: Series, right: Series) -> Series:
     sums (Rump, Acta Numerica 19 (2010), section 10); no bound where ‖E‖ ≥ 1.
     """
     order = min(matrix.order, right.order)
-    matrix, right = matrix.cut(order), right.cut(order).padded(order)
+    matrix, right = matrix.cut(order), right.cut(order).pad(order)
     guess = _inverse(matrix.mid[0])
     size, terms = np.abs(guess), matrix.mid.shape[-1] + 2
     with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
@@ -143,10 +143,10 @@ def holding_map(machine: MachineModel) -> Balance:
     return Balance(Expression("holding", ca.vertcat(x.value, q.value), values), len(machine.axes))
 
 
-def loaded(machine: MachineModel) -> bool:
+def has_load(machine: MachineModel) -> bool:
     """Whether the machine states anything that its actuators have to push."""
     x, q = _Rates(12, "x"), _Rates(len(machine.axes), "q")
-    moved = machine.moved(*split_pose_symbols(x.value), q.value)
+    moved = machine.moving_bodies(*split_pose_symbols(x.value), q.value)
     own = any(axis.friction or axis.reflected for axis in machine.axes)
     return own or bool(machine.load.wrench.any()) or any(body.mass > 0 for body, _ in moved)
 
@@ -162,7 +162,7 @@ class _Rates:
 def _load_forces(machine: MachineModel, x: _Rates, q: _Rates) -> tuple[ca.SX, ca.SX]:
     """W_q, and Bᵀ W_x with Jᵀ row by row: nothing where W_x is zero."""
     position, rotation = split_pose_symbols(x.value)
-    moved = machine.moved(position, rotation, q.value)
+    moved = machine.moving_bodies(position, rotation, q.value)
     state, first, second = (ca.vertcat(*both) for both in zip(x.all, q.all, strict=True))
     work = ca.SX.zeros(state.numel())
     for body, frame in moved:

@@ -164,10 +164,10 @@ class Workspace(Result):
 
         Raises MotionError where there is none.
         """
-        sides = [1.0 if self._held(k) else self.nodes[k][1] - self.nodes[k][0] for k in range(3)]
+        sides = [1.0 if self._is_held(k) else self.nodes[k][1] - self.nodes[k][0] for k in range(3)]
         found = largest_block(self.proved, sides, None if around is None else self._cell(around))
         if found is None:
-            raise self._nothing("box", around)
+            raise self._make_refusal("box", around)
         low, high = (freeze_array([self._edges(k)[end[k]] for k in range(3)]) for end in found)
         return Box(low, high)
 
@@ -182,7 +182,7 @@ class Workspace(Result):
         else:
             self._cell(around)
             points = [np.array([value], float) for value in np.asarray(around)]
-        border = [(0, 0) if self._held(k) else (1, 1) for k in range(3)]
+        border = [(0, 0) if self._is_held(k) else (1, 1) for k in range(3)]
         square = np.where(np.pad(self.proved, border), np.inf, 0.0)
         for k in range(3):  # the nearest over one coordinate after the other: squares of distances add up
             lines = np.moveaxis(square, k, -1)
@@ -190,24 +190,24 @@ class Workspace(Result):
             square = np.stack(nearest, k)
         best = np.unravel_index(int(np.argmax(square)), square.shape)
         if not square[best] > 0:
-            raise self._nothing("sphere", around)
+            raise self._make_refusal("sphere", around)
         return Sphere(freeze_array([points[k][best[k]] for k in range(3)]), float(np.sqrt(square[best])))
 
     def contains(self, low: ArrayLike, high: ArrayLike) -> Containment:
         """Whether the machine can go everywhere in the box low … high (3,) m, on the grid or off it; if not, where."""
         return contains(self.machine, self.rotation, low, high)
 
-    def _held(self, k: int) -> bool:
+    def _is_held(self, k: int) -> bool:
         return len(self.nodes[k]) == 1
 
     def _edges(self, k: int) -> Array:
         """Of the cells along a coordinate."""
         nodes: Array = self.nodes[k]
-        return np.repeat(nodes, 2) if self._held(k) else nodes
+        return np.repeat(nodes, 2) if self._is_held(k) else nodes
 
     def _gaps(self, k: int, points: Array) -> Array:
         """(P, cells) m along a coordinate from points to cells, and to what is beyond either end of the grid."""
-        if self._held(k):
+        if self._is_held(k):
             return np.zeros((len(points), 1))
         edges = np.concatenate([[-np.inf], self._edges(k), [np.inf]])
         gaps: Array = np.maximum(edges[:-1] - points[:, None], points[:, None] - edges[1:])
@@ -229,7 +229,7 @@ class Workspace(Result):
         )
         return x, y, z
 
-    def _nothing(self, what: str, around: ArrayLike | None) -> MotionError:
+    def _make_refusal(self, what: str, around: ArrayLike | None) -> MotionError:
         where = "" if around is None else f" around {1e3 * np.asarray(around, float)} mm"
         return MotionError(
             f"workspace of {self.machine.name}: no {what}{where} is proved to be inside all limits; "

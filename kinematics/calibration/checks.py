@@ -43,7 +43,7 @@ class DirectionCheck:
     allowed: float
 
     @property
-    def explained(self) -> bool | None:
+    def is_explained(self) -> bool | None:
         """Whether what remains is within what is allowed; None: nobody knows."""
         return bool(self.after <= self.allowed) if np.isfinite(self.allowed) else None
 
@@ -63,7 +63,7 @@ def _check(calibration: Calibration, k: int) -> DirectionCheck:
     return DirectionCheck(
         data.labels[k],
         (_tilt(axes[0]), _tilt(axes[1]), _tilt(axes[2])),
-        (_heading(axes[0]), _heading(axes[1]), _heading(axes[2])),
+        (_direction_angle(axes[0]), _direction_angle(axes[1]), _direction_angle(axes[2])),
         _angle_between(axes[0], axes[1]),
         _angle_between(axes[2], axes[1]),
         float(np.fmax(spread, noise)),
@@ -78,7 +78,7 @@ def _tilt(axis: Array) -> float:
     return _angle_between(axis, np.array([0.0, 0.0, 1.0]))
 
 
-def _heading(axis: Array) -> float:
+def _direction_angle(axis: Array) -> float:
     return float(np.arctan2(axis[1], axis[0]))
 
 

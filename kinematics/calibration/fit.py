@@ -121,7 +121,7 @@ def calibrate(
             f"{measured.name}: {measured.fit.sum()} poses give {chosen.sum()} values for {len(parameters)} parameters "
             f"({', '.join(parts)}); measure more poses, or identify fewer parameters"
         )
-    prediction, select = Prediction.of(machine, vector, measured), selection(vector, parameters)
+    prediction, select = Prediction.from_measurements(machine, vector, measured), selection(vector, parameters)
     weights = weights_of(machine, measured)
     before, _ = prediction.at(vector.nominal)
 
@@ -142,10 +142,12 @@ def calibrate(
         parts=tuple(parts),
         parameters=_estimates(vector, parameters, theta, found, widened),
         observability=found,
-        predicted=prediction.seen(theta),
+        predicted=prediction.measured_poses(theta),
         before=freeze_array(before * known),
         after=freeze_array(after * known),
-        left_out=freeze_array(_leave_one_out_errors(after, jacobian @ (select @ found.seen), weights, chosen)),
+        left_out=freeze_array(
+            _leave_one_out_errors(after, jacobian @ (select @ found.observable_changes), weights, chosen)
+        ),
         used=freeze_array(chosen, bool),
         scale=scale,
         degrees=degrees,
@@ -168,7 +170,9 @@ def _find_best(prediction: Prediction, starts: list[Array], weights: Array, chos
         if size(start) > MAX_START_RATIO * size(ordered[0]) or any((start == other).all() for other in tried):
             continue
         tried.append(start)
-        seen = _find_observability(prediction.at(start)[1], weights, chosen, select, prediction.measurements).seen
+        seen = _find_observability(
+            prediction.at(start)[1], weights, chosen, select, prediction.measurements
+        ).observable_changes
         try:
             theta = minimize_errors(prediction, start, weights, chosen, select @ seen)
         except MotionError as error:
@@ -215,7 +219,7 @@ def _find_observability(
 def _estimates(
     vector: FullVector, parameters: Sequence[FreeParameter], theta: Array, found: Observability, widened: float
 ) -> tuple[Estimate, ...]:
-    error = widened * np.sqrt((found.seen**2).sum(1))
+    error = widened * np.sqrt((found.observable_changes**2).sum(1))
     return tuple(
         Estimate(
             parameter.name,
@@ -257,11 +261,11 @@ def foreseen_errors(calibration: Calibration, commanded: Pose) -> Array:
     select = selection(vector, free_parameters(vector, calibration.parts))
     theta = vector.nominal + select @ [each.value - each.nominal for each in calibration.parameters]
     further = select_reachable(machine, whole_poses(commanded, commanded, name="further measurements"))[0]
-    jacobian = Prediction.of(machine, vector, further).at(theta)[1]
+    jacobian = Prediction.from_measurements(machine, vector, further).at(theta)[1]
     kept = calibration.used.any(0)
     rows = (jacobian * weights_of(machine, data)[:, None])[:, kept] @ select
     known = calibration.observability
     so_far = known.singular[:, None] * known.combinations / known.scale
     found = [observe(np.concatenate([so_far, own]), known.poses + 1) for own in rows]
-    size = [np.where(each.separate, np.sqrt((each.seen**2).sum(1)), np.inf) for each in found]
+    size = [np.where(each.separate, np.sqrt((each.observable_changes**2).sum(1)), np.inf) for each in found]
     return freeze_array(error_scale(data.noise, calibration.scale) * np.array(size))

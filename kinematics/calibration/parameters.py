@@ -179,7 +179,7 @@ class Prediction:
     _commanded: Array
 
     @classmethod
-    def of(cls, machine: Machine, vector: FullVector, measurements: Measurements) -> "Prediction":
+    def from_measurements(cls, machine: Machine, vector: FullVector, measurements: Measurements) -> "Prediction":
         """Of commanded poses that the nominal machine can take (see `reach`)."""
         commanded = machine.home * measurements.commanded
         sent = machine.inverse(commanded) - machine.home_q
@@ -206,7 +206,7 @@ class Prediction:
         x[~(np.abs(gap).max(1) < MAX_CLOSURE_GAP)] = np.nan
         return x
 
-    def seen(self, theta: Array) -> Pose:
+    def measured_poses(self, theta: Array) -> Pose:
         """The poses (N) as they are seen in the measuring frame, relative to the home pose."""
         actual = from_numbers(self.poses(theta, self.sent, self._commanded))
         frame = theta[self.vector.frame()]
@@ -223,9 +223,10 @@ class Prediction:
         x = self.poses(theta, self.sent, self._commanded)
         if not np.isfinite(x).all():
             return nothing
-        by_pose, by_theta = self._closed(theta, x)
+        by_pose, by_theta = self._closure_derivatives(theta, x)
         if (
-            _determinant_sign(by_pose) != _determinant_sign(self._closed(self.vector.nominal, self._commanded)[0])
+            _determinant_sign(by_pose)
+            != _determinant_sign(self._closure_derivatives(self.vector.nominal, self._commanded)[0])
         ).any():
             return nothing
         n, theta = by_pose.shape[1], np.broadcast_to(theta, (len(x), k))
@@ -234,7 +235,7 @@ class Prediction:
         e_theta = out[:, m + m * n :].reshape(-1, m, k)
         return error, e_theta - e_pose @ _solve(by_pose, by_theta)
 
-    def _closed(self, theta: Array, x: Array) -> tuple[Array, Array]:
+    def _closure_derivatives(self, theta: Array, x: Array) -> tuple[Array, Array]:
         """Derivatives of the closure at pose numbers x (N, 12): by the pose (N, n, n), by the full vector (N, n, k)."""
         n, k = len(self.vector.axes), self.vector.size
         closed = self._closure(np.concatenate([x, self.sent, np.broadcast_to(theta, (len(x), k))], 1))

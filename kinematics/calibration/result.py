@@ -67,13 +67,13 @@ class Observability(Result):
         return {"O1": mean / self.poses**0.5, "O2": last / first, "O3": last, "O4": last**2 / first}
 
     @property
-    def seen(self) -> Array:
+    def observable_changes(self) -> Array:
         """(m, rank) changes of the parameters that give independent errors of unit length."""
         kept = slice(0, self.rank)
         return np.asarray(self.scale[:, None] * self.combinations[kept].T / self.singular[kept])
 
     @property
-    def unseen(self) -> Array:
+    def unobservable_changes(self) -> Array:
         """(m − rank, m) changes of the parameters, in their own units, that no measured pose shows."""
         return np.asarray(self.combinations[self.rank :] * self.scale)
 

@@ -44,7 +44,7 @@ def minimize_errors(prediction: Prediction, start: Array, weights: Array, chosen
     whole = float(np.linalg.norm((prediction.at(start)[0] * weights)[chosen])) or 1.0
     latest: dict[bytes, tuple[Array, Array]] = {}
 
-    def evaluated(z: Array) -> tuple[Array, Array]:
+    def evaluate(z: Array) -> tuple[Array, Array]:
         key = z.tobytes()
         if key not in latest:
             error, jacobian = prediction.at(start + steps @ z)
@@ -53,10 +53,10 @@ def minimize_errors(prediction: Prediction, start: Array, weights: Array, chosen
         return latest[key]
 
     def errors(z: Array) -> Array:
-        return evaluated(z)[0]
+        return evaluate(z)[0]
 
     def derivatives(z: Array) -> Array:
-        return evaluated(z)[1]
+        return evaluate(z)[1]
 
     found = least_squares(
         errors,

@@ -40,12 +40,12 @@ class Beam:
 
     def deflection(self, load: float, place: ArrayLike) -> Array:
         """m downwards under a load W (N) at c (m) from the first support: W c² (l − c)² / (3 E I l)."""
-        c = self._inside(place)
+        c = self._check_place(place)
         return np.asarray(_check_load(load) * c**2 * (self.span - c) ** 2 / (3 * self._stiffness * self.span))
 
     def slope(self, load: float, place: ArrayLike) -> Array:
         """rad under a load W (N) at c (m), downwards along the beam positive: W c (l − c)(l − 2c) / (3 E I l)."""
-        c = self._inside(place)
+        c = self._check_place(place)
         return np.asarray(
             _check_load(load) * c * (self.span - c) * (self.span - 2 * c) / (3 * self._stiffness * self.span)
         )
@@ -62,7 +62,7 @@ class Beam:
     def _stiffness(self) -> float:
         return self.modulus * self.second_moment
 
-    def _inside(self, place: ArrayLike) -> Array:
+    def _check_place(self, place: ArrayLike) -> Array:
         c = finite_array(place, "beam: the load's place", unit="m")
         if not ((c >= 0) & (c <= self.span)).all():
             raise MotionError(f"beam: a load at {c[~((c >= 0) & (c <= self.span))].flat[0]} m is off its {self.span} m")

@@ -40,14 +40,14 @@ class _Need(Result):
 
     __slots__ = ()
 
-    def asked(self) -> dict[str, float]:
+    def demands(self) -> dict[str, float]:
         """The properties that matter, SI, by name."""
         stated = ((name, getattr(self, name, None)) for name in SI)
         return {name: value for name, value in stated if value is not None}
 
     def tables(self) -> tuple[Table, ...]:
         """What is asked for; what does not matter is left out."""
-        wanted = self.asked()
+        wanted = self.demands()
         units = [SI[name] for name in wanted]
         columns = (Column("property", [*wanted]), Column("needed", [*wanted.values()], units, "human"))
         return (Table(f"{type(self).__name__.removesuffix('Need').lower()} that is needed", columns),)
@@ -56,7 +56,7 @@ class _Need(Result):
         """What is asked for, in the units of `UNITS`."""
         from kinematics.foundation.figure import draw_bars
 
-        wanted = self.asked()
+        wanted = self.demands()
         shown = [value / unit_value(UNITS[name], SI[name]) for name, value in wanted.items()]
         return draw_bars([f"{name} ({UNITS[name]})" for name in wanted], shown, "needed", ax)
 
@@ -151,7 +151,7 @@ def joint_need(machine: Machine, pose: Pose, force: ArrayLike | None = None) -> 
 
 
 def _check_need(need: ActuatorNeed | JointNeed) -> None:
-    for name, value in need.asked().items():
+    for name, value in need.demands().items():
         if not finite_array(value, f"needed {name}", (), unit="SI units") > 0:
             raise MotionError(f"needed {name} {describe(value, UNITS[name])} must be positive and finite, or None")
 
@@ -190,7 +190,7 @@ class Selection(Result, Generic[Part]):
 
     def tables(self) -> tuple[Table, ...]:
         """The parts in their order, then those that do not, and why."""
-        wanted = ", ".join(f"{name} {describe(value, UNITS[name])}" for name, value in self.need.asked().items())
+        wanted = ", ".join(f"{name} {describe(value, UNITS[name])}" for name, value in self.need.demands().items())
         parts: list[AnyPart] = [*(choice.part for choice in self.feasible), *(out.part for out in self.refused)]
         others = [None] * len(self.refused)
         columns = (
@@ -233,7 +233,7 @@ def select_parts(parts: Sequence[Part], need: ActuatorNeed | JointNeed, by: str 
     """
     if by not in _CRITERIA:
         raise MotionError(f'no criterion "{by}"{nearest(by, _CRITERIA)}; criteria: {", ".join(_CRITERIA)}')
-    wanted = need.asked()
+    wanted = need.demands()
     if not wanted:
         raise MotionError("selection: no requirement; state at least one property")
     feasible: list[Choice[Part]] = []

@@ -63,12 +63,12 @@ def defer_signals() -> Iterator[HeldSignals]:
 
 
 @contextmanager
-def staging(place: Path) -> Iterator[Path]:
+def stage_directory(place: Path) -> Iterator[Path]:
     """A hidden directory beside a place, of this process alone; nothing of it remains when the block ends."""
     made, descriptor = None, None
     try:
         with defer_signals():
-            made, descriptor = _made(place)
+            made, descriptor = _make_directory(place)
         yield made
     finally:
         with defer_signals():
@@ -78,7 +78,7 @@ def staging(place: Path) -> Iterator[Path]:
                 os.close(descriptor)
 
 
-def _made(place: Path) -> tuple[Path, int | None]:
+def _make_directory(place: Path) -> tuple[Path, int | None]:
     """A new hidden directory beside a place, and its lock; None where this system has none: no run will clear it."""
     while True:
         try:
@@ -97,12 +97,12 @@ def _made(place: Path) -> tuple[Path, int | None]:
 
 def write_whole(path: Path, content: str | bytes) -> None:
     """Write a file so that it is there complete or as it was before; text in UTF-8, its line ends as they are."""
-    with staged(path) as file:
+    with stage_file(path) as file:
         file.write_bytes(content.encode() if isinstance(content, str) else content)
 
 
 @contextmanager
-def staged(path: Path) -> Iterator[Path]:
+def stage_file(path: Path) -> Iterator[Path]:
     """A file to write beside another, which takes its place when the block ends well, and is gone when it does not.
 
     For what is this program's own, since it replaces whatever is there: `kinematics.files.atomic_files` has the
@@ -110,7 +110,7 @@ def staged(path: Path) -> Iterator[Path]:
     """
     place = path.absolute()
     clear(place.parent)
-    with staging(place) as made:
+    with stage_directory(place) as made:
         yield staged_path(made, place)
         staged_path(made, place).replace(place)
 
@@ -144,14 +144,14 @@ class Destination:
             raise MotionError(f"{path} is a directory; give the name of a file")
 
     @contextmanager
-    def staged(self) -> Iterator[Path]:
+    def stage(self) -> Iterator[Path]:
         """A file to write beside the place, which it takes when the block ends well. Raises as `stage_files`."""
         with stage_files([self]) as (file,):
             yield file
 
     def write(self, content: str | bytes) -> None:
         """Write all of it; text in UTF-8, its line ends as they are. Raises as `stage_files`."""
-        with self.staged() as file:
+        with self.stage() as file:
             file.write_bytes(content.encode() if isinstance(content, str) else content)
 
 
@@ -165,7 +165,7 @@ def stage_files(destinations: Sequence[Destination]) -> Iterator[list[Path]]:
     with ExitStack() as stack:
         for folder in {above for destination in destinations for above in destination.place.parents[:2]}:
             clear(folder)  # also where a directory of results stands, in which this one is
-        made = [stack.enter_context(staging(destination.place)) for destination in destinations]
+        made = [stack.enter_context(stage_directory(destination.place)) for destination in destinations]
         files = [staged_path(each, destination.place) for each, destination in zip(made, destinations, strict=True)]
         yield files
         with defer_signals():

@@ -113,7 +113,7 @@ def format_value(kind: Any, value: Any, marks: Sequence[Any] = (), rows: bool = 
 
 
 def _format_number(unit: Unit, value: float) -> str:
-    name, power = unit.written
+    name, power = unit.written_unit
     if unit.plain is None:
         return format_quantity(value, name, power)
     return format_decimal(value, power) if power else repr(value)
@@ -184,13 +184,13 @@ def keys_of(*tables: type[BaseModel], own_first: bool = False) -> list[Key]:
 
 
 def _declaration(table: type[BaseModel]) -> Callable[[str], Key]:
-    def declared(name: str) -> Key:
+    def declare_key(name: str) -> Key:
         field = table.model_fields[name]
         example = str((field.examples or [""])[0])
         instead, needs = (tuple(_extra(field).get(what, ())) for what in ("instead", "needs"))
         return Key(field.alias or name, field.description or "", example, instead, needs)
 
-    return declared
+    return declare_key
 
 
 def _order(table: type[BaseModel], own_first: bool) -> list[str]:

@@ -12,12 +12,12 @@ _IN_TEXT, _IN_LINE = re.compile(f"[{_OBEYED}]"), re.compile(f"[{_OBEYED}\t\n]")
 
 def plain(text: str) -> str:
     r"""A text of one or more lines, with what would be obeyed as \x1b or \u202e."""
-    return _IN_TEXT.sub(_escaped, text)
+    return _IN_TEXT.sub(_escape, text)
 
 
 def plain_line(text: str) -> str:
     r"""The same of one line: a tab and a line feed are \t and \n too."""
-    return _IN_LINE.sub(_escaped, text)
+    return _IN_LINE.sub(_escape, text)
 
 
 def plain_json(text: str) -> str:
@@ -25,15 +25,15 @@ def plain_json(text: str) -> str:
     return _IN_TEXT.sub(lambda found: f"\\u{ord(found[0]):04x}", text)
 
 
-def obeyed(text: str) -> str | None:
+def describe_control_character(text: str) -> str | None:
     """What to say of a text with a character that would be obeyed, of the first; None where there is none."""
     found = _IN_TEXT.search(text)
     if found is None:
         return None
-    return f"holds {_escaped(found)}, which is no letter but controls how text is shown; take it out"
+    return f"holds {_escape(found)}, which is no letter but controls how text is shown; take it out"
 
 
-def _escaped(found: re.Match[str]) -> str:
+def _escape(found: re.Match[str]) -> str:
     short = {"\t": "\\t", "\n": "\\n", "\r": "\\r"}
     code = ord(found[0])
     return short.get(found[0]) or (f"\\x{code:02x}" if code < 0x100 else f"\\u{code:04x}")

@@ -66,11 +66,11 @@ class TableSchema(BaseModel):
         try:
             return handler(data)
         except ValidationError as error:
-            explained = [cls._explained(e) for e in error.errors()]
+            explained = [cls._explain_error(e) for e in error.errors()]
             raise ValidationError.from_exception_data(cls.__name__, explained) from None
 
     @classmethod
-    def _explained(cls, error: ErrorDetails) -> InitErrorDetails:
+    def _explain_error(cls, error: ErrorDetails) -> InitErrorDetails:
         """The error in words that only its own table can find, since only it knows its keys; outer tables keep them."""
         keys = {field.alias or name: field for name, field in cls.model_fields.items()}
         last, value = str(error["loc"][-1]) if error["loc"] else "", error["input"]

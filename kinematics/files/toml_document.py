@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinematics.files.plain_text import obeyed
+from kinematics.files.plain_text import describe_control_character
 from kinematics.foundation.errors import BadValue, Fault, FileError, MotionError
 from kinematics.foundation.names import closest
 from kinematics.foundation.units import describe_value
@@ -130,11 +130,11 @@ def read(source: Path | Traversable) -> Document:
 def _find_controls(value: Any, key: Key) -> Iterator[tuple[Key, str]]:
     """Keys and texts with a character that no name has, and a terminal would obey; with what to say of it."""
     match value:
-        case str() if told := obeyed(value):
+        case str() if told := describe_control_character(value):
             yield key, told
         case dict():
             for name, entry in value.items():
-                if told := obeyed(name):
+                if told := describe_control_character(name):
                     yield (*key, name), told
                 yield from _find_controls(entry, (*key, name))
         case tuple():

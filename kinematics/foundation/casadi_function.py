@@ -26,16 +26,16 @@ class Expression:
     """
 
     def __init__(self, name: str, inputs: ca.SX, outputs: ca.SX) -> None:
-        self._compiled(ca.Function(name, [ca.vec(inputs)], [ca.densify(ca.vec(outputs))], {"cse": True}))
+        self._set_function(ca.Function(name, [ca.vec(inputs)], [ca.densify(ca.vec(outputs))], {"cse": True}))
 
-    def _compiled(self, function: ca.Function) -> None:
+    def _set_function(self, function: ca.Function) -> None:
         self.function = function
         self.size = int(self.function.size1_in(0)), int(self.function.size1_out(0))
         self._lock = Lock()
         self._alive: list[object] = []  # `run` holds raw pointers into these
         self._blocks: dict[int, tuple[Array, Array, Callable[[], None]]] = {}
 
-    def only(self, rows: Sequence[int]) -> "Expression":
+    def select_rows(self, rows: Sequence[int]) -> "Expression":
         """The same of some of its values, without the work for the others."""
         x = ca.SX.sym("x", self.size[0])
         return Expression(self.function.name(), x, self.function(x)[list(rows)])
@@ -44,7 +44,7 @@ class Expression:
         return self.function  # the rest is made from it, or cannot leave the process
 
     def __setstate__(self, function: ca.Function) -> None:
-        self._compiled(function)
+        self._set_function(function)
 
     def __call__(self, x: Array) -> Array:
         rows, out = len(x), np.empty((len(x), self.size[1]))

@@ -93,7 +93,7 @@ class NotFree(OutOfReach):
 
 
 @contextmanager
-def located(where: str) -> Iterator[None]:
+def locate_errors(where: str) -> Iterator[None]:
     """What is refused inside is told with where it stands: "option --speed: …"; what a BadValue knows stays."""
     try:
         yield

@@ -8,7 +8,7 @@ from dataclasses import Field, field, fields
 from importlib import import_module
 from typing import Any, get_type_hints
 
-from kinematics.foundation.errors import MotionError, located
+from kinematics.foundation.errors import MotionError, locate_errors
 from kinematics.foundation.names import nearest
 from kinematics.foundation.units import quantity
 
@@ -35,7 +35,7 @@ def read_options(kind: type[Any], given: Mapping[str, str], what: str) -> dict[s
             raise MotionError(f'{what} has no option "{name}"{nearest(name, known)}; its options: {offered}')
         unit = known[name].metadata["unit"]
         try:
-            with located(f"{what}, option {name}"):
+            with locate_errors(f"{what}, option {name}"):
                 values[name] = quantity(text, unit) if unit else hints[name](text)
         except ValueError:
             number = "a whole number" if hints[name] is int else "a number"

@@ -147,7 +147,7 @@ class Result(ABC):
             raise MotionError(f"{what}: there is no folder {place.parent}; make it first")
         if place.is_dir():
             raise MotionError(f"{what}: it is a folder; give the name of a file")
-        with Destination(place, force=force, remedy="give another name, or force=True to replace it").staged() as file:
+        with Destination(place, force=force, remedy="give another name, or force=True to replace it").stage() as file:
             known[place.suffix](file)
 
     @property
@@ -164,7 +164,7 @@ class Result(ABC):
         tables = [
             {
                 "title": table.title,
-                "columns": [{"name": c.name, "unit": "" if c.mixed else c.unit} for c in table.full],
+                "columns": [{"name": c.name, "unit": "" if c.has_row_units else c.unit} for c in table.full],
                 "rows": [
                     [_json_value(value) for value in row] for row in zip(*(c.raw for c in table.full), strict=True)
                 ],

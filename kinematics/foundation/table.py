@@ -66,7 +66,7 @@ class Column:
         return len(self.values)
 
     @property
-    def mixed(self) -> bool:
+    def has_row_units(self) -> bool:
         """Its rows have units of their own."""
         return not isinstance(self.unit, str)
 
@@ -90,18 +90,20 @@ class Column:
     @property
     def heading(self) -> str:
         """Name and SI unit, of data frames and files."""
-        return f"{self.name} [{self.unit}]" if self.unit and not self.mixed else self.name
+        return f"{self.name} [{self.unit}]" if self.unit and not self.has_row_units else self.name
 
     @property
     def title(self) -> str:
         """Name and the unit that is shown."""
-        unit = "" if self.mixed else _shown_unit(str(self.unit), self.scale)[0]
+        unit = "" if self.has_row_units else _shown_unit(str(self.unit), self.scale)[0]
         return plain_line(f"{self.name} ({unit})" if unit else self.name)
 
     def cell(self, row: int, named: bool = False) -> str:
         """A value as it is read, with its unit where rows have their own and they are to be named."""
         value, text = _python_number(self.values[row]), self._text(row)
-        told = named and self.mixed and text and isinstance(value, (int, float)) and str(value) not in self.words
+        told = (
+            named and self.has_row_units and text and isinstance(value, (int, float)) and str(value) not in self.words
+        )
         return f"{text} {_shown_unit(self.unit[row], self.scale)[0]}".rstrip() if told else text
 
     def _text(self, row: int) -> str:
@@ -150,15 +152,15 @@ class Table:
     @property
     def read(self) -> tuple[Column, ...]:
         """The columns that people read: units that rows have in common get one column, others stand in the cells."""
-        return self.columns if self._named else self.full
+        return self.columns if self._has_mixed_columns else self.full
 
     @property
-    def _named(self) -> bool:
-        return len({(column.unit, column.scale) for column in self.columns if column.mixed}) > 1
+    def _has_mixed_columns(self) -> bool:
+        return len({(column.unit, column.scale) for column in self.columns if column.has_row_units}) > 1
 
     def cells(self, rows: Sequence[int] | None = None) -> list[list[str]]:
         """Every row, or some, as `read`."""
-        shown, named = self.read, self._named
+        shown, named = self.read, self._has_mixed_columns
         return [[column.cell(row, named) for column in shown] for row in (range(len(self)) if rows is None else rows)]
 
     @property
@@ -215,9 +217,11 @@ def _add_unit_columns(columns: Sequence[Column]) -> Iterator[Column]:
     """With a column of units after each stretch of columns whose rows share units of their own."""
     for column, following in zip_longest(columns, columns[1:]):
         yield column
-        if column.mixed and (following is None or following.unit != column.unit or following.scale != column.scale):
+        if column.has_row_units and (
+            following is None or following.unit != column.unit or following.scale != column.scale
+        ):
             named = {unit: _shown_unit(unit, column.scale)[0] for unit in column.unit}
-            taken = [other for other in columns if other.mixed and other.unit != column.unit]
+            taken = [other for other in columns if other.has_row_units and other.unit != column.unit]
             yield Column(f"unit of {column.name}" if taken else "unit", column.unit, words=named)
 
 

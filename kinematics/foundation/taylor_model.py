@@ -72,7 +72,7 @@ class Series:
         order = min(part.order for part in parts)
         parts = [part if part.degree <= order else part.cut(order) for part in parts]
         degree = max(part.degree for part in parts)
-        padded = [part.padded(degree) for part in parts]
+        padded = [part.pad(degree) for part in parts]
         shape = np.broadcast_shapes(*(part.mid.shape for part in padded))
         return Series(
             np.stack([np.broadcast_to(part.mid, shape) for part in padded], -1),
@@ -91,7 +91,7 @@ class Series:
 
     def put(self, rows: np.ndarray, values: Series) -> None:
         """Write entries while a series is being put together."""
-        full = values.padded(self.degree)
+        full = values.pad(self.degree)
         self.mid[:, rows], self.rad[:, rows] = full.mid, full.rad
 
     def columns(self) -> list[Series]:
@@ -102,7 +102,7 @@ class Series:
     def degree(self) -> int:
         return len(self.mid) - 1
 
-    def padded(self, degree: int) -> Series:
+    def pad(self, degree: int) -> Series:
         missing = degree - self.degree
         if missing <= 0:
             return self
@@ -128,7 +128,7 @@ class Series:
         other = self._other(other)
         order = min(self.order, other.order)
         degree = min(max(self.degree, other.degree), order)
-        a, b = self.padded(degree), other.padded(degree)
+        a, b = self.pad(degree), other.pad(degree)
         mid = a.mid[: degree + 1] + b.mid[: degree + 1]
         rad = a.rad[: degree + 1] + b.rad[: degree + 1]
         rad *= 1 + EPS
@@ -176,7 +176,7 @@ class Series:
         one_over = inverse(other.mid[0], other.rad[0])
         if other.degree == 0:
             return self * Series(one_over[0][None], one_over[1][None], order)
-        top = self.padded(order)
+        top = self.pad(order)
         out = Series.zeros(order, np.broadcast_shapes(self.mid.shape[1:], other.mid.shape[1:]))
         for k in range(order + 1):
             known = (top.mid[k], top.rad[k])
@@ -191,7 +191,7 @@ class Series:
     def sqrt(self) -> Series:
         """r_k = (a_k − Σ_{0<j<k} r_j r_{k−j}) / (2 r_0); unbounded where a_0 may be ≤ 0."""
         out = Series.zeros(self.order, self.mid.shape[1:])
-        top = self.padded(self.order)
+        top = self.pad(self.order)
         low, high = np.sqrt(np.maximum(top.mid[0] - top.rad[0], 0.0)), np.sqrt(np.maximum(top.mid[0] + top.rad[0], 0.0))
         out.mid[0] = (low + high) / 2
         out.rad[0] = (high - low) / 2 * (1 + EPS) + 2 * EPS * high
@@ -242,7 +242,7 @@ class Series:
             # asin(t) ≤ t/√(1 − t²); libm is trusted to two units in the last place
             rad = error / np.sqrt((away - error) * (away + error)) * (1 + 8 * EPS) + 8 * EPS
         start = Series(np.arctan2(up, over)[None], np.where(met, np.inf, rad)[None], order)
-        return start._from(((x * self.derivative()) - (self * x.derivative())) / (x * x + self * self))
+        return start._integrate_rate(((x * self.derivative()) - (self * x.derivative())) / (x * x + self * self))
 
     def exp(self) -> Series:
         """k e_k = Σ j a_j e_{k−j}, with j from 1 to k."""
@@ -262,9 +262,9 @@ class Series:
             mid = np.log(np.where(low > 0, self.mid[:1], 1.0))
             # log(a) − log(a − r) ≤ r/(a − r); libm is trusted to two units in the last place
             rad = np.where(low > 0, self.rad[:1] / low * (1 + 4 * EPS) + 4 * EPS * np.abs(mid), np.inf)
-        return Series(mid, rad, self.order)._from(self.derivative() / self)
+        return Series(mid, rad, self.order)._integrate_rate(self.derivative() / self)
 
-    def _from(self, rate: Series) -> Series:
+    def _integrate_rate(self, rate: Series) -> Series:
         """What begins with this constant and has the derivative `rate`."""
         if self.order == 0:
             return self

@@ -190,7 +190,7 @@ def round_up_digits(value: float, digits: int = 4) -> str:
     return f"{ceil(value * scale) / scale:.{digits}g}"
 
 
-def apart(*values: float, digits: int = 6) -> tuple[str, ...]:
+def format_distinct(*values: float, digits: int = 6) -> tuple[str, ...]:
     """Numbers that a message holds against each other, with so many digits, or as many more as tell them apart.
 
     A value that is beyond its limit by rounding reads so: apart(5000.0000001, 5000) is "5000.0000001", "5000".
@@ -223,7 +223,7 @@ class Unit:
     file_unit: str = ""
 
     @property
-    def written(self) -> tuple[str, int]:
+    def written_unit(self) -> tuple[str, int]:
         """The unit in which files are written, and its power of ten from SI."""
         length = self.unit.split("/")[0] == "m"
         name = self.file_unit or (f"m{self.unit}" if length else self.unit)
@@ -234,7 +234,7 @@ class Unit:
         return f'write e.g. "{self.like or f"20 {everyday_unit(self.unit)}"}"'
 
     @property
-    def allowed(self) -> str:
+    def range_text(self) -> str:
         """The range, in words: "above 0 mm/s"; of what has no bounds, its unit."""
         unit = everyday_unit(self.unit)
         sides = (("above", self.above), ("at least", self.least), ("at most", self.most))
@@ -251,7 +251,7 @@ class Unit:
             unit = everyday_unit(self.unit)
             other = isinstance(value, str) and unit not in value and number
             converted = f", which is {describe(number, unit)}," if other else ""
-            raise BadValue(f"{describe_value(value)}{converted} must be {self.allowed}", allowed=self.allowed)
+            raise BadValue(f"{describe_value(value)}{converted} must be {self.range_text}", allowed=self.range_text)
         self._refuse_size(value, number)
         return number
 
@@ -271,7 +271,7 @@ class Unit:
             return _parse(text, self.unit)
         except BadValue as error:
             told = f"{describe_value(text)}: {error}: {self.example}"
-            raise BadValue(told, allowed=self.allowed, nearest=error.nearest) from None
+            raise BadValue(told, allowed=self.range_text, nearest=error.nearest) from None
 
     def _plain(self, name: str, value: float, declared: Mapping[str, float]) -> float:
         try:
@@ -279,11 +279,11 @@ class Unit:
         except OverflowError:  # an integer beyond any float
             number = inf
         if not isfinite(number):
-            raise BadValue(f"{describe_value(value)}: not a finite number", allowed=self.allowed)
+            raise BadValue(f"{describe_value(value)}: not a finite number", allowed=self.range_text)
         if name not in declared:
             unit = everyday_unit(self.unit)
             remedy = f'add the line {name} = "{unit}" at the top, or write "{describe_value(value)} {unit}"'
-            raise BadValue(f"{describe_value(value)}: a number without a unit: {remedy}", allowed=self.allowed)
+            raise BadValue(f"{describe_value(value)}: a number without a unit: {remedy}", allowed=self.range_text)
         return number
 
     def __get_pydantic_core_schema__(self, source: object, handler: object) -> "CoreSchema":

@@ -148,11 +148,11 @@ class Arm(Machine):
         over = np.array([yaw + np.pi, np.pi - second, -bend])
         return [self._sense * (over - self._zero)]
 
-    def carried(self, position: ca.SX, rotation: ca.SX, q: ca.SX) -> tuple[ca.SX, ca.SX]:
-        oriented: ca.SX = self._turned(q)[-1][1] @ self.joints.tool_rotation
+    def fill_pose(self, position: ca.SX, rotation: ca.SX, q: ca.SX) -> tuple[ca.SX, ca.SX]:
+        oriented: ca.SX = self._joint_motions(q)[-1][1] @ self.joints.tool_rotation
         return position, oriented
 
-    def _turned(self, q: ca.SX) -> list[tuple[ca.SX, ca.SX]]:
+    def _joint_motions(self, q: ca.SX) -> list[tuple[ca.SX, ca.SX]]:
         """Per joint, the motion p, R: r -> p + R r that it gives to what it moves, from where that lies at q = 0."""
         place, turned, frames = ca.SX.zeros(3), ca.SX.eye(3), []
         for k, (on, axis) in enumerate(zip(self.joints.points, self.joints.directions, strict=True)):
@@ -162,9 +162,9 @@ class Arm(Machine):
             frames.append((place, turned))
         return frames
 
-    def moved(self, position: ca.SX, rotation: ca.SX, q: ca.SX) -> tuple[tuple[Body, ca.SX], ...]:
+    def moving_bodies(self, position: ca.SX, rotation: ca.SX, q: ca.SX) -> tuple[tuple[Body, ca.SX], ...]:
         """The links, and the tool as the last of them carries it: all by the coordinates alone."""
-        frames = self._turned(q)
+        frames = self._joint_motions(q)
         place, turned = frames[-1]
         tool = column(place + turned @ ca.DM(self.joints.tool), turned @ ca.DM(self.joints.tool_rotation))
         links = zip(self.joints.links, frames, strict=False)
@@ -176,7 +176,7 @@ class Arm(Machine):
         foot, top = (ca.DM([yaw[0], yaw[1], height]) for height in (0.0, shoulder[2]))
         hinge, bend, tip = (
             place + turned @ ca.DM(end)
-            for (place, turned), end in zip(self._turned(q), (shoulder, elbow, self.joints.tool), strict=True)
+            for (place, turned), end in zip(self._joint_motions(q), (shoulder, elbow, self.joints.tool), strict=True)
         )
         first, second, third = (axis.name for axis in self.axes)
         bars = [Bar("link", foot, top, first), Bar("link", hinge, bend, second), Bar("link", bend, tip, third)]
@@ -197,7 +197,7 @@ class Arm(Machine):
     def _tool_map(self) -> Expression:
         """q (3) -> the tool's pose numbers (12)."""
         q = ca.SX.sym("q", 3)
-        return Expression("tool", q, self.moved(ca.SX.zeros(3), ca.SX.eye(3), q)[0][1])
+        return Expression("tool", q, self.moving_bodies(ca.SX.zeros(3), ca.SX.eye(3), q)[0][1])
 
     def start(self, q: Array, near: Array) -> Array:
         return self._tool_map(q)

@@ -155,22 +155,22 @@ def declares_keys(table: type[Table]) -> type[Table]:
     place = Annotated[float, Unit(way)]
     speed = Annotated[float, Unit(f"{way}/s", least=0)]
 
-    def of(linear_axes: str, rotary_axes: str) -> str:
+    def choose(linear_axes: str, rotary_axes: str) -> str:
         return linear_axes if linear else rotary_axes
 
     class Keys(AxisTable):
         travel: Annotated[tuple[place, place], AfterValidator(_check_travel)] | None = key(
-            "of each axis from home", of(TRAVEL, '["-90 deg", "90 deg"]'), None
+            "of each axis from home", choose(TRAVEL, '["-90 deg", "90 deg"]'), None
         )
-        pulse: Annotated[float, Unit(way, above=0, file_unit=of("um", "rad"))] | None = key(
-            "way of one pulse", of('"1 um"', '"0.01 deg"'), None, instead=["drive"]
+        pulse: Annotated[float, Unit(way, above=0, file_unit=choose("um", "rad"))] | None = key(
+            "way of one pulse", choose('"1 um"', '"0.01 deg"'), None, instead=["drive"]
         )
         drive: Annotated[Any, Chosen(lambda _: LinearDrive if linear else RotaryDrive)] = key(
-            of(
+            choose(
                 "a screw: steps of a revolution, and the way of one",
                 "steps of a revolution; behind a gear: gear = 74.0",
             ),
-            of('{ steps = 400, lead = "0.5 mm" }', "{ steps = 400, gear = 1.0 }"),
+            choose('{ steps = 400, lead = "0.5 mm" }', "{ steps = 400, gear = 1.0 }"),
             None,
             instead=["pulse"],
         )
@@ -185,17 +185,17 @@ def declares_keys(table: type[Table]) -> type[Table]:
         )
         max_speed: Annotated[Magnitude, _magnitude(f"{way}/s")] | None = key(
             "unlimited if not stated; two: towards smaller, towards greater positions",
-            of('"20 mm/s"', '"60 deg/s"'),
+            choose('"20 mm/s"', '"60 deg/s"'),
             None,
         )
         max_acceleration: Annotated[Magnitude, _magnitude(f"{way}/s^2")] | None = key(
-            "likewise", of('"225 mm/s^2"', '"240 deg/s^2"'), None
+            "likewise", choose('"225 mm/s^2"', '"240 deg/s^2"'), None
         )
         max_jerk: Annotated[Magnitude, _magnitude(f"{way}/s^3")] | None = key(
-            "likewise; without it plans are of order 2", of('"4000 mm/s^3"', '"4000 deg/s^3"'), None
+            "likewise; without it plans are of order 2", choose('"4000 mm/s^3"', '"4000 deg/s^3"'), None
         )
         max_force: Annotated[float, Unit(force, above=0)] | None = key(
-            "of the actuator; needs masses, below", of('"220 N"', '"10 N*m"'), None
+            "of the actuator; needs masses, below", choose('"220 N"', '"10 N*m"'), None
         )
         torque_speed: (
             Annotated[
@@ -205,14 +205,14 @@ def declares_keys(table: type[Table]) -> type[Table]:
             | None
         ) = key(
             "force that the motor has at rising speeds; needs masses",
-            of('[["0 mm/s", "220 N"], ["50 mm/s", "80 N"]]', '[["0 deg/s", "10 N*m"], ["90 deg/s", "4 N*m"]]'),
+            choose('[["0 mm/s", "220 N"], ["50 mm/s", "80 N"]]', '[["0 deg/s", "10 N*m"], ["90 deg/s", "4 N*m"]]'),
             None,
         )
         friction: Annotated[float, Unit(viscosity, least=0)] | None = key(
-            "viscous", of('"100 N*s/m"', '"0.1 N*m*s/rad"'), None
+            "viscous", choose('"100 N*s/m"', '"0.1 N*m*s/rad"'), None
         )
         reflected: Annotated[float, Unit(inertia, least=0)] | None = key(
-            "rotor and screw, as the axis feels them", of('"2 kg"', '"0.01 kg*m^2"'), None
+            "rotor and screw, as the axis feels them", choose('"2 kg"', '"0.01 kg*m^2"'), None
         )
         max_pulse_rate: Annotated[float, Unit("1/s", above=0)] | None = key(
             "that the card or the drive takes", '"500 kHz"', None
@@ -231,19 +231,19 @@ def declares_keys(table: type[Table]) -> type[Table]:
             | None
         ) = key(
             'bands in which a stepper resonates, rising: of speed, or of pulse rate as [["180 1/s", "220 1/s"]]',
-            of('[["4 mm/s", "5 mm/s"]]', '[["20 deg/s", "25 deg/s"]]'),
+            choose('[["4 mm/s", "5 mm/s"]]', '[["20 deg/s", "25 deg/s"]]'),
             None,
         )
         resonance_time: Annotated[float, Unit("s", above=0, file_unit="ms")] | None = key(
             "that a stay in a band may last; never in one if not stated", '"20 ms"', None, needs=["resonance"]
         )
         backlash: Annotated[float, Unit(way, least=0)] | None = key(
-            "lost at every reversal", of('"0.01 mm"', '"0.02 deg"'), None
+            "lost at every reversal", choose('"0.01 mm"', '"0.02 deg"'), None
         )
         pushed: Literal["+", "-"] | None = key('"+" or "-": the side on which the play is at first', '"+"', None)
         lead_error: Annotated[tuple[tuple[place, place], ...], AfterValidator(check_rising)] | None = key(
             "of the screw: positions from home, rising, and how far beyond each the axis is",
-            of('[["0 mm", "0 mm"], ["50 mm", "0.01 mm"]]', '[["0 deg", "0 deg"], ["90 deg", "0.01 deg"]]'),
+            choose('[["0 mm", "0 mm"], ["50 mm", "0.01 mm"]]', '[["0 deg", "0 deg"], ["90 deg", "0.01 deg"]]'),
             None,
         )
         compensate: tuple[Literal["lead", "backlash"], ...] | None = key(
@@ -251,7 +251,7 @@ def declares_keys(table: type[Table]) -> type[Table]:
         )
         take_up_acceleration: Annotated[float, Unit(f"{way}/s^2", above=0)] | None = key(
             "of a motor that crosses its play; max_acceleration if not stated",
-            of('"500 mm/s^2"', '"500 deg/s^2"'),
+            choose('"500 mm/s^2"', '"500 deg/s^2"'),
             None,
         )
 

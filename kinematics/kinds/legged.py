@@ -124,9 +124,9 @@ class Legged(Machine):
     def expression(self, position: ca.SX, rotation: ca.SX, near: ca.SX) -> ca.SX:
         return ca.vertcat(*(ca.norm_2(leg) for leg in self._legs(position, rotation)))
 
-    def moved(self, position: ca.SX, rotation: ca.SX, q: ca.SX) -> tuple[tuple[Body, ca.SX], ...]:
+    def moving_bodies(self, position: ca.SX, rotation: ca.SX, q: ca.SX) -> tuple[tuple[Body, ca.SX], ...]:
         """The platform, and barrel and rod of every leg that has masses."""
-        found = list(super().moved(position, rotation, q))
+        found = list(super().moving_bodies(position, rotation, q))
         stated = self.load.legs * (self.legs if len(self.load.legs) == 1 else 1)
         if stated:
             ends = home_frames(self, stated)

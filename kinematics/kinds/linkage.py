@@ -99,7 +99,7 @@ class Linkage(Machine):
         length, direction = self._joint(position, near)
         return ca.vertcat(length, ca.norm_2(self.base_a + length * direction - self.base_b))
 
-    def carried(self, position: ca.SX, rotation: ca.SX, q: ca.SX) -> tuple[ca.SX, ca.SX]:
+    def fill_pose(self, position: ca.SX, rotation: ca.SX, q: ca.SX) -> tuple[ca.SX, ca.SX]:
         _, u = self._joint(position, q)
         theta = ca.vertcat(ca.horzcat(u[0], -u[1], 0), ca.horzcat(u[1], u[0], 0), ca.horzcat(0, 0, 1))
         turned: ca.SX = theta @ self._at_home

@@ -226,7 +226,7 @@ class Axis:
             )
         if self.timing is not None and not isinstance(self.timing, StepTiming):
             raise MotionError(f"axis {self.name}: timing must be a StepTiming, or None, not {self.timing!r:.100}")
-        self._wiring()
+        self._check_wiring()
 
     def _travel(self) -> None:
         ends = numeric_array(self.travel)
@@ -242,7 +242,7 @@ class Axis:
                 "give both, or leave travel out where there is no end"
             )
 
-    def _wiring(self) -> None:
+    def _check_wiring(self) -> None:
         if (self.card is None) != (self.channel is None):
             raise MotionError(
                 f"axis {self.name}: card {self.card!r} and channel {self.channel!r}: give both or neither"

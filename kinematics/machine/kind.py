@@ -122,7 +122,7 @@ class Kind(ABC):
         near (n,) chooses where `branched`; others ignore it.
         """
 
-    def carried(self, position: ca.SX, rotation: ca.SX, q: ca.SX) -> tuple[ca.SX, ca.SX]:
+    def fill_pose(self, position: ca.SX, rotation: ca.SX, q: ca.SX) -> tuple[ca.SX, ca.SX]:
         """The pose with what `follows` filled in from the coordinates."""
         return position, rotation
 
@@ -141,12 +141,12 @@ class Kind(ABC):
     bodies: Bodies | None = None
     """What takes up room, so that its clearance can be measured; nothing by default."""
 
-    def moved(self, position: ca.SX, rotation: ca.SX, q: ca.SX) -> tuple[tuple[Body, ca.SX], ...]:
+    def moving_bodies(self, position: ca.SX, rotation: ca.SX, q: ca.SX) -> tuple[tuple[Body, ca.SX], ...]:
         """The bodies that move, the platform first, each with the twelve numbers of its frame.
 
         The pose has what follows filled in; q belongs to it.
         """
-        return ((self.load.platform, column(*self.carried(position, rotation, q))),)
+        return ((self.load.platform, column(*self.fill_pose(position, rotation, q))),)
 
     def skeleton(self, position: ca.SX, rotation: ca.SX, q: ca.SX) -> Skeleton:
         """Bars and pivots to draw, at a pose with what follows filled in and the coordinates that belong to it.

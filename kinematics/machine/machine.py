@@ -6,7 +6,7 @@ from numpy.typing import ArrayLike
 
 from kinematics.analysis.forward import Forward, solve
 from kinematics.analysis.margins import Margins, measure
-from kinematics.analysis.virtual_work import Balance, force_map, holding_map, loaded
+from kinematics.analysis.virtual_work import Balance, force_map, has_load, holding_map
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
 from kinematics.machine.axis import Axis, Magnitude, directional_bounds
@@ -55,17 +55,17 @@ class Machine(MachineModel, Result):
     @property
     def force_map(self) -> Balance:
         """x, ẋ, ẍ (12 each), q, q̇, q̈ (n each) -> actuator forces (n): see `kinematics.analysis.virtual_work`."""
-        return self.derived(force_map, of_load=True)
+        return self.derive(force_map, of_load=True)
 
     @property
     def holding_map(self) -> Balance:
         """x (12), q (n) -> the forces (n) that hold the machine still."""
-        return self.derived(holding_map, of_load=True)
+        return self.derive(holding_map, of_load=True)
 
     @property
     def loaded(self) -> bool:
         """Whether it states masses, friction or a wrench: without any, its actuators have nothing to push."""
-        return self.derived(loaded, of_load=True)
+        return self.derive(has_load, of_load=True)
 
     def forward(self, q: ArrayLike, near: Pose | None = None, *, certify: bool = True) -> Forward:
         """The pose of actuator coordinates q (N, n) or (n,), by Newton on SE(3) from `near` (home by default).

@@ -54,7 +54,7 @@ def rates(machine: Kind, x: ca.SX, near: ca.SX, inputs: ca.SX) -> Expression:
     """Inputs, twist (6), its rate (6) -> q̇ (n), q̈ (n), and twist and rate (6, 6) with what follows filled in."""
     moving = MovingPose(x)
     q = machine.expression(moving.position, moving.rotation, near)
-    position, rotation = machine.carried(moving.position, moving.rotation, q)
+    position, rotation = machine.fill_pose(moving.position, moving.rotation, q)
     _, qd, qdd = moving.derivatives(q)
     _, v, a = moving.derivatives(position)
     r, r1, r2 = (ca.reshape(each, 3, 3) for each in moving.derivatives(ca.vec(rotation)))
@@ -153,7 +153,7 @@ class MachineModel(Kind):
         other._of_load = {}
         return other
 
-    def called(self, name: str) -> Self:
+    def rename(self, name: str) -> Self:
         """The same machine by another name, as of a copy of its file."""
         other = copy(self)
         other.name = name
@@ -183,7 +183,7 @@ class MachineModel(Kind):
         """The same -> pose numbers (12) with what follows filled in."""
         x, near = self._symbols()
         return Expression(
-            "carried", self._inputs(x, near), column(*self.carried(*split_pose_symbols(x), self.symbolic(x, near)))
+            "carried", self._inputs(x, near), column(*self.fill_pose(*split_pose_symbols(x), self.symbolic(x, near)))
         )
 
     @cached_property
@@ -196,7 +196,7 @@ class MachineModel(Kind):
     def parts(self) -> Skeleton:
         """The skeleton at home: which bars and pivots there are. Not kept: CasADi's symbols go to no other process."""
         x, q = (ca.SX(ca.DM(values)) for values in (to_numbers(self.home)[0], self.home_q))
-        return self.skeleton(*self.carried(*split_pose_symbols(x), q), q)
+        return self.skeleton(*self.fill_pose(*split_pose_symbols(x), q), q)
 
     @cached_property
     def rates_map(self) -> Expression:
@@ -222,19 +222,19 @@ class MachineModel(Kind):
         near (n,) picks branch and turn where there are several (home's by default). Raises OutOfReach where no solution
         exists: too far, or off the machine's freedom; MotionError for what is no pose, such as a mirrored one.
         """
-        q = self.located(pose, near)[1]
+        q = self.locate_pose(pose, near)[1]
         return q[0] if pose.single else q
 
-    def located(self, pose: Pose, near: ArrayLike | None = None) -> tuple[Array, Array]:
+    def locate_pose(self, pose: Pose, near: ArrayLike | None = None) -> tuple[Array, Array]:
         """Numbers (N, 12) and coordinates (N, n) of the poses that a caller gives; see `inverse` for what it raises."""
         x = check_pose(self.name, "pose", pose)
         refuse_uncontrolled(self, x)
-        chosen = self._near(near)
+        chosen = self._check_near(near)
         q = self.inverse_map(self.inputs(x, chosen))
-        lost = self._lost(q)
+        lost = self._find_unreachable(q)
         for other in self.alternatives(chosen) if lost.any() else ():
             q[lost] = self.inverse_map(self.inputs(x[lost], other))
-            lost = self._lost(q)
+            lost = self._find_unreachable(q)
         if lost.any():
             first = int(np.argmax(lost))
             raise OutOfReach(
@@ -243,7 +243,7 @@ class MachineModel(Kind):
             )
         return x, q
 
-    def _lost(self, q: Array) -> np.ndarray:
+    def _find_unreachable(self, q: Array) -> np.ndarray:
         return np.asarray(~(np.isfinite(q) & (q >= (0.0 if self.lengths else -np.inf))).all(1))
 
     def jacobian(self, pose: Pose, near: ArrayLike | None = None) -> Array:
@@ -252,7 +252,7 @@ class MachineModel(Kind):
         The velocity is that of the platform's origin, the reference point. near as in `inverse`. Raises what `inverse`
         does, and MotionError where coordinates have no finite rates: an arm stretched out, a leg of no length.
         """
-        x, q = self.located(pose, near)
+        x, q = self.locate_pose(pose, near)
         j = self.jacobian_map(self.inputs(x, q)).reshape(-1, len(self.axes), 6)
         endless = ~np.isfinite(j).all((1, 2))
         if endless.any():
@@ -263,7 +263,7 @@ class MachineModel(Kind):
             )
         return j[0] if pose.single else j
 
-    def _near(self, near: ArrayLike | None) -> Array:
+    def _check_near(self, near: ArrayLike | None) -> Array:
         if near is None:
             return self.home_q
         return finite_array(near, f"machine {self.name}: near", (len(self.axes),))
@@ -276,11 +276,11 @@ class MachineModel(Kind):
     def skeleton_map(self) -> Expression:
         """x (12), q (n) -> all points of the skeleton, bars first, one after the other: see `place_skeleton`."""
         x, q = ca.SX.sym("x", 12), ca.SX.sym("q", len(self.axes))
-        parts = self.skeleton(*self.carried(*split_pose_symbols(x), q), q)
+        parts = self.skeleton(*self.fill_pose(*split_pose_symbols(x), q), q)
         points = [end for bar in parts.bars for end in (bar.start, bar.end)] + [pivot.at for pivot in parts.pivots]
         return Expression("skeleton", ca.vertcat(x, q), ca.vertcat(*points) if points else ca.SX(0, 1))
 
-    def derived(self: M, build: Callable[[M], T], *, of_load: bool = False) -> T:
+    def derive(self: M, build: Callable[[M], T], *, of_load: bool = False) -> T:
         """What a function makes of this machine, made once.
 
         of_load: it depends on what the machine carries and on its actuators, so that copies with others make it anew.

@@ -135,7 +135,7 @@ def _bernstein_matrix(powers: int) -> Array:
 
 def bound_series(series: Series, cells: int) -> tuple[Array, Array]:
     """Bounds low and high (cells, m) of a series over each cell."""
-    full = series.padded(series.order)
+    full = series.pad(series.order)
     polynomial, error = full.mid[:-1, :cells], full.rad[:-1, :cells].sum(0)
     remainder = np.abs(full.mid[-1, cells:]) + full.rad[-1, cells:]
     low, high = _coefficient_range(polynomial)

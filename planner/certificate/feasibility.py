@@ -59,7 +59,7 @@ def _is_nonsingular(path: MachinePath, low: Array, width: Array, piece: np.ndarr
     spread = np.concatenate([np.zeros(count), half])
     s = Series(np.stack([middle, scale]), np.stack([spread, np.zeros(2 * count)]), 2)
     with np.errstate(over="ignore", invalid="ignore"):  # metres beyond reach: unbounded, which proves nothing
-        j = path.jacobian(s, np.tile(piece, 2)).padded(2)
+        j = path.jacobian(s, np.tile(piece, 2)).pad(2)
     shape = (count, len(path.names), -1)
     at, slope, bend = (
         (j.mid[k, part].reshape(shape), j.rad[k, part].reshape(shape))

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError, require
 from kinematics.foundation.polynomials import shift_polynomials
-from kinematics.foundation.units import apart
+from kinematics.foundation.units import format_distinct
 from planner.export.format import ExportSource
 from planner.pulses.generation.pieces import FIT_TOLERANCE, UNSEEN_FACTOR, Pieces, cut_monotone, fit
 from planner.pulses.schedule import refuse_counter
@@ -230,7 +230,7 @@ def _make_calls(
         top = max(fastest * SPEED_HEADROOM, 1.0) if speed_range is None else speed_range
         if top > kind.max_speed or fastest > top:
             when = float(t[int(np.maximum(start, 2 * mean - start).argmax())]) / MICROSECONDS
-            needed, range_, most = apart(fastest, top, kind.max_speed)
+            needed, range_, most = format_distinct(fastest, top, kind.max_speed)
             return MotionError(
                 f"adlink: axis {axis.name} needs {needed} pulses/s at t = {when:.6g} s, its speed range is "
                 f"{range_} and the card's {most}; widen the range, use a longer pulse, or slow down"

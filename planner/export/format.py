@@ -144,5 +144,5 @@ def written(
     except TypeError as error:
         raise MotionError(f"format {name}: {error}") from None
     target = Destination(Path(path), force=force, remedy="give force=True to replace it, or another path")
-    with target.staged() as file:
+    with target.stage() as file:
         return export(format_, name, source, file)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.options import option
-from kinematics.foundation.units import apart
+from kinematics.foundation.units import format_distinct
 from kinematics.machine.axis import Axis
 from planner.export.format import Exported
 from planner.pulses.motion import AxesMotion
@@ -191,7 +191,9 @@ def choose_knots(
 def _even_steps(end: int, spacing: float, step: float, longest: int | None) -> Steps:
     each = round(spacing / step) if isfinite(spacing) else 0
     if each < 1 or end / each > MAX_KNOTS or (longest is not None and each > longest):
-        given, least, most = apart(spacing, max(step, end * step / MAX_KNOTS), (longest or 0) * step, digits=10)
+        given, least, most = format_distinct(
+            spacing, max(step, end * step / MAX_KNOTS), (longest or 0) * step, digits=10
+        )
         upper = "" if longest is None else f" and at most {most} s"
         raise MotionError(f"spacing {given} s: must be at least {least} s{upper}; choose another")
     return np.arange(0, end + each, each)
@@ -316,7 +318,7 @@ def compare(
             runs = (segments.backward(motion, probes) / pulse).max(1)
             back, backs = max(back, float(runs.max())), backs + int((runs > 2 * MAX_BACKWARD_PULSES).sum())
     if knots.tolerance is not None and not worst <= knots.tolerance:
-        off, most = apart(worst, knots.tolerance, digits=4)
+        off, most = format_distinct(worst, knots.tolerance, digits=4)
         raise MotionError(
             f"decoded file: {off} pulses from the motion, more than the tolerance {most}; "
             "give a greater tolerance, or a spacing"

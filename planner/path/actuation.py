@@ -184,7 +184,7 @@ def _actuator_map(machine: Machine, shape: Shape, highest: int) -> Expression:
 def _axis_map(machine: Machine, shape: Shape, highest: int, axis: int) -> Expression:
     """The same of one axis."""
     width = len(machine.axes)
-    return _actuator_map(machine, shape, highest).only(range(axis, (highest + 1) * width, width))
+    return _actuator_map(machine, shape, highest).select_rows(range(axis, (highest + 1) * width, width))
 
 
 @lru_cache(maxsize=128)
@@ -194,7 +194,7 @@ def _pose_numbers_map(machine: Machine, shape: Shape, highest: int) -> Expressio
     position, rotation = shape.motion(s, parameters)
     if machine.follows:
         q = machine.symbolic(column(position, rotation), near)
-        position, rotation = machine.carried(position, rotation, q)
+        position, rotation = machine.fill_pose(position, rotation, q)
     inputs = ca.vertcat(s, parameters, near)
     return differentiate(f"{shape.name}_posed", column(position, rotation), s, inputs, highest)
 
@@ -202,7 +202,7 @@ def _pose_numbers_map(machine: Machine, shape: Shape, highest: int) -> Expressio
 @lru_cache(maxsize=128)
 def _position_map(machine: Machine, shape: Shape) -> Expression:
     """The same -> position x and x′, without the work for the rotation."""
-    return _pose_numbers_map(machine, shape, 1).only([0, 1, 2, 12, 13, 14])
+    return _pose_numbers_map(machine, shape, 1).select_rows([0, 1, 2, 12, 13, 14])
 
 
 class MachinePath:

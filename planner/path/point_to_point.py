@@ -11,7 +11,7 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation, Slerp
 
 from kinematics.foundation.arrays import Array, freeze_array
-from kinematics.foundation.errors import MotionError, located
+from kinematics.foundation.errors import MotionError, locate_errors
 from kinematics.foundation.table import Column, Table
 from kinematics.machine.machine import Machine
 from kinematics.machine.pose import Pose, from_numbers
@@ -37,7 +37,7 @@ def synchronise(program: Program, machine: Machine) -> tuple[Program, tuple[int,
         if isinstance(segment, Dwell):
             segments.append(segment)
             continue
-        with located(f"segment {number}, {type(segment).__name__.lower()}"):
+        with locate_errors(f"segment {number}, {type(segment).__name__.lower()}"):
             ends = list(_segment_poses(segment, here))
         moves = [(a, b) for a, b in zip([here, *ends], ends, strict=False) if _is_elsewhere(a, b)]
         _refuse_trigger(segment.trigger, number, len(moves))

@@ -16,7 +16,7 @@ from functools import reduce
 
 import casadi as ca
 
-from kinematics.foundation.errors import BadValue, MotionError, located
+from kinematics.foundation.errors import BadValue, MotionError, locate_errors
 from kinematics.foundation.names import closest, nearest
 from kinematics.foundation.units import describe_value
 
@@ -101,7 +101,7 @@ def formula(text: str, constants: Mapping[str, float], t: ca.SX | None = None) -
     known = {"pi": ca.SX(math.pi), **{name: ca.SX(value) for name, value in constants.items()}}
     if t is not None:
         known["t"] = t
-    with located(str(describe_value(text))):
+    with locate_errors(str(describe_value(text))):
         return _build_node(tree, text, known, 0)
 
 

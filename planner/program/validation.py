@@ -5,7 +5,7 @@ from math import isfinite
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinematics.files.plain_text import obeyed
+from kinematics.files.plain_text import describe_control_character
 from kinematics.foundation.arrays import MAX_DISTANCE, MAX_TURNS, MIN_MAGNITUDE, Array, freeze_array, most
 from kinematics.foundation.errors import MotionError
 
@@ -84,7 +84,7 @@ def check_positive(segment: str, name: str, value: float | None, unit: str) -> N
 
 def legible(segment: str, name: str, value: str | None) -> None:
     """A name that a file may state, or none."""
-    if value is not None and (told := obeyed(value)):
+    if value is not None and (told := describe_control_character(value)):
         raise MotionError(f"{segment}: {name} {told}")
 
 

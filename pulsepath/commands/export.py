@@ -59,7 +59,7 @@ def export(
     planned = plan_directory.read(directory, unverified)
     with step("generating pulses") as tell:
         pulses = planned.pulses(tell)
-    with step(f"writing {target}") as tell, destination.staged() as file:
+    with step(f"writing {target}") as tell, destination.stage() as file:
         source = ExportSource(planned.program.name, planned.machine, planned.trajectory, pulses, tell)
         done = write_export(format_, name, source, file)
         plan_directory.refuse_own(directory, target, file)

@@ -183,7 +183,7 @@ def arms(
     found = simulate_arms(listed, load_machine(machine), unit=UNIT_LENGTH if steps else None)
     if destination is not None:
         kind = destination.path.suffix.lower()
-        with destination.staged() as file:
+        with destination.stage() as file:
             if kind in FIGURES:
                 figure = found.plot().get_figure(root=True)
                 if figure is not None:

@@ -69,7 +69,7 @@ def record(calibration: Calibration, sources: dict[str, bytes]) -> Record:
             **observed.indices,
             "rank": observed.rank,
             "singular_values": observed.singular.tolist(),
-            "unseen": [describe_combination(change, calibration.names) for change in observed.unseen],
+            "unseen": [describe_combination(change, calibration.names) for change in observed.unobservable_changes],
             "weakest": describe_combination(observed.weakest, calibration.names),
         },
         "errors": [
@@ -83,7 +83,7 @@ def record(calibration: Calibration, sources: dict[str, bytes]) -> Record:
         "skipped_checks": list(calibration.skipped),
         "notes": list(data.notes),
         "checks": [
-            {**asdict(check), "allowed": _finite_or_none(check.allowed), "explained": check.explained}
+            {**asdict(check), "allowed": _finite_or_none(check.allowed), "explained": check.is_explained}
             for check in axis_checks(calibration)
         ],
         "provenance": {

@@ -14,8 +14,8 @@ from kinematics.files.atomic_files import (
     conflict_error,
     defer_signals,
     move_aside,
+    stage_directory,
     stage_files,
-    staging,
     stamp,
 )
 from kinematics.files.leftovers import NEW, OLD, clear
@@ -96,7 +96,7 @@ def replacing(target: Path, force: bool, kind: str = KIND) -> Iterator[Path]:
     created = [parent for parent in place.parents if not parent.exists()]
     place.parent.mkdir(parents=True, exist_ok=True)
     try:
-        with staging(place) as made:
+        with stage_directory(place) as made:
             new = made / NEW
             new.mkdir()
             yield new

@@ -209,7 +209,7 @@ def read(folder: Path, unverified: bool = False) -> StoredPlan:
     program = replace(
         _restore_orientation(program, folder / ORIENTATION), name=f"{name}{NOT_VERIFIED}" if unverified else name
     )
-    machine = machine.called(str(record.get("machine") or machine.name))
+    machine = machine.rename(str(record.get("machine") or machine.name))
     trajectory = plan_files.read(folder / MOTION, actuate(program, machine))
     taken = StoredPlan(program, machine, trajectory, clock, rule, order, digest)
     if unverified:

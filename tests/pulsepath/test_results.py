@@ -28,7 +28,7 @@ NAME = "<b>"
 
 @cache
 def machine():
-    return pp.load_machine("hexapod").called(NAME)
+    return pp.load_machine("hexapod").rename(NAME)
 
 
 @cache
@@ -291,7 +291,7 @@ def test_names_are_drawn_as_they_stand():
     program = pp.Program((pp.Line(to=np.array([0, 0, 0.01])),), name=name)
     one = program.plot()
     assert one._repr_png_()
-    odd = machine().called(name)
+    odd = machine().rename(name)
     assert odd.plot()._repr_png_()
     assert pp.error_budget(odd, odd.home, [pp.Quantization(name=name)]).plot()._repr_png_()
 

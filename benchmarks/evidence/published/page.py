@@ -56,7 +56,7 @@ def calibrated() -> list[str]:
         [
             check.label,
             *(f"{np.rad2deg(value):.4f}" for value in (check.before, check.after, check.allowed)),
-            {True: "yes", False: "no", None: "unknown"}[check.explained],
+            {True: "yes", False: "no", None: "unknown"}[check.is_explained],
         ]
         for check in axis_checks(found)
     ]

@@ -28,7 +28,7 @@ import numpy as np
 from kinematics.foundation.arrays import finite_array
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.options import option
-from kinematics.foundation.units import apart
+from kinematics.foundation.units import format_distinct
 from planner.export.format import Exported, ExportSource
 from planner.pulses.compression import StepQueue, compress, decompress
 from planner.pulses.schedule import Signs, Ticks
@@ -126,7 +126,9 @@ def _compare(source: ExportSource, path: Path, commands: int) -> Exported:
         back = np.diff(ticks)[np.diff(direction) != 0]
         needed = driven.pulse_ticks(pulses.clock_hz)[1]
         if len(back) and back.min() < needed:
-            closest, taken = apart(1e6 * back.min() / pulses.clock_hz, 1e6 * needed / pulses.clock_hz, digits=4)
+            closest, taken = format_distinct(
+                1e6 * back.min() / pulses.clock_hz, 1e6 * needed / pulses.clock_hz, digits=4
+            )
             raise MotionError(
                 f"steps: axis {axis.name}: a reversal within {closest} us, and it takes {taken} us; "
                 "give a shorter --within"

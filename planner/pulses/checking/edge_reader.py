@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import Fault, FileError
-from kinematics.foundation.units import apart
+from kinematics.foundation.units import format_distinct
 from kinematics.machine.axis import Axis
 from kinematics.machine.machine import Machine
 from planner.parallel import Progress, ignore_progress
@@ -261,5 +261,5 @@ def _find_short_times(times: LineTimes, axis: Axis) -> Iterator[PulseFault]:
     for name in ("high", "low", "setup", "hold"):
         least, needed = getattr(times, name), getattr(asked, name)
         if least < needed - DECIMAL_ROUNDING:
-            seen, wanted = apart(1e6 * least, 1e6 * needed, digits=4)
+            seen, wanted = format_distinct(1e6 * least, 1e6 * needed, digits=4)
             yield PulseFault(axis.name, 0, f"{name}: {seen} us, and its drive needs {wanted}")

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.options import option
-from kinematics.foundation.units import apart, round_up_digits
+from kinematics.foundation.units import format_distinct, round_up_digits
 from kinematics.machine.axis import Axis
 from planner.parallel import Progress
 from planner.place import Infeasible
@@ -78,7 +78,7 @@ class Dda(Rule):
         """Raises Infeasible for bursts that no step has time for or no axis takes, MotionError where no clock does."""
         rate = self._burst_rate(axes, clock_hz)
         if rate > clock_hz:
-            given, most = apart(rate, clock_hz)
+            given, most = format_distinct(rate, clock_hz)
             raise MotionError(f"rate {given} 1/s must be at most the clock's {most} Hz")
         pulse = np.array([axis.pulse for axis in axes])
         moves = max(1, int(np.ceil(motion.duration / self.spacing)))

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.polynomials import derivative, solve_heights
-from kinematics.foundation.units import apart
+from kinematics.foundation.units import format_distinct
 from kinematics.machine.axis import Axis
 from planner.parallel import Progress, share_progress
 from planner.place import Infeasible, Place
@@ -70,7 +70,7 @@ def find_crossings(
     fired = []
     for k, axis in enumerate(axes):
         if slack[k] > MAX_COUNT_BLUR:
-            blur, most = apart(slack[k], MAX_COUNT_BLUR, digits=2)
+            blur, most = format_distinct(slack[k], MAX_COUNT_BLUR, digits=2)
             raise MotionError(
                 f"axis {axis.name}: pulse {axis.pulse:.3g} {axis.unit} is blurred by {blur} pulse of "
                 f"rounding, limit {most}; use a longer pulse or count from nearer than "

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from kinematics.foundation.arrays import Array, freeze_fields
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.polynomials import bernstein_matrix, derivative, shift_polynomials, solve_heights
-from kinematics.foundation.units import apart
+from kinematics.foundation.units import format_distinct
 from kinematics.machine.axis import Axis
 from planner.place import Infeasible, Place
 from planner.pulses.motion import AxesMotion
@@ -93,7 +93,7 @@ def fit(motion: AxesMotion, tolerance: Array) -> Pieces:
 
 def _roughness_error(lo: Array, error: Array, tolerance: Array) -> MotionError:
     piece, axis = np.unravel_index((error / tolerance).argmax(), error.shape)
-    strays, most = apart(error[piece, axis], tolerance[axis], digits=3)
+    strays, most = format_distinct(error[piece, axis], tolerance[axis], digits=3)
     return MotionError(
         f"axis {axis + 1}: the motion near t = {lo[piece]:.9g} s strays {strays} from any polynomial, "
         f"more than {most}; put a knot where it is not smooth, and give its true q̇ and q̈"

@@ -52,7 +52,7 @@ def spoiled(machine, seed):
         )
         for _ in range(2)
     )
-    return Prediction.of(machine, vector, whole_poses(commanded, measured)), theta
+    return Prediction.from_measurements(machine, vector, whole_poses(commanded, measured)), theta
 
 
 def test_the_jacobian_is_that_of_the_errors(any_hexapod):
@@ -72,7 +72,7 @@ def test_a_prediction_closes_the_machine(any_hexapod):
     vector, machine = prediction.vector, any_hexapod
     base, platform = theta[vector.joints()].reshape(2, 6, 3)
     frame = RigidTransform.from_components(theta[-6:-3], Rotation.from_euler("XYZ", theta[-3:]))
-    pose = machine.home * (frame.inv() * prediction.seen(theta))
+    pose = machine.home * (frame.inv() * prediction.measured_poses(theta))
     sent = machine.inverse(machine.home * prediction.measurements.commanded) - machine.home_q
     for k in range(len(pose)):
         legs = pose[k].apply(platform) - base
@@ -185,7 +185,7 @@ def test_the_thesis_data_give_their_cause(real, preset):
 def test_the_thesis_rotation_error_is_only_half_explained(real):
     """[Sahbaz 2007, Table 6.4]: the pulse explains how far the plate leans, not that it leans elsewhere."""
     (check,) = axis_checks(real)
-    assert check.explained is False
+    assert check.is_explained is False
     commanded, measured, guess = np.rad2deg(check.tilt)
     assert commanded == pytest.approx(9.2098, abs=1e-3)
     assert abs(guess - measured) < 0.1 * abs(measured - commanded)
@@ -232,7 +232,7 @@ def test_left_out_errors_are_those_of_fits_without_the_pose(real, preset):
         theta = full_vector(preset).nominal.copy()
         theta[:6] = alone["factor"].value
         theta[[-6, -5, -4, -1]] = [alone[f"frame {name}"].value for name in ("x", "y", "z", "rz")]
-        errors = Prediction.of(preset, full_vector(preset), select_rows(data, [k])).at(theta)[0][0, :3]
+        errors = Prediction.from_measurements(preset, full_vector(preset), select_rows(data, [k])).at(theta)[0][0, :3]
         # of second order in parameters that differ by 1e-3: a thousandth of the errors
         np.testing.assert_allclose(real.left_out[k, :3], errors, atol=5e-8)
 
@@ -264,9 +264,9 @@ def test_moving_frame_and_base_together_is_not_seen(preset):
     assert all(np.isfinite(found[f"leg{n} factor"].error) for n in range(1, 7))
     # such a change leaves every error as it is, to second order
     vector = full_vector(preset)
-    prediction = Prediction.of(preset, vector, found.measurements)
+    prediction = Prediction.from_measurements(preset, vector, found.measurements)
     theta = np.array([p.value for p in found.parameters])
-    for change in found.observability.unseen:
+    for change in found.observability.unobservable_changes:
         small = 1e-5 * change / np.abs(change).max()
         moved = prediction.at(theta + small)[0] - prediction.at(theta)[0]
         assert np.abs(moved).max() < 1e-9

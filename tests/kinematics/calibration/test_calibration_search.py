@@ -113,7 +113,7 @@ def test_errors_are_a_function_of_the_parameters(preset):
     random = np.random.default_rng(0)
     used = draw_commands(random, 6)
     vector = full_vector(preset)
-    prediction = Prediction.of(preset, vector, whole_poses(used, used))
+    prediction = Prediction.from_measurements(preset, vector, whole_poses(used, used))
     expected = prediction.at(vector.nominal)[0]
     for _ in range(5):
         prediction.at(vector.nominal + random.normal(0, 2e-2, vector.size))
@@ -134,7 +134,7 @@ def test_a_pose_on_the_other_side_of_a_singularity_is_none():
     machine = Wave("wave", [Axis("X")], RigidTransform.identity())
     used = RigidTransform.from_translation([[1.4, 0, 0]])
     vector = full_vector(machine)
-    prediction = Prediction.of(machine, vector, whole_poses(used, used))
+    prediction = Prediction.from_measurements(machine, vector, whole_poses(used, used))
     crossed = 0
     for offset in np.linspace(-1.5, 0.0, 61):
         theta = vector.nominal + offset * np.eye(vector.size)[1]

@@ -32,7 +32,7 @@ def test_units_of_the_parameters_do_not_matter(seed, powers):
 @given(st.integers(0, 1000))
 def test_seen_changes_give_independent_errors_of_unit_length(seed):
     jacobian = np.random.default_rng(seed).normal(size=(8, 3)) * [1.0, 1e-3, 1e3]
-    errors = jacobian @ observe(jacobian, 4).seen
+    errors = jacobian @ observe(jacobian, 4).observable_changes
     np.testing.assert_allclose(errors.T @ errors, np.eye(3), atol=1e-10)
 
 
@@ -43,7 +43,7 @@ def test_a_parameter_without_effect_and_two_of_the_same():
     assert observed.rank == 2
     assert set(observed.indices.values()) == {0.0}
     np.testing.assert_array_equal(observed.separate, [True, False, False, False])
-    assert (np.stack([a, np.zeros(6), b, 1e3 * b], 1) @ observed.unseen.T) == pytest.approx(0, abs=1e-10)
+    assert (np.stack([a, np.zeros(6), b, 1e3 * b], 1) @ observed.unobservable_changes.T) == pytest.approx(0, abs=1e-10)
 
 
 def test_the_weakest_combination_is_one_standard_error_long():

@@ -7,7 +7,7 @@ from threading import Thread
 
 import pytest
 
-from kinematics.files.atomic_files import SIGNAL_NAMES, defer_signals, staged
+from kinematics.files.atomic_files import SIGNAL_NAMES, defer_signals, stage_file
 from pulsepath.process import ending
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="a process there cannot send itself these signals")
@@ -73,7 +73,7 @@ def test_the_command_line_ends_by_the_same_signals():
     assert ending.NAMES == SIGNAL_NAMES
 
 
-@pytest.mark.parametrize("broken", ["_made", "end"])
+@pytest.mark.parametrize("broken", ["_make_directory", "end"])
 def test_nothing_staged_is_left_where_making_or_removing_it_is_broken_off(tmp_path, monkeypatch, broken):
     from kinematics.files import atomic_files
 
@@ -84,7 +84,7 @@ def test_nothing_staged_is_left_where_making_or_removing_it_is_broken_off(tmp_pa
         return done(*arguments)
 
     monkeypatch.setattr(atomic_files, broken, interrupted)
-    with pytest.raises(KeyboardInterrupt), staged(tmp_path / "file") as file:
+    with pytest.raises(KeyboardInterrupt), stage_file(tmp_path / "file") as file:
         file.write_text("new")
     # where the signal came while it was removed, the file was in its place already
-    assert [path.name for path in tmp_path.iterdir()] == ([] if broken == "_made" else ["file"])
+    assert [path.name for path in tmp_path.iterdir()] == ([] if broken == "_make_directory" else ["file"])

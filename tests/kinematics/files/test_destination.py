@@ -79,7 +79,7 @@ def test_all_or_none(tmp_path, force):
 @pytest.mark.parametrize("name", ["old", "new", ".pulsepath"])
 def test_any_name_will_do(tmp_path, name):
     def break_off():
-        with Destination(tmp_path / name).staged() as file:
+        with Destination(tmp_path / name).stage() as file:
             file.write_text("half")
             raise RuntimeError
 

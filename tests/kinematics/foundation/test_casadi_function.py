@@ -104,7 +104,7 @@ def assert_encloses(expression, centre, half, order=3):
 
     How much wider the enclosure is than it need be is the enclosure of the remainder: returned for the caller to judge.
     """
-    about, anywhere = (Series.stack(expression.enclose(x)).padded(order) for x in cells(centre, half, order))
+    about, anywhere = (Series.stack(expression.enclose(x)).pad(order) for x in cells(centre, half, order))
     whole = anywhere.mid[0], anywhere.rad[0]
     remainder = np.abs(anywhere.mid[order]) + anywhere.rad[order]
     for tau in np.linspace(-1, 1, 9):

@@ -290,10 +290,10 @@ def test_degree_and_order(a, b, extra):
         assert (a * b).degree == min(a.degree + b.degree, 4)
     assert a.derivative().degree == max(a.degree - 1, 0)
     assert a.derivative().order == 3
-    assert a.padded(a.degree + extra).degree == a.degree + extra
+    assert a.pad(a.degree + extra).degree == a.degree + extra
     for part in a.sincos():
         assert part.degree == (4 if a.degree else 0)  # constants stay constants, which keeps what follows short
-    for series in (a + b, a - b, a * b, -a, a.padded(4), *a.sincos()):
+    for series in (a + b, a - b, a * b, -a, a.pad(4), *a.sincos()):
         assert series.order == 4
         assert (series.rad >= 0).all()
 
@@ -360,12 +360,12 @@ def test_series_are_put_side_by_side_and_taken_apart(a, b):
     both = Series.stack([a, b])
     assert both.mid.shape == (max(a.degree, b.degree) + 1, ENTRIES, 2)
     for part, original in zip(both.columns(), (a, b), strict=True):
-        assert np.array_equal(part.mid, original.padded(both.degree).mid)
-        assert np.array_equal(part.rad, original.padded(both.degree).rad)
+        assert np.array_equal(part.mid, original.pad(both.degree).mid)
+        assert np.array_equal(part.rad, original.pad(both.degree).rad)
     filled = Series.zeros(3, (3,))
     filled.put(np.array([True, False, True]), a)
-    assert np.array_equal(filled[np.array([0, 2])].mid, a.padded(3).mid)
-    assert np.array_equal(filled[np.array([0, 2])].rad, a.padded(3).rad)
+    assert np.array_equal(filled[np.array([0, 2])].mid, a.pad(3).mid)
+    assert np.array_equal(filled[np.array([0, 2])].rad, a.pad(3).rad)
     assert not filled[1].mid.any()
 
 

@@ -13,10 +13,10 @@ from kinematics import MotionError
 from kinematics.foundation.units import (
     MAX_LENGTH,
     Unit,
-    apart,
     describe,
     describe_value,
     everyday_unit,
+    format_distinct,
     quantity,
     unit_value,
 )
@@ -208,9 +208,9 @@ def test_pint_is_not_loaded_before_a_quantity_is_read():
 @settings(derandomize=True)
 def test_neighbours_read_apart_and_equals_do_not(value, digits):
     above = math.nextafter(value, math.inf)
-    one, two = apart(value, above, digits=digits)
+    one, two = format_distinct(value, above, digits=digits)
     assert float(one) < float(two)
-    assert apart(value, value, digits=digits) == (f"{value:.{digits}g}",) * 2
+    assert format_distinct(value, value, digits=digits) == (f"{value:.{digits}g}",) * 2
 
 
 @pytest.mark.parametrize(
@@ -224,7 +224,7 @@ def test_neighbours_read_apart_and_equals_do_not(value, digits):
     ],
 )
 def test_numbers_have_the_digits_that_tell_them_apart(values, texts):
-    assert apart(*values) == texts
+    assert format_distinct(*values) == texts
 
 
 @pytest.mark.parametrize(

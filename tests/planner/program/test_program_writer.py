@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics import MotionError
-from kinematics.files.plain_text import obeyed
+from kinematics.files.plain_text import describe_control_character
 from kinematics.foundation.arrays import MAX_DISTANCE
 from planner import (
     Arc,
@@ -79,7 +79,7 @@ tolerances = st.floats(1e-6, MAX_DISTANCE)
 joins = st.one_of(
     st.just(Stop()), st.just(Through()), st.builds(Blend, tolerances), st.builds(Blend, tolerances, st.floats(1e-6, 1))
 )
-letters = st.characters(exclude_categories=["Cs"]).filter(lambda letter: obeyed(letter) is None)
+letters = st.characters(exclude_categories=["Cs"]).filter(lambda letter: describe_control_character(letter) is None)
 names = st.text(letters, min_size=1)
 triggers = st.none() | st.builds(Trigger, names, st.floats(0, 1))
 caps = {"acceleration": st.none() | positive, "angular_speed": st.none() | positive, "trigger": triggers}

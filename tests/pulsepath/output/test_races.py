@@ -7,7 +7,7 @@ import pytest
 import kinematics.files.atomic_files
 import pulsepath.output.directory
 from kinematics import MotionError
-from kinematics.files.atomic_files import staging
+from kinematics.files.atomic_files import stage_directory
 from pulsepath.output.directory import KIND, replacing
 
 LINE = 'schema = 1\nlength = "mm"\n[[segment]]\nline = { to = [0, 0, 0.1] }\n'
@@ -40,10 +40,10 @@ def test_what_comes_meanwhile_stays(tmp_path, call, directory, monkeypatch, argu
     def come(target):
         if target == (there / place).resolve():
             target.write_text("thesis")
-        return staging(target)
+        return stage_directory(target)
 
-    monkeypatch.setattr(kinematics.files.atomic_files, "staging", come)
-    monkeypatch.setattr(pulsepath.output.directory, "staging", come)
+    monkeypatch.setattr(kinematics.files.atomic_files, "stage_directory", come)
+    monkeypatch.setattr(pulsepath.output.directory, "stage_directory", come)
     done = call(*arguments)
     assert done.exit_code == 2, done.stderr
     assert "put there by something else while this ran, and is left as it is" in done.stderr
