@@ -10,7 +10,7 @@ from kinematics import MotionError, load_machine
 from planner import Line, Program, plan
 
 SAME = 1e-12
-"""Of a value, as in a batch of other runs (test_batches)."""
+"""Of a value, as in a batch of other runs (test_simulate_batches)."""
 
 
 @pytest.fixture(scope="module")

@@ -12,10 +12,12 @@ from hypothesis import strategies as st
 from kinematics import MotionError
 from kinematics.foundation.units import (
     MAX_LENGTH,
+    USUAL_UNITS,
     Unit,
     describe,
     describe_value,
     everyday_unit,
+    factor_by_pint,
     format_distinct,
     quantity,
     unit_value,
@@ -241,3 +243,15 @@ def test_habits_of_writing_are_told_what_is_written_here(text, unit, told):
     with pytest.raises(MotionError) as refusal:
         quantity(text, unit)
     assert told in str(refusal.value)
+
+
+@pytest.mark.parametrize("unit", sorted(USUAL_UNITS))
+def test_what_is_known_without_pint_is_what_pint_says(unit):
+    assert factor_by_pint(unit) == USUAL_UNITS[unit]
+
+
+def test_the_usual_units_are_read_without_pint():
+    code = (
+        "import sys, kinematics.foundation.units as u; u.quantity('2.5 mm/s', 'm/s'); assert 'pint' not in sys.modules"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)

@@ -1,7 +1,7 @@
 """Refusals say what to change and by how much: each number applied makes the plan feasible, and a little less does not.
 
 Of dwells, unloaded accelerations, periods, resonances and durations the tests are beside those of what refuses:
-test_compensate, test_spacing, test_firing_rules, test_stated_duration_programs.
+test_compensate, test_generate_spacing, test_firing_rules, test_stated_duration.
 """
 
 import pickle

@@ -11,7 +11,7 @@ from benchmarks.reports.gain.courses import select_series
 from benchmarks.reports.gain.criteria import CRITERIA, QUANTIZED, compare_figures, mean_of, weigh
 from benchmarks.reports.gain.gain_report import comparison_record, gain_report
 from benchmarks.reports.gain.run_figures import axes_over_time
-from tests.benchmarks.reports.gain.test_compare import BASE, GOOD, SAME, saved
+from tests.benchmarks.reports.gain.test_comparison import BASE, GOOD, SAME, saved
 
 PULSE = 4e-5
 QUIET = 1.0

@@ -14,7 +14,7 @@ from planner.pulses import RULES, AxisPulses, check, generate
 from planner.pulses.checking import standards
 from planner.pulses.generation.firing_rule import COUNT_ROUNDING
 from tests.planner.motions import PULSE, example, in_pulses
-from tests.planner.pulses.checking.test_pulse_check import CLOCK, CORRUPTIONS, shift_one
+from tests.planner.pulses.checking.test_check import CLOCK, CORRUPTIONS, shift_one
 
 RULES_HELD = [
     "nearest:hysteresis=0.2",

@@ -21,7 +21,7 @@ from benchmarks.reports.gain.setting_figures import line_colour, marker_style, p
 from benchmarks.sweep import VARIATIONS, Cell, RunResult, RunSeries, Setting
 from benchmarks.sweep.result import Store, load_runs
 from kinematics import MotionError
-from tests.benchmarks.reports.test_report import Page
+from tests.benchmarks.reports.test_plan_report import Page
 
 DT = 0.01
 HOSTILE = "</title><script>alert('x')</script> & \"q\""
