@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass, field
 from math import isfinite
-from typing import TYPE_CHECKING
 
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.result import Result
@@ -11,9 +10,6 @@ from planner.limits.limit import Term
 from planner.plan import Plan
 from planner.timing.certified_solve import Solution, certified_solve, try_certified_solve
 from planner.timing.solvers.toppra_ import require
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,16 +56,6 @@ class CrossCheck(Result):
         both = {"pulsepath": self.ours, "toppra": self.theirs}
         told = {name: None if one is None else _record(one) for name, one in both.items()}
         return {"order": 2, **told, "difference": self.difference, "failure": self.failure or None}
-
-    def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """The speeds along the path over time."""
-        from planner.figures import path_speed
-
-        ax = path_speed(self.ours.trajectory, ax, label="pulsepath")
-        if self.theirs is not None:
-            path_speed(self.theirs.trajectory, ax, label="toppra")
-        ax.legend()
-        return ax
 
 
 def _record(one: Solution) -> dict[str, object]:

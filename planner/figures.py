@@ -16,6 +16,8 @@ from kinematics.foundation.figure import PALETTE, escape_dollars, line_style, ne
 from kinematics.foundation.result import draws
 from kinematics.machine.axis import Axis
 from kinematics.machine.pose import from_numbers
+from planner.baselines.classical import Classical
+from planner.cross_check import CrossCheck
 from planner.path.actuation import MachinePath
 from planner.plan import Plan, active_limits
 from planner.program.model import Program
@@ -24,6 +26,8 @@ from planner.pulses.schedule import RATE_WINDOWS, PulseSchedule
 from planner.sources.arm_simulation import ArmSimulation
 from planner.sources.outline import Outline, outline
 from planner.sources.position_list import PositionList
+from planner.sources.source import Imported
+from planner.timing.certified_solve import Solution
 from planner.trajectory import Trajectory
 
 DRAWN_INSTANTS = 2000
@@ -248,6 +252,29 @@ def arm_lengths(lengths: Array, turned: np.ndarray, ax: Axes | None = None, titl
     ax.legend(frameon=False)
     ax.set_title(escape_dollars(title))
     return ax
+
+
+@draws(Classical)
+@draws(Solution)
+def timing_speed(timing: Classical | Solution, ax: Axes | None = None) -> Axes:
+    """The speed along the path over time."""
+    return path_speed(timing.trajectory, ax)
+
+
+@draws(CrossCheck)
+def cross_checked_speeds(check: CrossCheck, ax: Axes | None = None) -> Axes:
+    """The speeds of both motions along the path over time."""
+    ax = path_speed(check.ours.trajectory, ax, label="pulsepath")
+    if check.theirs is not None:
+        path_speed(check.theirs.trajectory, ax, label="toppra")
+    ax.legend()
+    return ax
+
+
+@draws(Imported)
+def imported_way(found: Imported, ax: Axes | None = None) -> Axes:
+    """The tool's way in the program's coordinates."""
+    return program_way(found.program, ax)
 
 
 @draws(Program)

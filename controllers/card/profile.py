@@ -197,10 +197,6 @@ class MoveProfile:
         position = self.placed(np.zeros(rest.shape) if way is None else way)
         return position if (self.end > last).all() else np.where(t >= self.end, self.target, position)
 
-    def counter(self, t: Array) -> np.ndarray:
-        """Position counter (N, …), int64."""
-        return np.rint(self.position(t)).astype(np.int64)
-
     def along(self, t: float) -> tuple[Array, Array]:
         """The way s (…), pulses, and its speed (…), pulses/s, just after t."""
         rest, way, found = t - self.begin, np.zeros(self.begin.shape), np.zeros(self.begin.shape)

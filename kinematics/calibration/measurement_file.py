@@ -15,7 +15,7 @@ from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.errors import validation_error
 from kinematics.foundation.names import find
 from kinematics.foundation.units import Unit
-from kinematics.machine.pose import Pose
+from kinematics.machine.pose import Pose, make_pose
 
 PLAIN_UNITS = {"length": "m", "angle": "rad", "error": "m"}
 """The declarations that give plain numbers their unit, and the SI unit of each; "error" is of lengths in errors."""
@@ -171,10 +171,8 @@ class WholePose(PublishedTable):
 
     def row(self) -> PoseRow:
         whole = len(self.measured) == 6
-        measured = RigidTransform.from_components(
-            self.measured[:3], Rotation.from_euler("XYZ", self.measured[3:] if whole else [0.0, 0.0, 0.0])
-        )
-        commanded = RigidTransform.from_components(self.commanded[:3], Rotation.from_euler("XYZ", self.commanded[3:]))
+        measured = make_pose(self.measured[:3], self.measured[3:] if whole else [0.0, 0.0, 0.0])
+        commanded = make_pose(self.commanded[:3], self.commanded[3:])
         return PoseRow(commanded, measured, np.arange(8) < (6 if whole else 3), np.full(8, np.nan))
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
-from scipy.spatial.transform import RigidTransform, Rotation
+from scipy.spatial.transform import Rotation
 
 from kinematics.calibration.measurements import COMPONENTS, Measurements
 from kinematics.foundation.arrays import Array, freeze_array
@@ -19,7 +19,7 @@ from kinematics.foundation.names import nearest
 from kinematics.kinds.hexapod import Hexapod
 from kinematics.machine.kind import columns
 from kinematics.machine.machine import Machine
-from kinematics.machine.pose import Pose, from_numbers, split_pose_symbols, to_numbers
+from kinematics.machine.pose import Pose, from_numbers, make_pose, split_pose_symbols, to_numbers
 
 XYZ = ("x", "y", "z")
 FRAME = (*XYZ, "rx", "ry", "rz")
@@ -210,11 +210,7 @@ class Prediction:
         """The poses (N) as they are seen in the measuring frame, relative to the home pose."""
         actual = from_numbers(self.poses(theta, self.sent, self._commanded))
         frame = theta[self.vector.frame()]
-        return (
-            RigidTransform.from_components(frame[:3], Rotation.from_euler("XYZ", frame[3:]))
-            * self.machine.home.inv()
-            * actual
-        )
+        return make_pose(frame[:3], frame[3:]) * self.machine.home.inv() * actual
 
     def at(self, theta: Array) -> tuple[Array, Array]:
         """Errors and Jacobian at a full vector (k,); all NaN where the machine cannot be closed at some pose."""

@@ -7,7 +7,6 @@ from typing import Annotated, Any
 
 import numpy as np
 from pydantic import AfterValidator
-from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics.files.keys import Chosen, key
 from kinematics.files.schema import Direction, TableSchema
@@ -15,7 +14,7 @@ from kinematics.foundation.errors import MotionError, validation_error
 from kinematics.foundation.units import Angle, Length, Unit
 from kinematics.kinds.axis_keys import MachineFile
 from kinematics.machine.load import GRAVITY, Body, Leg, Load
-from kinematics.machine.pose import Pose
+from kinematics.machine.pose import Pose, make_pose
 
 Point = tuple[Length, Length, Length]
 
@@ -28,7 +27,7 @@ class HomeTable(TableSchema):
 
     @property
     def pose(self) -> Pose:
-        return RigidTransform.from_components(self.to, Rotation.from_euler("XYZ", self.rotate))
+        return make_pose(self.to, self.rotate)
 
 
 HOME = key('the pose from which travel and pulses count, in the base frame; turned: rotate = ["0 deg", …]')

@@ -16,17 +16,22 @@ from kinematics.machine.pose import COMPONENTS, Pose, from_numbers, to_numbers
 MAX_CONDITION = 1e10
 
 
-class AxesAndPose(Protocol):
-    """Anything that states pose, q, q̇, q̈ (N, n) at N instants, such as what a trajectory is at times."""
+class AxesState(Protocol):
+    """Anything that states axis coordinates q, q̇, q̈ (N, n) at N instants, in m or rad."""
 
-    @property
-    def pose(self) -> Pose | None: ...
     @property
     def q(self) -> Array: ...
     @property
     def qd(self) -> Array: ...
     @property
     def qdd(self) -> Array: ...
+
+
+class AxesAndPose(AxesState, Protocol):
+    """Anything that states the poses as well, such as what a trajectory is at times."""
+
+    @property
+    def pose(self) -> Pose | None: ...
 
 
 @dataclass(frozen=True, slots=True)

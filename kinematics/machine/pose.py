@@ -4,6 +4,8 @@ The twelve numbers are the position (3) and the rotation matrix row by row (9), 
 frame.
 """
 
+from collections.abc import Sequence
+
 import casadi as ca
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
@@ -18,6 +20,11 @@ ROTATION_TOLERANCE = 1e-9
 
 COMPONENTS = ("x", "y", "z", "rx", "ry", "rz")
 """Of a pose, as files and messages call them."""
+
+
+def make_pose(position: Array | Sequence[float], angles: Array | Sequence[float]) -> Pose:
+    """The pose at a position (…, 3) m, turned by θx, θy, θz (…, 3) rad about the moving axes in turn."""
+    return RigidTransform.from_components(position, Rotation.from_euler("XYZ", angles))
 
 
 def check_pose(machine: str, what: str, pose: object, *, single: bool = False) -> Array:

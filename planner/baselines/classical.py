@@ -8,7 +8,6 @@ What a baseline timing does otherwise than a plan: said beside every saving, so 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
-from typing import TYPE_CHECKING
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -34,9 +33,6 @@ from planner.timing.certified_solve import certified_solve
 from planner.timing.problem import Block, Problem, Run, make_grid, pose_problem
 from planner.timing.profile import Profile, RunSolution
 from planner.trajectory import Trajectory
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 
 @dataclass(frozen=True, slots=True)
@@ -207,10 +203,6 @@ class Classical(Result):
     def data(self) -> Table:
         """The motion over time."""
         return self.trajectory.data()
-
-    def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """The speed along the path over time."""
-        return self.trajectory.plot(ax)
 
 
 def classical(plan: Plan | Course, kind: str = "trapezoid") -> Classical:

@@ -9,7 +9,6 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cache
 from math import ceil, factorial, isfinite
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +18,7 @@ from kinematics.foundation.errors import MotionError
 from kinematics.foundation.options import option
 from kinematics.foundation.units import format_distinct
 from kinematics.machine.axis import Axis
-from planner.export.format import Exported
+from planner.export.format import Exported, ExportSource
 from planner.pulses.motion import AxesMotion
 
 
@@ -101,14 +100,6 @@ MAX_KNOTS = 1 << 27  # points
 Steps = NDArray[np.int64]
 
 
-def tolerance_option() -> Any:
-    return option(None, "largest error of the reader's interpolation, in pulses; sets the spacing. Default 0.5")
-
-
-def spacing_option() -> Any:
-    return option(None, "fixed time between points instead; the resulting error is reported", "s")
-
-
 @dataclass(frozen=True, slots=True)
 class Knots:
     """Whole time steps (K,) from 0 on, of `step` s each; the last is the end of the motion, or the next after it.
@@ -186,6 +177,28 @@ def choose_knots(
         group = starts[first : first + GROUP_BATCH + 1]
         parts.append(_refine_segments(motion, axes, rows, step, wanted, marks, group))
     return Knots(np.concatenate(parts), step, wanted)
+
+
+@dataclass(frozen=True, slots=True)
+class KnotFormat:
+    """The options of formats that are told the motion at knots."""
+
+    tolerance: float | None = option(
+        None, "largest error of the reader's interpolation, in pulses; sets the spacing. Default 0.5"
+    )
+    spacing: float | None = option(None, "fixed time between points instead; the resulting error is reported", "s")
+
+    def knots(self, source: ExportSource, rows: int, step: float, longest: int | None = None) -> Knots:
+        """Those that the options choose (`choose_knots`)."""
+        return choose_knots(
+            source.counted,
+            source.machine.axes,
+            rows,
+            step=step,
+            tolerance=self.tolerance,
+            spacing=self.spacing,
+            longest=longest,
+        )
 
 
 def _even_steps(end: int, spacing: float, step: float, longest: int | None) -> Steps:

@@ -14,7 +14,7 @@ from kinematics.foundation.errors import MotionError
 from kinematics.foundation.taylor_model import Series
 from kinematics.machine.pose import Pose, column, split_pose_symbols, to_numbers
 from planner.path.arc_length import draw_by_length, measure_length, uneven
-from planner.path.shape import Piece, Shape, turning
+from planner.path.shape import Piece, Shape, axis_rotation, turning
 from planner.program.formula import formula
 from planner.program.model import MIN_MOVE, Curve
 
@@ -59,7 +59,7 @@ def _equations(
         place = ca.vertcat(*(length * formula(text, known, t) for text in position))
         turned = ca.SX.eye(3)
         for axis, text in enumerate(rotate or ()):
-            turned = turned @ _axis_rotation(axis, angle * formula(text, known, t))
+            turned = turned @ axis_rotation(axis, angle * formula(text, known, t))
         return place, turned
 
     def motion(s: ca.SX, parameters: ca.SX) -> tuple[ca.SX, ca.SX]:
@@ -70,14 +70,6 @@ def _equations(
 
     t = ca.SX.sym("t")
     return Equations(Shape("curve", 23, motion), Expression("curve_pose", t, column(*pose(t))))
-
-
-def _axis_rotation(axis: int, angle: ca.SX) -> ca.SX:
-    i, j = (axis + 1) % 3, (axis + 2) % 3
-    turn = ca.SX.eye(3)
-    turn[i, i] = turn[j, j] = ca.cos(angle)
-    turn[i, j], turn[j, i] = -ca.sin(angle), ca.sin(angle)
-    return turn
 
 
 def ends(curve: Curve) -> tuple[Pose, Pose]:

@@ -219,7 +219,7 @@ def _freed_motion(shape: Shape, s: ca.SX, parameters: ca.SX) -> tuple[ca.SX, ca.
     )
     position, rotation = shape.motion(s, own)
     alpha, beta, psi = ca.vertsplit(ca.reshape(controls, DEGREE + 1, 3).T @ bernstein_weights((s + offset) / length))
-    return position, rotation @ _axis_rotation(0, alpha) @ _axis_rotation(1, beta) @ _axis_rotation(2, psi)
+    return position, rotation @ axis_rotation(0, alpha) @ axis_rotation(1, beta) @ axis_rotation(2, psi)
 
 
 def bernstein_weights(u: ca.SX) -> ca.SX:
@@ -229,7 +229,8 @@ def bernstein_weights(u: ca.SX) -> ca.SX:
     return polynomials
 
 
-def _axis_rotation(axis: int, angle: ca.SX) -> ca.SX:
+def axis_rotation(axis: int, angle: ca.SX) -> ca.SX:
+    """(3, 3) rotation about a coordinate axis, 0 to 2, by an angle in rad."""
     i, j = (axis + 1) % 3, (axis + 2) % 3
     turn = ca.SX.eye(3)
     turn[i, i] = turn[j, j] = ca.cos(angle)

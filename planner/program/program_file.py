@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Annotated, Any, ClassVar, Self
 
 from pydantic import AfterValidator, Field, model_validator
-from scipy.spatial.transform import RigidTransform, Rotation
+from scipy.spatial.transform import Rotation
 
 from kinematics.files.keys import Chosen, key
 from kinematics.files.schema import (
@@ -25,7 +25,7 @@ from kinematics.foundation.arrays import freeze_array
 from kinematics.foundation.errors import Fault, FileError, validation_error
 from kinematics.foundation.names import find, presets
 from kinematics.foundation.units import Unit
-from kinematics.machine.pose import Pose
+from kinematics.machine.pose import Pose, make_pose
 from planner.program.model import MIN_MOVE, Arc, Dwell, Frame, Line, Program, Segment, Spline, Synchronised, Turn
 from planner.program.segment_tables import (
     ACCELERATION,
@@ -85,7 +85,7 @@ class PoseTable(TableSchema):
 
     @property
     def pose(self) -> Pose:
-        return RigidTransform.from_components(self.to, Rotation.from_euler("XYZ", self.rotate))
+        return make_pose(self.to, self.rotate)
 
 
 class LineTable(TableSchema):
@@ -323,4 +323,4 @@ def _pose(start: tuple[float, ...] | None) -> Pose | None:
     if start is None:
         return None
     angles = start[3:] or (0.0, 0.0, 0.0)
-    return RigidTransform.from_components(start[:3], Rotation.from_euler("XYZ", angles))
+    return make_pose(start[:3], angles)

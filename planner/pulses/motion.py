@@ -15,22 +15,17 @@ from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.errors import MotionError
 from kinematics.machine.axis import Axis
 from kinematics.machine.machine import Machine
+from kinematics.machine.motion import AxesState
 from kinematics.machine.pose import from_numbers, to_numbers
 from planner.pulses.schedule import AxisPulses, PulseSchedule
 from planner.trajectory import Trajectory
 
 
-class MotionState(Protocol):
-    """The motion at instants t (N,): path length s (N,); q (m or rad), q̇, q̈, q⃛ (N, axes)."""
+class MotionState(AxesState, Protocol):
+    """The motion at instants t (N,): path length s (N,) and q⃛ (N, axes) as well."""
 
     @property
     def s(self) -> Array: ...
-    @property
-    def q(self) -> Array: ...
-    @property
-    def qd(self) -> Array: ...
-    @property
-    def qdd(self) -> Array: ...
     @property
     def qddd(self) -> Array: ...
 

@@ -27,13 +27,13 @@ from pathlib import Path
 from typing import Any, ClassVar, Literal
 
 import numpy as np
-from scipy.spatial.transform import RigidTransform, Rotation
+from scipy.spatial.transform import RigidTransform
 
 from kinematics.foundation.errors import Fault, FileError, MotionError
 from kinematics.foundation.options import option
 from kinematics.foundation.units import describe_value, quantity
 from kinematics.kinds.tripod import Tripod
-from kinematics.machine.pose import Pose
+from kinematics.machine.pose import Pose, make_pose
 from planner.program.model import MIN_MOVE, Dwell, Line, Program, Segment, Turn
 from planner.program.modifiers import Blend, Join, Stop, Through
 from planner.program.validation import check_positive
@@ -149,7 +149,7 @@ def read_six(text: str, what: str = "origin") -> list[float]:
 def read_frame(text: str) -> Pose:
     """The frame moved by x, y, z, then turned by θx, θy, θz about its moving axes in turn, Rx · Ry · Rz."""
     values = read_six(text)
-    return RigidTransform.from_components(values[:3], Rotation.from_euler("XYZ", values[3:]))
+    return make_pose(values[:3], values[3:])
 
 
 ANGLE_STEP = pi / 180

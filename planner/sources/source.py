@@ -14,7 +14,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Protocol
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 
@@ -26,9 +26,6 @@ from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
 from planner.program.model import Arc, Line, Program, Segment, Spline
 from planner.sources.outline import Outline, outline
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 ZERO_ROUNDING = 1e-15
 """m, and share of a unit vector: no machine tells it from 0."""
@@ -91,10 +88,6 @@ class Imported(Result):
     def files(self) -> Mapping[str, Callable[[Path], None]]:
         """.toml: the program; .csv and .json: the tables."""
         return {**self.program.files(), ".csv": self._csv, ".json": self._json}
-
-    def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """The tool's way in the program's coordinates."""
-        return self.program.plot(ax)
 
 
 class Source(Protocol):

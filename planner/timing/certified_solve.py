@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -23,9 +22,6 @@ from planner.timing.problem import Run, Solver
 from planner.timing.profile import Profile
 from planner.timing.run import solve_run
 from planner.trajectory import Trajectory
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 # Runs that are proved together: what one of them takes is more than handing it to another process.
 PART_RUNS = 8
@@ -61,10 +57,6 @@ class Solution(Result):
     def data(self) -> Table:
         """The motion over time."""
         return self.trajectory.data()
-
-    def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """The speed along the path over time."""
-        return self.trajectory.plot(ax)
 
 
 def timing_table(title: str, duration: float, least: float, note: str | None = None) -> Table:

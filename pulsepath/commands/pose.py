@@ -83,10 +83,11 @@ def pose(
 
 def _read_pose(machine: "Machine", position: str | None, turn: str | None, frame: str) -> "Pose":
     """In the base frame. Raises MotionError for what is none, or states what the machine lets follow."""
-    from scipy.spatial.transform import RigidTransform, Rotation
+    from scipy.spatial.transform import RigidTransform
 
     from kinematics import MotionError
     from kinematics.analysis.posture import refuse_dependent
+    from kinematics.machine.pose import make_pose
 
     home = [0.0] * 3 if frame == "home" else machine.home.translation.tolist()
     place = home if position is None else _read_values("POSE", position, ("m",) * 3, "x, y, z")
@@ -98,7 +99,7 @@ def _read_pose(machine: "Machine", position: str | None, turn: str | None, frame
                 "none; give the rest of it, or the axes by --travel"
             )
     refuse_dependent(machine, dict(zip(("rx", "ry", "rz"), angles, strict=True)))
-    stated = RigidTransform.from_components(place, Rotation.from_euler("XYZ", angles))
+    stated = make_pose(place, angles)
     if frame == "home":
         return machine.home * stated
     if turn is None and not {"rx", "ry", "rz"} & set(machine.freedom):  # as it is held, or follows

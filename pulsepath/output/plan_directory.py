@@ -6,7 +6,6 @@ What was proved of a written file of pulses, as plain data: the content of certi
 import json
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass, replace
-from hashlib import file_digest
 from math import isfinite
 from pathlib import Path
 
@@ -27,7 +26,15 @@ from pulsepath.job import Defect, Job
 from pulsepath.options import LAWS
 from pulsepath.output.directory import RECORD, is_ours
 from pulsepath.output.record import SCHEMA, Record, as_json, plan_record
-from pulsepath.output.verification import changes, digest_pulses, find_differences, find_violation, refuse, sealed
+from pulsepath.output.verification import (
+    changes,
+    digest,
+    digest_pulses,
+    find_differences,
+    find_violation,
+    refuse,
+    sealed,
+)
 from pulsepath.progress import note, step
 
 
@@ -37,7 +44,7 @@ def pulse_file_record(path: Path, plan: Plan, verdict: PulseCheck) -> Record:
         "schema": SCHEMA,
         "kind": "pulsepath pulse certificate",
         "file": path.name,
-        "sha256": _digest(path),
+        "sha256": digest(path),
         "clock_hz": plan.pulses.clock_hz,
         "rule": plan.pulses.rule,
         "duration_s": plan.pulses.duration,
@@ -71,11 +78,6 @@ def _time_record(of: object, names: Iterable[str]) -> Record | None:
     if of is None:
         return None
     return {name: None if (value := getattr(of, name)) is None else _finite_or_none(value) for name in names}
-
-
-def _digest(path: Path) -> str:
-    with path.open("rb") as file:
-        return file_digest(file, "sha256").hexdigest()
 
 
 CERTIFICATE = "certificate.json"

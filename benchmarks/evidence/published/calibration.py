@@ -16,6 +16,7 @@ from kinematics.calibration import Calibration, calibrate
 from kinematics.calibration.measurement_file import load_measurements
 from kinematics.calibration.measurements import Noise, whole_poses
 from kinematics.foundation.arrays import Array
+from kinematics.machine.pose import make_pose
 
 SEEDS, POSES = 20, 40
 JOINTS, OFFSETS, FACTORS = 0.5e-3, 0.5e-3, 200e-6
@@ -53,7 +54,7 @@ def draw(nominal: Hexapod, random: np.random.Generator) -> BuiltMachine:
 
 def draw_commands(random: np.random.Generator, count: int = POSES) -> Pose:
     position = np.array([0.0, 0.0, MIDDLE]) + random.uniform(-REACH, REACH, (count, 3))
-    return RigidTransform.from_components(position, Rotation.from_euler("XYZ", random.uniform(-TILT, TILT, (count, 3))))
+    return make_pose(position, random.uniform(-TILT, TILT, (count, 3)))
 
 
 def add_noise(pose: Pose, random: np.random.Generator) -> Pose:

@@ -26,6 +26,7 @@ locale. What the numbers mean and how they are chosen: `planner.export.card_call
 
 import csv
 import re
+from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass
 from json import dumps
@@ -51,10 +52,9 @@ short pulsepath_run(void (*wait_until)(double seconds))
 
 
 @dataclass(frozen=True, slots=True)
-class AdlinkC:
-    """Calls of the motion cards ADLINK PCI-8132 and PCI-8164, as C source."""
+class _CallFile(ABC):
+    """The options of both, and how the calls that are written are chosen and compared with the motion."""
 
-    suffix: ClassVar[str] = ".c"
     spacing: float | None = option(
         None, "time between calls of an axis. Default: the longest with an error of 1 pulse", "s"
     )
@@ -64,11 +64,41 @@ class AdlinkC:
 
     def write(self, source: ExportSource, path: Path) -> Exported:
         made = call_list(source, self.spacing, self.speed_range)
+        self._write(source, made, path)
+        calls = self._read(source, path)
+        against = "the motion, the calls replayed in closed form"
+        return Exported(replay_error(source, calls), against, made.notes, len(calls))
+
+    @abstractmethod
+    def _write(self, source: ExportSource, made: CallList, path: Path) -> None: ...
+
+    @abstractmethod
+    def _read(self, source: ExportSource, path: Path) -> list[Call]: ...
+
+
+@dataclass(frozen=True, slots=True)
+class AdlinkC(_CallFile):
+    """Calls of the motion cards ADLINK PCI-8132 and PCI-8164, as C source."""
+
+    suffix: ClassVar[str] = ".c"
+
+    def _write(self, source: ExportSource, made: CallList, path: Path) -> None:
         with path.open("w", encoding="ascii", newline="\n") as file:
             file.writelines(f"{line}\n" for line in _lines(source, made))
-        against = "the motion, the calls replayed in closed form"
-        calls = _read(path, source)
-        return Exported(replay_error(source, calls), against, made.notes, len(calls))
+
+    def _read(self, source: ExportSource, path: Path) -> list[Call]:
+        kinds = KINDS.items()
+        names = {
+            (kind.function, a.channel): a.name for a in source.machine.axes for n, kind in kinds if n in str(a.card)
+        }
+        calls, now = [], 0.0
+        for line in path.read_text("ascii").split("\n"):
+            if wait := WAIT_LINE.match(line):
+                now = float(wait[1])
+            elif do := CALL_LINE.match(line):
+                axis = int(do[2])
+                calls.append(Call(now, names[do[1], axis], do[1], axis, int(do[3]), *map(float, do.groups()[3:])))
+        return calls
 
 
 def _lines(source: ExportSource, made: CallList) -> Iterator[str]:
@@ -99,48 +129,27 @@ def _escaped(text: str) -> str:
     return plain.replace("*/", "*\\u002f").replace("/*", "\\u002f*").replace("??", "?\\u003f")
 
 
-def _read(path: Path, source: ExportSource) -> list[Call]:
-    names = {
-        (kind.function, a.channel): a.name for a in source.machine.axes for n, kind in KINDS.items() if n in str(a.card)
-    }
-    calls, now = [], 0.0
-    for line in path.read_text("ascii").split("\n"):
-        if wait := WAIT_LINE.match(line):
-            now = float(wait[1])
-        elif do := CALL_LINE.match(line):
-            axis = int(do[2])
-            calls.append(Call(now, names[do[1], axis], do[1], axis, int(do[3]), *map(float, do.groups()[3:])))
-    return calls
-
-
 HEADER = [
     "Time[s]", "Name", "Function", "Axis", "Position[pulses]", "Start[pulses/s]", "Max[pulses/s]", "Tacc[s]", "Tdec[s]",
 ]  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
-class AdlinkCsv:
+class AdlinkCsv(_CallFile):
     """Calls of the motion cards ADLINK PCI-8132 and PCI-8164, as a table."""
 
     suffix: ClassVar[str] = ".csv"
-    spacing: float | None = option(
-        None, "time between calls of an axis. Default: the longest with an error of 1 pulse", "s"
-    )
-    speed_range: float | None = option(
-        None, "full scale of the cards' speed registers. Default: as the motion needs", "1/s"
-    )
 
-    def write(self, source: ExportSource, path: Path) -> Exported:
-        made = call_list(source, self.spacing, self.speed_range)
+    def _write(self, source: ExportSource, made: CallList, path: Path) -> None:
         with path.open("w", encoding="utf-8", newline="") as file:
             table = csv.writer(file, lineterminator="\n")
             table.writerow(HEADER)
             for call in made.calls:
                 move = call.position, call.start, call.top, call.tacc, call.tdec
                 table.writerow([f"{call.time:.6f}", call.name, call.function, call.axis, *move])
-        against = "the motion, the calls replayed in closed form"
-        calls = read_calls(path)
-        return Exported(replay_error(source, calls), against, made.notes, len(calls))
+
+    def _read(self, source: ExportSource, path: Path) -> list[Call]:
+        return read_calls(path)
 
 
 def read_calls(path: Path) -> list[Call]:

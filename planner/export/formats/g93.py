@@ -42,26 +42,24 @@ from planner.export.columns import (
     plain,
 )
 from planner.export.format import Exported, ExportSource
-from planner.export.knots import choose_knots, compare, rows_at, spacing_option, tolerance_option
+from planner.export.knots import KnotFormat, compare, rows_at
 
 TIME_STEP = 1e-6
 SQUARE_BRACKETS = str.maketrans("()", "[]")
 
 
 @dataclass(frozen=True, slots=True)
-class InverseTime:
+class InverseTime(KnotFormat):
     """G-code in inverse time (G93): joint axes, straight between points."""
 
     suffix: ClassVar[str] = ".ngc"
-    tolerance: float | None = tolerance_option()
-    spacing: float | None = spacing_option()
     origin: Literal["home", "natural"] = origin_option("home")
     letters: str | None = letters_option()
 
     def write(self, source: ExportSource, path: Path) -> Exported:
         axes, motion = source.machine.axes, source.counted
         letters = assign_letters(axes, self.letters, LETTERS, "G-code")
-        knots = choose_knots(motion, axes, 1, step=TIME_STEP, tolerance=self.tolerance, spacing=self.spacing)
+        knots = self.knots(source, 1, TIME_STEP)
         form = make_columns(source, knots.tolerance, origin=self.origin)
         with path.open("w", encoding="ascii", newline="") as file:
             about = [f"pulsepath: {source.name}"]

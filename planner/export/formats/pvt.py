@@ -65,15 +65,7 @@ from planner.export.columns import (
     plain,
 )
 from planner.export.format import Exported, ExportSource
-from planner.export.knots import (
-    Knots,
-    choose_knots,
-    compare,
-    refuse_moving_ends,
-    rows_at,
-    spacing_option,
-    tolerance_option,
-)
+from planner.export.knots import KnotFormat, Knots, compare, refuse_moving_ends, rows_at
 
 
 def make_moves(columns: Columns, source: ExportSource, knots: Knots) -> Iterator[tuple[NDArray[np.int64], Array]]:
@@ -115,12 +107,10 @@ MOST_AXES = 8  # that an XPS drives
 
 
 @dataclass(frozen=True, slots=True)
-class Xps:
+class Xps(KnotFormat):
     """Newport XPS PVT trajectory: relative moves and exit speeds, cubic between them."""
 
     suffix: ClassVar[str] = ".trj"
-    tolerance: float | None = tolerance_option()
-    spacing: float | None = spacing_option()
 
     def write(self, source: ExportSource, path: Path) -> Exported:
         axes, motion = source.machine.axes, source.counted
@@ -130,7 +120,7 @@ class Xps:
                 "choose another format"
             )
         refuse_moving_ends(motion, axes, "an XPS trajectory")
-        knots = choose_knots(motion, axes, 2, step=XPS_STEP, tolerance=self.tolerance, spacing=self.spacing)
+        knots = self.knots(source, 2, XPS_STEP)
         form = make_columns(source, knots.tolerance)
         with path.open("w", encoding="ascii", newline="") as file:
             for steps, units in make_moves(form, source, knots):
@@ -153,12 +143,10 @@ MAX_SEGMENT_STEPS = 4 * 4096_000 - 1  # steps
 
 
 @dataclass(frozen=True, slots=True)
-class Pmac:
+class Pmac(KnotFormat):
     """PMAC motion program in PVT mode: relative moves and end speeds, cubic between them."""
 
     suffix: ClassVar[str] = ".pmc"
-    tolerance: float | None = tolerance_option()
-    spacing: float | None = spacing_option()
     letters: str | None = letters_option()
     unit: Literal["mm", "counts"] = option("mm", "mm (rotary axes: deg), or counts: pulses of the wiring. Default mm")
 
@@ -166,9 +154,7 @@ class Pmac:
         axes, motion = source.machine.axes, source.counted
         letters = assign_letters(axes, self.letters, LETTERS, "a PMAC coordinate system")
         refuse_moving_ends(motion, axes, "a PMAC program in PVT mode")
-        knots = choose_knots(
-            motion, axes, 2, step=PMAC_STEP, tolerance=self.tolerance, spacing=self.spacing, longest=MAX_SEGMENT_STEPS
-        )
+        knots = self.knots(source, 2, PMAC_STEP, MAX_SEGMENT_STEPS)
         form = make_columns(source, knots.tolerance, unit=self.unit)
         named = describe_letters(axes, letters)
         with path.open("w", encoding="ascii", newline="") as file:
@@ -203,12 +189,10 @@ ZABER_STEP = 1e-4
 
 
 @dataclass(frozen=True, slots=True)
-class ZaberCsv:
+class ZaberCsv(KnotFormat):
     """Zaber PVT sequence: a CSV of segment times, positions and velocities, cubic between them."""
 
     suffix: ClassVar[str] = ".csv"
-    tolerance: float | None = tolerance_option()
-    spacing: float | None = spacing_option()
     origin: Literal["home", "natural"] = origin_option("home")
     letters: str | None = letters_option()
     step: float = option(ZABER_STEP, "resolution of durations. Default 0.1 ms", "s")
@@ -219,7 +203,7 @@ class ZaberCsv:
         refuse_moving_ends(motion, axes, "Zaber PVT")
         if not 1e-9 <= self.step <= 1:
             raise MotionError(f"step {self.step!r} s: must be from 1 ns to 1 s")
-        knots = choose_knots(motion, axes, 2, step=self.step, tolerance=self.tolerance, spacing=self.spacing)
+        knots = self.knots(source, 2, self.step)
         form = make_columns(source, knots.tolerance, origin=self.origin)
         with path.open("w", encoding="utf-8", newline="") as file:
             names = [

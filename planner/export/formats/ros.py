@@ -26,7 +26,7 @@ from kinematics.foundation.arrays import Array
 from kinematics.foundation.options import option
 from planner.export.columns import BLOCK_POINTS, Columns, line_blocks, make_columns, origin_option
 from planner.export.format import Exported, ExportSource
-from planner.export.knots import choose_knots, compare, spacing_option, tolerance_option
+from planner.export.knots import KnotFormat, compare
 
 PER_SECOND = 10**9
 ROWS = ("positions", "velocities", "accelerations")
@@ -35,18 +35,16 @@ LINES = 5  # per point
 
 
 @dataclass(frozen=True, slots=True)
-class JointTrajectory:
+class JointTrajectory(KnotFormat):
     """ROS JointTrajectory as YAML: positions, velocities, accelerations; quintic between the points."""
 
     suffix: ClassVar[str] = ".yaml"
-    tolerance: float | None = tolerance_option()
-    spacing: float | None = spacing_option()
     origin: Literal["home", "natural"] = origin_option("natural")
     ros: Literal["1", "2"] = option("2", "ROS version: 1 names times secs and nsecs, 2 sec and nanosec. Default 2")
 
     def write(self, source: ExportSource, path: Path) -> Exported:
         axes, motion = source.machine.axes, source.counted
-        knots = choose_knots(motion, axes, 3, step=1 / PER_SECOND, tolerance=self.tolerance, spacing=self.spacing)
+        knots = self.knots(source, 3, 1 / PER_SECOND)
         form = make_columns(source, knots.tolerance, origin=self.origin, unit="SI")
         whole, rest = TIMES[self.ros]
         with path.open("w", encoding="ascii", newline="") as file:
