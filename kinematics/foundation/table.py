@@ -1,8 +1,6 @@
 """Tables of results: raw SI values in columns, from which come text, HTML, data frames and files, all telling the same.
 
 What people read is scaled (mm, µm, °) and rounded; what a data frame or a file holds is not.
-
-Tables in plain text, for the `print` of result objects.
 """
 
 from __future__ import annotations
@@ -46,6 +44,7 @@ class Column:
     form    format of what is shown, after scaling
     up      rounded upwards, so that the text of a bound is a bound too: `form` counts decimals, as ".7f"
     words   what is shown instead of some values, by their `str`: {"None": "not stated", "inf": "unlimited"}
+    right   texts of numbers, aligned as these; whole: never broken over lines, where there is too little room
     """
 
     name: str
@@ -55,6 +54,8 @@ class Column:
     form: str = ".6g"
     up: bool = False
     words: Mapping[str, str] = field(default_factory=dict)
+    right: bool = False
+    whole: bool = False
 
     def __post_init__(self) -> None:
         alike = self.unit if isinstance(self.unit, str) else tuple(self.unit)
@@ -72,7 +73,9 @@ class Column:
 
     @property
     def numeric(self) -> bool:
-        """It holds numbers, and is aligned at the right."""
+        """It holds numbers, or texts of them, and is aligned at the right."""
+        if self.right:
+            return True
         if isinstance(self.values, np.ndarray):
             return self.values.dtype.kind in "iuf"
         told = [value for value in self.values if value is not None]
@@ -136,7 +139,7 @@ class Table:
 
     def __post_init__(self) -> None:
         names, lengths = [column.heading for column in self.columns], {len(column) for column in self.columns}
-        if len(set(names)) < len(names) or not all(names) or len(lengths) != 1:
+        if len(set(names)) < len(names) or len(lengths) != 1:
             raise MotionError(f"table {self.title}: columns {names} need names of their own and one length: {lengths}")
         object.__setattr__(self, "title", plain(self.title))
         object.__setattr__(self, "notes", tuple(map(plain, self.notes)))
@@ -241,24 +244,9 @@ def _python_number(value: Any) -> Any:
     return float(value) if isinstance(value, Real) else value
 
 
-def align_columns(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Columns side by side, two spaces apart: the first from the left, those that hold numbers from the right.
-
-    The last column, free text as a rule, is left as it is.
-    """
-    number = [
-        k > 0 and any(row[k] for row in rows) and all(_is_number(row[k]) for row in rows) for k in range(len(header))
-    ]
-    return "\n".join(_align([header, *rows], number))
-
-
 def _align(rows: Sequence[Sequence[str]], right: Sequence[bool]) -> Iterator[str]:
     """Rows as lines, each cell as wide as its column, some columns from the right."""
     widths = [max(map(len, cells)) for cells in zip(*rows, strict=True)]
     for row in rows:
         cells = zip(row, widths, right, strict=True)
         yield "  ".join(cell.rjust(width) if far else cell.ljust(width) for cell, width, far in cells).rstrip()
-
-
-def _is_number(cell: str) -> bool:
-    return not cell or cell == "-" or cell[0].isdigit() or (cell[0] in "+-" and cell[1:2].isdigit())

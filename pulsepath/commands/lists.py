@@ -109,10 +109,11 @@ def rules(as_json: bool) -> None:
     """
     from pulsepath.output import record, tables
 
+    found = record.of_rules()
     if as_json:
-        click.echo(record.as_json(record.of_rules()), nl=False)
+        click.echo(record.as_json(found), nl=False)
     else:
-        tables.show(tables.of_rules())
+        tables.show(tables.of_rules(found))
 
 
 def _show(title: str, listed: list[Record], as_json: bool) -> None:

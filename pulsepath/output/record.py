@@ -9,7 +9,6 @@ from platform import python_version
 from typing import Any
 
 from controllers import Metrics, Rig
-from controllers.metrics import ErrorSeries
 from kinematics import Axis, Machine, MotionError, Pose, Posture
 from kinematics.files.plain_text import plain_json
 from kinematics.foundation.options import options
@@ -143,22 +142,16 @@ def realised_record(path: RealisedPath) -> Record:
         "instants": path.instants,
         "one_in": path.stride,
         "mechanics": list(path.mechanics),
-        "errors": {
-            error.name: {
-                "rms": error.rms,
-                "max": error.max,
-                "bound": error.bound,
-                "unit": error.unit,
-                "where": _place(error.where),
-            }
-            for error in path.errors
-        },
+        "errors": {error.name: _fields(error, "rms", "max", "bound", "unit", "where") for error in path.errors},
     }
 
 
 def of_tracking(rig: Rig, metrics: Iterable[Metrics]) -> Record:
     """The rig, and under each law the errors in m or rad, and the full steps that steppers lost."""
-    laws = {law.law: {series.name: _errors(series) for series in law.series} for law in metrics}
+    laws = {
+        law.law: {series.name: _fields(series, "rms", "p95", "max", "unit", "where") for series in law.series}
+        for law in metrics
+    }
     lost = {law.law: 0 if law.lost_steps is None else int(law.lost_steps.sum()) for law in metrics}
     return {"rig": rig.name, "about": rig.about, "laws": laws, "lost_steps": lost}
 
@@ -299,9 +292,10 @@ def as_json(record: object) -> str:
     return plain_json(json.dumps(record, indent=2, ensure_ascii=False, allow_nan=False)) + "\n"
 
 
-def _errors(series: ErrorSeries) -> Record:
-    figures = {"rms": series.rms, "p95": series.p95, "max": series.max}
-    return {**figures, "unit": series.unit, "where": _place(series.where)}
+def _fields(of: object, *names: str) -> Record:
+    """What a result has under these names; a place as a record of its own."""
+    values = {name: getattr(of, name) for name in names}
+    return {name: _place(value) if isinstance(value, Place) else value for name, value in values.items()}
 
 
 def _blends(blends: Sequence[Blended]) -> list[Record]:
@@ -353,7 +347,7 @@ def violation_record(violation: MotionError) -> Record:
     """What a path or a motion breaks: where, by how much, and the remedy."""
     if not isinstance(violation, Infeasible):
         return {"kind": "reach", "message": str(violation)}
-    named = {name: getattr(violation, name) for name in ("kind", "axis", "value", "limit", "unit", "remedy")}
+    named = _fields(violation, "kind", "axis", "value", "limit", "unit", "remedy")
     where = None if violation.place is None else _place(violation.place)
     relaxation = violation.relaxation if isfinite(violation.relaxation) else None
     return {**named, "relaxation": relaxation, "where": where, "message": str(violation)}

@@ -13,13 +13,11 @@ from rich.table import Table as Drawn
 
 from controllers import Metrics
 from kinematics import Axis, Machine
-from kinematics.foundation.options import options
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import SCALES, Column, Table
 from kinematics.machine.axis import Magnitude, directional_bounds
 from planner import Classical, Plan
 from planner.baselines import describe_differences, missing_limits
-from planner.pulses import RULES
 from planner.sources.position_list import PositionList
 from pulsepath.job import Job
 from pulsepath.progress import is_styled
@@ -28,7 +26,7 @@ WIDTH = 110
 """Columns where the output is no terminal, which would say."""
 
 
-def show(tables: Iterable[Drawn]) -> None:
+def show(tables: Iterable[Table]) -> None:
     """Print tables. Names in them come from files, so nothing is taken for markup."""
     console = Console(
         width=None if sys.stdout.isatty() else WIDTH,
@@ -38,22 +36,26 @@ def show(tables: Iterable[Drawn]) -> None:
         force_terminal=is_styled(sys.stdout),
     )
     with console.capture() as printed:
-        for table in tables:  # rich would break what stands over and under a table to the table's width
-            over, under = table.title, table.caption
-            table.title = table.caption = None
-            console.print(over, style="table.title")
-            console.print(table)
-            if under:
-                console.print(under, style="table.caption")
+        for table in tables:
+            drawn = Drawn(box=SIMPLE_HEAD, pad_edge=False)
+            for column in table.read:
+                justify: Literal["left", "right"] = "right" if column.numeric else "left"
+                drawn.add_column(column.title, justify=justify, no_wrap=column.whole, overflow="fold")
+            for row in table.cells():
+                drawn.add_row(*row)
+            console.print(table.title, style="table.title")  # rich's own title would be as narrow as the table
+            console.print(drawn)
+            if table.notes:
+                console.print("\n".join(table.notes), style="table.caption")
     click.echo("\n".join(line.rstrip() for line in printed.get().splitlines()))
 
 
-def of_results(*results: Result) -> list[Drawn]:
+def of_results(*results: Result) -> list[Table]:
     """What results tell of themselves."""
-    return [drawn for result in results for table in result.tables() for drawn in _rich_tables(table)]
+    return [table for result in results for table in result.tables()]
 
 
-def of_plan(job: Job) -> list[Drawn]:
+def of_plan(job: Job) -> list[Table]:
     """Duration and saving, and what the plan tells of itself."""
     plan = job.plan
     percent = 100 * job.saved / job.classical.duration
@@ -70,7 +72,7 @@ def of_plan(job: Job) -> list[Drawn]:
     first, *rest = plan.tables()
     timed = (Column("what", what), Column("time", times, "s", form=".6f"), Column("note", notes))
     crossed = () if job.crossed is None else job.crossed.tables()
-    return [drawn for table in (replace(first, columns=timed), *rest, *crossed) for drawn in _rich_tables(table)]
+    return [replace(first, columns=timed), *rest, *crossed]
 
 
 def _describe_timing(plan: Plan, timing: Classical, *first: str) -> str:
@@ -78,50 +80,55 @@ def _describe_timing(plan: Plan, timing: Classical, *first: str) -> str:
     return "; ".join([*first, *describe_differences(plan, timing)])
 
 
-def of_list(title: str, listed: Sequence[Mapping[str, Any]]) -> list[Drawn]:
+def of_list(title: str, listed: Sequence[Mapping[str, Any]]) -> list[Table]:
     """Records of the same keys, a row each."""
     columns = {key: [record[key] for record in listed] for key in listed[0]}
     texts = {
         key: [", ".join(value) if isinstance(value, list | dict) else value for value in values]
         for key, values in columns.items()
     }
-    return [*_rich_tables(Table(title, tuple(Column(key, values) for key, values in texts.items())))]
+    return [Table(title, tuple(Column(key, values) for key, values in texts.items()))]
 
 
-def of_rules() -> list[Drawn]:
-    """The firing rules, each with its options and their defaults."""
-    rules = _table("firing rules", "rule", "option", "default#", "")
-    for name, rule in RULES.items():
-        rules.add_row(name, "", "", (rule.__doc__ or "").splitlines()[0])
-        for field in options(rule).values():
-            default = "" if field.default is None else f"{field.default:g} {field.metadata['unit']}".rstrip()
-            rules.add_row("", field.name, default, field.metadata["help"])
-    return [rules]
+def of_rules(rules: Mapping[str, Mapping[str, Any]]) -> list[Table]:
+    """The firing rules, of their record, each with its options and their defaults."""
+    rows = []
+    for name, rule in rules.items():
+        rows.append((name, "", "", rule["about"]))
+        for option, said in rule["options"].items():
+            default = "" if said["default"] is None else f"{said['default']:g} {said['unit']}".rstrip()
+            rows.append(("", option, default, said["about"]))
+    names, options, defaults, about = zip(*rows, strict=True)
+    columns = (Column("rule", names), Column("option", options), Column("default", defaults, right=True))
+    return [Table("firing rules", (*columns, Column("", about)))]
 
 
-def of_tracking(metrics: Iterable[Metrics]) -> list[Drawn]:
+def of_tracking(metrics: Iterable[Metrics]) -> list[Table]:
     """Errors of each axis and in space, one table per law."""
-    return [drawn for law in metrics for drawn in _rich_tables(law.tables()[0])]
+    return [law.tables()[0] for law in metrics]
 
 
-def of_positions(listed: PositionList, file: str) -> list[Drawn]:
+def of_positions(listed: PositionList, file: str) -> list[Table]:
     """Each pose by its number."""
     (table,) = listed.tables()
-    return list(_rich_tables(replace(table, title=f"{file}: {table.title}")))
+    return [replace(table, title=f"{file}: {table.title}")]
 
 
-def of_machines(machines: Iterable[Machine]) -> list[Drawn]:
+def of_machines(machines: Iterable[Machine]) -> list[Table]:
     """Axes, travel and limits of each machine; axes that share them share a row."""
-    head = ("machine!", "axes", "freedom", "travel!", "pulse!", "speed!", "acceleration!", "jerk!")
-    table = _table("bundled machines", *head)
+    rows = []
     for machine in machines:
         alike: dict[tuple[str, ...], list[str]] = {}
         for axis in machine.axes:
             alike.setdefault(_limits(axis), []).append(axis.name)
         for n, (limits, names) in enumerate(alike.items()):
             some = ", ".join(names) if len(names) <= 3 else f"{names[0]} … {names[-1]}"
-            table.add_row(machine.name if n == 0 else "", some, " ".join(machine.freedom) if n == 0 else "", *limits)
-    return [table]
+            rows.append(("" if n else machine.name, some, "" if n else " ".join(machine.freedom), *limits))
+    heads = ("machine", "axes", "freedom", "travel", "pulse", "speed", "acceleration", "jerk")
+    columns = zip(heads, zip(*rows, strict=True), strict=True)
+    return [
+        Table("bundled machines", tuple(Column(head, cells, whole=head not in heads[1:3]) for head, cells in columns))
+    ]
 
 
 def _limits(axis: Axis) -> tuple[str, ...]:
@@ -138,21 +145,3 @@ def _bound(bound: Magnitude | None, scale: float, unit: str) -> str:
     if bound is None:
         return "unlimited"
     return f"{' / '.join(f'{scale * side:g}' for side in dict.fromkeys(directional_bounds(bound)))} {unit}"
-
-
-def _table(title: str, *columns: str) -> Drawn:
-    """A table; a column whose name ends in # holds numbers, one that ends in ! is never broken."""
-    table = Drawn(title=title, box=SIMPLE_HEAD, pad_edge=False)
-    for name in columns:
-        side: Literal["left", "right"] = "right" if name.endswith("#") else "left"
-        table.add_column(name.rstrip("#!"), justify=side, no_wrap=name.endswith("!"), overflow="fold")
-    return table
-
-
-def _rich_tables(table: Table) -> Iterable[Drawn]:
-    """A table with its notes below."""
-    made = _table(table.title, *(f"{column.title}{'#' if column.numeric else ''}" for column in table.read))
-    for row in table.cells():
-        made.add_row(*row)
-    made.caption = "\n".join(table.notes) or None
-    yield made

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from math import floor, log10
 from pathlib import Path
 
-from kinematics.foundation.table import align_columns
+from kinematics.foundation.table import Column, Table
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,7 +164,13 @@ def cells(line: PublishedLine) -> list[str]:
 
 def table(lines: Iterable[PublishedLine]) -> str:
     """All of them, in plain text."""
-    return align_columns(LINE_HEADER, [cells(line) for line in lines])
+    return text_table(LINE_HEADER, map(cells, lines), LINE_HEADER[1:5])
+
+
+def text_table(header: Sequence[str], rows: Iterable[Sequence[str]], numbers: Sequence[str]) -> str:
+    """Texts as a table for a terminal; numbers: the columns that hold such."""
+    columns = zip(header, zip(*rows, strict=True), strict=True)
+    return str(Table("", tuple(Column(name, texts, right=name in numbers) for name, texts in columns)))
 
 
 def shown(value: float) -> str:

@@ -11,14 +11,13 @@ from math import pi, sqrt
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from benchmarks.evidence.published.compared import PublishedLine, table
+from benchmarks.evidence.published.compared import PublishedLine, table, text_table
 from kinematics.analysis.dynamics import forces
 from kinematics.design.catalogue import load_actuators, load_joints
 from kinematics.design.deflection import Beam
 from kinematics.design.selection import ActuatorNeed, AxisMotion, JointNeed, actuator_need, joint_need, select_parts
 from kinematics.design.sizing import Leadscrew, Slide, StepMotor, StepperSizing, Traverse, size_stepper
 from kinematics.foundation.arrays import Array
-from kinematics.foundation.table import align_columns
 from kinematics.foundation.units import unit_value
 from kinematics.kinds.hexapod import Hexapod, joint_circle
 from kinematics.machine.axis import Axis
@@ -79,7 +78,7 @@ def print_initial_design() -> None:
         ("largest tilt of a joint", "deg", np.rad2deg(1.0), joint.tilt, "-"),
     )
     rows = [(what, unit, f"{scale * (value or 0):.3f}", printed) for what, unit, scale, value, printed in found]
-    print(align_columns(("what", "unit", "ours", "printed"), rows))
+    print(text_table(("what", "unit", "ours", "printed"), rows, ("ours", "printed")))
     print("The two printed numbers do not follow from the printed geometry; the legs here have no mass.")
 
 
@@ -300,7 +299,7 @@ def main() -> None:
     print("Stepper sizing [Sasidhar 1981, Appendix B], vertical axis\n")
     print(table(appendix_b()))
     print("\nAll axes at 1200 steps/s\n")
-    print(align_columns(AXES_HEADER, axes_rows()))
+    print(text_table(AXES_HEADER, axes_rows(), (*AXES_HEADER[1:2], *AXES_HEADER[3:6])))
     print("\nOur sizing of the vertical axis\n")
     print(size_axis())
     print("\nDeflections [Sasidhar 1981, Appendix D]\n")
