@@ -1,7 +1,4 @@
-"""Rig files: the schema of a rig's TOML, and the rig that one describes.
-
-Tables of tasks in a rig's TOML, and the motions they ask for.
-"""
+"""Rig files: the schema of a rig's TOML with its tasks, the rig that one describes, and the motions of its tasks."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace

@@ -1,8 +1,7 @@
-"""Runs a motion under a tracking law: reference -> law -> card -> drives, all axes and runs of a batch at once.
+"""A simulation: reference -> law -> card -> drives, all axes and runs of a batch at once.
 
-What a batch does, kept as it happens: every so many samples of the drives, in pulses.
-
-The drives of a batch of rigs: axes of each kind of drive, run side by side.
+Axes of each kind of drive are run side by side. What a batch does is kept as it happens: every so many samples of the
+drives, in pulses.
 """
 
 from __future__ import annotations

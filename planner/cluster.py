@@ -1,7 +1,4 @@
-"""Independent work on a cluster: Dask's, on this computer or on any number of others.
-
-Hundreds of programs planned at once, on a cluster.
-"""
+"""Hundreds of programs planned at once on a cluster: Dask's, on this computer or on any number of others."""
 
 import pickle
 import sys

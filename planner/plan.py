@@ -1,6 +1,5 @@
-"""The main job, top to bottom: program -> path -> limits -> certified motion -> pulses.
-
-Which limit holds a motion back, and when.
+"""The main job, top to bottom: program -> path -> limits -> certified motion -> pulses; and what holds a motion back
+when.
 """
 
 from dataclasses import dataclass, field, replace

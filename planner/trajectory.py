@@ -1,8 +1,6 @@
-"""A motion in time: s(t) in closed-form pieces along an actuator path.
+"""A motion in time: s(t) in closed-form pieces along an actuator path, and as a series over time, row by row.
 
-A motion as a series over time: distance, pose and the axes with their derivatives, row by row.
-
-A path walked at unit speed: what depends on the place alone is the same under every timing, so this one serves.
+What depends on the place alone is the same under every timing: a path walked at unit speed serves for all.
 """
 
 from dataclasses import dataclass, field

@@ -1,6 +1,6 @@
 """The group of commands: common options, error handling and exit codes.
 
-A command may take its formats' options too: the formats load only when needed.
+A command whose formats have options of their own takes these too; the formats load only when needed.
 """
 
 import os

@@ -1,7 +1,4 @@
-"""Arguments and options that several commands share.
-
-The option --motion: run a program as it says, or from pose to pose by synchronised moves.
-"""
+"""Arguments and options that several commands share, such as --motion: as the program says, or synchronised moves."""
 
 from dataclasses import replace
 from math import inf

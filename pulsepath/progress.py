@@ -1,6 +1,7 @@
-"""Progress of long work, on stderr: a spinner on a terminal, a line per step elsewhere, and how far long steps are.
+"""What a command says beside its result: the progress of long work on stderr, as much as -q and -v ask for.
 
-How much a command says beside its result, and in what dress: --quiet, --verbose, NO_COLOR, a dumb terminal.
+On a terminal a spinner, elsewhere a line per step, and how far long steps are; plain where NO_COLOR or a dumb terminal
+asks for it.
 """
 
 import os

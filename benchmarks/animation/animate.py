@@ -1,19 +1,13 @@
-"""The animation of a plan as a file: one HTML document that holds all it shows.
-
-The page of an animation: viser's own, with what its player lacks laid over it.
+"""The animation of a plan as a file: one HTML document, viser's own page with what its player lacks laid over it.
 
 viser's saved page has the scene, a slider of time, play and pause, speeds from 0.5 to 8 times real time, and a list of
 what is in the scene to hide parts by. It has no fixed views, no legend and no text that changes with time: those come
 from `animation.html.j2`, by the handles on its client that viser keeps for its own tests. They were seen to work with
 viser 1.1; should a later client lack them, the player goes on without.
 
-The recorded scene, by viser: the only file that imports it.
-
-A viser server is opened on loopback at a free port while the scene is made, since its scenes belong to servers; nothing
-connects to it. What moves goes as positions, turns, lengths and colours of a batch of one cylinder and one of a sphere:
-no mesh is sent twice.
-
-A skeleton as cylinders: where each lies, how it is turned and sized, and whose limits colour it, frame by frame.
+Only this file imports viser. A server is opened on loopback at a free port while the scene is made, since viser's
+scenes belong to servers; nothing connects to it. What moves goes as positions, turns, lengths and colours of a batch of
+one cylinder and one of a sphere: no mesh is sent twice.
 """
 
 from __future__ import annotations

@@ -1,10 +1,7 @@
-"""Runs what of a grid is not kept yet, on a cluster where Dask is installed.
+"""A sweep: the runs of a grid that are not kept yet are made, on a cluster where Dask is installed.
 
-A grid of runs.
-
-A batch of runs of one law on one task: simulated at once, each then reduced to its figures.
-
-What a run depends on, as one hash: the same hash, the same result.
+Runs of one law on one task are simulated at once, as a batch, and each is then reduced to its figures. What a run
+depends on is one hash: the same hash, the same result.
 """
 
 from __future__ import annotations

@@ -1,7 +1,4 @@
-"""Home return: the counter's zero is brought to a switch, or to the index behind it.
-
-Home return by the numbered modes of the PCI-8164.
-"""
+"""Home return: the counter's zero is brought to a switch or the index behind it; numbered modes of the PCI-8164."""
 
 from __future__ import annotations
 

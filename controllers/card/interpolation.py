@@ -1,6 +1,6 @@
 """Interpolation: two to four channels along a straight line, or two along an arc.
 
-Moves along arcs: the way along the arc is a profile, an axis' position the cosine of it.
+Along an arc the way is a profile, and an axis' position the cosine of it.
 """
 
 from __future__ import annotations

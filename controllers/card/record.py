@@ -1,6 +1,6 @@
 """What a card did with a list of commands: its counters at any time, and the pulses of every channel as clock ticks.
 
-Pulses leave it as `set_pls_outmode` says: the levels of the two lines of a channel.
+The levels of a channel's two lines are as `set_pls_outmode` says.
 """
 
 from __future__ import annotations

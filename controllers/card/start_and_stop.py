@@ -1,7 +1,4 @@
-"""Commands armed one after another, and started together.
-
-Stops: decelerated, and at once.
-"""
+"""Commands armed one after another and started together; and stops, decelerated or at once."""
 
 from __future__ import annotations
 

@@ -1,8 +1,7 @@
 """The card at work: moves under way, position counters, the pulses it fires, and what it does with a command.
 
-Soft limits: commands that would pass one are refused, or stop there.
-
-Backlash compensation: pulses that take up play when a channel turns round, and that the counter does not see.
+A command that would pass a soft limit is refused, or stops there. Backlash is compensated by pulses that take up the
+play when a channel turns round; the counter does not see them.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Trapezoidal moves, absolute and relative, velocity moves, and changes of speed and target on the fly.
 
-A change takes a trapezoidal move from wherever it is to a target, at other speeds.
+A change takes a move from wherever it is to a target, at other speeds.
 """
 
 from __future__ import annotations

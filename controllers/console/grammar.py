@@ -7,8 +7,6 @@ Operator [Sasidhar 1981, Appendix F]:   JOG X CW | POS X CW 100 Z CCW 20 | HOME 
                                         HOME X AT 24 in Y AT 600 mm R AT 90 deg
 Remote:                                 P X + 100 Y - 40 Z + 80
   added here:                           STOP | WHERE | MOVE … | PTP …
-
-The words of the two languages, the operator's and the remote line's, as values.
 """
 
 from __future__ import annotations

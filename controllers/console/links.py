@@ -1,8 +1,7 @@
-"""Where bytes come from and go to: the keyboard or a pipe, a serial line, a TCP socket. Descriptors that can be polled.
+"""Where bytes come from and go to (keyboard or pipe, serial line, TCP socket), and lines made of them.
 
-A kind of link is one small method that tells which links have opened since it was last asked.
-
-From bytes to lines: whatever comes in, in whatever pieces, with a bounded memory.
+A kind of link is one small method that tells which links have opened since it was last asked; all are descriptors that
+can be polled. Bytes become lines whatever comes in, in whatever pieces, with a bounded memory.
 """
 
 from __future__ import annotations

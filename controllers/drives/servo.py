@@ -1,6 +1,6 @@
-"""A servo axis as data: position loop around a speed loop around an inertia with friction, behind a gear with play.
+"""A servo axis: position loop around a speed loop around an inertia with friction, behind a gear with play.
 
-Servo axes at work: the loops of `Servo`, sample by sample.
+As data, and at work: the loops, sample by sample.
 """
 
 from __future__ import annotations

@@ -1,7 +1,4 @@
-"""A stepper axis as data: a rotor in a field that the pulses turn.
-
-Stepper axes at work: rotors that hang on to a field, sample by sample.
-"""
+"""A stepper axis: a rotor that hangs on to a field, which the pulses turn; as data, and at work, sample by sample."""
 
 from __future__ import annotations
 

@@ -1,6 +1,7 @@
-"""Laws 6 and 7: closed loop, the target moved by the error; absolute and relative, as printed and repaired.
+"""Laws 4 to 7: closed loop.
 
-Laws 4 and 5: closed loop, the error itself sent as target; of position, and of position and speed.
+4 and 5 send the error itself as target, of position, or of position and speed. 6 and 7 move the target by the error:
+absolute and relative, as printed and repaired.
 """
 
 from __future__ import annotations

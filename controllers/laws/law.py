@@ -1,8 +1,7 @@
 """What a tracking law is: at each step of the host, the next command from the reference and the feedback.
 
-Gains of a tracking law: a number, or one for each run of a batch.
-
-A stretch of command whose speed is a straight line, as one command of the card.
+Its gains are a number each, or one for each run of a batch. A stretch of command whose speed is a straight line goes to
+the card as one command.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""What the host knows of the axes that it commands: the drives' data sheet, never the plant of the day.
+"""The axes as the host knows them that commands them: the drives' data sheet, never the plant of the day.
 
-What nominal axes do with a command of straight-line speeds: positions as a linear map of the speeds, exactly.
+Their positions are a linear map of a command of straight-line speeds, exactly.
 """
 
 from __future__ import annotations

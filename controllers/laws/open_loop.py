@@ -1,6 +1,7 @@
-"""Open loop: laws 1 and 2 (velocity; on a host that watches the card's counter, and on one that sleeps), law 3
-(position) with its variant that brakes in every step, and ours, feedforward of speed and
-acceleration with dead-time shift.
+"""Open loop: laws 1 and 2 (velocity), law 3 (position), and ours (feedforward).
+
+Law 1 is for a host that watches the card's counter, law 2 for one that sleeps; a variant of law 3 brakes in every step;
+ours feeds speed and acceleration forward, shifted by the dead time.
 """
 
 from __future__ import annotations

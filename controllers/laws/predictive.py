@@ -1,9 +1,8 @@
 """Ours: preview model-predictive control with speed and acceleration limits.
 
-What the Coulomb friction of nominal axes does to their positions where a motion starts or turns is taken into account.
-
 The best command over some steps of nominal axes, within these limits, is a quadratic program: solved by OSQP, which
-only this file imports.
+only this file imports. What the Coulomb friction of these axes does where a motion starts or turns is taken into
+account.
 """
 
 from __future__ import annotations

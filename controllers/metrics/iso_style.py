@@ -1,6 +1,6 @@
 """The ISO-style figures of a batch of cycles of one task: of its path, of poses, and of the speed along it.
 
-Pose accuracy and repeatability: where the machine comes to.
+Those of poses, accuracy and repeatability, are where the machine comes to.
 """
 
 from __future__ import annotations

@@ -20,8 +20,6 @@ steps find them:
 Two paths that end in the same pose mean that one of them jumped, and of the real θ₁ every solution that is not real has
 its conjugate: what breaks these rules is followed again in smaller steps. Real solutions are polished by the machine's
 own Newton. [Sommese and Wampler 2005, The Numerical Solution of Systems of Polynomials; Dietmaier 1998]
-
-Following solutions of homogeneous equations F(y, t) = 0 from t = 0 to t = 1, many at a time, in complex numbers.
 """
 
 from __future__ import annotations

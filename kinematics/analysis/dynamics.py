@@ -1,10 +1,7 @@
-"""Actuator forces of a motion: of the platform's mass, a wrench on it and gravity, and of what legs and links weigh.
+"""Actuator forces of a motion: of the platform's mass, a wrench on it, gravity, and what legs and links weigh.
 
-Torques of a serial arm's links, by the recursive Newton-Euler algorithm.
-
-Actuator forces where only the platform has mass: J⁻ᵀ of the wrench that it needs.
-
-Actuator forces of a hexapod whose legs have inertia: platform and legs in closed loops, one linear system.
+Where only the platform has mass, J⁻ᵀ of the wrench that it needs. Of a serial arm's links, the recursive Newton-Euler
+algorithm. Of a hexapod whose legs have inertia, platform and legs in closed loops: one linear system.
 """
 
 from __future__ import annotations

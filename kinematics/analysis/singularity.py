@@ -1,6 +1,4 @@
-"""The proof that a straight motion meets no singularity, cell by cell.
-
-How a platform moves when one axis does: the inverse Jacobian, and what follows along.
+"""The proof that a straight motion meets no singularity, cell by cell; and how a platform moves when one axis does.
 
 Enclosures are balls |x − mid| ≤ rad of symbols: the operations of `Expression.run` on balls instead of numbers give two
 expressions, midpoint and radius, for CasADi to evaluate. The error of the arguments and the rounding of every operation

@@ -11,9 +11,8 @@ derivatives of y, is the work of the actuators: W_x on a change of the pose, W_q
     f = W_q + J⁻ᵀ Bᵀ W_x + reflected · q̈ + friction · q̇
 
 with J the square Jacobian of what is controlled and B the change of x with it. Lagrange's equations in coordinates with
-constraints; see Udwadia and Kalaba, Analytical Dynamics (1996), chapter 3.
-
-Linear systems A f = b, numerically in batches and in Taylor series with guaranteed error.
+constraints; see Udwadia and Kalaba, Analytical Dynamics (1996), chapter 3. The linear systems A f = b are solved
+numerically in batches, and in Taylor series with guaranteed error.
 """
 
 from __future__ import annotations

@@ -2,11 +2,8 @@
 
 The positions of a plane, a line or a volume are cut into cells by a grid. `use` tells how much of its limits the
 machine uses at every node; `proved` which cells are inside all limits as a whole (see
-`kinematics.analysis.containment`). The
-largest box and sphere are made of proved cells, so what they promise holds at every point of theirs, and only their
-being the largest depends on the grid.
-
-The largest block of cells of a grid that all have a property.
+`kinematics.analysis.containment`). The largest box and sphere are made of proved cells, so what they promise holds at
+every point of theirs, and only their being the largest depends on the grid.
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
-"""Whether what was found explains measurements that nothing was fitted to.
+"""Measurements held against the machine.
 
-Which measured poses the machine can have been sent to, told before anything is fitted to them.
+Before anything is fitted to them: which poses it can have been sent to. After: whether what was found explains those
+that nothing was fitted to.
 """
 
 from __future__ import annotations

@@ -1,8 +1,6 @@
-"""The calibration of a machine: its parameters by least squares, and what they are worth.
+"""The calibration of a machine: its parameters by least squares, and the machine that has them.
 
-The machine with the parameters that were found.
-
-What a further measurement would be worth, before it is made.
+What the parameters are worth is told too, and what a further measurement would be, before it is made.
 """
 
 from collections.abc import Sequence

@@ -1,6 +1,6 @@
 """The parameters of a calibration: which there are, and how the parts of a model choose among them.
 
-What a machine with given parameters does and is measured to do, and the derivatives of that.
+What a machine that has them does and is measured to do follows, with its derivatives.
 """
 
 from collections.abc import Callable, Iterable, Sequence

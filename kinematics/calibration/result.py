@@ -1,6 +1,4 @@
-"""What a calibration found, and how well the measured poses show it.
-
-What an identified pulse length means: beside the machine file's, and the published step that it is near.
+"""What a calibration found, how well the measured poses show it, and what its pulse lengths mean.
 
 Observability, from the singular values σ_1 ≥ … ≥ σ_m of the identification Jacobian (errors divided by their noise, by
 parameters), its columns scaled to unit length so that units drop out, with N fitted poses:

@@ -1,6 +1,6 @@
 """The search for the parameters of least error, and whether what it found is one.
 
-Where the measuring frame may stand: a start for the fit, so that it may be turned by any angle.
+It starts from where the measuring frame may stand, which may be turned by any angle.
 """
 
 from collections.abc import Sequence

@@ -1,8 +1,6 @@
 """The accuracy budget: what every source of error does to the pose, as covariance and as worst case.
 
-What a source of error does to a machine: the plug point of the accuracy budget.
-
-Errors of a machine's axes, and of its temperature: each source as data of the accuracy budget.
+A source of error is one small class (the plug point); those of a machine's axes and of its temperature stand here.
 """
 
 from __future__ import annotations

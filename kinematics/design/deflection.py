@@ -1,6 +1,6 @@
 """The deflection of a beam that carries the platform, with its Abbe lever: a source of the accuracy budget.
 
-How far a simply supported beam sinks and tilts under a load that travels along it.
+The beam is simply supported, and sinks and tilts under a load that travels along it.
 """
 
 from __future__ import annotations

@@ -1,7 +1,4 @@
-"""Which actuators and joints of a catalogue can do what a set of motions needs, in order; and why the others cannot.
-
-What a set of motions needs of the actuators and joints of a machine.
-"""
+"""What motions need of a machine's actuators and joints, which of a catalogue can do it, and why the others cannot."""
 
 from __future__ import annotations
 

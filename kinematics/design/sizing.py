@@ -1,7 +1,4 @@
-"""Sizing a stepper motor for an axis that a leadscrew drives.
-
-An axis that a stepper motor drives by a leadscrew: its parts, and what it must do.
-"""
+"""Sizing a stepper motor for an axis that a leadscrew drives: its parts, what it must do, and whether the motor can."""
 
 from dataclasses import dataclass, fields
 from math import inf, isfinite, pi, sqrt, tau

@@ -1,11 +1,8 @@
-"""Where a result is made before it takes its place, and what killed runs have left there.
+"""Files take their places whole, and never that of something that came meanwhile.
 
 A run makes a result beside its place, under a hidden name, and holds a lock on it that ends with the process. So a
-later run that writes into the same folder knows what no one works on any more, and removes it.
-
-Signals held back while what they would break off must not be: Ctrl-C, the system's request to end, a hang-up.
-
-Files that a user names as results: each takes its place whole, and never that of something that came meanwhile.
+later run that writes into the same folder knows what no one works on any more, and removes it. Signals (Ctrl-C, the
+system's request to end, a hang-up) are held back while what they would break off must not be.
 """
 
 import errno

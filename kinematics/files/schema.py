@@ -6,7 +6,7 @@ A file's schema is a `TableSchema` whose fields say what they accept and mean, s
         travel: tuple[Length, Length] = key("from home", '["0 mm", "50 mm"]')
         max_speed: Annotated[float, Unit("m/s", above=0)] | None = key("unlimited if not stated", '"20 mm/s"', None)
 
-The kinds of TOML files, by keys that only one of them has: so that one given for another is called what it is.
+A file of one kind that is given for another is called what it is: each kind has keys that no other has.
 """
 
 import re

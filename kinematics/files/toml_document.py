@@ -1,8 +1,7 @@
-"""TOML documents: the data, and the line on which each key stands, which tomllib itself does not keep.
+"""TOML files: their data, with the line on which each key stands, which tomllib itself does not keep.
 
-The bytes of a file that is meant to be text: bounded, and told what they are where they are none.
-
-SI values as the texts of TOML files, which are read back as the same floats.
+Text is bounded, and what is no text is told what it is. Values in SI are written so that they are read back as the same
+floats.
 """
 
 import re

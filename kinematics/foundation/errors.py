@@ -1,7 +1,4 @@
-"""Every error that is raised on purpose, from one root.
-
-What a validator of a file's values raises.
-"""
+"""Every error that is raised on purpose, from one root; and what a validator of a file's values raises."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager

@@ -1,7 +1,4 @@
-"""Figures that a notebook shows without pyplot: the axes, and the figure they are on, as the value of a cell.
-
-Bars: one figure for each of a few names.
-"""
+"""Figures that a notebook shows without pyplot, as the value of a cell: axes and the figure they are on; and bars."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""Options of what is plugged in: fields of frozen dataclasses that say what they are about, made from text.
+"""What is plugged in by name: classes that load when they are asked for, with options made from text.
 
-What is plugged in by name: classes that load when they are asked for.
+An option is a field of a frozen dataclass that says what it is about.
 """
 
 from collections.abc import Mapping

@@ -5,9 +5,6 @@ rad_k. The balls enclose the exact coefficients: the error of the arguments and 
 carried along. Underflow is not: no length or angle that matters comes near 1e-290. Recurrences of automatic
 differentiation: Moore, Kearfott, Cloud, Introduction to Interval Analysis (2009), chapter 9. Balls (midpoint and
 radius): Rump, Acta Numerica 19 (2010), section 5.
-
-Balls |x − mid| ≤ rad of arrays, entry by entry: the arithmetic of the coefficients of
-`kinematics.foundation.taylor_model`.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
 """Quantities of files and messages: text with a unit on the outside, SI numbers inside.
 
-Angles are a dimension of their own here, so "10 deg/s" is no pulse rate and "3000 1/s" no angular speed.
-
-The units that files know: what each is in SI, and the nearest one to a mistaken name.
+Which units there are, what each is in SI, and the nearest one to a mistaken name. Angles are a dimension of their own
+here, so "10 deg/s" is no pulse rate and "3000 1/s" no angular speed.
 """
 
 import re

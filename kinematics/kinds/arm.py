@@ -1,6 +1,6 @@
 """The serial arm: a yaw and two parallel joints (3R); its TOML, and its joints read from a URDF by pinocchio.
 
-What all uses of pinocchio share stands here too: its import, where it is installed, and bodies as its inertias.
+Nothing else imports pinocchio; `kinematics.analysis.dynamics` takes it from here.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence

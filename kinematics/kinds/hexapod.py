@@ -1,12 +1,9 @@
 """The hexapod: six legs of variable length between a base and a moving platform.
 
-What the parts of the thesis' hexapod weigh, as far as it is known: bodies for the preset `hexapod`.
-
-The thesis [Sahbaz 2007] prints the mass of an actuator (241 g, Table 3.1) and its size (43 × 43 × 162 mm), and the
-platform's plate (a disc 250 mm wide and 10 mm thick). ASSUMPTIONS: everything else here. How the 241 g are shared and
-spread, the plate's aluminium, that joints weigh nothing, and which way the universal joints are turned.
-
-A hexapod's TOML: joints on circles, or one by one.
+Its TOML has joints on circles, or one by one. Of the preset `hexapod`, the masses of the parts stand here: the thesis
+[Sahbaz 2007] prints the mass of an actuator (241 g, Table 3.1) and its size (43 × 43 × 162 mm), and the platform's
+plate (a disc 250 mm wide and 10 mm thick). ASSUMPTIONS: everything else here. How the 241 g are shared and spread, the
+plate's aluminium, that joints weigh nothing, and which way the universal joints are turned.
 """
 
 from importlib.resources.abc import Traversable

@@ -1,8 +1,7 @@
 """Machines with legs: actuators of variable length between joints on a base and joints on a platform.
 
-How a leg is turned: the frame of its universal joint on the base, at home and along any leg vector.
-
-Tables of what machines with legs share: rest axes, tilt, bodies.
+How a leg is turned is told by the frame of its universal joint on the base, at home and along any leg vector. The
+tables of their files that all of them share: rest axes, tilt, bodies.
 """
 
 from __future__ import annotations

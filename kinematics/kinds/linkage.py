@@ -1,7 +1,4 @@
-"""The linkage: two actuators in a plane, hinged to each other; one of them carries the point.
-
-A linkage's TOML.
-"""
+"""The linkage: two actuators in a plane, hinged to each other, one of which carries the point; and its TOML."""
 
 from collections.abc import Iterable
 from importlib.resources.abc import Traversable

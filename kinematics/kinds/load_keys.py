@@ -1,7 +1,4 @@
-"""Tables of what a machine moves, which every kind's file may have: `[platform]`, `[legs]` and `gravity`.
-
-Tables of poses and points that several kinds' files share.
-"""
+"""Tables that the files of several kinds have: poses, points, and what a machine moves (`[platform]`, `[legs]`)."""
 
 from typing import Annotated, Any
 

@@ -1,7 +1,4 @@
-"""The traverser: slides on leadscrews, and a rotary axis that may turn any number of times.
-
-A traverser's TOML.
-"""
+"""The traverser: slides on leadscrews, and a rotary axis that may turn any number of times; and its TOML."""
 
 from collections.abc import Iterable
 from importlib.resources.abc import Traversable

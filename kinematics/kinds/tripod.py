@@ -1,8 +1,6 @@
-"""The tripod: three arms that move a plate without turning it.
+"""The tripod: three arms that move a plate without turning it; its TOML, and its geometry file of [KMITL 2005].
 
-A tripod's TOML.
-
-The geometry file of [KMITL 2005], `Basiclength`: where the three arms' joints are, as a machine.
+That file, `Basiclength`, says where the three arms' joints are:
 
     Past 173.205 0.0000 0.0000
     Pand -86.602 150.000 0.0000

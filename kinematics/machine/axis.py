@@ -1,6 +1,6 @@
-"""One driven axis of a machine: its coordinate, its limits and its wiring, as data.
+"""One driven axis of a machine as data: its coordinate, its limits and its wiring.
 
-What the step and direction inputs of a drive ask of the pulses, as data; and the drives that are known by name.
+To the wiring belongs what the step and direction inputs of a drive ask of the pulses; some drives are known by name.
 """
 
 from dataclasses import dataclass

@@ -1,8 +1,7 @@
 """What a kind of machine states: its inverse map as one expression, and what else only it knows.
 
-Which of a pose's six components a machine controls, and the refusal of poses that need another.
-
-What of a machine can be drawn: straight bars and pivots, as expressions of pose and coordinates.
+That is which of a pose's six components it controls (poses that need another are refused), and what can be drawn of it:
+straight bars and pivots.
 """
 
 from __future__ import annotations

@@ -1,7 +1,4 @@
-"""What a machine moves: the masses of its parts, gravity, and what pushes on its platform.
-
-Rigid bodies as data: mass, centre of mass, inertia.
-"""
+"""What a machine moves: rigid bodies (mass, centre of mass, inertia), gravity, and what pushes on its platform."""
 
 from dataclasses import dataclass, field
 

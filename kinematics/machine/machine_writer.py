@@ -1,10 +1,8 @@
-"""Machine files, written: the TOML from which `load_machine` makes the same machine.
+"""Machine files, written: the TOML from which `load_machine` makes the same machine, or one to start from.
 
 Numbers are written so that they are read back as the same floats; turns and directions come back to rounding, since
-they are held as matrices and unit vectors, and so do joints about a tool. What a key is called and in which unit its
-value is written, the schemas of the kinds say (`kinematics.kinds`).
-
-A commented machine file to start from, made of a bundled one: every key of its kind, with what it means.
+they are held as matrices and unit vectors, and so do joints about a tool. What a key is called, what it means and in
+which unit its value is written, the schemas of the kinds say (`kinematics.kinds`).
 """
 
 import tomllib

@@ -1,7 +1,7 @@
 """The maps of a machine: everything numeric that follows from its kind's one expression.
 
-Whether the axes and the load that a machine is given fit it; and the first and second rates of what is a function of
-the pose, along any motion of it.
+The first and second rates of what is a function of the pose, along any motion, too. Axes and loads that do not fit the
+kind are refused.
 """
 
 from __future__ import annotations

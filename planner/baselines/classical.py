@@ -1,8 +1,7 @@
-"""What a baseline timing would take for the same program: the baseline of every saving that is quoted.
+"""Baseline timings: what a classical profile would take for the same program, beside which every saving is quoted.
 
-Baseline timings along the path: one profile of speed per run, the quickest of its kind, scaled until certified.
-
-What a baseline timing does otherwise than a plan: said beside every saving, so that like is compared with like.
+Along the path it is one profile of speed per run, the quickest of its kind, scaled until certified. What it does
+otherwise than a plan is said with it, so that like is compared with like.
 """
 
 from collections.abc import Mapping, Sequence

@@ -1,10 +1,8 @@
-"""What would bring a path back within its machine: the largest scale about its start, of its way or of its angles, and
-the least move along an axis.
+"""What would bring a path back within its machine: the largest scale about its start, of its way or its angles, or a
+move.
 
-All by bisection on the geometric limits at many places of the changed program's path, which is quick; what is advised
-is proved as the check proves it.
-
-Programs with every coordinate scaled about the start or moved, or every angle scaled.
+The move is the least along an axis. All are found by bisection on the geometric limits at many places of the changed
+program's path, which is quick; what is advised is proved as the check proves it.
 """
 
 from collections.abc import Callable, Sequence

@@ -1,11 +1,9 @@
 """The certificate: a bound of every limit over continuous time, from the trajectory and the limits' `value` alone.
 
-Time is cut into cells; over each, the motion is enclosed by Taylor series (planner.certificate.enclosure) and a
-limit's value
-follows by its own formula. A cell's bound is its largest Bernstein coefficient plus the error; cells are cut until the
-bounds are tight.
-
-Whether a motion is one: nothing jumps, and it runs the whole path once, forwards, between the speeds stated.
+Time is cut into cells; over each, the motion is enclosed by Taylor series (planner.certificate.enclosure) and a limit's
+value follows by its own formula. A cell's bound is its largest Bernstein coefficient plus the error; cells are cut
+until the bounds are tight. It is also proved that the motion is one: nothing jumps, and it runs the whole path once,
+forwards, between the speeds stated.
 """
 
 from collections.abc import Sequence

@@ -1,6 +1,6 @@
 """Limits that slowing down cannot fix: reach, control, travel, tilt, clearance, holding; proved before solving.
 
-Where along a path the actuators lose the platform: singular poses, excluded cell by cell by guaranteed bounds.
+Control is lost in singular poses, which are excluded cell by cell along the path by guaranteed bounds.
 """
 
 from collections.abc import Sequence

@@ -1,8 +1,8 @@
 """How long an axis stays in a band of speed: proved over continuous time.
 
 Time is cut into cells over which q̇ is enclosed (planner.certificate.enclosure). A cell is outside a band, inside, or
-open; open
-ones are halved until they are short. A stay is as long as the cells in a row that are not outside: never too short.
+open; open ones are halved until they are short. A stay is as long as the cells in a row that are not outside: never too
+short.
 """
 
 from dataclasses import dataclass

@@ -10,9 +10,8 @@ within tacc, tdec = 0 stops dead on the target, and the axis waits there. With D
 whole steps of the card's 16-bit speed registers, max rounded up, so that every move is over when the next is sent. So
 it does not matter whether a card replaces a running move or queues behind it, errors do not add up, and the final
 counts are exact. Times are whole microseconds; an axis' own turning points and rests take the place of the nearest
-instants of the grid. Counts and their signs are the wiring's (direction -1: extension is sent as negative counts).
-
-The calls are replayed in closed form, for the largest error by which they are from the motion.
+instants of the grid. Counts and their signs are the wiring's (direction -1: extension is sent as negative counts). The
+calls are replayed in closed form, for the largest error by which they are from the motion.
 """
 
 from collections.abc import Sequence

@@ -1,6 +1,6 @@
 """Axis positions as numbers of a file: mm and degrees or pulses, with the decimals that the tolerance needs.
 
-The letters by which controllers know their axes.
+The letters by which controllers know their axes are chosen here too.
 """
 
 from collections.abc import Iterator

@@ -1,8 +1,6 @@
-"""The interface of an export format: its input, its options, and the result it reports.
+"""The plug point of the export formats: what a format takes, its options, and what it reports; and the formats by name.
 
-Which formats there are: one line each, loaded when one is asked for.
-
-A plan written in a format, by the format's name.
+Each is one line of `FORMATS`, loaded when it is asked for.
 """
 
 from collections.abc import Mapping

@@ -1,10 +1,7 @@
 """Force of every actuator: |f| ≤ F, of masses, gravity, friction and what pushes on the platform.
 
-Force that holds the machine still, at every place of the path: what a motion along it needs at the very least.
-
-Force of every actuator within its motor's falling curve: |f| ≤ F(|q̇|).
-
-A stepper's pull-out curve as straight lines: the force that it gives at a speed.
+Under a motor's falling curve |f| ≤ F(|q̇|), of a stepper's pull-out curve as straight lines. What holds the machine
+still is bounded by itself at every place of the path: a motion along it needs that at the very least.
 """
 
 from collections.abc import Sequence

@@ -1,8 +1,7 @@
-"""Travel of every axis: lo ≤ q − home ≤ hi.
+"""Limits of the place alone: travel, tilt and clearance.
 
-Tilt of every joint against its rest axis: angle ≤ limit.
-
-Clearance of the machine's bodies: no two of them overlap.
+lo ≤ q − home ≤ hi of every axis; the angle of every joint to its rest axis ≤ its limit; and no two of the machine's
+bodies overlap.
 """
 
 from collections.abc import Sequence

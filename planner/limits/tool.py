@@ -1,10 +1,7 @@
-"""Speed of the tool, where the program caps it: ‖ṗ‖ ≤ cap of the piece.
+"""Limits of the tool, where the program caps it: ‖ṗ‖, ‖p̈‖ or ‖ω‖ ≤ cap of the piece.
 
-Acceleration of the tool, where the program caps it: ‖p̈‖ ≤ cap of the piece.
-
-Angular speed of the platform, where the program caps it: ‖ω‖ ≤ cap of the piece.
-
-What a program caps segment by segment: the norm of a vector, ‖value‖ ≤ cap of the piece.
+All are the norm of a vector that a program caps segment by segment: the tool's speed, its acceleration, and the
+platform's angular speed.
 """
 
 from collections.abc import Iterable

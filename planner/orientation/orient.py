@@ -1,8 +1,8 @@
 """Orientation where a program leaves it free: chosen for time, for small tilts, or to make a path feasible at all.
 
 What is chosen (planner.orientation.nlp) is an estimate at order 2. For time, both that and the program as it says, or
-else what
-is merely feasible, are really planned, and the faster is kept: stretch by stretch, where the motion rests between.
+else what is merely feasible, are really planned, and the faster is kept: stretch by stretch, where the motion rests
+between.
 """
 
 from collections.abc import Mapping, Sequence

@@ -1,6 +1,6 @@
 """Geometry in the actuators: q and its derivatives along a path, numerically and in guaranteed Taylor arithmetic.
 
-Which of a pose's several coordinates a path uses: it starts at home's and stays on its branch, turn after turn.
+Of a pose's several coordinates a path starts at home's and stays on their branch, turn after turn.
 """
 
 from collections.abc import Callable, Sequence

@@ -1,6 +1,6 @@
 """Curves by their own length: the same poses at the same places, with |dp/ds| = 1, as a constant speed needs it.
 
-The way along a curve: its length by quadrature, and the place at which a length is reached.
+The length is found by quadrature, and the place at which a length is reached by solving for it.
 """
 
 from collections.abc import Callable, Sequence

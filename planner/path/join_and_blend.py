@@ -1,6 +1,6 @@
 """Joins: what becomes of the places where segments meet: stops, smooth passages and blends that never overlap.
 
-Blends: one motion begins while the one before it ends, within a tolerance of the path that they leave.
+In a blend one motion begins while the one before it ends, within a tolerance of the path that they leave.
 """
 
 from collections.abc import Callable, Sequence

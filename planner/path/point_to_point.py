@@ -1,6 +1,6 @@
 """A program as the thesis' control runs one: from pose to pose by synchronised moves, with a rest at each.
 
-How far the tool leaves the straight line in synchronised moves, which are straight in the axes alone.
+Such moves are straight in the axes alone; how far the tool leaves the straight line is measured.
 """
 
 from collections.abc import Iterator, Sequence

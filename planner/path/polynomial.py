@@ -1,14 +1,12 @@
 """Axis values as a piecewise polynomial: a path without a machine.
 
-A piecewise polynomial drawn for timing: cut where it stands, and straight stretches drawn by their way.
-
-What the axes pass is the same, and `PolynomialPath.parameter` tells the given parameter of every place. A stretch that
-is straight in the axes, q = q₀ + g(s) d with rising g, may be timed as q = q₀ + σ d: its fastest motion is known in
-closed form, and neither where g′ = 0 nor where g bends does anything happen in space. Elsewhere the path keeps its
-parameter, and rests where it stands (planner.path.stands): at order 2 that costs nothing, as no motion along a
-parameter has
-a speed there. At order 3 a motion that passes such a place has an acceleration there, q̈ = q″ ṡ², and a rest has none:
-either may be the faster, so both are given.
+For timing it is drawn anew: cut where it stands, and straight stretches by their way. What the axes pass is the same,
+and `PolynomialPath.parameter` tells the given parameter of every place. A stretch that is straight in the axes, q = q₀
++ g(s) d with rising g, may be timed as q = q₀ + σ d: its fastest motion is known in closed form, and neither where g′ =
+0 nor where g bends does anything happen in space. Elsewhere the path keeps its parameter, and rests where it stands
+(planner.path.stands): at order 2 that costs nothing, as no motion along a parameter has a speed there. At order 3 a
+motion that passes such a place has an acceleration there, q̈ = q″ ṡ², and a rest has none: either may be the faster, so
+both are given.
 """
 
 from collections.abc import Iterator, Sequence

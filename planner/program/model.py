@@ -1,7 +1,4 @@
-"""The program model: what the tool is asked to do, segment by segment, in SI units and in the program's own frame.
-
-The segments of a program: what the tool is asked to do next, in SI units and in the program's own frame.
-"""
+"""The program model: what the tool is asked to do, segment by segment, in SI units and in the program's own frame."""
 
 from dataclasses import dataclass, field, replace
 from math import isfinite

@@ -1,9 +1,7 @@
-"""Program files, written: the TOML from which `load_program` makes the same program.
+"""Program files, written: the TOML from which `load_program` makes the same program, or a commented one to start from.
 
 Positions are plain numbers in mm, angles in rad. Lengths are read back within a unit in the last place, turns and
 directions to rounding, since they are held as rotations and unit vectors; everything else as it is.
-
-A commented program file to start from: a bundled one's segments, or some for a kind of machine, and every key.
 """
 
 import tomllib

@@ -1,6 +1,4 @@
-"""The schema of what every segment of a program's TOML may say beside where it leads.
-
-The schema of a segment by equations.
+"""The schema of what every segment of a program's TOML may say beside where it leads, and of a segment by equations:
 
     [[segment]]
     curve = { x = "r*cos(t)", y = "r*sin(t)", z = 25, from = 0, to = "2*pi", constants = { r = 15 } }

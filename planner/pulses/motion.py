@@ -1,10 +1,7 @@
-"""What a pulse schedule is made from and checked against: a motion that can be sampled.
+"""What pulses are made from and checked against: a motion that can be sampled, and what an axis' mechanics make of it.
 
-What an axis' mechanics make of where its motor stands: its play, then its screw. Compensation is held against it.
-
-How far the counts of a schedule are from its motion: along an axis, and in space.
-
-The poses that pulses have reached at given instants: forward from what the counts make of the mechanics.
+Mechanics are play, then a screw: where an axis stands when its motor stands somewhere. Compensation is held against
+them, and so is how far the counts of a schedule are from its motion, along an axis and in space.
 """
 
 from typing import Protocol, runtime_checkable

@@ -1,8 +1,7 @@
 """The realised path: the pose to which the counts lead the mechanics, at every pulse, against the planned one.
 
-How far the path that pulses make is from the planned one: what `planner.pulses.realised_path` finds.
-
-How far the axes can be from where they are planned while the counts keep their bound.
+Its errors are found, and bounded by how far the axes can be from where they are planned while the counts keep their
+bound.
 """
 
 from collections.abc import Iterator, Sequence

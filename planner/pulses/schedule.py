@@ -1,6 +1,6 @@
-"""A pulse schedule: for every axis the clock ticks at which it is stepped, and which way.
+"""A pulse schedule: for every axis the clock ticks at which it is stepped, and which way; whole, or in parts.
 
-A schedule in parts that follow each other in time: joined, or compared without ever being whole.
+Parts follow each other in time. They are joined, or compared without ever being whole.
 """
 
 from collections.abc import Iterable, Iterator, Mapping

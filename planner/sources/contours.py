@@ -1,8 +1,7 @@
 """From contours to a program: the way between them, down to them and up again, and into closed ones.
 
-Chaining: what ends where another begins is one contour, turned round where it has to be.
-
-The order of contours that shortens the way between them: nearest neighbour, then 2-opt.
+What ends where another begins is one contour, turned round where it has to be. Their order shortens the way between
+them: nearest neighbour, then 2-opt.
 """
 
 from collections.abc import Sequence

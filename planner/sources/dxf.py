@@ -12,9 +12,7 @@ whose ends are within `tolerance` become one contour, turned round where they ha
 closed by leading the next one from where the path stands. Widths and thicknesses are not looked at. Coordinates stay
 the drawing's: the option `origin` makes the program's work frame, in which its plane lies anywhere.
 
-A DXF file as ezdxf reads it: its entities in model space, the layers that count, and its unit.
-
-On which line of a DXF file an entity or a variable of its header stands: ezdxf keeps no places.
+ezdxf keeps no places: on which line of the file an entity or a variable of the header stands is found beside it.
 """
 
 import re

@@ -1,6 +1,6 @@
 """What DXF entities are in space: the strokes of each kind, exact but for ellipses and splines.
 
-Points on a curve, dense enough that the spline through them stays within a tolerance of it.
+Of those, points are so dense that the spline through them stays within a tolerance of the curve.
 """
 
 from collections.abc import Callable, Iterator, Sequence

@@ -1,10 +1,7 @@
 """The words of a G-code file, line by line: comments taken out, every other character accounted for.
 
-Arcs of G-code: the centre and the signed angle of what I J K or R and the end point say.
-
-Everything is in the arc's plane: (2,) points, with the angle positive from the first axis to the second.
-
-Words of G-code that may be left out, since the path is the same without them.
+Words that leave the path as it is may be left out. Of arcs: the centre and the signed angle that I J K or R and the end
+point say, in the arc's plane: (2,) points, with the angle positive from the first axis to the second.
 """
 
 import re

@@ -1,6 +1,6 @@
-"""Position lists: the poses that an operator records one by one, to be run all, or from one to another.
+"""Position lists: poses that an operator records one by one, to be run all, or from one to another; and their CSV.
 
-Position lists as CSV: a column for each of x, y, z and three angles, and for rests, its unit in the header.
+A column for each of x, y, z and three angles, and for rests, its unit in the header:
 
     # rotation = xyz
     # frame = home

@@ -1,20 +1,16 @@
-"""Position lists, from CSV files with units and from both files of [KMITL 2005].
+"""Programs from position lists: CSV files with units, and both files of [KMITL 2005].
 
 The default is the time-optimal program through the same poses: straight from each to the next, and the orientation by
-the shortest way. The option `rule` takes the stepping of [KMITL 2005] instead (planner.sources.positions): unit
-steps, rotation dropped where there is translation, 1° steps where there is none. `tool` is the source's offset of the
-tool's centre, for machines that do not have it in their own file: coordinates and rotations are those of the tool then.
-It rests at a pose where the file's column `dwell` says so, or at all of them by the option of that name. A list in the
-frame "home" is run from the home pose, one in "base" from its own first pose, as the source has it.
+the shortest way. The option `rule` takes the stepping of [KMITL 2005] instead: unit steps, rotation dropped where there
+is translation, 1° steps where there is none. `tool` is the source's offset of the tool's centre, for machines that do
+not have it in their own file: coordinates and rotations are those of the tool then. It rests at a pose where the file's
+column `dwell` says so, or at all of them by the option of that name. A list in the frame "home" is run from the home
+pose, one in "base" from its own first pose, as the source has it. Options and commands say a pose by three
+lengths, and three angles after that where it is turned.
 
-Programs from position lists: through the poses as fast as it goes, or by the steps of [KMITL 2005].
-
-Poses as options and commands say them: "0 mm, 0 mm, 25 mm", and three angles after that where they are turned.
-
-The files of [KMITL 2005], read: its position list, and its list of arm lengths.
-
-Independent of what writes them (planner.export.formats.kmitl, kmitl_arms): by the keys that the source prints, in any
-order, with underscores or blanks before them as its own two writers differ in that.
+The position list and the list of arm lengths of [KMITL 2005] are read independently of what writes them
+(planner.export.formats.kmitl): by the keys that the source prints, in any order, with underscores or blanks before them
+as its own two writers differ in that.
 """
 
 import re

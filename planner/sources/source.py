@@ -1,12 +1,7 @@
-"""The plug point of the formats that programs come in: what each says of itself, and what it makes of a file.
+"""The plug point of the formats that programs come in: what a format says of itself, what it reads; and those by name.
 
-Which formats programs come in: one line each, loaded when one is asked for.
-
-What rounding leaves of a zero, taken away: -0 and 4.3e-16 m are 0 in a program that was read from elsewhere.
-
-What is wrong with a file, gathered in one pass and bounded: a reader adds, and in the end refuses.
-
-The text of a file from elsewhere: bounded, and with whatever bytes it has.
+Each is one line of `SOURCES`, loaded when it is asked for. What readers share: a file's text, bounded, with whatever
+bytes it has; its faults, gathered in one pass and bounded; and zeros, of which rounding leaves -0 or 4.3e-16 m.
 """
 
 from collections.abc import Callable, Iterator, Mapping

@@ -1,6 +1,6 @@
 """A few runs between stops, solved, certified and tightened by themselves: what any process can do with a part.
 
-What becomes of a motion that exceeds a limit: solved again with less room there, or slowed as a whole.
+A motion that exceeds a limit is solved again with less room there, or slowed as a whole.
 """
 
 from collections.abc import Callable, Mapping, Sequence

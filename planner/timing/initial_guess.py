@@ -1,17 +1,16 @@
-"""Where the jerk lets a run by only slowly, as in small blends: motions slow enough there, to start a solve from.
+"""Motions to start a jerk-limited solve from.
 
-Along a piece with q‴ a steady ṡ has the jerk q‴ ṡ³, so that no more than ṡ = (J/|q‴|)^⅓ gets through, while the order-2
-motion that starts a solve goes by √(A/|q″|): through a blend of reach d, d^(2/3) against d^(1/2), ever farther off the
-smaller the blend. From there solvers find no answer, and from rest at such places (which s̈ = 0 makes a motion too) the
-slowest of many.
+The usual one is the acceleration-limited motion's moving average in time. Two others serve where it does not.
 
-A jerk-limited start from an acceleration-limited motion: its moving average in time.
+Where the jerk lets a run by only slowly, as in small blends, the start has to be slow enough there. Along a piece with
+q‴ a steady ṡ has the jerk q‴ ṡ³, so that no more than ṡ = (J/|q‴|)^⅓ gets through, while the order-2 motion that starts
+a solve goes by √(A/|q″|): through a blend of reach d, d^(2/3) against d^(1/2), ever farther off the smaller the blend.
+From there solvers find no answer, and from rest at such places (which s̈ = 0 makes a motion too) the slowest of many.
 
-Motions beside which their ramps of jerk are brief: of hours to decades, or under a jerk limit next to none.
-
-No solver tells a ramp of s̈ that takes a billionth of the motion from none, and an average over it cancels digits. But
-an order-2 motion is no longer than one with jerk limits too, so that its own average over a window w, longer than it by
-w, is within w of the fastest. Each step of s̈ becomes a ramp over w. With the motion's s, ṡ, s̈ at a step, and s̈₀ before,
+Ramps of jerk may be brief beside their motion, of hours to decades or under a jerk limit next to none. No solver tells
+a ramp of s̈ that takes a billionth of the motion from none, and an average over it cancels digits. But an order-2
+motion is no longer than one with jerk limits too, so that its own average over a window w, longer than it by w, is
+within w of the fastest. Each step of s̈ becomes a ramp over w. With the motion's s, ṡ, s̈ at a step, and s̈₀ before,
 the ramp begins at
 
     s − ṡ w/2 + s̈₀ w²/6,  ṡ − s̈₀ w/2,  s̈₀,  and has s⃛ = (s̈ − s̈₀)/w

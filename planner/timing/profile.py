@@ -1,8 +1,7 @@
 """A motion along one run, and what solving the run came to: the values that solvers return.
 
-What a solver leaves open, closed: a motion on a grid, continuous to rounding.
-
-What a profile uses of every limit, looked at closely: cheap, and no proof.
+What a solver leaves open is closed: the motion is on a grid, continuous to rounding. What it uses of every limit is
+looked at closely: cheap, and no proof.
 """
 
 from collections.abc import Mapping, Sequence

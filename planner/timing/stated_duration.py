@@ -1,8 +1,7 @@
 """A motion of a stated duration: the smoothest that there is within it, certified.
 
-The smoothest motion of a stated duration: least integral of squared actuator jerk, by CasADi and FATROP.
-
-The stages are those of planner.timing.solvers.third_order with one more state, the time t, and another cost:
+It has the least integral of squared actuator jerk, by CasADi and FATROP. The stages are those of
+planner.timing.solvers.third_order with one more state, the time t, and another cost:
 
     minimise ∫ Σ_i (q⃛_i/w_i)² dt
     such that t rises from 0 to T, the next state follows, and every row is kept

@@ -1,6 +1,6 @@
 """The output of `plan`: record, motion, pulses, report, and copies of the input files.
 
-What was proved of a written file of pulses, as plain data: the content of certificate.json.
+What was proved of the written file of pulses stands in certificate.json.
 """
 
 import json

@@ -1,8 +1,8 @@
 """Exit codes and error messages of the commands: on stderr, without a traceback.
 
 With --json an error is told on stdout as well, as data: {"schema": 1, "error": {…}} (pulsepath.process.error_record).
-
-What is said of an interrupted command, by what it was about to write. Standard library only: see `supervisor`.
+Of an interrupted command it is said what becomes of what it was about to write. Standard library only: see
+`supervisor`.
 """
 
 import os

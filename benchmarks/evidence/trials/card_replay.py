@@ -5,8 +5,6 @@ The program `circle` on the hexapod: path -> calls of a PCI-8132 and a PCI-8164 
 by forward kinematics -> path, with the calls as they are exported by default, and 16, 4 and 2 ms apart. Of each it
 prints a row: the worst axis in pulses, ½ of which is the rounding of positions to counts, and the platform's origin in
 micrometres, from where it was planned to be at that instant, and from the path.
-
-The exported call list on the virtual cards: calls -> cards -> pulses -> poses, how far they are from the plan.
 """
 
 from __future__ import annotations

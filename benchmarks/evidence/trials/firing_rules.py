@@ -2,8 +2,6 @@
 [FIGURE.png]`.
 
 A table of what each rule states and keeps, proved by the independent check, and a figure of their errors over time.
-
-Figures that compare the schedules of firing rules. Loaded only where one is drawn.
 """
 
 import sys

@@ -1,6 +1,6 @@
 """How the runs that a report shows went over time, what their paths are, and their ISO-style figures.
 
-From saved runs: the rigs and seeds of the sweep are the cycles.
+The runs are saved ones: the rigs and seeds of the sweep are the cycles.
 """
 
 from __future__ import annotations

@@ -1,7 +1,4 @@
-"""What a verdict weighs: what a user of a machine would look at, each against the baseline.
-
-Figures in the units that people read.
-"""
+"""What a verdict weighs: what a user of a machine would look at, each against the baseline, in units people read."""
 
 from __future__ import annotations
 

@@ -1,6 +1,7 @@
-"""Figures of a gain report. Lines differ by dash and marks by shape, so that grey paper tells them apart too.
+"""Figures of runs in a gain report, such as reference and feedback of each axis over time.
 
-Reference and feedback of each axis over time, as [Sahbaz 2007, Figures 7.10 to 7.18] show them.
+Those are as [Sahbaz 2007, Figures 7.10 to 7.18] show them. Lines differ by dash and marks by shape, so that grey paper
+tells them apart too.
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
-"""Figures of settings rather than of runs: error against gain, and against time.
+"""Figures of settings rather than of runs: error against gain, and against time; and what all of a report's figures
+share.
 
-What the figures of a gain report share: lines, marks, panels and one legend for all of them.
+That is lines, marks, panels, and one legend for all of them.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""The call list of the motion cards as C source: a function that waits and calls.
+"""The call list of the motion cards PCI-8132 and PCI-8164, as C source or as CSV.
+
+What the numbers mean and how they are chosen: `planner.export.card_calls`. The C source is a function that waits and
+calls:
 
     short pulsepath_run(void (*wait_until)(double seconds))
     {
@@ -11,17 +14,16 @@
 It returns 0, or the error of the first call that failed. `wait_until` is the caller's: it returns when so many seconds
 have passed since the start. ASCII, line ends \\n; names stand in comments, what could end these is escaped. The names
 are those of the file formats' description; where the library's _8132_ta_move waits for the end of its move, define it
-as _8132_start_ta_move [Sahbaz 2007, Table A.1], which returns at once. What the numbers mean and how they are chosen:
-`planner.export.card_calls`.
+as _8132_start_ta_move [Sahbaz 2007, Table A.1], which returns at once.
 
-The call list of the motion cards as CSV, easy to replay by a program.
+The CSV is easy to replay by a program:
 
     Time[s],Name,Function,Axis,Position[pulses],Start[pulses/s],Max[pulses/s],Tacc[s],Tdec[s]
     0.000000,leg3,_8164_start_ta_move,0,-12,38.2,2401.7,0.01,0.0
 
 One row per call, in the order of time: wait until Time, then call Function(Axis, Position, Start, Max, Tacc, Tdec).
 Speeds are the shortest decimals that read back as the same floats. UTF-8, line ends \\n, decimal points whatever the
-locale. What the numbers mean and how they are chosen: `planner.export.card_calls`.
+locale.
 """
 
 import csv

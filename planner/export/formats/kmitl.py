@@ -1,9 +1,9 @@
-"""What the formats of the three-armed machine share: who it is, points along its path, and its numbers as text.
+"""Formats of the three-armed machine [KMITL 2005]: lists of arm lengths and of positions, and bytes for a port.
 
-[KMITL 2005]: lengths are in units; 500 counts make one, and a digital differential analyser (DDA) runs from listed
-point to listed point. Its reader takes seven characters for a number, and counts lines in 16 bits.
+Lengths are in units; 500 counts make one, and a digital differential analyser (DDA) runs from listed point to listed
+point. The source's reader takes seven characters for a number, and counts lines in 16 bits.
 
-Arm-length list of [KMITL 2005]: the three arm lengths at steps along the path, for its DDA to run through.
+Arm-length list: the three arm lengths at steps along the path, for the DDA to run through.
 
     PointL1_10001266.774
     PointL2_10001266.774
@@ -16,13 +16,13 @@ The key is followed by the length at once, in seven characters: the source's rea
 runs up from 10001; an empty line ends a point. Lengths are distances between joint centres, in units. The file holds
 no times: the source's reader runs as fast as its loop of output commands. ASCII, line ends \\r\\n, decimal points.
 
-One byte per step, for a parallel port [KMITL 2005]: bit 2i is the step of axis i, bit 2i + 1 its direction.
+One byte per step, for a parallel port: bit 2i is the step of axis i, bit 2i + 1 its direction.
 
 X+ 1, X- 3, Y+ 4, Y- 12, Z+ 16, Z- 48; axes that step in the same tick share a byte. Direction 0 is a positive count of
 the wiring. The reader puts each byte out, and 0 after it: so STEP falls, and direction has no set-up time of its own.
 The file is nothing but these bytes: it holds no times, no start counts, and at most four axes.
 
-Position list of [KMITL 2005]: the poses that its program runs through in straight lines.
+Position list: the poses that the source's program runs through in straight lines.
 
     Polar1____cex 15.0000
     …

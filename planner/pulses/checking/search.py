@@ -1,8 +1,6 @@
-"""What the check of one axis has found so far, and how it asks its motion.
+"""What the check of one axis has found so far, and how it asks its motion, sampled in pulses.
 
-A motion of one axis in pulses, as the check samples it.
-
-Between its pulses, too, an axis stays within its sides of the count.
+Between its pulses, too, an axis has to stay within its sides of the count.
 """
 
 from abc import ABC, abstractmethod

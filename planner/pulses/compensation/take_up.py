@@ -1,6 +1,5 @@
-"""Taking up play: when a motor crosses it, and how gently, so that it keeps to what its axis' limits leave.
-
-Where an axis turns round, as play feels it.
+"""Taking up play: where an axis turns round, when its motor crosses the play, and how gently, so that it keeps to what
+its axis' limits leave.
 """
 
 from dataclasses import dataclass, replace

@@ -1,8 +1,6 @@
-"""From a motion to pulses: the firing rule at work.
+"""From a motion to pulses: a firing rule at work, and the rules by name.
 
-Room between pulses: those closer together than their axis takes are moved apart, by the least that does.
-
-Firing rules: one file each, one line here.
+Pulses closer together than their axis takes are moved apart, by the least that does.
 """
 
 from collections.abc import Sequence
