@@ -7,13 +7,15 @@ can be polled. Bytes become lines whatever comes in, in whatever pieces, with a 
 from __future__ import annotations
 
 import os
+import re
 import socket
 import sys
 from abc import ABC, abstractmethod
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
+from controllers.console.grammar import MisreadLine, remote
 from kinematics.foundation.errors import MotionError, NotInstalled
 
 LOOPBACK = "127.0.0.1"
@@ -213,3 +215,39 @@ def _read(line: bytes) -> TextLine:
         if not (0x20 <= byte < 0x7F or byte == 0x09):
             return TextLine("", f"byte 0x{byte:02X} at {place + 1} of a line is no character of a command")
     return TextLine(line.decode())
+
+
+MAX_MISREAD_LINES = 3
+"""Lines in a row that are no commands, from the first on, after which a link is shut: HTTP has more before its body."""
+HTTP = re.compile(r"\s*[A-Z]+ +\S+ +HTTP/", re.ASCII | re.IGNORECASE)
+
+
+@dataclass(frozen=True, slots=True)
+class Trust:
+    """What a link's lines have shown so far.
+
+    known    whether one of them was a command: a computer that knows them may err as often as it likes
+    misread  how many were none before that
+    shut     why the link is to be closed; "": it is not
+    """
+
+    known: bool = False
+    misread: int = 0
+    shut: str = ""
+
+    def after(self, line: TextLine, names: Sequence[str]) -> Trust:
+        """With a line; names: of the axes, in capitals."""
+        if self.known or self.shut:
+            return self
+        if not self.misread and HTTP.match(line.text):
+            return replace(self, shut="HTTP is not accepted on this line")
+        try:
+            if not line.fault:
+                remote(line.text, names)
+                return replace(self, known=True)
+        except MisreadLine:
+            pass
+        misread = self.misread + 1
+        return replace(
+            self, misread=misread, shut=f"{misread} lines were not commands" if misread >= MAX_MISREAD_LINES else ""
+        )

@@ -7,7 +7,6 @@ to speak the console's language: a web page's POST shall move nothing.
 
 from __future__ import annotations
 
-import re
 import select
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -30,7 +29,7 @@ from controllers.console.grammar import (
     remote,
 )
 from controllers.console.interpret import describe_registers, interpret
-from controllers.console.links import Link, Partial, TextLine, Transport
+from controllers.console.links import Link, Partial, TextLine, Transport, Trust
 from controllers.console.motion import halt_motion
 from controllers.console.session import Session
 from kinematics.foundation.errors import MotionError
@@ -173,42 +172,6 @@ def _prepend_replies(
     replies: tuple[Reply, ...], done: tuple[Dispatcher, tuple[Reply, ...]]
 ) -> tuple[Dispatcher, tuple[Reply, ...]]:
     return done[0], (*replies, *done[1])
-
-
-MAX_MISREAD_LINES = 3
-"""Lines in a row that are no commands, from the first on, after which a link is shut: HTTP has more before its body."""
-HTTP = re.compile(r"\s*[A-Z]+ +\S+ +HTTP/", re.ASCII | re.IGNORECASE)
-
-
-@dataclass(frozen=True, slots=True)
-class Trust:
-    """What a link's lines have shown so far.
-
-    known    whether one of them was a command: a computer that knows them may err as often as it likes
-    misread  how many were none before that
-    shut     why the link is to be closed; "": it is not
-    """
-
-    known: bool = False
-    misread: int = 0
-    shut: str = ""
-
-    def after(self, line: TextLine, names: Sequence[str]) -> Trust:
-        """With a line; names: of the axes, in capitals."""
-        if self.known or self.shut:
-            return self
-        if not self.misread and HTTP.match(line.text):
-            return replace(self, shut="HTTP is not accepted on this line")
-        try:
-            if not line.fault:
-                remote(line.text, names)
-                return replace(self, known=True)
-        except MisreadLine:
-            pass
-        misread = self.misread + 1
-        return replace(
-            self, misread=misread, shut=f"{misread} lines were not commands" if misread >= MAX_MISREAD_LINES else ""
-        )
 
 
 MAX_WAIT = 0.05
