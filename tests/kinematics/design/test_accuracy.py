@@ -216,7 +216,7 @@ class Winding(Machine):
     def expression(self, position, rotation, near):
         return position + ca.vertcat(position[1] ** 2, position[2] ** 2, position[0] ** 2)
 
-    def carried(self, position, rotation, q):
+    def fill_pose(self, position, rotation, q):
         turned = ca.SX.eye(3)
         for k, axis in enumerate(np.array([[0.6, 0.8, 0], [0, 0.6, 0.8], [0.8, 0, 0.6]])):
             skew = ca.skew(ca.DM(axis))
