@@ -7,10 +7,10 @@ from matplotlib.axes import Axes
 
 from controllers.metrics import ErrorSeries, Metrics
 from controllers.metrics.circular_test import CircularTest
-from controllers.metrics.iso_style import PathAccuracy
+from controllers.metrics.iso_style import IsoStyle, PathAccuracy, PoseAccuracy, VelocityAccuracy
 from controllers.tracking import Tracking
 from kinematics.foundation.arrays import Array
-from kinematics.foundation.figure import PALETTE, escape_dollars, line_style, new_axes
+from kinematics.foundation.figure import PALETTE, draw_bars, escape_dollars, line_style, new_axes
 from kinematics.foundation.result import draws
 
 _UNIT = {"m": ("µm", 1e6), "rad": ("mrad", 1e3)}
@@ -61,6 +61,26 @@ def path_accuracy(accuracy: PathAccuracy, ax: Axes | None = None) -> Axes:
     ax.set(xlabel="station", ylabel="ISO-style path accuracy (µm)", ylim=(0, None))
     ax.legend(frameon=False)
     return ax
+
+
+@draws(PoseAccuracy)
+def pose_accuracy(accuracy: PoseAccuracy, ax: Axes | None = None) -> Axes:
+    """Accuracy and repeatability."""
+    figures = [1e6 * accuracy.accuracy, 1e6 * accuracy.repeatability]
+    return draw_bars(["accuracy", "repeatability"], figures, "ISO-style pose accuracy (µm)", ax)
+
+
+@draws(VelocityAccuracy)
+def velocity_accuracy(accuracy: VelocityAccuracy, ax: Axes | None = None) -> Axes:
+    """All three figures as shares of the commanded speed."""
+    shares = [accuracy.accuracy, accuracy.repeatability, 100 * accuracy.fluctuation / accuracy.commanded]
+    return draw_bars(["accuracy", "repeatability", "fluctuation"], shares, "% of the commanded speed", ax)
+
+
+@draws(IsoStyle)
+def iso_style(found: IsoStyle, ax: Axes | None = None) -> Axes:
+    """Accuracy and repeatability of the path, station by station."""
+    return path_accuracy(found.path, ax)
 
 
 @draws(CircularTest)

@@ -14,13 +14,28 @@ from numpy.typing import ArrayLike
 from kinematics.analysis.containment import KINDS
 from kinematics.analysis.dynamics import Forces
 from kinematics.analysis.forward import Forward
+from kinematics.analysis.margins import Margins
+from kinematics.analysis.posture import Posture
 from kinematics.analysis.workspace import Box, Workspace
+from kinematics.calibration.measurements import POSITION, Measurements
 from kinematics.calibration.result import GROUPS, Calibration, Observability, check_group
 from kinematics.design.accuracy import Budget, Contribution
+from kinematics.design.catalogue import Part
+from kinematics.design.selection import SI, UNITS, ActuatorNeed, JointNeed, Selection
+from kinematics.design.sizing import UPPER_BOUNDED, StepperSizing
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
-from kinematics.foundation.figure import PALETTE, escape_dollars, invert_y_axis, new_axes, new_axes_3d, unique_labels
+from kinematics.foundation.figure import (
+    PALETTE,
+    draw_bars,
+    escape_dollars,
+    invert_y_axis,
+    new_axes,
+    new_axes_3d,
+    unique_labels,
+)
 from kinematics.foundation.result import draws
+from kinematics.foundation.units import unit_value
 from kinematics.kinds.legged import Legged
 from kinematics.machine.machine import Machine
 
@@ -288,3 +303,53 @@ def _per_pose(errors: Array) -> Array:
     known = np.isfinite(errors)
     total = np.nansum(errors**2, axis=1) / np.maximum(known.sum(1), 1)
     return np.asarray(1e6 * np.where(known.any(1), np.sqrt(total), np.nan))
+
+
+@draws(Margins)
+def limit_uses(margins: Margins, ax: Axes | None = None) -> Axes:
+    """The largest use of each limit over the poses."""
+    return draw_bars(margins.names, margins.uses.max(0, initial=0.0).tolist(), "largest use of the limit", ax, 1.0)
+
+
+@draws(Posture)
+def posture_uses(posture: Posture, ax: Axes | None = None) -> Axes:
+    """The use of every limit."""
+    return limit_uses(posture.margins, ax)
+
+
+@draws(Measurements)
+def measured_offsets(measurements: Measurements, ax: Axes | None = None) -> Axes:
+    """How far the measured position of each pose is from the commanded one."""
+    off = np.linalg.norm(measurements.measured.translation - measurements.commanded.translation, axis=1)
+    known = np.asarray(measurements.seen[:, POSITION].all(1))
+    names = [label for label, there in zip(measurements.labels, known.tolist(), strict=True) if there]
+    return draw_bars(names, (1e6 * off[known]).tolist(), "measured − commanded position (µm)", ax)
+
+
+@draws(ActuatorNeed)
+@draws(JointNeed)
+def needs(need: ActuatorNeed | JointNeed, ax: Axes | None = None) -> Axes:
+    """What is asked for, in the units of `UNITS`."""
+    wanted = need.demands()
+    shown = [value / unit_value(UNITS[name], SI[name]) for name, value in wanted.items()]
+    return draw_bars([f"{name} ({UNITS[name]})" for name in wanted], shown, "needed", ax)
+
+
+@draws(Selection)
+def reserves(selection: Selection[Part], ax: Axes | None = None) -> Axes:
+    """The reserve of each part that does."""
+    feasible = selection.feasible
+    shown = [each.reserve for each in feasible]
+    return draw_bars([each.part.name for each in feasible], shown, "smallest offered / needed", ax, 1.0)
+
+
+@draws(StepperSizing)
+def sizing_shares(sizing: StepperSizing, ax: Axes | None = None) -> Axes:
+    """How much of what is offered, or allowed, each rule takes."""
+    # of what must not be more than allowed the offer is the use
+    shares = {
+        check.name: check.offered / check.needed if check.name in UPPER_BOUNDED else check.needed / check.offered
+        for check in sizing.checks
+        if check.offered and check.needed
+    }
+    return draw_bars([*shares], [*shares.values()], "share of what is allowed or offered", ax, 1.0)

@@ -1,8 +1,8 @@
 """A second opinion on a plan: the fastest motion of order 2 by toppra beside our own, each with its certificate."""
 
 from dataclasses import dataclass, field
-from math import isfinite
 
+from kinematics.files.plain_text import finite_or_none
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
@@ -59,7 +59,7 @@ class CrossCheck(Result):
 
 
 def _record(one: Solution) -> dict[str, object]:
-    worst = {limit: ratio if isfinite(ratio) else None for limit, ratio in one.certificate.worst.items()}
+    worst = {limit: finite_or_none(ratio) for limit, ratio in one.certificate.worst.items()}
     holds = one.certificate.holds
     return {"duration_s": one.trajectory.duration, "certified": holds, "worst_ratios": worst}
 

@@ -12,11 +12,13 @@ from mpl_toolkits.mplot3d import Axes3D
 from mpl_toolkits.mplot3d.art3d import Line3DCollection
 
 from kinematics.foundation.arrays import Array
-from kinematics.foundation.figure import PALETTE, escape_dollars, line_style, new_axes, new_axes_3d
+from kinematics.foundation.figure import PALETTE, draw_bars, escape_dollars, line_style, new_axes, new_axes_3d
 from kinematics.foundation.result import draws
 from kinematics.machine.axis import Axis
 from kinematics.machine.pose import from_numbers
 from planner.baselines.classical import Classical
+from planner.certificate.certify import Certificate
+from planner.certificate.feasibility import Standing
 from planner.cross_check import CrossCheck
 from planner.path.actuation import MachinePath
 from planner.plan import Plan, active_limits
@@ -275,6 +277,19 @@ def cross_checked_speeds(check: CrossCheck, ax: Axes | None = None) -> Axes:
 def imported_way(found: Imported, ax: Axes | None = None) -> Axes:
     """The tool's way in the program's coordinates."""
     return program_way(found.program, ax)
+
+
+@draws(Certificate)
+def proven_uses(certificate: Certificate, ax: Axes | None = None) -> Axes:
+    """The worst proven use of each limit; `limit_use` shows that of a plan over time."""
+    return draw_bars([*certificate.worst], [*certificate.worst.values()], "bound of value/limit", ax, 1.0)
+
+
+@draws(Standing)
+def geometric_uses(standing: Standing, ax: Axes | None = None) -> Axes:
+    """The largest use of each limit."""
+    uses = [use for use, _ in standing.largest.values()]
+    return draw_bars([*standing.largest], uses, "bound of value/limit along the path", ax, 1.0)
 
 
 @draws(Program)

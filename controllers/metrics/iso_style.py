@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -20,9 +19,6 @@ from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,13 +47,6 @@ class PoseAccuracy(Result):
     def tables(self) -> tuple[Table, ...]:
         """The figures that are known."""
         return (figures_table(f"ISO-style, {self.cycles} arrivals", self.figures()),)
-
-    def plot(self, ax: Axes | None = None) -> Axes:
-        """Accuracy and repeatability."""
-        from kinematics.foundation.figure import draw_bars
-
-        figures = [1e6 * self.accuracy, 1e6 * self.repeatability]
-        return draw_bars(["accuracy", "repeatability"], figures, "ISO-style pose accuracy (µm)", ax)
 
 
 def figures_table(title: str, figures: Mapping[str, float]) -> Table:
@@ -253,13 +242,6 @@ class VelocityAccuracy(Result):
         )
         return (Table(f"ISO-style, {self.cycles} cycles at {1e3 * self.commanded:.6g} mm/s", columns),)
 
-    def plot(self, ax: Axes | None = None) -> Axes:
-        """All three as shares of the commanded speed."""
-        from kinematics.foundation.figure import draw_bars
-
-        shares = [self.accuracy, self.repeatability, 100 * self.fluctuation / self.commanded]
-        return draw_bars(["accuracy", "repeatability", "fluctuation"], shares, "% of the commanded speed", ax)
-
 
 def velocity_accuracy(speeds: Array, commanded: float) -> VelocityAccuracy:
     """From attained speeds (N, n), m/s, of n cycles where v_c > 0 is commanded.
@@ -310,10 +292,6 @@ class IsoStyle(Result):
         """Every figure by its name: m, rad, m/s, and % of the speed."""
         figures = self.figures()
         return Table("ISO-style", (Column("figure", [*figures]), Column("value", [*figures.values()])))
-
-    def plot(self, ax: Axes | None = None) -> Axes:
-        """Accuracy and repeatability of the path, station by station."""
-        return self.path.plot(ax)
 
 
 def iso_style(runs: Runs, task: Task, rigs: Sequence[Rig], *, stations: int = DEFAULT_STATIONS) -> IsoStyle:

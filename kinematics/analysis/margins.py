@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,10 +13,6 @@ from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
 from kinematics.machine.model import MachineModel, scaled_jacobian
 from kinematics.machine.pose import Pose
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
 
 # Rounding of a stroke computed from coordinates of decimetres; far below any pulse.
 USE_ROUNDING = 1e-9
@@ -57,16 +52,16 @@ class Margins(Result):
     @property
     def ok(self) -> np.ndarray:
         """(N,) bool: every limit respected. No limit is set on conditioning and singularity."""
-        return np.asarray(self._use().max(1) <= 1 + USE_ROUNDING)
+        return np.asarray(self.uses.max(1) <= 1 + USE_ROUNDING)
 
     @property
     def use(self) -> Array:
         """(N,) of the limit that is used most."""
-        return freeze_array(self._use().max(1))
+        return freeze_array(self.uses.max(1))
 
     def worst(self) -> str:
         """Name and use of the limit that is used most, over all poses."""
-        use = self._use()
+        use = self.uses
         if not use.size:
             raise MotionError("margins of no poses have no worst case; check at least one pose")
         pose, entry = np.unravel_index(int(np.argmax(use)), use.shape)
@@ -85,7 +80,7 @@ class Margins(Result):
 
     def tables(self) -> tuple[Table, ...]:
         """Pose by pose: what is used most, clearance, conditioning, distance to singular, and whether all is well."""
-        use = self._use()
+        use = self.uses
         least = self.clearance.min(1, initial=np.inf)
         columns = (
             Column("pose", range(len(use))),
@@ -100,18 +95,14 @@ class Margins(Result):
 
     def data(self) -> Table:
         """The use of every limit, pose by pose."""
-        uses = self._use()
+        uses = self.uses
         each = (Column(name, uses[:, k]) for k, name in enumerate(self.names))
         rest = (Column("conditioning", self.conditioning), Column("singularity", self.singularity))
         return Table("use of the limits", (Column("pose", range(len(uses))), *each, *rest, Column("ok", self.ok)))
 
-    def plot(self, ax: Axes | None = None) -> Axes:
-        """The largest use of each limit over the poses."""
-        from kinematics.foundation.figure import draw_bars
-
-        return draw_bars(self.names, self._use().max(0, initial=0.0).tolist(), "largest use of the limit", ax, 1.0)
-
-    def _use(self) -> Array:
+    @property
+    def uses(self) -> Array:
+        """(N, limits) of every limit of `names`; 1 is at the limit."""
         limited = np.where(self.max_tilt < np.pi, self.tilt, 0.0)
         return np.concatenate([self.travel, limited, clearance_use(self.clearance, self.contact)], 1)
 

@@ -18,8 +18,6 @@ from kinematics.foundation.table import SCALES, Column, Table
 from kinematics.machine.pose import COMPONENTS, Pose, from_numbers, to_numbers
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
     from kinematics.machine.machine import Machine
 
 SAME_POSE_TOLERANCE = 1e-6
@@ -111,10 +109,6 @@ class Posture(Result):
     def files(self) -> Mapping[str, Callable[[Path], None]]:
         """.csv: every axis; .json: all tables."""
         return {".csv": self._csv, ".json": self._json}
-
-    def plot(self, ax: Axes | None = None) -> Axes:
-        """The use of every limit."""
-        return self.margins.plot(ax)
 
     def _poses(self) -> Table:
         both = (self.from_home, self.pose)

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,9 +12,6 @@ from kinematics.foundation.errors import MotionError
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
 from kinematics.machine.pose import Pose, to_numbers
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 COMPONENTS = ("x", "y", "z", "rx", "ry", "rz", "axis u", "axis v")
 """Errors of a pose: position and turn in the measuring frame; where only the platform's z axis is known, its turn about
@@ -110,15 +106,6 @@ class Measurements(Result):
                     columns.append(Column(f"{what} {name}", shown, "m" if k < 3 else "rad", "human", ".4f"))
         columns.append(Column("fitted", self.fit))
         return (Table(f"{self.name}: {len(self)} poses from home", tuple(columns), self.notes),)
-
-    def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """How far the measured position of each pose is from the commanded one."""
-        from kinematics.foundation.figure import draw_bars
-
-        off = np.linalg.norm(self.measured.translation - self.commanded.translation, axis=1)
-        known = np.asarray(self.seen[:, POSITION].all(1))
-        names = [label for label, there in zip(self.labels, known.tolist(), strict=True) if there]
-        return draw_bars(names, (1e6 * off[known]).tolist(), "measured − commanded position (µm)", ax)
 
 
 def whole_poses(

@@ -18,13 +18,11 @@ from kinematics.foundation.errors import MotionError
 from kinematics.foundation.names import nearest
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
-from kinematics.foundation.units import describe, unit_value
+from kinematics.foundation.units import describe
 from kinematics.machine.motion import Motion
 from kinematics.machine.pose import Pose, to_numbers
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
     from kinematics.machine.machine import Machine
 
 UNITS = {"stroke": "mm", "speed": "mm/s", "force": "N", "precision": "um", "tilt": "deg"}
@@ -48,14 +46,6 @@ class _Need(Result):
         units = [SI[name] for name in wanted]
         columns = (Column("property", [*wanted]), Column("needed", [*wanted.values()], units, "human"))
         return (Table(f"{type(self).__name__.removesuffix('Need').lower()} that is needed", columns),)
-
-    def plot(self, ax: Axes | None = None) -> Axes:
-        """What is asked for, in the units of `UNITS`."""
-        from kinematics.foundation.figure import draw_bars
-
-        wanted = self.demands()
-        shown = [value / unit_value(UNITS[name], SI[name]) for name, value in wanted.items()]
-        return draw_bars([f"{name} ({UNITS[name]})" for name in wanted], shown, "needed", ax)
 
 
 @dataclass(frozen=True, slots=True)
@@ -203,13 +193,6 @@ class Selection(Result, Generic[Part]):
             ),
         )
         return (Table(f"needed: {wanted}; ranked by {self.criterion}", columns),)
-
-    def plot(self, ax: Axes | None = None) -> Axes:
-        """The reserve of each part that does."""
-        from kinematics.foundation.figure import draw_bars
-
-        names, reserves = [each.part.name for each in self.feasible], [each.reserve for each in self.feasible]
-        return draw_bars(names, reserves, "smallest offered / needed", ax, 1.0)
 
 
 _CRITERIA: dict[str, tuple[str, Callable[[AnyPart, float], float | None]]] = {

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, fields
 from math import inf, isfinite, pi, sqrt, tau
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -10,9 +10,6 @@ from kinematics.foundation.arrays import finite_array
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 STEEL = 7850.0
 """kg/m³."""
@@ -193,18 +190,6 @@ class StepperSizing(Result):
             Column("holds", [check.holds for check in self.checks], words={"None": "not stated", "False": "NO"}),
         )
         return Table("sizing of a stepper", lines), Table("rules", rules)
-
-    def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """How much of what is offered, or allowed, each rule takes."""
-        from kinematics.foundation.figure import draw_bars
-
-        # of what must not be more than allowed the offer is the use
-        shares = {
-            check.name: check.offered / check.needed if check.name in UPPER_BOUNDED else check.needed / check.offered
-            for check in self.checks
-            if check.offered and check.needed
-        }
-        return draw_bars([*shares], [*shares.values()], "share of what is allowed or offered", ax, 1.0)
 
 
 def _unit(name: str) -> str:

@@ -4,6 +4,7 @@ The command line loads this file alone, before the package. So it imports nothin
 """
 
 import re
+from math import isfinite
 
 _OBEYED = "\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff\ufeff"
 """C0 but tab and line feed, DEL, C1, marks and overrides of direction, separators of lines, halves of characters."""
@@ -18,6 +19,11 @@ def plain(text: str) -> str:
 def plain_line(text: str) -> str:
     r"""The same of one line: a tab and a line feed are \t and \n too."""
     return _IN_LINE.sub(_escape, text)
+
+
+def finite_or_none(value: float) -> float | None:
+    """A number as JSON can have it, which knows no infinity and no NaN."""
+    return value if isfinite(value) else None
 
 
 def plain_json(text: str) -> str:

@@ -8,7 +8,6 @@ forwards, between the speeds stated.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -24,9 +23,6 @@ from planner.limits.resonance import Resonance
 from planner.path.actuation import ActuatorPath
 from planner.place import Place, where_columns
 from planner.trajectory import Trajectory, unit_speed_trajectory
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 # A jump of q, q̇ (and q̈ under jerk limits) between two pieces up to this share of the largest value met is rounding.
 MAX_JUMP = 1e-9
@@ -175,12 +171,6 @@ class Certificate(Result):
         where = where_columns([self.where[name] for name in self.worst])
         names = Column("limit", [*self.worst])
         return (Table(f"{head}: value/limit, bounded over continuous time", (names, ratios, *where)),)
-
-    def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """The worst proven use of each limit; planner.figures.limit_use shows that of a plan over time."""
-        from kinematics.foundation.figure import draw_bars
-
-        return draw_bars([*self.worst], [*self.worst.values()], "bound of value/limit", ax, 1.0)
 
 
 @dataclass(frozen=True, slots=True)

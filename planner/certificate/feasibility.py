@@ -5,7 +5,6 @@ Control is lost in singular poses, which are excluded cell by cell along the pat
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,9 +20,6 @@ from planner.path.join_and_blend import Blended, blend_tables
 from planner.path.point_to_point import Departure, departure_tables
 from planner.place import Infeasible, Place, where_columns
 from planner.trajectory import State, Trajectory, unit_speed_trajectory
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 # Smallest cell, as a share of the part that it is cut from; beyond it a singular pose counts as met.
 MIN_CELL_SHARE = 2.0**-12
@@ -103,13 +99,6 @@ class Standing(Result):
             tuple(map(str, self.violations)),
         )
         return uses, *blend_tables(self.blends), *departure_tables(self.departures)
-
-    def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """The largest use of each limit."""
-        from kinematics.foundation.figure import draw_bars
-
-        uses = [use for use, _ in self.largest.values()]
-        return draw_bars([*self.largest], uses, "bound of value/limit along the path", ax, 1.0)
 
 
 def prove_feasibility(path: ActuatorPath, limits: Sequence[Limit]) -> Standing:

@@ -11,6 +11,7 @@ import numpy as np
 from kinematics.calibration import Calibration
 from kinematics.calibration.checks import axis_checks
 from kinematics.calibration.result import GROUPS, describe_combination, identified_pulses
+from kinematics.files.plain_text import finite_or_none
 from kinematics.foundation.arrays import Array
 from kinematics.machine.machine_writer import machine_toml
 from pulsepath import __version__
@@ -46,9 +47,9 @@ def record(calibration: Calibration, sources: dict[str, bytes]) -> Record:
         "values": int(calibration.used.sum()),
         "degrees_of_freedom": calibration.degrees,
         "noise": None if data.noise is None else asdict(data.noise),
-        "residual_scale": _finite_or_none(calibration.scale),
+        "residual_scale": finite_or_none(calibration.scale),
         "rms": {
-            group: {name: _finite_or_none(calibration.rms(errors, group)) for name, errors in stages.items()}
+            group: {name: finite_or_none(calibration.rms(errors, group)) for name, errors in stages.items()}
             for group in GROUPS
             if isfinite(calibration.rms(calibration.before, group))
         },
@@ -58,13 +59,11 @@ def record(calibration: Calibration, sources: dict[str, bytes]) -> Record:
                 "unit": estimate.unit,
                 "nominal": estimate.nominal,
                 "value": estimate.value,
-                "standard_error": _finite_or_none(estimate.error),
+                "standard_error": finite_or_none(estimate.error),
             }
             for estimate in calibration.parameters
         ],
-        "pulses": [
-            {**asdict(pulse), "error": _finite_or_none(pulse.error)} for pulse in identified_pulses(calibration)
-        ],
+        "pulses": [{**asdict(pulse), "error": finite_or_none(pulse.error)} for pulse in identified_pulses(calibration)],
         "observability": {
             **observed.indices,
             "rank": observed.rank,
@@ -83,7 +82,7 @@ def record(calibration: Calibration, sources: dict[str, bytes]) -> Record:
         "skipped_checks": list(calibration.skipped),
         "notes": list(data.notes),
         "checks": [
-            {**asdict(check), "allowed": _finite_or_none(check.allowed), "explained": check.is_explained}
+            {**asdict(check), "allowed": finite_or_none(check.allowed), "explained": check.is_explained}
             for check in axis_checks(calibration)
         ],
         "provenance": {
@@ -106,9 +105,5 @@ def _comment(calibration: Calibration) -> str:
 
 def _group_errors(errors: Array) -> dict[str, Any]:
     """Errors of what was measured of a pose, by group."""
-    found = {group: [_finite_or_none(value) for value in errors[part].tolist()] for group, part in GROUPS.items()}
+    found = {group: [finite_or_none(value) for value in errors[part].tolist()] for group, part in GROUPS.items()}
     return {group: values for group, values in found.items() if any(value is not None for value in values)}
-
-
-def _finite_or_none(value: float) -> float | None:
-    return float(value) if isfinite(value) else None

@@ -6,13 +6,13 @@ What was proved of the written file of pulses stands in certificate.json.
 import json
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass, replace
-from math import isfinite
 from pathlib import Path
 
 import numpy as np
 
 from controllers.rig_choice import rig_hint
 from kinematics import Machine, MotionError, load_machine
+from kinematics.files.plain_text import finite_or_none
 from planner import Plan, Program, Trajectory, load_program
 from planner.export import plan_files
 from planner.limits import Limit, limits_of
@@ -55,12 +55,12 @@ def pulse_file_record(path: Path, plan: Plan, verdict: PulseCheck) -> Record:
                 "pulses": one.pulses,
                 "start_count": held.start,
                 "final_count": held.final,
-                "final_error_pulses": _finite_or_none(one.final_error),
+                "final_error_pulses": finite_or_none(one.final_error),
                 "bound_pulses": held.bound,
-                "time_error_ticks": None if one.time_error is None else _finite_or_none(one.time_error),
-                "position_error_beyond_bound_pulses": _finite_or_none(one.position_error),
-                "error_behind_play_and_screw_pulses": None if one.behind is None else _finite_or_none(one.behind),
-                "smallest_interval_s": _finite_or_none(one.smallest_interval),
+                "time_error_ticks": None if one.time_error is None else finite_or_none(one.time_error),
+                "position_error_beyond_bound_pulses": finite_or_none(one.position_error),
+                "error_behind_play_and_screw_pulses": None if one.behind is None else finite_or_none(one.behind),
+                "smallest_interval_s": finite_or_none(one.smallest_interval),
                 "highest_rate_hz": 1 / one.smallest_interval if one.smallest_interval > 0 else None,
                 "lines_s": _time_record(one.lines, ("high", "low", "setup", "hold")),
                 "drive_needs_s": _time_record(driven.timing, ("high", "low", "setup", "hold", "max_rate")),
@@ -70,14 +70,10 @@ def pulse_file_record(path: Path, plan: Plan, verdict: PulseCheck) -> Record:
     }
 
 
-def _finite_or_none(value: float) -> float | None:
-    return value if isfinite(value) else None
-
-
 def _time_record(of: object, names: Iterable[str]) -> Record | None:
     if of is None:
         return None
-    return {name: None if (value := getattr(of, name)) is None else _finite_or_none(value) for name in names}
+    return {name: None if (value := getattr(of, name)) is None else finite_or_none(value) for name in names}
 
 
 CERTIFICATE = "certificate.json"

@@ -4,13 +4,13 @@ import json
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict
 from importlib.metadata import PackageNotFoundError, version
-from math import isfinite, isnan, pi
+from math import isnan, pi
 from platform import python_version
 from typing import Any
 
 from controllers import Metrics, Rig
 from kinematics import Axis, Machine, MotionError, Pose, Posture
-from kinematics.files.plain_text import plain_json
+from kinematics.files.plain_text import finite_or_none, plain_json
 from kinematics.foundation.options import options
 from planner import Infeasible, Place, Standing, Triggered
 from planner.baselines import describe_differences, missing_limits
@@ -349,13 +349,11 @@ def violation_record(violation: MotionError) -> Record:
         return {"kind": "reach", "message": str(violation)}
     named = _fields(violation, "kind", "axis", "value", "limit", "unit", "remedy")
     where = None if violation.place is None else _place(violation.place)
-    relaxation = violation.relaxation if isfinite(violation.relaxation) else None
-    return {**named, "relaxation": relaxation, "where": where, "message": str(violation)}
+    return {**named, "relaxation": finite_or_none(violation.relaxation), "where": where, "message": str(violation)}
 
 
 def _axis(axis: Axis) -> Record:
-    finite = tuple(bound if isfinite(bound) else None for bound in axis.travel)
-    return {**asdict(axis), "travel": finite, "unit": axis.unit}
+    return {**asdict(axis), "travel": tuple(map(finite_or_none, axis.travel)), "unit": axis.unit}
 
 
 def _versions(*packages: str) -> dict[str, str | None]:

@@ -23,6 +23,7 @@ from benchmarks.reports.gain.run_figures import draw
 from benchmarks.reports.gain.verdict import Verdict, describe_unranked, verdict_of
 from benchmarks.reports.page import render
 from controllers.metrics.metrics import END_BAND
+from kinematics.files.plain_text import finite_or_none
 
 MARKS = {
     "better": ("▼ better", "good"),
@@ -208,10 +209,10 @@ def comparison_record(comparison: Comparison, verdict: Verdict) -> dict[str, Any
         "baseline": _entry(comparison, comparison.baseline),
         "verdict": {
             "best": None if verdict.best is None else _entry(comparison, verdict.best),
-            "score": _finite_or_none(verdict.score),
+            "score": finite_or_none(verdict.score),
             "weights": {one.name: one.weight for one in CRITERIA},
             "ratios": dict(verdict.ratios),
-            "ratio": _finite_or_none(verdict.ratio),
+            "ratio": finite_or_none(verdict.ratio),
             "least_contour_error": None if verdict.least is None else _entry(comparison, verdict.least),
             "margins": [
                 {"gain": one.gain, "value": one.value, "unstable_from": one.edge, "tried_up_to": one.up_to}
@@ -227,7 +228,7 @@ def comparison_record(comparison: Comparison, verdict: Verdict) -> dict[str, Any
                 "path": row.task,
                 "mark": choose_mark(row, comparison),
                 "runs": row.runs,
-                "figures": {name: _finite_or_none(value) for name, value in row.figures.items()},
+                "figures": {name: finite_or_none(value) for name, value in row.figures.items()},
                 "contour_rms_over_rigs": row.spread,
                 "against_baseline": _ratio_record(row.against),
                 "failures": [{"rig": rig, "reason": reason} for rig, reason in row.failures],
@@ -265,10 +266,6 @@ def _ratio_record(against: BaselineRatio | None) -> dict[str, Any] | None:
         return None
     ratios = {"ratio": against.ratio, "least": against.least, "largest": against.largest, "mark": against.mark}
     return {**ratios, "weighed": weigh(against.ratios), "by_criterion": dict(against.ratios)}
-
-
-def _finite_or_none(value: float) -> float | None:
-    return value if isfinite(value) else None
 
 
 def _cell(value: float | None) -> str:
