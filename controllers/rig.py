@@ -62,7 +62,7 @@ def time_path(path: MachinePath, shape: str, share: float, duration: float) -> T
     profiles = []
     for a, b in pairwise(stops.tolist()):
         breaks = path.breaks[a : b + 1]
-        profiles.append(unit.over(breaks, a, duration * float(breaks[-1] - breaks[0]) / float(path.breaks[-1])))
+        profiles.append(unit.stretch(breaks, a, duration * float(breaks[-1] - breaks[0]) / float(path.breaks[-1])))
     return Profile.joined(profiles).along(path)
 
 

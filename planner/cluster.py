@@ -27,7 +27,7 @@ class LostTask(MotionError):
     """A task that killed every worker it was given to."""
 
 
-def installed() -> bool:
+def is_installed() -> bool:
     """Whether Dask is there."""
     try:
         return find_spec("distributed") is not None

@@ -40,14 +40,14 @@ DRAWN_INSTANTS = 2000
 def path_speed(trajectory: Trajectory, ax: Axes | None = None, **style: Any) -> Axes:
     """The speed along the path over time; `style` goes to the line, so that two timings can share the axes."""
     ax = new_axes(ax)
-    t = drawn(trajectory)
+    t = pick_instants(trajectory)
     unit, scale = ("mm/s", 1e3) if isinstance(trajectory.path, MachinePath) else ("1/s", 1.0)
     ax.plot(t, scale * trajectory.at(t).sd, **style)
     ax.set(xlabel="time (s)", ylabel=f"speed along the path ({unit})")
     return ax
 
 
-def drawn(trajectory: Trajectory) -> Array:
+def pick_instants(trajectory: Trajectory) -> Array:
     """Instants (N,) to draw a trajectory at: evenly spaced ones, and its knots."""
     return np.union1d(np.linspace(0, trajectory.duration, DRAWN_INSTANTS), trajectory.knots)
 
@@ -62,7 +62,7 @@ _DERIVATIVE = {"position": ("q", ""), "speed": ("qd", "/s"), "acceleration": ("q
 def path_in_space(plan: Plan, ax: Axes3D | None = None) -> Axes3D:
     """The way of the tool (else the platform's origin) in the program's frame, coloured by its speed; its rests."""
     ax = new_axes_3d(ax)
-    state = plan.trajectory.at(drawn(plan.trajectory))
+    state = plan.trajectory.at(pick_instants(plan.trajectory))
     pose = from_numbers(state.tool_rate(0))
     from_home = plan.program.frame == "home"
     mover = "platform's origin" if plan.path.tool is None else "tool"
@@ -100,7 +100,7 @@ def axis_motion(
     kind = axes[0].kind if kind is None else kind
     unit, scale = _UNIT[kind]
     attribute, per = _DERIVATIVE[quantity]
-    t = drawn(plan.trajectory)
+    t = pick_instants(plan.trajectory)
     values: Array = getattr(plan.trajectory.at(t), attribute) - (plan.machine.home_q if quantity == "position" else 0.0)
     chosen = [n for n, axis in enumerate(axes) if axis.kind == kind]
     for place, n in enumerate(chosen):

@@ -76,7 +76,7 @@ class Infeasible(MotionError):
             self._remedy, self._more = f"{self._remedy}; {self._more()}", None
         return self._remedy
 
-    def advising(self, more: Callable[[], object]) -> "Infeasible":
+    def add_advice(self, more: Callable[[], object]) -> "Infeasible":
         """With more to its remedy, which is worked out when it is read: that may take a second."""
         advised = Infeasible(self.kind, self.axis, self.place, self.value, self.limit, self.unit, self.remedy)
         advised._more = more
@@ -115,7 +115,7 @@ class ConstantRefused(Infeasible):
         self.asked, self.possible = asked, possible
         super().__init__(*told)
 
-    def found(self, speed: float) -> "ConstantRefused":
+    def add_possible_speed(self, speed: float) -> "ConstantRefused":
         """With a speed of which it was proved that the whole run can be made at it."""
         remedy = f"{self.remedy}; {speed * 1e3:.6g} mm/s was found to hold"
         told = self.kind, self.axis, self.place, self.value, self.limit, self.unit, remedy

@@ -38,7 +38,7 @@ from planner.pulses import (
     pace_axes,
     realised,
 )
-from planner.pulses.compensation.compensate import counted
+from planner.pulses.compensation.compensate import counted_motion
 from planner.pulses.schedule import schedule_tables
 from planner.pulses.triggers import Triggered, find_triggers, trigger_tables
 from planner.timing.certified_solve import certified_solve, timing_table
@@ -120,10 +120,10 @@ class Plan(Result):
         options: the fields of the format's dataclass, in SI units. force: replace a file that is there.
         Raises MotionError for an unknown format or option, a file that is there, and what the format cannot hold.
         """
-        from planner.export.format import ExportSource, written
+        from planner.export.format import ExportSource, write_export
 
         source = ExportSource(self.program.name, self.machine, self.trajectory, self.pulses)
-        return written(source, format, path, force, options)
+        return write_export(source, format, path, force, options)
 
     def tables(self) -> tuple[Table, ...]:
         """How long it takes, what is proved of it, its blends, its pulses and its triggers."""
@@ -224,7 +224,7 @@ def _pulses(
 ) -> tuple[AxesMotion, PulseSchedule]:
     """What is counted, and its pulses; a refusal names the segment, which pulses alone do not know."""
     try:
-        motors = counted(trajectory, machine.axes, machine.home_q)
+        motors = counted_motion(trajectory, machine.axes, machine.home_q)
         return motors, generate(motors, machine.axes, machine.home_q, clock_hz, rule, progress)
     except Infeasible as no:
         if no.place is None or no.place.t is None:
@@ -258,7 +258,7 @@ def _add_advice(no: MotionError, program: Program, machine: Machine, order: int)
         return no
     more = partial(find_remedy, program, machine, order)
     if isinstance(no, Infeasible):
-        return no.advising(more) if no.kind in geometric_limits() else no
+        return no.add_advice(more) if no.kind in geometric_limits() else no
     return LostPath(str(no), more)
 
 

@@ -23,7 +23,7 @@ from planner.limits import Limit
 from planner.limits.geometric import Tilt
 from planner.program.model import Program
 from planner.pulses import PulseSchedule
-from planner.pulses.motion import reached
+from planner.pulses.motion import find_reached_poses
 from planner.trajectory import State, Trajectory
 
 TOOL = "tool"
@@ -188,7 +188,7 @@ def compute_frames(plan: AnimatablePlan, t: Array, magnified: float | None = Non
     wanted = _numbers(plan.trajectory.at(along))
     planned = _tool(plan, wanted)
     try:
-        errors = _tool(plan, reached(machine, plan.pulses, along, wanted)) - planned
+        errors = _tool(plan, find_reached_poses(machine, plan.pulses, along, wanted)) - planned
     except MotionError:  # singular on the way: `plan` tells it too
         errors = None
     pivots, tool = machine.parts.pivots, _tool(plan, x)

@@ -39,7 +39,7 @@ from controllers.simulate import sample, simulate
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
 from kinematics.machine.machine import Machine
-from planner.cluster import LostTask, installed, run_on_cluster
+from planner.cluster import LostTask, is_installed, run_on_cluster
 from planner.environment import LIBRARIES
 from planner.parallel import Progress, spread
 from planner.path.actuation import MachinePath
@@ -270,7 +270,7 @@ def _run(
     tell: Callable[[str], None],
 ) -> list[LostTask]:
     lost: list[LostTask] = []
-    if address is None and (not installed() or len(batches) < 2):
+    if address is None and (not is_installed() or len(batches) < 2):
         if len(batches) > 1:
             tell('Dask is not installed (extra "cluster"): the runs are spread over processes of this computer')
         spread(partial(score, rig=rig), batches, keep)

@@ -26,7 +26,7 @@ from planner.limits.limit import Limit, Term
 from planner.limits.resonance import Resonance
 from planner.path.actuation import ActuatorPath, MachinePath, actuate
 from planner.plan import Plan
-from planner.program.model import Program, stopping
+from planner.program.model import Program, stop_at_joins
 from planner.timing.certified_run import Timing, required_slowness
 from planner.timing.certified_solve import certified_solve
 from planner.timing.problem import Block, Problem, Run, make_grid, pose_problem
@@ -84,7 +84,7 @@ class FamilyTiming:
         unit = self.shapes.draw(*best)
         breaks = path.breaks[run.first : run.last + 2]
         duration = (1 - (FINE_SPEED_EXCESS if mixed else SPEED_EXCESS)) * _required_duration(problem, unit)
-        return RunSolution("solved", unit.over(breaks, run.first, duration), maker=self.shapes.name)
+        return RunSolution("solved", unit.stretch(breaks, run.first, duration), maker=self.shapes.name)
 
     def tighten(
         self, path: ActuatorPath, limits: Sequence[Limit], solution: RunSolution, use: Mapping[str, Array]
@@ -240,7 +240,7 @@ def _stopping_path(plan: Plan | Course) -> tuple[MachinePath, tuple[Limit, ...]]
     if plan.path.stops(2).all() and plan.path.end_speeds == (0.0, 0.0):
         return plan.path, tuple(limit for limit in plan.limits if limit.geometric)
     if plan.path not in _STOPPING_PATHS:
-        path = actuate(replace(stopping(plan.program), start_speed=0.0, end_speed=0.0), plan.machine)
+        path = actuate(replace(stop_at_joins(plan.program), start_speed=0.0, end_speed=0.0), plan.machine)
         limits = limits_of(path, plan.machine.axes, 2)
         _STOPPING_PATHS[plan.path] = path, tuple(limit for limit in limits if limit.geometric)
     return _STOPPING_PATHS[plan.path]
@@ -271,7 +271,7 @@ def _time_moves(plan: Plan | Course, kind: str) -> Classical:
 
 def missing_limits(plan: Plan, timing: Classical) -> tuple[str, ...]:
     """What the plan is proved to keep, and the timing is not, as certificates call it: left out of it, or broken."""
-    kept = _kept(timing)
+    kept = _list_kept_limits(timing)
     missing = [name for name in plan.certificate.worst if name not in kept]
     return tuple(name for name in missing if name != CROSSING or Resonance.name not in missing)
 
@@ -281,7 +281,7 @@ def describe_differences(plan: Plan, timing: Classical) -> tuple[str, ...]:
     told = []
     if missing := missing_limits(plan, timing):
         told.append(f"without {', '.join(missing)}")
-    if more := [name for name in _kept(timing) if name not in plan.certificate.worst]:
+    if more := [name for name in _list_kept_limits(timing) if name not in plan.certificate.worst]:
         told.append(f"keeps {', '.join(more)} too")
     if not timing.certificate.holds:
         told.append("not certified")
@@ -294,7 +294,7 @@ def describe_differences(plan: Plan, timing: Classical) -> tuple[str, ...]:
     return tuple(told)
 
 
-def _kept(timing: Classical) -> list[str]:
+def _list_kept_limits(timing: Classical) -> list[str]:
     return [name for name, worst in timing.certificate.worst.items() if worst <= 1]
 
 

@@ -48,7 +48,7 @@ def find_jumps(trajectory: Trajectory, order: int) -> dict[str, Place]:
     stated = np.array(path.end_speeds)[:, None]
     asked = [np.stack([start[0][0], end[0][-1]]), q1 * stated, q2 * stated**2]
     found: dict[str, Place] = {}
-    rounded = _rounded(trajectory)
+    rounded = _bound_rounding(trajectory)
     blur = INSTANT_ROUNDING * trajectory.knots[:, None]
     for n, name in enumerate(("position jump", "speed jump", "acceleration jump")[:order]):
         begun, ended = start[n], end[n]
@@ -65,7 +65,7 @@ def find_jumps(trajectory: Trajectory, order: int) -> dict[str, Place]:
     return found
 
 
-def _rounded(trajectory: Trajectory) -> tuple[Array, Array, Array]:
+def _bound_rounding(trajectory: Trajectory) -> tuple[Array, Array, Array]:
     """What rounding of q, q′ and q″, to a share of the largest on their piece, makes of q, q̇ and q̈: (M+1, n) each.
 
     A motion near rest at a place where q′ is all but nothing multiplies what rounding leaves of it by a large s̈.
@@ -184,13 +184,13 @@ class ProvedUse:
     attained: dict[str, Array]
 
     @classmethod
-    def nothing(cls, limits: Sequence[Limit], pieces: int) -> "ProvedUse":
+    def make_empty(cls, limits: Sequence[Limit], pieces: int) -> "ProvedUse":
         names = [[limit.name for limit in some] for some in ([each for each in limits if not each.geometric], limits)]
         use, attained = ({name: np.full(pieces, np.nan) for name in each} for each in names)
         return cls(use, attained)
 
     @classmethod
-    def joined(cls, parts: "Sequence[ProvedUse]") -> "ProvedUse":
+    def join(cls, parts: "Sequence[ProvedUse]") -> "ProvedUse":
         """Of time pieces one after the other."""
         use, attained = (
             {name: np.concatenate([getattr(part, each)[name] for part in parts]) for name in getattr(parts[0], each)}

@@ -52,26 +52,26 @@ class Enclosure:
     piece: np.ndarray
     tool: Expression | None
 
-    def _differentiated(self, series: Series, times: int) -> Series:
+    def _differentiate(self, series: Series, times: int) -> Series:
         for _ in range(times):
             series = series.derivative() * self.rate
         return series
 
     @property
     def qd(self) -> Series:
-        return self._differentiated(self.q, 1)
+        return self._differentiate(self.q, 1)
 
     @property
     def qdd(self) -> Series:
-        return self._differentiated(self.q, 2)
+        return self._differentiate(self.q, 2)
 
     @property
     def qddd(self) -> Series:
-        return self._differentiated(self.q, 3)
+        return self._differentiate(self.q, 3)
 
     def pose_rate(self, times: int) -> Series:
         assert self.pose is not None  # only machines have limits on their pose
-        return self._differentiated(self.pose, times)
+        return self._differentiate(self.pose, times)
 
     def distances(self, bodies: Bodies) -> Series:
         """Those at the centres, and how far they can change from there: τ goes by 1 to either end of a cell."""

@@ -166,7 +166,7 @@ def call_list(source: ExportSource, spacing: float | None, speed_range: float | 
 
     Raises MotionError for an axis without a card, a count beyond the counters, a speed beyond the card or the range.
     """
-    kinds = wired(source)
+    kinds = find_card_kinds(source)
     for pulses, axis in zip(source.pulses.axes, source.machine.axes, strict=True):
         refuse_counter(pulses, axis)
     if spacing is not None:
@@ -183,7 +183,7 @@ def call_list(source: ExportSource, spacing: float | None, speed_range: float | 
     return require(_make_calls(source, kinds, tried, speed_range))
 
 
-def wired(source: ExportSource) -> list[CardKind]:
+def find_card_kinds(source: ExportSource) -> list[CardKind]:
     kinds: list[CardKind] = []
     names: dict[str, str | None] = {}
     for axis in source.machine.axes:

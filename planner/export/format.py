@@ -16,7 +16,7 @@ from kinematics.foundation.errors import MotionError
 from kinematics.foundation.options import load_plugin
 from kinematics.machine.machine import Machine
 from planner.parallel import Progress, ignore_progress
-from planner.pulses.compensation.compensate import counted
+from planner.pulses.compensation.compensate import counted_motion
 from planner.pulses.motion import AxesMotion
 from planner.pulses.schedule import PulseSchedule
 from planner.trajectory import Trajectory
@@ -39,7 +39,7 @@ class ExportSource:
     counted: AxesMotion = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "counted", counted(self.trajectory, self.machine.axes, self.machine.home_q))
+        object.__setattr__(self, "counted", counted_motion(self.trajectory, self.machine.axes, self.machine.home_q))
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,7 +132,7 @@ def find_format(name: str) -> type[Format]:
     return found
 
 
-def written(
+def write_export(
     source: ExportSource, name: str, path: str | PathLike[str], force: bool, options: Mapping[str, Any]
 ) -> Exported:
     """What `Plan.export` does; the file is there whole or not at all."""

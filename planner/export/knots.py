@@ -58,7 +58,7 @@ class Segments:
         bend -= state.qdd.reshape(shape) * (length**2)[:, None, None]  # ë times the square of the length
         return np.asarray(error + abs(bend[:, 1:-1]).max(1) / (8 * probes**2))
 
-    def backward(self, motion: AxesMotion, probes: int) -> Array:
+    def backward_way(self, motion: AxesMotion, probes: int) -> Array:
         """(S, axes) how far a cubic runs back inside its segment where the motion runs one way only, else 0.
 
         q̇(u) = c1 + 2 c2 u + 3 c3 u² is against the way between its roots r1 < r2 if both lie inside: by
@@ -111,7 +111,7 @@ class Knots:
     step: float
     tolerance: float | None
 
-    def stated(self) -> str:
+    def describe(self) -> str:
         """How many segments, and how long they are."""
         length = np.diff(self.steps) * (1e3 * self.step)
         least, most = f"{length.min():.4g}", f"{length.max():.4g}"
@@ -283,7 +283,7 @@ def _tolerance_use(motion: AxesMotion, rows: int, start: Array, end: Array, puls
     """(S, axes) what segments use of what they may: above 1 one is too long."""
     segments = Segments(start, end, rows_at(motion, start, rows), rows_at(motion, end, rows))
     off = segments.deviation(motion, SEGMENT_PROBES) / (SPACING_SHARE * tolerance)
-    back = segments.backward(motion, SEGMENT_PROBES) / MAX_BACKWARD_PULSES
+    back = segments.backward_way(motion, SEGMENT_PROBES) / MAX_BACKWARD_PULSES
     return np.maximum(off, back) / pulse
 
 
@@ -328,7 +328,7 @@ def compare(
             segments = Segments(t[part], t[ends], stated[:, part], stated[:, ends])
             probes = _probes(motion, segments.start, segments.end)
             worst = max(worst, float((segments.deviation(motion, probes) / pulse).max()))
-            runs = (segments.backward(motion, probes) / pulse).max(1)
+            runs = (segments.backward_way(motion, probes) / pulse).max(1)
             back, backs = max(back, float(runs.max())), backs + int((runs > 2 * MAX_BACKWARD_PULSES).sum())
     if knots.tolerance is not None and not worst <= knots.tolerance:
         off, most = format_distinct(worst, knots.tolerance, digits=4)
@@ -341,7 +341,7 @@ def compare(
             f"segments that run back where the motion does not, their speeds too high for their way: {backs}, by up to "
             f"{back:.3g} pulses; a smaller spacing mends that",
         )
-    return Exported(worst, f"the motion, {READ[rows]} between the points", (knots.stated(), *notes), moves)
+    return Exported(worst, f"the motion, {READ[rows]} between the points", (knots.describe(), *notes), moves)
 
 
 def _probes(motion: AxesMotion, start: Array, end: Array) -> int:

@@ -34,7 +34,7 @@ class PullOutCurve:
     slope: Array
 
     @staticmethod
-    def of(axis: Axis) -> "PullOutCurve":
+    def from_axis(axis: Axis) -> "PullOutCurve":
         """The curve of an axis that states one."""
         speeds, forces = np.array(axis.torque_speed, float).T
         ends, levels = [0.0], [forces[0]]  # below the first speed as there
@@ -55,7 +55,7 @@ class PullOutCurve:
         return PullOutCurve(freeze_array(v), freeze_array(f[:-1] + slope * v[:-1]), freeze_array(slope))
 
     @property
-    def holding(self) -> float:
+    def holding_force(self) -> float:
         """What it gives at rest."""
         return float(self.force[0])
 
@@ -77,7 +77,7 @@ class PullOutCurve:
             freeze_array(v[kept]), freeze_array(f[kept][:-1] + slope * v[kept][:-1]), freeze_array(slope)
         )
 
-    def about(self) -> tuple[Array, Array]:
+    def line_ranges(self) -> tuple[Array, Array]:
         """Low and high (S,): near which speeds each line is one of those whose least is a concave floor of the curve.
 
         That floor touches the curve at the speed itself: to the right go the lines each steeper than all before, to the
@@ -118,7 +118,7 @@ class Holding(AxisLimit):
 
 def _largest_force(axis: Axis) -> float:
     stated = [] if axis.max_force is None else [axis.max_force]
-    stated += [] if axis.torque_speed is None else [PullOutCurve.of(axis).holding]
+    stated += [] if axis.torque_speed is None else [PullOutCurve.from_axis(axis).holding_force]
     return min(stated, default=np.inf)
 
 
@@ -152,7 +152,7 @@ def force_terms(machine: Machine, points: Points) -> dict[Term, Array]:
     return {Term.ONE: held, Term.SD: rubbed, Term.SD2: carried - held - rubbed, Term.SDD: pushed - held}
 
 
-def held(machine: Machine, path: MachinePath) -> Array:
+def holding_forces(machine: Machine, path: MachinePath) -> Array:
     """(N, n) the forces that hold still, at points all along a path."""
     piece = np.repeat(np.arange(len(path.pieces)), HOLDING_POINTS)
     s = (path.breaks[:-1, None] + np.diff(path.breaks)[:, None] * np.linspace(0, 1, HOLDING_POINTS)).ravel()
@@ -181,12 +181,12 @@ class Force(AxisLimit):
         self.terms = frozenset({Term.ONE, Term.SDD, Term.SD2} | ({Term.SD} if rubs else set()))
 
     @cached_property
-    def held(self) -> float:
+    def holding_share(self) -> float:
         """Largest share that only holds."""
-        return float((np.abs(held(self.machine, self.path)) / self.bounds).max())
+        return float((np.abs(holding_forces(self.machine, self.path)) / self.bounds).max())
 
     def slowness(self, use: float) -> float:
-        return slowness(use, self.held, 1 if Term.SD in self.terms else 2)
+        return slowness(use, self.holding_share, 1 if Term.SD in self.terms else 2)
 
     def value(self, motion: LimitState) -> Quantity:
         return force(self.machine, motion)
@@ -224,7 +224,7 @@ class TorqueSpeed(Limit):
     def __init__(self, machine: Machine, path: MachinePath) -> None:
         self.machine, self.path = machine, path
         stated = [k for k, axis in enumerate(machine.axes) if axis.torque_speed is not None and machine.loaded]
-        self.curves = {k: PullOutCurve.of(machine.axes[k]) for k in stated}
+        self.curves = {k: PullOutCurve.from_axis(machine.axes[k]) for k in stated}
         lines = [line for k, curve in self.curves.items() for line in _lines(k, curve)]
         self.axis, self.pull, self.drop, self.bounds, self.low, self.high, self.near, self.far = _line_columns(lines)
         self.hull = _line_columns([line for k, curve in self.curves.items() for line in _lines(k, curve.hull())])
@@ -235,13 +235,13 @@ class TorqueSpeed(Limit):
         self.units = tuple(_unit(machine, line) for line in lines)
 
     @cached_property
-    def held(self) -> float:
+    def holding_share(self) -> float:
         """Largest share of what a motor gives at rest that only holds."""
-        most = np.abs(held(self.machine, self.path)).max(0)
-        return max(float(most[k]) / curve.holding for k, curve in self.curves.items())
+        most = np.abs(holding_forces(self.machine, self.path)).max(0)
+        return max(float(most[k]) / curve.holding_force for k, curve in self.curves.items())
 
     def slowness(self, use: float) -> float:
-        return slowness(use, self.held, 1)
+        return slowness(use, self.holding_share, 1)
 
     def value(self, motion: LimitState) -> Quantity:
         return force(self.machine, motion)[:, self.axis] * self.pull + motion.qd[:, self.axis] * self.drop
@@ -268,7 +268,7 @@ class TorqueSpeed(Limit):
 
 def _lines(axis: int, curve: PullOutCurve) -> list[_Line]:
     found = [_Line(axis, 0.0, 1.0, curve.fastest)]
-    near, far = curve.about()
+    near, far = curve.line_ranges()
     high = np.append(curve.ends[1:-1], np.inf)
     for i, slope in enumerate(curve.slope.tolist()):
         stretch = float(curve.ends[i]), float(high[i]), float(near[i]), float(far[i])

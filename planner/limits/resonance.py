@@ -60,7 +60,7 @@ class Resonance(AxisLimit):
     def binds(self) -> bool:
         return super().binds or bool(self.bands)
 
-    def holding(self, more: Sequence[SpeedCap]) -> "Resonance":
+    def hold_more(self, more: Sequence[SpeedCap]) -> "Resonance":
         """The same limit, held in more places."""
         return Resonance(self.axes, (*self.held, *more))
 

@@ -49,7 +49,7 @@ class FreePart:
     speed: float | None
 
     @classmethod
-    def of(cls, pieces: Sequence[Piece], free: Free) -> "FreePart":
+    def from_pieces(cls, pieces: Sequence[Piece], free: Free) -> "FreePart":
         """A segment that is drawn as so many freed pieces."""
         ends = np.concatenate([[0.0], np.cumsum([piece.length for piece in pieces])])
         s = ends[-1] * (1 - np.cos(np.linspace(0, np.pi, INTERVALS + 1))) / 2
@@ -72,7 +72,7 @@ class PartEnd:
     given: bool = False
 
 
-def turned(
+def solve_controls(
     machine: Machine, parts: Sequence[FreePart], joints: Sequence[PartEnd], objective: Objective, start: Array
 ) -> Array:
     """Controls (P, 3, DEGREE + 1) of P parts that follow each other, from those to start from.

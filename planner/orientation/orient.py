@@ -16,7 +16,7 @@ from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.errors import MotionError
 from kinematics.machine.machine import Machine
 from planner.limits import limits_of, usual_order
-from planner.orientation.nlp import FreePart, Objective, PartEnd, turned
+from planner.orientation.nlp import FreePart, Objective, PartEnd, solve_controls
 from planner.path.actuation import MachinePath, actuate
 from planner.path.chain import carry_tool, chain_pieces, draw_segments
 from planner.path.shape import DEGREE, Piece
@@ -150,12 +150,12 @@ def _solve_groups(
     drawn = {pieces[0].segment - 1: [_carry_piece(piece, program) for piece in pieces] for pieces in once}
     found: dict[int, Array] = {}
     for group in _group_neighbours(list(drawn), start):
-        parts = [FreePart.of(drawn[k], _chosen_freedom(program, k)) for k in group]
+        parts = [FreePart.from_pieces(drawn[k], _chosen_freedom(program, k)) for k in group]
         before = max((k for k in drawn if k < group[0]), default=-1)
         joints = [PartEnd(speeds.get(k, 0.0), k in moving) for k in (before, *group)]
         joints[0] = replace(joints[0], given=True)
         joints[-1] = replace(joints[-1], given=group[-1] != max(drawn) or program.repeat > 1)
-        controls = turned(machine, parts, joints, objective, np.array([start[k] for k in group]))
+        controls = solve_controls(machine, parts, joints, objective, np.array([start[k] for k in group]))
         found |= dict(zip(group, controls, strict=True))
     return found
 

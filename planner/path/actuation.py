@@ -307,20 +307,20 @@ class MachinePath:
         return out
 
     def enclose(self, s: Series, piece: np.ndarray) -> tuple[Series, Series]:
-        inputs = self._enclosed(s, piece)
+        inputs = self._enclose_inputs(s, piece)
         q = Series.stack(self.machine.inverse_map.enclose(inputs))
         pose = self.machine.carried_map.enclose(inputs) if self.machine.follows else inputs[:12]
         return q, Series.stack(pose)
 
     def jacobian(self, s: Series, piece: np.ndarray) -> Series:
         """The square Jacobian (order+1, N, n · n), row by row; columns of rotation by the characteristic length."""
-        entries = self.machine.jacobian_map.enclose(self._enclosed(s, piece))
+        entries = self.machine.jacobian_map.enclose(self._enclose_inputs(s, piece))
         free = columns(self.machine).tolist()
         scale = [1.0 if k < 3 else 1 / self.machine.characteristic_length for k in free]
         chosen = [entries[6 * row + k] * x for row in range(len(self.names)) for k, x in zip(free, scale, strict=True)]
         return Series.stack([*chosen, Series.zeros(s.order, (len(piece),))])[:, :-1]  # rows for all, also constants
 
-    def _enclosed(self, s: Series, piece: np.ndarray) -> list[Series]:
+    def _enclose_inputs(self, s: Series, piece: np.ndarray) -> list[Series]:
         """What the machine's maps take, along the path."""
         pose = Series.zeros(s.order, (len(piece), 12))
         local = s - self.breaks[piece] + self._start[piece]

@@ -97,12 +97,12 @@ def even_speed(
     joined = stops[1:-1] != 1
     drawn: list[list[Piece]] = [[] for _ in pieces]
     for k, piece in enumerate(pieces):
-        if piece.constant and uneven(piece):
+        if piece.constant and is_uneven(piece):
             drawn[k] = _draw_parts(piece, MAX_HALVINGS)
             if not drawn[k]:
                 raise _standstill_error(piece)
     for k in np.flatnonzero(np.logical_or(*_find_redrawn_neighbours(drawn, joined))).tolist():
-        if not pieces[k].constant and uneven(pieces[k]):
+        if not pieces[k].constant and is_uneven(pieces[k]):
             few = _draw_parts(pieces[k], MAX_PARTS)
             drawn[k] = few if len(few) <= MAX_PARTS else []
     parts = [
@@ -122,7 +122,7 @@ def _find_redrawn_neighbours(drawn: Sequence[Sequence[Piece]], joined: np.ndarra
     return np.append(False, anew[:-1] & joined), np.append(anew[1:] & joined, False)
 
 
-def uneven(piece: Piece) -> bool:
+def is_uneven(piece: Piece) -> bool:
     """Whether its parameter is not its length."""
     return not np.abs(_path_speed(piece, _sample_places(piece)) - 1).max() <= SPEED_TOLERANCE  # nor is nan even
 
@@ -141,7 +141,7 @@ def _draw_parts(piece: Piece, halvings: int) -> list[Piece]:
     if _path_speed(piece, _sample_places(piece)).min() < MIN_SPEED_SHARE or halvings == 0:
         return []
     drawn = draw_by_length(piece)
-    if not uneven(drawn):
+    if not is_uneven(drawn):
         return [drawn]
     halves = [_draw_parts(half, halvings - 1) for half in piece.cut(2)]
     return [part for half in halves for part in half] if all(halves) else []

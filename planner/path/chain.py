@@ -19,7 +19,7 @@ from kinematics.machine.pose import Pose, column, split_pose_symbols, to_numbers
 from planner.path.arc_length import even_speed
 from planner.path.curve import curve, ends
 from planner.path.join_and_blend import Blended, join
-from planner.path.shape import DEGREE, Piece, Shape, arc, free_piece, line, turn, turn_angle, turning
+from planner.path.shape import DEGREE, Piece, Shape, arc, free_piece, line, turn, turn_angle, turning_angle
 from planner.path.spline import spline
 from planner.path.synchronised import draw_synchronised
 from planner.program.model import MIN_MOVE, Arc, Curve, Dwell, Line, Program, Segment, Spline, Synchronised, Turn
@@ -176,7 +176,7 @@ def _free_pieces(pieces: list[Piece], segment: Moving) -> list[Piece]:
     controls = np.zeros((3, DEGREE + 1)) if segment.free.controls is None else segment.free.controls
     ends = np.concatenate([[0.0], np.cumsum([piece.length for piece in pieces])])
     turned = (free_piece(piece, controls, start, ends[-1]) for piece, start in zip(pieces, ends[:-1], strict=True))
-    return [replace(piece, turn=turning(piece)) for piece in turned]
+    return [replace(piece, turn=turning_angle(piece)) for piece in turned]
 
 
 def _cap_piece(piece: Piece, segment: Moving, program: Program, repetition: int) -> Piece:

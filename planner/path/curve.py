@@ -13,8 +13,8 @@ from kinematics.foundation.casadi_function import Expression
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.taylor_model import Series
 from kinematics.machine.pose import Pose, column, split_pose_symbols, to_numbers
-from planner.path.arc_length import draw_by_length, measure_length, uneven
-from planner.path.shape import Piece, Shape, axis_rotation, turning
+from planner.path.arc_length import draw_by_length, is_uneven, measure_length
+from planner.path.shape import Piece, Shape, axis_rotation, turning_angle
 from planner.program.formula import formula
 from planner.program.model import MIN_MOVE, Curve
 
@@ -148,13 +148,13 @@ def _explain_failure(pose: Expression, begin: float, end: float, t: float) -> st
 def _by_length(piece: Callable[[float, float], Piece], begin: float, end: float, halvings: int) -> list[Piece]:
     """The curve for t from begin to end, in as many parts as it takes to have its length as its parameter."""
     whole = piece(begin, end)
-    if not uneven(whole):
+    if not is_uneven(whole):
         return [whole]
     if whole.length <= MIN_MOVE:
         raise _UnevenCurve(begin)
     with np.errstate(over="ignore", invalid="ignore"):  # where a polynomial is far from what it should follow
         drawn = draw_by_length(whole)
-        if not uneven(drawn):
+        if not is_uneven(drawn):
             return [drawn]
     if halvings == 0:
         raise _UnevenCurve(begin)
@@ -164,10 +164,10 @@ def _by_length(piece: Callable[[float, float], Piece], begin: float, end: float,
 
 
 def _measure_turning(piece: Piece) -> float:
-    points, found = FIRST_POINTS, turning(piece, FIRST_POINTS)
+    points, found = FIRST_POINTS, turning_angle(piece, FIRST_POINTS)
     while points < MAX_POINTS:
         points, before = 2 * points - 1, found
-        found = turning(piece, points)
+        found = turning_angle(piece, points)
         if abs(found - before) <= TURNING_AGREEMENT * found:
             break
     return found
@@ -211,7 +211,7 @@ def prove_smooth(pose: Expression, begin: float, end: float) -> None:
             if not (np.isfinite(speeds).all() and speeds.all()):
                 break
             raise MotionError(
-                f"its equations change so fast around t = {_about(low, high, doubtful):.6g} that nothing can be proved "
+                f"its equations change so fast around t = {_place(low, high, doubtful):.6g} that nothing can be proved "
                 "about them; split the curve, or use simpler equations"
             )
         low, high = low[doubtful], high[doubtful]
@@ -220,17 +220,17 @@ def prove_smooth(pose: Expression, begin: float, end: float) -> None:
     rough, still = _find_doubtful_cells(pose, low, high)
     if rough.any():
         raise MotionError(
-            f"its equations are not smooth, or not finite, at t = {_about(low, high, rough):.6g}: a root or log of 0, "
+            f"its equations are not smooth, or not finite, at t = {_place(low, high, rough):.6g}: a root or log of 0, "
             "a quotient by 0, or a kink of abs, min or max; choose another range of t, or split the curve there"
         )
     if still.any():
         raise MotionError(
-            f"it stands still at t = {_about(low, high, still):.6g}: x', y' and z' are 0 there; take a t "
+            f"it stands still at t = {_place(low, high, still):.6g}: x', y' and z' are 0 there; take a t "
             "along which it moves, as 10*t for 10*t**2; where it turns back, two curves that meet there"
         )
 
 
-def _about(low: Array, high: Array, chosen: np.ndarray) -> float:
+def _place(low: Array, high: Array, chosen: np.ndarray) -> float:
     """A number in or beside the first of some chosen cells, with no more digits than tell it from others."""
     k = int(np.argmax(chosen))
     return round(float(low[k] + high[k]) / 2, int(np.floor(-np.log10(4 * (high[k] - low[k])))))

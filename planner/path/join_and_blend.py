@@ -13,7 +13,7 @@ import numpy as np
 
 from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.table import Column, Table
-from planner.path.shape import Piece, Shape, turning
+from planner.path.shape import Piece, Shape, turning_angle
 from planner.program.modifiers import Blend, Join, Stop
 
 # Where the deviation may lie, as a share of the tolerance, and where the search aims: under 1 by more than what the
@@ -98,7 +98,7 @@ def fit_blend(a: Piece, b: Piece, most: float, tolerance: float, angle: float) -
         return None
     first, second = whole.cut(2)
     second = replace(b, shape=whole.shape, parameters=whole.parameters, length=reach, start=second.start)
-    halves = (replace(first, turn=turning(first)), replace(second, turn=turning(second)))
+    halves = (replace(first, turn=turning_angle(first)), replace(second, turn=turning_angle(second)))
     return BlendFit(halves, reach, *found[reach])
 
 
@@ -206,7 +206,7 @@ class Blended:
     stop: str = ""
 
     @property
-    def used(self) -> float:
+    def tolerance_use(self) -> float:
         """The share of the tolerance that it uses."""
         return max(self.deviation / self.tolerance, self.turned / self.angle)
 
@@ -296,7 +296,7 @@ def _blend(
     if made.reach < MIN_REACH_SHARE * characteristic:
         return [], replace(told, stop=f"it would reach {made.reach * 1e6:.2g} um, too little beside rounding")
     told = replace(told, deviation=made.deviation, turned=made.turned, reach=made.reach)
-    if told.used < MIN_SHARE:
+    if told.tolerance_use < MIN_SHARE:
         told = replace(told, half_of=tuple(n for n, length in most.items() if length <= made.reach * (1 + SAME_LENGTH)))
     return list(made.halves), told
 
@@ -310,7 +310,7 @@ def _available_length(own: Sequence[Piece], end: Piece) -> float:
 def _trim_pieces(own: Sequence[Piece], before: float, after: float) -> list[Piece]:
     """A segment's pieces without the lengths that blends take of the first and the last."""
     if len(own) == 1:
-        kept = [own[0].trimmed(before, after)]
+        kept = [own[0].trim(before, after)]
     else:
-        kept = [own[0].trimmed(before, 0.0), *own[1:-1], own[-1].trimmed(0.0, after)]
+        kept = [own[0].trim(before, 0.0), *own[1:-1], own[-1].trim(0.0, after)]
     return [piece for piece in kept if piece.length > 0]

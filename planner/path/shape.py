@@ -72,7 +72,7 @@ class Piece:
         length, turn = self.length / count, self.turn / count
         return [replace(self, length=length, turn=turn, start=self.start + k * length) for k in range(count)]
 
-    def trimmed(self, before: float, after: float) -> "Piece":
+    def trim(self, before: float, after: float) -> "Piece":
         """The same curve without its first and its last lengths."""
         length = self.length - before - after
         return replace(self, length=length, turn=self.turn * length / self.length, start=self.start + before)
@@ -111,7 +111,7 @@ def differentiate(name: str, values: ca.SX, s: ca.SX, inputs: ca.SX, highest: in
     return Expression(name, inputs, ca.vertcat(*orders))
 
 
-def turning(piece: Piece, points: int = 33) -> float:
+def turning_angle(piece: Piece, points: int = 33) -> float:
     """rad by which the direction of a piece and the platform turn in all, as `points` points show it."""
     x, x1, _, _ = piece.derivatives(piece.start + np.linspace(0.0, piece.length, points))
     speed = np.linalg.norm(x1[:, :3], axis=1, keepdims=True)

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.errors import MotionError
 from kinematics.machine.pose import Pose
-from planner.path.shape import Piece, Shape, turning
+from planner.path.shape import Piece, Shape, turning_angle
 
 DEGREE = 5
 # Places of a span at which its speed is looked at.
@@ -62,7 +62,7 @@ def spline(start: Pose, through: Array, rotate: Rotation | None, segment: int) -
             "add points around the reversal, or end the spline there and start another"
         )
     pieces = [Piece(SPLINE, own, length, segment) for own, length in zip(numbers, spans.tolist(), strict=True)]
-    return [replace(piece, turn=turning(piece)) for piece in pieces]
+    return [replace(piece, turn=turning_angle(piece)) for piece in pieces]
 
 
 def _name(point: int) -> str:
@@ -86,7 +86,7 @@ def _quaternions(start: Pose, rotate: Rotation | None, count: int) -> Array:
     return np.asarray(found * sides[:, None])
 
 
-def along(points: Array, share: Array) -> tuple[Array, Array]:
+def sample_splines(points: Array, share: Array) -> tuple[Array, Array]:
     """Points (…, N, k, 3) of splines through points (…, N+1, 3), at k shares of every span; and slopes by its chords.
 
     Splines of as many points each are worked out all at once, which is many times faster than one by one.

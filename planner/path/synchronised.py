@@ -19,7 +19,7 @@ from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.errors import MotionError, OutOfReach
 from kinematics.machine.machine import Machine
 from kinematics.machine.pose import Pose, from_numbers, to_numbers
-from planner.path.shape import Piece, Shape, line, turn_angle, turning
+from planner.path.shape import Piece, Shape, line, turn_angle, turning_angle
 
 NAME, DEGREES = "synchronised", (8, 16, 24)
 """Of the polynomial: the least that does, since each costs whenever the path is looked at."""
@@ -68,7 +68,7 @@ def draw_synchronised(machine: Machine, start: Pose, end: Pose, tool: Pose | Non
     for count in 2 ** np.arange(MAX_HALVINGS + 1):
         made = _pieces(machine, (first, last), (start * back, end * back), back.inv(), length, int(count), segment)
         for pieces in made:
-            return [replace(piece, turn=turning(piece)) for piece in pieces]
+            return [replace(piece, turn=turning_angle(piece)) for piece in pieces]
     raise MotionError(
         "the axes lead straight to its end through no smooth way of the platform: they pass a singular pose; "
         "part the move, or use a line"

@@ -321,7 +321,7 @@ def _end(segment: Segment) -> Array | None:
     return segment.through[-1] if isinstance(segment, Spline) else None
 
 
-def stopping(program: Program) -> Program:
+def stop_at_joins(program: Program) -> Program:
     """The same program with a stop at every join: what a control without blends would run."""
     stopped = (part if isinstance(part, Dwell) else replace(part, join=Stop()) for part in program.segments)
     return replace(program, segments=tuple(stopped))

@@ -157,7 +157,7 @@ class LineEntry(PathEntry):
     )
 
     def segment(self, line_number: int | None) -> Segment:
-        return Line(freeze_array(self.line.to), _rotation(self.line.rotate), **self.said, line_number=line_number)
+        return Line(freeze_array(self.line.to), _rotation(self.line.rotate), **self.modifiers, line_number=line_number)
 
 
 class ArcEntry(PathEntry):
@@ -172,7 +172,9 @@ class ArcEntry(PathEntry):
             freeze_array(self.arc.normal),
             _rotation(self.arc.rotate),
         )
-        return Arc(centre, normal, self.arc.angle, turned, **self.said, rise=self.arc.rise, line_number=line_number)
+        return Arc(
+            centre, normal, self.arc.angle, turned, **self.modifiers, rise=self.arc.rise, line_number=line_number
+        )
 
 
 class SplineEntry(PathEntry):
@@ -183,7 +185,7 @@ class SplineEntry(PathEntry):
 
     def segment(self, line_number: int | None) -> Segment:
         turned = None if self.spline.rotate is None else Rotation.from_euler("XYZ", self.spline.rotate)
-        return Spline(freeze_array(self.spline.through), turned, **self.said, line_number=line_number)
+        return Spline(freeze_array(self.spline.through), turned, **self.modifiers, line_number=line_number)
 
 
 class TurnEntry(MovingEntry):
@@ -194,8 +196,8 @@ class TurnEntry(MovingEntry):
     def segment(self, line_number: int | None) -> Segment:
         said: dict[str, Any] = {"angular_speed": self.angular_speed, "trigger": self.event, "line_number": line_number}
         if isinstance(self.turn, TurnBy):
-            return Turn(None, self.after, about=freeze_array(self.turn.about), angle=self.turn.angle, **said)
-        return Turn(Rotation.from_euler("XYZ", self.turn.to), self.after, **said)
+            return Turn(None, self.next_join, about=freeze_array(self.turn.about), angle=self.turn.angle, **said)
+        return Turn(Rotation.from_euler("XYZ", self.turn.to), self.next_join, **said)
 
 
 class SynchronisedEntry(MovingEntry):
@@ -209,7 +211,7 @@ class SynchronisedEntry(MovingEntry):
     def segment(self, line_number: int | None) -> Segment:
         to, turned = freeze_array(self.synchronised.to), _rotation(self.synchronised.rotate)
         said: dict[str, Any] = {"acceleration": self.acceleration, "angular_speed": self.angular_speed}
-        return Synchronised(to, turned, self.speed, self.after, **said, trigger=self.event, line_number=line_number)
+        return Synchronised(to, turned, self.speed, self.next_join, **said, trigger=self.event, line_number=line_number)
 
 
 class DwellEntry(TableSchema):

@@ -95,13 +95,13 @@ def _place(segment: Any) -> dict[str, Any]:
 
 def _curve(curve: Curve) -> dict[str, Any]:
     """Formulas in metres or degrees are put into mm and radians, which takes a factor before them."""
-    lengths = [_scaled(text, format_decimal(curve.length, 3)) for text in curve.position]
-    angles = [_scaled(text, repr(curve.angle)) for text in curve.rotate or ()]
+    lengths = [_scale_text(text, format_decimal(curve.length, 3)) for text in curve.position]
+    angles = [_scale_text(text, repr(curve.angle)) for text in curve.rotate or ()]
     formulas = dict(zip(("x", "y", "z", "rx", "ry", "rz"), [*lengths, *angles], strict=False))
     return {**formulas, "from": curve.begin, "to": curve.end, "constants": dict(curve.constants) or None}
 
 
-def _scaled(text: str, factor: str) -> str:
+def _scale_text(text: str, factor: str) -> str:
     return text if float(factor) == 1 else f"{factor}*({text})"
 
 

@@ -108,7 +108,7 @@ class MovingEntry(TableSchema):
     )
 
     @property
-    def after(self) -> Join:
+    def next_join(self) -> Join:
         if isinstance(self.join, BlendTable):
             return Blend(self.join.blend, self.join.angle)
         return Stop() if self.join == "stop" else Through()
@@ -140,11 +140,11 @@ class PathEntry(MovingEntry):
         return Free(self.free.yaw, self.free.tilt) if isinstance(self.free, FreeTable) else self.free and Free()
 
     @property
-    def said(self) -> dict[str, Any]:
+    def modifiers(self) -> dict[str, Any]:
         """What its segment takes by name."""
         return {
             "speed": self.speed,
-            "join": self.after,
+            "join": self.next_join,
             "acceleration": self.acceleration,
             "angular_speed": self.angular_speed,
             "speed_constant": self.speed_constant,
@@ -238,7 +238,7 @@ class CurveEntry(PathEntry):
             table.begin,
             table.end,
             (rx, ry, rz) if turns else None,
-            **self.said,
+            **self.modifiers,
             constants=tuple(table.constants.items()),
             length=table.x[1],
             angle=turns[0][1] if turns else 1.0,

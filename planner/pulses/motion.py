@@ -156,7 +156,7 @@ POSE_RESIDUAL = 1e-9
 """m or rad: residual of a pose that has been found."""
 
 
-def reached(machine: Machine, schedule: PulseSchedule, t: Array, near: Array) -> Array:
+def find_reached_poses(machine: Machine, schedule: PulseSchedule, t: Array, near: Array) -> Array:
     """(N, 12) pose numbers at instants t (N,) s, looked for from those planned there, near (N, 12).
 
     The motors are where they are counted, the axes where the play and the lead error that they state leave them, as in

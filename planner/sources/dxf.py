@@ -120,7 +120,7 @@ def _select_entities(
     path: Path, entities: list[Any], layers: dict[str, Any], options: "Dxf", warnings: list[str]
 ) -> list[Any]:
     """Those of the layers that count: named ones, or all but skipped and hidden ones."""
-    named, skipped = options.named, options.skipped
+    named, skipped = options.layer_names, options.skipped_layers
     known = layers.keys() | {layer_of(entity).lower() for entity in entities}
     for name in [*named, *skipped]:
         if name not in known:
@@ -206,11 +206,11 @@ class Dxf:
             raise MotionError("dxf: approach needs retract, the height that it starts from")
 
     @property
-    def named(self) -> list[str]:
+    def layer_names(self) -> list[str]:
         return _names(self.layers)
 
     @property
-    def skipped(self) -> list[str]:
+    def skipped_layers(self) -> list[str]:
         return _names(self.skip)
 
     def read(self, path: Path) -> Imported:
@@ -236,13 +236,13 @@ class Dxf:
         closed = [bool(np.linalg.norm(chain[0].start - chain[-1].end) <= self.tolerance) for chain in chains]
         work = None if self.origin is None else read_frame(self.origin)
         start = np.zeros(3) if work is None else work.inv().translation
-        segments = make_segments(chains, closed, self._cutting(), np.asarray(start))
+        segments = make_segments(chains, closed, self._read_cutting(), np.asarray(start))
         program = Program(segments, "home", name=path.stem, work=work)
         told = [*found.warnings, *self._warnings(shapes, short, forks, len(chains))]
         entities = dict(sorted(Counter(entity.dxftype() for entity in found.entities).items()))
         return Imported(program, entities, tuple(told))
 
-    def _cutting(self) -> Cutting:
+    def _read_cutting(self) -> Cutting:
         join = Blend(self.blend) if self.blend is not None else Stop() if self.join == "stop" else Through()
         return Cutting(
             join, self.rapid, self.speed, self.retract, self.approach, self.lead_in, self.lead, self.side,

@@ -13,7 +13,7 @@ import numpy as np
 
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
-from planner.path.spline import along
+from planner.path.spline import sample_splines
 from planner.program.model import MIN_MOVE
 from planner.sources.stroke import Chain, Stroke, arc, cross_product, curve, line
 
@@ -52,7 +52,7 @@ def fit_spline(curve: Curve, low: float, high: float, tolerance: float) -> tuple
 
 def _curve_deviation(curve: Curve, t: Array, points: Array) -> Array:
     """m, the largest distance of each span from the curve."""
-    x = along(points, SPAN_SHARES)[0].reshape(-1, 3)
+    x = sample_splines(points, SPAN_SHARES)[0].reshape(-1, 3)
     near = (t[:-1, None] + np.diff(t)[:, None] * SPAN_SHARES).ravel()
     for _ in range(NEWTON_STEPS):
         p, slope = curve(near)
@@ -149,7 +149,7 @@ class StrokeMaker:
         rows = entity.get_points("xyseb")
         self.flattened += any(begin or end for _, _, begin, end, _ in rows)
         points = [(x, y, bulge) for x, y, _, _, bulge in rows]
-        yield from self._bulging(entity, points, entity.dxf.elevation, bool(entity.closed))
+        yield from self._draw_sides(entity, points, entity.dxf.elevation, bool(entity.closed))
 
     def _heavy(self, entity: Any) -> Iterator[Stroke]:
         """POLYLINE in a plane or in space; of one that was smoothed the vertices that the smoothing made."""
@@ -162,9 +162,9 @@ class StrokeMaker:
         self.flattened += any(row.get("start_width", 0) or row.get("end_width", 0) for row in rows)
         elevation = entity.dxf.elevation.z if entity.dxf.hasattr("elevation") else 0.0
         points = [(row.location.x, row.location.y, row.get("bulge", 0.0)) for row in rows]
-        yield from self._bulging(entity, points, elevation, bool(entity.is_closed))
+        yield from self._draw_sides(entity, points, elevation, bool(entity.is_closed))
 
-    def _bulging(
+    def _draw_sides(
         self, entity: Any, rows: Sequence[tuple[float, float, float]], height: float, closed: bool
     ) -> Iterator[Stroke]:
         """Sides of a polyline: a bulge b is the tangent of a quarter of the angle of an arc over the side.
@@ -200,15 +200,15 @@ class StrokeMaker:
         full = min(turn, 2 * pi - turn) < 1e-9
         turn = 2 * pi if full else turn
 
-        def along(t: Array) -> tuple[Array, Array]:
+        def trace(t: Array) -> tuple[Array, Array]:
             c, s = np.cos(t)[:, None], np.sin(t)[:, None]
             return centre + c * major + s * minor, c * minor - s * major
 
-        start, end = along(np.array([low, low if full else low + turn]))[0]
+        start, end = trace(np.array([low, low if full else low + turn]))[0]
         if ratio == 1:
             yield arc(start, centre, normal, turn, end)
         else:
-            yield self._fitted(along, low, low + turn)
+            yield self._fit_curve(trace, low, low + turn)
 
     def _spline(self, entity: Any) -> Iterator[Stroke]:
         """A B-spline, rational or not, in parts where it has a corner; straight where its degree is 1."""
@@ -227,7 +227,7 @@ class StrokeMaker:
         whole = BSpline(knots, np.column_stack([points * weights[:, None], weights]), degree)
         slope = whole.derivative()
 
-        def along(t: Array) -> tuple[Array, Array]:
+        def trace(t: Array) -> tuple[Array, Array]:
             w, dw = whole(t), slope(t)
             place = w[:, :3] / w[:, 3:]
             return place, (dw[:, :3] - place * dw[:, 3:]) / w[:, 3:]
@@ -237,9 +237,9 @@ class StrokeMaker:
         breaks = [low, *inside[times >= degree], high]
         for begin, end in pairwise(breaks):
             hair = 1e-12 * (high - low)  # at a corner both sides have a value of their own
-            yield self._fitted(along, begin + hair * (begin > low), end - hair * (end < high))
+            yield self._fit_curve(trace, begin + hair * (begin > low), end - hair * (end < high))
 
-    def _fitted(self, along: Curve, low: float, high: float) -> Stroke:
+    def _fit_curve(self, along: Curve, low: float, high: float) -> Stroke:
         points, off = fit_spline(along, low, high, self.deviation)
         self.worst = max(self.worst, off)
         return curve(points)

@@ -51,7 +51,7 @@ from planner.sources.gcode_words import (
     arc_by_centre,
     arc_by_radius,
     column_of,
-    ignored,
+    find_ignored_word,
     is_ignorable,
     words,
 )
@@ -92,7 +92,7 @@ class GcodeRun:
     def block(self, number: int, line: str, found: Words) -> None:
         """One line's words; what is wrong with them becomes a fault."""
         try:
-            codes, values = self._sorted(found)
+            codes, values = self._sort_words(found)
             if codes or "F" in values or "P" in values:
                 self._modal(codes, values)
             if "dwell" in codes:
@@ -104,7 +104,7 @@ class GcodeRun:
             nth = [k for k, (letter, text) in enumerate(found) if key in (letter.upper(), letter + text)]
             self.faults.add(str(wrong), number, f"column {column_of(line, nth[-1] if nth else 0)}")
 
-    def _sorted(self, found: Words) -> tuple[dict[str, float], dict[str, float]]:
+    def _sort_words(self, found: Words) -> tuple[dict[str, float], dict[str, float]]:
         """The block's G by group, and the numbers of its other words by letter."""
         codes: dict[str, float] = {}
         values: dict[str, float] = {}
@@ -125,7 +125,7 @@ class GcodeRun:
                 codes[group] = value
             elif letter == "M" and value in (2, 30):
                 self.ended = True
-            elif (word := ignored(letter, value, self.options.ignored)) is not None:
+            elif (word := find_ignored_word(letter, value, self.options.ignored_words)) is not None:
                 self.left_out[word] += 1
                 silent.append((letter, value))
             else:
@@ -155,11 +155,11 @@ class GcodeRun:
                 raise WordFault("F", f"F{values['F']:g} must be above 0")
             self.feed = values["F"] / 60
         if "join" in codes:
-            self.join = self._joining(codes["join"], values)
+            self.join = self._read_join(codes["join"], values)
         if "P" in values and "dwell" not in codes and codes.get("join") != 64:
             raise WordFault("P", "P belongs to G4 or G64")
 
-    def _joining(self, code: float, values: dict[str, float]) -> Join:
+    def _read_join(self, code: float, values: dict[str, float]) -> Join:
         if code != 64:
             return Through() if code == 61 else Stop()
         if values.get("P", 0.0) <= 0:
@@ -180,7 +180,7 @@ class GcodeRun:
     def _move(self, number: int, values: dict[str, float], fed: bool) -> None:
         if self.motion is None:
             raise WordFault("", "no G0, G1, G2 or G3 is active")
-        if changed := self.offsets.changed():
+        if changed := self.offsets.find_change():
             raise WordFault(
                 "",
                 f"it moved under {changed[0]} and moves under {changed[1]}: ignoring both would change the path; "
@@ -205,7 +205,7 @@ class GcodeRun:
 
     def _line(self, number: int, length: float, place: list[float], end: list[float], fed: bool) -> None:
         speed = self.options.rapid if self.motion == 0 else self._speed(length, self.unit, fed)
-        turned = self._turned(place, end)
+        turned = self._find_orientation(place, end)
         self.segments.append(Line(np.array(end[:3]), turned, speed, self.join, line_number=number))
         self.entities[f"G{self.motion:.0f}"] += 1
 
@@ -230,7 +230,7 @@ class GcodeRun:
             raise WordFault("", "no F is active; add one, or give the option feed")
         return self.options.feed if unit == self.unit else None
 
-    def _turned(self, place: list[float], end: list[float]) -> Rotation | None:
+    def _find_orientation(self, place: list[float], end: list[float]) -> Rotation | None:
         """The orientation at a block's end; None where it stays."""
         changed = [k for k in range(3, 6) if place[k] != end[k]]
         if not changed:
@@ -293,7 +293,7 @@ class GcodeRun:
         rise = end[normal] - begin[normal]
         u, v = stands[0] - arc.centre[0], stands[1] - arc.centre[1]
         speed = self._speed(hypot(hypot(u, v) * arc.angle, rise), self.unit, fed)
-        turned = self._turned(place, end)
+        turned = self._find_orientation(place, end)
         about = np.array(centre), np.array(axis)
         self.segments.append(Arc(*about, arc.angle, turned, speed, self.join, rise=rise, line_number=number))
         turn = arc.angle
@@ -345,7 +345,7 @@ class Gcode:
     def __post_init__(self) -> None:
         for name, unit in (("blend", "m"), ("rapid", "m/s"), ("feed", "m/s")):
             check_positive("gcode", name, getattr(self, name), unit)
-        for word in self.ignored:
+        for word in self.ignored_words:
             if not is_ignorable(word):
                 raise MotionError(
                     f'ignore "{word}" cannot be ignored: it is not a word, it is supported, or it changes the path; '
@@ -353,7 +353,7 @@ class Gcode:
                 )
 
     @property
-    def ignored(self) -> frozenset[str]:
+    def ignored_words(self) -> frozenset[str]:
         """The words to leave out, without leading zeros."""
         return frozenset(_normal(word) for word in (self.ignore or "").replace(",", " ").split())
 

@@ -182,7 +182,7 @@ PROGRAM_FLOW_M = frozenset({2.0, 30.0, *map(float, range(96, 100))})
 """Ends and calls of programs."""
 
 
-def ignored(letter: str, value: float, words: frozenset[str]) -> str | None:
+def find_ignored_word(letter: str, value: float, words: frozenset[str]) -> str | None:
     """The word, M3 or S as `words` has it, if it is to be left out."""
     word = f"{letter}{value:g}"
     if word in words and is_ignorable(word):
@@ -233,7 +233,7 @@ class Offsets:
             elif letter == "G" and value == 43:
                 self._said["tool"] = f"G43 H{number['H']:g}" if "H" in number else f"G43 {self._loaded}".strip()
 
-    def changed(self) -> tuple[str, str] | None:
+    def find_change(self) -> tuple[str, str] | None:
         """Two offsets, the one under which it moved and the one under which it moves now, if they are not the same."""
         for kind, now in self._said.items():
             if self._moved.setdefault(kind, now) != now:

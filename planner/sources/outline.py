@@ -11,7 +11,7 @@ from kinematics.foundation.arrays import Array, freeze_array
 from planner.path.arc_length import measure_length
 from planner.path.curve import curve
 from planner.path.shape import Piece
-from planner.path.spline import along
+from planner.path.spline import sample_splines
 from planner.program.model import Arc, Curve, Line, Program, Segment, Spline, Synchronised
 
 ARC_STEP = pi / 48
@@ -107,13 +107,13 @@ def _splines(corners: Array) -> tuple[Array, float]:
     spans = np.linalg.norm(np.diff(corners, axis=1), axis=2)
     points = PIECE_POINTS if spans.shape[1] < MANY_SPANS else SPAN_POINTS
     shares = np.concatenate([np.linspace(0, 1, points), *((places + 1) / 2 for places in _PLACES)])
-    drawn, slopes = along(corners, shares)
+    drawn, slopes = sample_splines(corners, shares)
     speed = np.linalg.norm(slopes[:, :, points:], axis=3)
     coarse, fine = speed[..., :8] @ _WEIGHTS[0] / 2, speed[..., 8:] @ _WEIGHTS[1] / 2
     rough = (abs(fine - coarse) > LENGTH_AGREEMENT * fine).any(1)
     if rough.any():
         places = ((np.arange(PARTS)[:, None] + (_PLACES[1] + 1) / 2) / PARTS).ravel()
-        speed = np.linalg.norm(along(corners[rough], places)[1], axis=3)
+        speed = np.linalg.norm(sample_splines(corners[rough], places)[1], axis=3)
         fine[rough] = speed @ np.tile(_WEIGHTS[1] / 2 / PARTS, PARTS)
     return drawn[:, :, :points].reshape(len(corners), -1, 3), float((spans * fine).sum())
 

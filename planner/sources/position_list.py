@@ -97,27 +97,27 @@ class PositionList(Result):
 
     def record(self, pose: ArrayLike, dwell: float = 0.0) -> "PositionList":
         """With one more pose at the end, and s of rest there."""
-        return self._with(len(self), pose, dwell)
+        return self._insert(len(self), pose, dwell)
 
     def insert(self, number: int, pose: ArrayLike, dwell: float = 0.0) -> "PositionList":
         """With a pose that gets a number, and s of rest there; what had it, and all after that, move up by one."""
         if number != len(self) + 1:
-            self._known(number)
-        return self._with(number - 1, pose, dwell)
+            self._check_number(number)
+        return self._insert(number - 1, pose, dwell)
 
     def remove(self, first: int, last: int | None = None) -> "PositionList":
         """Without one pose, or those from one to another; what comes after moves down."""
-        self._between(first, first if last is None else last)
+        self._check_range(first, first if last is None else last)
         gone = slice(first - 1, last or first)
         return replace(self, poses=np.delete(self.poses, gone, axis=0), dwells=np.delete(self.rests, gone))
 
     def part(self, first: int | None = None, last: int | None = None) -> "PositionList":
         """Those from one number to another, both included; None: from the first, to the last."""
         first, last = 1 if first is None else first, len(self) if last is None else last
-        self._between(first, last)
+        self._check_range(first, last)
         return replace(self, poses=self.poses[first - 1 : last], dwells=self.rests[first - 1 : last])
 
-    def _with(self, place: int, pose: ArrayLike, dwell: float) -> "PositionList":
+    def _insert(self, place: int, pose: ArrayLike, dwell: float) -> "PositionList":
         one = finite_array(
             pose, "position list: a pose (x, y, z, θx, θy, θz)", (6,), least=-MAX_COORDINATE, most=MAX_COORDINATE
         )
@@ -125,14 +125,14 @@ class PositionList(Result):
             self, poses=np.insert(self.poses, place, one, axis=0), dwells=np.insert(self.rests, place, dwell)
         )
 
-    def _known(self, number: int) -> None:
+    def _check_number(self, number: int) -> None:
         if not 1 <= number <= len(self):
             held = f"poses 1 to {len(self)}" if len(self) else "no pose yet"
             raise MotionError(f"position list: no pose {number}; it has {held}")
 
-    def _between(self, first: int, last: int) -> None:
-        self._known(first)
-        self._known(last)
+    def _check_range(self, first: int, last: int) -> None:
+        self._check_number(first)
+        self._check_number(last)
         if first > last:
             raise MotionError(
                 f"position list: from {first} to {last} is not a range of it; give the lower number first"

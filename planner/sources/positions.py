@@ -301,11 +301,11 @@ class Positions:
         """The list in a file, all of it, and what to know of it. Raises FileError with the faults of the file."""
         text = decode_text(path)
         if is_kmitl(text):
-            return self._meant(read_kmitl(path, text, self.unit_length, self.arms)), []
+            return self._apply_options(read_kmitl(path, text, self.unit_length, self.arms)), []
         listed, told = read_csv(path, text, self.length, self.angle)
-        return self._meant(listed), told
+        return self._apply_options(listed), told
 
-    def _meant(self, listed: PositionList) -> PositionList:
+    def _apply_options(self, listed: PositionList) -> PositionList:
         rests = listed.rests if self.dwell is None else np.full(len(listed), self.dwell)
         return replace(listed, order=self.rotation or listed.order, frame=self.frame or listed.frame, dwells=rests)
 

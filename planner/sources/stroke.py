@@ -7,7 +7,7 @@ from typing import cast
 import numpy as np
 
 from kinematics.foundation.arrays import Array
-from planner.path.spline import along
+from planner.path.spline import sample_splines
 from planner.program.model import MIN_MOVE, Arc, Line, Spline
 
 MIN_CHORD_RADII = 0.5
@@ -66,7 +66,7 @@ def end_directions(stroke: Stroke) -> tuple[Array, Array]:
             way, rise = cross_product(own.normal, stroke.start - own.centre) * own.angle, own.rise * own.normal
             first, last = way + rise, _rotate(way, own.normal, own.angle) + rise
         case Spline() as own:
-            slopes = along(np.concatenate([stroke.start[None], own.through]), np.array([0.0, 1.0]))[1]
+            slopes = sample_splines(np.concatenate([stroke.start[None], own.through]), np.array([0.0, 1.0]))[1]
             first, last = slopes[0, 0], slopes[-1, 1]
     return first / np.linalg.norm(first), last / np.linalg.norm(last)
 

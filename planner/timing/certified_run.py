@@ -70,7 +70,7 @@ def tighten_leg(leg: RunSolution, use: Mapping[str, Array], slowness: float) -> 
     anything does. Only a leg from rest to rest can be slowed: another is tried on.
     """
     problem, solved = leg.problem, leg.maker not in (AVERAGED, STRAIGHT) and leg.slowness == 1
-    worth = leg.moving or (slowness > MAX_CHEAP_SLOWNESS and leg.tries < MAX_TRIES)
+    worth = leg.has_end_speed or (slowness > MAX_CHEAP_SLOWNESS and leg.tries < MAX_TRIES)
     if problem is not None and solved and worth:
         blocks = tuple(
             tighten_block(block, use[block.name], leg.tries) if block.name in use else block  # START is no limit
@@ -83,9 +83,9 @@ def tighten_leg(leg: RunSolution, use: Mapping[str, Array], slowness: float) -> 
             found = solve_jerk_limited(tighter, leg.profile.columns())
         if found.solved:
             return replace(found, bound=leg.bound, tries=leg.tries + 1)
-        if leg.moving:
+        if leg.has_end_speed:
             return found
-    if problem is not None and leg.moving:
+    if problem is not None and leg.has_end_speed:
         start, end = problem.speeds
         return RunSolution.refused(
             MotionError(
@@ -98,7 +98,7 @@ def tighten_leg(leg: RunSolution, use: Mapping[str, Array], slowness: float) -> 
 
 def tighten_block(block: Block, excess: Array, tries: int) -> Block:
     """With less room where there was an excess (N,): of the part of it that holding still does not use."""
-    less = block.aimed((1 - SOLVER_MARGIN) / (1 + EXCESS_FACTOR * tries * (excess - 1) / (1 - block.still)))
+    less = block.aimed((1 - SOLVER_MARGIN) / (1 + EXCESS_FACTOR * tries * (excess - 1) / (1 - block.holding_use)))
     return replace(block, room=np.where(excess > 1 + SOLVER_MARGIN, less.room, block.room))
 
 
@@ -184,7 +184,7 @@ class RunCertifier:
         """All in one go: what each uses of the limits."""
         profiles = [one.profile for one in solutions]
         motion = Profile.joined(profiles).along(self.path)
-        use, attained = prove(motion, self._timed, self.order)
+        use, attained = prove(motion, self._timed_limits, self.order)
         attained |= use_at_knots(motion, [limit for limit in self.limits if limit.geometric])
         ends = np.cumsum([len(profile.h) for profile in profiles])[:-1]
         parts = [{name: np.split(values, ends) for name, values in each.items()} for each in (use, attained)]
@@ -199,12 +199,12 @@ class RunCertifier:
         if staying:
             return self._hold_back(one, self._choose_caps(staying, one))
         # a use without a bound is nothing that another motion mends
-        if not 1 < max(float(one.known.use[limit.name].max()) for limit in self._timed) < np.inf:
+        if not 1 < max(float(one.known.use[limit.name].max()) for limit in self._timed_limits) < np.inf:
             return None
         if one.tightened + 1 < MAX_ROUNDS:
             solution = self.timing.tighten(self.path, self.limits, one.solution, one.known.use)
             return solution.refusal or replace(one, solution=solution, tightened=one.tightened + 1)
-        return self._slow(one, required_slowness(self._timed, one.known.use) * (1 + SLOWING_MARGIN))
+        return self._slow(one, required_slowness(self._timed_limits, one.known.use) * (1 + SLOWING_MARGIN))
 
     def _hold_back(self, one: CertifiedRun, more: Sequence[SpeedCap]) -> CertifiedRun | MotionError | None:
         """A run solved with axes held in more places; where that is of no use, slowed below all bands."""
@@ -224,7 +224,7 @@ class RunCertifier:
 
     def _slow(self, one: CertifiedRun, slowness: float) -> CertifiedRun | None:
         """The same motion, slower as a whole, if that has not been tried too often."""
-        if one.slowed >= MAX_SLOWINGS or not one.solution.fastest or one.solution.moving:
+        if one.slowed >= MAX_SLOWINGS or not one.solution.fastest or one.solution.has_end_speed:
             return None
         return replace(one, solution=one.solution.slowed(slowness), slowed=one.slowed + 1)
 
@@ -253,7 +253,7 @@ class RunCertifier:
         return found
 
     @property
-    def _timed(self) -> list[Limit]:
+    def _timed_limits(self) -> list[Limit]:
         """The limits that depend on timing; the others have one value for every timing."""
         return [limit for limit in self.limits if not limit.geometric]
 
@@ -263,4 +263,4 @@ NOTHING_KNOWN = ProvedUse({}, {})
 
 def hold_axes(limits: Sequence[Limit], held: Sequence[SpeedCap]) -> tuple[Limit, ...]:
     """The limits, with axes held below resonance bands in more places."""
-    return tuple(limit.holding(held) if held and isinstance(limit, Resonance) else limit for limit in limits)
+    return tuple(limit.hold_more(held) if held and isinstance(limit, Resonance) else limit for limit in limits)

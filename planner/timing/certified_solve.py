@@ -101,14 +101,14 @@ def certified_solve(
     parts = [runs[first : first + PART_RUNS] for first in range(0, len(runs), PART_RUNS)]
     found: list[CertifiedRun] = []
 
-    def done(part: Sequence[Run], outcome: list[CertifiedRun] | MotionError) -> None:
+    def finish_part(part: Sequence[Run], outcome: list[CertifiedRun] | MotionError) -> None:
         if isinstance(outcome, MotionError):
             raise outcome
         found.extend(outcome)
         if progress is not None:
             progress(len(found), len(runs))
 
-    spread(RunCertifier(path, tuple(limits), order, timing), parts, done)
+    spread(RunCertifier(path, tuple(limits), order, timing), parts, finish_part)
     limits = hold_axes(limits, [held for one in found for held in one.held])
     trajectory, known = _join_runs(path, limits, found, stops)
     certificate = certify(trajectory, limits, known)
@@ -152,11 +152,11 @@ def _join_runs(
     parts: list[tuple[Profile, ProvedUse]] = []
     for n, stop in enumerate(stops):
         if path.dwells[stop] > 0:
-            parts.append((_rest(path, int(stop)), ProvedUse.nothing(limits, 1)))
+            parts.append((_rest(path, int(stop)), ProvedUse.make_empty(limits, 1)))
         if n < len(found):
             parts.append((found[n].solution.profile, found[n].known))
     joined = Profile.joined([profile for profile, _ in parts])
-    return joined.along(path), ProvedUse.joined([known for _, known in parts])
+    return joined.along(path), ProvedUse.join([known for _, known in parts])
 
 
 def _rest(path: ActuatorPath, stop: int) -> Profile:

@@ -44,14 +44,14 @@ class Pacer:
         for _ in range(1 + len(self._bands)):
             late: list[Stay] = []
             for eased in EASING_SHARES:
-                profile = self._lasting(hold_axes(self.limits, held), eased, duration)
+                profile = self._fit_duration(hold_axes(self.limits, held), eased, duration)
                 if profile is not None:
                     late = self.late(profile)
                     if not late:
                         return profile
             if not late:
                 return None
-            held += self._below({stay.band.axis for stay in late})
+            held += self._list_caps({stay.band.axis for stay in late})
         return None
 
     def late(self, profile: Profile) -> list[Stay]:
@@ -61,7 +61,7 @@ class Pacer:
 
     def below(self) -> tuple[Limit, ...]:
         """The limits with every axis held below its bands."""
-        return hold_axes(self.limits, self._below(set(range(len(self.axes)))))
+        return hold_axes(self.limits, self._list_caps(set(range(len(self.axes)))))
 
     def fastest(self, limits: Sequence[Limit]) -> Profile | None:
         """The fastest motion that is found under other limits; None if none is."""
@@ -72,11 +72,11 @@ class Pacer:
     def _bands(self) -> list[Resonance]:
         return [limit for limit in self.limits if isinstance(limit, Resonance) and limit.bands]
 
-    def _below(self, axes: set[int]) -> list[SpeedCap]:
+    def _list_caps(self, axes: set[int]) -> list[SpeedCap]:
         ends = self.run.breaks(self.path)[[0, -1]].tolist()
         return [SpeedCap(band, *ends) for limit in self._bands for band in limit.bands if band.axis in axes]
 
-    def _lasting(self, limits: Sequence[Limit], eased: float, duration: float) -> Profile | None:
+    def _fit_duration(self, limits: Sequence[Limit], eased: float, duration: float) -> Profile | None:
         """Under speeds that are a share of those reached without: found by secants, as the duration all but goes with
         the share's inverse, and by halving where they lead out. The first share is that of the free motion slowed.
         """

@@ -45,7 +45,7 @@ def solve_in_parts(path: ActuatorPath, limits: Sequence[Limit], run: Run, order:
     no = found.refusal
     if isinstance(no, ConstantRefused):
         slower = _find_slower_speed(path, limits, run, order, asked, no)
-        return found if slower is None else RunSolution.refused(no.found(slower))
+        return found if slower is None else RunSolution.refused(no.add_possible_speed(slower))
     return found
 
 

@@ -106,7 +106,7 @@ class Block:
         return replace(self, start=start, end=end, room=self.room[own], about=about)
 
     @property
-    def still(self) -> Array:
+    def holding_use(self) -> Array:
         """(N,) of the room, what holding still uses of it."""
         used = np.zeros(len(self.room))
         for side in (self.start, self.end):
@@ -116,7 +116,7 @@ class Block:
 
     def aimed(self, share: Array | float) -> "Block":
         """With so much of what holding still leaves of the room."""
-        still = self.still
+        still = self.holding_use
         return replace(self, room=still + (self.room - still) * share)
 
     def share(self, values: Array) -> Array:
@@ -215,11 +215,11 @@ def pose_problem(
             blocks.append(block)
     first, last = (still and speed == 0 for still, speed in zip(stands, speeds, strict=True))
     return Problem(
-        s, piece, tuple(_opened(block, speeds) for block in _drop_idle_blocks(blocks)), speeds, (first, last)
+        s, piece, tuple(_open_room(block, speeds) for block in _drop_idle_blocks(blocks)), speeds, (first, last)
     )
 
 
-def _opened(block: Block, speeds: tuple[float, float]) -> Block:
+def _open_room(block: Block, speeds: tuple[float, float]) -> Block:
     """With all of its room between two speeds of which one uses more of it than solvers aim at: no way leads on."""
     if min(speeds) == 0:
         return block

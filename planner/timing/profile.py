@@ -62,10 +62,10 @@ class Profile:
         v, a, j = self.v[k], self.a[k], self.j[k]
         return self.s[k] + tau * (v + tau * (a / 2 + tau * j / 6)), v + tau * (a + tau * j / 2), a + tau * j, j
 
-    def over(self, breaks: Array, first: int, duration: float) -> "Profile":
+    def stretch(self, breaks: Array, first: int, duration: float) -> "Profile":
         """A profile of unit length and duration, stretched over path pieces `first` … between breaks, and cut there."""
         inner = (breaks[1:-1] - breaks[0]) / (breaks[-1] - breaks[0])
-        k, low = self._passing(inner)
+        k, low = self._find_passage(inner)
         begin = np.concatenate([[0.0], np.cumsum(self.h)])[:-1]
         starts = np.concatenate([begin, begin[k] + low])
         order = np.argsort(starts, kind="stable")
@@ -81,7 +81,7 @@ class Profile:
     def cut(self, breaks: Array, first: int) -> "Profile":
         """Cut where it comes by the inner breaks (P+1,) of path pieces `first` …, each part on its own piece."""
         inner = breaks[1:-1]
-        by, when = self._passing(inner)
+        by, when = self._find_passage(inner)
         owner, tau = np.append(np.arange(len(self.h)), by), np.append(np.zeros(len(self.h)), when)
         order = np.lexsort((tau, owner))
         owner, tau = owner[order], tau[order]
@@ -94,13 +94,13 @@ class Profile:
 
     def on(self, s: Array) -> Array:
         """(4, N) of ṡ, s̈, s⃛, h on a grid s (N+1,) over the same way, s⃛ averaged over each interval."""
-        k, tau = self._passing(s[1:-1])
+        k, tau = self._find_passage(s[1:-1])
         t = np.concatenate([[0.0], np.concatenate([[0.0], np.cumsum(self.h)])[k] + tau, [self.duration]])
         _, v, a, _ = self.at(np.append(0, k), np.append(0.0, tau))
         h = np.maximum(np.diff(t), MIN_DURATION_SHARE * self.duration / len(s))
         return np.stack([v, a, np.diff(a, append=0.0) / h, h])
 
-    def _passing(self, s: Array) -> tuple[np.ndarray, Array]:
+    def _find_passage(self, s: Array) -> tuple[np.ndarray, Array]:
         """The pieces (K,) in which it comes by s (K,), and how long after their starts."""
         k = np.clip(np.searchsorted(self.s, s, side="right") - 1, 0, None)
         low, high = np.zeros(len(s)), self.h[k]
@@ -219,9 +219,11 @@ class RunSolution:
         return self.problem is not None and self.fallback is None
 
     @property
-    def moving(self) -> bool:
+    def has_end_speed(self) -> bool:
         """Whether it begins or ends at a speed: such a motion cannot be slowed."""
-        return any(part.moving for part in self.parts) or (self.problem is not None and max(self.problem.speeds) > 0)
+        return any(part.has_end_speed for part in self.parts) or (
+            self.problem is not None and max(self.problem.speeds) > 0
+        )
 
     def slowed(self, slowness: float) -> "RunSolution":
         """The same motion, so many times as long: of one from rest to rest."""

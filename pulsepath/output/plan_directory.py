@@ -20,7 +20,7 @@ from planner.orientation.orient import apply_choice, find_choice
 from planner.parallel import Progress, ignore_progress
 from planner.path.actuation import actuate
 from planner.pulses import PulseCheck, PulseSchedule, check, check_file, generate, pace_axes
-from planner.pulses.compensation.compensate import counted
+from planner.pulses.compensation.compensate import counted_motion
 from pulsepath.inputs import Inputs
 from pulsepath.job import Defect, Job
 from pulsepath.options import LAWS
@@ -117,7 +117,7 @@ class StoredPlan:
         axes, home_q = self.machine.axes, self.machine.home_q
         made = generate(self.trajectory, axes, home_q, self.clock_hz, self.rule, progress)
         if not self.doubts and digest_pulses(made) != self.pulse_digest:  # as by the arithmetic of another processor
-            verdict = check(made, counted(self.trajectory, axes, home_q), axes, home_q)
+            verdict = check(made, counted_motion(self.trajectory, axes, home_q), axes, home_q)
             refuse([f"pulses made again from {MOTION}: {fault}" for fault in verdict.faults[:1]])
         return made
 

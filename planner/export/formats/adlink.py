@@ -104,8 +104,8 @@ class AdlinkC(_CallFile):
 
 
 def _lines(source: ExportSource, made: CallList) -> Iterator[str]:
-    yield f"/* {commented(source.name)} on {commented(source.machine.name)}"
-    yield from (f" * {_escaped(note)}" for note in made.notes)
+    yield f"/* {quote_comment(source.name)} on {quote_comment(source.machine.name)}"
+    yield from (f" * {_escape(note)}" for note in made.notes)
     yield " */"
     arguments = "short axis, double pos, double start, double max, double tacc, double tdec"
     used = sorted({call.function for call in made.calls} | {kind.function for kind in KINDS.values()})
@@ -116,16 +116,16 @@ def _lines(source: ExportSource, made: CallList) -> Iterator[str]:
             now = call.time
             yield f"    wait_until({call.time:.6f});"
         numbers = call.axis, call.position, call.start, call.top, call.tacc, call.tdec
-        yield f"    DO({call.function}({', '.join(map(str, numbers))})); /* {commented(call.name)} */"
+        yield f"    DO({call.function}({', '.join(map(str, numbers))})); /* {quote_comment(call.name)} */"
     yield from ("    (void)wait_until;", "    return 0;", "}")
 
 
-def commented(name: str) -> str:
+def quote_comment(name: str) -> str:
     """A name in a comment: ASCII, in quotes, and nothing that begins or ends a comment."""
-    return _escaped(dumps(name))
+    return _escape(dumps(name))
 
 
-def _escaped(text: str) -> str:
+def _escape(text: str) -> str:
     """ASCII in which no comment begins or ends, and no trigraph stands."""
     plain = text.encode("ascii", "backslashreplace").decode()
     return plain.replace("*/", "*\\u002f").replace("/*", "\\u002f*").replace("??", "?\\u003f")

@@ -78,7 +78,7 @@ def write(
     names = [f"{axis.name} {line}" for axis in schedule.axes for line in ("STEP", "DIR")]
     end = high + max((int(axis.ticks[-1]) for axis in schedule.axes if len(axis)), default=0)
     with Path(path).open("wb") as file:
-        file.write((", ".join(["Time[s]", *map(_quoted, names)]) + "\n").encode())
+        file.write((", ".join(["Time[s]", *map(_quote, names)]) + "\n").encode())
         for ticks, levels in edge_rows(schedule, wiring, high):
             file.write(_text(ticks, levels, schedule.clock_hz))
             tell(int(ticks[-1]), end)
@@ -112,7 +112,7 @@ def describe_high(schedule: PulseSchedule, width: float | None, timing: Sequence
     return f"STEP is high for {1e6 * high_ticks(schedule, width, timing) / schedule.clock_hz:.6g} us"
 
 
-def _quoted(name: str) -> str:
+def _quote(name: str) -> str:
     return '"' + name.replace('"', '""') + '"' if set(name) & set(',"\n\r') else name
 
 

@@ -48,7 +48,7 @@ class JointTrajectory(KnotFormat):
         form = make_columns(source, knots.tolerance, origin=self.origin, unit="SI")
         whole, rest = TIMES[self.ros]
         with path.open("w", encoding="ascii", newline="") as file:
-            names = ", ".join(quoted(axis.name) for axis in axes)
+            names = ", ".join(quote(axis.name) for axis in axes)
             file.write(f"joint_names: [{names}]\npoints:\n")
             at = 0
             for steps, units in form.blocks(source, knots, 3):
@@ -64,7 +64,7 @@ class JointTrajectory(KnotFormat):
         return compare(motion, axes, knots, _points(path, form), notes)
 
 
-def quoted(name: str) -> str:
+def quote(name: str) -> str:
     """A YAML double-quoted scalar of printable ASCII that stands for any text."""
     plain = (c if " " <= c <= "~" and c not in '"\\' else f"\\U{ord(c):08X}" for c in name)
     return f'"{"".join(plain)}"'

@@ -32,12 +32,12 @@ from planner.export.card_calls import (
     REGISTER,
     SPEED_HEADROOM,
     Call,
+    find_card_kinds,
     replay_error,
-    wired,
     wired_counts,
 )
 from planner.export.format import Exported, ExportSource, refuse_compensated
-from planner.export.formats.adlink import commented
+from planner.export.formats.adlink import quote_comment
 from planner.pulses.schedule import refuse_counter
 from planner.trajectory import Trajectory
 
@@ -75,7 +75,7 @@ class Sahbaz:
 
     def write(self, source: ExportSource, path: Path) -> Exported:
         refuse_compensated(source, "sahbaz")
-        kinds = [next(number for number in KINDS if KINDS[number] == kind) for kind in wired(source)]
+        kinds = [next(number for number in KINDS if KINDS[number] == kind) for kind in find_card_kinds(source)]
         for pulses, axis in zip(source.pulses.axes, source.machine.axes, strict=True):
             refuse_counter(pulses, axis)
         moves = _moves(source, kinds)
@@ -111,7 +111,7 @@ def read_moves(path: Path) -> list[LegMove]:
 
 def _lines(source: ExportSource, moves: Sequence[LegMove]) -> Iterator[str]:
     names = {(card_function(axis.card), axis.channel): axis.name for axis in source.machine.axes}
-    yield f"' {commented(source.name)} on {commented(source.machine.name)}, by pulsepath"
+    yield f"' {quote_comment(source.name)} on {quote_comment(source.machine.name)}, by pulsepath"
     yield "' wait_until returns when so many seconds have passed since the start; a is not looked at, as in the source"
     yield "Sub pulsepath_run()"
     now = None
@@ -120,7 +120,7 @@ def _lines(source: ExportSource, moves: Sequence[LegMove]) -> Iterator[str]:
             now = move.time
             yield f"    wait_until {now:.6f}"
         numbers = f"{move.axis}, {move.distance}, 0, {move.speed!r}, {move.ramp!r}, {move.ramp!r}"
-        yield f"    a = {move.function}({numbers}) ' {commented(names[move.function, move.axis])}"
+        yield f"    a = {move.function}({numbers}) ' {quote_comment(names[move.function, move.axis])}"
     yield "End Sub"
 
 

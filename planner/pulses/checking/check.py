@@ -110,7 +110,7 @@ class Gaps:
     first: float
 
     @classmethod
-    def of(cls, axis: Axis) -> "Gaps":
+    def from_axis(cls, axis: Axis) -> "Gaps":
         rates = [axis.max_pulse_rate or inf]
         levels = turn = first = 0.0
         if (drive := axis.timing) is not None:
@@ -189,7 +189,7 @@ def check_parts(
     carried: dict[int, Search] = {}
     if isinstance(trajectory, MotorMotion) and machine_axes is not None:
         carried = {search.k: search for search in search_behind(stated, trajectory.planned, machine_axes, grid)}
-    gaps = [None] * width if machine_axes is None else [Gaps.of(axis) for axis in machine_axes]
+    gaps = [None] * width if machine_axes is None else [Gaps.from_axis(axis) for axis in machine_axes]
     for search in searches:
         _check_identity(search, machine_axes, home_q)
     for part in parts:
@@ -210,18 +210,18 @@ def _check_part(search: Search, carried: Search | None, part: AxisPulses, gaps: 
     """Go through the pulses of a part, block by block."""
     _check_order(search, part, gaps)
     done = search.pulses - len(part)
-    for lo in range(0, len(part) if search.ordered else 0, BLOCK_PULSES):
+    for lo in range(0, len(part) if search.is_ordered else 0, BLOCK_PULSES):
         ticks, direction = part.ticks[lo : lo + BLOCK_PULSES], part.direction[lo : lo + BLOCK_PULSES]
         _check_motion(search, ticks, direction, done + lo)
         if carried is not None:
             _check_motion(carried, ticks, direction, done + lo)
-    if not search.ordered:
+    if not search.is_ordered:
         search.count += int(part.direction.sum(dtype=np.int64))
 
 
 def _conclude(search: Search, carried: Search | None) -> AxisCheck:
     """The findings, once there are no more pulses."""
-    if search.ordered:
+    if search.is_ordered:
         for each in (search, carried):
             if each is not None:
                 _check_motion(each, np.empty(0, np.int64), np.empty(0, np.int8), search.pulses)
@@ -239,7 +239,7 @@ def _conclude(search: Search, carried: Search | None) -> AxisCheck:
     faults = tuple(replace(fault, what=f"behind play and screw, {fault.what}") for fault in carried.faults)
     return replace(
         found,
-        behind=carried.standard.largest if search.ordered else np.inf,
+        behind=carried.standard.largest if search.is_ordered else np.inf,
         faults=found.faults + faults,
         fault_count=found.fault_count + carried.kinds.total(),
     )

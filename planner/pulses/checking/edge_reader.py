@@ -115,18 +115,18 @@ class _EdgeRecord:
         first = np.array([0, levels[0, 1]], np.uint8) if before is None else before
         step, turn = np.diff(np.vstack((first, levels)).astype(np.int8), axis=0).T
         rising, falling, turning = (ticks[edge] for edge in (step > 0, step < 0, turn != 0))
-        self._between("high", rising, self.rise, falling)
-        self._between("low", falling, self.fall, rising)
-        self._between("setup", turning, self.turn, rising)
-        self._between("hold", rising, self.rise, turning)
-        self._between("interval", rising[:-1], self.rise, rising)
+        self._measure_gap("high", rising, self.rise, falling)
+        self._measure_gap("low", falling, self.fall, rising)
+        self._measure_gap("setup", turning, self.turn, rising)
+        self._measure_gap("hold", rising, self.rise, turning)
+        self._measure_gap("interval", rising[:-1], self.rise, rising)
         self.rise, self.fall, self.turn = (
             float(edges[-1]) if len(edges) else at
             for edges, at in ((rising, self.rise), (falling, self.fall), (turning, self.turn))
         )
         return rising, np.where(levels[step > 0, 1] == 1, axis.direction, -axis.direction).astype(np.int8)
 
-    def _between(self, what: str, since: Ticks, earlier: float, until: Ticks) -> None:
+    def _measure_gap(self, what: str, since: Ticks, earlier: float, until: Ticks) -> None:
         """The least time from the last edge of one kind to each of another."""
         if not len(until):
             return

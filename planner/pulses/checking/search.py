@@ -130,7 +130,7 @@ class Search:
         return 1 / self.schedule.clock_hz
 
     @property
-    def ordered(self) -> bool:
+    def is_ordered(self) -> bool:
         """Without an order there is nothing to measure against the motion."""
         return not any(self.kinds[kind] for kind in ("order", "outside", "direction"))
 
@@ -188,7 +188,7 @@ class Search:
         return round(max(times, default=0.0) * self.schedule.clock_hz)
 
     @property
-    def widened(self) -> float:
+    def extra_bound(self) -> float:
         """Pulses by which that widened the bound."""
         return sum(one.error for one in self.schedule.moves if one.axis == self.axis.name)
 

@@ -39,7 +39,7 @@ class Crossings(Standard):
 
     def sides(self, search: Search, s: Samples) -> tuple[Array, Array]:
         below, above = np.where(s.way >= 0, self.hysteresis, 0.0), np.where(s.way <= 0, self.hysteresis, 0.0)
-        return below + (1 - self.above + search.widened), above + (self.above + search.widened)
+        return below + (1 - self.above + search.extra_bound), above + (self.above + search.extra_bound)
 
     def judge(self, search: Search, ticks: Ticks, sign: Array, s: Samples, first: int) -> None:
         """Each pulse at the crossing of the level between its two counts, going its way, on an axis that moves."""
@@ -62,10 +62,10 @@ class Crossings(Standard):
         near = np.zeros(len(ticks), bool)
         late = np.flatnonzero(abs(error) > tolerance)
         if search.shift and len(late) <= sum(one.pulses for one in search.schedule.moves):
-            near[late] = self._near(search, ticks[late], level[late])
+            near[late] = self._comes_near(search, ticks[late], level[late])
         search.due(ticks, error, tolerance, near)
         kept = ~near
-        told = abs(miss) - s.travel(self.grain * tick) - search.widened * near
+        told = abs(miss) - s.travel(self.grain * tick) - search.extra_bound * near
         search.position_error = max(search.position_error, float(told.max(initial=0.0)))
         astray = kept & (sign * s.v < -(abs(s.a) * tick + abs(s.j) * tick**2) * self.grain - noise / tick)
         search.report("against the motion", ticks[astray], "x moves at {:+.4g} pulses/s", s.v[astray])
@@ -74,7 +74,7 @@ class Crossings(Standard):
         resting = still[(search.at(around).v.reshape(2, -1) == 0).all(axis=0)]
         search.report("at rest", ticks[resting], "the axis stands still at {:.9g} s", s.t[resting])
 
-    def _near(self, search: Search, ticks: Ticks, level: Array) -> np.ndarray:
+    def _comes_near(self, search: Search, ticks: Ticks, level: Array) -> np.ndarray:
         """(N,) whether x comes by the level within the largest shift that is stated for the axis."""
         reach = search.shift + HALF_TICK * self.grain
         t = ((ticks + np.linspace(-reach, reach, MOVED_INSTANTS)[:, None]) * search.tick).clip(
@@ -101,7 +101,7 @@ class BurstStandard(Standard):
     sign: Array
 
     @classmethod
-    def of(
+    def from_motion(
         cls, motion: AxesMotion, k: int, schedule: PulseSchedule, spacing: float, size: int, rate: float
     ) -> "BurstStandard":
         moves = max(1, int(np.ceil(motion.duration / spacing)))
@@ -163,14 +163,14 @@ class PeriodStandard(Standard):
         error = (ticks - offset + self.period // 2) % self.period - self.period // 2
         far = sign * (s.x - before.count)
         asked = far >= 0.5 - search.noise(s)
-        early = search.shift > 0 and far >= 0.5 - search.noise(s) - search.widened
+        early = search.shift > 0 and far >= 0.5 - search.noise(s) - search.extra_bound
         needless = ~(asked | early)
         search.report("not asked for", ticks[needless], "x is {:+.6g} pulses on its way", far[needless])
         # by whole periods, too, a pulse may have been moved to before it was asked for
         off = np.where((error == 0) & ~asked & early, self.period, error).astype(float)
         search.due(ticks, off, np.full(len(ticks), HALF_TICK), early | (abs(off) <= search.shift))
         until = int(ticks[-1]) if len(ticks) else round(search.motion.duration / search.tick)
-        self._looked(search, ticks, sign, until, offset)
+        self._check_looks(search, ticks, sign, until, offset)
 
     def conclude(self, search: Search) -> None:
         """No more looks found x farther than ½ than those that moved pulses were late for."""
@@ -179,7 +179,7 @@ class PeriodStandard(Standard):
         if late > stated * (search.shift // self.period + 1):
             search.report("late at looks", np.zeros(1, np.int64), "{:.0f} in all", np.array([late]))
 
-    def _looked(self, search: Search, ticks: Ticks, sign: Array, until: int, offset: int) -> None:
+    def _check_looks(self, search: Search, ticks: Ticks, sign: Array, until: int, offset: int) -> None:
         """After every look since the pulses before, up to a tick, x is at most ½ from the count."""
         counts = search.count + np.concatenate(([0.0], np.cumsum(sign)))
         begin = -(-(search.seen - offset) // self.period) * self.period + offset
@@ -240,5 +240,5 @@ def find_standard(schedule: PulseSchedule, k: int, motion: AxesMotion) -> Standa
         return PeriodStandard(round(stated.get("period", SAMPLED_PERIOD) * schedule.clock_hz))
     if name == "dda" and bound >= 0.5 and "rate" in stated:
         count = round(stated.get("pulses_per_count", DDA_COUNT))
-        return BurstStandard.of(motion, k, schedule, stated.get("spacing", DDA_SPACING), count, stated["rate"])
+        return BurstStandard.from_motion(motion, k, schedule, stated.get("spacing", DDA_SPACING), count, stated["rate"])
     return BoundStandard()

@@ -63,7 +63,7 @@ class _State:
     qddd: Array
 
 
-def compensated(motion: AxesMotion, axes: Sequence[Axis], home: Array) -> CompensatedMotion | None:
+def compensate_motion(motion: AxesMotion, axes: Sequence[Axis], home: Array) -> CompensatedMotion | None:
     """The motion as the motors have to make it, where some axis asks for compensation; None where none does.
 
     Raises Infeasible where the motion leaves a motor no room to take up its play.
@@ -98,12 +98,12 @@ def compensated(motion: AxesMotion, axes: Sequence[Axis], home: Array) -> Compen
     )
 
 
-def counted(motion: AxesMotion, axes: Sequence[Axis], home: Array) -> AxesMotion:
+def counted_motion(motion: AxesMotion, axes: Sequence[Axis], home: Array) -> AxesMotion:
     """What the pulses count: the motion, or where axes ask for compensation what their motors make of it.
 
-    Raises as `compensated` does.
+    Raises as `compensate_motion` does.
     """
-    return compensated(motion, axes, home) or motion
+    return compensate_motion(motion, axes, home) or motion
 
 
 def _table(axis: Axis) -> Array | None:

@@ -89,7 +89,7 @@ def take_up(motion: AxesMotion, k: int, axis: Axis, stretches: Stretches) -> tup
     if best.max() > LIMIT_SLACK:
         _refuse(motion, k, axis, turning, seen)
     (speed, most_speed, _), (acceleration, most, _) = seen.largest(axis)
-    most_off = float(seen.off(len(steps)).max())
+    most_off = float(seen.step_travel(len(steps)).max())
     jerk = float(PEAK_JERK * axis.backlash / steps[:, 1].min() ** 3)
     figures = most_off, unturned, speed, most_speed, acceleration, most, jerk
     windows = tuple((begin, begin + span) for begin, span, _ in steps.tolist())
@@ -113,7 +113,7 @@ def _fit_steps(motion: AxesMotion, k: int, axis: Axis, turns: Array) -> tuple[Ar
         start = np.minimum(np.maximum(start, before[todo]), after[todo] - span)
         tried = np.stack([start, span, way[todo] * axis.backlash], 1)
         seen = _sample_steps(motion, k, axis, tried, arrives[todo])
-        share, off = seen.share(axis, len(todo)), seen.off(len(todo))
+        share, off = seen.share(axis, len(todo)), seen.step_travel(len(todo))
         better = (share < best[todo]) & ((off <= axis.backlash) | np.isinf(best[todo]))
         steps[todo[better]], best[todo[better]] = tried[better], share[better]
         todo = todo[(best[todo] > LIMIT_SLACK) & (off < axis.backlash) & (span < after[todo] - before[todo])]
@@ -179,7 +179,7 @@ class _StepSamples:
             np.maximum.at(share, self.step, abs(rate) / _side_bound(rate, bound))
         return share
 
-    def off(self, count: int) -> Array:
+    def step_travel(self, count: int) -> Array:
         """(count,) m or rad of the axis' way during each step: it stays within that of where it should be."""
         low, high = np.full(count, np.inf), np.full(count, -np.inf)
         np.minimum.at(low, self.step, self.q)

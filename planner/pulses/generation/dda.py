@@ -112,22 +112,22 @@ class Dda(Rule):
         for axis in axes:
             if rate > axis.pulse_rate:
                 slower = axis.held_rate(clock_hz)
-                remedy = f"send the pulses of a count at {slower:.10g} 1/s or less{self._called(rate=slower)}"
+                remedy = f"send the pulses of a count at {slower:.10g} 1/s or less{self._describe_variant(rate=slower)}"
                 raise Infeasible("pulse rate", axis.name, None, rate, axis.pulse_rate, "1/s", remedy)
         worst, k = map(int, np.unravel_index(rates.argmax(), rates.shape))
         highest = float(rates[worst, k])
         if highest > rate:
             faster, wider = ceil(highest), 4 * self.spacing
             help_ = (
-                f"send a count's pulses at {faster} 1/s or more{self._called(rate=float(faster))}"
+                f"send a count's pulses at {faster} 1/s or more{self._describe_variant(rate=float(faster))}"
                 if faster <= min(axis.pulse_rate for axis in axes)
-                else f"list points {1e3 * wider:g} ms apart{self._called(spacing=wider)}"
+                else f"list points {1e3 * wider:g} ms apart{self._describe_variant(spacing=wider)}"
             )
             raise rate_error(
                 motion, axes[k], worst * gap, highest, rate, f"slow the motion, {help_}, or fewer of them for a count"
             )
 
-    def _called(self, **changed: Any) -> str:
+    def _describe_variant(self, **changed: Any) -> str:
         """This rule with other options, as the command line and `find_rule` take it."""
         return f' (rule "{describe_rule(replace(self, **changed))}")'
 

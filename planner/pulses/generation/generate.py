@@ -17,7 +17,7 @@ from kinematics.foundation.units import round_up_digits
 from kinematics.machine.axis import Axis, ceil_ticks, directional_bounds
 from planner.parallel import Progress, ignore_progress
 from planner.place import Infeasible, Place
-from planner.pulses.compensation.compensate import CompensatedMotion, counted
+from planner.pulses.compensation.compensate import CompensatedMotion, counted_motion
 from planner.pulses.generation.dda import Dda
 from planner.pulses.generation.firing_rule import Floor, Nearest, Rule
 from planner.pulses.generation.sampled import Sampled
@@ -189,7 +189,7 @@ def generate(
         given = f"{len(machine_axes)} machine axes, {width} axes of the motion, {home.size} home positions"
         raise MotionError(f"{given}: give one of each per axis")
     rule = find_rule(rule) if isinstance(rule, str) else rule
-    motion = trajectory if isinstance(trajectory, CompensatedMotion) else counted(trajectory, machine_axes, home)
+    motion = trajectory if isinstance(trajectory, CompensatedMotion) else counted_motion(trajectory, machine_axes, home)
     fired = rule.fire(motion, machine_axes, home, clock_hz, progress)
     try:
         schedule = space_pulses(fired, motion, machine_axes, rule.grain(clock_hz))

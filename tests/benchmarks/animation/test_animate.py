@@ -334,7 +334,7 @@ def test_a_path_that_counts_do_not_tell_is_left_out(circle, monkeypatch):
     def lost(*_):
         raise MotionError("the counts stand for no pose")
 
-    monkeypatch.setattr("benchmarks.animation.frames.reached", lost)
+    monkeypatch.setattr("benchmarks.animation.frames.find_reached_poses", lost)
     frames = compute_frames(circle, even_instants(circle.trajectory, 2))
     assert frames.realised is None
     assert "is not available" in document(circle, 2)

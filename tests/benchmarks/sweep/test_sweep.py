@@ -46,7 +46,7 @@ def alone(monkeypatch):
         ran.extend(cells)
         return score(cells, rig)
 
-    monkeypatch.setattr(run, "installed", lambda: False)
+    monkeypatch.setattr(run, "is_installed", lambda: False)
     monkeypatch.setattr(run, "score", counting)
     return ran
 
@@ -158,7 +158,7 @@ def test_results_do_not_depend_on_the_batch(rig, grid):
 
 @pytest.mark.parametrize("killing", [False, True])
 def test_results_do_not_depend_on_the_number_of_processes(tmp_path, rig, grid, monkeypatch, killing):
-    monkeypatch.setattr(run, "installed", lambda: False)
+    monkeypatch.setattr(run, "is_installed", lambda: False)
     monkeypatch.setattr(run, "MAX_LANES", 1)
     grid = replace(grid, tasks=("dash",))
     one = sweep(grid, rig, tmp_path / "one")
@@ -293,7 +293,7 @@ def test_a_killed_worker_loses_nothing(tmp_path, rig, grid, monkeypatch):
 
         runs = sweep(grid, rig, tmp_path / "cluster", address=cluster.scheduler_address, progress=kill)
         assert killed.is_set()
-    monkeypatch.setattr(run, "installed", lambda: False)
+    monkeypatch.setattr(run, "is_installed", lambda: False)
     here = sweep(grid, rig, tmp_path / "here")
     assert set(runs.results) == set(here.results)
     for key, result in runs.results.items():

@@ -80,11 +80,11 @@ def test_a_cubic_that_runs_back_is_measured():
         ends = np.array([[0.0, 1.0], [entry, speed]])
         for sign in (1, -1):
             segments = Segments(*one, sign * ends[:, :1, None], sign * ends[:, 1:, None])
-            found = segments.backward(power(1, scale=sign), 8)[0, 0]
+            found = segments.backward_way(power(1, scale=sign), 8)[0, 0]
             q = CubicHermiteSpline([0, 1], *ends)(u)
             assert found == pytest.approx((np.maximum.accumulate(q) - q).max(), abs=1e-9)
             assert (found > 0) == ((entry, speed) not in [(0.0, 2.9), (0.05, 3.1)])
-            assert segments.backward(turning, 8)[0, 0] == 0  # there and back: the motion's own reversal
+            assert segments.backward_way(turning, 8)[0, 0] == 0  # there and back: the motion's own reversal
 
 
 def test_no_more_points_than_the_remainder_asks_for():
@@ -117,7 +117,7 @@ def test_a_jump_of_acceleration_is_parted_at_its_knot():
 def test_even_spacing_outlasts_the_motion_by_less_than_one():
     knots = choose_knots(power(1), UM, 1, step=1e-6, tolerance=None, spacing=0.3)
     assert knots.steps.tolist() == [0, 300_000, 600_000, 900_000, 1_200_000]
-    assert knots.stated() == "segments: 4, of 300 ms"
+    assert knots.describe() == "segments: 4, of 300 ms"
 
 
 @pytest.mark.parametrize(

@@ -200,7 +200,7 @@ def test_a_motion_slowed_keeps_its_forces(hexapod):
     fast = certify(hop(0.02), [limit]).worst["force"]
     assert fast > 2
     slowed = certify(hop(0.02 * limit.slowness(fast)), [limit]).worst["force"]
-    assert limit.held < slowed <= 1 + 1e-6
+    assert limit.holding_share < slowed <= 1 + 1e-6
 
 
 def test_what_is_stated_but_cannot_be_kept(hexapod):

@@ -38,7 +38,7 @@ points = st.lists(
 @given(points)
 @settings(max_examples=100, deadline=None)
 def test_lines_are_the_curve(points):
-    curve = PullOutCurve.of(Axis("z", torque_speed=points))
+    curve = PullOutCurve.from_axis(Axis("z", torque_speed=points))
     assert (curve.slope >= 0).all()
     assert curve.ends[0] == 0
     for i, (start, end) in enumerate(zip(curve.ends[:-1], curve.ends[1:], strict=True)):
@@ -58,8 +58,8 @@ def shown(curve, v):
 @settings(max_examples=100, deadline=None)
 def test_lines_near_a_speed_are_a_floor_that_touches_the_curve_there(points, share):
     """The least of them is nowhere above the curve, and on it at the speed itself."""
-    curve = PullOutCurve.of(Axis("z", torque_speed=points))
-    low, high = curve.about()
+    curve = PullOutCurve.from_axis(Axis("z", torque_speed=points))
+    low, high = curve.line_ranges()
     here = share * curve.fastest
     speaks = (low <= here) & (here < high)
     v = np.sort(np.append(np.linspace(0, curve.fastest, 301), curve.ends))
@@ -72,10 +72,10 @@ def test_lines_near_a_speed_are_a_floor_that_touches_the_curve_there(points, sha
 @settings(max_examples=100, deadline=None)
 def test_the_hull_is_the_least_concave_curve_above(points):
     """Above the curve, concave, and each of its corners is on the curve: one lower would not be above."""
-    curve = PullOutCurve.of(Axis("z", torque_speed=points))
+    curve = PullOutCurve.from_axis(Axis("z", torque_speed=points))
     hull = curve.hull()
     assert (np.diff(hull.slope) > 0).all()
-    assert (hull.ends[0], hull.fastest, hull.holding) == (0, curve.fastest, pytest.approx(curve.holding))
+    assert (hull.ends[0], hull.fastest, hull.holding_force) == (0, curve.fastest, pytest.approx(curve.holding_force))
     v = np.union1d(curve.ends, np.linspace(0, curve.fastest, 101))
     above, below = shown(hull, v), shown(curve, v)
     assert (above >= below - 1e-9).all()
@@ -85,7 +85,7 @@ def test_the_hull_is_the_least_concave_curve_above(points):
 
 
 def test_a_concave_curve_is_all_its_lines_everywhere():
-    low, high = PullOutCurve.of(Axis("z", torque_speed=CONCAVE)).about()
+    low, high = PullOutCurve.from_axis(Axis("z", torque_speed=CONCAVE)).line_ranges()
     assert (low == 0).all()
     assert np.isinf(high).all()
 
@@ -186,7 +186,7 @@ def test_a_motor_that_gives_less_than_the_weight_at_rest_is_told_first(slide):
 
 def test_a_motor_without_force_is_refused():
     with pytest.raises(MotionError, match="axis z: torque_speed gives no force at rest"):
-        PullOutCurve.of(Axis("z", torque_speed=((0.0, 0.0), (1.0, 0.0))))
+        PullOutCurve.from_axis(Axis("z", torque_speed=((0.0, 0.0), (1.0, 0.0))))
 
 
 @pytest.mark.parametrize("name", ["mixed", "convex"])

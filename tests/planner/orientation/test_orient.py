@@ -150,7 +150,7 @@ def test_what_turns_out_slower_than_as_the_program_says_is_not_taken(hexapod, mo
         wild[:, 2, 2:6] = [0.2, -0.2, 0.2, -0.2]
         return wild if len(parts) == 2 else better
 
-    monkeypatch.setattr("planner.orientation.orient.turned", wriggling)
+    monkeypatch.setattr("planner.orientation.orient.solve_controls", wriggling)
     blend = Blend(5e-4)
     free = [Line([0.006, 0.002, 0.03], free=Free(), join=blend), Line([0.008, 0.004, 0.03], free=Free(), join=blend)]
     back = [Line([0, 0, 0.03]), Line([0.035, 0.02, 0.03], free=Free())]

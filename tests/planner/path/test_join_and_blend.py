@@ -11,7 +11,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from kinematics import Hexapod
 from planner import Arc, Blend, Dwell, Line, Program, Spline, Stop, Through, Turn, check, plan
 from planner.path.actuation import actuate
-from planner.program.model import stopping
+from planner.program.model import stop_at_joins
 
 START = RigidTransform.from_components([0.0, 0, 0.25], Rotation.identity())
 START_FROM_HOME = RigidTransform.from_components([0.0, 0, 0.025], Rotation.identity())
@@ -196,7 +196,7 @@ def test_what_meets_is_smooth_to_the_third_derivative(hexapod, name):
     end = along(drawn(hexapod, first), len(drawn(hexapod, first).pieces) - 1)[0][-1]
     path = drawn(hexapod, first, second(end, tangent))
     (blend,), (told,) = blends_of(path), path.blends
-    assert LEAST <= told.used <= MOST
+    assert LEAST <= told.tolerance_use <= MOST
     assert not path.stops(3)[1:-1].any()
     for at in (blend, blend + 1, blend + 2):
         assert (jumps(path, at) < 1e-9).all()
@@ -235,7 +235,7 @@ def test_orientation_has_its_own_tolerance(hexapod, name, angle):
     assert shares.max() <= MOST
     if not told.half_of:
         assert shares.max() >= LEAST
-    assert told.used == pytest.approx(shares.max(), rel=0.01)
+    assert told.tolerance_use == pytest.approx(shares.max(), rel=0.01)
 
 
 def test_short_segments_give_half_and_blends_never_overlap(hexapod):
@@ -349,7 +349,7 @@ def test_a_check_tells_of_the_blends(hexapod):
     found = check(round_trip(Blend(TOLERANCE)), hexapod)
     assert not found.violations
     assert [blend.segment for blend in found.blends] == [1, 2, 3]
-    assert all(blend.used <= 1 for blend in found.blends)
+    assert all(blend.tolerance_use <= 1 for blend in found.blends)
 
 
 def test_a_blend_looks_alike_in_every_frame(hexapod):
@@ -363,7 +363,7 @@ def test_a_blend_looks_alike_in_every_frame(hexapod):
 
 
 def test_a_program_stops_everywhere_when_asked_to(hexapod):
-    path = actuate(stopping(round_trip(Blend(TOLERANCE))), hexapod)
+    path = actuate(stop_at_joins(round_trip(Blend(TOLERANCE))), hexapod)
     assert path.stops(2).all()
     assert path.blends == ()
     assert [piece.tool_speed for piece in path.pieces] == [None, None, 0.018, None]

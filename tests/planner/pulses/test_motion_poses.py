@@ -6,7 +6,7 @@ import pytest
 from kinematics import MotionError, load_machine
 from kinematics.machine.pose import to_numbers
 from planner import PulseSchedule, load_program, plan, realised
-from planner.pulses.motion import reached
+from planner.pulses.motion import find_reached_poses
 
 OVER = """schema = 1
 length = "mm"
@@ -36,7 +36,7 @@ def planned_at(plan, t):
 
 def test_without_play_it_is_the_pose_of_the_counts(circle):
     t = np.linspace(0, circle.trajectory.duration, 50)
-    found = reached(circle.machine, circle.pulses, t, planned_at(circle, t))
+    found = find_reached_poses(circle.machine, circle.pulses, t, planned_at(circle, t))
     q = circle.machine.home_q + circle.pulses.counts(t) * [axis.pulse for axis in circle.pulses.axes]
     lengths = [
         np.linalg.norm(x[:3] + circle.machine.platform @ x[3:].reshape(3, 3).T - circle.machine.base, axis=1)
@@ -52,7 +52,7 @@ def test_its_errors_are_those_of_the_realised_path(which, request):
     fired = np.sort(np.concatenate([axis.ticks for axis in plan.pulses.axes]))
     t = fired[:: max(1, len(fired) // 2000)] / plan.pulses.clock_hz
     x = planned_at(plan, t)
-    errors = np.linalg.norm(reached(plan.machine, plan.pulses, t, x)[:, :3] - x[:, :3], axis=1)
+    errors = np.linalg.norm(find_reached_poses(plan.machine, plan.pulses, t, x)[:, :3] - x[:, :3], axis=1)
     known = realised(plan)["position"]
     assert errors.max() <= known.max * (1 + 1e-6)
     window = np.searchsorted(realised(plan).edges, t, side="right") - 1
@@ -62,7 +62,7 @@ def test_its_errors_are_those_of_the_realised_path(which, request):
 def test_play_is_behind_where_the_axes_turn(playing):
     """X runs 40 mm out and 35 mm back: pushed from below going out, from above coming back, 0.002 in apart."""
     t = np.array([playing.trajectory.duration])
-    (x,) = reached(playing.machine, playing.pulses, t, planned_at(playing, t))
+    (x,) = find_reached_poses(playing.machine, playing.pulses, t, planned_at(playing, t))
     axis = playing.machine.axes[0]
     lead = np.interp(5e-3 + axis.backlash, *np.array(axis.lead_error).T)
     assert x[0] == pytest.approx(5e-3 + axis.backlash + lead, abs=axis.pulse)
@@ -76,4 +76,4 @@ def test_counts_of_another_motion_are_refused(circle):
     )
     schedule = PulseSchedule(circle.pulses.clock_hz, far, circle.pulses.duration)
     with pytest.raises(MotionError, match="stand for no pose"):
-        reached(circle.machine, schedule, np.array([0.1]), planned_at(circle, np.array([0.1])))
+        find_reached_poses(circle.machine, schedule, np.array([0.1]), planned_at(circle, np.array([0.1])))

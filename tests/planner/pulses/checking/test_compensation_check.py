@@ -12,7 +12,7 @@ from kinematics import Axis
 from planner.export.formats import pulse_csv
 from planner.pulses import check, check_file, generate
 from planner.pulses.compensation import compensate
-from planner.pulses.compensation.compensate import counted
+from planner.pulses.compensation.compensate import counted_motion
 from tests.planner.motions import PULSE, example
 
 TABLE = ((0.0, 0.0), (1e-4, 3e-6), (2e-4, -2e-6), (4e-4, 1e-6))
@@ -24,7 +24,7 @@ def made(seed, kinds=BOTH, **more):
     home = motion.at(np.zeros(1)).q[0] - 1e-4
     stated = {"pulse": PULSE, "max_speed": 0.05, "max_acceleration": 5.0, "backlash": 5e-6, "lead_error": TABLE}
     axes = [Axis(f"leg{k}", compensate=kinds, **(stated | more)) for k in range(3)]
-    return counted(motion, axes, home), axes, home
+    return counted_motion(motion, axes, home), axes, home
 
 
 @settings(max_examples=25, deadline=None)

@@ -13,7 +13,7 @@ from planner.export.format import ExportSource
 from planner.export.formats.g93 import InverseTime
 from planner.pulses import check, generate
 from planner.pulses.compensation import compensate
-from planner.pulses.compensation.compensate import compensated
+from planner.pulses.compensation.compensate import compensate_motion
 from tests.planner.motions import PULSE, example, in_pulses, one_axis, through
 
 TABLE = ((0.0, 0.0), (1e-4, 3e-6), (2e-4, -2e-6), (4e-4, 1e-6))
@@ -51,7 +51,7 @@ def test_behind_screw_and_play_the_axis_is_where_it_should_be(seed, kinds):
     motion = example(seed)
     home = motion.at(np.zeros(1)).q[0] - 1e-4
     driven = axes(motion, kinds)
-    made = compensated(motion, driven, home)
+    made = compensate_motion(motion, driven, home)
     t = np.linspace(0, motion.duration, 20_001)
     counted, wanted = made.at(t).q, motion.at(t).q
     for k, axis in enumerate(driven):
@@ -65,7 +65,7 @@ def test_behind_screw_and_play_the_axis_is_where_it_should_be(seed, kinds):
 def test_derivatives_are_those_of_what_is_counted():
     motion = example(3)
     home = motion.at(np.zeros(1)).q[0] - 1e-4
-    made = compensated(motion, axes(motion, ("lead", "backlash")), home)
+    made = compensate_motion(motion, axes(motion, ("lead", "backlash")), home)
     for lo, hi in zip(made.knots[:-1], made.knots[1:], strict=True):
         if hi - lo < 1e-5:
             continue
@@ -81,7 +81,7 @@ def test_its_pulses_hold_against_it_and_leave_the_real_axis_within_what_is_state
     home = motion.at(np.zeros(1)).q[0] - 1e-4
     driven = axes(motion, ("lead", "backlash"))
     schedule = generate(motion, driven, home)
-    made = compensated(motion, driven, home)
+    made = compensate_motion(motion, driven, home)
     assert check(schedule, made, driven, home).holds
     assert not check(schedule, motion, driven, home).holds
     t = np.linspace(0, motion.duration, 20_001)
@@ -96,7 +96,7 @@ def test_while_the_axis_rests_the_play_costs_nothing():
     """Up, a rest of 0.1 s, and down."""
     motion = through(np.array([[0.0], [3e-4], [3e-4], [0.0]]), np.zeros((4, 1)), np.array([0.0, 0.1, 0.2, 0.3]))
     (axis,) = axes(motion, ("backlash",))
-    made = compensated(motion, [axis], np.zeros(1))
+    made = compensate_motion(motion, [axis], np.zeros(1))
     assert made.costs[0].crossings == 1
     assert made.costs[0].off < 1e-15
     assert made.at(np.array([0.3])).q[0, 0] == pytest.approx(-axis.backlash, abs=1e-15)
@@ -115,7 +115,7 @@ def test_trembling_by_less_than_half_a_pulse_is_no_reversal():
     motion = through(q[:, None], v[:, None], t)
     assert (v < 0).any()
     (axis,) = axes(motion, ("backlash",))
-    assert compensated(motion, [axis], np.zeros(1)).costs[0].crossings == 0
+    assert compensate_motion(motion, [axis], np.zeros(1)).costs[0].crossings == 0
 
 
 def zigzag(*ways, time=0.1, rest=0.0):
@@ -158,7 +158,7 @@ def test_at_rest_motor_and_screw_take_the_play_up_as_fast_as_the_limits_let_them
         ({"max_acceleration": 1.0, "max_jerk": 2.0}, np.cbrt(60 * 5e-6 / 2.0)),
     ):
         axis = Axis("x", pulse=PULSE, backlash=5e-6, compensate=("backlash",), **limits)
-        made = compensated(motion, [axis], np.zeros(1))
+        made = compensate_motion(motion, [axis], np.zeros(1))
         assert made.steps[0][0].tolist() == pytest.approx([0.1, time, -5e-6], rel=1e-9)
         assert made.costs[0].off < 1e-12
         assert made.costs[0].max_speed == limits.get("max_speed")
@@ -169,8 +169,8 @@ def test_where_there_is_no_rest_jerk_is_told_and_costs_no_time():
     """∛(60 b/j) = 42 ms would leave the axis off by 0.4 m/s² · (42 ms)²/8 = 89 µm, for 5 µm of play."""
     motion = zigzag(1e-3, -1e-3)
     axis = Axis("x", pulse=PULSE, max_acceleration=0.8, max_jerk=4.0, backlash=5e-6, compensate=("backlash",))
-    (cost,) = compensated(motion, [axis], np.zeros(1)).costs
-    (same,) = compensated(motion, [replace(axis, max_jerk=None)], np.zeros(1)).costs
+    (cost,) = compensate_motion(motion, [axis], np.zeros(1)).costs
+    (same,) = compensate_motion(motion, [replace(axis, max_jerk=None)], np.zeros(1)).costs
     assert cost == same
     assert cost.jerk > 4.0
 
@@ -192,7 +192,7 @@ def test_a_motion_at_its_limit_while_it_turns_leaves_no_room_and_is_refused():
     (cost,) = generate(motion, [lighter], [0.0]).compensations
     assert cost.acceleration == pytest.approx(1.2, rel=0.2)
     assert cost.acceleration <= cost.max_acceleration == 1.2
-    made = compensated(motion, [lighter], np.zeros(1))
+    made = compensate_motion(motion, [lighter], np.zeros(1))
     assert most(made, crossing(made), "qdd") == pytest.approx(cost.acceleration, rel=1e-3)
 
 
@@ -200,7 +200,7 @@ def test_where_a_motion_turns_gently_the_take_up_is_made_longer():
     """Alone it would take √(10 b/√3 a); with the motion's own 0.4 m/s² it has what is left."""
     motion = zigzag(1e-3, -1e-3)
     axis = Axis("x", pulse=PULSE, max_acceleration=0.8, backlash=5e-6, compensate=("backlash",))
-    made = compensated(motion, [axis], np.zeros(1))
+    made = compensate_motion(motion, [axis], np.zeros(1))
     time, cost = made.steps[0][0, 1], made.costs[0]
     exactly = np.sqrt(10 / np.sqrt(3) * 5e-6 / (0.8 - 0.4))
     assert exactly <= time <= 1.1 * exactly
@@ -213,7 +213,7 @@ def test_a_speed_beyond_the_limit_is_refused_too():
     motion = zigzag(4e-5, -4e-5, 4e-5, time=4e-3)  # up to 20 mm/s
     axis = Axis("x", pulse=PULSE, max_speed=8e-3, backlash=3e-5, compensate=("backlash",))
     with pytest.raises(Infeasible, match="speed with play taken up") as no:
-        compensated(motion, [axis], np.zeros(1))
+        compensate_motion(motion, [axis], np.zeros(1))
     assert no.value.limit == 8e-3
     assert "take_up_acceleration" not in no.value.remedy
 
@@ -226,7 +226,7 @@ def test_motion_and_take_up_together_keep_the_limits_or_are_refused(seed, speed,
     limits = {"max_speed": speed, "max_acceleration": (acceleration, 2 * acceleration)}
     driven = [Axis(f"leg{k}", pulse=PULSE, backlash=backlash, compensate=("backlash",), **limits) for k in range(3)]
     try:
-        made = compensated(motion, driven, home)
+        made = compensate_motion(motion, driven, home)
     except Infeasible:
         # twice the motion's own acceleration a on top of it is enough: b 10/√3 T² = 2 a is off by a T²/8 = 0.36 b
         assert acceleration < 3 * abs(motion.at(np.linspace(0, motion.duration, 2001)).qdd).max()
@@ -248,22 +248,22 @@ def test_a_rest_that_rounding_moves_is_a_rest():
     rough = one_axis([[0, 5e-3, 0.2], [0, 1e-15, 0.2005], [0, -5e-3, 0.2005 + 1e-16]], [0, 0.1, 0.2, 0.3])
     axis = Axis("x", pulse=PULSE, max_acceleration=0.4, backlash=5e-6, compensate=("backlash",))
     for each in (motion, rough):
-        assert compensated(each, [axis], np.zeros(1)).steps[0][0, 0] == pytest.approx(0.1, abs=1e-9)
+        assert compensate_motion(each, [axis], np.zeros(1)).steps[0][0, 0] == pytest.approx(0.1, abs=1e-9)
 
 
 def test_a_run_back_that_turns_nothing_is_told():
     motion = zigzag(1e-4, -0.4 * PULSE, 1e-4, -0.2 * PULSE)
     (axis,) = axes(motion, ("backlash",))
-    (cost,) = compensated(motion, [axis], np.zeros(1)).costs
+    (cost,) = compensate_motion(motion, [axis], np.zeros(1)).costs
     assert cost.crossings == 0
     assert cost.unturned == pytest.approx(0.4 * PULSE, rel=1e-6)
-    (turned,) = compensated(zigzag(1e-4, -0.6 * PULSE, 1e-4), [axis], np.zeros(1)).costs
+    (turned,) = compensate_motion(zigzag(1e-4, -0.6 * PULSE, 1e-4), [axis], np.zeros(1)).costs
     assert (turned.crossings, turned.unturned) == (2, 0.0)
 
 
 def test_nothing_to_compensate_is_the_motion_itself():
     motion = example(0)
-    assert compensated(motion, axes(motion, ()), np.zeros(3)) is None
+    assert compensate_motion(motion, axes(motion, ()), np.zeros(3)) is None
     plain = generate(motion, axes(motion, ()), np.zeros(3))
     none = generate(motion, axes(motion, ("backlash",), backlash=0.0), np.zeros(3))
     assert all((a.ticks == b.ticks).all() for a, b in zip(plain.axes, none.axes, strict=True))
@@ -366,7 +366,9 @@ def test_a_first_move_against_the_side_that_was_homed_is_told_both_cures():
 def test_compensation_is_made_once(monkeypatch, tmp_path):
     """By a plan, however often its pulses, its check and its path ask for it; by a source of exports once more."""
     made = []
-    monkeypatch.setattr(compensate, "compensated", lambda *of, true=compensated: made.append(of) or true(*of))
+    monkeypatch.setattr(
+        compensate, "compensate_motion", lambda *of, true=compensate_motion: made.append(of) or true(*of)
+    )
     stated = {"pulse": 1e-5, "travel": (-1.0, 1.0), "max_speed": 0.2, "max_acceleration": 0.5, "backlash": 1e-5}
     axes = [Axis(name, compensate=("backlash",), **stated) for name in "XYZ"]
     rotary = Axis("R", kind="rotary", pulse=1e-4, travel=(-4.0, 4.0), max_speed=1.0, max_acceleration=2.0)

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from kinematics import Axis, MotionError
 from planner import Infeasible, PulseSchedule
 from planner.pulses import RULES, AxisPulses, check, find_rule, generate
-from planner.pulses.compensation.compensate import compensated
+from planner.pulses.compensation.compensate import compensate_motion
 from planner.pulses.generation.dda import spread_counts
 from planner.pulses.generation.firing_rule import describe_rule
 from planner.pulses.generation.levels import MAX_COUNT_BLUR
@@ -177,7 +177,7 @@ def test_compensated_axes_keep_the_bound_too(rule):
     axis = Axis("X", pulse=PULSE, lead_error=screw, backlash=3 * PULSE, compensate=("lead", "backlash"))
     motion = there_and_back()
     schedule = generate(motion, [axis], [0.0], rule=rule)
-    behind = compensated(motion, [axis], np.zeros(1))
+    behind = compensate_motion(motion, [axis], np.zeros(1))
     found = check(schedule, behind, [axis], [0.0])
     assert found.holds, found.faults
     assert not check(schedule, motion, [axis], [0.0]).holds or rule == DDA
