@@ -7,7 +7,7 @@ from typing import Any, Literal, get_args, get_origin, get_type_hints
 import click
 
 from kinematics.foundation.errors import MotionError
-from kinematics.foundation.options import options as known_options
+from kinematics.foundation.options import options
 from planner.export.format import FORMATS, find_format
 from planner.sources.source import SOURCES, find_source
 from pulsepath.options import read_quantity
@@ -68,7 +68,7 @@ IMPORTS = Formats(SOURCES, find_source)
 
 def _fields(format_: type[Any]) -> list[tuple[Field[Any], Any]]:
     hints = get_type_hints(format_)
-    return [(field, hints[name]) for name, field in known_options(format_).items()]
+    return [(field, hints[name]) for name, field in options(format_).items()]
 
 
 def _flag(name: str) -> str:

@@ -46,8 +46,7 @@ def export(
     Example: pulsepath export out/circle --format vcd
     """
     from kinematics.files.atomic_files import Destination
-    from planner.export.format import ExportSource, find_format
-    from planner.export.format import export as write_export
+    from planner.export.format import ExportSource, export, find_format
     from pulsepath.format_options import EXPORTS
     from pulsepath.output import plan_directory, record
     from pulsepath.progress import step
@@ -61,7 +60,7 @@ def export(
         pulses = planned.pulses(tell)
     with step(f"writing {target}") as tell, destination.stage() as file:
         source = ExportSource(planned.program.name, planned.machine, planned.trajectory, pulses, tell)
-        done = write_export(format_, name, source, file)
+        done = export(format_, name, source, file)
         plan_directory.refuse_own(directory, target, file)
     if as_json:
         click.echo(record.as_json(record.of_export(name, str(target), done, planned.doubts)), nl=False)
