@@ -219,7 +219,7 @@ def assumed_rig(machine: Machine, card: Card = PCI_8132) -> Rig:
     return Rig(machine, tuple(leg_servo(axis) for axis in machine.axes), card, name="assumed servos")
 
 
-def disturbed(rig: Rig, *, inertia: float = 1.0, friction: float = 1.0) -> Rig:
+def disturb_rig(rig: Rig, *, inertia: float = 1.0, friction: float = 1.0) -> Rig:
     """The same rig with other true inertias and frictions (factors), which its drives know nothing of."""
 
-    return replace(rig, drives=tuple(drive.disturbed(inertia, friction) for drive in rig.drives))
+    return replace(rig, drives=tuple(drive.disturb(inertia, friction) for drive in rig.drives))

@@ -59,7 +59,7 @@ class PathTask(TaskTiming):
     profile: Literal["quarter-sine", "trapezoid"] = key("of the speed along it", default="quarter-sine")
     ramp: Annotated[float, Unit("s", above=0, like="1 s")] = key("time of speeding up, and of slowing down")
 
-    def on(self, machine: Machine, folder: Path | None) -> Task:
+    def make_task(self, machine: Machine, folder: Path | None) -> Task:
         try:
             path = actuate(load_program(resolve_path(folder, self.program)), machine)
         except MotionError as error:
@@ -80,7 +80,7 @@ class SineTask(TaskTiming):
 
     sine: SineTable
 
-    def on(self, machine: Machine, folder: Path | None) -> Task:
+    def make_task(self, machine: Machine, folder: Path | None) -> Task:
         kinds = {axis.name: axis.kind for axis in machine.axes}
         for n, name in enumerate(self.sine.axes):
             if kinds.get(name) != "rotary":
@@ -226,7 +226,7 @@ def _tasks(document: Document, machine: Machine | None, folder: Path | None) -> 
     tables = document.data.get("task", ())
     for n, table in enumerate(tables if machine is not None and isinstance(tables, tuple) else ()):
         try:
-            tasks.append(_TASK.validate_python(table, strict=True).on(cast(Machine, machine), folder))
+            tasks.append(_TASK.validate_python(table, strict=True).make_task(cast(Machine, machine), folder))
         except ValidationError:
             continue
         except MotionError as error:

@@ -42,7 +42,7 @@ class Bank:
         return tuple(axes.standing(x[:, columns]) for columns, axes in self.groups)
 
     def reading(self, state: tuple[Any, ...]) -> Array:
-        return self._joined([axes.reading(own) for (_, axes), own in zip(self.groups, state, strict=True)])
+        return self._join_columns([axes.reading(own) for (_, axes), own in zip(self.groups, state, strict=True)])
 
     def run(self, state: tuple[Any, ...], command: Array, kept: np.ndarray) -> tuple[AxesResponse, tuple[Any, ...]]:
         if len(self.groups) == 1:
@@ -51,13 +51,17 @@ class Bank:
         runs = [
             axes.run(own, command[:, :, columns], kept) for (columns, axes), own in zip(self.groups, state, strict=True)
         ]
-        parts = (self._joined([getattr(response, name) for response, _ in runs]) for name in AxesResponse.__slots__)
+        parts = (
+            self._join_columns([getattr(response, name) for response, _ in runs]) for name in AxesResponse.__slots__
+        )
         return AxesResponse(*parts), tuple(own for _, own in runs)
 
-    def lost(self, state: tuple[Any, ...]) -> np.ndarray:
-        return self._joined([axes.lost(own) for (_, axes), own in zip(self.groups, state, strict=True)])
+    def count_lost_steps(self, state: tuple[Any, ...]) -> np.ndarray:
+        return self._join_columns(
+            [axes.count_lost_steps(own) for (_, axes), own in zip(self.groups, state, strict=True)]
+        )
 
-    def _joined(self, parts: Sequence[np.ndarray]) -> np.ndarray:
+    def _join_columns(self, parts: Sequence[np.ndarray]) -> np.ndarray:
         order = np.argsort(np.concatenate([columns for columns, _ in self.groups]))
         return np.concatenate(parts, axis=-1)[..., order]
 
@@ -86,13 +90,13 @@ class Recorder:
         shape = (-(-samples // every), *lanes)
         self.command, self.actual, self.measured, self.speed, self.torque = (np.empty(shape) for _ in range(5))
 
-    def kept(self, first: int, count: int) -> np.ndarray:
+    def select_kept(self, first: int, count: int) -> np.ndarray:
         """Which of the `count` samples from `first` on are kept, from 0."""
         return np.arange(-first % self.every, count, self.every)
 
     def put(self, first: int, counter: np.ndarray, told: AxesResponse) -> None:
         """The card's counter (N, B, n) at the samples from `first` on, and what the axes told of those kept."""
-        at = self.kept(first, len(counter))
+        at = self.select_kept(first, len(counter))
         row = -(-first // self.every)
         rows = slice(row, row + len(at))
         self.command[rows] = counter[at]
@@ -101,7 +105,7 @@ class Recorder:
         np.divide(told.speed, self.pulse, out=self.speed[rows])
         self.torque[rows] = told.torque
 
-    def done(self) -> dict[str, Array]:
+    def finish(self) -> dict[str, Array]:
         """The records by name, read-only from now on."""
         records = {name: getattr(self, name) for name in ("command", "actual", "measured", "speed", "torque")}
         for record in records.values():
@@ -211,7 +215,7 @@ def simulate(
     for start, stop in pairwise([*moments, moments[-1]]):
         due, over, now = (at[k, runs] == start) & (k < steps), at[-1] == start, start * h
         if over.any():  # whatever the rest of the batch goes on to do
-            pulses[over], lost[over] = state.pulses(now)[over], axes.lost(drives)[over]
+            pulses[over], lost[over] = state.pulses(now)[over], axes.count_lost_steps(drives)[over]
         if due.any():
             position = axes.reading(drives) / pulse
             took = np.maximum(start - last, 1)[:, None] * h
@@ -230,9 +234,9 @@ def simulate(
         block = max(BLOCK_VALUES // counts.size, 1)
         for first in range(start, stop, block):
             counter = state.counter(np.arange(first, min(first + block, stop)) * h)
-            response, drives = axes.run(drives, counter * pulse, recorder.kept(first, len(counter)))
+            response, drives = axes.run(drives, counter * pulse, recorder.select_kept(first, len(counter)))
             recorder.put(first, counter, response)
-    records = recorder.done()
+    records = recorder.finish()
     t = np.asarray(np.arange(len(records["command"])) * (every * h), float)
     return Runs(t=t, **records, pulses=pulses, lost=lost, steps=begin)
 

@@ -114,7 +114,7 @@ class Job:
     crossed: CrossCheck | None = None
 
     @property
-    def saved(self) -> float:
+    def time_saved(self) -> float:
         """s that the plan is shorter than the baseline timing; negative where that keeps fewer limits and is."""
         return self.classical.duration - self.plan.trajectory.duration
 
@@ -141,18 +141,18 @@ def run(
     look = partial(review_plan, planned, figures, rig)
     looking = other.start(look)
     detail(_describe_solution(planned))
-    realised = _followed(planned)
+    realised = _compute_realised_path(planned)
     with step("computing baseline timings"):
         found = timing.result(partial(time_baselines, planned))
     for line in found.notes:
         detail(line)
     baseline = pick_baseline(planned, found.timings)
     others = tuple(timing for timing in found.timings if timing is not baseline)
-    beside = _crossed(planned) if crossed else None
+    beside = _run_cross_check(planned) if crossed else None
     return Job(planned, baseline, others, realised, cache(partial(looking.result, look)), figures, rig, beside)
 
 
-def _crossed(planned: Plan) -> CrossCheck:
+def _run_cross_check(planned: Plan) -> CrossCheck:
     with step("solving order 2 with toppra"):
         return cross_check(planned)
 
@@ -164,7 +164,7 @@ def _describe_solution(planned: Plan) -> str:
     return f"order {planned.order}, solve rounds: {planned.rounds}, runs between stops: {runs}{near}"
 
 
-def _followed(planned: Plan) -> RealisedPath | None:
+def _compute_realised_path(planned: Plan) -> RealisedPath | None:
     """The path that the pulses make; None where the machine is singular on the way, so that counts tell no pose."""
     try:
         with step("computing quantization error"):

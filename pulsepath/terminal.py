@@ -64,8 +64,8 @@ class Terminal(Link):
     loop: asyncio.AbstractEventLoop
     session: PromptSession[str]
 
-    def sent(self, data: bytes) -> bytes | None:
-        return self.show(partial(Link.sent, self, data))
+    def send_bytes(self, data: bytes) -> bytes | None:
+        return self.show(partial(Link.send_bytes, self, data))
 
     def show(self, write: Callable[[], bytes | None]) -> bytes | None:
         """Write, above the prompt and what is typed at it where there is one."""
@@ -90,7 +90,7 @@ class Terminal(Link):
         with _raw_key_mode(), _run_in_thread(self.loop):
             while (line := self._next_line(server)).upper() not in LEAVE_WORDS:
                 server.say(line)
-        server.until(lambda _: server.standing)
+        server.serve_until(lambda _: server.is_idle)
 
     def _next_line(self, server: Server) -> str:
         line = self.session.prompt_async(lambda: f"{server.desk.session.mode}> ", set_exception_handler=False)

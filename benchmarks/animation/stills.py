@@ -85,7 +85,7 @@ def four_views(plan: AnimatablePlan, t: float | None = None, *, magnify: float |
     bar.set_ticks([0, 0.25, 0.5, 0.75, 1], labels=["0", "25 %", "50 %", "75 %", "100 %"])
     handles, labels = axes[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=3, frameon=False)
-    title = f"{frames.program} on {frames.machine} at {when:.3f} s\n{_told(frames)}"
+    title = f"{frames.program} on {frames.machine} at {when:.3f} s\n{_describe_limits(frames)}"
     figure.suptitle(title, fontsize="small", parse_math=False)  # names are no formulas
     return axes
 
@@ -139,7 +139,7 @@ def _path(frames: Frames) -> str:
     return "path of the pulses" + ("" if frames.magnified == 1 else f", error × {frames.magnified:g}")
 
 
-def _told(frames: Frames) -> str:
+def _describe_limits(frames: Frames) -> str:
     """Every axis, and the tool, with its nearest limit; some in a line."""
     known = frames.nearest
     said = zip(known.owners, known.which[0], known.use[0], strict=True)

@@ -88,7 +88,7 @@ def _escape_data(value: object) -> object:
     return _escape_text(value)
 
 
-def grouped(number: int | str) -> str:
+def group_digits(number: int | str) -> str:
     """A whole number in groups of three digits, kept together by narrow spaces."""
     return f"{int(number):,}".replace(",", "\N{NARROW NO-BREAK SPACE}")
 
@@ -102,7 +102,7 @@ FILTERS: dict[str, Callable[..., Any]] = {
     "down": lambda value, digits: f"{floor(value * 10**digits) / 10**digits:.{digits}f}",
     "fixed": lambda value, digits: f"{value:.{digits}f}",
     "general": lambda value, digits: f"{value:.{digits}g}",
-    "grouped": grouped,
+    "grouped": group_digits,
     "up": round_up,
     "zip": zip,
 }

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from benchmarks.reports.page import grouped, render, render_png, style
+from benchmarks.reports.page import group_digits, render, render_png, style
 from controllers.metrics import Metrics
 from controllers.rig import Rig
 from planner.baselines import Classical, describe_differences, missing_limits
@@ -80,7 +80,7 @@ def summary(plan: Plan, classical: Classical, verdict: PulseCheck) -> dict[str, 
         **_departures(plan),
         "Order": f"{plan.order} ({kept})",
         "Solved by": f"{', '.join(sorted(set(plan.methods)))}; certified in round {plan.rounds}",
-        "Pulses": f"{grouped(plan.pulses.total)} on a clock of {grouped(plan.pulses.clock_hz)} Hz",
+        "Pulses": f"{group_digits(plan.pulses.total)} on a clock of {group_digits(plan.pulses.clock_hz)} Hz",
         "Highest pulse rate": f"{verdict.highest_rate:.1f} 1/s",
         "Pulse check": f"{verdict.fault_count} errors; {_exactness(plan, verdict)}",
     }

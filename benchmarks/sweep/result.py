@@ -47,7 +47,7 @@ class Setting:
         """For tables and figures: "closed-position gain 0.7"."""
         return " ".join([self.law, *(f"{name.replace('_', ' ')} {value:g}" for name, value in self.gains)])
 
-    def made(self, rig: Rig | None = None) -> Law:
+    def make_law(self, rig: Rig | None = None) -> Law:
         """The law itself; a law by model knows the axes of the rig, or those that it assumes where none is given."""
         return find_law(self.law, rig, **dict(self.gains))
 
@@ -145,8 +145,8 @@ class RunSeries:
             object.__setattr__(self, one.name, freeze_array(getattr(self, one.name)))
 
     @staticmethod
-    def unpacked(content: bytes) -> RunSeries | None:
-        """Of a file that `RunResult.packed` made; None where the run has none."""
+    def unpack(content: bytes) -> RunSeries | None:
+        """Of a file that `RunResult.pack` made; None where the run has none."""
         with np.load(BytesIO(content), allow_pickle=False) as file:
             if FIRST_SERIES_FIELD not in file:
                 return None
@@ -171,7 +171,7 @@ class RunResult:
     failure: str = ""
     series: RunSeries | None = None
 
-    def packed(self) -> bytes:
+    def pack(self) -> bytes:
         """As an .npz file: the record as JSON text, and the arrays in single precision."""
         arrays = {} if self.series is None else {one.name: getattr(self.series, one.name) for one in fields(RunSeries)}
         cell = asdict(self.cell)
@@ -185,8 +185,8 @@ class RunResult:
         return buffer.getvalue()
 
     @staticmethod
-    def unpacked(content: bytes) -> RunResult:
-        """What `packed` made, without the series. Raises DamagedRun for anything else, were it by a single bit.
+    def unpack(content: bytes) -> RunResult:
+        """What `pack` made, without the series. Raises DamagedRun for anything else, were it by a single bit.
 
         Every array is read, and so held against its checksum: what is damaged is found here, not by who uses it.
         """
@@ -231,14 +231,14 @@ class Store:
     def find(self, key: str, cell: Cell | None = None) -> RunResult | None:
         """The run of a key, if it is kept whole; a file that cannot be read, or is of another cell, counts as none."""
         try:
-            found = RunResult.unpacked((self.folder / CELLS / f"{key}.npz").read_bytes())
+            found = RunResult.unpack((self.folder / CELLS / f"{key}.npz").read_bytes())
         except (OSError, DamagedRun):
             return None
         return found if cell is None or found.cell == cell else None
 
     def keep(self, key: str, result: RunResult) -> None:
         """Write a run; its file takes its place when it is complete."""
-        write_whole(self.folder / CELLS / f"{key}.npz", result.packed())
+        write_whole(self.folder / CELLS / f"{key}.npz", result.pack())
 
     def digest(self, key: str) -> str | None:
         """SHA-256 of the file of a run; None where there is none."""
@@ -314,7 +314,7 @@ class SavedRuns(Result):
 
     def series(self, key: str) -> RunSeries | None:
         """How a run went over time, read from its file; None of one that failed."""
-        return RunSeries.unpacked((self.folder / CELLS / f"{key}.npz").read_bytes())
+        return RunSeries.unpack((self.folder / CELLS / f"{key}.npz").read_bytes())
 
 
 def _seal(record: Mapping[str, Any]) -> str:

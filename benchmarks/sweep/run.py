@@ -34,7 +34,7 @@ from benchmarks.sweep.result import (
 from controllers.metrics import BATCH_PERIOD, Metrics, evaluate_runs
 from controllers.metrics.evaluate import PlannedStates, sample_plan
 from controllers.metrics.metrics import torque_limits
-from controllers.rig import Rig, Task, disturbed
+from controllers.rig import Rig, Task, disturb_rig
 from controllers.simulate import sample, simulate
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
@@ -185,7 +185,7 @@ def score(cells: Sequence[Cell], rig: Rig) -> list[RunResult]:
 
 def _vary_rig(rig: Rig, cell: Cell) -> Rig:
     """The rig of one run: its inertia and friction, and its host's seed."""
-    varied = disturbed(rig, inertia=cell.variation.inertia, friction=cell.variation.friction)
+    varied = disturb_rig(rig, inertia=cell.variation.inertia, friction=cell.variation.friction)
     return replace(varied, host=replace(rig.host, seed=rig.host.seed + cell.seed))
 
 

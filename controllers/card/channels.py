@@ -33,11 +33,11 @@ class Channels:
 
     def magnitude(self, what: str, speed: Array) -> Array:
         """Speeds (…) as the speed register holds them, direction left out: one step of it at least."""
-        return np.broadcast_to(self.card.registered(self._within(what, speed)), self.due.shape)
+        return np.broadcast_to(self.card.round_speed(self._check_speed(what, speed)), self.due.shape)
 
-    def signed(self, what: str, speed: Array) -> Array:
+    def register_speed(self, what: str, speed: Array) -> Array:
         """Speeds (…) as the speed register and the direction bit hold them; zero is none."""
-        held = self.card.registered(self._within(what, speed))
+        held = self.card.round_speed(self._check_speed(what, speed))
         return np.asarray(np.broadcast_to(np.sign(speed) * held, self.due.shape))
 
     def target(self, position: Array) -> Array:
@@ -48,7 +48,7 @@ class Channels:
         self.refuse("position", position, fine, f"{low} … {high} pulses", "28-bit position counter")
         return position
 
-    def after(self, distance: Array) -> Array:
+    def add_distance(self, distance: Array) -> Array:
         """Whole positions (…) that many whole pulses on from the counters, which may wrap round where the card says."""
         goal = np.rint(self.position) + np.rint(distance)
         if self.card.beyond_counter == "refuse":
@@ -86,7 +86,7 @@ class Channels:
             lane = np.unravel_index(int(np.argmax(wrong)), wrong.shape)
             raise Refused(f"{self.card.name}, channel {int(lane[-1]) + 1}: {reason}")
 
-    def _within(self, what: str, speed: Array) -> Array:
+    def _check_speed(self, what: str, speed: Array) -> Array:
         if speed.shape[-1] != self.due.shape[-1]:
             raise Refused(
                 f"{self.card.name}: a command for {speed.shape[-1]} channels cannot start {self.due.shape[-1]} channels"
@@ -116,11 +116,11 @@ class Command(ABC):
         return False
 
     @property
-    def limited(self) -> bool:
+    def has_soft_limits(self) -> bool:
         """Whether soft limits hold for it."""
         return True
 
-    def addressed(self, card: Card, lanes: tuple[int, ...]) -> np.ndarray:
+    def select_lanes(self, card: Card, lanes: tuple[int, ...]) -> np.ndarray:
         """The lanes that it is for, bool, of the shape `lanes` or one that numpy stretches to it."""
         return np.ones(lanes, bool)
 

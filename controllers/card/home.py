@@ -51,7 +51,7 @@ class HomeReturn(Command):
         broadcast_lanes(self, *names, *(("index",) if self.index is not None else ()))
 
     @property
-    def limited(self) -> bool:
+    def has_soft_limits(self) -> bool:
         return False
 
     def moves(self, now: Channels) -> tuple[MoveProfile, ...]:
@@ -190,7 +190,7 @@ class HomeMode(Command):
         broadcast_lanes(self, "direction", "start_speed", "speed", "creep", *given)
 
     @property
-    def limited(self) -> bool:
+    def has_soft_limits(self) -> bool:
         return False
 
     def moves(self, now: Channels) -> tuple[MoveProfile, ...]:

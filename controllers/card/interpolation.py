@@ -94,13 +94,13 @@ class LinearMove(Command):
     def joint(self) -> bool:
         return True
 
-    def addressed(self, card: Card, lanes: tuple[int, ...]) -> np.ndarray:
+    def select_lanes(self, card: Card, lanes: tuple[int, ...]) -> np.ndarray:
         return select_channels(card, self.axes, lanes[-1], 2, 4)
 
     def moves(self, now: Channels) -> tuple[MoveProfile, ...]:
         axes, goal = list(self.axes), np.zeros(now.due.shape)
         goal[..., axes] = self.position
-        goal = now.after(goal) if self.relative else now.target(np.rint(goal))
+        goal = now.add_distance(goal) if self.relative else now.target(np.rint(goal))
         gap = np.where(now.due, goal - now.position, 0.0)
         distance = np.sqrt((gap * gap).sum(-1, keepdims=True))
         path = _path_profile(now, self, distance)
@@ -145,7 +145,7 @@ class ArcMove(Command):
     def joint(self) -> bool:
         return True
 
-    def addressed(self, card: Card, lanes: tuple[int, ...]) -> np.ndarray:
+    def select_lanes(self, card: Card, lanes: tuple[int, ...]) -> np.ndarray:
         return select_channels(card, self.axes, lanes[-1], 2, 2)
 
     def moves(self, now: Channels) -> tuple[MoveProfile, ...]:

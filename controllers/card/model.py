@@ -116,7 +116,7 @@ class Card:
         """Pulses/s of one step of the speed register."""
         return self.top_speed / SPEED_STEPS
 
-    def registered(self, speed: Array) -> Array:
+    def round_speed(self, speed: Array) -> Array:
         """Magnitudes of speeds as the speed register holds them."""
         speed = np.abs(speed)
         if self.speed_range is not None:

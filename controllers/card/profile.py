@@ -194,10 +194,10 @@ class MoveProfile:
                 way = part if way is None else way + part
                 rest = rest - length if (until < last).any() else rest
             since = until
-        position = self.placed(np.zeros(rest.shape) if way is None else way)
+        position = self.position_after(np.zeros(rest.shape) if way is None else way)
         return position if (self.end > last).all() else np.where(t >= self.end, self.target, position)
 
-    def along(self, t: float) -> tuple[Array, Array]:
+    def way_and_speed(self, t: float) -> tuple[Array, Array]:
         """The way s (…), pulses, and its speed (…), pulses/s, just after t."""
         rest, way, found = t - self.begin, np.zeros(self.begin.shape), np.zeros(self.begin.shape)
         for i, length in enumerate(self.lengths):
@@ -211,7 +211,7 @@ class MoveProfile:
 
     def speed(self, t: float) -> Array:
         """Speed (…), pulses/s, signed, just after t."""
-        way, found = self.along(t)
+        way, found = self.way_and_speed(t)
         if self.arc is None:
             return found
         radius, phase, turn = self.arc
@@ -220,16 +220,16 @@ class MoveProfile:
     def pulses(self, t: float) -> np.ndarray:
         """Pulses (…) fired until t in either direction, those of compensation among them, int64."""
         rest, way = t - self.begin, np.zeros(self.begin.shape)
-        before, fired = np.rint(self.start), np.abs(self.taken(t))
+        before, fired = np.rint(self.start), np.abs(self.compensation_fired(t))
         for i, length in enumerate(self.lengths):
             way = way + self.way(i, np.minimum(np.maximum(rest, 0.0), length))
-            after = np.rint(self.placed(way))
+            after = np.rint(self.position_after(way))
             fired = fired + np.abs(after - before)
             rest, before = rest - length, after
         # the last position is the target, that of the sum but for rounding
         return np.asarray(fired + np.where(t >= self.end, np.abs(np.rint(self.target) - before), 0.0), np.int64)
 
-    def taken(self, t: float) -> Array:
+    def compensation_fired(self, t: float) -> Array:
         """Pulses (…) of compensation fired until t, signed: the k-th of N is due (N − k + ½)/speed before `begin`."""
         if self.slack is None:
             return np.zeros(self.begin.shape)
@@ -267,7 +267,7 @@ class MoveProfile:
             return np.asarray(tau * (self.speeds[i] + tau * (self.rates[i] / 2)))
         return np.asarray(tau * (self.speeds[i] + tau * (self.rates[i] / 2 + tau * (self.jerks[i] / 6))))
 
-    def placed(self, way: Array) -> Array:
+    def position_after(self, way: Array) -> Array:
         """The command position, pulses, after a way."""
         if self.arc is None:
             return np.asarray(self.start + way)
@@ -343,7 +343,7 @@ def cut(move: MoveProfile, at: Array) -> MoveProfile:
         part = np.minimum(np.maximum(rest, 0.0), length)
         lengths.append(np.where(ends, part, length))
         way, rest = way + move.way(i, part), rest - length
-    return replace(move, lengths=np.stack(lengths), target=np.where(ends, move.placed(way), move.target))
+    return replace(move, lengths=np.stack(lengths), target=np.where(ends, move.position_after(way), move.target))
 
 
 def _default_field(name: str, move: MoveProfile, pieces: int) -> Array:

@@ -71,7 +71,7 @@ class Record:
             round_to_ticks(self.card, t), direction, counted, np.concatenate([np.empty(0), *counts]).astype(np.int64)
         )
 
-    def latched(self, lane: int | tuple[int, ...], t: Array) -> np.ndarray:
+    def latch_counts(self, lane: int | tuple[int, ...], t: Array) -> np.ndarray:
         """Position counters (N,) that a lane's latch input freezes at instants t (N,). Raises Refused without one."""
         i = lane if isinstance(lane, tuple) else (lane,)
         channel = i[-1]
@@ -80,7 +80,7 @@ class Record:
             raise Refused(f"{self.card.name}, channel {channel + 1}: it has no latch input; those of a card: {inputs}")
         return np.asarray(np.rint(np.moveaxis(self.position(t), 0, -1)[i]), np.int64)
 
-    def compared(self, lane: int | tuple[int, ...], counts: Array) -> np.ndarray:
+    def comparator_ticks(self, lane: int | tuple[int, ...], counts: Array) -> np.ndarray:
         """Ticks at which the comparator's output fires, int64: one count after another, each when it is first reached.
 
         A count is loaded when the one before has fired, and fires with the pulse that brings the counter to it; it

@@ -64,7 +64,9 @@ class SRMove(Command):
         broadcast_lanes(self, "distance", "start_speed", "max_speed")
 
     def moves(self, now: Channels) -> tuple[MoveProfile, ...]:
-        return (curve_ramps(now, plan_move(self, now, now.after(self.distance)), self.curve_acc, self.curve_dec),)
+        return (
+            curve_ramps(now, plan_move(self, now, now.add_distance(self.distance)), self.curve_acc, self.curve_dec),
+        )
 
 
 @dataclass(frozen=True, slots=True)

@@ -36,10 +36,10 @@ class Together(Command):
         return any(command.joint for _, command in self.members)
 
     @property
-    def limited(self) -> bool:
-        return all(command.limited for _, command in self.members)
+    def has_soft_limits(self) -> bool:
+        return all(command.has_soft_limits for _, command in self.members)
 
-    def addressed(self, card: Card, lanes: tuple[int, ...]) -> np.ndarray:
+    def select_lanes(self, card: Card, lanes: tuple[int, ...]) -> np.ndarray:
         named = [axis for axes, _ in self.members for axis in axes]
         if not named or len(set(named)) < len(named) or not 0 <= min(named) <= max(named) < lanes[-1]:
             raise Refused(
@@ -53,7 +53,7 @@ class Together(Command):
         begin = np.where(now.due, ready, now.begin)
         found: tuple[MoveProfile, ...] = ()
         for axes, command in self.members:
-            lanes = np.isin(np.arange(now.due.shape[-1]), axes) & command.addressed(now.card, now.due.shape)
+            lanes = np.isin(np.arange(now.due.shape[-1]), axes) & command.select_lanes(now.card, now.due.shape)
             own = command.moves(replace(now, begin=begin, due=now.due & lanes))
             found = merge_sequences(own, found, np.broadcast_to(lanes, now.due.shape)) if found else own
         return found
@@ -79,7 +79,7 @@ class DStop(Command):
     def moves(self, now: Channels) -> tuple[MoveProfile, ...]:
         tdec = now.ramp("deceleration", self.tdec)
         old = now.running
-        way, speed = old.along(now.begin.flat[0])  # of all lanes, since it waits in none
+        way, speed = old.way_and_speed(now.begin.flat[0])  # of all lanes, since it waits in none
         stop = ramp(now.begin, now.position, speed, np.zeros_like(speed), tdec)
         # the way that is left to a target: along an arc the sum of its pieces
         left = old.target - now.position

@@ -178,7 +178,7 @@ class CardState:
         """Pulses (…) fired until t in either direction, int64."""
         return np.asarray(self.fired + sum(move.pulses(t) for move in self.moves), np.int64)
 
-    def running(self, t: float) -> MoveProfile:
+    def current_move(self, t: float) -> MoveProfile:
         """The moves under way at t, lane by lane."""
         return current_move(self.moves, [t >= move.begin for move in self.moves])
 
@@ -195,7 +195,7 @@ def send(card: Card, state: CardState, command: Command, t: float, due: np.ndarr
     due  (…) bool, the lanes that are sent it; the others go on as they were. None: all.
     """
     lanes = state.fired.shape
-    every = np.broadcast_to(command.addressed(card, lanes), lanes)
+    every = np.broadcast_to(command.select_lanes(card, lanes), lanes)
     every = every if due is None else every & due
     queued = card.while_moving == "queue" and command.waits
     if queued:
@@ -203,13 +203,13 @@ def send(card: Card, state: CardState, command: Command, t: float, due: np.ndarr
         waiting = _hold_idle_lanes(state, tuple(old for old in state.moves if (old.end > t).any()), t)
         now = Channels(card, every, np.maximum(last.end, t), last.target, np.zeros(lanes), last)
     else:
-        running = state.running(t)
+        running = state.current_move(t)
         now = Channels(card, every, np.full(lanes, t), running.position(np.array([t]))[0], running.speed(t), running)
         waiting = ()
     new = command.moves(now)
     if now.running.zero is not None:
         new = tuple(move if move.zero is not None else replace(move, zero=now.running.zero) for move in new)
-    if card.soft_limits is not None and command.limited:
+    if card.soft_limits is not None and command.has_soft_limits:
         new = tuple(limit_move(now, move, command.joint) for move in new)
     fired, taken = state.pulses(t) - sum(move.pulses(t) for move in waiting), None
     if card.backlash is not None:
@@ -258,7 +258,7 @@ def current_speed(card: Card, state: CardState, t: float) -> Array:
     Assumed: it is the rate of the instant, zero where a move has come to its target, and not rounded to registers;
     whether it has a sign is an option of the card.
     """
-    rate = state.running(t).speed(t)
+    rate = state.current_move(t).speed(t)
     return np.abs(rate) if card.current_speed == "magnitude" else rate
 
 
@@ -279,4 +279,4 @@ def round_to_ticks(card: Card, t: Array) -> np.ndarray:
 
 def _compensation_pulses(state: CardState | None, moves: Sequence[MoveProfile], t: float) -> Array:
     base = 0.0 if state is None or state.taken is None else state.taken
-    return np.asarray(base + sum(move.taken(t) for move in moves))
+    return np.asarray(base + sum(move.compensation_fired(t) for move in moves))

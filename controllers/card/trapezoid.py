@@ -151,7 +151,7 @@ class TRMove(Command):
         broadcast_lanes(self, "distance", "start_speed", "max_speed")
 
     def moves(self, now: Channels) -> tuple[MoveProfile, ...]:
-        return (continue_move(self, now, now.after(self.distance)),)
+        return (continue_move(self, now, now.add_distance(self.distance)),)
 
 
 class Ramps(Protocol):
@@ -279,7 +279,7 @@ class VChange(Command):
         return False
 
     def moves(self, now: Channels) -> tuple[MoveProfile, ...]:
-        tacc, speed = now.ramp("acceleration", self.tacc), now.signed("speed", self.speed)
+        tacc, speed = now.ramp("acceleration", self.tacc), now.register_speed("speed", self.speed)
         free = ramp(now.begin, now.position, now.speed, speed, tacc)
         now.forbid(is_locked(now), "only a velocity move or a trapezoidal move takes a change of speed; stop it first")
         bound = is_steerable(now)
@@ -295,7 +295,7 @@ class VChange(Command):
 
 def start_and_end_speeds(now: Channels, start_speed: Array, speed: Array) -> tuple[Array, Array]:
     """Speeds (…), signed, at which a velocity move begins and to which it leads."""
-    v0, v1 = now.signed("start speed", start_speed), now.signed("speed", speed)
+    v0, v1 = now.register_speed("start speed", start_speed), now.register_speed("speed", speed)
     return np.where(now.goes_on(np.where(v1 == 0, v0, v1)), now.speed, v0), v1
 
 

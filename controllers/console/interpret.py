@@ -44,10 +44,10 @@ def interpret(session: Session, words: Words, t: float) -> Answer:
         case Position():
             return _position(session, words, t)
         case Move():
-            motion = planned(session, words, t)
+            motion = plan_move(session, words, t)
             return Answer(session, "DONE") if motion is None else Answer(session, motion=motion)
         case Home():
-            changed = placed(session, words)
+            changed = set_home(session, words)
             return Answer(changed, describe_homes(changed, [axis for axis, _ in words.places]))
         case Accept():
             return _accept(session, t)
@@ -98,7 +98,7 @@ def _help(session: Session) -> str:
     """The commands, with examples that this machine's axes can do."""
     drives = session.drives
     one, other = 0, min(2, len(drives.names) - 1)
-    (a, way), (b, far) = ((drives.names[i], inward(session, i)) for i in (one, other))
+    (a, way), (b, far) = ((drives.names[i], describe_inward_turn(session, i)) for i in (one, other))
     also = f" {b} {far} 20" if other != one else ""
     rotary = f"; {ROTARY} is also THETA" if ROTARY in drives.names else ""
     return (
@@ -119,7 +119,7 @@ def _accept(session: Session, t: float) -> Answer:
     last = session.offered
     known = last.known & ~session.homed
     changed = replace(
-        session.placed(np.flatnonzero(known).tolist(), last.counts),
+        session.place_axes(np.flatnonzero(known).tolist(), last.counts),
         zero=np.where(known, last.zero, session.zero),
         offered=None,
     )
@@ -153,7 +153,7 @@ def _position(session: Session, words: Position, t: float) -> Answer:
         known = "its travel" if session.homed[i] else "the length of its travel (not homed)"
         elsewhere = f"; if its slide is elsewhere, state where: HOME {name} AT {example(session, int(i))}"
         raise Refused(
-            f"axis {name} to {session.registered(target)[i]} steps is outside {first} to {last}, {known}"
+            f"axis {name} to {session.read_registers(target)[i]} steps is outside {first} to {last}, {known}"
             f"{elsewhere if session.homed[i] else ''}"
         )
     if (target == session.counts).all():
@@ -177,7 +177,7 @@ def report(session: Session) -> str:
         target = np.zeros(len(drives.names), np.int64)
         target[i] = steps
         motion = trapezoid_motion(drives, np.zeros_like(target), target, drives.speed, 0.0)
-        fired = int(motion.fired(0.0, np.inf)[i].sum())
+        fired = int(motion.directions_between(0.0, np.inf)[i].sum())
         verdict = "OK" if fired == steps == motion.counts(np.inf)[i] else f"FAULT: {fired} pulses fired"
         rate = f"{drives.speed[i]:.6g} steps/s at most after a ramp of {drives.ramp[i]:.0f}"
         lines.append(f"{name}: {steps} steps of {axis.pulse:.6g} {axis.unit}, {rate}, {motion.end:.3f} s: {verdict}")
@@ -190,7 +190,7 @@ MIN_TURN = 1e-9
 """rad from which a line turns the tool."""
 
 
-def planned(session: Session, words: Move, t: float) -> PlannedMotion | None:
+def plan_move(session: Session, words: Move, t: float) -> PlannedMotion | None:
     """The certified fastest motion that is asked for; None where the tool is there already, to the pulse.
 
     A way of less than a pulse of every axis is none: with a turn it is a turn in place, not a line of nanometres.
@@ -287,7 +287,7 @@ def _has_rotation(session: Session) -> bool:
 SHOWN_UNITS = {"linear": ("mm", 1e3), "rotary": ("deg", 180 / np.pi)}
 
 
-def placed(session: Session, words: Home) -> Session:
+def set_home(session: Session, words: Home) -> Session:
     """The session with HOME said. Raises Refused for a place outside the travel, or one that cannot be the switch."""
     counts = np.array(session.counts)
     for axis, said in words.places:
@@ -296,7 +296,7 @@ def placed(session: Session, words: Home) -> Session:
         elif not session.homed[axis]:
             counts[axis] = 0
             _refuse_switch(session, axis)
-    return session.placed([axis for axis, _ in words.places], counts)
+    return session.place_axes([axis for axis, _ in words.places], counts)
 
 
 def describe_homes(session: Session, axes: Sequence[int]) -> str:
@@ -307,11 +307,11 @@ def describe_homes(session: Session, axes: Sequence[int]) -> str:
 
 def ends(session: Session, axis: int) -> tuple[int, int]:
     """Between what its register may go."""
-    first, last = sorted(int(session.registered(end)[axis]) for end in session.window())
+    first, last = sorted(int(session.read_registers(end)[axis]) for end in session.window())
     return first, last
 
 
-def inward(session: Session, axis: int) -> str:
+def describe_inward_turn(session: Session, axis: int) -> str:
     """The turn of the motor that leads towards the farther end."""
     low, high = session.window()
     up = high[axis] - session.counts[axis] >= session.counts[axis] - low[axis]

@@ -46,14 +46,14 @@ class Link:
     stranger: bool = False
     line_end: str = "\r\n"
 
-    def received(self) -> bytes | None:
+    def read_bytes(self) -> bytes | None:
         """What has come; None: no more will, but it may still be answered. Raises OSError where it is broken."""
         try:
             return os.read(self.reads, READ_BYTES) or None
         except BlockingIOError:
             return b""
 
-    def sent(self, data: bytes) -> bytes | None:
+    def send_bytes(self, data: bytes) -> bytes | None:
         """What of the data could not be sent yet; None: nobody takes it any more."""
         try:
             return data[os.write(self.writes, data) :]
@@ -69,7 +69,7 @@ class Transport(ABC):
     __slots__ = ()
 
     @abstractmethod
-    def opened(self) -> tuple[Link, ...]:
+    def accept_links(self) -> tuple[Link, ...]:
         """The links that have opened since this was last asked."""
 
 
@@ -81,7 +81,7 @@ class OpenTransport(Transport):
     def __init__(self, link: Link) -> None:
         self._link: tuple[Link, ...] = (link,)
 
-    def opened(self) -> tuple[Link, ...]:
+    def accept_links(self) -> tuple[Link, ...]:
         found, self._link = self._link, ()
         return found
 
@@ -144,7 +144,7 @@ class Socket(Transport):
         self._open: list[socket.socket] = []
         self.address: tuple[str, int] = self._listener.getsockname()[:2]
 
-    def opened(self) -> tuple[Link, ...]:
+    def accept_links(self) -> tuple[Link, ...]:
         found: list[Link] = []
         self._open = [client for client in self._open if client.fileno() >= 0]
         while True:
@@ -189,7 +189,7 @@ class Partial:
 
     held: bytes = b""
 
-    def fed(self, data: bytes) -> tuple[Partial, tuple[TextLine, ...]]:
+    def feed(self, data: bytes) -> tuple[Partial, tuple[TextLine, ...]]:
         """With bytes that have come: lines that end among them. CR, LF and both end a line; an empty one is none."""
         *ended, rest = data.replace(b"\n", b"\r").split(b"\r")
         lines, held = [], self.held
@@ -235,7 +235,7 @@ class Trust:
     misread: int = 0
     shut: str = ""
 
-    def after(self, line: TextLine, names: Sequence[str]) -> Trust:
+    def read_line(self, line: TextLine, names: Sequence[str]) -> Trust:
         """With a line; names: of the axes, in capitals."""
         if self.known or self.shut:
             return self

@@ -60,7 +60,7 @@ class Drives:
         """Ends of where a slide can stand: travel, and its zero, where the switch is, which may lie outside."""
         return np.minimum(self.low, 0), np.maximum(self.high, 0)
 
-    def within(self, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def clip_to_counter(self, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Ends, no farther than the counter's."""
         return np.maximum(low, COUNTER[0]), np.minimum(high, COUNTER[1])
 
@@ -112,7 +112,7 @@ class SessionMotion(ABC):
 
     @property
     @abstractmethod
-    def moving(self) -> np.ndarray:
+    def moving_axes(self) -> np.ndarray:
         """(n,) bool, the axes that fire at all."""
 
     @abstractmethod
@@ -120,7 +120,7 @@ class SessionMotion(ABC):
         """The counters (n,), int64, at t: home's count and all pulses fired since, signed."""
 
     @abstractmethod
-    def fired(self, since: float, until: float) -> tuple[np.ndarray, ...]:
+    def directions_between(self, since: float, until: float) -> tuple[np.ndarray, ...]:
         """Of each axis the directions (pulses,) of the pulses fired from `since` to before `until`, one by one."""
 
     @abstractmethod
@@ -140,14 +140,14 @@ class CardMotion(SessionMotion):
         return self.begun + max(float(move.end[np.isfinite(move.end)].max(initial=0.0)) for move in self.state.moves)
 
     @property
-    def moving(self) -> np.ndarray:
+    def moving_axes(self) -> np.ndarray:
         move = self.state.moves[-1]
         return np.asarray(np.rint(move.start) != np.rint(move.target))
 
     def counts(self, t: float) -> np.ndarray:
         return np.asarray(self.state.counter(max(t - self.begun, 0.0))[0])
 
-    def fired(self, since: float, until: float) -> tuple[np.ndarray, ...]:
+    def directions_between(self, since: float, until: float) -> tuple[np.ndarray, ...]:
         lanes, a, b = range(len(self.state.fired)), since - self.begun, until - self.begun
         edges = [[move.edges(i, a, b).direction for move in self.state.moves] for i in lanes]
         return tuple(np.concatenate(of) for of in edges)
@@ -169,7 +169,7 @@ class PlannedMotion(SessionMotion):
         return self.begun + self.pulses.duration
 
     @property
-    def moving(self) -> np.ndarray:
+    def moving_axes(self) -> np.ndarray:
         return np.array([len(axis) > 0 for axis in self.pulses.axes])
 
     def counts(self, t: float) -> np.ndarray:
@@ -177,7 +177,7 @@ class PlannedMotion(SessionMotion):
         late = np.inf if t >= self.end else t - self.begun
         return np.asarray(self.pulses.counts(late)[0])
 
-    def fired(self, since: float, until: float) -> tuple[np.ndarray, ...]:
+    def directions_between(self, since: float, until: float) -> tuple[np.ndarray, ...]:
         ticks = (since - self.begun, np.inf if until >= self.end else until - self.begun)
         a, b = (np.ceil(t * self.pulses.clock_hz) for t in ticks)
         return tuple(axis.direction[(axis.ticks >= a) & (axis.ticks < b)] for axis in self.pulses.axes)
@@ -214,7 +214,7 @@ def halt_motion(drives: Drives, motion: SessionMotion, t: float) -> CardMotion:
     So no axis leaves its travel where the motion would not have; the tool of a planned one leaves its line.
     """
     state, since = motion.on_card(drives, t), t - motion.begun
-    speed = np.abs(state.running(since).speed(since))
+    speed = np.abs(state.current_move(since).speed(since))
     members = tuple(
         ((i,), DStop(float(v / a))) for i, (v, a) in enumerate(zip(speed, drives.acceleration, strict=True))
     )

@@ -101,7 +101,7 @@ def advance_time(desk: Dispatcher, t: float) -> tuple[Dispatcher, tuple[Reply, .
     """With the time come to t: a motion that ended is told of, and what waited for it is begun, as far as that goes."""
     replies: tuple[Reply, ...] = ()
     while desk.end is not None and desk.end <= t:
-        now, session = desk.end, desk.session.ended()
+        now, session = desk.end, desk.session.finish_motion()
         text = f"STOPPED {session.describe(now)}" if desk.stopped or desk.session.jogging else "DONE"
         replies = (*replies, *((who, text) for who in desk.told))
         desk = replace(desk, session=session, told=(), stopped=False)
@@ -138,7 +138,7 @@ def _run(desk: Dispatcher, who: int, line: TextLine, t: float) -> tuple[Dispatch
         told = reply if answer.motion is None else f"{answer.motion.end - t:.3f} s; no motion"
         return desk, ((who, f"TEST {told}"),)
     if answer.motion is not None:
-        moving = answer.session.moving(answer.motion, answer.jogging)
+        moving = answer.session.begin_motion(answer.motion, answer.jogging)
         changed = replace(desk, session=moving, told=(who,), stopped=False)
     return changed, ((who, reply),) if reply else ()
 
@@ -158,7 +158,7 @@ def _stop(desk: Dispatcher, t: float) -> tuple[Dispatcher, tuple[Reply, ...]]:
     motion = desk.session.motion
     if motion is None or desk.stopped:
         return desk, replies
-    session = desk.session.moving(halt_motion(desk.session.drives, motion, t))
+    session = desk.session.begin_motion(halt_motion(desk.session.drives, motion, t))
     return replace(desk, session=session, stopped=True), replies
 
 
@@ -252,18 +252,18 @@ class Server:
         return any(served.who == CONSOLE and (served.held or not served.over) for served in self._links)
 
     @property
-    def standing(self) -> bool:
+    def is_idle(self) -> bool:
         """Whether nothing moves or is about to."""
         return self.desk.end is None and not self.desk.waiting
 
-    def until(self, done: Callable[[Dispatcher], bool]) -> None:
+    def serve_until(self, done: Callable[[Dispatcher], bool]) -> None:
         """Serve until something is true of the desk."""
         while not done(self.desk):
             self.step()
 
     def step(self) -> None:
         """Wait for bytes, or for time to pass, once."""
-        for link in (link for transport in self._remote for link in transport.opened()):
+        for link in (link for transport in self._remote for link in transport.accept_links()):
             self._links.append(ServedLink(link, self._next))
             self._next += 1
             self._echo(f"{link.name} connected")
@@ -287,7 +287,7 @@ class Server:
     def say(self, text: str, who: int = CONSOLE) -> None:
         """Hand a line to the desk as if it had come from someone; an empty one is none."""
         self.clock.advance(None)
-        for line in Partial().fed(text.encode(errors="replace") + b"\n")[1]:
+        for line in Partial().feed(text.encode(errors="replace") + b"\n")[1]:
             self._take(take_line(self.desk, who, line, self.clock.now))
 
     def finish(self) -> None:
@@ -306,13 +306,13 @@ class Server:
         if served not in self._links:
             return
         try:
-            data = served.link.received()
+            data = served.link.read_bytes()
         except OSError:
             if not served.link.script:
                 self._end(served)
                 return
             data = None
-        served.partial, lines = served.partial.fed(data or b"")
+        served.partial, lines = served.partial.feed(data or b"")
         if data is None:
             served.over, lines = True, served.partial.broken_off()
         served.held = (*served.held, *lines)
@@ -322,11 +322,11 @@ class Server:
         while served.held and served in self._links:
             line, rest = served.held[0], served.held[1:]
             at_once = self.desk.session.jogging or line.text.strip().upper() == "STOP"
-            if served.link.script and not (self.standing or at_once):
+            if served.link.script and not (self.is_idle or at_once):
                 return
             served.held = rest
             if served.link.stranger:
-                served.trust = served.trust.after(line, self.desk.session.drives.names)
+                served.trust = served.trust.read_line(line, self.desk.session.drives.names)
                 if served.trust.shut:
                     self._send(served, f"{ERROR} {served.trust.shut}; closed{served.link.line_end}".encode())
                     self._echo(f"{served.link.name} shut out: {served.trust.shut}")
@@ -352,7 +352,7 @@ class Server:
                 self._send(served, (text.replace("\n", end) + end).encode("ascii", "replace"))
 
     def _send(self, served: ServedLink, data: bytes) -> None:
-        rest = served.link.sent(served.unsent + data) if served.unsent + data else b""
+        rest = served.link.send_bytes(served.unsent + data) if served.unsent + data else b""
         if rest is None or len(rest) > MAX_UNREAD_BYTES:
             self._end(served)
         else:

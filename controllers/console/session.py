@@ -67,9 +67,9 @@ class Session:
 
     def registers(self, t: float) -> np.ndarray:
         """The registers (n,), int64, at t: they follow every pulse."""
-        return self.registered(self.counters(t))
+        return self.read_registers(self.counters(t))
 
-    def registered(self, counts: np.ndarray) -> np.ndarray:
+    def read_registers(self, counts: np.ndarray) -> np.ndarray:
         """What the registers (n,) read where the counters do so."""
         return np.asarray(self.drives.signs * (counts - self.zero))
 
@@ -80,7 +80,7 @@ class Session:
         """
         low, high = self.drives.reach()
         length = high - low
-        return self.drives.within(
+        return self.drives.clip_to_counter(
             np.where(self.homed, self.drives.low, self.most - length),
             np.where(self.homed, self.drives.high, self.least + length),
         )
@@ -99,11 +99,11 @@ class Session:
         """The axes that are not homed."""
         return tuple(name for name, homed in zip(self.drives.names, self.homed, strict=True) if not homed)
 
-    def moving(self, motion: SessionMotion, jogging: bool = False) -> Session:
+    def begin_motion(self, motion: SessionMotion, jogging: bool = False) -> Session:
         """With a motion begun, or another in its place; what was offered no longer is."""
         return replace(self, motion=motion, jogging=jogging, offered=None)
 
-    def ended(self) -> Session:
+    def finish_motion(self) -> Session:
         """With its motion done: the registers stay where it brought them."""
         if self.motion is None:
             return self
@@ -111,7 +111,7 @@ class Session:
         least, most = np.minimum(self.least, counts), np.maximum(self.most, counts)
         return replace(self, counts=counts, least=least, most=most, motion=None, jogging=False)
 
-    def placed(self, axes: Sequence[int], counts: np.ndarray) -> Session:
+    def place_axes(self, axes: Sequence[int], counts: np.ndarray) -> Session:
         """With axes known to stand at counters (n,) of their travel, where their registers are 0."""
         chosen = np.isin(np.arange(len(self.counts)), axes)
         moved = np.where(chosen, counts - self.counts, 0)
@@ -152,7 +152,7 @@ def snapshot_session(session: Session, t: float) -> SavedSession:
     """What to save of a session at t: axes that a motion moves are moving until it has ended."""
     names, registers, known = session.drives.names, session.registers(t), session.homed
     counters = session.counters(t)
-    moves = np.zeros(len(names), bool) if session.motion is None else session.motion.moving
+    moves = np.zeros(len(names), bool) if session.motion is None else session.motion.moving_axes
     if session.offered is not None:  # what has not been accepted yet can be the next time
         last = session.offered
         registers = np.where(known, registers, session.drives.signs * (last.counts - last.zero))

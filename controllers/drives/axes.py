@@ -44,7 +44,7 @@ class Axes(Protocol):
     def run(self, state: Any, command: Array, kept: np.ndarray) -> tuple[AxesResponse, Any]:
         """Over N samples of the position command (N, B, n); of these, those at the indices `kept` are told of."""
 
-    def lost(self, state: Any) -> np.ndarray:
+    def count_lost_steps(self, state: Any) -> np.ndarray:
         """(B, n) int64 full steps lost until now."""
 
 

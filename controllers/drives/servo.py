@@ -76,7 +76,7 @@ class Servo:
                 zero = ", ".join(_MAY_BE_ZERO)
                 raise MotionError(f"servo: {field.name} {value} must be a positive finite number ({zero} may be zero)")
 
-    def disturbed(self, inertia: float, friction: float) -> Servo:
+    def disturb(self, inertia: float, friction: float) -> Servo:
         """The same axis with other true inertia and friction (factors), of which its drive knows nothing."""
         return replace(
             self,
@@ -198,7 +198,7 @@ class ServoAxes:
             ring = np.roll(ring, -(len(late) % (longest + 1)), 0)[1:]
         return AxesResponse(*told), ServoState(x, y, v, integral, commands, ring)
 
-    def lost(self, state: ServoState) -> np.ndarray:
+    def count_lost_steps(self, state: ServoState) -> np.ndarray:
         return np.zeros(state.x.shape, np.int64)
 
 

@@ -70,7 +70,7 @@ class Stepper:
         """N or N·m: the most it gives at any rate of steps."""
         return max(torque for _, torque in self.torque_speed)
 
-    def disturbed(self, inertia: float, friction: float) -> Stepper:
+    def disturb(self, inertia: float, friction: float) -> Stepper:
         """The same axis with other true inertia and friction (factors)."""
         return replace(
             self,
@@ -157,7 +157,7 @@ class StepperAxes:
             turn = slipped
         return AxesResponse(*told), StepperState(x, y, v, np.array(r), turn, slips)
 
-    def lost(self, state: StepperState) -> np.ndarray:
+    def count_lost_steps(self, state: StepperState) -> np.ndarray:
         return np.asarray(4 * state.slips, np.int64)
 
     def _read(self, x: Array, r: Array) -> Array:

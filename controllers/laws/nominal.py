@@ -64,7 +64,7 @@ class NominalAxes:
         return tuple(tuple(getattr(self, field.name).tolist()) for field in fields(self))
 
     @staticmethod
-    def of(key: tuple[tuple[float, ...], ...], n: int) -> NominalAxes:
+    def from_key(key: tuple[tuple[float, ...], ...], n: int) -> NominalAxes:
         """The n axes of a `key`."""
         return NominalAxes(*(np.broadcast_to(numbers, n) for numbers in key))
 
@@ -119,7 +119,7 @@ class Response:
     C: Array
     D: Array
 
-    def over(self, steps: int) -> tuple[Array, Array]:
+    def extend(self, steps: int) -> tuple[Array, Array]:
         """The positions (n, steps·m) over several steps, O s + Γ w: O (n, steps·m, 4), Γ (n, steps·m, 2·steps)."""
         n, m, _ = self.C.shape
         through = np.zeros((n, STATE_SIZE, STATE_SIZE + 2 * steps))

@@ -124,8 +124,8 @@ class Feedforward:
         )
 
     def command(self, k: int | np.ndarray, reference: Reference, feedback: Feedback) -> TAMove:
-        _, start = self.wanted(np.asarray(k), reference)
-        target, end = self.wanted(np.asarray(k) + 1, reference, before=True)
+        _, start = self.target_motion(np.asarray(k), reference)
+        target, end = self.target_motion(np.asarray(k) + 1, reference, before=True)
         taken = (
             self.play
             * self.axes.play
@@ -134,7 +134,7 @@ class Feedforward:
         )
         return ramp(target + taken, start, end, feedback.counter, reference.dt)
 
-    def wanted(self, k: np.ndarray, reference: Reference, *, before: bool = False) -> tuple[Array, Array]:
+    def target_motion(self, k: np.ndarray, reference: Reference, *, before: bool = False) -> tuple[Array, Array]:
         """c and ċ (…, n) at k·dt, k (…,), just after or just `before` it; without play."""
         r, rd, rdd = reference.between(k[..., None] * reference.dt + self.axes.delay, before=before)
         lag = self.speed / self.axes.position_gain

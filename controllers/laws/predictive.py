@@ -95,7 +95,7 @@ class Horizon:
                 "use law feedforward for it"
             )
         self._weight, self._dt = weight, dt
-        self.free, self.driven = response(axes, dt, instants).over(steps)
+        self.free, self.driven = response(axes, dt, instants).extend(steps)
         """O (n, H·m, 4) and Γ (n, H·m, 2 H)."""
         self.instants = freeze_array(np.arange(1, steps * instants + 1) / instants)
         """(H·m,) the instants of x and r, in steps from the start."""
@@ -170,7 +170,7 @@ class Friction:
         g = friction_response(axes, dt / (2 * PLACES_PER_STEP), int(ticks.max()))[:, ticks]
         self._effect = -np.broadcast_to(axes.coulomb, len(g))[:, None, None] * g
 
-    def of(self, heading: Array) -> Array:
+    def respond(self, heading: Array) -> Array:
         """x (…, n, M) for h (H · FINE + 1, …, n)."""
         change = np.moveaxis(np.diff(heading, axis=0), 0, -1)
         return np.asarray((self._effect @ change[..., None])[..., 0])
@@ -221,7 +221,7 @@ class Predictive:
         programs = {
             rho: _program(self.axes.key(), lanes[-1], dt, self.horizon, rho) for rho in np.unique(weight).tolist()
         }
-        wanted = np.moveaxis(self._wanted(step, reference, next(iter(programs.values()))), 0, -1)
+        wanted = np.moveaxis(self._target_motion(step, reference, next(iter(programs.values()))), 0, -1)
         guide = np.moveaxis(guide, 0, -1)
         w = np.empty((*lanes, 2))
         for run in np.ndindex(lanes[:-1]):
@@ -230,7 +230,7 @@ class Predictive:
         start, end = w[..., 0], w[..., 1]
         return ramp(feedback.counter + (start + end) / 2, start / dt, end / dt, feedback.counter, dt)
 
-    def _wanted(self, k: np.ndarray, reference: Reference, of: tuple[Horizon, Friction]) -> Array:
+    def _target_motion(self, k: np.ndarray, reference: Reference, of: tuple[Horizon, Friction]) -> Array:
         """Where the undelayed motors are to be (H·m, …, n), but for what friction adds by itself."""
         axes, dt, (horizon, friction) = self.axes, reference.dt, of
 
@@ -239,13 +239,16 @@ class Predictive:
 
         t = at(horizon.instants)
         wanted = reference.between(t)[0] + self.play * axes.play / 2 * reference.heading(t)
-        by_itself = friction.of(reference.heading(at(friction.places)))
+        by_itself = friction.respond(reference.heading(at(friction.places)))
         return np.asarray(wanted - self.friction * np.moveaxis(by_itself, -1, 0))
 
     def _guide(self, k: np.ndarray, reference: Reference) -> Array:
         """The feedforward law's speeds at the start and end of each step, times dt: (2 H, …, n)."""
         law, ahead = Feedforward(axes=self.axes), np.arange(self.horizon).reshape((-1,) + (1,) * k.ndim)
-        starts, ends = law.wanted(k + ahead, reference)[1], law.wanted(k + ahead + 1, reference, before=True)[1]
+        starts, ends = (
+            law.target_motion(k + ahead, reference)[1],
+            law.target_motion(k + ahead + 1, reference, before=True)[1],
+        )
         return np.stack([starts, ends], 1).reshape(2 * self.horizon, *starts.shape[1:]) * reference.dt
 
     def _state(self, k: np.ndarray, reference: Reference, feedback: Feedback, speed: Array) -> Array:
@@ -261,6 +264,6 @@ def _program(
     key: tuple[tuple[float, ...], ...], n: int, dt: float, steps: int, weight: float
 ) -> tuple[Horizon, Friction]:
     """What is made once for axes, step, horizon and weight."""
-    axes = NominalAxes.of(key, n)
+    axes = NominalAxes.from_key(key, n)
     horizon = Horizon(axes, dt, steps, weight)
     return horizon, Friction(axes, dt, steps, horizon.instants)

@@ -160,7 +160,7 @@ def path_accuracy(paths: Array, stations: Stations, rotations: Array | None = No
         raise MotionError(f"path repeatability: {cycles} cycle has no scatter; run at least 2 (the standard has 10)")
     x, turned = [], []
     for i in range(len(stations.points)):
-        index, share = _crossing(paths, stations, i)
+        index, share = _find_crossing(paths, stations, i)
         x.append(_interpolate(paths, index, share))
         if rotations is not None and stations.rotations is not None:
             near = slice(index.min(), index.max() + 2)
@@ -179,7 +179,7 @@ def _vectors(commanded: Array, rotations: Array) -> Array:
     return Rotation.from_matrix(turns.reshape(-1, 3, 3)).as_rotvec().reshape(*turns.shape[:-2], 3)
 
 
-def _crossing(paths: Array, stations: Stations, i: int) -> tuple[np.ndarray, Array]:
+def _find_crossing(paths: Array, stations: Stations, i: int) -> tuple[np.ndarray, Array]:
     """Sample (n,) before the plane of station i, and share of the way to the next, of each cycle."""
     station = stations.points[i]
     ahead = (paths - station) @ stations.tangents[i]

@@ -52,7 +52,7 @@ def calibrate(
     from kinematics.calibration.measurement_file import load_measurements
     from kinematics.foundation.names import find
     from pulsepath.output import calibration_directory, record, tables
-    from pulsepath.output.directory import CALIBRATION, CALIBRATION_KIND, replacing
+    from pulsepath.output.directory import CALIBRATION, CALIBRATION_KIND, replace_directory
     from pulsepath.progress import detail, step
 
     nominal, measured = load_machine(machine), load_measurements(measurements)
@@ -60,7 +60,7 @@ def calibrate(
         "machine": find("kinematics", "machine", machine).read_bytes(),
         "measurements": find("kinematics.calibration", "measurement file", measurements).read_bytes(),
     }
-    with replacing(
+    with replace_directory(
         out, force, CALIBRATION_KIND
     ) as folder:  # where nothing can be written, that is said before the work
         with step(f"identifying {nominal.name} from {len(measured)} measurements"):

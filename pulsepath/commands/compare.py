@@ -104,7 +104,7 @@ def compare(
     with step("comparing runs"):
         found = gain.compare(runs, baseline)
         verdict = compare_directory.write(to, found)
-    met = [reason for condition in asked for reason in condition.met(found, verdict.best)]
+    met = [reason for condition in asked for reason in condition.list_reasons(found, verdict.best)]
     report = str(out / compare_directory.REPORT)
     if as_json:
         told = {"verdict": verdict.text, "gains": verdict.gains, "report": report, "failed": met}

@@ -100,7 +100,7 @@ def console(
         raise MotionError("--listen says where --tcp listens: give --tcp PORT as well")
     driven = load_machine(machine)
     place = state or register_file.usual_place(driven.name)
-    with register_file.held(place):
+    with register_file.lock_file(place):
         session = open_session(driven, register_file.read(place))
         remote: list[Transport] = []
         if serial is not None:
@@ -142,7 +142,7 @@ def console(
                 supervisor.tell(patience=STOPPING_PATIENCE)
                 server.say("STOP")
                 server.finish()
-                tell(f"interrupted: {server.desk.session.describe(server.clock.now)}, {keeper.told}")
+                tell(f"interrupted: {server.desk.session.describe(server.clock.now)}, {keeper.describe}")
                 click.get_current_context().exit(end.code)
         if server.refused and terminal is None:
             click.get_current_context().exit(BAD_INPUT)
@@ -150,8 +150,8 @@ def console(
 
 def _run_script(server: "Server", remote: bool) -> None:
     """Serve until the script has ended and all stands; with a remote line, in mode REM, until interrupted."""
-    server.until(
-        lambda desk: not server.script_left and server.standing and not (remote and desk.session.mode == "REM")
+    server.serve_until(
+        lambda desk: not server.script_left and server.is_idle and not (remote and desk.session.mode == "REM")
     )
 
 

@@ -109,7 +109,7 @@ def plan(
         from pulsepath.inputs import read_inputs, read_rig
         from pulsepath.job import run
         from pulsepath.output import plan_directory, record, tables
-        from pulsepath.output.directory import RECORD, refuse_overwrite, replacing
+        from pulsepath.output.directory import RECORD, refuse_overwrite, replace_directory
 
         refuse_overwrite(out, force)
         seconds = None if duration is None else read_quantity("--duration", duration, "s", above=0.0)
@@ -118,7 +118,7 @@ def plan(
         if crossed:  # said before the work
             require("--cross-check")
         behind = read_rig(rig, inputs.machine)
-        with replacing(out, force) as folder:  # where nothing can be written, that is said before the work
+        with replace_directory(out, force) as folder:  # where nothing can be written, that is said before the work
             job = run(inputs.program, inputs.machine, kind, clock_hz, seconds, rule, other, figures, behind, crossed)
             plan_directory.write(folder, job, inputs)
     report = str(out / plan_directory.REPORT)

@@ -59,7 +59,7 @@ def track(
     if rig is None:
         note(f"on rig {behind.about}: the bundled rig that fits {planned.machine.name}; choose another with --rig")
     metrics = []
-    for law in [setting.made(behind) for setting in settings]:
+    for law in [setting.make_law(behind) for setting in settings]:
         with step(f"tracking under {law.name}"):
             tracked = controllers.track(planned.trajectory, planned.machine, law, rig=behind, period=PERIOD)
             metrics.append(controllers.evaluate(tracked, planned.trajectory, planned.machine))

@@ -17,7 +17,7 @@ from kinematics.machine.machine_writer import machine_toml
 from pulsepath import __version__
 from pulsepath.output.directory import CALIBRATION, CALIBRATION_KIND
 from pulsepath.output.record import SCHEMA, Record, as_json
-from pulsepath.output.verification import sealed
+from pulsepath.output.verification import seal_record
 
 MACHINE, REPORT = "machine.toml", "report.html"
 SOURCES = {"machine": "nominal.toml", "measurements": "measurements.toml"}
@@ -31,7 +31,7 @@ def write(folder: Path, calibration: Calibration, sources: dict[str, bytes]) -> 
         (folder / name).write_bytes(sources[what])
     (folder / MACHINE).write_text(machine_toml(calibration.machine, _comment(calibration)), encoding="utf-8")
     write_calibration_report(calibration, folder / REPORT)
-    (folder / CALIBRATION).write_text(as_json(sealed(record(calibration, sources), folder)), encoding="utf-8")
+    (folder / CALIBRATION).write_text(as_json(seal_record(record(calibration, sources), folder)), encoding="utf-8")
 
 
 def record(calibration: Calibration, sources: dict[str, bytes]) -> Record:

@@ -81,7 +81,7 @@ def write_files(folder: Path, files: Mapping[str, bytes], force: bool) -> None:
 
 
 @contextmanager
-def replacing(target: Path, force: bool, kind: str = KIND) -> Iterator[Path]:
+def replace_directory(target: Path, force: bool, kind: str = KIND) -> Iterator[Path]:
     """A new directory to fill, which becomes `target` when the block ends well.
 
     Whatever else happens, an interruption included, nothing of it remains and what stood there before still does. Where

@@ -33,7 +33,7 @@ from pulsepath.output.verification import (
     find_differences,
     find_violation,
     refuse,
-    sealed,
+    seal_record,
 )
 from pulsepath.progress import note, step
 
@@ -150,7 +150,7 @@ def write(folder: Path, job: Job, inputs: Inputs) -> PulseCheck:
     if plan.triggers:
         plan_files.write_trigger_csv(plan.triggers, plan.machine.axes, folder / TRIGGERS)
     _write_report(folder / REPORT, job, verdict)
-    (folder / RECORD).write_text(as_json(sealed(plan_record(job, inputs, verdict), folder)), encoding="utf-8")
+    (folder / RECORD).write_text(as_json(seal_record(plan_record(job, inputs, verdict), folder)), encoding="utf-8")
     return verdict
 
 

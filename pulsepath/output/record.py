@@ -49,7 +49,7 @@ def plan_record(job: Job, inputs: Inputs, verdict: PulseCheck) -> Record:
         "classical": {
             "kind": job.classical.kind,
             "duration_s": job.classical.duration,
-            "saved_s": job.saved,
+            "saved_s": job.time_saved,
             "leaves_out": list(missing_limits(plan, job.classical)),
             "kinds": {
                 one.kind: {

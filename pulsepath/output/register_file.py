@@ -32,7 +32,7 @@ def usual_place(machine: str) -> Path:
 
 
 @contextmanager
-def held(path: Path) -> Iterator[None]:
+def lock_file(path: Path) -> Iterator[None]:
     """The file for this process alone. Raises MotionError while another console has it."""
     import fcntl
 
@@ -62,7 +62,7 @@ class Keeper:
         self._path, self._tell, self.kept = path, tell, True
 
     @property
-    def told(self) -> str:
+    def describe(self) -> str:
         """Where the registers are."""
         return f"saved in {self._path}" if self.kept else f"not saved: {self._path} could not be written"
 

@@ -58,14 +58,14 @@ def of_results(*results: Result) -> list[Table]:
 def of_plan(job: Job) -> list[Table]:
     """Duration and saving, and what the plan tells of itself."""
     plan = job.plan
-    percent = 100 * job.saved / job.classical.duration
+    percent = 100 * job.time_saved / job.classical.duration
     missing = missing_limits(plan, job.classical)
     unlike = f"; the baseline timing is without {', '.join(missing)}" if missing else ""
     least = f"as stated; the fastest motion takes about {plan.lower_estimate:.6f} s or more"
     rows = [
         ("duration", plan.trajectory.duration, "" if plan.stated_duration is None else least),
         ("baseline timing", job.classical.duration, _describe_timing(plan, job.classical, job.classical.kind)),
-        ("time saved", job.saved, f"{percent:.2f} %{unlike}"),
+        ("time saved", job.time_saved, f"{percent:.2f} %{unlike}"),
     ]
     rows += [(other.kind, other.duration, _describe_timing(plan, other)) for other in job.others]
     what, times, notes = zip(*rows, strict=True)

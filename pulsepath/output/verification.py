@@ -22,7 +22,7 @@ REMEDY = "plan it again, or give --unverified to continue"
 PROVENANCE, FILES, SELF = "provenance", "files", "record"
 
 
-def sealed(record: Record, folder: Path) -> Record:
+def seal_record(record: Record, folder: Path) -> Record:
     """The record with the SHA-256 of every file in the folder, and of itself as it is without that."""
     paths = sorted(path for path in folder.rglob("*") if path.is_file())
     files = {path.relative_to(folder).as_posix(): digest(path) for path in paths}

@@ -8,7 +8,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from controllers import load_rig, rig_names
-from controllers.rig import Sine, disturbed
+from controllers.rig import Sine, disturb_rig
 from kinematics import FileError, MotionError
 
 TEXT = (files("controllers") / "presets" / "servo-rig.toml").read_text()
@@ -89,7 +89,7 @@ def test_a_path_with_corners_rests_in_them():
 
 def test_a_disturbed_rig_has_drives_that_do_not_know():
     rig = load_rig("servo-rig")
-    other = disturbed(rig, inertia=1.3, friction=0.7)
+    other = disturb_rig(rig, inertia=1.3, friction=0.7)
     assert other.drives[0].inertia == rig.drives[0].inertia
     assert other.drives[0].inertia_factor == 1.3
     assert other.drives[0].coulomb == pytest.approx(0.7 * rig.drives[0].coulomb)

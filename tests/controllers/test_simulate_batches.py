@@ -8,7 +8,7 @@ import pytest
 from benchmarks.evidence.speed.closed_loop import simulate_runs
 from controllers import find_law, load_rig
 from controllers.card import PCI_8164
-from controllers.rig import Host, disturbed, time_path
+from controllers.rig import Host, disturb_rig, time_path
 from controllers.simulate import bank, sample, simulate, stack_references
 from kinematics import MotionError
 
@@ -35,7 +35,7 @@ def others(rig):
     late = replace(rig, drives=(*rig.drives[:2], replace(rig.drives[2], loop_delay=3, command_delay=0)))
     seen = replace(rig, drives=(replace(rig.drives[0], feedback="output"), *rig.drives[1:]))
     smooth = replace(rig, drives=tuple(replace(drive, coulomb=0.0, play=0.0) for drive in rig.drives))
-    return [rig, disturbed(rig, inertia=1.3, friction=0.7), *sleepy, late, seen, smooth, rig]
+    return [rig, disturb_rig(rig, inertia=1.3, friction=0.7), *sleepy, late, seen, smooth, rig]
 
 
 @pytest.mark.parametrize("law", ["1", "6r"])

@@ -214,18 +214,18 @@ def solve_general(case: Case) -> PeerAnswer:
 def solve_order2(case: Case) -> Iterator[PeerAnswer]:
     limits = axis_limits(case, 2)
 
-    def by(which: Solver, intervals: int) -> PeerMotion:
+    def solve_by(which: Solver, intervals: int) -> PeerMotion:
         problem = pose_problem(case.path, limits, *make_grid(case.path, _run(case), intervals))
         profile = second_order(problem, solver=which).require_profile()
         return profile.duration, sample_profile(profile, 2)
 
-    yield answer(case, 2, "ours, uncertified", INTERVALS, lambda: by("passes", INTERVALS))
-    yield answer(case, 2, "ours, uncertified (reference)", REFERENCE_2, lambda: by("passes", REFERENCE_2))
+    yield answer(case, 2, "ours, uncertified", INTERVALS, lambda: solve_by("passes", INTERVALS))
+    yield answer(case, 2, "ours, uncertified (reference)", REFERENCE_2, lambda: solve_by("passes", REFERENCE_2))
     if not is_installed("toppra"):
         yield failed_answer(case, 2, "toppra", None, "absent")
         return
     try:
-        yield answer(case, 2, "toppra", INTERVALS, lambda: by("toppra", INTERVALS))
+        yield answer(case, 2, "toppra", INTERVALS, lambda: solve_by("toppra", INTERVALS))
     except MotionError as no:
         yield failed_answer(case, 2, "toppra", INTERVALS, str(no))
 
@@ -334,7 +334,7 @@ def _sample_order3(case: Case, share: Array, profile: Any) -> MotionSamples:
         now = np.maximum(x[k] + way * (2 * b[k] + slope[k] * way), 0.0)
         return now, b[k] + slope[k] * way, slope[k] * np.sqrt(now)
 
-    def resting(k: np.ndarray, way: Array) -> tuple[Array, Array, Array]:
+    def move_near_rest(k: np.ndarray, way: Array) -> tuple[Array, Array, Array]:
         """From or to rest with constant jerk: s = j t³/6, ṡ = 3 s/t, s̈ = 6 s/t²."""
         now, accelerating, jerk = usual(k, way)
         place = share[k] + way
@@ -348,7 +348,7 @@ def _sample_order3(case: Case, share: Array, profile: Any) -> MotionSamples:
             now[chosen], accelerating[chosen], jerk[chosen] = (push * t**2 / 2) ** 2, sign * push * t, push
         return now, accelerating, jerk
 
-    return _samples(case, share, resting)
+    return _samples(case, share, move_near_rest)
 
 
 def _samples(case: Case, share: Array, at: Any) -> MotionSamples:

@@ -98,13 +98,13 @@ def main() -> None:
     for seed in range(SEEDS):
         found, measured, truth = calibrate_synthetic(seed)
         rows.append((measured, truth))
-        print(f"{seed:>4}   {_shown(measured):<38}{_shown(truth):<25}{found.scale:.3f}")
+        print(f"{seed:>4}   {_format_errors(measured):<38}{_format_errors(truth):<25}{found.scale:.3f}")
     for k, what in enumerate(("against the measurement", "against the truth")):
         whole = {name: float(np.sqrt(np.mean([row[k][name] ** 2 for row in rows]))) for name in TARGETS}
         worst = {name: max(row[k][name] for row in rows) for name in TARGETS}
         kept = all(worst[name] <= TARGETS[name] for name in TARGETS)
-        wanted = f"wanted: at most {_shown(TARGETS)}: {'met by every seed' if kept else 'MISSED'}"
-        print(f"{what}, over all seeds: {_shown(whole)}; worst seed {_shown(worst)}; {wanted}")
+        wanted = f"wanted: at most {_format_errors(TARGETS)}: {'met by every seed' if kept else 'MISSED'}"
+        print(f"{what}, over all seeds: {_format_errors(whole)}; worst seed {_format_errors(worst)}; {wanted}")
     found = calibrate(_load_nominal(), load_measurements("cmm"))
     stages = {"before": found.before, "after": found.after, "left out": found.left_out}
     print(f"[Sahbaz 2007, Tables 6.2 and 6.3], {len(found.parameters)} parameters, RMS per component:")
@@ -118,7 +118,7 @@ def main() -> None:
     print(f"    factor   {found['factor'].value:.4f} ± {found['factor'].error:.4f}; an independent fit found 1.0178")
 
 
-def _shown(errors: dict[str, float]) -> str:
+def _format_errors(errors: dict[str, float]) -> str:
     return f"{1e6 * errors['position']:.2f} µm, {1e6 * errors['rotation']:.2f} µrad"
 
 

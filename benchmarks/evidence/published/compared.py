@@ -131,7 +131,7 @@ class PublishedLine:
         parts = [self.note] if self.note else []
         if self.slip:
             meant = ", or ".join(self.explained_by)
-            parts.insert(0, f"SLIP: the line gives {shown(self.redone)}")
+            parts.insert(0, f"SLIP: the line gives {format_value(self.redone)}")
             if meant:
                 parts.insert(1, f"the number follows from {meant}")
         elif not self._gives(self.redone):
@@ -154,8 +154,8 @@ def cells(line: PublishedLine) -> list[str]:
     return [
         line.what,
         line.printed,
-        shown(line.redone),
-        "-" if line.ours is None else shown(line.ours),
+        format_value(line.redone),
+        "-" if line.ours is None else format_value(line.ours),
         "-" if difference is None else f"{difference:+.2g}" if difference else "0",
         line.unit,
         line.remark,
@@ -173,7 +173,7 @@ def text_table(header: Sequence[str], rows: Iterable[Sequence[str]], numbers: Se
     return str(Table("", tuple(Column(name, texts, right=name in numbers) for name, texts in columns)))
 
 
-def shown(value: float) -> str:
+def format_value(value: float) -> str:
     """Five significant digits; tiny numbers as 8.06e-5."""
     if value and not -3 <= floor(log10(abs(value))) < 6:
         return re.sub(r"e([+-])0*(\d)", lambda m: f"e{m[1].replace('+', '')}{m[2]}", f"{value:.4g}")

@@ -148,7 +148,7 @@ def axis_angles() -> list[NumberComparison]:
     ]
 
 
-def retracted() -> list[NumberComparison]:
+def compare_retracted_lengths() -> list[NumberComparison]:
     """Between joint centres; derived from the frames' distance that the thesis' program states."""
     lengths = 1e3 * load_machine("hexapod").home_q
     return [NumberComparison(f"leg {k}", "mm", "219.0774", ours) for k, ours in enumerate(lengths, 1)]

@@ -7,7 +7,14 @@ from typing import cast
 import numpy as np
 
 from benchmarks.evidence.published import conformance, sizing
-from benchmarks.evidence.published.compared import LINE_HEADER, NumberComparison, cells, comparison, markdown, run
+from benchmarks.evidence.published.compared import (
+    LINE_HEADER,
+    NumberComparison,
+    cells,
+    comparison,
+    markdown,
+    run,
+)
 from benchmarks.evidence.published.sizing import appendix_b, appendix_d
 from benchmarks.reports.calibration_report import explain_pulse
 from kinematics import Hexapod, load_machine
@@ -40,7 +47,7 @@ class Section:
         return "\n\n".join([f"## {self.title}", f"`{self.command}`", self.text, *self.tables()])
 
 
-def calibrated() -> list[str]:
+def compare_calibration() -> list[str]:
     """The five parameters, the errors before and after, and the check by Table 6.4."""
     found = calibrate(cast(Hexapod, load_machine("hexapod")), load_measurements("cmm"))
     rms = [1e6 * found.rms(errors) for errors in (found.before, found.after, found.left_out)]
@@ -89,7 +96,7 @@ SECTIONS = (
         "Retracted legs [Sahbaz 2007, chapter 5]",
         COMMAND,
         "Between joint centres; the number follows from the printed circles and the program's height of 233.6362 mm.",
-        lambda: [comparison(conformance.retracted())],
+        lambda: [comparison(conformance.compare_retracted_lengths())],
     ),
     Section(
         "Initial design [Sahbaz 2007, chapter 2]",
@@ -105,7 +112,7 @@ SECTIONS = (
         "The thesis leaves errors of up to 460 µm unexplained. One common pulse length and the measuring frame (x, y,\n"
         "z and yaw) explain most of them. *Published* is a fit made independently of this project. Table 6.4's\n"
         "rotation was not fitted to: what remains of it is held against its own repetition.",
-        calibrated,
+        compare_calibration,
     ),
     Section(
         "Stepper sizing [Sasidhar 1981, Appendix B]",

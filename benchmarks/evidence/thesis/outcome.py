@@ -19,7 +19,7 @@ import numpy as np
 from controllers.laws.law import Reference
 from controllers.laws.registry import find_law
 from controllers.metrics.evaluate import evaluate_runs
-from controllers.rig import Rig, Task, disturbed, time_path
+from controllers.rig import Rig, Task, disturb_rig, time_path
 from controllers.rig_file import load_rig
 from controllers.simulate import Runs, sample, simulate
 from kinematics.foundation.arrays import Array
@@ -80,10 +80,10 @@ def _vary_rig(rig: Rig) -> Iterator[Assumption]:
     yield other("encoder behind the gear", _vary_drives(rig, feedback=lambda drive: "output"))
     yield other("no play", _vary_drives(rig, play=lambda drive: 0.0))
     yield other("play of 20 arcmin", _vary_drives(rig, play=lambda drive: 10 * drive.play))
-    yield other("no friction", disturbed(rig, friction=0.0))
-    yield other("twice the friction", disturbed(rig, friction=2.0))
-    yield other("true inertia 30 % less", disturbed(rig, inertia=0.7))
-    yield other("true inertia 30 % more", disturbed(rig, inertia=1.3))
+    yield other("no friction", disturb_rig(rig, friction=0.0))
+    yield other("twice the friction", disturb_rig(rig, friction=2.0))
+    yield other("true inertia 30 % less", disturb_rig(rig, inertia=0.7))
+    yield other("true inertia 30 % more", disturb_rig(rig, inertia=1.3))
     yield other("drives without delay", _vary_drives(rig, command_delay=lambda drive: 0))
     yield other("drives 5 ms late", _vary_drives(rig, command_delay=lambda drive: 20))
     yield other("a timer of 1 ms instead of 10 ms", replace(rig, host=replace(rig.host, granularity=1e-3)))

@@ -64,7 +64,7 @@ def fuzz(strings: int, seed: int = 1) -> FuzzReport:
         wanted, expected, tail = expected_replies(tail + data, expected)
         replies: list[tuple[int, str]] = []
         for chunk in _cut(random, data):
-            partial, found = partial.fed(chunk)
+            partial, found = partial.feed(chunk)
             for line in found:
                 desk, said = take_line(desk, REMOTE, line, t)
                 replies += said
@@ -72,7 +72,9 @@ def fuzz(strings: int, seed: int = 1) -> FuzzReport:
             motion, before = desk.session.motion, desk.session.counts
             middle = motion.begun + random.random() * (motion.end - motion.begun)
             for instant in (middle, motion.end):
-                fired = np.array([int(of.sum()) for of in motion.fired(motion.begun, np.nextafter(instant, np.inf))])
+                fired = np.array(
+                    [int(of.sum()) for of in motion.directions_between(motion.begun, np.nextafter(instant, np.inf))]
+                )
                 if (desk.session.registers(instant) != before + fired).any():
                     faults.append(f"string {number}: registers {desk.session.registers(instant)} of {before + fired}")
             t, motions = motion.end, motions + 1
@@ -246,7 +248,7 @@ def _sum_fired_pulses(motion: SessionMotion | None, since: float, until: float) 
     """Of each axis the sum of the pulses fired from `since` to before `until`, one by one."""
     if motion is None:
         return np.zeros(len(START), np.int64)
-    return np.array([of.sum(dtype=np.int64) for of in motion.fired(since, until)])
+    return np.array([of.sum(dtype=np.int64) for of in motion.directions_between(since, until)])
 
 
 def main() -> None:

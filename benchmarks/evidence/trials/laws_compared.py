@@ -27,7 +27,7 @@ from controllers.laws.registry import LAWS, find_law
 from controllers.learning import Learned, fit_feedforward, learn
 from controllers.metrics.evaluate import evaluate_runs
 from controllers.metrics.metrics import Metrics
-from controllers.rig import Rig, Task, disturbed
+from controllers.rig import Rig, Task, disturb_rig
 from controllers.rig_file import load_rig
 from controllers.simulate import sample, simulate
 
@@ -56,7 +56,7 @@ class LawRow:
     torque_peak: float
 
     @property
-    def published(self) -> bool:
+    def is_published(self) -> bool:
         """One of the thesis' seven as tabulated."""
         return self.number in "1234567"
 
@@ -94,7 +94,10 @@ def row(
     on: Sequence[str] = (TUNED, SECOND),
 ) -> LawRow:
     """A law's line of the table; `on`: the paths that it also runs with other inertia and friction."""
-    rigs = [rig, *(disturbed(rig, inertia=inertia, friction=friction) for inertia, friction in product(shares, shares))]
+    rigs = [
+        rig,
+        *(disturb_rig(rig, inertia=inertia, friction=friction) for inertia, friction in product(shares, shares)),
+    ]
     found = {path: run_law(law, rig.task(path), rigs) for path in on}
     paths = {path: of[0].contour.rms for path, of in found.items()}
     paths |= {path: run_law(law, rig.task(path), [rig])[0].contour.rms for path in others}
@@ -133,7 +136,7 @@ def measure_learning(
 
 def error_reductions(ours: LawRow, rows: Sequence[LawRow]) -> dict[str, float]:
     """By how much ours cuts the RMS contour error of the best published law of each column of errors."""
-    theirs = [row for row in rows if row.published]
+    theirs = [row for row in rows if row.is_published]
     found = {path: min(row.paths[path] for row in theirs) / ours.paths[path] for path in ours.paths}
     rough = {path: min(row.disturbed[path] for row in theirs) / of for path, of in ours.disturbed.items()}
     return found | {f"{path} ±30 %": ratio for path, ratio in rough.items()}

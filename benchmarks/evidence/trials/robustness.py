@@ -37,7 +37,7 @@ class RandomProblem:
     acceleration: Array
     jerk: Array | None
 
-    def solved(self, length: float = 1.0, time: float = 1.0) -> Solution:
+    def solve(self, length: float = 1.0, time: float = 1.0) -> Solution:
         """By `time_optimal`, with all lengths and all times multiplied."""
         return time_optimal(
             PPoly(self.path.c * length, self.path.x),
@@ -101,7 +101,7 @@ def tiny_problems(order: int) -> list[RandomProblem]:
 def try_problem(problem: RandomProblem) -> tuple[Solution | None, str]:
     """The solution, or why there is none."""
     try:
-        found = problem.solved()
+        found = problem.solve()
     except MotionError as no:
         return None, f"{problem.what}: {no}"
     return (found, "") if found.certificate.holds else (None, f"{problem.what}: not certified")
@@ -109,11 +109,11 @@ def try_problem(problem: RandomProblem) -> tuple[Solution | None, str]:
 
 def check_scaling(problem: RandomProblem, order: int) -> list[str]:
     """Where a duration does not scale as it must."""
-    own = problem.solved().trajectory.duration
+    own = problem.solve().trajectory.duration
     faults = []
     for scale in SCALES:
         for what, factors in (("lengths", (scale, 1.0)), ("times", (1.0, scale))):
-            duration = problem.solved(*factors).trajectory.duration / factors[1]
+            duration = problem.solve(*factors).trajectory.duration / factors[1]
             if not abs(duration - own) <= EXACT[order] * own:
                 faults.append(f"{problem.what}: {what} × {scale:g}: off by {duration / own - 1:.2g}")
     return faults

@@ -33,7 +33,7 @@ class SettingSeries:
     entries: tuple[SettingEntry, ...]
     series: Mapping[tuple[SettingEntry, str], RunSeries]
 
-    def on(self, task: str) -> list[tuple[SettingEntry, RunSeries]]:
+    def select_task(self, task: str) -> list[tuple[SettingEntry, RunSeries]]:
         return [(entry, self.series[entry, task]) for entry in self.entries if (entry, task) in self.series]
 
 

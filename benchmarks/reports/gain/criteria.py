@@ -21,7 +21,7 @@ HUMAN = {
 """SI unit -> what it is shown in, and the factor; shares in per cent."""
 
 
-def shown(value: float, unit: str) -> str:
+def format_unit(value: float, unit: str) -> str:
     """A value with its unit: "412 µm"."""
     name, _ = HUMAN.get(unit, (unit, 1.0))
     return f"{number(value, unit)} {name}"
@@ -88,8 +88,8 @@ def _end(figures: Figures, about: About) -> float | None:
 
 
 CRITERIA = (
-    Criterion("contour error", 0.4, _error("contour_rms"), shown),
-    Criterion("tracking error", 0.2, _error("tracking_rms"), shown),
+    Criterion("contour error", 0.4, _error("contour_rms"), format_unit),
+    Criterion("tracking error", 0.2, _error("tracking_rms"), format_unit),
     Criterion("vibration", 0.2, _vibration, lambda value, _: f"{value:.3g} pulses RMS"),
     Criterion("effort", 0.1, _effort, lambda value, _: f"{100 * value:.3g} % of the torque limit RMS"),
     Criterion(

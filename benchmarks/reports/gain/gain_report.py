@@ -18,7 +18,7 @@ from benchmarks.reports.gain.comparison import (
     SettingEntry,
 )
 from benchmarks.reports.gain.courses import ISO, IsoBlock, iso_block, select_series
-from benchmarks.reports.gain.criteria import CRITERIA, HUMAN, number, shown, weigh
+from benchmarks.reports.gain.criteria import CRITERIA, HUMAN, format_unit, number, weigh
 from benchmarks.reports.gain.run_figures import draw
 from benchmarks.reports.gain.verdict import Verdict, describe_unranked, verdict_of
 from benchmarks.reports.page import render
@@ -74,7 +74,7 @@ def gain_report(comparison: Comparison) -> tuple[Verdict, str]:
         rigs=max(len(source.record["variations"]) for source in comparison.sources),
         not_ranked=describe_unranked(comparison),
         criteria=CRITERIA,
-        weighed=list(_weighed(comparison)),
+        weighed=list(_weigh_entries(comparison)),
     )
     return verdict, page
 
@@ -119,7 +119,7 @@ def _cells(comparison: Comparison, task: str) -> Iterator[Mapping[str, Any]]:
         }
 
 
-def _weighed(comparison: Comparison) -> Iterator[tuple[str, str, list[str]]]:
+def _weigh_entries(comparison: Comparison) -> Iterator[tuple[str, str, list[str]]]:
     """Setting, its weighed ratio to the baseline, and its ratio by each criterion; the best first, none unstable."""
     scores = {entry: comparison.score(entry) for entry in comparison.entries}
     for entry in sorted((entry for entry in scores if isfinite(scores[entry])), key=scores.__getitem__):
@@ -151,7 +151,7 @@ def _notes(row: ComparisonRow) -> Iterator[str]:
 
 
 def _units(comparison: Comparison, task: str) -> list[str]:
-    return [shown(0.0, comparison.unit(name, task)).partition(" ")[2] for name, _ in COLUMNS]
+    return [format_unit(0.0, comparison.unit(name, task)).partition(" ")[2] for name, _ in COLUMNS]
 
 
 def _provenance(comparison: Comparison) -> Iterator[tuple[str, list[tuple[str, str]]]]:

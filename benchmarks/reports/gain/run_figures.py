@@ -36,7 +36,7 @@ def axes_over_time(comparison: Comparison, shown: SettingSeries, task: str) -> l
     """
     from matplotlib.figure import Figure
 
-    runs = [(entry, series) for entry, series in shown.on(task)[:2] if series.reference.size]
+    runs = [(entry, series) for entry, series in shown.select_task(task)[:2] if series.reference.size]
     if not runs:
         return []
     record = next(of.record for of in comparison.sources if task in of.record["tasks"])
@@ -92,7 +92,7 @@ def _draw_panels(
     panel: Callable[[Axes, Comparison, SettingSeries, str], None],
 ) -> list[Axes]:
     """A panel for each path."""
-    tasks = [task for task in comparison.tasks if shown.on(task)]
+    tasks = [task for task in comparison.tasks if shown.select_task(task)]
     if not tasks:
         return []
     axes = make_panels(len(tasks), 1 if len(tasks) <= 2 else 2, height)
@@ -124,20 +124,20 @@ def _mark_corners(ax: Axes, places: Sequence[float]) -> None:
 
 def _draw_over_time(ax: Axes, comparison: Comparison, shown: SettingSeries, task: str) -> None:
     unit, scale = HUMAN[comparison.unit(RANK, task)]
-    for entry, series in shown.on(task):
+    for entry, series in shown.select_task(task):
         every = slice(None, None, max(1, len(series.t) // MAX_POINTS))
         n = shown.entries.index(entry)
         ax.plot(series.t[every], scale * series.contour[every], label=comparison.label(entry), **line_style(n))
     _mark_corners(ax, [corner["t_s"] for corner in _corners(comparison, task)])
-    ax.set(xlabel="time (s)", ylabel=f"contour error ({unit})", xlim=(0, shown.on(task)[0][1].t[-1]))
+    ax.set(xlabel="time (s)", ylabel=f"contour error ({unit})", xlim=(0, shown.select_task(task)[0][1].t[-1]))
     ax.set_ylim(bottom=0)
 
 
 def _draw_along_path(ax: Axes, comparison: Comparison, shown: SettingSeries, task: str) -> None:
     unit, scale = HUMAN[comparison.unit(RANK, task)]
-    series = shown.on(task)[0][1]
+    series = shown.select_task(task)[0][1]
     length = 1e3 if _is_in_space(comparison, task) else 1.0
-    for entry, one in shown.on(task):
+    for entry, one in shown.select_task(task):
         every = slice(None, None, max(1, len(one.t) // MAX_POINTS))
         n = shown.entries.index(entry)
         ax.plot(length * one.s[every], scale * one.contour[every], label=comparison.label(entry), **line_style(n))
@@ -162,12 +162,12 @@ def magnification(deviation: float, extent: float) -> float:
 
 def _draw_magnified(comparison: Comparison, shown: SettingSeries) -> list[Axes]:
     """The path seen along the direction in which it is thinnest, the deviation from it magnified."""
-    tasks = [task for task in comparison.tasks if shown.on(task) and _is_in_space(comparison, task)]
+    tasks = [task for task in comparison.tasks if shown.select_task(task) and _is_in_space(comparison, task)]
     if not tasks:
         return []
     axes = make_panels(len(tasks), 3, 3.9)
     for ax, task in zip(axes, tasks, strict=True):
-        on = shown.on(task)
+        on = shown.select_task(task)
         planned = on[0][1].planned
         plane = _plane(planned)
         off = {entry: path_offsets(series) for entry, series in on}
@@ -231,7 +231,7 @@ def _polar_points(angle: Array, radius: Array | float) -> Array:
 
 def _draw_spectrum(ax: Axes, comparison: Comparison, shown: SettingSeries, task: str) -> None:
     unit, scale = HUMAN[comparison.unit(RANK, task)]
-    for entry, series in shown.on(task):
+    for entry, series in shown.select_task(task):
         frequency, amplitude = spectrum(series)
         ax.plot(frequency, scale * amplitude, label=comparison.label(entry), **line_style(shown.entries.index(entry)))
     rate = 1 / comparison.about(task)["dt_s"]
@@ -260,7 +260,7 @@ def spectrum(series: RunSeries) -> tuple[Array, Array]:
 
 
 def _draw_effort(ax: Axes, comparison: Comparison, shown: SettingSeries, task: str) -> None:
-    for entry, series in shown.on(task):
+    for entry, series in shown.select_task(task):
         every = max(1, len(series.t) // MAX_POINTS)
         share = np.abs(series.torque).max(1)
         first = np.arange(0, len(share), every)
@@ -269,5 +269,5 @@ def _draw_effort(ax: Axes, comparison: Comparison, shown: SettingSeries, task: s
             series.t[first], 100 * np.maximum.reduceat(share, first), label=comparison.label(entry), **line_style(n)
         )
     ax.axhline(100, color="black", linewidth=1.2, linestyle=(0, (6, 3)), label="limit")
-    ax.set(xlabel="time (s)", ylabel="torque (% of limit)", xlim=(0, shown.on(task)[0][1].t[-1]))
+    ax.set(xlabel="time (s)", ylabel="torque (% of limit)", xlim=(0, shown.select_task(task)[0][1].t[-1]))
     ax.set_ylim(0, None)

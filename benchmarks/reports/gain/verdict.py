@@ -10,7 +10,7 @@ from math import inf, isfinite
 from typing import TYPE_CHECKING, Any
 
 from benchmarks.reports.gain.comparison import RANK, Comparison, SettingEntry
-from benchmarks.reports.gain.criteria import CRITERIA, TRADE_RATIO, shown, weights_text
+from benchmarks.reports.gain.criteria import CRITERIA, TRADE_RATIO, format_unit, weights_text
 from benchmarks.sweep import Setting
 from benchmarks.sweep.result import figure_unit
 from controllers.metrics import FIGURES
@@ -192,7 +192,7 @@ def _describe_verdict(
     ]
     both = [(row, comparison.row(comparison.baseline, row.task)) for row in rows]
     errors = [
-        f"{shown(other.figures[RANK], unit)} to {shown(row.figures[RANK], unit)} on {row.task}"
+        f"{format_unit(other.figures[RANK], unit)} to {format_unit(row.figures[RANK], unit)} on {row.task}"
         for row, other in both
         if row.task in comparison.ranked and other is not None and other.figures and row.figures
         for unit in [comparison.unit(RANK, row.task)]
@@ -222,7 +222,9 @@ def _describe_verdict(
         ]
         if pair:
             own, base = max(pair)[0], max(other for _, other in pair)
-            pieces.append(f"Its {what} is at most {shown(own, '')} of the limit (baseline {shown(base, '')}).")
+            pieces.append(
+                f"Its {what} is at most {format_unit(own, '')} of the limit (baseline {format_unit(base, '')})."
+            )
     pieces += (
         [f"Margin: {'; '.join(map(str, margins))}."] if margins else ["Margin: the law has no gain that was varied."]
     )
@@ -262,7 +264,7 @@ class Condition:
         for task in record["tasks"]:
             self._limit(figure_unit(self.figure, task, record))
 
-    def met(self, comparison: Comparison, entry: SettingEntry | None) -> list[str]:
+    def list_reasons(self, comparison: Comparison, entry: SettingEntry | None) -> list[str]:
         """Why it holds of a setting, path by path; empty where it does not.
 
         A setting that failed on the rig as stated has an infinite figure; and without a setting that holds everywhere
@@ -289,8 +291,8 @@ class Condition:
             if COMPARISONS[self.compared](own, limit):
                 times = f" ({self.value:g} × the baseline)" if self.unit == "x" else ""
                 found.append(
-                    f"{self.text}: {comparison.label(entry)} on {row.task}: {shown(own, unit)} {self.compared} "
-                    f"{shown(limit, unit)}{times}"
+                    f"{self.text}: {comparison.label(entry)} on {row.task}: {format_unit(own, unit)} {self.compared} "
+                    f"{format_unit(limit, unit)}{times}"
                 )
         return found
 

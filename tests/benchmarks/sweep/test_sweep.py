@@ -106,16 +106,16 @@ def test_no_flipped_bit_passes_for_a_run(rig):
     rows = np.column_stack([few, -few])
     series = RunSeries(few, few, rows, rows, few, few, rows, rows, rows)
     whole = RunResult(next(iter(Grid(SETTINGS[:1], ("dash",)))), {"contour_rms": 1e-6}, series=series)
-    packed, refused = whole.packed(), 0
+    packed, refused = whole.pack(), 0
     for place in range(0, len(packed), 4):
         content = bytearray(packed)
         content[place] ^= 1 << place // 4 % 8
         try:
-            assert RunResult.unpacked(bytes(content)) == replace(whole, series=None)
+            assert RunResult.unpack(bytes(content)) == replace(whole, series=None)
         except DamagedRun:
             refused += 1
             continue
-        read = RunSeries.unpacked(bytes(content))
+        read = RunSeries.unpack(bytes(content))
         assert all(np.allclose(getattr(read, name), getattr(series, name)) for name in RunSeries.__slots__)
     assert refused > len(packed) / 8
 
@@ -202,9 +202,9 @@ def test_a_failed_run_is_kept_too(tmp_path, rig):
 
 def test_a_result_is_read_as_it_was_written(rig, grid):
     (result,) = score([next(iter(grid))], rig)
-    packed = result.packed()
-    assert RunResult.unpacked(packed) == replace(result, series=None)
-    read = RunSeries.unpacked(packed)
+    packed = result.pack()
+    assert RunResult.unpack(packed) == replace(result, series=None)
+    read = RunSeries.unpack(packed)
     np.testing.assert_allclose(read.actual, result.series.actual, rtol=1e-7)  # single precision
     # the figures are of the same course: RMS and maximum to single precision
     assert result.figures["contour_rms"] == pytest.approx(np.sqrt(np.mean(read.contour**2)), rel=1e-6)

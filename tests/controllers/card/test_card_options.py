@@ -185,22 +185,22 @@ def test_counters_beyond_28_bits():
 
 def test_latch_and_compare():
     record = play(PCI_8164, at_rest([0, 0, 0]), [(0.0, to(100, 100, 100)), (0.2, to(0, 0, 0))], 1.0)
-    np.testing.assert_array_equal(record.latched(1, [0.0102, 0.1, 0.25]), [10, 100, 50])
+    np.testing.assert_array_equal(record.latch_counts(1, [0.0102, 0.1, 0.25]), [10, 100, 50])
     with pytest.raises(Refused, match=r"PCI-8164, channel 3: it has no latch input; those of a card: 1, 2"):
-        record.latched(2, [0.1])
+        record.latch_counts(2, [0.1])
     # 10 is first reached upwards, 50 after it too, then 20 downwards, and 60 no more
-    ticks = record.compared(0, [10, 50, 20, 60]) / PCI_8164.clock_hz
+    ticks = record.comparator_ticks(0, [10, 50, 20, 60]) / PCI_8164.clock_hz
     np.testing.assert_allclose(ticks, [0.0095, 0.0495, 0.2 + 0.0795], atol=1 / PCI_8164.clock_hz)
     with pytest.raises(Refused, match="5000 counts to compare; the comparator holds 4096"):
-        record.compared(0, np.arange(5000))
+        record.comparator_ticks(0, np.arange(5000))
     other = play(PCI_8132, at_rest([0]), [(0.0, to(100))], 1.0)
-    assert len(other.compared(0, [10])) == 1
+    assert len(other.comparator_ticks(0, [10])) == 1
     with pytest.raises(Refused, match="count 8388608 is outside -8388608 … 8388607 pulses of the comparator"):
-        other.compared(0, [2**23])
+        other.comparator_ticks(0, [2**23])
     with pytest.raises(Refused, match="the comparator holds 1"):
-        other.compared(0, [1, 2])
+        other.comparator_ticks(0, [1, 2])
     with pytest.raises(Refused, match="those of a card: none"):
-        other.latched(0, [0.1])
+        other.latch_counts(0, [0.1])
 
 
 @pytest.mark.parametrize(
@@ -232,7 +232,7 @@ def test_a_command_begins_at_the_speed_of_the_instant_where_the_card_says_so(aga
     for start_from, begins, ramp in (("commanded", 200.0, 110.0), ("current", 1000.0, 150.0)):
         card = replace(PCI_8164, start_from=start_from)
         state = send(card, send(card, at_rest([0]), first, 0.0), again, 1.0)
-        move = state.running(1.0)
+        move = state.current_move(1.0)
         assert move.speed(1.0)[0] == pytest.approx(begins)
         assert move.speed(1.1)[0] == pytest.approx(2000.0)
         end = 1.2 + (4000 - ramp - 110) / 2000
@@ -255,10 +255,10 @@ def test_a_velocity_move_goes_on_from_the_speed_of_the_instant():
     card = replace(PCI_8164, start_from="current")
     state = send(card, at_rest([0, 0]), TVMove([1000, 1000], [1000, 1000], 0.0), 0.0)
     state = send(card, state, TVMove([100, -100], [500, -500], 0.1), 1.0)
-    np.testing.assert_allclose(state.running(1.0).speed(1.0), [1000, -100])
+    np.testing.assert_allclose(state.current_move(1.0).speed(1.0), [1000, -100])
     np.testing.assert_allclose(state.position([1.1])[0], [1075, 970], atol=EXACT)
     state = send(card, state, TVMove([100, -100], [0, 0], 0.1), 2.0)
-    np.testing.assert_allclose(state.running(2.0).speed(2.0), [500, -500])
+    np.testing.assert_allclose(state.current_move(2.0).speed(2.0), [500, -500])
 
 
 def test_too_late_to_ramp_down_is_a_dead_stop_on_the_target():
@@ -282,7 +282,7 @@ def test_too_late_to_ramp_down_is_a_dead_stop_on_the_target():
 def test_a_short_move_keeps_the_time_where_the_card_says_so(way, sign, v0, v1, tacc, tdec):
     command = TAMove([sign * way], [v0], [v1], tacc, tdec)
     rate, time = (
-        send(replace(PCI_8164, short_moves=kept), at_rest([0]), command, 0.0).running(0.0)
+        send(replace(PCI_8164, short_moves=kept), at_rest([0]), command, 0.0).current_move(0.0)
         for kept in ("keep rate", "keep time")
     )
     if v1 <= v0 or way >= (v0 + v1) / 2 * (tacc + tdec):

@@ -98,7 +98,7 @@ def test_pulses_add_up(card, program):
     else:
         return
     state, until = record.states[-1], record.until
-    running = state.running(until)
+    running = state.current_move(until)
     for k in range(N):
         train = record.train(k)
         assert np.all(np.diff(train.ticks) > 0)

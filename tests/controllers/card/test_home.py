@@ -125,7 +125,7 @@ def test_each_mode_is_as_good_from_its_switch_and_a_move_behind_it_counts_from_z
     begins = 5000 if MODES[mode].sensor == "limit" else 2100
     sent = [(0.0, mode_of(mode, 2000, 5000, 1, 37)), (60.0, TAMove([25], [START], [START], 0.0, 0.0))]
     record = play(CARD, at_rest([begins]), sent, 90.0)
-    zero = record.states[-1].running(90.0).zero[0]
+    zero = record.states[-1].current_move(90.0).zero[0]
     assert begins + record.train(0).direction.sum() == zero + 25
     assert record.states[-1].counter([90.0])[0, 0] == 25
 

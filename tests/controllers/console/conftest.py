@@ -60,7 +60,7 @@ class Talk:
 
 
 def _net(motion, since, until):
-    return np.array([of.sum(dtype=np.int64) for of in motion.fired(since, until)])
+    return np.array([of.sum(dtype=np.int64) for of in motion.directions_between(since, until)])
 
 
 @pytest.fixture

@@ -176,5 +176,5 @@ def _fired(console):
     motion = console.desk.session.motion
     if motion is None:
         return console.fired
-    here = [of.sum(dtype=np.int64) for of in motion.fired(console._seen, console.t)]
+    here = [of.sum(dtype=np.int64) for of in motion.directions_between(console._seen, console.t)]
     return console.fired + here

@@ -10,7 +10,7 @@ from controllers.console.links import MAX_LINE_BYTES
 def read(*chunks):
     partial, found = Partial(), []
     for chunk in chunks:
-        partial, lines = partial.fed(chunk)
+        partial, lines = partial.feed(chunk)
         found += lines
     return partial, found
 

@@ -231,7 +231,7 @@ def test_a_web_page_moves_nothing(server, page):
         client.sendall(page)
         assert heard_back(remote, client).splitlines()[-1].endswith(b"; closed")
     assert remote.desk.session.registers(0.0).tolist() == [0, 0, 0, 0]
-    assert remote.standing
+    assert remote.is_idle
     listener.close()
 
 

@@ -57,7 +57,7 @@ def test_a_way_up_to_twice_x_a_is_a_triangle_of_two_equal_halves(drives, steps):
     # the start speed v0 shortens it by less than 2 v0/a
     assert motion.end == pytest.approx(2 * np.sqrt(steps / 480), abs=2 * 2400 / 65535 / 480)
     assert move.position(np.array([up]))[0, 0] == pytest.approx(steps / 2, rel=1e-9)
-    assert len(motion.fired(0.0, np.inf)[0]) == steps
+    assert len(motion.directions_between(0.0, np.inf)[0]) == steps
 
 
 def test_beyond_twice_x_a_the_speed_is_held(drives):

@@ -19,7 +19,7 @@ def run(stepper, command):
     """Position, speed, torque (N,) and full steps lost, of one stepper whose field is told to be at command (N,)."""
     axes = stepper_axes([[stepper]], stepper.sample)
     told, state = axes.run(axes.standing(np.zeros((1, 1))), np.asarray(command)[:, None, None], np.arange(len(command)))
-    return told.position[:, 0, 0], told.speed[:, 0, 0], told.torque[:, 0, 0], int(axes.lost(state)[0, 0])
+    return told.position[:, 0, 0], told.speed[:, 0, 0], told.torque[:, 0, 0], int(axes.count_lost_steps(state)[0, 0])
 
 
 def ramp(stepper, speed, seconds, up=0.1):

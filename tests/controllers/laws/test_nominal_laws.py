@@ -25,7 +25,9 @@ NO_LIMIT = np.full(3, np.inf)
 
 
 def axes(**changes):
-    return replace(NominalAxes.of(usual_axes().key(), 3), **{name: np.array(of, float) for name, of in changes.items()})
+    return replace(
+        NominalAxes.from_key(usual_axes().key(), 3), **{name: np.array(of, float) for name, of in changes.items()}
+    )
 
 
 def steady(run):
@@ -156,7 +158,7 @@ def test_response_is_the_drive_integrated():
 
 def test_steps_in_a_row_are_one_long_response():
     model = response(axes(), DT, 2)
-    free, driven = model.over(3)
+    free, driven = model.extend(3)
     rng = np.random.default_rng(0)
     state, w = rng.normal(size=(3, 4)), rng.normal(size=(3, 6))
     s, seen = state, []
@@ -174,7 +176,7 @@ def test_friction_that_turns_in_the_middle_is_its_response_from_there():
     friction = Friction(know, DT, 2, instants)
     heading = np.where(friction.places < 1.0, -1.0, 1.0)[:, None] * np.ones(3)
     want = -2 * know.coulomb[:, None] * np.concatenate([np.zeros((3, 5)), friction_response(know, DT / 5, 5)[:, 1:]], 1)
-    got = friction.of(heading)
+    got = friction.respond(heading)
     # the place is known to half a stretch of 5 ms
     np.testing.assert_allclose(got, want, atol=0.12 * np.abs(want).max())
 

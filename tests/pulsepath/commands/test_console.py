@@ -179,7 +179,7 @@ def test_a_session_goes_on_without_its_state_directory_and_says_so_once(state):
 
 def test_registers_of_before_are_not_left_to_be_offered(state, monkeypatch):
     told = []
-    with register_file.held(state):
+    with register_file.lock_file(state):
         last = snapshot_session(open_session(load_machine("traverser")), 0.0)
         keeper = register_file.Keeper(state, told.append)
         keeper.save(last)
@@ -195,7 +195,7 @@ def test_registers_of_before_are_not_left_to_be_offered(state, monkeypatch):
         assert register_file.read(state) is None
         assert len(told) == 1
         assert "No space left on device; home the axes" in told[0]
-        assert "not saved" in keeper.told
+        assert "not saved" in keeper.describe
         keeper.save(last)
         assert told[1:] == [f"registers are saved again in {state}"]
         assert register_file.read(state) == last

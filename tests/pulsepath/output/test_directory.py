@@ -4,7 +4,7 @@ import pytest
 
 from kinematics import MotionError
 from kinematics.files.atomic_files import write_whole
-from pulsepath.output.directory import KIND, is_ours, replacing, write_files
+from pulsepath.output.directory import KIND, is_ours, replace_directory, write_files
 
 
 def fill(folder, text):
@@ -13,7 +13,7 @@ def fill(folder, text):
 
 
 def break_off(target, end):
-    with replacing(target, force=True) as folder:
+    with replace_directory(target, force=True) as folder:
         fill(folder, "half")
         raise end
 
@@ -34,7 +34,7 @@ def old(tmp_path):
 
 @pytest.mark.parametrize("deep", ["out", "a/b/out"])
 def test_a_new_directory(tmp_path, deep):
-    with replacing(tmp_path / deep, force=False) as folder:
+    with replace_directory(tmp_path / deep, force=False) as folder:
         fill(folder, "new")
         assert not (tmp_path / deep).exists()
     assert tree(tmp_path / deep).keys() == {"plan.json", "text"}
@@ -43,20 +43,20 @@ def test_a_new_directory(tmp_path, deep):
 
 def test_an_empty_directory_is_filled(tmp_path):
     (tmp_path / "out").mkdir()
-    with replacing(tmp_path / "out", force=False) as folder:
+    with replace_directory(tmp_path / "out", force=False) as folder:
         fill(folder, "new")
     assert is_ours(tmp_path / "out")
 
 
 def test_the_mode_is_that_of_any_new_directory(tmp_path):
     (tmp_path / "other").mkdir()
-    with replacing(tmp_path / "out", force=False):
+    with replace_directory(tmp_path / "out", force=False):
         pass
     assert (tmp_path / "out").stat().st_mode == (tmp_path / "other").stat().st_mode
 
 
 def test_force_replaces_all_of_it(tmp_path, old):
-    with replacing(old, force=True) as folder:
+    with replace_directory(old, force=True) as folder:
         fill(folder, "new")
     assert tree(tmp_path) == {
         "out": False,
@@ -68,7 +68,7 @@ def test_force_replaces_all_of_it(tmp_path, old):
 def test_a_link_keeps_pointing_to_the_directory(tmp_path, old):
     link = tmp_path / "link"
     link.symlink_to(old)
-    with replacing(link, force=True) as folder:
+    with replace_directory(link, force=True) as folder:
         fill(folder, "new")
     assert link.is_symlink()
     assert (old / "text").read_text() == "new"
@@ -76,7 +76,7 @@ def test_a_link_keeps_pointing_to_the_directory(tmp_path, old):
 
 def test_without_force_nothing_is_touched(tmp_path, old):
     before = tree(tmp_path)
-    with pytest.raises(MotionError, match="not empty"), replacing(old, force=False):
+    with pytest.raises(MotionError, match="not empty"), replace_directory(old, force=False):
         pass
     assert tree(tmp_path) == before
 
@@ -89,14 +89,14 @@ def test_force_spares_what_is_not_ours(tmp_path, record):
     if record is not None:
         (folder / "plan.json").write_text(record)
     before = tree(tmp_path)
-    with pytest.raises(MotionError, match="not written by pulsepath"), replacing(folder, force=True):
+    with pytest.raises(MotionError, match="not written by pulsepath"), replace_directory(folder, force=True):
         pass
     assert tree(tmp_path) == before
 
 
 def test_a_file_is_never_replaced(tmp_path):
     (tmp_path / "out").write_text("mine")
-    with pytest.raises(MotionError, match="not a directory"), replacing(tmp_path / "out", force=True):
+    with pytest.raises(MotionError, match="not a directory"), replace_directory(tmp_path / "out", force=True):
         pass
     assert (tmp_path / "out").read_text() == "mine"
 
@@ -126,7 +126,7 @@ def test_a_failure_at_the_last_step_brings_the_old_one_back(tmp_path, old, monke
         return rename(path, target)
 
     monkeypatch.setattr(type(old), "rename", refusing)
-    with pytest.raises(OSError, match="cannot rename"), replacing(old, force=True) as folder:
+    with pytest.raises(OSError, match="cannot rename"), replace_directory(old, force=True) as folder:
         fill(folder, "new")
     monkeypatch.undo()
     assert tree(tmp_path) == before
@@ -144,7 +144,7 @@ def test_a_file_is_written_whole(tmp_path):
 def test_a_file_on_the_way_is_named(tmp_path):
     (tmp_path / "file").touch()
     target = tmp_path / "file" / "a" / "out"
-    with pytest.raises(MotionError, match="file is a file, not a directory"), replacing(target, force=False):
+    with pytest.raises(MotionError, match="file is a file, not a directory"), replace_directory(target, force=False):
         pass
     with pytest.raises(MotionError, match="file is a file, not a directory"):
         write_files(target, {"x": b""}, force=False)

@@ -8,7 +8,7 @@ import kinematics.files.atomic_files
 import pulsepath.output.directory
 from kinematics import MotionError
 from kinematics.files.atomic_files import stage_directory
-from pulsepath.output.directory import KIND, replacing
+from pulsepath.output.directory import KIND, replace_directory
 
 LINE = 'schema = 1\nlength = "mm"\n[[segment]]\nline = { to = [0, 0, 0.1] }\n'
 COMMANDS = {
@@ -63,7 +63,7 @@ def test_force_replaces_what_was_there_alone(tmp_path, come):
     fill(out, "old")
 
     def replace():
-        with replacing(out, force=True) as folder:
+        with replace_directory(out, force=True) as folder:
             fill(folder, "new")
             if come in ("into it", "changed"):
                 (out / ("thesis" if come == "into it" else "plan.json")).write_text("thesis")

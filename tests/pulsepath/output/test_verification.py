@@ -34,7 +34,7 @@ def forge(folder, **changed):
     for key in ("files", "record"):
         del record["provenance"][key]
     path.unlink()
-    path.write_text(json.dumps(verification.sealed(record, folder)))
+    path.write_text(json.dumps(verification.seal_record(record, folder)))
 
 
 @pytest.mark.parametrize(

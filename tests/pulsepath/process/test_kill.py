@@ -14,7 +14,7 @@ from kinematics.files.atomic_files import Destination
 from kinematics.files.leftovers import clear
 from planner.export.formats import npz
 from pulsepath.output import plan_directory
-from pulsepath.output.directory import KIND, replacing
+from pulsepath.output.directory import KIND, replace_directory
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="nothing there tells the dead from the living")
 
@@ -61,7 +61,7 @@ def assert_plan(folder):
 def test_directories_replaced_without_pause(tmp_path):
     """Killed eight times at any moment: whole afterwards, or the one before comes back."""
     place, moments = tmp_path / "out", random.Random(5)
-    with replacing(place, force=False) as folder:
+    with replace_directory(place, force=False) as folder:
         (folder / "plan.json").write_text(json.dumps({"kind": KIND, "number": -1}))
         for part in range(5):
             (folder / f"part{part}").write_text("-1")
@@ -86,7 +86,7 @@ def test_between_the_renames_the_one_before_comes_back(tmp_path):
     old.mkdir(parents=True)
     (old.parent / ".pulsepath").touch()
     (old / "plan.json").write_text(json.dumps({"kind": KIND}))
-    with pytest.raises(MotionError, match="not empty"), replacing(place, force=False):
+    with pytest.raises(MotionError, match="not empty"), replace_directory(place, force=False):
         pass
     assert names(tmp_path) == {"out"}
     assert names(place) == {"plan.json"}
@@ -94,7 +94,7 @@ def test_between_the_renames_the_one_before_comes_back(tmp_path):
 
 def test_what_another_run_works_on_is_left_alone(tmp_path):
     place = tmp_path / "out"
-    with replacing(place, force=False):
+    with replace_directory(place, force=False):
         working = names(tmp_path)
         clear(tmp_path)
         assert names(tmp_path) == working != set()

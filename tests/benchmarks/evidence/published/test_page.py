@@ -15,7 +15,7 @@ def test_the_committed_page_is_what_the_command_prints():
 
 
 REPRODUCED = [
-    *conformance.retracted(),
+    *conformance.compare_retracted_lengths(),
     *conformance.length_changes(),
     *conformance.home_lengths(),
     *conformance.modes(),
@@ -52,7 +52,7 @@ def test_a_table_shows_one_digit_more_than_print():
 
 def test_table_6_4_is_explained_in_part_and_the_page_says_in_which():
     """The tilt grows with the pulse, by nearly what was measured; a factor common to all legs turns no heading."""
-    tables = "\n".join(page.calibrated())
+    tables = "\n".join(page.compare_calibration())
     assert "| tilt from z | 0.179 | 0.165 |" in tables
     assert "| heading of the tilt about z | -1.792 | -0.042 |" in tables
 

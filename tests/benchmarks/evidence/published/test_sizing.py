@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import quad
 
 from benchmarks.evidence.published import accuracy, sizing
-from benchmarks.evidence.published.compared import PublishedLine, shown
+from benchmarks.evidence.published.compared import PublishedLine, format_value
 from benchmarks.evidence.published.sizing import INCH, OUNCE_INCH, appendix_b, appendix_d, other_axes, size_axis
 
 B = {line.what: line for line in appendix_b()}
@@ -69,7 +69,7 @@ def test_rounded_and_cut_off_are_honest():
 
     assert not any(line(*case).slip for case in [("1.26", 1.2567), ("4.12e-5", 4.127e-5), ("29", 28.875), ("6", 5.7)])
     assert all(line(*case).slip for case in [("245", 244.0), ("1.676", 1.2566), ("5.895e-7", 5.895e-6), ("-2", 2.0)])
-    assert shown(8.06e-5) == "8.06e-5"
+    assert format_value(8.06e-5) == "8.06e-5"
 
 
 def test_the_command_prints_every_table(capsys):

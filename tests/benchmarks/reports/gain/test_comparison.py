@@ -14,7 +14,7 @@ import pytest
 
 from benchmarks.reports.gain import SettingEntry, compare, read_condition, verdict_of
 from benchmarks.reports.gain.courses import fit_circle, iso_block, path_offsets
-from benchmarks.reports.gain.criteria import number, shown
+from benchmarks.reports.gain.criteria import format_unit, number
 from benchmarks.reports.gain.gain_report import comparison_record, gain_report, runs_csv
 from benchmarks.reports.gain.run_figures import magnification, spectrum
 from benchmarks.reports.gain.setting_figures import line_colour, marker_style, pareto_front
@@ -159,7 +159,7 @@ def test_a_path_that_a_law_stays_on_by_its_geometry_ranks_nothing(tmp_path):
     assert "– not ranked" in page
     # a hundredth of the pulse of 1 µrad, in mrad
     assert "&lt;1e-05" in page
-    assert read_condition("contour_rms > 1.1x").met(found, SettingEntry(0, WORSE)) == []
+    assert read_condition("contour_rms > 1.1x").list_reasons(found, SettingEntry(0, WORSE)) == []
 
 
 def test_a_run_that_never_leaves_its_start_is_unstable_and_hides_no_path(tmp_path):
@@ -253,7 +253,7 @@ def test_saved_runs_are_compared_with_others(tmp_path, runs):
 )
 def test_conditions_hold_or_not_on_both_paths(comparison, text, met):
     best = SettingEntry(0, GOOD)
-    found = read_condition(text).met(comparison, best)
+    found = read_condition(text).list_reasons(comparison, best)
     assert len(found) == met
     assert all(reason.startswith(text.strip()) for reason in found)
 
@@ -277,10 +277,10 @@ def test_conditions_that_are_none_are_refused(comparison):
         "torque_peak > 20 mm",
     ):
         with pytest.raises(MotionError):
-            read_condition(text).met(comparison, SettingEntry(0, GOOD))
+            read_condition(text).list_reasons(comparison, SettingEntry(0, GOOD))
     with pytest.raises(MotionError, match="contour_rms"):
-        read_condition("contour_rmz > 1x").met(comparison, SettingEntry(0, GOOD))
-    assert read_condition("contour_rms > 1x").met(comparison, None)
+        read_condition("contour_rmz > 1x").list_reasons(comparison, SettingEntry(0, GOOD))
+    assert read_condition("contour_rms > 1x").list_reasons(comparison, None)
 
 
 def test_the_circular_test_and_repeatability_of_known_circles(comparison):
@@ -326,10 +326,10 @@ def test_a_sine_shows_with_its_amplitude():
 
 
 def test_units_and_digits():
-    assert shown(412.3e-6, "m") == "412 µm"
-    assert shown(0.0713e-3, "rad") == "0.0713 mrad"
-    assert shown(0.0338, "") == "3.38 %"
-    assert shown(-0.023, "s") == "−23.0 ms"
+    assert format_unit(412.3e-6, "m") == "412 µm"
+    assert format_unit(0.0713e-3, "rad") == "0.0713 mrad"
+    assert format_unit(0.0338, "") == "3.38 %"
+    assert format_unit(-0.023, "s") == "−23.0 ms"
     assert (number(inf, "s"), number(0.0, "m"), number(float("nan"), "m")) == ("∞", "0", "–")
 
 

@@ -110,7 +110,7 @@ def test_the_page_shows_what_is_weighed_and_every_axis(tmp_path):
     panels = axes_over_time(found, select_series(found, verdict), "there")
     assert len(panels) == 4
     reference, baseline, best = panels[0].get_lines()
-    series = select_series(found, verdict).on("there")
+    series = select_series(found, verdict).select_task("there")
     assert reference.get_ydata().max() == pytest.approx(360, rel=1e-3)
     # the drawn axes err by the runs' offsets: 100 µrad and 40 µrad, kept in single precision
     for line, (_, one), offset in zip(panels[1].get_lines(), series, (100e-6, 40e-6), strict=True):
