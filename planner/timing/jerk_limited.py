@@ -26,7 +26,7 @@ from planner.timing.profile import AVERAGED, MAX_UNTOLD_SLOWNESS, WITH_RESTS, Ru
 from planner.timing.solvers.closed_form import straight
 from planner.timing.solvers.second_order import TERMS as SECOND
 from planner.timing.solvers.second_order import estimate_lower_bound, second_order
-from planner.timing.solvers.third_order import solve_jerk_limited, third_order
+from planner.timing.solvers.third_order import settle_rows, solve_jerk_limited, third_order
 
 # A leg that has to be this much slower as a whole is tried in two, with a rest between: what is slow there stays there.
 MIN_SPLIT_SLOWNESS = 1.01
@@ -49,12 +49,7 @@ def solve_legs(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> RunSolu
         exact = straight(coarse_jerk_problem(path, limits, run))  # what that refuses, it refuses exactly
         return exact if exact is not None and not exact.solved else _refuse_ends(path, limits, run) or whole
     if not whole.solved:
-        return (
-            _refuse_ends(path, limits, run)
-            or _solve_patiently(path, limits, run)
-            or _solve_halves(path, limits, run)
-            or _average_leg(path, limits, run)
-        )
+        return _refuse_ends(path, limits, run) or _solve_halves(path, limits, run) or _average_leg(path, limits, run)
     if whole.slowness <= MIN_SPLIT_SLOWNESS:
         return whole
     found = [whole, _solve_halves(path, limits, run)]
@@ -64,8 +59,8 @@ def solve_legs(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> RunSolu
     return min(held, key=lambda one: sum(leg.duration for leg in one.parts or (one,)))
 
 
-def solve_leg(path: ActuatorPath, limits: Sequence[Limit], run: Run, *, patient: bool | None = None) -> RunSolution:
-    """The run in one leg, solved once; patient: as `solve_jerk_limited` has it."""
+def solve_leg(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> RunSolution:
+    """The run in one leg, solved once."""
     coarse = coarse_jerk_problem(path, limits, run)
     unbounded = unbounded_error(coarse, 3)
     if unbounded is not None:
@@ -83,7 +78,7 @@ def solve_leg(path: ActuatorPath, limits: Sequence[Limit], run: Run, *, patient:
     if isinstance(posed, MotionError):
         return RunSolution.refused(posed)
     problem, start = posed
-    return _bounded(solve_jerk_limited(problem, start.on(problem.s), patient=patient), coarse)
+    return _bounded(solve_jerk_limited(problem, start.on(problem.s)), coarse)
 
 
 def _bounded(leg: RunSolution, problem: Problem) -> RunSolution:
@@ -121,14 +116,6 @@ def _average_leg(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> RunSo
         problem, start = posed
         leg = _bounded(RunSolution("solved", start.profile(problem), maker=AVERAGED, problem=problem), coarse)
     return tighten_until_kept(path, limits, leg)
-
-
-def _solve_patiently(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> RunSolution | None:
-    """Between speeds that are not refused: by whatever solver finds a motion. None where none does."""
-    if max(run.speeds) == 0:
-        return None
-    found = tighten_until_kept(path, limits, solve_leg(path, limits, run, patient=True))
-    return found if found.solved else None
 
 
 def _solve_halves(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> RunSolution | None:
@@ -211,10 +198,7 @@ def _fastest_end_speed(path: ActuatorPath, limits: Sequence[Limit], run: Run, en
         return 0.0
     problem, start = posed
     guess = start.on(problem.s)
-    if not problem.settled:
-        v, a, j, h = guess
-        speed = v + h / 2 * (a + h * j / 4)
-        problem = problem.around(speed, speed)
+    problem = settle_rows(problem, guess)
     speeds = (bound, run.end_speed) if end == 0 else (run.start_speed, bound)
     found = third_order(replace(problem, speeds=speeds), guess, fast_end=end)
     if not found.solved:

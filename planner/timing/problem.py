@@ -22,6 +22,9 @@ SOLVER_AIM, EXACT_AIM = 1 - 1e-6, 1 - 1e-9
 MAX_HOLDING_SHARE = 1 - 1e-9
 
 
+ODD_TERMS = {Term.SDD, Term.SDSDD}
+"""Terms that change their sign where a motion is run the other way, from its end to its start."""
+
 Solver = Literal["passes", "toppra"]
 """Of order 2: our own two passes, or toppra."""
 
@@ -96,6 +99,19 @@ class Block:
             sides.append({term: np.where(speaks, values, 0.0) for term, values in side.items()})
         return replace(self, start=sides[0], end=sides[1], about=None, hull=None)
 
+    def reversed(self) -> "Block":
+        """The same rows for the run the other way."""
+        start, end = (
+            {term: -values[::-1] if term in ODD_TERMS else values[::-1] for term, values in side.items()}
+            for side in (self.end, self.start)
+        )
+        about = None
+        if self.about is not None:
+            low, high, low_end, high_end = (values[::-1] for values in self.about)
+            about = low_end, high_end, low, high
+        hull = None if self.hull is None else self.hull.reversed()
+        return replace(self, start=start, end=end, room=self.room[::-1], about=about, hull=hull)
+
     def part(self, own: slice) -> "Block":
         """Of some intervals one after the other."""
         start, end = ({term: values[own] for term, values in side.items()} for side in (self.start, self.end))
@@ -145,6 +161,12 @@ class Problem:
     def settled(self) -> bool:
         """Whether every row speaks near every motion."""
         return all(block.about is None for block in self.blocks)
+
+    def reversed(self) -> "Problem":
+        """The same run the other way, from its end to its start: s̈ changes its sign, ṡ and s⃛ do not."""
+        s = (self.s[0] + self.s[-1] - self.s)[::-1]
+        blocks = tuple(block.reversed() for block in self.blocks)
+        return Problem(s, self.piece[::-1], blocks, self.speeds[::-1], self.free[::-1])
 
     def part(self, own: slice) -> "Problem":
         """Some intervals one after the other, under the same speeds at the ends."""

@@ -32,8 +32,8 @@ from planner.timing.discretization import grade_problem
 from planner.timing.pacing import Pacer
 from planner.timing.problem import Problem, Run
 from planner.timing.profile import Profile, RunSolution, close_profile
+from planner.timing.solvers.casadi_ import ONE_AT_A_TIME, Signature, chain_stages, derivatives, make_stage, pose_rows
 from planner.timing.solvers.patience import EvaluationLimit, silence_stderr
-from planner.timing.solvers.third_order import _ONE_AT_A_TIME, Signature, _rows, _stage, chain_stages, derivatives
 
 ITERATIONS, EVALUATIONS, TOLERANCE = 300, 600, 1e-8
 # Least duration of an interval, as a share of its guess.
@@ -52,7 +52,7 @@ def solve_smoothest(path: ActuatorPath, problem: Problem, weights: Array, guess:
     start = guess / unit[:, None]
     scale = np.repeat(np.abs(start).max(1, keepdims=True), count, 1)
     scale[3] = start[3]
-    signature, coefficients, least, most = _rows(problem, length, time)
+    signature, coefficients, least, most = pose_rows(problem, length, time)
     # jerks of the axes, counted in what they are on average under the guess
     sides = [path.derivatives(s, problem.piece)[1:] for s in (problem.s[:-1], problem.s[1:])]
     rough = np.stack([d / weights * unit[2] * length**k for side in sides for k, d in enumerate(side)])
@@ -70,7 +70,7 @@ def solve_smoothest(path: ActuatorPath, problem: Problem, weights: Array, guess:
     last = [0.0, 0.0, 1.0]
     equal = np.zeros((4, count))
     try:
-        with _ONE_AT_A_TIME, silence_stderr(), patience.asked():
+        with ONE_AT_A_TIME, silence_stderr(), patience.asked():
             answer = solver(
                 x0=np.concatenate([variables.T.ravel(), last]),
                 p=data.T.ravel(),
@@ -116,7 +116,7 @@ def even_time_shares(intervals: int) -> Array:
 
 @lru_cache(maxsize=4)
 def _assemble(intervals: int, signature: Signature, axes: int) -> tuple[ca.Function, EvaluationLimit]:
-    stage = _stage(signature)
+    stage = make_stage(signature)
     size, rows = stage.size1_in(1), stage.size1_out(2)
     x, data = ca.SX.sym("x", 5), ca.SX.sym("data", size + 6 * axes)
     ends, travelled, values = stage(ca.vertcat(x[:2], x[3:]), data[:size])

@@ -33,7 +33,7 @@ from planner.timing.certified_solve import certified_solve
 from planner.timing.discretization import jerk_problem
 from planner.timing.problem import Run, Solver, make_grid, pose_problem
 from planner.timing.profile import Profile
-from planner.timing.solvers import third_order as solver
+from planner.timing.solvers.casadi_ import solve_by_casadi
 from planner.timing.solvers.second_order import second_order
 from planner.timing.solvers.third_order import third_order
 
@@ -188,7 +188,6 @@ def _run(case: Case) -> Run:
 def solve_certified(case: Case, order: int) -> PeerAnswer:
     """Solve and certificate, as `plan` does it."""
     limits = axis_limits(case, order)
-    solver._forget()
 
     def solve() -> PeerMotion:
         # what geometry uses is proved once for a path: each call gets a path of its own
@@ -240,7 +239,7 @@ def solve_by_ipopt(case: Case) -> PeerAnswer:
     guess = start.on(problem.s)
 
     def solve() -> PeerMotion:
-        profile = third_order(problem, guess, solver="ipopt").require_profile()
+        profile = solve_by_casadi(problem, guess, "ipopt").require_profile()
         return profile.duration, sample_profile(profile, 3)
 
     try:

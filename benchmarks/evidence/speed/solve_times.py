@@ -19,8 +19,9 @@ from planner.path.actuation import actuate
 from planner.timing.certified_solve import certified_solve
 from planner.timing.discretization import jerk_problem
 from planner.timing.problem import Run, make_grid, pose_problem
+from planner.timing.solvers.casadi_ import Solver, solve_by_casadi
 from planner.timing.solvers.second_order import second_order
-from planner.timing.solvers.third_order import Solver, solve_by_riccati, third_order
+from planner.timing.solvers.third_order import third_order
 
 REPEATS = 7
 JERK_SOLVERS: tuple[Solver, ...] = ("fatrop", "ipopt")
@@ -57,10 +58,10 @@ def main() -> None:
             profile, first, again = time_solver(partial(second_order, problem, solver=solver))
             print_times(f"{solver} alone, {points} intervals, not certified", profile.duration, first, again)
     third, start = require(jerk_problem(path, limits_of(path, machine.axes, 3), Run(0, 0)))
-    profile, first, again = time_solver(partial(solve_by_riccati, third, start.on(third.s)))
+    profile, first, again = time_solver(partial(third_order, third, start.on(third.s)))
     print_times(f"riccati alone, {third.intervals} intervals, not certified", profile.duration, first, again)
     for name in JERK_SOLVERS:
-        profile, first, again = time_solver(partial(third_order, third, start.on(third.s), solver=name))
+        profile, first, again = time_solver(partial(solve_by_casadi, third, start.on(third.s), name))
         print_times(f"{name} alone, {third.intervals} intervals, not certified", profile.duration, first, again)
 
 

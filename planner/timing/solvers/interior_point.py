@@ -23,7 +23,7 @@ from planner.timing.solvers.optimality import (
     push_forces,
     try_change,
 )
-from planner.timing.solvers.riccati import Recursion, recur, roll
+from planner.timing.solvers.riccati import NewtonStep, Recursion, solve_step
 from planner.timing.solvers.stages import Iterate, Misses, Slopes, StageRows, Stages, differentiate, evaluate
 
 # The cost is counted in thousandths of the guess' duration: of that size, the constants below are usual ones.
@@ -31,17 +31,20 @@ WEIGHT = 1000.0
 FIRST_MU, TOLERANCE = 1e-2, 1e-7
 MAX_ITERATIONS, MAX_HALVINGS = 200, 14
 LEAST_SLACK, LEAST_SPEED_SLACK = 1e-2, 1e-3
-# Of a last state that is given; its multiplier does the rest.
-PRICE = 1e8
 # Where the cost is not convex: the first that is added, by how much it is lowered from one iteration to the next and
 # raised until it does, first and later, and the largest.
 FIRST_CONVEXITY, LOWER, RAISE_FIRST, RAISE, MOST_CONVEXITY = 1e-4, 1 / 3, 100.0, 8.0, 1e20
 LEAST_CONVEXITY = 1e-14
 # The filter: shares by which misses or cost must fall, and what counts as few misses and far too many.
 FILTER_SHARE, FEW, MANY = 1e-5, 1e-4, 2.0
-ARMIJO, ROUNDING = 1e-8, 1e-13
+# Of a step along which the cost changes by less than its own rounding, as a share of it, only the misses are weighed.
+ARMIJO, ROUNDING, FLAT = 1e-8, 1e-13, 1e-11
+# After the last iteration a motion that keeps every row so well and is this near the best is an answer all the same.
+LOOSE_ROWS, LOOSE_MU = 1e-6, 1e-5
+# Flat steps in a row after which nothing more is to be gained.
+MAX_FLAT_STEPS = 8
 
-Status = Literal["solved", "slow", "not convex"]
+Status = Literal["solved", "loose", "slow", "not convex"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,10 +64,9 @@ class Minimum:
     step_forces: Array
 
 
-def minimise(stages: Stages, rows: StageRows, states: Array, controls: Array, *, free_start: bool = False) -> Minimum:
-    """From states (N + 1, 2), of which the first and the last are kept, and controls (N, 2).
-
-    free_start: the first s̈ is to be found, as the last one is with `stages.free_end`.
+def minimise(stages: Stages, rows: StageRows, states: Array, controls: Array) -> Minimum:
+    """From states (N + 1, 2), of which the first and the last are kept but for what is to be found there, and controls
+    (N, 2).
     """
     count, width = len(stages.step), rows.low.shape[1]
     motion, trial = (_empty_iterate(rows, states, controls) for _ in range(2))
@@ -88,17 +90,16 @@ def minimise(stages: Stages, rows: StageRows, states: Array, controls: Array, *,
         np.zeros((count, 4)),
     )
     next_force, step_force = np.zeros((count + 1, 2)), np.zeros(count)
-    new_next_force, new_step_force = next_force.copy(), step_force.copy()
-    state_change, change = np.zeros((count + 1, 2)), np.zeros((count, 4))
+    step = NewtonStep(np.zeros((count + 1, 2)), np.zeros((count, 4)), np.zeros((count + 1, 2)), np.zeros(count))
     pulls, steps = np.zeros((count, 4)), np.zeros((4, count, width))
-    first = np.zeros(2)
     missed, cost = measure(stages, rows, motion, misses, mu, WEIGHT)
     few, many = FEW * max(1.0, missed), MANY * max(1.0, missed)
     filtered: list[tuple[float, float]] = []
     last = convexity = 0.0
+    flat = 0
     status: Status = "slow"
     iterations = -1
-    while iterations < MAX_ITERATIONS:
+    while iterations < MAX_ITERATIONS and flat < MAX_FLAT_STEPS:
         iterations += 1
         differentiate(stages, rows, motion.states, motion.controls, slopes)
         row_error, cost_error, slack_error, force = linearize(
@@ -114,11 +115,12 @@ def minimise(stages: Stages, rows: StageRows, states: Array, controls: Array, *,
             mu = max(TOLERANCE, min(mu / 5, mu**1.5))
             error = max(row_error, cost_error / size, complementarity_error(rows, motion, mu) / size)
         if mu < before:
+            flat = 0
             filtered.clear()
             missed, cost = measure(stages, rows, motion, misses, mu, WEIGHT)
         pull(stages, rows, motion, misses, slopes, mu, WEIGHT, pulls)
         last, convexity = convexity or last, 0.0
-        while not recur(stages, misses, slopes, pulls, next_force[-1], PRICE, convexity, recursion):
+        while not solve_step(stages, misses, slopes, pulls, next_force[-1], convexity, recursion, step):
             if convexity == 0:
                 convexity = max(LEAST_CONVEXITY, last * LOWER) if last > 0 else FIRST_CONVEXITY
             else:
@@ -128,30 +130,18 @@ def minimise(stages: Stages, rows: StageRows, states: Array, controls: Array, *,
         if not convexity < MOST_CONVEXITY:
             status = "not convex"
             break
-        if free_start:
-            first[1] = -recursion.linear[0, 1] / recursion.quadratic[0, 2]
-        roll(
-            stages,
-            misses,
-            slopes,
-            pulls,
-            convexity,
-            recursion,
-            first,
-            state_change,
-            change,
-            new_next_force,
-            new_step_force,
-        )
-        most, most_force, slope = change_slacks(stages, rows, motion, misses, slopes, change, mu, WEIGHT, steps)
-        share = most
+        most, most_force, slope = change_slacks(stages, rows, motion, misses, slopes, step.stages, mu, WEIGHT, steps)
+        share, flat = most, flat + 1 if abs(slope) <= FLAT * abs(cost) else 0
         for _ in range(MAX_HALVINGS):
-            try_change(stages, rows, motion, state_change, change, steps, share, trial)
+            try_change(stages, rows, motion, step.states, step.stages, steps, share, trial)
             evaluate(stages, rows, trial.states, trial.controls, tried)
             new_missed, new_cost = measure(stages, rows, trial, tried, mu, WEIGHT)
             held = all(new_missed < (1 - FILTER_SHARE) * m or new_cost < c - FILTER_SHARE * m for m, c in filtered)
             if held and new_missed < many:
-                if missed <= few and slope < 0 and share * (-slope) ** 2.3 > missed**1.1:
+                if flat:
+                    if new_missed <= max(missed, FEW * TOLERANCE):
+                        break
+                elif missed <= few and slope < 0 and share * (-slope) ** 2.3 > missed**1.1:
                     if new_cost <= cost + ARMIJO * share * slope + ROUNDING * abs(cost):
                         break
                 elif new_missed <= (1 - FILTER_SHARE) * missed or new_cost <= cost - FILTER_SHARE * missed:
@@ -162,9 +152,11 @@ def minimise(stages: Stages, rows: StageRows, states: Array, controls: Array, *,
         motion, trial = trial, motion
         misses, tried = tried, misses
         push_forces(rows, motion, steps, most_force, mu)
-        next_force += share * (new_next_force - next_force)
-        step_force += share * (new_step_force - step_force)
+        next_force += share * (step.next_force - next_force)
+        step_force += share * (step.step_force - step_force)
         missed, cost = new_missed, new_cost
+    if status == "slow" and row_error <= LOOSE_ROWS and mu <= LOOSE_MU:
+        status = "loose"
     return Minimum(
         status, iterations, motion.states, motion.controls, motion.force_low, motion.force_high, next_force, step_force
     )

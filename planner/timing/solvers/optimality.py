@@ -105,6 +105,8 @@ def linearize(
                 for n in range(m, 4):
                     for i in range(3):
                         bend[m, n] += maps[i, m] * product[i, n]
+        if k == 0:
+            cost[0] -= weight * stages.prize
         cost[2] += 2 * weight * stages.calm[k] * j
         cost[3] += weight
         bend[2, 2] += 2 * weight * stages.calm[k]
@@ -122,8 +124,10 @@ def linearize(
         for n in range(4):
             total = cost[n] + step_force[k] * slopes.step[k, n]
             total += next_force[k + 1, 0] * slopes.next[k, 0, n] + next_force[k + 1, 1] * slopes.next[k, 1, n]
-            if n < 2:
-                total = 0.0 if k == 0 else total - next_force[k, n]
+            if n < 2 and k > 0:
+                total -= next_force[k, n]
+            elif (n == 0 and stages.prize == 0) or (n == 1 and not stages.free_start):
+                total = 0.0
             cost_error = max(cost_error, abs(total) * (stages.scale[n] if n < 3 else stages.duration[k]))
         row_error = max(row_error, abs(misses.step[k]), abs(misses.next[k, 0]) / stages.scale[0])
         if k < len(stages.step) - 1 or not stages.free_end:
@@ -170,6 +174,7 @@ def pull(
                     out[k, n] += pushes[place, i] * maps[i, n]
         out[k, 2] += 2 * weight * stages.calm[k] * motion.controls[k, 0]
         out[k, 3] += weight
+    out[0, 0] -= weight * stages.prize
 
 
 @kernel
@@ -190,7 +195,7 @@ def change_slacks(
     """
     half_size = slopes.rows.shape[1] // 2
     primal = dual = 1.0
-    slope = 0.0
+    slope = -weight * stages.prize * change[0, 0]
     keep = max(0.99, 1 - mu)
     moved, maps = np.zeros((3, 3)), np.zeros((3, 4))
     for k in range(len(stages.step)):
@@ -280,7 +285,7 @@ def measure(
 ) -> tuple[float, float]:
     """The sum of all misses, and the cost with its barrier: what a line search weighs."""
     count = len(stages.step)
-    missed = cost = 0.0
+    missed, cost = 0.0, -weight * stages.prize * motion.states[0, 0]
     for k in range(count):
         cost += weight * (motion.controls[k, 1] + stages.calm[k] * motion.controls[k, 0] ** 2)
         missed += abs(misses.step[k]) + abs(misses.next[k, 0]) / stages.scale[0]

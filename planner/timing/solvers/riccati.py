@@ -2,7 +2,8 @@
 
 In each stage the linearized step Δs takes one control out, h where the interval ends in motion and s⃛ where it ends near
 rest; the other is the stage's own choice. A last state that is given is asked for by a price that grows with its miss,
-ϱ/2 |miss|², and by its own multiplier, which takes the price's place as the method goes on.
+ϱ/2 |miss|², and by its own multiplier, which takes the price's place as the method goes on; it is sought exactly where
+the price leaves much of the miss, as a larger price would cost the recursion its digits.
 """
 
 from typing import NamedTuple
@@ -15,6 +16,8 @@ from planner.timing.solvers.stages import Misses, Slopes, Stages
 
 CONVEX = 1e-9
 """Least curvature along a stage's own choice, in units of the cost per squared scale."""
+PRICE, MISS_LEFT = 1e8, 0.1
+"""Of the last state's miss, in units of the cost per squared scale; the share of it that a step may leave."""
 
 
 class Recursion(NamedTuple):
@@ -32,6 +35,56 @@ class Recursion(NamedTuple):
     choice: Array
 
 
+class NewtonStep(NamedTuple):
+    """Changes of states (N + 1, 2) and of each stage's x (N, 4), and the multipliers of next states and steps after it."""
+
+    states: Array
+    stages: Array
+    next_force: Array
+    step_force: Array
+
+
+def solve_step(
+    stages: Stages,
+    misses: Misses,
+    slopes: Slopes,
+    pulls: Array,
+    last_force: Array,
+    convexity: float,
+    recursion: Recursion,
+    step: NewtonStep,
+) -> bool:
+    """Fill `recursion` and `step`; False where the cost is not convex along a choice, which more `convexity` mends.
+
+    pulls (N, 4): slopes of cost and rows by x. last_force (2,): the last state's multiplier.
+    """
+    fixed = 1 if stages.free_end else 2
+
+    def remaining(force: Array) -> Array | None:
+        """What a step with a multiplier of the last state leaves of its miss, scaled."""
+        if not recur(stages, misses, slopes, pulls, force, convexity, recursion):
+            return None
+        roll(stages, misses, slopes, pulls, convexity, recursion, step)
+        return step.states[-1, :fixed] / stages.scale[:fixed]
+
+    left = remaining(last_force)
+    if left is None:
+        return False
+    size = np.abs(left).max()
+    if size <= MISS_LEFT * np.abs(misses.next[-1, :fixed] / stages.scale[:fixed]).max():
+        return True
+    units = PRICE * size / stages.scale[:fixed]
+    moved = np.zeros((fixed, fixed))
+    for n in range(fixed):
+        force = last_force.copy()
+        force[n] += units[n]
+        moved[:, n] = np.asarray(remaining(force)) - left
+    exact = last_force.copy()
+    exact[:fixed] -= units * np.linalg.lstsq(moved, left, rcond=None)[0]
+    remaining(exact)
+    return True
+
+
 @kernel
 def recur(
     stages: Stages,
@@ -39,7 +92,6 @@ def recur(
     slopes: Slopes,
     pulls: Array,
     last_force: Array,
-    price: float,
     convexity: float,
     recursion: Recursion,
 ) -> bool:
@@ -48,8 +100,8 @@ def recur(
     scale = stages.scale
     whole, product = np.zeros((4, 4)), np.zeros((2, 4))
     quadratic, linear = recursion.quadratic, recursion.linear
-    quadratic[count, 0], quadratic[count, 1] = price / scale[0] ** 2, 0.0
-    quadratic[count, 2] = 0.0 if stages.free_end else price / scale[1] ** 2
+    quadratic[count, 0], quadratic[count, 1] = PRICE / scale[0] ** 2, 0.0
+    quadratic[count, 2] = 0.0 if stages.free_end else PRICE / scale[1] ** 2
     linear[count, 0], linear[count, 1] = last_force[0], 0.0 if stages.free_end else last_force[1]
     for k in range(count - 1, -1, -1):
         p00, p01, p11 = quadratic[k + 1]
@@ -89,7 +141,9 @@ def recur(
         quadratic[k, 1] = m01 - m02 * m12 / bend
         quadratic[k, 2] = m11 - m12 * m12 / bend
         linear[k, 0], linear[k, 1] = w0 - m02 * wo / bend, w1 - m12 * wo / bend
-    return True
+    if stages.prize > 0 and not quadratic[0, 0] * scale[0] ** 2 > CONVEX:
+        return False
+    return not stages.free_start or quadratic[0, 2] * scale[1] ** 2 > CONVEX
 
 
 @kernel
@@ -100,14 +154,12 @@ def roll(
     pulls: Array,
     convexity: float,
     recursion: Recursion,
-    first: Array,
-    state_change: Array,
-    change: Array,
-    next_force: Array,
-    step_force: Array,
+    step: NewtonStep,
 ) -> None:
-    """Fill the changes of states (N + 1, 2) and of x (N, 4), from a first one (2,), and the multipliers after them."""
-    state_change[0, 0], state_change[0, 1] = first[0], first[1]
+    """Fill `step`."""
+    state_change, next_force = step.states, step.next_force
+    state_change[0, 0] = -recursion.linear[0, 0] / recursion.quadratic[0, 0] if stages.prize > 0 else 0.0
+    state_change[0, 1] = -recursion.linear[0, 1] / recursion.quadratic[0, 2] if stages.free_start else 0.0
     for k in range(len(stages.step)):
         d0, d1 = state_change[k]
         c = recursion.out[k]
@@ -115,7 +167,7 @@ def roll(
         bend, m02, m12, slope = recursion.choice[k]
         f0, f1, f2, f3 = recursion.follow[k]
         own = -(m02 * d0 + m12 * d1 + slope) / bend
-        x = change[k]
+        x = step.stages[k]
         x[0], x[1], x[o], x[c] = d0, d1, own, f0 * d0 + f1 * d1 + f2 * own + f3
         for m in range(2):
             state_change[k + 1, m] = misses.next[k, m]
@@ -131,4 +183,4 @@ def roll(
             total += slopes.bend[k, c, n] * x[n]
         for m in range(2):
             total += slopes.next[k, m, c] * next_force[k + 1, m]
-        step_force[k] = -total / slopes.step[k, c]
+        step.step_force[k] = -total / slopes.step[k, c]

@@ -29,10 +29,11 @@ POWERS = {
 """L^p / T^q of each term, when lengths are counted in L and times in T."""
 
 
-def pose_stages(problem: Problem, guess: Array) -> tuple[Stages, StageRows, Array, Array, Array]:
+def pose_stages(problem: Problem, guess: Array, prize: float = 0.0) -> tuple[Stages, StageRows, Array, Array, Array]:
     """Stages, rows, states (N + 1, 2) and controls (N, 2) to start from, and the units (4,) of ṡ, s̈, s⃛ and h.
 
     guess (4, N): ṡ, s̈, s⃛, h. Lengths are counted in the run's, times in the guess' duration.
+    prize: what the first ṡ is worth, counted in its largest, where it is to be found up to the problem's.
     """
     length, time = float(problem.s[-1] - problem.s[0]), float(guess[3].sum())
     unit = np.array([length / time, length / time**2, length / time**3, time])
@@ -50,8 +51,13 @@ def pose_stages(problem: Problem, guess: Array) -> tuple[Stages, StageRows, Arra
     for end in np.flatnonzero(problem.free):
         calm[-end], controls[-end, 0] = FREE_END_JERK_WEIGHT / scale[2] ** 2, 0.0
     step = np.diff(problem.s) / length
-    stages = Stages(step, calm, scale, start[3].copy(), bool(problem.free[1]))
-    return stages, _pose_rows(problem, length, time), states, controls, unit
+    free_start, free_end = problem.free
+    stages = Stages(step, calm, scale, start[3].copy(), bool(free_start), bool(free_end), prize / scale[0])
+    rows = _pose_rows(problem, length, time, prize > 0)
+    if prize > 0:
+        states[0, 0] = start[0, 0]
+        rows.low[0, -2], rows.high[0, -2] = 0.0, problem.speeds[0] / unit[0]
+    return stages, rows, states, controls, unit
 
 
 def jerk_share(problem: Problem, unit: float) -> Array:
@@ -63,7 +69,7 @@ def jerk_share(problem: Problem, unit: float) -> Array:
     return share
 
 
-def _pose_rows(problem: Problem, length: float, time: float) -> StageRows:
+def _pose_rows(problem: Problem, length: float, time: float, free_speed: bool) -> StageRows:
     terms, counts, sizes, at_end = [], [], [], []
     first: list[Array] = []
     second: list[Array] = []
@@ -87,7 +93,7 @@ def _pose_rows(problem: Problem, length: float, time: float) -> StageRows:
     for sides, nothing in ((low, -np.inf), (high, np.inf)):
         bounds.append(np.concatenate([*sides[0], *sides[1], np.full((problem.intervals, 2), nothing)], axis=1))
     # none can be chosen at the very start, where ṡ and s̈ are given
-    fixed = np.repeat(~np.array(at_end), sizes)
+    fixed = np.repeat(~np.array(at_end) & (not free_speed), sizes)
     bounds[0][0, : len(fixed)][fixed], bounds[1][0, : len(fixed)][fixed] = -np.inf, np.inf
     bounds[0][1:, -2], bounds[0][:, -1] = 0.0, SHORTEST
     place = np.concatenate(

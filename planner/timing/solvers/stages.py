@@ -43,14 +43,17 @@ class StageRows(NamedTuple):
 class Stages(NamedTuple):
     """N stages: step (N,) Δs, calm (N,) what s⃛² costs, scale (3,) of ṡ, s̈ and s⃛, duration (N,) of h.
 
-    free_end: whether the last s̈ is to be found.
+    free_start, free_end  whether the first and the last s̈ are to be found
+    prize                 what a unit of the first ṡ is worth, in the guess' duration; 0 where that ṡ is given
     """
 
     step: Array
     calm: Array
     scale: Array
     duration: Array
+    free_start: bool
     free_end: bool
+    prize: float
 
 
 class Iterate(NamedTuple):

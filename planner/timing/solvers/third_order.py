@@ -1,6 +1,4 @@
-"""Time-optimal motion under limits on speed, acceleration and jerk, by CasADi and FATROP (IPOPT as the reference).
-
-Whoever solves such a problem calls `solve_jerk_limited`, and no other file knows by what it is solved.
+"""Time-optimal motion under limits on speed, acceleration and jerk.
 
 Each interval of the fixed grid has the state (ṡ, s̈) at its start and the controls (s⃛, h): constant jerk over the
 duration h.
@@ -10,138 +8,33 @@ duration h.
 
 Rows with s⃛ are kept at both ends of every interval (the jerk jumps there), the others at starts and middles. Time is a
 variable and ṡ², the usual choice, is not: nothing is singular at rest, derivatives of q are constants, s(t) is exact in
-closed form. FATROP: Vanroye et al., IROS 2023.
-
-A problem made of equal stages in a row, and its derivatives, written out: a third of the time that AD takes.
-
-CasADi differentiates a mapped function column by column and walks through every stage for each; written out once, the
-entries of a stage's Jacobian and Hessian share what they have in common.
-
-A stage is a function (x (k,), data) -> the state that it leads to, other constraints, its part of the cost; the state
-that it starts from comes first in x. The variables of the whole are those of all stages, and then the last state; the
-parameters are their data; the constraints are, stage by stage, the next state less the one led to, and the others.
+closed form. Solved by planner.timing.solvers.interior_point.
 """
 
-from collections.abc import Sequence
 from dataclasses import replace
-from functools import lru_cache
-from threading import Lock
-from typing import Any, Literal
 
-import casadi as ca
 import numpy as np
 
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
-from planner.limits.limit import Term
-from planner.timing.problem import Block, Problem
+from planner.timing.problem import Problem
 from planner.timing.profile import RunSolution, close_profile
 from planner.timing.solvers.interior_point import minimise
-from planner.timing.solvers.patience import EvaluationLimit, silence_stderr
-from planner.timing.solvers.stage_problem import JERK_WEIGHT, POWERS, SHORTEST, jerk_share, pose_stages
-
-
-def chain_stages(stage: ca.Function, intervals: int, patience: EvaluationLimit) -> dict[str, ca.MX]:
-    """The whole problem, as CasADi's solvers take it."""
-    states = stage.size1_out(0)
-    columns, last = ca.MX.sym("columns", stage.size1_in(0), intervals), ca.MX.sym("last", states)
-    data = ca.MX.sym("data", stage.size1_in(1), intervals)
-    reached, others, costs = stage.map(intervals)(columns, data)
-    constraints = ca.vec(ca.vertcat(ca.horzcat(columns[:states, 1:], last) - reached, others))
-    return {
-        "x": ca.vertcat(ca.vec(columns), last),
-        "p": ca.vec(data),
-        "f": ca.sum2(costs),
-        "g": ca.vertcat(constraints[0] + patience(columns[0]), constraints[1:]),
-    }
-
-
-def derivatives(stage: ca.Function, intervals: int) -> dict[str, ca.Function]:
-    """The constraints' Jacobian and the Lagrangian's Hessian, by the names under which CasADi keeps FATROP's."""
-    x, data = ca.SX.sym("x", stage.size1_in(0)), ca.SX.sym("data", stage.size1_in(1))
-    reached, others, cost = stage(x, data)
-    own, states, size = ca.vertcat(-reached, others), reached.numel(), x.numel()
-    weight, force = ca.SX.sym("weight"), ca.SX.sym("force", own.numel())
-    slope = ca.vertcat(ca.horzcat(ca.SX.eye(states), ca.SX(states, size - states)), ca.jacobian(own, x))
-    bend, push = ca.hessian(weight * cost + ca.dot(force, own), x)
-    first = ca.Function("first", [x, data], [own, slope.nz[:]], {"cse": True}).map(intervals)
-    second = ca.Function("second", [x, data, weight, force], [push, bend.nz[:]], {"cse": True}).map(intervals)
-
-    variables, parameters = ca.MX.sym("x", size * intervals + states), ca.MX.sym("p", data.numel() * intervals)
-    columns, last = ca.reshape(variables[:-states], size, intervals), variables[-states:]
-    given = ca.reshape(parameters, data.numel(), intervals)
-    values, slopes = first(columns, given)
-    values = ca.vec(ca.vertcat(values[:states, :] + ca.horzcat(columns[:states, 1:], last), values[states:, :]))
-    sparsity, kept = _chain(slope.sparsity(), states, intervals)
-    jacobian = ca.MX(sparsity, ca.vertcat(ca.vec(slopes), ca.MX.ones(states))[kept])
-
-    whole, forces = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", own.numel() * intervals)
-    pulls = ca.reshape(forces, own.numel(), intervals)
-    pushes, bends = second(columns, given, ca.repmat(whole, 1, intervals), pulls)
-    before = ca.horzcat(ca.MX(states, 1), pulls[:states, :-1])
-    gradient = ca.vertcat(ca.vec(ca.vertcat(pushes[:states, :] + before, pushes[states:, :])), pulls[:states, -1])
-    hessian = ca.MX(ca.diagcat(*[bend.sparsity()] * intervals, ca.Sparsity(states, states)), ca.vec(bends))
-    return {
-        "nlp_jac_g": ca.Function("nlp_jac_g", [variables, parameters], [values, jacobian]),
-        "nlp_hess_l": ca.Function("nlp_hess_l", [variables, parameters, whole, forces], [gradient, hessian]),
-    }
-
-
-def _chain(slope: ca.Sparsity, states: int, intervals: int) -> tuple[ca.Sparsity, list[int]]:
-    """Where a stage's entries (states + m, k) stand in the whole Jacobian, and which of all stages' do.
-
-    Its first rows are those of the stage before, which the first stage has not; of the last state there are only those.
-    """
-    rows, columns = (np.array(each) for each in slope.get_triplet())
-    height, width = slope.size1() - states, slope.size2()
-    n = np.arange(intervals)[:, None]
-    down = np.where(rows < states, rows - height, rows - states) + n * height
-    down = np.append(down, (intervals - 1) * height + np.arange(states))
-    along = np.append(columns + n * width, intervals * width + np.arange(states))
-    kept = np.flatnonzero(down >= 0)
-    shape = intervals * height, intervals * width + states
-    return ca.Sparsity.triplet(*shape, down[kept].tolist(), along[kept].tolist()), kept.tolist()
-
-
-Solver = Literal["fatrop", "ipopt"]
-LARGE_PROBLEM = 500
-"""Intervals up to which assembled problems are kept a dozen at a time."""
-# The cost is the duration in thousandths of the guess', which suits the solver's tolerances, and a trace for jerk.
-DURATION_WEIGHT = 1000.0
-# What a speed at an end is worth that is to be as large as can be, beside the duration.
-END_SPEED_WEIGHT = 100.0
-# Iterations of a solver, and evaluations of the constraints, after which it is given up; 40 of either are usual.
-ITERATIONS, EVALUATIONS = 200, 400
-# Rounding of a given speed beyond a limit.
-SPEED_ROUNDING = 1e-9
-# CasADi's solvers share state between threads.
-_ONE_AT_A_TIME = Lock()
-Signature = tuple[tuple[tuple[Term, ...], int], ...]
-"""Of each block: its terms and its number of rows."""
+from planner.timing.solvers.stage_problem import pose_stages
 
 # How often a problem is solved whose rows depend on the motion, unless a round gains less than this share.
 MAX_ROUNDS, MIN_ROUND_GAIN = 4, 1e-4
-# Intervals up to which IPOPT is asked where FATROP gives no answer: its time grows faster than theirs.
-MAX_IPOPT_INTERVALS = 600
+# What a speed at an end is worth that is to be as large as can be, beside the duration.
+END_SPEED_WEIGHT = 100.0
 
 
-def solve_jerk_limited(problem: Problem, guess: Array, *, patient: bool | None = None) -> RunSolution:
-    """By FATROP, or by IPOPT where that gives no answer to a problem of few intervals; the solution tells by which.
+def solve_jerk_limited(problem: Problem, guess: Array) -> RunSolution:
+    """The fastest motion. guess (4, N): ṡ, s̈, s⃛, h to start from.
 
-    guess (4, N): ṡ, s̈, s⃛, h to start from. patient: whether IPOPT is asked. If not told, from rest to rest only:
-    between given speeds there may be no answer, which takes it up to a minute to find out.
     Rows that speak only near some motions are taken near the guess, and then near each answer in turn.
     """
-    asked = max(problem.speeds) == 0 if patient is None else patient
     for _ in range(1 if problem.settled else MAX_ROUNDS):
-        posed = problem
-        if not problem.settled:
-            v, a, j, h = guess
-            speed = v + h / 2 * (a + h * j / 4)  # in the middle, for both sides
-            posed = problem.around(speed, speed)
-        found = third_order(posed, guess)
-        if not found.solved and asked and problem.intervals <= MAX_IPOPT_INTERVALS:
-            found = third_order(posed, guess, solver="ipopt")
+        found = third_order(settle_rows(problem, guess), guess)
         if not found.solved:
             return found
         gained, guess = 1 - found.duration / guess[3].sum(), found.profile.columns()
@@ -150,220 +43,53 @@ def solve_jerk_limited(problem: Problem, guess: Array, *, patient: bool | None =
     return replace(found, problem=problem)
 
 
-def third_order(
-    problem: Problem, guess: Array, *, solver: Solver = "fatrop", fast_end: int | None = None
-) -> RunSolution:
+def settle_rows(problem: Problem, columns: Array) -> Problem:
+    """With the rows that speak near a motion (4, N), where not all speak near every one."""
+    if problem.settled:
+        return problem
+    v, a, j, h = columns
+    speed = v + h / 2 * (a + h * j / 4)  # in the middle, for both sides
+    return problem.around(speed, speed)
+
+
+def third_order(problem: Problem, guess: Array, *, fast_end: int | None = None) -> RunSolution:
     """The fastest motion, s̈ zero at both ends but those where it is free. guess (4, N): ṡ, s̈, s⃛, h to start from.
 
     fast_end: 0 for the start, 1 for the end: the motion with the largest speed there instead, up to the problem's.
-
-    Lengths are counted in the run's, times in the guess' duration, and each variable in its largest guess: with all of
-    them about one, 35 iterations suffice where the plain problem takes 400. It is stopped when the solver does not
-    converge.
     """
-    length, time = problem.s[-1] - problem.s[0], float(guess[3].sum())
-    unit = np.array([length / time, length / time**2, length / time**3, time])
-    start = guess / unit[:, None]
-    # a motion of constant speed has no s̈ and s⃛; from rest to rest they are 4 and 32 at least
-    largest = np.maximum(np.abs(start).max(1, keepdims=True), [[0.0], [1.0], [1.0], [0.0]])
-    scale = np.repeat(largest, problem.intervals, 1)
-    scale[3] = start[3]
-    signature, coefficients, low, high = _rows(problem, length, time)
-    step = np.diff(problem.s)[None] / length
-    jerk = jerk_share(problem, unit[2]) * scale[2:3] * np.sqrt(start[3])
-    data = np.concatenate([step, scale, jerk, coefficients])
-    if not (np.isfinite(data).all() and (step > 0).all()):
-        told = "the jerk-limited problem holds what is no number, or an interval of no length"
-        return RunSolution.refused(MotionError(told))
-    speeds = np.array(problem.speeds) / unit[0] / scale[0, 0]
-    pull = np.zeros(2)
-    if fast_end is not None:
-        pull[fast_end] = END_SPEED_WEIGHT * DURATION_WEIGHT
-    assembled = _assemble(problem.intervals, signature, solver)
-    try:
-        answer = _answer(*assembled, data, (low, high), start / scale, speeds, pull, problem.free)
-    except BaseException:
-        _forget()
-        raise
-    if isinstance(answer, MotionError):
-        _forget()
-        return RunSolution.refused(answer)
-    columns = answer * scale * unit[:, None]
+    if fast_end == 1:
+        columns = _solve_stages(problem.reversed(), _reverse_columns(guess), END_SPEED_WEIGHT)
+        columns = columns if isinstance(columns, MotionError) else _reverse_columns(columns)
+    else:
+        columns = _solve_stages(problem, guess, 0.0 if fast_end is None else END_SPEED_WEIGHT)
+    if isinstance(columns, MotionError):
+        return RunSolution.refused(columns)
     if fast_end is not None:
         v, a, j, h = columns[:, -1]
-        speeds = np.array([columns[0, 0], v + h * (a + h * j / 2)])
-        first, last = np.where(pull > 0, np.clip(speeds, 0.0, problem.speeds), problem.speeds).tolist()
-        problem = replace(problem, speeds=(first, last))
-    profile = close_profile(problem, columns)
-    if isinstance(profile, MotionError):
-        return RunSolution.refused(profile)
-    return RunSolution("solved", profile, maker=solver, problem=problem)
-
-
-def solve_by_riccati(problem: Problem, guess: Array) -> RunSolution:
-    """The same motion as `third_order`'s, by our own interior-point method.
-
-    Between given speeds or from rest to rest. Not yet what `solve_jerk_limited` asks.
-    """
-    stages, rows, states, controls, unit = pose_stages(problem, guess)
-    answer = minimise(stages, rows, states, controls, free_start=problem.free[0])
-    if answer.status != "solved":
-        told = f"the jerk-limited solver stopped without an answer ({answer.status}, {answer.iterations} iterations)"
-        return RunSolution.refused(MotionError(told))
-    columns = np.concatenate([answer.states[:-1].T, answer.controls.T]) * unit[:, None]
+        reached = (columns[0, 0], v + h * (a + h * j / 2))[fast_end]
+        speeds = list(problem.speeds)
+        speeds[fast_end] = float(np.clip(reached, 0.0, speeds[fast_end]))
+        problem = replace(problem, speeds=(speeds[0], speeds[1]))
     profile = close_profile(problem, columns)
     if isinstance(profile, MotionError):
         return RunSolution.refused(profile)
     return RunSolution("solved", profile, maker="riccati", problem=problem)
 
 
-def _kept_at_end(terms: Sequence[Term]) -> bool:
-    """Rows with s⃛ are kept at both ends of an interval, as the jerk jumps; others at its start and in its middle."""
-    return Term.SDDD in terms
-
-
-def _rows(problem: Problem, length: float, time: float) -> tuple[Signature, Array, Array, Array]:
-    """Signature, coefficients (k, N) in the order that `_stage` reads them, and bounds low and high (rows, N)."""
-    signature, coefficients, low, high = [], [], [], []
-    for block in problem.blocks:
-        terms = tuple(block.start)
-        rows = next(iter(block.start.values())).shape[1]
-        signature.append((terms, rows))
-        middle = {term: (block.start[term] + block.end[term]) / 2 for term in terms}
-        second, room_second = (block.end, block.room) if _kept_at_end(terms) else (middle, block.room)
-        for side, share in ((block.start, _row_room(block)), (second, room_second)):
-            coefficients += [side[term].T * (length ** POWERS[term][0] / time ** POWERS[term][1]) for term in terms]
-            low.append((block.middle - 1)[:, None] * share)
-            high.append((block.middle + 1)[:, None] * share)
-    return tuple(signature), np.concatenate(coefficients), np.concatenate(low), np.concatenate(high)
-
-
-def _row_room(block: Block) -> Array:
-    """Room of the rows at an interval's start; rows that are kept there only speak for the interval before it too."""
-    if _kept_at_end(tuple(block.start)):
-        return block.room
-    # at the very start speed and s̈ are given: nothing is to be chosen (and a given speed may be at its limit)
-    return np.concatenate([[1 + SPEED_ROUNDING], np.minimum(block.room[1:], block.room[:-1])])
-
-
-def _stage(signature: Signature) -> ca.Function:
-    """One interval: (ṡ, s̈, s⃛, h; Δs, scales, jerk's weight, coefficients) -> end state (2), error of Δs, all rows."""
-    x, size = ca.SX.sym("x", 4), sum(2 * len(terms) * rows for terms, rows in signature)
-    data = ca.SX.sym("data", 6 + size)
-    step, scale = data[0], data[1:5]
-    v, a, j, h = ca.vertsplit(x * scale)
-    v_end, a_end = v + h * (a + h * j / 2), a + h * j
-    values, at = [], 6
-    for terms, rows in signature:
-        for speed, acceleration in (
-            (v, a),
-            (v_end, a_end) if _kept_at_end(terms) else (v + h / 2 * (a + h * j / 4), a + h * j / 2),
-        ):
-            value: ca.SX = ca.SX.zeros(rows)
-            for term in terms:
-                value += data[at : at + rows] * _term(term, speed, acceleration, j)
-                at += rows
-            values.append(value)
-    travelled = h * (v + h * (a / 2 + h * j / 6)) / step - 1
-    return ca.Function(
-        "stage", [x, data], [ca.vertcat(v_end, a_end) / scale[:2], travelled, ca.vertcat(*values)], {"cse": True}
-    )
-
-
-def _term(term: Term, v: ca.SX, a: ca.SX, j: ca.SX) -> ca.SX:
-    square: ca.SX = v**2
-    values = {Term.ONE: ca.SX(1), Term.SD: v, Term.SD2: square, Term.SD3: square * v, Term.SDD: a, Term.SDSDD: v * a}
-    return values.get(term, j)
-
-
-def _assemble(intervals: int, signature: Signature, solver: Solver) -> tuple[ca.Function, EvaluationLimit]:
-    """The problem for N intervals, built once and kept: of large ones, which hold some 0.15 MB an interval, few."""
-    return (_built if intervals <= LARGE_PROBLEM else _built_large)(intervals, signature, solver)
-
-
-def _forget() -> None:
-    """A failed solve can leave infinities in the solver, and all that follow would fail."""
-    _built.cache_clear()
-    _built_large.cache_clear()
-
-
-def _build(intervals: int, signature: Signature, solver: Solver) -> tuple[ca.Function, EvaluationLimit]:
-    """The problem for N intervals: variables in stages, coefficients as parameters."""
-    stage = _stage(signature)
-    x, data, pull = ca.SX.sym("x", 4), ca.SX.sym("data", stage.size1_in(1)), ca.SX.sym("pull", 2)
-    ends, *others = stage(x, data)
-    cost = DURATION_WEIGHT * (x[3] * data[4] + JERK_WEIGHT * (x[2] * data[5]) ** 2) - pull[0] * x[0] - pull[1] * ends[0]
-    interval = ca.Function("interval", [x, ca.vertcat(data, pull)], [ends, ca.vertcat(*others), cost], {"cse": True})
-    equality = np.tile(np.arange(3 + stage.size1_out(2)) < 3, intervals)
-    options: dict[str, Any] = {
-        "print_time": False,
-        "expand": False,
-        "error_on_fail": False,
-        "show_eval_warnings": False,
-    }
-    if solver == "fatrop":
-        options |= {
-            "structure_detection": "auto",
-            "equality": equality.tolist(),
-            "cache": derivatives(interval, intervals),
-            # no step too short: else its restoration begins, which knows no end (see EvaluationLimit)
-            "fatrop": {"print_level": 0, "max_iter": ITERATIONS, "tol": 1e-7, "mu_init": 1e-2, "alpha_min_frac": 0.0},
-        }
-    else:
-        options |= {"ipopt": {"print_level": 0, "sb": "yes", "max_iter": ITERATIONS, "tol": 1e-9}}
-    patience = EvaluationLimit(EVALUATIONS)
-    problem = chain_stages(interval, intervals, patience)
-    return ca.nlpsol("third_order", solver, problem, options), patience
-
-
-_built, _built_large = lru_cache(maxsize=12)(_build), lru_cache(maxsize=1)(_build)
-
-
-def _answer(
-    solver: ca.Function,
-    patience: EvaluationLimit,
-    data: Array,
-    rows: tuple[Array, Array],
-    guess: Array,
-    speeds: Array,
-    pull: Array,
-    free: tuple[bool, bool],
-) -> Array | MotionError:
-    """Columns (4, N), scaled, or why there are none; rows: what they lie between, (rows, N) each.
-
-    speeds (2,): ṡ at both ends; pull (2,): what each is worth where it may be less, 0 where it is given
-    free: the ends at which s̈ is not given
-    """
-    count = guess.shape[1]
-    least = np.tile([0.0, -np.inf, -np.inf, SHORTEST], (count, 1))
-    most = np.full((count, 4), np.inf)
-    pushed = np.where(free, np.inf, 0.0)
-    most[0, :2], most_last = (speeds[0], pushed[0]), [speeds[1], pushed[1]]
-    lowest = np.where(pull > 0, 0.0, speeds)
-    least[0, :2], least_last = (lowest[0], -pushed[0]), [lowest[1], -pushed[1]]
-    for end in np.flatnonzero(free):  # s̈ is constant beside it: else q⃛ may peak between grid points, as it is 0 on one
-        least[-end, 2] = most[-end, 2] = 0.0
-    pulls = np.zeros((2, count))
-    pulls[0, 0], pulls[1, -1] = pull
-    equal = np.zeros((3, count))
-    low, high = rows
-    try:
-        with _ONE_AT_A_TIME, silence_stderr(), patience.asked():
-            answer = solver(
-                x0=np.concatenate([guess.T.ravel(), [lowest[1], 0.0]]),
-                p=np.concatenate([data, pulls]).T.ravel(),
-                lbx=np.concatenate([least.ravel(), least_last]),
-                ubx=np.concatenate([most.ravel(), most_last]),
-                lbg=np.concatenate([equal, low]).T.ravel(),
-                ubg=np.concatenate([equal, high]).T.ravel(),
-            )
-            stats = solver.stats()
-    except RuntimeError as failure:  # CasADi's own, as when an evaluation overflows
-        return MotionError(f"the jerk-limited solver failed: {failure}")
-    columns = np.asarray(answer["x"]).ravel()[:-2].reshape(count, 4).T
-    if not stats["success"] or not np.isfinite(columns).all():
+def _solve_stages(problem: Problem, guess: Array, prize: float) -> Array | MotionError:
+    """Columns (4, N) of ṡ, s̈, s⃛, h, or why there are none."""
+    stages, rows, states, controls, unit = pose_stages(problem, guess, prize)
+    if not (np.isfinite(controls).all() and np.isfinite(states).all() and (stages.step > 0).all()):
+        return MotionError("the jerk-limited problem holds what is no number, or an interval of no length")
+    answer = minimise(stages, rows, states, controls)
+    if answer.status not in ("solved", "loose"):
         return MotionError(
-            "the jerk-limited solver stopped without an answer "
-            f"({stats['return_status']}, {stats['iter_count']} iterations)"
+            f"the jerk-limited solver stopped without an answer ({answer.status}, {answer.iterations} iterations)"
         )
-    return columns
+    return np.concatenate([answer.states[:-1].T, answer.controls.T]) * unit[:, None]
+
+
+def _reverse_columns(columns: Array) -> Array:
+    """(4, N) of ṡ, s̈, s⃛, h of the same motion from its end to its start."""
+    v, a, j, h = columns[:, ::-1]
+    return np.stack([v + h * (a + h * j / 2), -(a + h * j), j, h])

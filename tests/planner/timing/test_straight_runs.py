@@ -102,7 +102,7 @@ def test_between_speeds_the_motion_arrives_in_one_piece(length, start, end, orde
 def test_a_bend_is_not_straight():
     bent = CubicSpline([0.0, 0.5, 1.0], [[0.0, 0.0], [0.5, 1e-6], [1.0, 0.0]], bc_type="natural")
     found = time_optimal(bent, max_speed=1.0, max_acceleration=1.0, max_jerk=10.0)
-    assert found.methods[0].startswith("fatrop")
+    assert found.methods[0].startswith("riccati")
 
 
 def test_slides_that_move_together():

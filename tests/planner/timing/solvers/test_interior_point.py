@@ -15,7 +15,8 @@ from planner.limits import limits_of
 from planner.path.polynomial import PolynomialPath
 from planner.timing.discretization import jerk_problem
 from planner.timing.problem import Run
-from planner.timing.solvers.third_order import solve_by_riccati, third_order
+from planner.timing.solvers.casadi_ import solve_by_casadi
+from planner.timing.solvers.third_order import third_order
 
 
 def posed(path, speed, acceleration, jerk, stands=(False, False)):
@@ -36,7 +37,7 @@ def spline(seed, axes=3):
 @pytest.mark.parametrize("seed", range(4))
 def test_it_finds_what_fatrop_finds(seed):
     problem, guess = posed(spline(seed), [1.0] * 3, [3.0] * 3, [30.0] * 3)
-    ours, theirs = solve_by_riccati(problem, guess), third_order(problem, guess)
+    ours, theirs = third_order(problem, guess), solve_by_casadi(problem, guess)
     assert ours.solved
     assert ours.duration == pytest.approx(theirs.duration, rel=1e-6)
     assert np.abs(ours.profile.v - theirs.profile.v).max() < 1e-3 * theirs.profile.v.max()
@@ -46,7 +47,7 @@ def test_where_only_jerk_is_limited_a_line_takes_what_is_known():
     """From rest to rest over L with |jerk| <= J: (32 L / J)^(1/3)."""
     line = CubicSpline([0.0, 1.0, 2.0], [[0.0], [0.5], [1.0]])
     problem, guess = posed(line, [1e3], [1e3], [2.0])
-    assert solve_by_riccati(problem, guess).duration == pytest.approx((32 / 2) ** (1 / 3), rel=1e-4)
+    assert third_order(problem, guess).duration == pytest.approx((32 / 2) ** (1 / 3), rel=1e-4)
 
 
 @pytest.mark.parametrize("seed", [3, 9, 38])
@@ -55,7 +56,7 @@ def test_paths_that_stand_at_their_ends(seed):
     random = random_problem(seed, 3)
     assert "clamped" in random.what
     problem, guess = posed(random.path, random.speed, random.acceleration, random.jerk, stands=(True, True))
-    ours, theirs = solve_by_riccati(problem, guess), third_order(problem, guess)
+    ours, theirs = third_order(problem, guess), solve_by_casadi(problem, guess)
     assert ours.solved
     assert ours.duration == pytest.approx(theirs.duration, rel=2e-3)
 

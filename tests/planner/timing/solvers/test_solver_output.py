@@ -8,8 +8,8 @@ import pytest
 
 from planner.limits import Term
 from planner.timing.problem import Block, Problem
+from planner.timing.solvers.casadi_ import solve_by_casadi
 from planner.timing.solvers.patience import silence_stderr
-from planner.timing.solvers.third_order import third_order
 
 
 @pytest.mark.parametrize("solver", ["fatrop", "ipopt"])
@@ -21,7 +21,7 @@ def test_a_solve_that_is_given_up_prints_nothing(capfd, solver):
     blocks = [Block(str(n), row, row, np.ones(count), np.zeros(1)) for n, row in enumerate(rows)]
     problem = Problem(np.linspace(0, 1, count + 1), np.zeros(count, int), tuple(blocks))
     guess = np.stack([np.full(count, 0.5), np.zeros(count), np.zeros(count), np.full(count, 2 / count)])
-    found = third_order(problem, guess, solver=solver)
+    found = solve_by_casadi(problem, guess, solver)
     assert found.status == "stopped"
     assert "stopped without an answer" in str(found.refusal)
     assert capfd.readouterr() == ("", "")

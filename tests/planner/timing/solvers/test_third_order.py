@@ -1,4 +1,4 @@
-"""Order 3: against the closed-form seven-segment motion, IPOPT against FATROP, and what happens when both fail."""
+"""Order 3: against the closed-form seven-segment motion, FATROP and IPOPT, and what happens without an answer."""
 
 import os
 import signal
@@ -18,7 +18,9 @@ from planner.timing.discretization import jerk_problem
 from planner.timing.problem import Run
 from planner.timing.profile import RunSolution
 from planner.timing.run import solve_run
+from planner.timing.solvers import casadi_
 from planner.timing.solvers import third_order as solver_module
+from planner.timing.solvers.casadi_ import solve_by_casadi
 from planner.timing.solvers.patience import EvaluationLimit
 from planner.timing.solvers.third_order import third_order
 
@@ -125,12 +127,13 @@ def test_every_limit_is_kept_and_some_limit_used_nearly_everywhere():
     assert profile.h[together < 0.99].sum() < 0.03 * profile.duration
 
 
-def test_fatrop_finds_what_ipopt_finds():
+@pytest.mark.parametrize("solver", ["fatrop", "ipopt"])
+def test_it_finds_what_others_find(solver):
     path = curve()
     problem, start = jerk_problem(path, limits_on(path, **CURVE), Run(0, 0))
     guess = start.on(problem.s)
-    ours, reference = third_order(problem, guess, solver="fatrop"), third_order(problem, guess, solver="ipopt")
-    assert ours.duration == pytest.approx(reference.duration, rel=1e-6)  # both stop at 1e-9 of their own measure
+    ours, reference = third_order(problem, guess), solve_by_casadi(problem, guess, solver)
+    assert ours.duration == pytest.approx(reference.duration, rel=1e-6)
     assert np.abs(ours.profile.v - reference.profile.v).max() < 1e-2 * reference.profile.v.max()
 
 
@@ -148,6 +151,41 @@ def test_slower_limits_by_powers_of_k_take_k_times_as_long():
     slow = limits_on(path, CURVE["speed"] / k, CURVE["acceleration"] / k**2, CURVE["jerk"] / k**3)
     found = [solve_run(path, limits, Run(0, 0), 3).profile.duration for limits in (limits_on(path, **CURVE), slow)]
     assert found[1] == pytest.approx(k * found[0], rel=1e-6)
+
+
+@pytest.mark.parametrize("end", [0, 1])
+def test_the_largest_speed_at_an_end_is_that_of_a_ramp(end):
+    """From v to rest over L, with speed and acceleration out of reach: (J L²)^(1/3), found from half of it."""
+    path, jerk, length = line(2.0), 3.0, 2.0
+    speeds = [0.0, 0.0]
+    speeds[end] = 0.5 * np.cbrt(jerk * length**2)
+    run = Run(0, 0, *speeds)
+    problem, start = jerk_problem(path, limits_on(path, 100.0, 100.0, jerk), run)
+    speeds[end] = 100.0
+    found = third_order(replace(problem, speeds=tuple(speeds)), start.on(problem.s), fast_end=end)
+    profile = found.require_profile()
+    largest = profile.last_speed if end else profile.v[0]
+    assert largest == pytest.approx(np.cbrt(jerk * length**2), rel=1e-3)
+    assert largest <= np.cbrt(jerk * length**2) * (1 + 1e-6)
+
+
+def test_a_problem_the_other_way_has_the_same_answer():
+    """Rows that heed the direction too: as forces do, asymmetric limits, and blocks that are kept at one end."""
+    path = curve()
+    axes = [Axis(n, max_speed=0.6, max_acceleration=(1.5, 1.0), max_jerk=(8.0, 10.0)) for n in path.names]
+    problem, start = jerk_problem(path, limits_of(path, axes, 3), Run(0, 0))
+    guess = start.on(problem.s)
+    forth = third_order(problem, guess)
+    v, a, j, h = guess[:, ::-1]
+    back = third_order(problem.reversed(), np.stack([v + h * (a + h * j / 2), -(a + h * j), j, h]))
+    # rows without s⃛ are kept at starts and middles: the ends of the other way
+    assert back.duration == pytest.approx(forth.duration, rel=1e-4)
+    twice = problem.reversed().reversed()
+    assert all(
+        np.array_equal(values, other.start[term])
+        for block, other in zip(problem.blocks, twice.blocks, strict=True)
+        for term, values in block.start.items()
+    )
 
 
 def test_less_room_is_kept():
@@ -172,9 +210,9 @@ def test_what_a_solver_leaves_is_closed(monkeypatch):
     path = curve()
     problem, start = jerk_problem(path, limits_on(path, **CURVE), Run(0, 0))
     exact = third_order(problem, start.on(problem.s)).profile
-    solve = solver_module._answer
+    solve = solver_module._solve_stages
     noise = 1 + 1e-6 * np.random.default_rng(5).normal(size=(4, problem.intervals))
-    monkeypatch.setattr(solver_module, "_answer", lambda *problem: solve(*problem) * noise)
+    monkeypatch.setattr(solver_module, "_solve_stages", lambda *problem: solve(*problem) * noise)
     closed = third_order(problem, start.on(problem.s)).profile
     s, v, a, j, h = (x[-1] for x in (closed.s, closed.v, closed.a, closed.j, closed.h))
     assert s + h * (v + h * (a / 2 + h * j / 6)) == pytest.approx(1.0, abs=1e-11)
@@ -189,7 +227,7 @@ def test_ctrl_c_ends_the_solve_and_the_next_one_answers(solver, capfd, monkeypat
     path = curve()
     problem, start = jerk_problem(path, limits_on(path, **CURVE), Run(0, 0))
     guess = start.on(problem.s)
-    expected = third_order(problem, guess, solver=solver).duration
+    expected = solve_by_casadi(problem, guess, solver).duration
     evaluate, evaluations = EvaluationLimit.eval, []
 
     def interrupted(self, arguments):
@@ -200,12 +238,12 @@ def test_ctrl_c_ends_the_solve_and_the_next_one_answers(solver, capfd, monkeypat
 
     monkeypatch.setattr(EvaluationLimit, "eval", interrupted)
     with pytest.raises(KeyboardInterrupt):
-        third_order(problem, guess, solver=solver)
+        solve_by_casadi(problem, guess, solver)
     monkeypatch.undo()
     assert max(evaluations) >= 5
     assert "KeyboardInterrupt" not in capfd.readouterr().err
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
-    assert third_order(problem, guess, solver=solver).duration == pytest.approx(expected, rel=1e-9)
+    assert solve_by_casadi(problem, guess, solver).duration == pytest.approx(expected, rel=1e-9)
 
 
 def test_whoever_ignores_ctrl_c_still_does():
@@ -222,41 +260,23 @@ def test_a_solve_ends_when_its_patience_does_and_the_next_one_answers(monkeypatc
     path = curve()
     problem, start = jerk_problem(path, limits_on(path, **CURVE), Run(0, 0))
     guess = start.on(problem.s)
-    expected = third_order(problem, guess).duration
-    monkeypatch.setattr(solver_module, "EVALUATIONS", 10)
-    solver_module._forget()
-    assert "stopped without an answer" in str(third_order(problem, guess).refusal)
+    expected = solve_by_casadi(problem, guess).duration
+    monkeypatch.setattr(casadi_, "EVALUATIONS", 10)
+    casadi_._forget()
+    assert "stopped without an answer" in str(solve_by_casadi(problem, guess).refusal)
     monkeypatch.undo()
-    assert third_order(problem, guess).duration == pytest.approx(expected, rel=1e-9)
+    assert solve_by_casadi(problem, guess).duration == pytest.approx(expected, rel=1e-9)
 
 
-def failing(*solvers):
-    """third_order, but for these solvers."""
-
-    def third_order_or_not(problem, guess, *, solver="fatrop"):
-        if solver in solvers:
-            return RunSolution.refused(MotionError("stopped without an answer"))
-        return third_order(problem, guess, solver=solver)
-
-    return third_order_or_not
-
-
-def test_ipopt_steps_in_for_fatrop(monkeypatch):
-    path = curve()
-    limits = limits_on(path, **CURVE)
-    best = certified_solve(path, limits, 3)
-    monkeypatch.setattr(solver_module, "third_order", failing("fatrop"))
-    found = certified_solve(path, limits, 3)
-    assert [one.methods[0].split(",")[0] for one in (best, found)] == ["fatrop", "ipopt"]
-    assert found.certificate.holds
-    assert found.trajectory.duration == pytest.approx(best.trajectory.duration, rel=1e-4)
+def fail(problem, guess):
+    return RunSolution.refused(MotionError("stopped without an answer"))
 
 
 @pytest.mark.parametrize("path", [curve(), line(0.0508)], ids=["curve", "line"])
 def test_without_solvers_the_averaged_motion_holds_its_certificate(monkeypatch, path):
     limits = limits_on(path, **CURVE)
     best = certified_solve(path, limits, 3)
-    monkeypatch.setattr(solver_module, "third_order", failing("fatrop", "ipopt"))
+    monkeypatch.setattr(solver_module, "third_order", fail)
     monkeypatch.setattr(jerk_limited, "straight", lambda problem: None)
     found = certified_solve(path, limits, 3)
     assert found.methods == ("averaged, slowed",)
