@@ -313,4 +313,5 @@ def _trim_pieces(own: Sequence[Piece], before: float, after: float) -> list[Piec
         kept = [own[0].trim(before, after)]
     else:
         kept = [own[0].trim(before, 0.0), *own[1:-1], own[-1].trim(0.0, after)]
-    return [piece for piece in kept if piece.length > 0]
+    least = SAME_LENGTH * sum(piece.length for piece in own)  # of two halves taken, rounding may be left
+    return [piece for piece in kept if piece.length > least]

@@ -148,7 +148,8 @@ def minimise(stages: Stages, rows: StageRows, states: Array, controls: Array) ->
                     filtered.append((missed, cost))
                     break
             share /= 2
-        # where no share is better the least one is taken all the same: it leads elsewhere
+        else:  # no share is better: the least one is taken all the same, from where it may lead elsewhere
+            filtered.clear()
         motion, trial = trial, motion
         misses, tried = tried, misses
         push_forces(rows, motion, steps, most_force, mu)

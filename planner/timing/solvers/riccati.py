@@ -36,7 +36,7 @@ class Recursion(NamedTuple):
 
 
 class NewtonStep(NamedTuple):
-    """Changes of states (N + 1, 2) and of each stage's x (N, 4), and the multipliers of next states and steps after it."""
+    """Changes of states (N + 1, 2) and of stages (N, 4), and the multipliers of next states and steps after it."""
 
     states: Array
     stages: Array

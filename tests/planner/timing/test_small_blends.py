@@ -47,6 +47,22 @@ def test_a_blend_too_small_to_compute_with_is_a_stop_that_is_told(hexapod, toler
     assert not stops or "too little beside rounding" in blend.stop
 
 
+@pytest.mark.parametrize("order", [2, 3])
+def test_equal_lines_whose_blends_take_half_of_each(hexapod, order):
+    """As CAM writes them: 0.4 mm each, and turns that a blend of 0.02 mm would cut farther. Rounding leaves no line."""
+    turns = np.cumsum(np.tile([1.2, -1.2], 6))
+    steps = 4e-4 * np.stack([np.cos(turns), np.sin(turns), 0 * turns], axis=1)
+    ends = START.translation + np.cumsum(steps, axis=0)
+    lines = [Line(end, join=Blend(2e-5)) for end in ends[:-1]]
+    program = Program((*lines, Line(ends[-1])), start=START)
+    path = actuate(program, hexapod)
+    assert np.diff(path.breaks).min() > 1e-5
+    assert path.breaks[-1] == pytest.approx(12 * 4e-4, rel=1e-12)
+    made = plan(program, hexapod, order=order)
+    assert made.certificate.holds
+    assert made.trajectory.duration < 0.9 * plan(stop_everywhere(program), hexapod, order=order).trajectory.duration
+
+
 @pytest.mark.parametrize(("machine", "order", "seed"), [("linkage", 2, 3), ("linkage", 3, 24), ("hexapod", 3, 27)])
 def test_random_programs_are_answered(machine, order, seed):
     """A small version of benchmarks.evidence.trials.robust_programs."""
