@@ -10,10 +10,16 @@ import numpy as np
 
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
+from kinematics.foundation.kernels import compiler_is_loaded
+from kinematics.foundation.tape import Tape, make_tape, run_tape
 from kinematics.foundation.taylor_model import Series
 
 # Greedy block sizes: one call of the virtual machine evaluates a whole block without leaving compiled code.
 _BLOCKS = (256, 16, 1)
+
+# Operations times points from which the compiled tape runs them: they take it a third of the time, and loading the
+# compiler, where nobody has yet, as long as the second of these takes CasADi.
+TAPE_WORK, LOADING_WORK = 1e5, 2e8
 
 T = TypeVar("T")
 
@@ -48,6 +54,10 @@ class Expression:
 
     def __call__(self, x: Array) -> Array:
         rows, out = len(x), np.empty((len(x), self.size[1]))
+        work = rows * self.function.n_instructions()
+        if work >= (TAPE_WORK if compiler_is_loaded() else LOADING_WORK) and self._tape is not None:
+            run_tape(self._tape, np.ascontiguousarray(x, dtype=float), out)
+            return out
         done = 0
         with self._lock:  # the blocks' memory is shared by all callers
             for size in _BLOCKS:
@@ -69,6 +79,10 @@ class Expression:
             self._alive += [mapped, buffer]
             self._blocks[size] = (arguments, results, run)
         return self._blocks[size]
+
+    @cached_property
+    def _tape(self) -> Tape | None:
+        return make_tape(self.function)
 
     @cached_property
     def _program(self) -> list[tuple[int, tuple[int, ...], tuple[int, ...], float]]:

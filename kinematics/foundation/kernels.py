@@ -31,6 +31,11 @@ class Kernel:
         return self.compiled(*arguments)
 
 
+def compiler_is_loaded() -> bool:
+    """Whether numba is imported already, which takes a third of a second."""
+    return "numba" in sys.modules
+
+
 kernel = Kernel
 """Decorator: `@kernel` before a function that loops over numbers."""
 

@@ -61,9 +61,11 @@ def refine_problem(path: ActuatorPath, limits: Sequence[Limit], problem: Problem
     return pose_problem(path, limits, *placed, problem.speeds, problem.free)
 
 
-def coarse_jerk_problem(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> Problem:
-    """A run's rows on an even grid, to start from."""
-    return pose_problem(path, limits, *_grid(COARSE, path, run), run.speeds, run.stands)
+def coarse_jerk_problem(path: ActuatorPath, limits: Sequence[Limit], run: Run, parts: int = 1) -> Problem:
+    """A run's rows on an even grid, to start from; of a run that is one of many parts, on few intervals."""
+    least, per_piece, per_radian = COARSE
+    rule = (max(least // parts, per_piece), per_piece, per_radian)
+    return pose_problem(path, limits, *_grid(rule, path, run), run.speeds, run.stands)
 
 
 def brief_problem(
@@ -116,7 +118,7 @@ def _pass_breaks(
     parts, grids, pieces = [], [breaks[:1]], []
     for n, (a, b) in enumerate(pairwise(ends.tolist())):
         own = Run(run.first + a, run.first + b - 1, passed[n], passed[n + 1], breaks[a], breaks[b])
-        coarse = coarse_jerk_problem(path, limits, own)
+        coarse = coarse_jerk_problem(path, limits, own, len(short))
         fewest, some = SHORT_PART_GRID if short[n] else PART_GRID
         rule = (max(fewest, least // len(short)), min(per_piece, some), per_radian)
         start = _smooth_motion(coarse)

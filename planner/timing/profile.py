@@ -321,7 +321,7 @@ def _smallest_change(
 # Instants of each time piece that are looked at: a parabola through each three of them tells its own peak exactly, and
 # so misses what a piece's fourth derivative adds, 1/PIECE_INSTANTS⁴ and less of it. Without jerk, pieces are more and
 # shorter.
-PIECE_INSTANTS, NO_JERK_INSTANTS = 9, 3
+PIECE_INSTANTS, NO_JERK_INSTANTS = 5, 3
 
 
 def sample_limit_use(path: ActuatorPath, limits: Sequence[Limit], profile: Profile) -> dict[str, Array]:
