@@ -76,7 +76,7 @@ def minimise(stages: Stages, rows: StageRows, states: Array, controls: Array) ->
     mu = FIRST_MU
     _start_slacks(rows, motion, misses, mu)
     slopes = Slopes(
-        np.zeros((count, width - 2, 5)),
+        np.zeros((count, 5, width - 2)),
         np.zeros((count, 2, 4)),
         np.zeros((count, 4)),
         np.zeros((count, 4)),

@@ -42,7 +42,7 @@ def linearize(
 
     next_force (N + 1, 2), step_force (N,)  multipliers of the next states and the steps
     """
-    half_size = slopes.rows.shape[1] // 2
+    half_size = slopes.rows.shape[2] // 2
     weights, pushes, bends = np.zeros((3, 6)), np.zeros((3, 3)), np.zeros((3, 2))
     maps, product = np.zeros((3, 4)), np.zeros((3, 4))
     row_error = cost_error = slack_error = forces = 0.0
@@ -78,7 +78,7 @@ def linearize(
                 cost[3] += force / stages.duration[k]
                 bend[3, 3] += w / stages.duration[k] ** 2
             elif w > 0:
-                by_v, by_a, by_j, bend_vv, bend_va = slopes.rows[k, r]
+                by_v, by_a, by_j = slopes.rows[k, 0, r], slopes.rows[k, 1, r], slopes.rows[k, 2, r]
                 weights[place, 0] += w * by_v * by_v
                 weights[place, 1] += w * by_v * by_a
                 weights[place, 2] += w * by_v * by_j
@@ -88,8 +88,8 @@ def linearize(
                 pushes[place, 0] += force * by_v
                 pushes[place, 1] += force * by_a
                 pushes[place, 2] += force * by_j
-                bends[place, 0] += force * bend_vv
-                bends[place, 1] += force * bend_va
+                bends[place, 0] += force * slopes.rows[k, 3, r]
+                bends[place, 1] += force * slopes.rows[k, 4, r]
         for place in range(3):
             w0, w1, w2, w3, w4, w5 = weights[place]
             w0 += bends[place, 0]
@@ -147,7 +147,7 @@ def pull(
     out: Array,
 ) -> None:
     """out (N, 4): the slopes of cost and rows by x, the rows' forces taken out to first order."""
-    half_size = slopes.rows.shape[1] // 2
+    half_size = slopes.rows.shape[2] // 2
     pushes, maps = np.zeros((3, 3)), np.zeros((3, 4))
     for k in range(len(stages.step)):
         pushes[:], out[k] = 0.0, 0.0
@@ -166,7 +166,7 @@ def pull(
                 out[k, 3] += force / stages.duration[k]
             else:
                 for n in range(3):
-                    pushes[place, n] += force * slopes.rows[k, r, n]
+                    pushes[place, n] += force * slopes.rows[k, n, r]
         for place in range(3):
             _point_map(place, motion.states[k, 1], motion.controls[k, 0], motion.controls[k, 1], maps)
             for n in range(4):
@@ -193,7 +193,7 @@ def change_slacks(
 
     Returns the largest shares of them that leave slacks and forces positive, and the slope of the barrier's cost.
     """
-    half_size = slopes.rows.shape[1] // 2
+    half_size = slopes.rows.shape[2] // 2
     primal = dual = 1.0
     slope = -weight * stages.prize * change[0, 0]
     keep = max(0.99, 1 - mu)
@@ -215,8 +215,8 @@ def change_slacks(
             elif place == DURATION:
                 gain = change[k, 3] / stages.duration[k]
             else:
-                by = slopes.rows[k, r]
-                gain = by[0] * moved[place, 0] + by[1] * moved[place, 1] + by[2] * moved[place, 2]
+                gain = slopes.rows[k, 0, r] * moved[place, 0]
+                gain += slopes.rows[k, 1, r] * moved[place, 1] + slopes.rows[k, 2, r] * moved[place, 2]
             for side in range(2):
                 if side == 0:
                     if rows.low[k, r] == -np.inf:

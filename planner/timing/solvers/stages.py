@@ -78,7 +78,7 @@ class Misses(NamedTuple):
 class Slopes(NamedTuple):
     """By x = (ṡ, s̈, s⃛, h) of each stage: of the rows, the next states, the steps and the Lagrangian.
 
-    rows (N, 2M, 5)     by (ṡ, s̈, s⃛) at their points, and curvatures ṡṡ and ṡs̈
+    rows (N, 5, 2M)     by ṡ, s̈, s⃛ at their points, and curvatures ṡṡ and ṡs̈
     next (N, 2, 4), step (N, 4)
     cost (N, 4), bend (N, 4, 4)  of the Lagrangian; bend has the rows' forces over their slacks in it
     """
@@ -136,7 +136,7 @@ def _term(term: int, v: float, a: float, j: float) -> float:
 @kernel
 def differentiate(stages: Stages, rows: StageRows, states: Array, controls: Array, slopes: Slopes) -> None:
     """Fill `rows`, `next` and `step` of `slopes`."""
-    half_size = slopes.rows.shape[1] // 2
+    half_size = slopes.rows.shape[2] // 2
     for k in range(len(stages.step)):
         v, a, j, h = states[k, 0], states[k, 1], controls[k, 0], controls[k, 1]
         v_end, a_end = v + h * (a + h * j / 2), a + h * j
@@ -153,28 +153,32 @@ def differentiate(stages: Stages, rows: StageRows, states: Array, controls: Arra
             for b in range(len(rows.size)):
                 pv, pa = (v, a) if half == 0 else ((v_end, a_end) if rows.at_end[b] else (v_mid, a_mid))
                 size = rows.size[b]
-                for i in range(size):
-                    for n in range(5):
-                        slopes.rows[k, row + i, n] = 0.0
+                by = slopes.rows[k, :, row : row + size]
+                by[:] = 0.0
                 for t in range(rows.lengths[b]):
                     term = rows.terms[b, t]
-                    for i in range(size):
-                        c, out = coefficients[k, at + i], slopes.rows[k, row + i]
-                        if term == 1:
-                            out[0] += c
-                        elif term == 2:
-                            out[0] += 2 * c * pv
-                            out[3] += 2 * c
-                        elif term == 3:
-                            out[0] += 3 * c * pv * pv
-                            out[3] += 6 * c * pv
-                        elif term == 4:
-                            out[1] += c
-                        elif term == 5:
-                            out[0] += c * pa
-                            out[1] += c * pv
-                            out[4] += c
-                        elif term == 6:
-                            out[2] += c
+                    own = coefficients[k, at : at + size]
+                    if term == 1:
+                        for i in range(size):
+                            by[0, i] += own[i]
+                    elif term == 2:
+                        for i in range(size):
+                            by[0, i] += 2 * own[i] * pv
+                            by[3, i] += 2 * own[i]
+                    elif term == 3:
+                        for i in range(size):
+                            by[0, i] += 3 * own[i] * pv * pv
+                            by[3, i] += 6 * own[i] * pv
+                    elif term == 4:
+                        for i in range(size):
+                            by[1, i] += own[i]
+                    elif term == 5:
+                        for i in range(size):
+                            by[0, i] += own[i] * pa
+                            by[1, i] += own[i] * pv
+                            by[4, i] += own[i]
+                    elif term == 6:
+                        for i in range(size):
+                            by[2, i] += own[i]
                     at += size
                 row += size
