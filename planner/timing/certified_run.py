@@ -80,7 +80,7 @@ def tighten_leg(leg: RunSolution, use: Mapping[str, Array], slowness: float) -> 
         if leg.maker in ("passes", "toppra"):
             found = second_order(tighter, solver="passes" if leg.maker == "passes" else "toppra")
         else:
-            found = solve_jerk_limited(tighter, leg.profile.columns())
+            found = solve_jerk_limited(tighter, leg.profile.columns(), near=True)
         if found.solved:
             return replace(found, bound=leg.bound, tries=leg.tries + 1)
         if leg.has_end_speed:

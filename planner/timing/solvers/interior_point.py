@@ -28,9 +28,10 @@ from planner.timing.solvers.stages import Iterate, Misses, Slopes, StageRows, St
 
 # The cost is counted in thousandths of the guess' duration: of that size, the constants below are usual ones.
 WEIGHT = 1000.0
-FIRST_MU, TOLERANCE = 1e-2, 1e-7
+TOLERANCE = 1e-7
 MAX_ITERATIONS, MAX_HALVINGS = 200, 14
-LEAST_SLACK, LEAST_SPEED_SLACK = 1e-2, 1e-3
+# The first μ, and the least slack of rows and of bounds on ṡ and h: from anywhere, and from near the answer.
+FAR, NEAR = (1e-2, 1e-2, 1e-3), (1e-6, 1e-4, 1e-5)
 # Where the cost is not convex: the first that is added, by how much it is lowered from one iteration to the next and
 # raised until it does, first and later, and the largest.
 FIRST_CONVEXITY, LOWER, RAISE_FIRST, RAISE, MOST_CONVEXITY = 1e-4, 1 / 3, 100.0, 8.0, 1e20
@@ -64,17 +65,17 @@ class Minimum:
     step_forces: Array
 
 
-def minimise(stages: Stages, rows: StageRows, states: Array, controls: Array) -> Minimum:
+def minimise(stages: Stages, rows: StageRows, states: Array, controls: Array, *, near: bool = False) -> Minimum:
     """From states (N + 1, 2), of which the first and the last are kept but for what is to be found there, and controls
-    (N, 2).
+    (N, 2); near: whether these are about the answer, as that of a problem of almost the same rows is.
     """
     count, width = len(stages.step), rows.low.shape[1]
     motion, trial = (_empty_iterate(rows, states, controls) for _ in range(2))
     trial = trial._replace(force_low=motion.force_low, force_high=motion.force_high)
     misses, tried = (Misses(np.empty((count, width)), np.empty((count, 2)), np.empty(count)) for _ in range(2))
     evaluate(stages, rows, motion.states, motion.controls, misses)
-    mu = FIRST_MU
-    _start_slacks(rows, motion, misses, mu)
+    mu, least, least_bound = NEAR if near else FAR
+    _start_slacks(rows, motion, misses, mu, least, least_bound)
     slopes = Slopes(
         np.zeros((count, 5, width - 2)),
         np.zeros((count, 2, 4)),
@@ -168,9 +169,11 @@ def _empty_iterate(rows: StageRows, states: Array, controls: Array) -> Iterate:
     return Iterate(states.copy(), controls.copy(), next(ones), next(ones), next(ones), next(ones))
 
 
-def _start_slacks(rows: StageRows, motion: Iterate, misses: Misses, mu: float) -> None:
-    least = np.full(rows.low.shape[1], LEAST_SLACK)
-    least[-2:] = LEAST_SPEED_SLACK
+def _start_slacks(
+    rows: StageRows, motion: Iterate, misses: Misses, mu: float, least_row: float, least_bound: float
+) -> None:
+    least = np.full(rows.low.shape[1], least_row)
+    least[-2:] = least_bound
     for slack, force, room in (
         (motion.slack_low, motion.force_low, misses.values - rows.low),
         (motion.slack_high, motion.force_high, rows.high - misses.values),

@@ -28,18 +28,22 @@ MAX_ROUNDS, MIN_ROUND_GAIN = 4, 1e-4
 END_SPEED_WEIGHT = 100.0
 
 
-def solve_jerk_limited(problem: Problem, guess: Array) -> RunSolution:
-    """The fastest motion. guess (4, N): ṡ, s̈, s⃛, h to start from.
+def solve_jerk_limited(problem: Problem, guess: Array, *, near: bool = False) -> RunSolution:
+    """The fastest motion. guess (4, N): ṡ, s̈, s⃛, h to start from; near: it answers almost the same problem.
 
     Rows that speak only near some motions are taken near the guess, and then near each answer in turn.
     """
     for _ in range(1 if problem.settled else MAX_ROUNDS):
-        found = third_order(settle_rows(problem, guess), guess)
+        posed = settle_rows(problem, guess)
+        found = third_order(posed, guess, near=near)
+        if near and not found.solved:
+            found = third_order(posed, guess)
         if not found.solved:
             return found
         gained, guess = 1 - found.duration / guess[3].sum(), found.profile.columns()
         if abs(gained) < MIN_ROUND_GAIN:
             break
+        near = True
     return replace(found, problem=problem)
 
 
@@ -52,16 +56,17 @@ def settle_rows(problem: Problem, columns: Array) -> Problem:
     return problem.around(speed, speed)
 
 
-def third_order(problem: Problem, guess: Array, *, fast_end: int | None = None) -> RunSolution:
+def third_order(problem: Problem, guess: Array, *, fast_end: int | None = None, near: bool = False) -> RunSolution:
     """The fastest motion, s̈ zero at both ends but those where it is free. guess (4, N): ṡ, s̈, s⃛, h to start from.
 
+    near: the guess is about the answer.
     fast_end: 0 for the start, 1 for the end: the motion with the largest speed there instead, up to the problem's.
     """
     if fast_end == 1:
         columns = _solve_stages(problem.reversed(), _reverse_columns(guess), END_SPEED_WEIGHT)
         columns = columns if isinstance(columns, MotionError) else _reverse_columns(columns)
     else:
-        columns = _solve_stages(problem, guess, 0.0 if fast_end is None else END_SPEED_WEIGHT)
+        columns = _solve_stages(problem, guess, 0.0 if fast_end is None else END_SPEED_WEIGHT, near)
     if isinstance(columns, MotionError):
         return RunSolution.refused(columns)
     if fast_end is not None:
@@ -76,12 +81,12 @@ def third_order(problem: Problem, guess: Array, *, fast_end: int | None = None) 
     return RunSolution("solved", profile, maker="riccati", problem=problem)
 
 
-def _solve_stages(problem: Problem, guess: Array, prize: float) -> Array | MotionError:
+def _solve_stages(problem: Problem, guess: Array, prize: float, near: bool = False) -> Array | MotionError:
     """Columns (4, N) of ṡ, s̈, s⃛, h, or why there are none."""
     stages, rows, states, controls, unit = pose_stages(problem, guess, prize)
     if not (np.isfinite(controls).all() and np.isfinite(states).all() and (stages.step > 0).all()):
         return MotionError("the jerk-limited problem holds what is no number, or an interval of no length")
-    answer = minimise(stages, rows, states, controls)
+    answer = minimise(stages, rows, states, controls, near=near)
     if answer.status not in ("solved", "loose"):
         return MotionError(
             f"the jerk-limited solver stopped without an answer ({answer.status}, {answer.iterations} iterations)"
