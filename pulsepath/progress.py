@@ -66,6 +66,10 @@ def options() -> list[click.Option]:
         def choose(context: click.Context, _: click.Parameter, given: bool) -> None:
             if given and context.meta.setdefault(_LEVEL, level) != level:
                 raise click.UsageError("--quiet and --verbose exclude each other: give one.", context)
+            if given and level == QUIET:
+                import logging
+
+                logging.getLogger("pulsepath").setLevel(logging.ERROR)
 
         return click.Option(names, is_flag=True, expose_value=False, callback=choose, help=told)
 

@@ -2,16 +2,19 @@
 
 A kernel is a plain function of numbers and arrays. numba is not imported, and nothing compiled, before one is called:
 then all kernels of its module are. What is compiled is kept beside the source, in the user's cache directory where that
-cannot be written, and nowhere where neither can. With NUMBA_DISABLE_JIT=1 the same source runs as Python: for debuggers
-and for coverage.
+cannot be written, and nowhere where neither can; where that takes long, the logger "pulsepath" says so, once. With
+NUMBA_DISABLE_JIT=1 the same source runs as Python: for debuggers and for coverage.
 """
 
+import logging
 import sys
 from collections.abc import Callable
-from functools import update_wrapper
-from threading import RLock
+from functools import cache, update_wrapper
+from threading import RLock, Timer
 from typing import Any
 
+PATIENCE = 1.0
+"""s after which the first call of a kernel is said to be compiling: what is on disk takes less."""
 _LOCK = RLock()
 
 
@@ -21,6 +24,7 @@ class Kernel:
     def __init__(self, function: Callable[..., Any]) -> None:
         self.function = function
         self.compiled: Callable[..., Any] | None = None
+        self._called = False
         update_wrapper(self, function)
 
     def __call__(self, *arguments: Any) -> Any:
@@ -28,7 +32,21 @@ class Kernel:
             with _LOCK:
                 _compile_module(sys.modules[self.function.__module__])
         assert self.compiled is not None  # with its module
-        return self.compiled(*arguments)
+        if self._called:
+            return self.compiled(*arguments)
+        announcement = Timer(PATIENCE, _announce)
+        announcement.daemon = True
+        announcement.start()
+        try:
+            return self.compiled(*arguments)
+        finally:
+            announcement.cancel()
+            self._called = True
+
+
+@cache
+def _announce() -> None:
+    logging.getLogger("pulsepath").warning("compiling numerical kernels: once, some 10 s; later runs find them on disk")
 
 
 def compiler_is_loaded() -> bool:
