@@ -13,6 +13,7 @@ from kinematics.foundation.errors import MotionError
 from kinematics.foundation.kernels import compiler_is_loaded
 from kinematics.foundation.tape import Tape, make_tape, run_tape
 from kinematics.foundation.taylor_model import Series
+from kinematics.foundation.taylor_tape import enclose_tape, is_enclosable
 
 # Greedy block sizes: one call of the virtual machine evaluates a whole block without leaving compiled code.
 _BLOCKS = (256, 16, 1)
@@ -20,6 +21,8 @@ _BLOCKS = (256, 16, 1)
 # Operations times points from which the compiled tape runs them: they take it a third of the time, and loading the
 # compiler, where nobody has yet, as long as the second of these takes CasADi.
 TAPE_WORK, LOADING_WORK = 1e5, 2e8
+# Cells from which Taylor models of them are made by the tape.
+TAPE_CELLS = 8
 
 T = TypeVar("T")
 
@@ -100,9 +103,25 @@ class Expression:
     def enclose(self, x: Sequence[Series]) -> list[Series]:
         """The same expression in Taylor series with guaranteed error: k series in, m series out."""
         order = x[0].order
+        if self._is_enclosable and all(one.order == order for one in x) and _cells(x) >= TAPE_CELLS:
+            return self._enclose_compiled(x, order)
         # an unbounded ball may turn into nan: both read as "no bound"
         with np.errstate(invalid="ignore", over="ignore"):
             return self.walk(x, lambda value: Series.constant(np.array([value]), order))
+
+    @cached_property
+    def _is_enclosable(self) -> bool:
+        return self._tape is not None and is_enclosable(self.function)
+
+    def _enclose_compiled(self, x: Sequence[Series], order: int) -> list[Series]:
+        assert self._tape is not None  # enclosable
+        mid, rad = (np.zeros((len(x), order + 1, _cells(x))) for _ in range(2))
+        degrees = np.array([min(one.degree, order) for one in x])
+        for k, one in enumerate(x):
+            mid[k, : degrees[k] + 1], rad[k, : degrees[k] + 1] = one.mid[: order + 1], one.rad[: order + 1]
+        found, error = (np.zeros((self.size[1], order + 1, mid.shape[2])) for _ in range(2))
+        enclose_tape(self._tape, order, degrees, mid, rad, found, error)
+        return [Series(*both, order) for both in zip(found, error, strict=True)]
 
     def walk(self, x: Sequence[T], constant: Callable[[float], T]) -> list[T]:
         """The same expression, operation by operation, in another arithmetic: k values in, m out."""
@@ -122,6 +141,11 @@ class Expression:
                     f"{self.function.name()}: CasADi operation {operation} has no rule for enclosures; add it to _RULES"
                 )
         return out
+
+
+def _cells(x: Sequence[Series]) -> int:
+    """How many cells series (d + 1, N) span: of constants one."""
+    return max(int(one.mid.shape[1]) for one in x)
 
 
 # What an arithmetic of enclosures has to know.

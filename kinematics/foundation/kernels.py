@@ -46,7 +46,7 @@ class Kernel:
 
 @cache
 def _announce() -> None:
-    logging.getLogger("pulsepath").warning("compiling numerical kernels: once, some 10 s; later runs find them on disk")
+    logging.getLogger("pulsepath").warning("compiling numerical kernels: once, some 20 s; later runs find them on disk")
 
 
 def compiler_is_loaded() -> bool:
