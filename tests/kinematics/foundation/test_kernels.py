@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from kinematics.foundation import kernels
 from kinematics.foundation.casadi_function import Expression
 from kinematics.foundation.tape import BLOCK, make_tape, run_tape
+from kinematics.foundation.taylor_model import Series
 
 UNARY = {
     "sin": ca.sin,
@@ -68,6 +69,55 @@ def test_an_operation_that_no_tape_knows_is_left_to_casadi():
     points = np.linspace(0, 1, 40_000)[:, None]
     values = Expression("f", x, ca.erf(x))(points)
     assert values[-1, 0] == pytest.approx(0.8427007929497149, rel=1e-12)
+
+
+def enclosed(expression, degrees, error, cells, order, seed):
+    """Series by the tape and by Python, padded alike."""
+    rng = np.random.default_rng(seed)
+    inputs = [
+        Series(rng.normal(size=(d + 1, cells)), np.abs(error * rng.normal(size=(d + 1, cells))), order) for d in degrees
+    ]
+    found = expression.enclose(inputs)
+    with np.errstate(all="ignore"):
+        expected = expression.walk(inputs, lambda value: Series.constant(np.array([value]), order))
+    for ours, theirs in zip(found, expected, strict=True):
+        full = theirs.pad(order)
+        yield ours, Series(np.broadcast_to(full.mid, ours.mid.shape), np.broadcast_to(full.rad, ours.rad.shape), order)
+
+
+@settings(max_examples=60, deadline=None)
+@given(STEPS, st.integers(0, 2**32), st.sampled_from([8, 31, 70]), st.integers(0, 5), st.sampled_from([0.0, 1e-3]))
+def test_a_taylor_tape_gives_the_balls_of_series(steps, seed, cells, order, error):
+    """To the last bit, of random expressions, unbounded where these are."""
+    x = ca.SX.sym("x", 3)
+    values = [*ca.vertsplit(x), ca.SX(0.25)]
+    for name, first, second in steps:
+        if name not in ("exp", "log", "sin", "cos", "atan2"):
+            a, b = values[first % len(values)], values[second % len(values)]
+            values.append(UNARY[name](a) if name in UNARY else BINARY[name](a, b))
+    expression = Expression("f", x, ca.vertcat(*values[-5:]))
+    degrees = np.random.default_rng(seed).integers(0, order + 1, 3)
+    for ours, theirs in enclosed(expression, degrees, error, cells, order, seed):
+        bounded = np.isfinite(theirs.rad)
+        assert np.array_equal(bounded, np.isfinite(ours.rad))
+        assert np.array_equal(ours.mid[bounded], theirs.mid[bounded], equal_nan=True)
+        assert np.array_equal(ours.rad[bounded], theirs.rad[bounded])
+
+
+@pytest.mark.parametrize("name", ["sin", "cos", "atan2"])
+@pytest.mark.parametrize("error", [0.0, 1e-3, 1.0])
+@pytest.mark.parametrize("order", [0, 1, 6])
+def test_taylor_tapes_of_angles_are_those_of_series(name, error, order):
+    """Of another library's sines, two units in the last place apart at most."""
+    x = ca.SX.sym("x", 2)
+    expression = Expression("f", x, UNARY[name](x[0]) if name in UNARY else BINARY[name](x[0], x[1]))
+    for degrees in ((order, order), (0, order), (0, 0)):
+        for ours, theirs in enclosed(expression, degrees, error, 500, order, 7):
+            bounded = np.isfinite(theirs.rad)
+            assert np.array_equal(bounded, np.isfinite(ours.rad))
+            size = np.abs(theirs.mid).max(0) * np.ones_like(theirs.mid) + theirs.rad
+            assert (np.abs(ours.mid - theirs.mid)[bounded] <= 1e-14 * size[bounded]).all()
+            assert np.allclose(ours.rad[bounded], theirs.rad[bounded], rtol=1e-9, atol=0)
 
 
 def test_large_batches_give_the_values_of_small_ones():
