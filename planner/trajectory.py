@@ -113,6 +113,14 @@ class Trajectory(Result):
     def duration(self) -> float:
         return float(self.knots[-1])
 
+    @property
+    def constant_speeds(self) -> Array:
+        """(M,) m/s that each time piece has throughout because its segment asks for it; NaN elsewhere."""
+        asked = [self.path.constant(piece) for piece in range(len(self.path.breaks) - 1)]
+        speed = np.array([np.nan if each is None else each for each in asked])[self.piece]
+        at_it = (self.v == speed) & (self.a == 0) & (self.j == 0) & (np.diff(self.knots) > 0)
+        return np.where(at_it, speed, np.nan)
+
     def tables(self) -> tuple[Table, ...]:
         """Between what each axis moves, and the largest of its derivatives that is seen."""
 

@@ -197,3 +197,9 @@ def _dot(a: Array, b: Array) -> Array:
 
 def _length(vectors: Array) -> Array:
     return np.asarray(np.sqrt(_dot(vectors, vectors)))
+
+
+def clearance_use(clearance: Array, contact: Array) -> Array:
+    """(N, k) contact / distance of axes: 1 where bodies touch."""
+    with np.errstate(divide="ignore"):
+        return np.asarray(contact / np.maximum(clearance + contact, 0.0))

@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from kinematics.analysis.margins import USE_ROUNDING, clearance_use, limits_used
+from kinematics.analysis.clearance import clearance_use
+from kinematics.analysis.margins import USE_ROUNDING, limits_used
 from kinematics.foundation.arrays import Array, finite_array, freeze_array
 from kinematics.foundation.errors import MotionError, OutOfReach
 from kinematics.foundation.taylor_model import Series

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from kinematics.analysis.clearance import clearance_use
 from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.result import Result
@@ -134,12 +135,6 @@ def limits_used(machine: MachineModel, x: Array, q: Array) -> tuple[Array, Array
     tilt = np.arccos(np.clip(cosine, -1.0, 1.0)) / machine.max_tilt
     bodies = machine.bodies
     return travel_use(machine, q), tilt, bodies.distances(x) - bodies.contact if bodies else np.zeros((len(x), 0))
-
-
-def clearance_use(clearance: Array, contact: Array) -> Array:
-    """(N, k) contact / distance of axes: 1 where bodies touch."""
-    with np.errstate(divide="ignore"):
-        return np.asarray(contact / np.maximum(clearance + contact, 0.0))
 
 
 def travel_use(machine: MachineModel, q: Array) -> Array:

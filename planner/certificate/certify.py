@@ -15,7 +15,7 @@ import numpy as np
 from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
-from planner.certificate.constant_speed import CONSTANT_SPEED, claimed_speeds, prove_speed_deviation
+from planner.certificate.constant_speed import CONSTANT_SPEED, prove_speed_deviation
 from planner.certificate.enclosure import Cells, bound_series, enclose
 from planner.certificate.resonance_dwell import find_stays
 from planner.limits.limit import Limit, order_of
@@ -224,7 +224,7 @@ def certify(trajectory: Trajectory, limits: Sequence[Limit], known: ProvedUse | 
         if isinstance(limit, Resonance) and limit.bands:
             use[CROSSING], attained[CROSSING], where[CROSSING] = _prove_crossing(trajectory, limit)
             worst[CROSSING] = float(use[CROSSING].max())
-    if np.isfinite(claimed_speeds(trajectory)).any():
+    if np.isfinite(trajectory.constant_speeds).any():
         use[CONSTANT_SPEED], attained[CONSTANT_SPEED], where[CONSTANT_SPEED] = prove_speed_deviation(trajectory)
         worst[CONSTANT_SPEED] = float(use[CONSTANT_SPEED].max())
     for name, place in (find_jumps(trajectory, order) | find_gaps(trajectory)).items():

@@ -31,18 +31,9 @@ class Stretch:
     deviation: float
 
 
-def claimed_speeds(trajectory: Trajectory) -> Array:
-    """(M,) m/s that each time piece has throughout because its segment asks for it; NaN elsewhere."""
-    path = trajectory.path
-    asked = [path.constant(piece) for piece in range(len(path.breaks) - 1)]
-    speed = np.array([np.nan if each is None else each for each in asked])[trajectory.piece]
-    at_it = (trajectory.v == speed) & (trajectory.a == 0) & (trajectory.j == 0) & (np.diff(trajectory.knots) > 0)
-    return np.where(at_it, speed, np.nan)
-
-
 def find_stretches(trajectory: Trajectory, use: Array) -> tuple[Stretch, ...]:
     """Where a motion has the constant speeds that its segments ask for; use (M,): as its certificate has it."""
-    path, speed = trajectory.path, claimed_speeds(trajectory)
+    path, speed = trajectory.path, trajectory.constant_speeds
     edges = np.flatnonzero(np.diff(np.concatenate([[False], np.isfinite(speed), [False]])))
     found = []
     for first, last in zip(edges[::2].tolist(), (edges[1::2] - 1).tolist(), strict=True):
@@ -60,7 +51,7 @@ def prove_speed_deviation(trajectory: Trajectory) -> tuple[Array, Array, Place]:
     As it is proved, by enclosures of |ṗ|² (planner.certificate.enclosure), as it is met at the cells' ends and
     centres, and the place of the largest.
     """
-    speed, lengths = claimed_speeds(trajectory), np.diff(trajectory.knots)
+    speed, lengths = trajectory.constant_speeds, np.diff(trajectory.knots)
     use, attained = np.zeros((2, len(lengths)))
     k = np.flatnonzero(np.isfinite(speed))
     cells = Cells(k, np.zeros(len(k)), lengths[k])

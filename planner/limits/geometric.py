@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from kinematics.analysis.margins import clearance_use
+from kinematics.analysis.clearance import clearance_use
 from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.errors import MotionError
 from kinematics.machine.axis import Axis

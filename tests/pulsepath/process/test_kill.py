@@ -21,9 +21,9 @@ pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="nothing there t
 REPLACING = f"""
 import json, sys
 from pathlib import Path
-from pulsepath.output.directory import replacing
+from pulsepath.output.directory import replace_directory
 for number in range(100_000):
-    with replacing(Path(sys.argv[1]), force=True) as folder:
+    with replace_directory(Path(sys.argv[1]), force=True) as folder:
         for part in range(5):
             (folder / f"part{{part}}").write_text(str(number))
         (folder / "plan.json").write_text(json.dumps({{"kind": "{KIND}", "number": number}}))

@@ -130,10 +130,10 @@ def test_no_process_is_left(tmp_path, number):
 
 def test_a_worker_that_is_killed_is_cleared_up_after(tmp_path):
     made = (
-        "from kinematics.files.atomic_files import staging; p = Path('a/b/out').absolute(); "
+        "from kinematics.files.atomic_files import stage_directory; p = Path('a/b/out').absolute(); "
         "p.parent.mkdir(parents=True)"
     )
-    process = start(tmp_path, f"{made}; s = staging(p); s.__enter__(); import os; os.kill(os.getpid(), 9)")
+    process = start(tmp_path, f"{made}; s = stage_directory(p); s.__enter__(); import os; os.kill(os.getpid(), 9)")
     end(process)
     assert process.returncode == -signal.SIGKILL
     assert list(tmp_path.iterdir()) == []

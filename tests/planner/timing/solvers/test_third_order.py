@@ -268,7 +268,7 @@ def test_a_solve_ends_when_its_patience_does_and_the_next_one_answers(monkeypatc
     assert solve_by_casadi(problem, guess).duration == pytest.approx(expected, rel=1e-9)
 
 
-def fail(problem, guess):
+def fail(problem, guess, **_):
     return RunSolution.refused(MotionError("stopped without an answer"))
 
 
