@@ -26,12 +26,19 @@ from planner.timing.solvers.optimality import (
 from planner.timing.solvers.riccati import NewtonStep, Recursion, solve_step
 from planner.timing.solvers.stages import Iterate, Misses, Slopes, StageRows, Stages, differentiate, evaluate
 
+Status = Literal["solved", "loose", "slow", "not convex"]
+Start = Literal["far", "farther", "near"]
 # The cost is counted in thousandths of the guess' duration: of that size, the constants below are usual ones.
 WEIGHT = 1000.0
 TOLERANCE = 1e-7
 MAX_ITERATIONS, MAX_HALVINGS = 200, 14
-# The first μ, and the least slack of rows and of bounds on ṡ and h: from anywhere, and from near the answer.
-FAR, NEAR = (1e-2, 1e-2, 1e-3), (1e-6, 1e-4, 1e-5)
+# The first μ, and the least slack of rows and of bounds on ṡ and h: from anywhere, where that jams, and from near
+# the answer.
+STARTS: dict[Start, tuple[float, float, float]] = {
+    "far": (1e-2, 1e-2, 1e-3),
+    "farther": (1.0, 1e-2, 1e-3),
+    "near": (1e-6, 1e-4, 1e-5),
+}
 # Where the cost is not convex: the first that is added, by how much it is lowered from one iteration to the next and
 # raised until it does, first and later, and the largest.
 FIRST_CONVEXITY, LOWER, RAISE_FIRST, RAISE, MOST_CONVEXITY = 1e-4, 1 / 3, 100.0, 8.0, 1e20
@@ -40,12 +47,12 @@ LEAST_CONVEXITY = 1e-14
 FILTER_SHARE, FEW, MANY = 1e-5, 1e-4, 2.0
 # Of a step along which the cost changes by less than its own rounding, as a share of it, only the misses are weighed.
 ARMIJO, ROUNDING, FLAT = 1e-8, 1e-13, 1e-11
-# After the last iteration a motion that keeps every row so well and is this near the best is an answer all the same.
-LOOSE_ROWS, LOOSE_MU = 1e-6, 1e-5
+# The last iterations go on from where it creeps with so much curvature added, in units of the cost per squared scale,
+# that misses vanish: a motion that keeps every row so well is an answer, though not quite the best.
+LAST_ITERATIONS, DAMPING = 20, 1.0
+LOOSE_ROWS = 1e-6
 # Flat steps in a row after which nothing more is to be gained.
 MAX_FLAT_STEPS = 8
-
-Status = Literal["solved", "loose", "slow", "not convex"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,16 +72,16 @@ class Minimum:
     step_forces: Array
 
 
-def minimise(stages: Stages, rows: StageRows, states: Array, controls: Array, *, near: bool = False) -> Minimum:
+def minimise(stages: Stages, rows: StageRows, states: Array, controls: Array, start: Start = "far") -> Minimum:
     """From states (N + 1, 2), of which the first and the last are kept but for what is to be found there, and controls
-    (N, 2); near: whether these are about the answer, as that of a problem of almost the same rows is.
+    (N, 2), which may be about the answer: "near", as that of a problem of almost the same rows is.
     """
     count, width = len(stages.step), rows.low.shape[1]
     motion, trial = (_empty_iterate(rows, states, controls) for _ in range(2))
     trial = trial._replace(force_low=motion.force_low, force_high=motion.force_high)
     misses, tried = (Misses(np.empty((count, width)), np.empty((count, 2)), np.empty(count)) for _ in range(2))
     evaluate(stages, rows, motion.states, motion.controls, misses)
-    mu, least, least_bound = NEAR if near else FAR
+    mu, least, least_bound = STARTS[start]
     _start_slacks(rows, motion, misses, mu, least, least_bound)
     slopes = Slopes(
         np.zeros((count, 5, width - 2)),
@@ -120,7 +127,8 @@ def minimise(stages: Stages, rows: StageRows, states: Array, controls: Array, *,
             filtered.clear()
             missed, cost = measure(stages, rows, motion, misses, mu, WEIGHT)
         pull(stages, rows, motion, misses, slopes, mu, WEIGHT, pulls)
-        last, convexity = convexity or last, 0.0
+        damping = DAMPING if iterations > MAX_ITERATIONS - LAST_ITERATIONS else 0.0
+        last, convexity = convexity or last, damping
         while not solve_step(stages, misses, slopes, pulls, next_force[-1], convexity, recursion, step):
             if convexity == 0:
                 convexity = max(LEAST_CONVEXITY, last * LOWER) if last > 0 else FIRST_CONVEXITY
@@ -157,7 +165,7 @@ def minimise(stages: Stages, rows: StageRows, states: Array, controls: Array, *,
         next_force += share * (step.next_force - next_force)
         step_force += share * (step.step_force - step_force)
         missed, cost = new_missed, new_cost
-    if status == "slow" and row_error <= LOOSE_ROWS and mu <= LOOSE_MU:
+    if status == "slow" and row_error <= LOOSE_ROWS:
         status = "loose"
     return Minimum(
         status, iterations, motion.states, motion.controls, motion.force_low, motion.force_high, next_force, step_force

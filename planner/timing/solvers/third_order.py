@@ -19,7 +19,7 @@ from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
 from planner.timing.problem import Problem
 from planner.timing.profile import RunSolution, close_profile
-from planner.timing.solvers.interior_point import minimise
+from planner.timing.solvers.interior_point import Start, minimise
 from planner.timing.solvers.stage_problem import pose_stages
 
 # How often a problem is solved whose rows depend on the motion, unless a round gains less than this share.
@@ -36,8 +36,6 @@ def solve_jerk_limited(problem: Problem, guess: Array, *, near: bool = False) ->
     for _ in range(1 if problem.settled else MAX_ROUNDS):
         posed = settle_rows(problem, guess)
         found = third_order(posed, guess, near=near)
-        if near and not found.solved:
-            found = third_order(posed, guess)
         if not found.solved:
             return found
         gained, guess = 1 - found.duration / guess[3].sum(), found.profile.columns()
@@ -86,8 +84,12 @@ def _solve_stages(problem: Problem, guess: Array, prize: float, near: bool = Fal
     stages, rows, states, controls, unit = pose_stages(problem, guess, prize)
     if not (np.isfinite(controls).all() and np.isfinite(states).all() and (stages.step > 0).all()):
         return MotionError("the jerk-limited problem holds what is no number, or an interval of no length")
-    answer = minimise(stages, rows, states, controls, near=near)
-    if answer.status not in ("solved", "loose"):
+    attempts: tuple[Start, ...] = ("near", "far", "farther") if near else ("far", "farther")
+    for start in attempts:
+        answer = minimise(stages, rows, states, controls, start)
+        if answer.status in ("solved", "loose"):
+            break
+    else:
         return MotionError(
             f"the jerk-limited solver stopped without an answer ({answer.status}, {answer.iterations} iterations)"
         )
