@@ -15,6 +15,7 @@ from planner.certificate.resonance_dwell import find_stays
 from planner.limits.limit import Limit
 from planner.limits.resonance import BAND_MARGIN, Resonance, SpeedCap
 from planner.path.actuation import ActuatorPath
+from planner.timing.discretization import cut_intervals
 from planner.timing.problem import Block, Run
 from planner.timing.profile import AVERAGED, STRAIGHT, WITH_RESTS, Profile, RunSolution, sample_limit_use
 from planner.timing.solvers.second_order import second_order
@@ -24,6 +25,8 @@ from planner.timing.solvers.third_order import solve_jerk_limited
 EXCESS_FACTOR, SOLVER_MARGIN = 1.1, 2e-7
 # How often a leg is solved before it is slowed instead.
 MAX_TRIES = 5
+# Excess over a limit between grid points from which an interval is cut in so many where it is solved again.
+MIN_CUT_EXCESS, CUT_PARTS = 1.03, 4
 # A motion that only so much slowness keeps from holding is slowed: solving again would cost more than it gains.
 MAX_CHEAP_SLOWNESS = 1 + 3e-5
 
@@ -43,7 +46,7 @@ def tighten_run(
         own = part.aimed({name: values[first:last] for name, values in use.items()})
         slowness, first = required_slowness(limits, own), last
         exceeds = slowness > 1 + SOLVER_MARGIN or not solution.parts
-        parts.append(tighten_leg(part, own, slowness) if exceeds else part)
+        parts.append(tighten_leg(path, limits, part, own, slowness) if exceeds else part)
     return RunSolution.joined(parts, WITH_RESTS)
 
 
@@ -57,15 +60,18 @@ def tighten_until_kept(path: ActuatorPath, limits: Sequence[Limit], leg: RunSolu
         slowness = required_slowness(limits, use)
         if slowness <= 1 + SOLVER_MARGIN:
             break
-        before, leg = leg, tighten_leg(leg, use, slowness)
+        before, leg = leg, tighten_leg(path, limits, leg, use, slowness)
         if leg.problem is before.problem:  # slowed as a whole: that holds
             break
     return leg
 
 
-def tighten_leg(leg: RunSolution, use: Mapping[str, Array], slowness: float) -> RunSolution:
+def tighten_leg(
+    path: ActuatorPath, limits: Sequence[Limit], leg: RunSolution, use: Mapping[str, Array], slowness: float
+) -> RunSolution:
     """Solved again with less room wherever a limit was found exceeded: use per limit and interval, as `aimed`.
 
+    What exceeds them by much, though it had less room already, does so between grid points: these intervals are cut.
     Where that does not help, or would cost more than it gains, the same motion slowed as a whole: what holds wherever
     anything does. Only a leg from rest to rest can be slowed: another is tried on.
     """
@@ -80,7 +86,12 @@ def tighten_leg(leg: RunSolution, use: Mapping[str, Array], slowness: float) -> 
         if leg.maker in ("passes", "toppra"):
             found = second_order(tighter, solver="passes" if leg.maker == "passes" else "toppra")
         else:
-            found = solve_jerk_limited(tighter, leg.profile.columns(), near=True)
+            guess = leg.profile.columns()
+            excess = np.max([use[block.name] for block in problem.blocks if block.name in use], axis=0)
+            if leg.tries > 1 and excess.max() > MIN_CUT_EXCESS:
+                tighter = cut_intervals(path, limits, tighter, np.where(excess > MIN_CUT_EXCESS, CUT_PARTS, 1))
+                guess = leg.profile.on(tighter.s)
+            found = solve_jerk_limited(tighter, guess, near=True)
         if found.solved:
             return replace(found, bound=leg.bound, tries=leg.tries + 1)
         if leg.has_end_speed:

@@ -53,12 +53,19 @@ def refine_problem(path: ActuatorPath, limits: Sequence[Limit], problem: Problem
     if problem.intervals not in FEW_INTERVALS:
         return None
     step = np.abs(np.diff(motion.a, prepend=0.0, append=0.0)) > MIN_STEP_SHARE * np.abs(motion.a).max()
-    count = np.where(step[:-1] | step[1:], STEP_PARTS, 1)
+    return cut_intervals(path, limits, problem, np.where(step[:-1] | step[1:], STEP_PARTS, 1))
+
+
+def cut_intervals(path: ActuatorPath, limits: Sequence[Limit], problem: Problem, count: np.ndarray) -> Problem:
+    """A problem each of whose intervals is cut in so many (N,) even ones, with the room that it had."""
     first = np.repeat(np.cumsum(count) - count, count)
     share = (np.arange(count.sum()) - first) / np.repeat(count, count)
     s = np.repeat(problem.s[:-1], count) + share * np.repeat(np.diff(problem.s), count)
     placed = np.append(s, problem.s[-1]), np.repeat(problem.piece, count)
-    return pose_problem(path, limits, *placed, problem.speeds, problem.free)
+    finer = pose_problem(path, limits, *placed, problem.speeds, problem.free)
+    room = {block.name: np.repeat(block.room, count) for block in problem.blocks}
+    blocks = tuple(replace(block, room=room.get(block.name, block.room)) for block in finer.blocks)
+    return replace(finer, blocks=blocks)
 
 
 def coarse_jerk_problem(path: ActuatorPath, limits: Sequence[Limit], run: Run, parts: int = 1) -> Problem:
