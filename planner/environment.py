@@ -10,7 +10,7 @@ Facts = dict[str, str]
 Look = Callable[[], Facts]
 
 PACKAGES = ("kinematics", "planner")
-LIBRARIES = ("pulsepath", "numpy", "scipy", "casadi", "osqp", "pin")
+LIBRARIES = ("pulsepath", "numpy", "scipy", "casadi", "numba", "osqp", "pin")
 FIRST_FACTS: dict[tuple[str, ...], Facts] = {}
 """What was found when first looked for: sources that are changed later are not those that run."""
 

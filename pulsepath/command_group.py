@@ -75,10 +75,10 @@ class Commands(click.Group):
         except KeyboardInterrupt as end:
             supervisor.tell(said=True)
             say(describe_interruption(ctx), err=True)
-            ctx.exit(end.code if isinstance(end, EndSignal) else INTERRUPTED)
-        except BrokenPipeError:
-            # the reader has seen enough; what is still buffered must not fail when the interpreter ends
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            code = end.code if isinstance(end, EndSignal) else INTERRUPTED
+            supervisor.leave(code)
+            ctx.exit(code)
+        except BrokenPipeError:  # the reader has seen enough
             ctx.exit(0)
         except Exception as error:  # every kind of failure ends here
             if os.environ.get(TRACEBACK) == "1":
@@ -87,6 +87,8 @@ class Commands(click.Group):
             _print_json_error(ctx, error, code)
             say(message, err=True)
             ctx.exit(code)
+        finally:
+            _drop_unwritable()
 
 
 def _print_json_error(ctx: click.Context, error: Exception, code: int) -> None:
@@ -95,6 +97,15 @@ def _print_json_error(ctx: click.Context, error: Exception, code: int) -> None:
         from pulsepath.process.error_record import error_json
 
         click.echo(error_json(error, code), nl=False)
+
+
+def _drop_unwritable() -> None:
+    """What is still buffered for a reader that has gone must not fail when the interpreter ends."""
+    for stream in (sys.stdout, sys.stderr):
+        try:
+            stream.flush()
+        except OSError:
+            os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
 def _reopen_closed_streams() -> None:

@@ -10,11 +10,14 @@ import logging
 import sys
 from collections.abc import Callable
 from functools import cache, update_wrapper
-from threading import RLock, Timer
+from threading import RLock, Thread
+from threading import enumerate as enumerate_threads
 from typing import Any
 
 PATIENCE = 1.0
 """s after which the first call of a kernel is said to be compiling: what is on disk takes less."""
+COMPILATION = "compilation of kernels"
+"""Name of threads in which kernels are called for the first time."""
 _LOCK = RLock()
 
 
@@ -34,14 +37,31 @@ class Kernel:
         assert self.compiled is not None  # with its module
         if self._called:
             return self.compiled(*arguments)
-        announcement = Timer(PATIENCE, _announce)
-        announcement.daemon = True
-        announcement.start()
+        outcome = _run_in_thread(self.compiled, arguments)
+        self._called = True
+        return outcome
+
+
+def _run_in_thread(work: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
+    """What work returns or raises. The compiler cannot bear what a signal raises: here it is raised beside it."""
+    outcome: list[Any] = []
+    failure: list[BaseException] = []
+
+    def run() -> None:
         try:
-            return self.compiled(*arguments)
-        finally:
-            announcement.cancel()
-            self._called = True
+            outcome.append(work(*arguments))
+        except BaseException as error:
+            failure.append(error)
+
+    thread = Thread(target=run, name=COMPILATION, daemon=True)
+    thread.start()
+    thread.join(PATIENCE)
+    if thread.is_alive():
+        _announce()
+        thread.join()
+    if failure:
+        raise failure[0]
+    return outcome[0]
 
 
 @cache
@@ -52,6 +72,11 @@ def _announce() -> None:
 def compiler_is_loaded() -> bool:
     """Whether numba is imported already, which takes a third of a second."""
     return "numba" in sys.modules
+
+
+def is_compiling() -> bool:
+    """Whether a kernel's first call goes on in a thread, though who called it may have been interrupted."""
+    return any(thread.name == COMPILATION for thread in enumerate_threads())
 
 
 kernel = Kernel

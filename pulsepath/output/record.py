@@ -129,7 +129,7 @@ def plan_record(job: Job, inputs: Inputs, verdict: PulseCheck) -> Record:
             "versions": {
                 "pulsepath": __version__,
                 "python": python_version(),
-                **_versions("casadi", "numpy", "scipy", *(() if job.crossed is None else ("toppra",))),
+                **_versions("casadi", "numba", "numpy", "scipy", *(() if job.crossed is None else ("toppra",))),
             },
         },
     }

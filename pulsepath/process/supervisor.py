@@ -56,6 +56,23 @@ def tell(**what: Any) -> None:
             os.write(_tell, f"{json.dumps(what)}\n".encode())
 
 
+def leave(code: int) -> None:
+    """End the worker at once where its compiler is at work, which cannot bear that the interpreter ends under it.
+
+    What is to be done at exit is done, and where there is no first process it goes on as before.
+    """
+    kernels = sys.modules.get("kinematics.foundation.kernels")
+    if _tell is None or kernels is None or not kernels.is_compiling():
+        return
+    import atexit
+
+    atexit._run_exitfuncs()
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(OSError):
+            stream.flush()
+    os._exit(code)
+
+
 def _pipe() -> tuple[int, int]:
     """A pipe that is none of the standard streams, though they may be closed; its end to write to never waits."""
     import fcntl

@@ -226,7 +226,7 @@ def test_every_input_changes_the_name(rig, grid):
     assert digest(cells[0], Digests(replace(rig))) == digest(cells[0], digests)
 
 
-@pytest.mark.parametrize("library", ["numpy", "scipy", "casadi", "osqp", "pin", "pulsepath"])
+@pytest.mark.parametrize("library", ["numpy", "scipy", "casadi", "numba", "osqp", "pin", "pulsepath"])
 def test_another_version_of_a_library_changes_the_name(rig, grid, monkeypatch, library):
     cell, now = next(iter(grid)), run.version
     name = digest(cell, Digests(rig))

@@ -87,6 +87,16 @@ def test_nothing_is_written_and_that_is_said(tmp_path, directory, arguments, mom
     assert after == before
 
 
+def test_while_kernels_are_compiled(tmp_path, monkeypatch):
+    """The compiler runs beside what the signal ends, and the process ends without it."""
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "cold"))
+    (tmp_path / "there").mkdir()
+    code, told = interrupted(tmp_path, PLAN, "compiling numerical kernels")
+    assert code == 130
+    assert told.splitlines()[-1] == "interrupted: nothing was written to there/out"
+    assert names(tmp_path / "there") == []
+
+
 def test_what_was_there_before_stays_and_that_is_said(tmp_path, directory):
     there = tmp_path / "there"
     there.mkdir()
