@@ -1,5 +1,6 @@
-"""The main job, top to bottom: program -> path -> limits -> certified motion -> pulses; and what holds a motion back
-when.
+"""The main job, top to bottom: program -> path -> limits -> certified motion -> pulses.
+
+And what holds a motion back when.
 """
 
 from dataclasses import dataclass, field, replace
@@ -105,7 +106,7 @@ class Plan(Result):
 
     @property
     def constant_speeds(self) -> tuple[Stretch, ...]:
-        """Where the tool runs at exactly the speeds that segments with `speed_constant` ask for, proved to STEADY."""
+        """Where the tool runs at exactly the speeds that segments with `speed_constant` ask for, to one part in 10⁹."""
         return find_stretches(
             self.trajectory, self.certificate.use.get(CONSTANT_SPEED, np.zeros(len(self.trajectory.s)))
         )
@@ -159,12 +160,11 @@ def plan(
 
     order 2 keeps speed and acceleration, 3 jerk as well; None: 3 where the machine states jerk limits. The pulse rates
     that it keeps are those that the clock's whole ticks and the rule can hold (`planner.pulses.pace_axes`).
-    duration (s): the smoothest motion that takes so long instead, as `planner.timing.stated_duration.solve_stated`
-    has it; None: what the
-    program states, if it does. solver: of order 2, "passes" (our own) or "toppra", whose motion is solved anew or
-    slowed like ours until its proof holds. rule: of firing, or its name and options ("sampled:period=50us"). progress
-    is told how many of the runs between stops are solved, and of how many, and then how far the pulses are. Raises
-    Infeasible (what, where, by how much, remedy), OutOfReach, or MotionError.
+    duration (s): the smoothest motion that takes so long instead (`planner.timing.stated_duration.solve_stated`);
+    None: what the program states, if it does. solver: of order 2, "passes" (our own) or "toppra", whose motion is
+    solved anew or slowed like ours until its proof holds. rule: of firing, or its name and options
+    ("sampled:period=50us"). progress is told how many of the runs between stops are solved, and of how many, and then
+    how far the pulses are. Raises Infeasible (what, where, by how much, remedy), OutOfReach, or MotionError.
     """
     if order is None:
         order = usual_order(machine.axes)
@@ -188,7 +188,7 @@ def plan(
             solution = solve_stated(path, limits, machine.axes, order, duration, progress)
     except (Infeasible, OutOfReach) as no:
         raise _add_advice(no, program, machine, order) from None
-    motors, pulses = _pulses(solution.trajectory, machine, int(clock_hz), rule, progress or ignore_progress)
+    motors, pulses = _generate_pulses(solution.trajectory, machine, int(clock_hz), rule, progress or ignore_progress)
     return Plan(
         program,
         machine,
@@ -219,7 +219,7 @@ def _refuse_solver(solver: str, order: int, duration: float | None) -> None:
     require("solver toppra")
 
 
-def _pulses(
+def _generate_pulses(
     trajectory: Trajectory, machine: Machine, clock_hz: int, rule: Rule, progress: Progress
 ) -> tuple[AxesMotion, PulseSchedule]:
     """What is counted, and its pulses; a refusal names the segment, which pulses alone do not know."""

@@ -35,9 +35,9 @@ def time_optimal(
     start_speed and end_speed are ṡ at the ends: how much of the parameter passes per second; under a jerk limit s̈ is 0
     there. A stretch on which nothing moves is left out; where the path stands, q′ = 0, as where it turns back, the
     motion rests or passes, whichever is the faster; straight stretches are timed by their way
-    (planner.path.polynomial), so
-    that a corner on one straight line is none unless it turns back. Raises MotionError for what is no path: a jump, a
-    value that is not finite, nothing that moves; Infeasible for a speed at an end that cannot be.
+    (planner.path.polynomial), so that a corner on one straight line is none unless it turns back. Raises MotionError
+    for what is no path: a jump, a value that is not finite, nothing that moves; Infeasible for a speed at an end that
+    cannot be.
     """
     breaks, coefficients = _pieces(path)
     count = coefficients.shape[2]

@@ -16,6 +16,11 @@ if TYPE_CHECKING:
 
 LAWS = ("3", "6")
 """Tracking laws by default: open and closed loop."""
+MACHINE_FILE, PROGRAM_FILE = "machine.toml", "program.toml"
+"""Files that a command writes for the user to start from."""
+FIGURE_SUFFIXES = (".png", ".svg", ".pdf")
+ALLOW_MINUS = {"ignore_unknown_options": True}
+"""Settings of a command whose arguments may begin with a minus, as the poses "-5,5,35" and "-10 mm, 0 mm, 25 mm" do."""
 program_argument = click.argument("program", shell_complete=make_completer(known_names.programs, files=True))
 dump_option = click.option(
     "--dump-config",

@@ -32,7 +32,7 @@ def step(what: str) -> Iterator[Callable[[int, int], None]]:
         from rich.console import Console
 
         with Console(stderr=True, markup=False).status(what) as status:
-            yield lambda done, of: status.update(f"{what}: {_far(done, of)}")
+            yield lambda done, of: status.update(f"{what}: {_format_progress(done, of)}")
     else:
         print(f"{what} …", file=sys.stderr, flush=True)
         told = begin
@@ -41,7 +41,7 @@ def step(what: str) -> Iterator[Callable[[int, int], None]]:
             nonlocal told
             if perf_counter() - told > REPORT_PERIOD:
                 told = perf_counter()
-                print(f"{what}: {_far(done, of)}", file=sys.stderr, flush=True)
+                print(f"{what}: {_format_progress(done, of)}", file=sys.stderr, flush=True)
 
         yield tell
     print(f"{what}: {perf_counter() - begin:.1f} s", file=sys.stderr, flush=True)
@@ -51,7 +51,7 @@ def _report_nothing(done: int, of: int) -> None:
     """What is told of progress where all is to be quiet."""
 
 
-def _far(done: int, of: int) -> str:
+def _format_progress(done: int, of: int) -> str:
     return f"{done} of {of}" if of <= MAX_COUNTED else f"{100 * done // of} %"
 
 

@@ -158,12 +158,12 @@ class Friction:
     h is the way an axis runs, ±1, and Δhⱼ its change at place tⱼ; g the response to a unit acceleration from outside.
     The friction at the start is in the drive's integral already.
 
-    instants  (M,) steps from the start, whole multiples of 1/(2 FINE)
+    instants  (M,) steps from the start, whole multiples of 1/(2 PLACES_PER_STEP)
     """
 
     def __init__(self, axes: NominalAxes, dt: float, steps: int, instants: Array) -> None:
         self.places = freeze_array(np.arange(steps * PLACES_PER_STEP + 1) / PLACES_PER_STEP)
-        """(H · FINE + 1,) where h is to be told, in steps from the start."""
+        """(H · PLACES_PER_STEP + 1,) where h is to be told, in steps from the start."""
         # a change is seen at the end of the stretch in which it happened, so half a stretch late
         late = instants[:, None] - (self.places[1:] - 0.5 / PLACES_PER_STEP)
         ticks = np.maximum(np.rint(late * 2 * PLACES_PER_STEP), 0).astype(int)
@@ -171,7 +171,7 @@ class Friction:
         self._effect = -np.broadcast_to(axes.coulomb, len(g))[:, None, None] * g
 
     def respond(self, heading: Array) -> Array:
-        """x (…, n, M) for h (H · FINE + 1, …, n)."""
+        """x (…, n, M) for h (H · PLACES_PER_STEP + 1, …, n)."""
         change = np.moveaxis(np.diff(heading, axis=0), 0, -1)
         return np.asarray((self._effect @ change[..., None])[..., 0])
 

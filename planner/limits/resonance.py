@@ -38,8 +38,8 @@ class Resonance(AxisLimit):
     """An axis that states no time keeps |q̇| ≤ the lower edge of its first band: starting from rest, it stays below.
 
     One that does may cross: `bands` are proved by how long each stay in them lasts
-    (planner.certificate.resonance_dwell), which no value at
-    an instant tells. Where the fastest motion stays too long, the axis is `held` below the band.
+    (planner.certificate.resonance_dwell), which no value at an instant tells. Where the fastest motion stays too long,
+    the axis is `held` below the band.
     """
 
     name, dimension = "resonance", "/s"

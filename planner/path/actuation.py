@@ -23,7 +23,7 @@ from planner.path.shape import Piece, Shape, differentiate, pose_map
 from planner.place import Place
 from planner.program.model import Program
 
-# Points of a piece that are looked at first, and at most: an axis turns by less than NEAR (rad) from one to the next.
+# Points of a piece that are looked at first, and at most: an axis turns by at most MAX_TURN_STEP (rad) in between.
 FIRST_POINTS, MAX_POINTS, MAX_TURN_STEP = 65, 2**16 + 1, np.pi / 4
 # How far (rad) a part of a piece may turn an axis: from its middle to the next turn's coordinates are π either way.
 MAX_PART_TURN = 1.5 * np.pi

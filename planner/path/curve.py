@@ -88,9 +88,8 @@ def curve(start: Pose, segment: Curve, frame: Pose, number: int) -> list[Piece]:
     """The pieces from start (base frame) along a segment's equations, which hold in `frame`.
 
     Their parameter is the way itself, to 1e-10 (planner.path.arc_length). Where the equations begin within MIN_MOVE of
-    the start
-    they are moved to begin there. Raises MotionError, which names t, where they are not finite, not smooth, or stand
-    still.
+    the start they are moved to begin there. Raises MotionError, which names t, where they are not finite, not smooth,
+    or stand still.
     """
     made = curve_equations(segment)
     prove_smooth(made.pose, segment.begin, segment.end)
@@ -194,8 +193,9 @@ def _refuse_far(pose: Expression, t: Array) -> None:
 
 
 def prove_smooth(pose: Expression, begin: float, end: float) -> None:
-    """That the equations have ORDER finite derivatives everywhere, and |dp/dt| > 0: by enclosures over cells of t.
+    """That the equations have finite derivatives everywhere, and |dp/dt| > 0: by enclosures over cells of t.
 
+    Derivatives are enclosed up to the order PROVED_DERIVATIVES.
     Raises MotionError naming a t around which that is not so, or cannot be told from it.
     """
     edges = np.linspace(min(begin, end), max(begin, end), FIRST_CELLS + 1)

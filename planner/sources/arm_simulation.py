@@ -74,7 +74,7 @@ class ArmSimulation(Result):
 def simulate_arms(listed: PositionList, machine: Machine, *, unit: float | None = None) -> ArmSimulation:
     """Arm lengths at the poses of a list; rotation R = Ry · Rz · Rx if the list states so.
 
-    unit  m: every step of the source's rule (`position_ways.stepped`), of a unit or of 1°; None: the listed poses
+    unit  m: every step of the source's rule (`positions.step_poses`), of a unit or of 1°; None: the listed poses
     Raises MotionError for a machine without three arms, and for a list without a pose.
     """
     if not isinstance(machine, Tripod):

@@ -148,8 +148,9 @@ def arc_by_centre(stands: Point, start: Point, end: Point, offset: Point, clockw
 
 
 def arc_by_radius(stands: Point, start: Point, end: Point, radius: float, clockwise: bool) -> ArcFit:
-    """Of a radius: the way of at most half a turn, or for a negative radius the other; `stands` as by_centre has it.
+    """Of a radius: the way of at most half a turn, or for a negative radius the other.
 
+    stands  as in `arc_by_centre`
     Raises MotionError where start and end are the same, or farther apart than the circle is wide.
     """
     over, up = end[0] - stands[0], end[1] - stands[1]

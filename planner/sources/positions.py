@@ -37,6 +37,7 @@ from planner.sources.position_list import PositionList, read_csv
 from planner.sources.source import Faults, Imported, decode_text
 
 FIRST_NUMBER = 10_001
+"""Number of the first point in a list of arm lengths [KMITL 2005]."""
 """Number of the first point of arm lengths."""
 LENGTH_TOLERANCE = 1e-9
 """m by which arms may miss their lengths."""

@@ -79,7 +79,7 @@ def tighten_leg(
     worth = leg.has_end_speed or (slowness > MAX_CHEAP_SLOWNESS and leg.tries < MAX_TRIES)
     if problem is not None and solved and worth:
         blocks = tuple(
-            tighten_block(block, use[block.name], leg.tries) if block.name in use else block  # START is no limit
+            tighten_block(block, use[block.name], leg.tries) if block.name in use else block  # START_GRID is none
             for block in problem.blocks
         )
         tighter = replace(problem, blocks=blocks)
@@ -114,7 +114,7 @@ def tighten_block(block: Block, excess: Array, tries: int) -> Block:
 
 
 # How often a run is solved until its proof holds, before it is slowed as a whole; and how often it is slowed.
-MAX_ROUNDS, MAX_SLOWINGS = 8, 3
+MAX_CERTIFY_ROUNDS, MAX_SLOWINGS = 8, 3
 # How often axes are held below resonance bands: so often where they stay in them too long, then over their whole run,
 # at last all of them; each time more of the same by so much farther below, as a grid lets a motion peak beside it.
 MAX_HOLDINGS, STRETCH_ROUNDS, ALL_HOLDINGS, MARGIN_GROWTH = 8, 2, 6, 4.0
@@ -158,8 +158,9 @@ class CertifiedRun:
 
 @dataclass(frozen=True, slots=True)
 class RunCertifier:
-    """Runs -> their motions, each proved to keep every limit on time; what does not in MAX_ROUNDS is slowed until then.
+    """Runs -> their motions, each proved to keep every limit on time.
 
+    What does not in MAX_CERTIFY_ROUNDS is slowed until it does.
     Given up is only what cannot be slowed: between stated speeds, or in a stated duration. A refusal of the first run
     that has one is returned, not raised.
     """
@@ -212,7 +213,7 @@ class RunCertifier:
         # a use without a bound is nothing that another motion mends
         if not 1 < max(float(one.known.use[limit.name].max()) for limit in self._timed_limits) < np.inf:
             return None
-        if one.tightened + 1 < MAX_ROUNDS:
+        if one.tightened + 1 < MAX_CERTIFY_ROUNDS:
             solution = self.timing.tighten(self.path, self.limits, one.solution, one.known.use)
             return solution.refusal or replace(one, solution=solution, tightened=one.tightened + 1)
         return self._slow(one, required_slowness(self._timed_limits, one.known.use) * (1 + SLOWING_MARGIN))

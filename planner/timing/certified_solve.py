@@ -16,7 +16,7 @@ from planner.limits.limit import Limit
 from planner.parallel import Progress, spread
 from planner.path.actuation import ActuatorPath
 from planner.path.stands import count_zero_derivatives
-from planner.timing.certified_run import MAX_ROUNDS, CertifiedRun, RunCertifier, Timing, hold_axes, tighten_run
+from planner.timing.certified_run import MAX_CERTIFY_ROUNDS, CertifiedRun, RunCertifier, Timing, hold_axes, tighten_run
 from planner.timing.parts import solve_in_parts, tighten_in_parts
 from planner.timing.problem import Run, Solver
 from planner.timing.profile import Profile
@@ -178,4 +178,4 @@ def _unproved_error(trajectory: Trajectory, limits: Sequence[Limit], certificate
             f"the motion could not be proved: {unproved[0]} at {certificate.where[unproved[0]]} has no bound; "
             "this is a bug in the planner: please report it"
         )
-    return MotionError(f"no motion could be proved within {MAX_ROUNDS} rounds; what remained:\n{certificate}")
+    return MotionError(f"no motion could be proved within {MAX_CERTIFY_ROUNDS} rounds; what remained:\n{certificate}")

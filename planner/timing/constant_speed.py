@@ -22,7 +22,7 @@ from planner.limits.tool import ToolSpeed
 from planner.path.actuation import ActuatorPath
 from planner.place import ConstantRefused, Infeasible
 from planner.timing.problem import Run, make_grid
-from planner.timing.profile import CONSTANT_SPEED, STRAIGHT, Profile, RunSolution
+from planner.timing.profile import MADE_CONSTANT_SPEED, STRAIGHT, Profile, RunSolution
 from planner.timing.run import solve_run
 from planner.trajectory import State, Trajectory
 
@@ -72,7 +72,7 @@ def solve_constant_speed(
     refusal = speed_error(path, limits, *_places(profile, np.arange(len(profile.h)), FIRST_POINTS), speed)
     if refusal is not None:
         return (RunSolution.refused(refusal),)
-    return (*ramps[0], RunSolution("solved", profile, profile.duration, CONSTANT_SPEED), *ramps[1])
+    return (*ramps[0], RunSolution("solved", profile, profile.duration, MADE_CONSTANT_SPEED), *ramps[1])
 
 
 def tighten_constant_speed(

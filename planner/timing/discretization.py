@@ -34,7 +34,7 @@ DIRECTION_POINTS = 17
 START_GRID = "start"
 """Name of the rows that bound s̈ by what the jerk lets a motion reach: no limit's."""
 # Window of the average, as a share of what the run allows, where a gentle start finds no way between two speeds.
-SHORT_WINDOW_SHARE = 1e-2
+START_WINDOW_SHARE = 1e-2
 
 
 def acceleration_problem(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> Problem:
@@ -47,8 +47,9 @@ def acceleration_problem(path: ActuatorPath, limits: Sequence[Limit], run: Run) 
 
 
 def refine_problem(path: ActuatorPath, limits: Sequence[Limit], problem: Problem, motion: Profile) -> Problem | None:
-    """A problem of few intervals, each about which s̈ steps cut in PARTS: it cannot step inside one, and that takes
-    time. None for the others.
+    """A problem of few intervals, with those beside which s̈ steps cut in STEP_PARTS; None for the others.
+
+    s̈ cannot step inside an interval, and that takes time.
     """
     if problem.intervals not in FEW_INTERVALS:
         return None
@@ -216,7 +217,7 @@ def _smooth_motion(coarse: Problem) -> Smoothed | MotionError:
     found = _average_motion(gentle, min(window, whole))
     if isinstance(found, MotionError):
         blocks = tuple(block for block in coarse.blocks if set(block.start) <= SECOND)
-        return _average_motion(replace(gentle, blocks=blocks), SHORT_WINDOW_SHARE * whole)
+        return _average_motion(replace(gentle, blocks=blocks), START_WINDOW_SHARE * whole)
     return found
 
 

@@ -17,7 +17,7 @@ from planner.limits.limit import Limit
 from planner.limits.tool import ToolSpeed
 from planner.path.actuation import ActuatorPath
 from planner.place import ConstantRefused, Infeasible
-from planner.timing.certified_run import MAX_ROUNDS, RunCertifier, Timing, tighten_run
+from planner.timing.certified_run import MAX_CERTIFY_ROUNDS, RunCertifier, Timing, tighten_run
 from planner.timing.constant_speed import (
     joined_speed_error,
     solve_constant_speed,
@@ -25,7 +25,7 @@ from planner.timing.constant_speed import (
     tighten_constant_speed,
 )
 from planner.timing.problem import Run
-from planner.timing.profile import CONSTANT_SPEED, IN_PARTS, RunSolution
+from planner.timing.profile import IN_PARTS, MADE_CONSTANT_SPEED, RunSolution
 from planner.timing.run import solve_run
 
 # Slower speeds that are tried where one is refused, each this share of what the last refusal left possible.
@@ -54,7 +54,7 @@ def tighten_in_parts(
 ) -> RunSolution:
     """The parts that exceed a limit, each tightened by itself."""
     if solution.maker != IN_PARTS:
-        tighten = tighten_constant_speed if solution.maker == CONSTANT_SPEED else tighten_run
+        tighten = tighten_constant_speed if solution.maker == MADE_CONSTANT_SPEED else tighten_run
         return tighten(path, limits, solution, use)
     parts: list[RunSolution] = []
     ends = np.cumsum([0, *(len(part.profile.h) for part in solution.parts)])
@@ -88,7 +88,7 @@ def _find_slower_speed(
             speed = min(speed, found.possible)
         elif not isinstance(found, MotionError):
             (one,) = found
-            if one.rounds < MAX_ROUNDS and all(np.max(use) < np.inf for use in one.known.use.values()):
+            if one.rounds < MAX_CERTIFY_ROUNDS and all(np.max(use) < np.inf for use in one.known.use.values()):
                 return speed
     return None
 

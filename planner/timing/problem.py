@@ -37,8 +37,7 @@ class Run:
 
     since, until  path lengths inside the first and the last piece between which it is run; None: all of them
     stands  whether the path itself stands at the start and at the end, q′ = 0 and q″ is not (planner.path.stands):
-    what is
-            at rest there is so whatever ṡ is, or under jerk limits s̈, so that these are free
+            what is at rest there is so whatever ṡ is, or under jerk limits s̈, so that these are free
     solver  of motions of order 2
     """
 

@@ -135,7 +135,7 @@ class TooFast(MotionError):
 
 Status = Literal["solved", "too fast", "infeasible", "stopped"]
 """Solved; a speed at an end that cannot be; a limit that no motion keeps there; a solver without an answer."""
-STRAIGHT, AVERAGED, CONSTANT_SPEED = "straight", "averaged", "constant speed"
+STRAIGHT, AVERAGED, MADE_CONSTANT_SPEED = "straight", "averaged", "constant speed"
 """Makers of a motion that are no solvers: a closed form, an averaged start, a speed that is asked for."""
 WITH_RESTS, IN_PARTS = "with rests", "in parts"
 """How a motion is joined of several: of legs with a rest between each two; of constant speeds and what lies between."""
@@ -203,7 +203,7 @@ class RunSolution:
     def method(self) -> str:
         """What gave the motion, whether it was slowed, and whether it rests where the path does not ask for it."""
         if self.maker == IN_PARTS:  # that of the first part which was solved for
-            return next((part.method for part in self.parts if part.maker != CONSTANT_SPEED), CONSTANT_SPEED)
+            return next((part.method for part in self.parts if part.maker != MADE_CONSTANT_SPEED), MADE_CONSTANT_SPEED)
         if self.parts:
             return ", ".join([*dict.fromkeys(part.method for part in self.parts), self.maker])
         if self.slowness == 1:

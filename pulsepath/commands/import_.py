@@ -8,10 +8,9 @@ import click
 from pulsepath import known_names
 from pulsepath.command_group import FormatCommand
 from pulsepath.known_names import make_completer
+from pulsepath.options import FIGURE_SUFFIXES
 from pulsepath.process.intent import writes
 from pulsepath.progress import say
-
-FIGURES = (".png", ".svg", ".pdf")
 
 
 class Import(FormatCommand):
@@ -60,8 +59,8 @@ def import_(
     from pulsepath.output import record
     from pulsepath.progress import step
 
-    if image.suffix.lower() not in FIGURES:
-        raise MotionError(f"{image}: a figure is one of {', '.join(FIGURES)}; give --figure such a suffix")
+    if image.suffix.lower() not in FIGURE_SUFFIXES:
+        raise MotionError(f"{image}: a figure is one of {', '.join(FIGURE_SUFFIXES)}; give --figure such a suffix")
     if len({path.absolute() for path in (file, out, image)}) < 3:
         raise MotionError(f"{file}, {out} and {image} must be three different files; give another --out or --figure")
     destinations = [Destination(target, force=force) for target in (out, image)]

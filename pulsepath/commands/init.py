@@ -6,11 +6,9 @@ import click
 
 from pulsepath import known_names
 from pulsepath.known_names import make_completer
-from pulsepath.options import json_option
+from pulsepath.options import MACHINE_FILE, PROGRAM_FILE, json_option
 from pulsepath.process.intent import writes
 from pulsepath.progress import say
-
-MACHINE, PROGRAM = "machine.toml", "program.toml"
 
 
 @click.command()
@@ -27,7 +25,7 @@ MACHINE, PROGRAM = "machine.toml", "program.toml"
     help="Bundled program to start from. Default: a line, a circle and a line back.",
     shell_complete=make_completer(known_names.programs),
 )
-@click.option("--force", is_flag=True, help=f"Replace {MACHINE} and {PROGRAM}.")
+@click.option("--force", is_flag=True, help=f"Replace {MACHINE_FILE} and {PROGRAM_FILE}.")
 @json_option
 def init(directory: Path, machine: str | None, program: str | None, force: bool, as_json: bool) -> None:
     """Write a commented machine and program to start from.
@@ -46,14 +44,14 @@ def init(directory: Path, machine: str | None, program: str | None, force: bool,
     machine = machine or (None if program is None else machine_of(program)) or "hexapod"
     driven = load_machine(machine)
     files = {
-        MACHINE: machine_starter(machine).encode(),
-        PROGRAM: program_starter(MACHINE, type(driven).__name__.lower(), program).encode(),
+        MACHINE_FILE: machine_starter(machine).encode(),
+        PROGRAM_FILE: program_starter(MACHINE_FILE, type(driven).__name__.lower(), program).encode(),
         **companions(machine),
     }
     targets = [directory / name for name in files]
     writes(*targets)
     write_files(directory, files, force)
-    path = directory / PROGRAM
+    path = directory / PROGRAM_FILE
     following = [f"pulsepath check {path}", f"pulsepath plan {path} --out {directory / 'plan'}"]
     if as_json:
         click.echo(record.as_json({"files": [str(target) for target in targets], "next": following}), nl=False)

@@ -8,15 +8,13 @@ import click
 
 from pulsepath import known_names
 from pulsepath.known_names import make_completer
-from pulsepath.options import json_option
+from pulsepath.options import ALLOW_MINUS, json_option
 from pulsepath.process.exits import INFEASIBLE
 from pulsepath.progress import say
 
 if TYPE_CHECKING:
     from kinematics import Machine, Pose
 
-ALLOW_MINUS = {"ignore_unknown_options": True}
-"""So that "-5,5,35" is a pose."""
 PLAIN = {"m": "mm", "rad": "deg"}
 """The unit of plain numbers."""
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?", re.ASCII)

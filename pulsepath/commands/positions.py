@@ -7,16 +7,13 @@ from typing import TYPE_CHECKING, Literal
 import click
 
 from pulsepath.command_group import Commands
-from pulsepath.options import read_quantity
+from pulsepath.options import ALLOW_MINUS, FIGURE_SUFFIXES, read_quantity
 
 if TYPE_CHECKING:
     from kinematics.files.atomic_files import Destination
     from planner.sources.position_list import PositionList
 
-ALLOW_MINUS = {"ignore_unknown_options": True}
-"""So that "-10 mm, 0 mm, 25 mm" is a pose."""
-FIGURES = (".png", ".svg", ".pdf")
-SIMULATED = (".csv", ".json", *FIGURES)
+SIMULATED = (".csv", ".json", *FIGURE_SUFFIXES)
 """What a simulation of the arms is saved as."""
 
 
@@ -184,7 +181,7 @@ def arms(
     if destination is not None:
         kind = destination.path.suffix.lower()
         with destination.stage() as file:
-            if kind in FIGURES:
+            if kind in FIGURE_SUFFIXES:
                 figure = found.plot().get_figure(root=True)
                 if figure is not None:
                     figure.savefig(file, format=kind[1:], dpi=150)

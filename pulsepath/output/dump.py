@@ -11,11 +11,11 @@ from kinematics.files.toml_document import format_toml
 from kinematics.machine.machine_writer import machine_toml
 from planner.program.program_writer import program_toml
 from pulsepath.inputs import Inputs
+from pulsepath.options import MACHINE_FILE, PROGRAM_FILE
 from pulsepath.output import record
 from pulsepath.output.directory import write_files
 from pulsepath.progress import say
 
-MACHINE, PROGRAM = "machine.toml", "program.toml"
 STDOUT = Path("-")
 
 
@@ -34,9 +34,9 @@ def dump(
         machine = inputs.machine_toml
     else:
         machine = machine_toml(inputs.machine, f"The machine {inputs.machine.name}, as {told}.", complete=True).encode()
-    own = replace(inputs.program, machine=MACHINE)
+    own = replace(inputs.program, machine=MACHINE_FILE)
     program = program_toml(own, f"The program {inputs.program.name}, as {told}.", complete=True).encode()
-    files = {MACHINE: machine, PROGRAM: program, **inputs.companions}
+    files = {MACHINE_FILE: machine, PROGRAM_FILE: program, **inputs.companions}
     if folder == STDOUT:
         _print(files, options, as_json)
         return
@@ -45,13 +45,13 @@ def dump(
     for name, value in options.items():
         flags += [f"--{name}"] if value is True else [f"--{name}", str(value)]
     out = ["--out", str(folder / "plan")] if command == "plan" else []
-    again = join(["pulsepath", command, str(folder / PROGRAM), *flags, *out])
+    again = join(["pulsepath", command, str(folder / PROGRAM_FILE), *flags, *out])
     if as_json:
-        paths = {"machine": str(folder / MACHINE), "program": str(folder / PROGRAM)}
+        paths = {"machine": str(folder / MACHINE_FILE), "program": str(folder / PROGRAM_FILE)}
         click.echo(record.as_json({"options": dict(options), **paths, "command": again}), nl=False)
     else:
         say(_text(options))
-        say(f"# {folder / MACHINE} and {folder / PROGRAM}; run them with\n# {again}")
+        say(f"# {folder / MACHINE_FILE} and {folder / PROGRAM_FILE}; run them with\n# {again}")
 
 
 def _print(files: Mapping[str, bytes], options: Mapping[str, int | str], as_json: bool) -> None:

@@ -1,7 +1,7 @@
 """The comparison with peers as a page: `python -m benchmarks.evidence.peers.page [--out docs/peers.md]`.
 
 What was measured is read from docs/peers.csv, as `python -m benchmarks.evidence.peers` wrote it; what is said of the
-peers stands in benchmarks/templates/peers.md.j2.
+peers stands beside this file, in peers.md.j2.
 """
 
 import csv
@@ -102,10 +102,11 @@ def _cells(a: PeerAnswer, best: float) -> list[str]:
 
 
 def page() -> str:
-    from jinja2 import Environment, PackageLoader, StrictUndefined
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
     found = read_answers(MEASURED_FILE)
-    engine = Environment(loader=PackageLoader("benchmarks"), undefined=StrictUndefined, keep_trailing_newline=True)
+    loader = FileSystemLoader(Path(__file__).parent)
+    engine = Environment(loader=loader, undefined=StrictUndefined, keep_trailing_newline=True)
     said = [f"- {line.strip()}." for line in verdicts(found)]
     text = engine.get_template("peers.md.j2").render(measured="\n\n".join(tables(found)), verdicts="\n".join(said))
     return str(text)

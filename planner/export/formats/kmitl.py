@@ -58,6 +58,7 @@ from planner.export.format import Exported, ExportSource, refuse_compensated
 from planner.path.actuation import ActuatorPath
 from planner.pulses.schedule import Ticks
 from planner.sources.position_list import PositionList
+from planner.sources.positions import FIRST_NUMBER
 
 UNIT_LENGTH = 1e-3
 """m. ASSUMPTION: the source does not say what its unit is; this machine's 25 000 pulses per mm fit 500 · 50."""
@@ -111,7 +112,6 @@ def check_numbers(count: int, first: int, what: str) -> None:
         )
 
 
-FIRST_NUMBER = 10_001
 COUNTS_PER_UNIT = 500
 """Counts of one unit of length [KMITL 2005]."""
 

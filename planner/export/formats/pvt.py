@@ -86,7 +86,7 @@ def make_moves(columns: Columns, source: ExportSource, knots: Knots) -> Iterator
 def sum_moves(
     columns: Columns, source: ExportSource, decoded: Iterable[tuple[Array, Array]]
 ) -> Iterator[tuple[Array, Array]]:
-    """Where the moves of a file lead from the start of the motion, at rest: what `roundtrip.compare` takes.
+    """Where the moves of a file lead from the start of the motion, at rest: what `knots.compare` takes.
 
     decoded  in blocks: durations (K,) s, and moves and end speeds (2, K, axes) in the units of the file
     """

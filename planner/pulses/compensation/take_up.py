@@ -71,12 +71,11 @@ def take_up(motion: AxesMotion, k: int, axis: Axis, stretches: Stretches) -> tup
     """(R, 3) start (s), time (s) and way (m or rad) of every crossing of the play of axis k, and what that costs.
 
     Motion and take-up together keep max_speed, the pulse rate and take_up_acceleration (None: max_acceleration), as
-    `STEP_SHARES` at and at the knots of the motion. In a rest a step takes the least time in which it keeps them, and
-    jerk
-    where there is time. Where the axis turns without a rest it is made longer until it fits, as long as the axis is off
-    by less than the play meanwhile (not to make up for it costs no more), and at most half-way to the next turn: jerk
-    is told there, not kept, for the time that it needs would leave the axis off by more. A screw's table is in the
-    speed, not in the acceleration.
+    seen at `STEP_SHARES` and at the knots of the motion. In a rest a step takes the least time in which it keeps them,
+    and jerk where there is time. Where the axis turns without a rest it is made longer until it fits, as long as the
+    axis is off by less than the play meanwhile (not to make up for it costs no more), and at most half-way to the next
+    turn: jerk is told there, not kept, for the time that it needs would leave the axis off by more. A screw's table is
+    in the speed, not in the acceleration.
     Raises Infeasible where a step fits at no length: a motion that is at its limit while it turns has no room for any.
     """
     turns, unturned = find_turning_points(stretches, axis)

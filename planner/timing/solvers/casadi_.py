@@ -1,10 +1,12 @@
-"""A second opinion on the fastest motion under jerk limits: the same problem by CasADi with FATROP, or with IPOPT.
+"""Problems of equal stages in a row, for CasADi's solvers FATROP and IPOPT.
 
-For tests and benchmarks. The stages of the smoothest motion (planner.timing.stated_duration) are made here too.
+The smoothest motion of a stated duration (planner.timing.stated_duration) is found by FATROP from these stages. The
+fastest motion under jerk limits is solved here for tests and benchmarks only, as a second opinion on
+planner.timing.solvers.third_order: the same problem with FATROP, or with IPOPT.
 
-A problem made of equal stages in a row, and its derivatives, written out: a third of the time that AD takes. CasADi
-differentiates a mapped function column by column and walks through every stage for each; written out once, the entries
-of a stage's Jacobian and Hessian share what they have in common.
+Derivatives of a problem are written out, which takes a third of the time of CasADi's own: CasADi differentiates a
+mapped function column by column and walks through every stage for each; written out once, the entries of a stage's
+Jacobian and Hessian share what they have in common.
 
 A stage is a function (x (k,), data) -> the state that it leads to, other constraints, its part of the cost; the state
 that it starts from comes first in x. The variables of the whole are those of all stages, and then the last state; the

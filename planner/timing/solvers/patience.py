@@ -1,7 +1,4 @@
-"""An end to a solve that would not end by itself.
-
-CasADi's own warnings, kept from standard error.
-"""
+"""What surrounds a call of a CasADi solver: an end where it would not end by itself, and a quiet standard error."""
 
 import sys
 from collections.abc import Iterator, Mapping, Sequence

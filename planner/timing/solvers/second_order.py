@@ -1,8 +1,9 @@
 """Time-optimal motion under limits on speed and acceleration: two passes of our own, or toppra as a second opinion.
 
-And of it, the estimate of the least time that any motion can take.
+An estimate of the least time that any motion can take comes with it.
 
-A problem with rows in ṡ beside others, from inside: rows in ṡ² alone that keep it, exact at a given motion.
+Both solvers take rows in ṡ² alone. A problem with rows in ṡ beside other terms is therefore solved from inside: its
+rows are replaced by rows in ṡ² that are stricter, and equal to them at a given motion.
 
 ṡ lies below its tangent in x = ṡ² and above its chord from 0,  x/V ≤ ṡ ≤ v/2 + x/(2v)  for ṡ ≤ V, so a row that is kept
 with either in its place is kept. A solution keeps the rows taken around it: solved again and again, motions only become
@@ -72,7 +73,8 @@ def _add_terms(side: Mapping[Term, Array], one: Array, square: Array) -> dict[Te
     return found | {Term.ONE: side.get(Term.ONE, 0.0) + one, Term.SD2: side.get(Term.SD2, 0.0) + square}
 
 
-# Growth of ṡ² that each round allows anywhere, so that the chords close in; rounds end where one gains less than GAIN.
+# Growth of ṡ² that each round allows anywhere, so that the chords close in; rounds end where one gains
+# less than MIN_ROUND_GAIN.
 SPEED_GROWTH, MIN_ROUND_GAIN = (8.0, 3.0, 1.0, 0.5, 0.25, 0.1, 0.05, 0.02, 0.01, 0.005), 1e-7
 TERMS = frozenset({Term.ONE, Term.SD, Term.SD2, Term.SDD})
 

@@ -23,7 +23,7 @@ from planner.timing.solvers.interior_point import Start, minimise
 from planner.timing.solvers.stage_problem import pose_stages
 
 # How often a problem is solved whose rows depend on the motion, unless a round gains less than this share.
-MAX_ROUNDS, MIN_ROUND_GAIN = 4, 1e-4
+MAX_ROW_ROUNDS, MIN_ROUND_GAIN = 4, 1e-4
 # What a speed at an end is worth that is to be as large as can be, beside the duration.
 END_SPEED_WEIGHT = 100.0
 
@@ -33,7 +33,7 @@ def solve_jerk_limited(problem: Problem, guess: Array, *, near: bool = False) ->
 
     Rows that speak only near some motions are taken near the guess, and then near each answer in turn.
     """
-    for _ in range(1 if problem.settled else MAX_ROUNDS):
+    for _ in range(1 if problem.settled else MAX_ROW_ROUNDS):
         posed = settle_rows(problem, guess)
         found = third_order(posed, guess, near=near)
         if not found.solved:

@@ -55,7 +55,7 @@ def test_splines_at_constant_speed_have_their_length_as_parameter(hexapod, walk,
         raise
     even = drawn(hexapod, Spline(through, **SAID)).pieces
     for piece in even:
-        assert np.abs(slopes(piece) - 1).max() < 2e-10  # EVEN, and what lies between its 65 points
+        assert np.abs(slopes(piece) - 1).max() < 2e-10  # at the points of the way, and what lies between its 65 points
     whole = sum(quad(lambda s, piece=piece: slopes_at(piece, s), 0, piece.length, epsabs=1e-13)[0] for piece in plain)
     assert sum(piece.length for piece in even) == pytest.approx(whole, rel=1e-9)
     ends = np.concatenate([[0.0], np.cumsum([piece.length for piece in even])])
