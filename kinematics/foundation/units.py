@@ -80,6 +80,10 @@ USUAL_UNITS = {
     "s": (Decimal(1), "[time]"),
     "1/s": (Decimal(1), "1 / [time]"),
     "N": (Decimal(1), "[mass] * [length] / [time] ** 2"),
+    "Hz": (Decimal(1), "1 / [time]"),
+    "kHz": (Decimal(1000), "1 / [time]"),
+    "kg": (Decimal(1), "[mass]"),
+    "kg*m^2": (Decimal(1), "[mass] * [length] ** 2"),
 }
 
 

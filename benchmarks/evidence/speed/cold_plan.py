@@ -23,6 +23,9 @@ COMMANDS = {
 }
 """Arguments of `plan`, and s of wall time that it may take."""
 
+# An installed package has its bytecode on disk, also where whoever measures has told Python to write none.
+ENVIRONMENT = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
+
 # The command with its steps timed, since the first line of it ran: what a process does before any step is loading.
 TIMING_SCRIPT = """\
 import json, sys
@@ -65,9 +68,8 @@ def run(arguments: tuple[str, ...], *, timed: bool = False) -> TimedRun:
         with TemporaryDirectory() as folder:
             before, begin = _children_time(), perf_counter()
             out = str(Path(folder) / "out")
-            done = subprocess.run(
-                [sys.executable, *python, *arguments, "--out", out], capture_output=True, text=True, check=True
-            )
+            command = [sys.executable, *python, *arguments, "--out", out]
+            done = subprocess.run(command, capture_output=True, text=True, check=True, env=ENVIRONMENT)
             wall, processor = perf_counter() - begin, _children_time() - before
     finally:
         os.sched_setaffinity(0, cores)
