@@ -17,7 +17,7 @@ from planner.limits.resonance import BAND_MARGIN, Resonance, SpeedCap
 from planner.path.actuation import ActuatorPath
 from planner.timing.discretization import cut_intervals
 from planner.timing.problem import Block, Run
-from planner.timing.profile import AVERAGED, STRAIGHT, WITH_RESTS, Profile, RunSolution, sample_limit_use
+from planner.timing.profile import AVERAGED, BRIEF_RAMPS, STRAIGHT, WITH_RESTS, Profile, RunSolution, sample_limit_use
 from planner.timing.solvers.second_order import second_order
 from planner.timing.solvers.third_order import solve_jerk_limited
 
@@ -75,7 +75,8 @@ def tighten_leg(
     Where that does not help, or would cost more than it gains, the same motion slowed as a whole: what holds wherever
     anything does. Only a leg from rest to rest can be slowed: another is tried on.
     """
-    problem, solved = leg.problem, leg.maker not in (AVERAGED, STRAIGHT) and leg.slowness == 1
+    solved = leg.maker not in (AVERAGED, BRIEF_RAMPS, STRAIGHT) and leg.slowness == 1
+    problem = leg.problem
     worth = leg.has_end_speed or (slowness > MAX_CHEAP_SLOWNESS and leg.tries < MAX_TRIES)
     if problem is not None and solved and worth:
         blocks = tuple(

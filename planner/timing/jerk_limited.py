@@ -22,7 +22,15 @@ from planner.timing.discretization import (
 )
 from planner.timing.initial_guess import ramped
 from planner.timing.problem import POWERS, Problem, Run
-from planner.timing.profile import AVERAGED, MAX_UNTOLD_SLOWNESS, WITH_RESTS, RunSolution, TooFast, sample_limit_use
+from planner.timing.profile import (
+    AVERAGED,
+    BRIEF_RAMPS,
+    MAX_UNTOLD_SLOWNESS,
+    WITH_RESTS,
+    RunSolution,
+    TooFast,
+    sample_limit_use,
+)
 from planner.timing.solvers.closed_form import straight
 from planner.timing.solvers.second_order import TERMS as SECOND
 from planner.timing.solvers.second_order import estimate_lower_bound, second_order
@@ -101,7 +109,7 @@ def _ramp_leg(path: ActuatorPath, limits: Sequence[Limit], run: Run, coarse: Pro
     if profile is None:
         return None
     stated = replace(problem, blocks=tuple(block for block in problem.blocks if block.name != START_GRID))
-    return _bounded(RunSolution("solved", profile, maker=AVERAGED, problem=problem), stated)
+    return _bounded(RunSolution("solved", profile, maker=BRIEF_RAMPS, problem=problem), stated)
 
 
 def _average_leg(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> RunSolution:

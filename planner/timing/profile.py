@@ -135,12 +135,14 @@ class TooFast(MotionError):
 
 Status = Literal["solved", "too fast", "infeasible", "stopped"]
 """Solved; a speed at an end that cannot be; a limit that no motion keeps there; a solver without an answer."""
-STRAIGHT, AVERAGED, MADE_CONSTANT_SPEED = "straight", "averaged", "constant speed"
-"""Makers of a motion that are no solvers: a closed form, an averaged start, a speed that is asked for."""
+STRAIGHT, AVERAGED, BRIEF_RAMPS, MADE_CONSTANT_SPEED = "straight", "averaged", "brief ramps", "constant speed"
+"""Makers of a motion that are no solvers: a closed form, an averaged start, the order-2 motion with ramps of s̈ that
+take next to no time, a speed that is asked for."""
 WITH_RESTS, IN_PARTS = "with rests", "in parts"
 """How a motion is joined of several: of legs with a rest between each two; of constant speeds and what lies between."""
 # Up to here slowness is told as what it is: the last touch of a motion, not its maker.
 MAX_UNTOLD_SLOWNESS = 1 + 1e-4
+TOLD_SLOWNESS = {MAX_UNTOLD_SLOWNESS: " by less than 0.01 %", 1 + 1e-3: " by less than 0.1 %"}
 _NOTHING = np.zeros(0)
 NO_MOTION = Profile(_NOTHING, _NOTHING, _NOTHING, _NOTHING, _NOTHING, np.zeros(0, int))
 
@@ -208,7 +210,7 @@ class RunSolution:
             return ", ".join([*dict.fromkeys(part.method for part in self.parts), self.maker])
         if self.slowness == 1:
             return self.maker
-        less = "" if self.slowness > MAX_UNTOLD_SLOWNESS else " by less than 0.01 %"
+        less = next((words for most, words in TOLD_SLOWNESS.items() if self.slowness <= most), "")
         return f"{self.maker}, slowed{less}"
 
     @property

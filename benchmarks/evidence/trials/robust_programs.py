@@ -15,6 +15,7 @@ from time import process_time
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
+from benchmarks.evidence.trials.robustness import tell_shares
 from kinematics import load_machine
 from kinematics.foundation.errors import MotionError, OutOfReach
 from kinematics.machine.machine import Machine
@@ -102,7 +103,8 @@ def main() -> None:
                     faults += 1
                     print(f"{name}, order {order}, seed {seed}: {found.fault}", flush=True)
             print(
-                f"{name}, order {order}: {faults} of {asked.programs} at fault; runs by method {dict(methods)}; "
+                f"{name}, order {order}: {faults} of {asked.programs} at fault; {tell_shares(methods)}; "
+                f"runs by method {dict(methods)}; "
                 f"the longest took {longest:.1f} s of processor time",
                 flush=True,
             )

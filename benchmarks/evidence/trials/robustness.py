@@ -22,6 +22,7 @@ from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
 from planner import Solution, time_optimal
 from planner.time_optimal import polynomials
+from planner.timing.profile import AVERAGED, WITH_RESTS
 
 # Scales that leave durations as they are, or multiply them, and how exactly: order 2 and order 3.
 SCALES, EXACT = (1e-6, 1e-3, 1e3, 1e6), {2: 1e-9, 3: 1e-6}
@@ -154,6 +155,24 @@ def _pieces(knots: Array, controls: Array, degree: int, rng: np.random.Generator
     return PPoly(c, x)
 
 
+def tell_shares(methods: Counter[str]) -> str:
+    """Of runs by method: the share of those that no solver's own answer, all but unslowed and without rests, gave."""
+    lesser = {
+        "averaged": sum(count for method, count in methods.items() if AVERAGED in method),
+        "slowed by more than 0.1 %": sum(count for method, count in methods.items() if is_slow(method)),
+        "with extra rests": sum(count for method, count in methods.items() if WITH_RESTS in method),
+    }
+    whole = max(1, methods.total())
+    return f"of {methods.total()} runs " + ", ".join(
+        f"{100 * count / whole:.2f} % {what}" for what, count in lesser.items()
+    )
+
+
+def is_slow(method: str) -> bool:
+    """Whether a method tells of a motion, or a part of one, that was slowed by more than is told as little."""
+    return "slowed" in method.split(", ")
+
+
 def main() -> None:
     parser = ArgumentParser(prog="python -m benchmarks.evidence.trials.robustness", description=__doc__)
     parser.add_argument("--second", type=int, default=500, help="how many random order-2 problems")
@@ -187,8 +206,8 @@ def tell(what: str, problems: Sequence[RandomProblem]) -> None:
         else:
             methods.update(found.methods)
     print(
-        f"{what}: {failures} of {len(problems)} not solved and certified; runs by method {dict(methods)}; "
-        f"{perf_counter() - begin:.0f} s",
+        f"{what}: {failures} of {len(problems)} not solved and certified; {tell_shares(methods)}; "
+        f"runs by method {dict(methods)}; {perf_counter() - begin:.0f} s",
         flush=True,
     )
 

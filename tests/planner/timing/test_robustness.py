@@ -1,6 +1,8 @@
 """Small versions of `benchmarks.evidence.trials.robustness`, the cases that defeat toppra's Seidel solver, and line –
 arc – line."""
 
+from collections import Counter
+
 import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline, PPoly
@@ -12,6 +14,7 @@ from benchmarks.evidence.trials.robustness import (
     check_scaling,
     random_problem,
     random_spline,
+    tell_shares,
     tiny_problems,
     try_problem,
 )
@@ -130,3 +133,19 @@ def test_what_peaks_between_grid_points_gets_more_of_them():
     assert found is not None, why
     assert found.trajectory.duration < 10_300
     assert found.methods == ("riccati, slowed by less than 0.01 %",)
+
+
+def test_the_shares_of_lesser_motions_are_told():
+    """Of runs by method as plans tell them: a motion in parts counts once, and little slowness not at all."""
+    told = tell_shares(
+        Counter(
+            {
+                "riccati": 94,
+                "riccati, slowed by less than 0.1 %": 2,
+                "riccati, slowed": 1,
+                "riccati, averaged, slowed, with rests": 1,
+                "brief ramps": 2,
+            }
+        )
+    )
+    assert told == "of 100 runs 1.00 % averaged, 2.00 % slowed by more than 0.1 %, 1.00 % with extra rests"
