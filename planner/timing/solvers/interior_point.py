@@ -106,9 +106,8 @@ def minimise(stages: Stages, rows: StageRows, states: Array, controls: Array, st
     last = convexity = 0.0
     flat = 0
     status: Status = "slow"
-    iterations = -1
-    while iterations < MAX_ITERATIONS and flat < MAX_FLAT_STEPS:
-        iterations += 1
+    iterations = 0
+    while True:
         differentiate(stages, rows, motion.states, motion.controls, slopes)
         row_error, cost_error, slack_error, force = linearize(
             stages, rows, motion, misses, slopes, next_force, step_force, mu, WEIGHT
@@ -118,6 +117,10 @@ def minimise(stages: Stages, rows: StageRows, states: Array, controls: Array, st
         if mu <= TOLERANCE and error <= 10 * TOLERANCE:
             status = "solved"
             break
+        if iterations == MAX_ITERATIONS or flat >= MAX_FLAT_STEPS:  # after the errors: they are this motion's
+            status = "loose" if row_error <= LOOSE_ROWS else "slow"
+            break
+        iterations += 1
         before = mu
         while error <= 10 * mu and mu > TOLERANCE:
             mu = max(TOLERANCE, min(mu / 5, mu**1.5))
@@ -165,8 +168,6 @@ def minimise(stages: Stages, rows: StageRows, states: Array, controls: Array, st
         next_force += share * (step.next_force - next_force)
         step_force += share * (step.step_force - step_force)
         missed, cost = new_missed, new_cost
-    if status == "slow" and row_error <= LOOSE_ROWS:
-        status = "loose"
     return Minimum(
         status, iterations, motion.states, motion.controls, motion.force_low, motion.force_high, next_force, step_force
     )

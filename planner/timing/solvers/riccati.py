@@ -54,7 +54,8 @@ def solve_step(
     recursion: Recursion,
     step: NewtonStep,
 ) -> bool:
-    """Fill `recursion` and `step`; False where the cost is not convex along a choice, which more `convexity` mends.
+    """Fill `recursion` and `step`; False where the cost is not convex along a choice, which more `convexity` mends, or
+    so little that the step is no number.
 
     pulls (N, 4): slopes of cost and rows by x. last_force (2,): the last state's multiplier.
     """
@@ -68,7 +69,7 @@ def solve_step(
         return step.states[-1, :fixed] / stages.scale[:fixed]
 
     left = remaining(last_force)
-    if left is None:
+    if left is None or not np.isfinite(left).all():
         return False
     size = np.abs(left).max()
     if size <= MISS_LEFT * np.abs(misses.next[-1, :fixed] / stages.scale[:fixed]).max():
@@ -79,6 +80,9 @@ def solve_step(
         force = last_force.copy()
         force[n] += units[n]
         moved[:, n] = np.asarray(remaining(force)) - left
+    if not np.isfinite(moved).all():  # the price's step is one, though it leaves some of the miss
+        remaining(last_force)
+        return True
     exact = last_force.copy()
     exact[:fixed] -= units * np.linalg.lstsq(moved, left, rcond=None)[0]
     remaining(exact)

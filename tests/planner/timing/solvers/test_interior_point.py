@@ -15,7 +15,10 @@ from planner.limits import limits_of
 from planner.path.polynomial import PolynomialPath
 from planner.timing.discretization import jerk_problem
 from planner.timing.problem import Run
+from planner.timing.solvers import interior_point, riccati
 from planner.timing.solvers.casadi_ import solve_by_casadi
+from planner.timing.solvers.stage_problem import pose_stages
+from planner.timing.solvers.stages import Misses, evaluate
 from planner.timing.solvers.third_order import third_order
 
 
@@ -59,6 +62,48 @@ def test_paths_that_stand_at_their_ends(seed):
     ours, theirs = third_order(problem, guess), solve_by_casadi(problem, guess)
     assert ours.solved
     assert ours.duration == pytest.approx(theirs.duration, rel=2e-3)
+
+
+def test_a_verdict_is_that_of_the_motion_it_comes_with(monkeypatch):
+    """However early it is stopped, a motion that is told to keep every row this well does."""
+    problem, guess = posed(spline(2), [1.0] * 3, [3.0] * 3, [30.0] * 3)
+    stages, rows, states, controls, _ = pose_stages(problem, guess)
+    verdicts, misses = [], Misses(np.empty(rows.low.shape), np.empty((len(stages.step), 2)), np.empty(len(stages.step)))
+    for most in range(20, 60):
+        monkeypatch.setattr(interior_point, "MAX_ITERATIONS", most)
+        for loose in (1e-2, 1e-4, 1e-6):
+            monkeypatch.setattr(interior_point, "LOOSE_ROWS", loose)
+            answer = interior_point.minimise(stages, rows, states, controls)
+            assert answer.iterations <= most
+            verdicts.append(answer.status)
+            if answer.status == "loose":
+                evaluate(stages, rows, answer.states, answer.controls, misses)
+                apart = (np.abs(misses.next) / stages.scale[:2]).max()
+                outside = np.maximum(rows.low - misses.values, misses.values - rows.high).max()
+                assert max(np.abs(misses.step).max(), apart, outside) <= loose
+    assert set(verdicts) == {"slow", "loose", "solved"}
+
+
+def test_a_step_that_is_no_number_is_none(monkeypatch):
+    """Numbers that overflow end a solve with a status, not with an error of the linear algebra."""
+    problem, guess = posed(spline(2), [1.0] * 3, [3.0] * 3, [30.0] * 3)
+    stages, rows, states, controls, _ = pose_stages(problem, guess)
+    roll = riccati.roll
+
+    def overflow(stages, misses, slopes, pulls, convexity, recursion, step):
+        roll(stages, misses, slopes, pulls, convexity, recursion, step)
+        if always or recursion.linear[-1].any():  # or only with another multiplier than the first, which is 0
+            step.states[-1] = np.nan
+
+    always = True
+    monkeypatch.setattr(riccati, "roll", overflow)
+    assert interior_point.minimise(stages, rows, states, controls).status == "not convex"
+    always = False
+    monkeypatch.setattr(interior_point, "MAX_ITERATIONS", 1)
+    monkeypatch.setattr(riccati, "MISS_LEFT", 0.0)
+    answer = interior_point.minimise(stages, rows, states, controls)
+    assert np.isfinite(answer.states).all()
+    assert answer.iterations == 1
 
 
 PLAIN = """
