@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from kinematics.foundation.arrays import LEAST_POSITIVE, Array, finite_array, freeze_array, unit_vectors
 from kinematics.foundation.errors import MotionError
+from kinematics.foundation.taylor_model import EPS
 
 BLOCK_POSES = 1024
 """Poses measured at a time."""
@@ -51,6 +52,10 @@ class Bodies:
     Moving the platform without turning it by v changes no distance by more than ‖v‖: a point of a leg, or of a disc,
     moves by A v with a symmetric A between 0 and 1, so any two of them by (A − A') v, and ‖A − A'‖ ≤ 1. Turning it
     moves the joint at r from its origin by no more than ‖r‖ times the angle: see `change`.
+
+    A distance is the least of those of all pairs of points that stay where they are in their bodies. Where D joins
+    such a pair, ‖D‖¨ ≤ ‖Ḋ‖²/‖D‖ + ‖D̈‖: with K no less than that for any pair, d − K τ²/2 is the least of concave
+    functions, so concave, and d lies above its chord less K τ (2 − τ)/2 over a cell of τ from 0 to 2: see `bend`.
     """
 
     base: Array
@@ -107,6 +112,45 @@ class Bodies:
         if self.platform_disc:
             found.append(way + turn * (_length(self.base - x[:, None, :3]) + way))
         return np.concatenate(found, 1)
+
+    def bend(
+        self, x: Array, way: Array, turn: Array, least: Array, first: tuple[Array, Array], second: tuple[Array, Array]
+    ) -> Array:
+        """(N, k) that no second derivative of a distance along any path from x (N, 12) is above; ∞ where it has none.
+
+        way, turn (N,)  of the platform at most, as in `change`
+        least (N, k)    no distance is below that
+        first, second   ((N,), (N,)) of its origin and its turn, the largest of the first derivatives: those of ‖ṗ‖ and
+                        of the angle, and of the second: ‖p̈‖ and Frobenius' norm of R̈
+
+        A leg ℓ of length L at whose ends e is left out has points (1−σ) b + σ j + e (1−2σ) ℓ/L, with
+        ‖(ℓ/L)¨ − P ℓ̈/L‖ ≤ 2 ‖ℓ̇‖²/L², P across the leg: their second derivative is A ℓ̈ with A between 0 and 1, and no
+        more than 2 e ‖ℓ̇‖²/L². The base as seen from the platform: Rᵀ(b − p).
+        """
+        way, turn, pace, spin, push, swing = (each[:, None] for each in (way, turn, *first, *second))
+        arm = _length(self.platform)
+        joints = x[:, None, :3] + self.platform @ x[:, 3:].reshape(-1, 3, 3).swapaxes(1, 2)
+        length = _length(joints - self.base) - (way + turn * arm)
+        i, j = np.array(list(combinations(range(len(self.legs)), 2))).T
+
+        def turned(speed: Array) -> Array:
+            """What the shortening of legs adds, at speeds ‖ℓ̇‖ (N, n)."""
+            with np.errstate(divide="ignore", invalid="ignore"):
+                return np.where(length > 2 * self.ends, 2 * self.ends * speed**2 / length**2, np.inf)
+
+        speed, bent = pace + spin * arm, turned(pace + spin * arm)
+        moves = [pace + spin * (arm[i] + arm[j])]
+        bends = [push + swing * (arm[i] + arm[j]) + bent[:, i] + bent[:, j]]
+        if self.base_disc:
+            moves.append(speed)
+            bends.append(push + swing * arm + bent)
+        if self.platform_disc:
+            reach = _length(self.base - x[:, None, :3]) + way
+            moves.append(pace + spin * reach)
+            bends.append(push + swing * reach + 2 * spin * pace + turned(moves[-1]))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            found = np.concatenate(moves, 1) ** 2 / np.maximum(least, 0.0) + np.concatenate(bends, 1)
+        return np.where(np.isnan(found), np.inf, found) * (1 + 64 * EPS)
 
     def _distances(self, x: Array) -> Array:
         position, rotation = x[:, None, :3], x[:, 3:].reshape(-1, 3, 3)

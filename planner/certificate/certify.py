@@ -253,28 +253,45 @@ def prove(
             for new, old in ((values, known.use[name]), (attained[name], known.attained[name])):
                 new[:] = np.where(np.isnan(old), 0.0, old)
         cells = whole[np.isnan(known.use[limits[0].name])[whole.k]]
-    share, stated = 1.0, _has_stated_speeds(trajectory.path)
+    if not len(cells.k):
+        return use, attained
+    seen = _bound_use(trajectory, limits, cells, order)
+    stated = _has_stated_speeds(trajectory.path)
+    for limit, bound, met in zip(limits, *seen, strict=True):
+        rounds = limit.geometric or stated
+        _tighten_cells(trajectory, limit, order, (cells, bound, met), rounds, use[limit.name], attained[limit.name])
+    return use, attained
+
+
+def _tighten_cells(
+    trajectory: Trajectory,
+    limit: Limit,
+    order: int,
+    seen: tuple[Cells, Array, Array],
+    rounds: bool,
+    use: Array,
+    attained: Array,
+) -> None:
+    """Cut cells until their bounds are tight, and fill use and attained (M,) of the time pieces.
+
+    seen: cells, and the bound and the use met of each; rounds: whether the limit may be reached
+    """
+    (cells, bound, met), share = seen, 1.0
     while True:
-        bound, met = _bound_use(trajectory, limits, cells, order)
-        for n, limit in enumerate(limits):
-            if limit.geometric or stated:
-                bound[n], met[n] = round_reached_use(bound[n]), round_reached_use(met[n])
-        loose = np.zeros(len(cells.k), bool)
-        for n, limit in enumerate(limits):
-            values = attained[limit.name]
-            np.maximum.at(values, cells.k, met[n])
-            loose |= bound[n] > np.maximum(met[n], min(values.max(), 1.0)) + limit.tight(met[n])
-            loose |= (bound[n] > 1) & (met[n] <= 1)
+        if rounds:
+            bound, met = round_reached_use(bound), round_reached_use(met)
+        np.maximum.at(attained, cells.k, met)
+        loose = bound > np.maximum(met, min(attained.max(), 1.0)) + limit.tight(met)
+        loose |= (bound > 1) & (met <= 1)
         parts = CELL_PARTS if loose.sum() <= FEW_CELLS else 2
         share /= parts
         if share < MIN_CELL_SHARE or parts * loose.sum() > MAX_CELLS:
             loose[:] = False
-        for n, values in enumerate(use.values()):
-            np.maximum.at(values, cells.k[~loose], bound[n, ~loose])
+        np.maximum.at(use, cells.k[~loose], bound[~loose])
         if not loose.any():
-            break
+            return
         cells = cells[loose].parts(parts)
-    return use, attained
+        (bound,), (met,) = _bound_use(trajectory, [limit], cells, order)
 
 
 def round_reached_use(use: Array) -> Array:

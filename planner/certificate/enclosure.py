@@ -6,7 +6,7 @@ cell. Bernstein form: Farouki, Computer Aided Geometric Design 29 (2012), 379.
 """
 
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from math import comb
 
 import numpy as np
@@ -15,6 +15,7 @@ from kinematics.analysis.clearance import Bodies
 from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.casadi_function import Expression
 from kinematics.foundation.taylor_model import EPS, Series
+from planner.path.actuation import ActuatorPath
 from planner.trajectory import Trajectory
 
 # Degree to which Bernstein forms are raised: a parabola of height h is then over-estimated by h/15 at most.
@@ -42,15 +43,27 @@ class Cells:
         return Cells(self.k[chosen], self.lo[chosen], self.hi[chosen])
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Enclosure:
-    """The motion over N cells, in τ ∈ [−1, 1]: the first N rows about each centre, the last N over the whole cell."""
+    """The motion over N cells, in τ ∈ [−1, 1]: the first N rows about each centre, the last N over the whole cell.
 
-    q: Series
-    pose: Series | None
+    s (order+1, 2N); rate (2N, 1) 1/s, by which τ runs. What no limit looks at is not worked out.
+    """
+
+    path: ActuatorPath
+    s: Series
     rate: Array
     piece: np.ndarray
-    tool: Expression | None
+
+    @cached_property
+    def q(self) -> Series:
+        return self.path.enclose(self.s, np.tile(self.piece, 2))
+
+    @cached_property
+    def pose(self) -> Series:
+        found = self.path.enclose_pose(self.s, np.tile(self.piece, 2))
+        assert found is not None  # only machines have limits on their pose
+        return found
 
     def _differentiate(self, series: Series, times: int) -> Series:
         for _ in range(times):
@@ -70,25 +83,36 @@ class Enclosure:
         return self._differentiate(self.q, 3)
 
     def pose_rate(self, times: int) -> Series:
-        assert self.pose is not None  # only machines have limits on their pose
         return self._differentiate(self.pose, times)
 
     def distances(self, bodies: Bodies) -> Series:
-        """Those at the centres, and how far they can change from there: τ goes by 1 to either end of a cell."""
-        assert self.pose is not None
+        """Between those at either end of a cell, less what they can fall below both: see `Bodies`.
+
+        τ goes by 2 from end to end, so d ≥ (d₀ + d₁)/2 − V of change V, and d ≥ min(d₀, d₁) − K/2 of bend K.
+        """
         cells = len(self.piece)
-        going = np.maximum(*np.abs(bound_series(self.pose.derivative(), cells)))
-        x, error = self.pose.mid[0, :cells], self.pose.rad[0, :cells]
-        way, turn = (np.linalg.norm(part, axis=1) for part in ((going + error)[:, :3], (going + error)[:, 3:]))
-        value = bodies.distances(x)
-        change = bodies.change(x, way, turn / np.sqrt(2)) * (1 + 64 * EPS) + 64 * EPS * np.abs(x).max(1, keepdims=True)
-        mid, rad = np.zeros((2, 2, 2 * cells, value.shape[1]))
-        mid[0], rad[0] = np.tile(value, (2, 1)), np.tile(change, (2, 1))
+        first, second = self.pose.derivative(), self.pose.derivative().derivative()
+        rates = [_norms(np.maximum(*np.abs(bound_series(each, cells)))) for each in (first, second)]
+        x, error = _ends(self.pose, cells)
+        start, end = np.split(bodies.distances(x.reshape(-1, 12)), 2)
+        (pace, swing), (shift, twist) = rates[0], _norms(error)
+        spin = swing / np.sqrt(2)
+        far = 2 * pace + shift, 2 * spin + twist
+        # what rounding leaves of a rotation is none: twice for what that changes
+        off = bodies.change(x[0], 2 * shift, 2 * twist) + 64 * EPS * (1 + np.abs(x[0]).max(1))[:, None]
+        change = bodies.change(x[0], *far) / 2
+        middle, least = (start + end) / 2, np.minimum(start, end)
+        bend = bodies.bend(x[0], *far, middle - change - off, (pace, spin), rates[1])
+        low = np.maximum(middle - change, least - bend / 2) - off
+        high = middle + change + off
+        mid, rad = np.zeros((2, 2, 2 * cells, low.shape[1]))
+        mid[0] = np.tile((low + high) / 2, (2, 1))
+        rad[0] = np.tile((high - low) / 2 * (1 + 64 * EPS) + 4 * EPS * np.abs(high), (2, 1))
         return Series(mid, rad, 1)
 
     def tool_rate(self, times: int) -> Series:
-        rate = self.pose_rate(times)
-        return rate if self.tool is None else self.evaluate(self.tool, rate)
+        rate, tool = self.pose_rate(times), self.path.tool
+        return rate if tool is None else self.evaluate(tool, rate)
 
     def evaluate(self, expression: Expression, *inputs: Series) -> Series:
         found = Series.stack(expression.enclose([column for each in inputs for column in each.columns()]))
@@ -112,9 +136,7 @@ def enclose(trajectory: Trajectory, cells: Cells, order: int) -> Enclosure:
     size = np.abs(mid) + rad
     spread = np.stack([sum((comb(j, n) * size[j] for j in range(n + 1, 4)), np.zeros_like(centre)) for n in range(4)])
     s = Series(np.concatenate([mid, mid], 1), np.concatenate([rad, (rad + spread) * (1 + 8 * EPS)], 1), order)
-    both = np.concatenate([piece, piece])
-    q, pose = trajectory.path.enclose(s, both)
-    return Enclosure(q, pose, np.concatenate([1 / half, 1 / half])[:, None], piece, trajectory.path.tool)
+    return Enclosure(trajectory.path, s, np.concatenate([1 / half, 1 / half])[:, None], piece)
 
 
 @cache
@@ -142,6 +164,20 @@ def bound_series(series: Series, cells: int) -> tuple[Array, Array]:
     slack = (error + remainder) * (1 + 32 * EPS) + 32 * EPS * np.abs(polynomial).sum(0)
     slack = np.where(np.isfinite(slack), slack, np.inf)
     return low - slack, high + slack
+
+
+def _norms(numbers: Array) -> tuple[Array, Array]:
+    """Of a pose's numbers (N, 12): of the origin, and Frobenius' of the rotation, (N,) each, no rounding below."""
+    return tuple(np.linalg.norm(part, axis=1) * (1 + 16 * EPS) for part in (numbers[:, :3], numbers[:, 3:]))
+
+
+def _ends(series: Series, cells: int) -> tuple[Array, Array]:
+    """Values (2, cells, m) at τ = −1 and 1, and their error (cells, m)."""
+    full = series.pad(series.order)
+    polynomial = full.mid[:-1, :cells]
+    even, odd = polynomial[::2].sum(0), polynomial[1::2].sum(0)
+    error = full.rad[:-1, :cells].sum(0) + np.abs(full.mid[-1, cells:]) + full.rad[-1, cells:]
+    return np.stack([even - odd, even + odd]), (error + np.abs(polynomial).sum(0) * 32 * EPS) * (1 + 32 * EPS)
 
 
 def _coefficient_range(polynomial: Array) -> tuple[Array, Array]:

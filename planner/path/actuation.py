@@ -168,8 +168,11 @@ class ActuatorPath(Protocol):
     def pose_derivatives(self, s: Array, piece: np.ndarray, highest: int = 3) -> Derivatives | None:
         """The pose's numbers x, x′, x″, x‴ by path length, each (N, 12); None where there is no machine."""
 
-    def enclose(self, s: Series, piece: np.ndarray) -> tuple[Series, Series | None]:
-        """q (order+1, N, n) and the pose's numbers (order+1, N, 12), as series of whatever s (order+1, N) is one of."""
+    def enclose(self, s: Series, piece: np.ndarray) -> Series:
+        """q (order+1, N, n), as a series of whatever s (order+1, N) is one of."""
+
+    def enclose_pose(self, s: Series, piece: np.ndarray) -> Series | None:
+        """The same of the pose's numbers (order+1, N, 12); None where there is no machine."""
 
 
 @lru_cache(maxsize=128)
@@ -306,11 +309,12 @@ class MachinePath:
             out[chosen] = expression(shape)(np.column_stack(inputs if also is None else [*inputs, also[piece[chosen]]]))
         return out
 
-    def enclose(self, s: Series, piece: np.ndarray) -> tuple[Series, Series]:
+    def enclose(self, s: Series, piece: np.ndarray) -> Series:
+        return Series.stack(self.machine.inverse_map.enclose(self._enclose_inputs(s, piece)))
+
+    def enclose_pose(self, s: Series, piece: np.ndarray) -> Series:
         inputs = self._enclose_inputs(s, piece)
-        q = Series.stack(self.machine.inverse_map.enclose(inputs))
-        pose = self.machine.carried_map.enclose(inputs) if self.machine.follows else inputs[:12]
-        return q, Series.stack(pose)
+        return Series.stack(self.machine.carried_map.enclose(inputs) if self.machine.follows else inputs[:12])
 
     def jacobian(self, s: Series, piece: np.ndarray) -> Series:
         """The square Jacobian (order+1, N, n · n), row by row; columns of rotation by the characteristic length."""

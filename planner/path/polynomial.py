@@ -128,13 +128,16 @@ class PolynomialPath:
     def pose_derivatives(self, s: Array, piece: np.ndarray, highest: int = 3) -> None:
         return None
 
-    def enclose(self, s: Series, piece: np.ndarray) -> tuple[Series, None]:
+    def enclose_pose(self, s: Series, piece: np.ndarray) -> None:
+        return None
+
+    def enclose(self, s: Series, piece: np.ndarray) -> Series:
         x = (s - self.breaks[piece])[:, None]
         first, *rest = self.coefficients[:, piece]
         q = Series.constant(first, s.order)
         for c in rest:
             q = q * x + c
-        return q, None
+        return q
 
 
 # Share of an axis' extent by which a stretch may leave its chord and be straight, and of its values: rounding.

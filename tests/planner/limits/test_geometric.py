@@ -15,6 +15,7 @@ from planner import Arc, Infeasible, Line, Program, Trajectory, Turn, check, pla
 from planner.certificate.enclosure import Cells, bound_series, enclose
 from planner.limits.geometric import Clearance
 from planner.path.actuation import actuate
+from planner.trajectory import unit_speed_trajectory
 
 LIFTED = RigidTransform.from_components([0, 0, 0.03], Rotation.identity())
 VECTOR = np.deg2rad(80) * np.array([0.05, 0.1, 1.0])
@@ -126,6 +127,19 @@ def test_no_distance_in_a_cell_is_outside_its_enclosure(loose, seed, share):
     # and it closes in on them: no wider than the way that a cell goes, and what it turns at the arm of a joint
     way = np.abs(cells.hi - cells.lo) * (v + np.abs(a) * lengths)
     assert (most - least <= 2 * way[:, None] * (1 + path.turns.max() / np.diff(path.breaks).min()) + 1e-12).all()
+
+
+def test_a_distance_falls_below_both_ends_of_a_cell_by_a_square(loose):
+    """The bound of a cell half as long is four times as near to the least that is met there."""
+    limit, walk = Clearance(loose), unit_speed_trajectory(actuate(TURNED, loose))
+    gaps = []
+    for count in (16, 32, 64):
+        cells = Cells(np.zeros(1, int), np.zeros(1), walk.knots[1:2]).parts(count)
+        least, _ = bound_series(limit.value(enclose(walk, cells, 6)), count)
+        places = (cells.lo[:, None] + (cells.hi - cells.lo)[:, None] * np.linspace(0, 1, 9)).ravel()
+        met = limit.value(walk.within(np.zeros(len(places), int), places)).reshape(count, 9, -1).min(1)
+        gaps.append((met - least).max())
+    assert gaps[0] > 3.5 * gaps[1] > 3.5**2 * gaps[2] > 0
 
 
 def test_the_certificate_covers_every_sample(hexapod, own_legs):
