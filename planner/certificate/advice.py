@@ -19,8 +19,8 @@ from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.units import round_up_digits
 from kinematics.machine.machine import Machine
-from planner.certificate.certify import LIMIT_ROUNDING
 from planner.certificate.feasibility import prove_feasibility
+from planner.certificate.limit_use import LIMIT_ROUNDING
 from planner.limits import Limit, limits_of
 from planner.path.actuation import MachinePath, actuate
 from planner.path.chain import default_start

@@ -16,7 +16,7 @@ from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
 from planner.certificate.constant_speed import CONSTANT_SPEED, prove_speed_deviation
-from planner.certificate.enclosure import Cells, bound_series, enclose
+from planner.certificate.limit_use import ProvedUse, prove, round_reached_use
 from planner.certificate.resonance_dwell import find_stays
 from planner.limits.limit import Limit, order_of
 from planner.limits.resonance import Resonance
@@ -134,21 +134,10 @@ def place_at(trajectory: Trajectory, t: float, axis: str) -> Place:
     return trajectory.path.place(float(state.along[0]), int(state.piece[0]), t, axis)
 
 
-LIMIT_ROUNDING = 1e-9
-"""What is stated may reach a limit exactly, and then counts as 1: places, and motions that have to meet stated speeds,
-whose bounds may be beyond 1 by so much rounding. What the timing chooses freely is never above 1."""
-# How small and how many cells may become until their bounds are tight.
-MIN_CELL_SHARE, MAX_CELLS = 2.0**-24, 400_000
-# Cells are cut in two; up to so many, where an evaluation costs the same for one as for all, in more.
-FEW_CELLS, CELL_PARTS = 64, 8
 CROSSING = "resonance crossing"
 """What no value at an instant tells: the longest stay of an axis in a band of speed, over the time allowed."""
-# Order of the expansions in time, by the highest derivative: q̈ or q⃛ keep a polynomial of degree 3 or 4.
-EXPANSION = {2: 6, 3: 8}
 # Instants of a time piece that are looked at for where it uses a limit most (the bound itself needs none).
 WORST_PLACE_INSTANTS = 201
-# Cells that are looked at together: their series stay in the processor's cache.
-CELL_BATCH = 1024
 
 
 @dataclass(frozen=True, slots=True)
@@ -172,32 +161,6 @@ class Certificate(Result):
         where = where_columns([self.where[name] for name in self.worst])
         names = Column("limit", [*self.worst])
         return (Table(f"{head}: value/limit, bounded over continuous time", (names, ratios, *where)),)
-
-
-@dataclass(frozen=True, slots=True)
-class ProvedUse:
-    """What is proved already: per limit, use and attained of each time piece (M,), NaN where nothing is yet.
-
-    Of geometric limits, what is attained: what they use is proved along the path.
-    """
-
-    use: dict[str, Array]
-    attained: dict[str, Array]
-
-    @classmethod
-    def make_empty(cls, limits: Sequence[Limit], pieces: int) -> "ProvedUse":
-        names = [[limit.name for limit in some] for some in ([each for each in limits if not each.geometric], limits)]
-        use, attained = ({name: np.full(pieces, np.nan) for name in each} for each in names)
-        return cls(use, attained)
-
-    @classmethod
-    def join(cls, parts: "Sequence[ProvedUse]") -> "ProvedUse":
-        """Of time pieces one after the other."""
-        use, attained = (
-            {name: np.concatenate([getattr(part, each)[name] for part in parts]) for name in getattr(parts[0], each)}
-            for each in ("use", "attained")
-        )
-        return cls(use, attained)
 
 
 def certify(trajectory: Trajectory, limits: Sequence[Limit], known: ProvedUse | None = None) -> Certificate:
@@ -237,71 +200,6 @@ def certify(trajectory: Trajectory, limits: Sequence[Limit], known: ProvedUse | 
         use={name: freeze_array(values) for name, values in use.items()},
         attained={name: freeze_array(values) for name, values in attained.items()},
     )
-
-
-def prove(
-    trajectory: Trajectory, limits: Sequence[Limit], order: int, known: ProvedUse | None = None
-) -> tuple[dict[str, Array], dict[str, Array]]:
-    """Per limit, the proven bound of its use over each time piece (M,), and the largest use met there."""
-    lengths = np.diff(trajectory.knots)
-    whole = Cells(np.arange(len(lengths)), np.zeros(len(lengths)), lengths)[lengths > 0]
-    use = {limit.name: np.zeros(len(lengths)) for limit in limits}
-    attained = {limit.name: np.zeros(len(lengths)) for limit in limits}
-    cells = whole
-    if known is not None:
-        for name, values in use.items():
-            for new, old in ((values, known.use[name]), (attained[name], known.attained[name])):
-                new[:] = np.where(np.isnan(old), 0.0, old)
-        cells = whole[np.isnan(known.use[limits[0].name])[whole.k]]
-    if not len(cells.k):
-        return use, attained
-    seen = _bound_use(trajectory, limits, cells, order)
-    stated = _has_stated_speeds(trajectory.path)
-    for limit, bound, met in zip(limits, *seen, strict=True):
-        rounds = limit.geometric or stated
-        _tighten_cells(trajectory, limit, order, (cells, bound, met), rounds, use[limit.name], attained[limit.name])
-    return use, attained
-
-
-def _tighten_cells(
-    trajectory: Trajectory,
-    limit: Limit,
-    order: int,
-    seen: tuple[Cells, Array, Array],
-    rounds: bool,
-    use: Array,
-    attained: Array,
-) -> None:
-    """Cut cells until their bounds are tight, and fill use and attained (M,) of the time pieces.
-
-    seen: cells, and the bound and the use met of each; rounds: whether the limit may be reached
-    """
-    (cells, bound, met), share = seen, 1.0
-    while True:
-        if rounds:
-            bound, met = round_reached_use(bound), round_reached_use(met)
-        np.maximum.at(attained, cells.k, met)
-        loose = bound > np.maximum(met, min(attained.max(), 1.0)) + limit.tight(met)
-        loose |= (bound > 1) & (met <= 1)
-        parts = CELL_PARTS if loose.sum() <= FEW_CELLS else 2
-        share /= parts
-        if share < MIN_CELL_SHARE or parts * loose.sum() > MAX_CELLS:
-            loose[:] = False
-        np.maximum.at(use, cells.k[~loose], bound[~loose])
-        if not loose.any():
-            return
-        cells = cells[loose].parts(parts)
-        (bound,), (met,) = _bound_use(trajectory, [limit], cells, order)
-
-
-def round_reached_use(use: Array) -> Array:
-    """Shares of limits, of which those that are beyond 1 by rounding count as 1."""
-    return np.where((use > 1) & (use <= 1 + LIMIT_ROUNDING), 1.0, use)
-
-
-def _has_stated_speeds(path: ActuatorPath) -> bool:
-    """Whether a path states speeds, which its motion then has to meet exactly."""
-    return max(path.end_speeds) > 0 or any(path.constant(k) is not None for k in range(len(path.breaks) - 1))
 
 
 _PATH_USE: WeakKeyDictionary[ActuatorPath, tuple[tuple[Limit, ...], dict[str, Array]]] = WeakKeyDictionary()
@@ -352,26 +250,6 @@ def use_at_knots(trajectory: Trajectory, limits: Sequence[Limit], known: ProvedU
     for name, values in met.items():
         found[name][new] = round_reached_use(np.maximum(values[new], values[new + 1]))
     return found
-
-
-def _bound_use(trajectory: Trajectory, limits: Sequence[Limit], cells: Cells, order: int) -> tuple[Array, Array]:
-    """Over each of N cells, the bound of every limit's use over all its channels, and the use attained: (limits, N).
-
-    The bound comes from the enclosure, the attained use from the motion itself at each cell's ends and centre.
-    """
-    bound, met = np.zeros((len(limits), len(cells.k))), np.zeros((len(limits), len(cells.k)))
-    for first in range(0, len(cells.k), CELL_BATCH):
-        chosen = np.arange(first, min(first + CELL_BATCH, len(cells.k)))
-        some = cells[chosen]
-        enclosure = enclose(trajectory, some, EXPANSION[order])
-        places = np.concatenate([some.lo, (some.lo + some.hi) / 2, some.hi])
-        seen = trajectory.within(np.tile(some.k, 3), places, jerk=order == 3)
-        with np.errstate(invalid="ignore", over="ignore"):
-            for n, limit in enumerate(limits):
-                bound[n, chosen] = limit.use(*bound_series(limit.value(enclosure), len(chosen)), enclosure.piece).max(1)
-                value = limit.value(seen)
-                met[n, chosen] = limit.use(value, value, seen.piece).max(1).reshape(3, -1).max(0)
-    return np.where(np.isnan(bound), np.inf, bound), np.where(np.isnan(met), np.inf, met)
 
 
 def _prove_crossing(trajectory: Trajectory, limit: Resonance) -> tuple[Array, Array, Place]:

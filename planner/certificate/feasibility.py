@@ -13,7 +13,8 @@ from kinematics.foundation.errors import MotionError, OutOfReach
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
 from kinematics.foundation.taylor_model import Series
-from planner.certificate.certify import prove_path_use, round_reached_use
+from planner.certificate.certify import prove_path_use
+from planner.certificate.limit_use import round_reached_use
 from planner.limits.limit import Limit
 from planner.path.actuation import ActuatorPath, MachinePath
 from planner.path.join_and_blend import Blended, blend_tables

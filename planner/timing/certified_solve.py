@@ -10,8 +10,9 @@ import numpy as np
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
-from planner.certificate.certify import Certificate, ProvedUse, certify
+from planner.certificate.certify import Certificate, certify
 from planner.certificate.feasibility import limit_violation, prove_feasibility
+from planner.certificate.limit_use import ProvedUse
 from planner.limits.limit import Limit
 from planner.parallel import Progress, spread
 from planner.path.actuation import ActuatorPath

@@ -15,7 +15,7 @@ from dataclasses import replace
 import numpy as np
 
 from kinematics.foundation.arrays import Array
-from planner.certificate.certify import LIMIT_ROUNDING
+from planner.certificate.limit_use import LIMIT_ROUNDING
 from planner.limits.limit import Limit
 from planner.limits.resonance import Resonance
 from planner.limits.tool import ToolSpeed

@@ -11,7 +11,8 @@ from scipy.interpolate import PPoly
 
 from kinematics import Axis, MotionError
 from planner import Place, Trajectory, time_optimal
-from planner.certificate.certify import ProvedUse, certify
+from planner.certificate.certify import certify
+from planner.certificate.limit_use import ProvedUse
 from planner.limits import limits_of
 from planner.limits.axis import Acceleration, Jerk, Speed
 from planner.path.polynomial import PolynomialPath
@@ -97,7 +98,7 @@ class Lorentz:
     names = ("spike", "free")
     breaks = np.array([-1.0, 1.0])
     dwells = np.zeros(2)
-    tool, end_speeds = None, (0.0, 0.0)
+    tool, end_speeds, turns = None, (0.0, 0.0), np.zeros(1)
 
     def __init__(self, place, width):
         self.centre, self.width = place, width

@@ -9,7 +9,8 @@ from scipy.interpolate import CubicSpline, PPoly
 from benchmarks.evidence.trials.robustness import random_problem, tiny_problems
 from kinematics import Axis, Traverser, load_machine
 from planner import Line, Program, plan, time_optimal
-from planner.certificate.certify import LIMIT_ROUNDING, certify, round_reached_use
+from planner.certificate.certify import certify
+from planner.certificate.limit_use import LIMIT_ROUNDING, round_reached_use
 from planner.limits import limits_of
 
 LINE = PPoly(np.array([[[1.0, 0.5]], [[0.0, 0.0]]]), [0.0, 1.0])

@@ -6,7 +6,7 @@ from scipy.interpolate import CubicSpline
 
 from kinematics import Axis, MotionError
 from planner import Infeasible, Trajectory
-from planner.certificate.certify import prove
+from planner.certificate.limit_use import prove
 from planner.limits import limits_of
 from planner.path.polynomial import PolynomialPath
 from planner.timing import jerk_limited, run

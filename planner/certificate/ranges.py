@@ -1,0 +1,240 @@
+"""Where a motion and its derivatives lie over cells of time, from series of the path: cheap, and near enough for most.
+
+q(σ), a Taylor series with guaranteed error over a stretch of path, serves all cells of time in that stretch: with the
+cubic σ(τ) put into it, q is a polynomial in τ ∈ [−1, 1]. Every product of these sums is carried twice more, with the
+sizes of its factors, and with those enlarged by their errors: the one bounds rounding, and the difference of the two
+what errors can change, since |∏(x + e) − ∏x| ≤ ∏(|x| + |e|) − ∏|x|; higher powers than are kept are part of it.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from kinematics.analysis.clearance import Bodies
+from kinematics.foundation.arrays import Array
+from kinematics.foundation.casadi_function import Expression
+from kinematics.foundation.errors import MotionError
+from kinematics.foundation.kernels import kernel
+from kinematics.foundation.taylor_model import EPS, Series
+from planner.certificate.enclosure import Cells
+from planner.path.actuation import ActuatorPath
+from planner.trajectory import MIN_PARTS, PER_RADIAN, Trajectory
+
+# Order of the series along the path, and how many stretches of it there are to one of `unit_speed_trajectory`.
+PATH_ORDER, STRETCHES = 8, 2
+# Powers of τ that are kept beyond the highest derivative.
+MORE_POWERS = 4
+# Roundings of any one product in the sums below: fewer.
+ROUNDINGS = 64 * EPS
+
+
+@dataclass(frozen=True)
+class Ranges:
+    """The motion over N cells, each quantity a ball (1, N, m) about the middle of where it lies.
+
+    stretch (N,)  which of G stretches of path a cell lies in, with middle and half (G,), of path pieces on_piece (G,)
+    motion (4, N) σ's coefficients in τ, and error (4, N) of them; rate (N,) 1/s, by which τ runs
+    """
+
+    path: ActuatorPath
+    stretch: np.ndarray
+    middle: Array
+    half: Array
+    on_piece: np.ndarray
+    motion: Array
+    error: Array
+    rate: Array
+    highest: int
+    piece: np.ndarray
+
+    @cached_property
+    def _along(self) -> Series:
+        """s over the stretches, as `ActuatorPath.enclose` takes it: about their middles, then anywhere."""
+        mid, rad = (np.zeros((2, 2 * len(self.middle))) for _ in range(2))
+        mid[0], mid[1] = np.tile(self.middle, 2), np.tile(self.half, 2)
+        rad[0, len(self.middle) :] = self.half
+        return Series(mid, rad, PATH_ORDER)
+
+    def _bound(self, series: Series, highest: int) -> tuple[Series, ...]:
+        """A function of path and its derivatives by time."""
+        full, count = series.pad(PATH_ORDER), len(self.middle)
+        mid, rad = full.mid[:, :count].copy(), full.rad[:, :count].copy()
+        mid[-1], rad[-1] = 0.0, np.abs(full.mid[-1, count:]) + full.rad[-1, count:]
+        found = np.empty((2, highest + 1, len(self.stretch), mid.shape[2]))
+        bound_motion(mid, rad, self.stretch, self.motion, self.error, self.rate, found[0], found[1])
+        return tuple(Series(found[0, n : n + 1], found[1, n : n + 1], 0) for n in range(highest + 1))
+
+    @cached_property
+    def _axes(self) -> tuple[Series, ...]:
+        return self._bound(self.path.enclose(self._along, np.tile(self.on_piece, 2)), self.highest)
+
+    @cached_property
+    def _pose(self) -> tuple[Series, ...]:
+        found = self.path.enclose_pose(self._along, np.tile(self.on_piece, 2))
+        assert found is not None  # only machines have limits on their pose
+        return self._bound(found, 2)
+
+    @property
+    def q(self) -> Series:
+        return self._axes[0]
+
+    @property
+    def qd(self) -> Series:
+        return self._axes[1]
+
+    @property
+    def qdd(self) -> Series:
+        return self._axes[2]
+
+    @property
+    def qddd(self) -> Series:
+        return self._axes[3]
+
+    def pose_rate(self, times: int) -> Series:
+        return self._pose[times]
+
+    def tool_rate(self, times: int) -> Series:
+        rate, tool = self.pose_rate(times), self.path.tool
+        return rate if tool is None else self.evaluate(tool, rate)
+
+    def evaluate(self, expression: Expression, *inputs: Series) -> Series:
+        found = Series.stack(expression.enclose([column for each in inputs for column in each.columns()]))
+        shape = (1, len(self.stretch), found.mid.shape[2])  # what is constant is so on every cell
+        return Series(np.broadcast_to(found.mid, shape), np.broadcast_to(found.rad, shape), 0)
+
+    def distances(self, bodies: Bodies) -> Series:
+        raise MotionError("distances are bounded along the path, not over time")
+
+
+def bound_balls(values: Series) -> tuple[Array, Array]:
+    """Bounds low and high (N, m) of what is computed from ranges."""
+    mid, rad = values.mid[0], values.rad[0]
+    rad = np.where(np.isfinite(mid) & np.isfinite(rad), rad * (1 + 4 * EPS) + 4 * EPS * np.abs(mid), np.inf)
+    return mid - rad, mid + rad
+
+
+def bound_ranges(trajectory: Trajectory, cells: Cells, highest: int) -> Ranges:
+    """The motion and its derivatives up to the `highest` over cells of time."""
+    k, path = cells.k, trajectory.path
+    piece, middle = trajectory.piece[k], (cells.lo + cells.hi) / 2
+    half = (cells.hi - cells.lo) / 2 * (1 + 2 * EPS) + 2 * EPS * np.abs(cells.hi)
+    s, v, a, j = (each[k] for each in (trajectory.s, trajectory.v, trajectory.a, trajectory.j))
+
+    def shift(s: Array, v: Array, a: Array, j: Array) -> Array:
+        """Coefficients in τ of s(t)."""
+        first, second = v + middle * (a + middle * j / 2), a / 2 + middle * j / 2
+        about = [s + middle * (v + middle * (a / 2 + middle * j / 6)), first, second, j / 6]
+        return np.stack([part * half**n for n, part in enumerate(about)])
+
+    way, size = shift(s, v, a, j), shift(*map(np.abs, (s, v, a, j)))
+    reach = np.abs(way[1:]).sum(0) + 32 * EPS * size.sum(0)
+    parts = STRETCHES * np.maximum(MIN_PARTS, np.ceil(PER_RADIAN * path.turns))
+    width = np.diff(path.breaks) / parts
+    share = np.clip((way[0] - path.breaks[piece]) / width[piece], 0, parts[piece] - 1)
+    key = np.concatenate([[0], np.cumsum(parts)[:-1]])[piece] + np.floor(np.nan_to_num(share))
+    _, first, stretch = np.unique(key, return_index=True, return_inverse=True)
+    low, high = np.full(len(first), np.inf), np.full(len(first), -np.inf)
+    np.minimum.at(low, stretch, way[0] - reach)
+    np.maximum.at(high, stretch, way[0] + reach)
+    centre = (low + high) / 2
+    wide = (high - low) / 2 * (1 + 64 * EPS) + 64 * EPS * np.maximum(np.abs(low), np.abs(high))
+    way[0] -= centre[stretch]
+    size[0] += np.abs(centre[stretch])
+    motion, error = way / wide[stretch], 32 * EPS * size / wide[stretch]
+    return Ranges(path, stretch, centre, wide, piece[first], motion, error, 1 / half, highest, piece)
+
+
+@kernel
+def bound_motion(
+    mid: Array,
+    rad: Array,
+    stretch: np.ndarray,
+    motion: Array,
+    error: Array,
+    rate: Array,
+    out_mid: Array,
+    out_rad: Array,
+) -> None:
+    """Balls out (highest + 1, N, m) of a function and its derivatives by time.
+
+    mid, rad (D + 1, G, m)   its coefficients over G stretches of path; the last, times σ^D, is what remains
+    stretch (N,), motion, error (4, N), rate (N,)  as in `Ranges`
+    """
+    degree, width = len(mid) - 1, mid.shape[2]
+    most = len(out_mid) - 1
+    powers = min(most + 4, degree - 1)
+    p, size = np.zeros(degree), np.zeros(degree)
+    a, large = np.zeros(powers + 1), np.zeros(powers + 1)
+    spare, spare_size = np.zeros(powers + 1), np.zeros(powers + 1)
+    whole, rest = np.zeros(4), np.zeros(4)
+    for n in range(len(stretch)):
+        g = stretch[n]
+        s0, s1, s2, s3 = motion[0, n], motion[1, n], motion[2, n], motion[3, n]
+        w1, w2, w3 = abs(s1) + error[1, n], abs(s2) + error[2, n], abs(s3) + error[3, n]
+        # how far σ reaches, and its derivatives by τ at the most
+        reach = (abs(s0) + error[0, n] + w1 + w2 + w3) * (1 + ROUNDINGS)
+        z1, z2, z3 = w1 + 2 * w2 + 3 * w3, 2 * w2 + 6 * w3, 6 * w3
+        for c in range(width):
+            for i in range(degree):
+                p[i], size[i] = mid[i, g, c], abs(mid[i, g, c])
+            # about where the cell's middle lies
+            for i in range(powers + 1):
+                for k in range(degree - 2, i - 1, -1):
+                    p[k] += s0 * p[k + 1]
+                    size[k] += abs(s0) * size[k + 1]
+            # p(s1 τ + s2 τ² + s3 τ³)
+            a[:] = 0.0
+            large[:] = 0.0
+            for i in range(powers, -1, -1):
+                for k in range(powers, 0, -1):
+                    value, most_of_it = s1 * a[k - 1], abs(s1) * large[k - 1]
+                    if k > 1:
+                        value += s2 * a[k - 2]
+                        most_of_it += abs(s2) * large[k - 2]
+                    if k > 2:
+                        value += s3 * a[k - 3]
+                        most_of_it += abs(s3) * large[k - 3]
+                    spare[k], spare_size[k] = value, most_of_it
+                spare[0], spare_size[0] = p[i], size[i]
+                for k in range(powers + 1):
+                    a[k], large[k] = spare[k], spare_size[k]
+            # the same of sizes and errors together, with its derivatives by σ, at the end
+            whole[:] = 0.0
+            for i in range(degree, -1, -1):
+                for k in range(min(most, 3), 0, -1):
+                    whole[k] = whole[k] * reach + k * whole[k - 1]
+                whole[0] = whole[0] * reach + (abs(mid[i, g, c]) + rad[i, g, c])
+            rest[0], rest[1] = whole[0], whole[1] * z1
+            rest[2] = whole[2] * z1 * z1 + whole[1] * z2
+            rest[3] = whole[3] * z1 * z1 * z1 + 3 * whole[2] * z1 * z2 + whole[1] * z3
+            scale = 1.0
+            for m in range(most + 1):
+                kept = 0.0
+                for k in range(powers + 1):
+                    spare[k] = 0.0
+                for k in range(m, powers + 1):
+                    factor = 1.0
+                    for i in range(m):
+                        factor *= k - i
+                    spare[k - m] = factor * a[k]
+                    kept += factor * large[k]
+                slack = rest[m] * (1 + ROUNDINGS) - kept * (1 - 2 * ROUNDINGS)
+                # a little of the cubic and the quartic is no polynomial of degree two: Chebyshev's
+                slack += abs(spare[3]) / 4 + abs(spare[4]) / 8
+                for k in range(5, powers + 1):
+                    slack += abs(spare[k])
+                e0, e1, e2 = spare[0] - spare[4] / 8, spare[1] + 0.75 * spare[3], spare[2] + spare[4]
+                low, high = e0 + e2 - abs(e1), e0 + e2 + abs(e1)
+                if abs(e1) < 2 * abs(e2):
+                    top = e0 - e1 * e1 / (4 * e2)
+                    low, high = min(low, top), max(high, top)
+                low, high = low * scale, high * scale
+                slack = slack * scale * (1 + ROUNDINGS)
+                out_mid[m, n, c] = (low + high) / 2
+                good = reach <= 1 and np.isfinite(slack) and np.isfinite(low) and np.isfinite(high)
+                own = (high - low) / 2 * (1 + 4 * EPS) + 16 * EPS * max(abs(low), abs(high)) + slack
+                out_rad[m, n, c] = own if good else np.inf
+                if not good:
+                    out_mid[m, n, c] = 0.0
+                scale *= rate[n]
