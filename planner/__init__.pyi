@@ -18,7 +18,14 @@ from .program.model import (
 from .program.modifiers import Blend as Blend, Free as Free, Stop as Stop, Through as Through, Trigger as Trigger
 from .program.program_file import load_program as load_program, program_names as program_names
 from .path.point_to_point import synchronise as synchronise
-from .pulses import PulseSchedule as PulseSchedule, RealisedPath as RealisedPath, realised as realised
+from .pulses import (
+    PulseFile as PulseFile,
+    PulseSchedule as PulseSchedule,
+    RealisedPath as RealisedPath,
+    open_pulses as open_pulses,
+    read_pulses as read_pulses,
+    realised as realised,
+)
 from .sources.arm_simulation import simulate_arms as simulate_arms
 from .sources.position_list import PositionList as PositionList, save_positions as save_positions
 from .sources.positions import load_positions as load_positions

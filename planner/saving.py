@@ -6,7 +6,7 @@ from pathlib import Path
 
 from kinematics.foundation.result import saves
 from planner.export import plan_files
-from planner.export.formats import npz
+from planner.export.formats import binary, npz
 from planner.program.model import Program
 from planner.program.program_writer import program_toml
 from planner.pulses.schedule import PulseSchedule
@@ -33,8 +33,8 @@ def trajectory_files(trajectory: Trajectory) -> Files:
 
 @saves(PulseSchedule)
 def schedule_files(schedule: PulseSchedule) -> Files:
-    """.npz: exact, as `export` writes it."""
-    return {".npz": partial(npz.write, schedule)}
+    """.bin and .npz: exact, as `export` writes them."""
+    return {".bin": partial(binary.write, schedule), ".npz": partial(npz.write, schedule)}
 
 
 @saves(PositionList)

@@ -108,6 +108,7 @@ FORMATS = {
     "vcd": "planner.export.formats.vcd:Vcd",
     "steps": "planner.export.formats.steps:Steps",
     "npz": "planner.export.formats.npz:Npz",
+    "binary": "planner.export.formats.binary:Binary",
     "zaber": "planner.export.formats.pvt:ZaberCsv",
     "xps": "planner.export.formats.pvt:Xps",
     "pmac": "planner.export.formats.pvt:Pmac",

@@ -57,6 +57,13 @@ FIGURE_MODULES = ("benchmarks.reports.plan_report", "controllers.figures", "plan
     show_default=True,
     help="Draw figures in the report. Without them it keeps all text and tables and is faster.",
 )
+@click.option(
+    "--pulses",
+    type=click.Choice(["csv", "binary", "none"]),
+    default="binary",
+    show_default=True,
+    help="Form of the file of pulses: pulses.csv, one row per edge; pulses.bin, compressed; or no file.",
+)
 @motion_option
 @click.option(
     "--rig",
@@ -82,6 +89,7 @@ def plan(
     duration: str | None,
     rule: str,
     figures: bool,
+    pulses: str,
     motion: str,
     rig: str | None,
     crossed: bool,
@@ -96,7 +104,7 @@ def plan(
     Example: pulsepath plan circle --out out/circle
     """
     if dumped is not None:
-        _dump(dumped, program, machine, motion, order, clock_hz, duration, rule, rig, crossed, force, as_json)
+        _dump(dumped, program, machine, motion, order, clock_hz, duration, rule, pulses, rig, crossed, force, as_json)
         return
     if out is None:
         raise click.UsageError("Missing option '--out'.", click.get_current_context())
@@ -120,7 +128,7 @@ def plan(
         behind = read_rig(rig, inputs.machine)
         with replace_directory(out, force) as folder:  # where nothing can be written, that is said before the work
             job = run(inputs.program, inputs.machine, kind, clock_hz, seconds, rule, other, figures, behind, crossed)
-            plan_directory.write(folder, job, inputs)
+            plan_directory.write(folder, job, inputs, pulses)
     report = str(out / plan_directory.REPORT)
     if as_json:
         written = json.loads((out / RECORD).read_bytes())
@@ -139,6 +147,7 @@ def _dump(
     clock_hz: int,
     duration: str | None,
     rule: str,
+    pulses: str,
     rig: str | None,
     crossed: bool,
     force: bool,
@@ -153,7 +162,7 @@ def _dump(
     read_rig(rig, inputs.machine)  # refuses one that does not fit
     find_rule(rule)  # refuses what is none
     chosen = usual_order(inputs.machine.axes) if order is None else int(order)
-    options: dict[str, int | str] = {"order": chosen, "clock-hz": clock_hz, "rule": rule}
+    options: dict[str, int | str] = {"order": chosen, "clock-hz": clock_hz, "rule": rule, "pulses": pulses}
     if duration is not None:
         read_quantity("--duration", duration, "s", above=0.0)
         options["duration"] = duration

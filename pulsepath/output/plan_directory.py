@@ -19,7 +19,7 @@ from planner.limits import Limit, limits_of
 from planner.orientation.orient import apply_choice, find_choice
 from planner.parallel import Progress, ignore_progress
 from planner.path.actuation import actuate
-from planner.pulses import PulseCheck, PulseSchedule, check, check_file, generate, pace_axes
+from planner.pulses import PulseCheck, PulseSchedule, check, check_file, generate, pace_axes, read_pulses
 from planner.pulses.compensation.compensate import counted_motion
 from pulsepath.inputs import Inputs
 from pulsepath.job import Defect, Job
@@ -38,13 +38,13 @@ from pulsepath.output.verification import (
 from pulsepath.progress import note, step
 
 
-def pulse_file_record(path: Path, plan: Plan, verdict: PulseCheck) -> Record:
-    """What was proved of a file of pulses; times in s, None where there is nothing to time."""
+def pulse_file_record(path: Path | None, plan: Plan, verdict: PulseCheck) -> Record:
+    """What was proved of a file of pulses, None: of the pulses; times in s, None where there is nothing to time."""
     return {
         "schema": SCHEMA,
         "kind": "pulsepath pulse certificate",
-        "file": path.name,
-        "sha256": digest(path),
+        "file": None if path is None else path.name,
+        "sha256": None if path is None else digest(path),
         "clock_hz": plan.pulses.clock_hz,
         "rule": plan.pulses.rule,
         "duration_s": plan.pulses.duration,
@@ -78,12 +78,15 @@ def _time_record(of: object, names: Iterable[str]) -> Record | None:
 
 CERTIFICATE = "certificate.json"
 """What the check of the pulse file found: beside it."""
-MOTION, TRAJECTORY, PULSES, REPORT, TRACK = "motion.json", "trajectory.csv", "pulses.csv", "report.html", "track.json"
+MOTION, TRAJECTORY, REPORT, TRACK = "motion.json", "trajectory.csv", "report.html", "track.json"
+PULSES = {"csv": "pulses.csv", "binary": "pulses.bin", "none": None}
+"""The file of pulses by the form that is asked for."""
+DEFAULT_PULSES = "binary"
 TRIGGERS = "triggers.csv"
 """Only where the program has triggers."""
 ORIENTATION = "orientation.json"
 """Only where the program leaves orientation free: what was chosen, by the index of the segment, from 0."""
-DERIVED = (TRAJECTORY, PULSES, CERTIFICATE, TRIGGERS, REPORT, "figures")
+DERIVED = (TRAJECTORY, *filter(None, PULSES.values()), CERTIFICATE, TRIGGERS, REPORT, "figures")
 """What no command reads, so that it may be missing."""
 NOT_VERIFIED = ", NOT VERIFIED"
 """Behind the name of a program whose plan was taken up all the same."""
@@ -104,6 +107,7 @@ class StoredPlan:
     rule: str
     order: int
     pulse_digest: str | None = None
+    pulse_file: Path | None = None
     doubts: tuple[str, ...] = ()
 
     @property
@@ -113,7 +117,12 @@ class StoredPlan:
         return limits_of(self.trajectory.path, axes, self.order)
 
     def pulses(self, progress: Progress = ignore_progress) -> PulseSchedule:
-        """The pulses, made again from the motion. Raises MotionError where they are not as they were, nor right."""
+        """The pulses: from their file, or made again from the motion.
+
+        Raises MotionError where they are not as they were, nor right.
+        """
+        if self.pulse_file is not None and digest_pulses(held := read_pulses(self.pulse_file)) == self.pulse_digest:
+            return held
         axes, home_q = self.machine.axes, self.machine.home_q
         made = generate(self.trajectory, axes, home_q, self.clock_hz, self.rule, progress)
         if not self.doubts and digest_pulses(made) != self.pulse_digest:  # as by the arithmetic of another processor
@@ -122,13 +131,11 @@ class StoredPlan:
         return made
 
 
-def write(folder: Path, job: Job, inputs: Inputs) -> PulseCheck:
+def write(folder: Path, job: Job, inputs: Inputs, pulses: str = DEFAULT_PULSES) -> PulseCheck:
     """Write everything into an empty folder, the record last; what the check of the written pulses found.
 
-    Raises Defect where they fail it.
+    pulses: the form of their file, "csv", "binary" or "none". Raises Defect where they fail the check.
     """
-    from planner.export.formats import pulse_csv
-
     plan = job.plan
     (folder / SOURCES["program"]).write_bytes(inputs.program_toml)
     (folder / SOURCES["machine"]).write_bytes(inputs.machine_toml)
@@ -138,20 +145,36 @@ def write(folder: Path, job: Job, inputs: Inputs) -> PulseCheck:
     if choice := find_choice(plan.program):
         (folder / ORIENTATION).write_text(as_json({str(k): chosen.tolist() for k, chosen in choice.items()}))
     plan_files.write_trajectory_csv(plan.trajectory, folder / TRAJECTORY)
-    axes = plan.machine.axes
-    wiring, timing = [axis.direction for axis in axes], [axis.timing for axis in axes]
-    with step(f"writing {plan.pulses.total} pulses") as tell:
-        pulse_csv.write(plan.pulses, folder / PULSES, wiring, timing=timing, tell=tell)
+    form = PULSES[pulses]
+    file = None if form is None else folder / form
+    if file is not None:
+        with step(f"writing {plan.pulses.total} pulses") as tell:
+            _write_pulses(file, plan, tell)
     with step(f"checking {plan.pulses.total} pulses") as tell:
-        verdict = check_file(folder / PULSES, plan, tell)
+        if file is not None:
+            verdict = check_file(file, plan, tell)
+        else:
+            verdict = check(plan.pulses, plan.counted, plan.machine.axes, plan.machine.home_q)
     if not verdict.holds:
         raise Defect(f"{verdict.fault_count} faults in the pulses, the first: {verdict.faults[0]}")
-    (folder / CERTIFICATE).write_text(as_json(pulse_file_record(folder / PULSES, plan, verdict)), encoding="utf-8")
+    (folder / CERTIFICATE).write_text(as_json(pulse_file_record(file, plan, verdict)), encoding="utf-8")
     if plan.triggers:
         plan_files.write_trigger_csv(plan.triggers, plan.machine.axes, folder / TRIGGERS)
     _write_report(folder / REPORT, job, verdict)
     (folder / RECORD).write_text(as_json(seal_record(plan_record(job, inputs, verdict), folder)), encoding="utf-8")
     return verdict
+
+
+def _write_pulses(file: Path, plan: Plan, tell: Progress) -> None:
+    """As the name of the file says."""
+    from planner.export.formats import binary, pulse_csv
+
+    axes = plan.machine.axes
+    if file.name == PULSES["binary"]:
+        binary.write(plan.pulses, file, {axis.name: axis.unit for axis in axes}, tell=tell)
+    else:
+        wiring, timing = [axis.direction for axis in axes], [axis.timing for axis in axes]
+        pulse_csv.write(plan.pulses, file, wiring, timing=timing, tell=tell)
 
 
 def _write_report(page: Path, job: Job, verdict: PulseCheck) -> None:
@@ -209,9 +232,10 @@ def read(folder: Path, unverified: bool = False) -> StoredPlan:
     )
     machine = machine.rename(str(record.get("machine") or machine.name))
     trajectory = plan_files.read(folder / MOTION, actuate(program, machine))
-    taken = StoredPlan(program, machine, trajectory, clock, rule, order, digest)
+    file = folder / str(PULSES["binary"])
+    taken = StoredPlan(program, machine, trajectory, clock, rule, order, digest, file if file.is_file() else None)
     if unverified:
-        return replace(taken, doubts=(*doubts, "the motion was not proved again"))
+        return replace(taken, pulse_file=None, doubts=(*doubts, "the motion was not proved again"))
     with step("certifying the motion again"):
         found = find_violation(trajectory, taken.limits)
     refuse([] if found is None else [f"{folder / MOTION}: {found}"])

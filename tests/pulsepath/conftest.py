@@ -1,5 +1,7 @@
 """One plan of the bare circle that the tests of the front door share, and a command line without a process."""
 
+from dataclasses import replace
+
 import pytest
 from click.testing import CliRunner
 
@@ -52,6 +54,17 @@ def directory(tmp_path_factory, inputs, job):
     folder = tmp_path_factory.mktemp("plans") / "bare-circle"
     folder.mkdir()
     plan_directory.write(folder, job, inputs)
+    return folder
+
+
+@pytest.fixture(scope="session")
+def edges(tmp_path_factory, inputs, job):
+    """The same with its pulses as edges, and without figures; not to be changed."""
+    from pulsepath.output import plan_directory
+
+    folder = tmp_path_factory.mktemp("edges") / "bare-circle"
+    folder.mkdir()
+    plan_directory.write(folder, replace(job, figures=False), inputs, "csv")
     return folder
 
 

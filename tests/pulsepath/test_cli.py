@@ -21,7 +21,7 @@ FILES = {
     "motion.json",
     "plan.json",
     "program.toml",
-    "pulses.csv",
+    "pulses.bin",
     "report.html",
     "trajectory.csv",
 }

@@ -17,6 +17,7 @@ from typing import BinaryIO, Literal, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from kinematics.files.chunk_file import holds_chunks
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import Fault, FileError
 from kinematics.foundation.units import format_distinct
@@ -24,6 +25,7 @@ from kinematics.machine.axis import Axis
 from kinematics.machine.machine import Machine
 from planner.parallel import Progress, ignore_progress
 from planner.pulses.checking import check_parts
+from planner.pulses.checking.pulse_reader import open_pulses
 from planner.pulses.checking.verdict import LineTimes, PulseCheck, PulseFault
 from planner.pulses.motion import AxesMotion
 from planner.pulses.schedule import AxisPulses, PulseSchedule, Signs, Ticks
@@ -231,12 +233,15 @@ class PlannedPulses(Protocol):
 
 
 def check_file(path: str | PathLike[str], plan: PlannedPulses, progress: Progress = ignore_progress) -> PulseCheck:
-    """Prove a pulse CSV: its pulses as `check` does, and the times on its lines against what each drive asks.
+    """Prove a file of pulses as `check` does: a CSV of edges, with the times on its lines against what each drive asks,
+    or one in the binary form, with what it states against the plan.
 
-    Only the edges come from the file, part by part; start counts, duration, rule and bounds, which it cannot hold, from
-    the plan. progress is told how much of the file is done. Raises FileError where it cannot be read.
+    Only the pulses come from the file, part by part; start counts, duration, rule and bounds from the plan. progress is
+    told how much of the file is done. Raises FileError where it cannot be read.
     """
     stated, machine = plan.pulses, plan.machine
+    if holds_chunks(path):
+        return _check_binary(path, plan, progress)
     lined: tuple[LineTimes, ...] = ()
 
     def pulses() -> Iterator[PulseSchedule]:
@@ -251,6 +256,36 @@ def check_file(path: str | PathLike[str], plan: PlannedPulses, progress: Progres
         short = tuple(_find_short_times(times, axis))
         axes.append(replace(one, lines=times, faults=one.faults + short, fault_count=one.fault_count + len(short)))
     return PulseCheck(tuple(axes))
+
+
+def _check_binary(path: str | PathLike[str], plan: PlannedPulses, progress: Progress) -> PulseCheck:
+    """The findings on a file in the binary form, with what it states otherwise than the plan."""
+    stated, held = plan.pulses, open_pulses(path)
+    names, own = ([axis.name for axis in of.axes] for of in (stated, held.stated))
+    if own != names:
+        raise FileError(str(path), [Fault("axes", f"{own} should be {names}")])
+    found = check_parts(stated, held.parts(progress), plan.counted, plan.machine.axes, plan.machine.home_q)
+    axes = []
+    for k, one in enumerate(found.axes):
+        says, should = (_list_statements(of, k) for of in (held.stated, stated))
+        other = tuple(
+            PulseFault(one.name, 0, f"{name}: the file states {says[name]}, and the plan {should[name]}")
+            for name in should
+            if says[name] != should[name]
+        )
+        axes.append(replace(one, faults=one.faults + other, fault_count=one.fault_count + len(other)))
+    return PulseCheck(tuple(axes))
+
+
+def _list_statements(schedule: PulseSchedule, k: int) -> dict[str, object]:
+    """What a schedule states of its axis k, besides the pulses."""
+    axis = schedule.axes[k]
+    return {
+        **{name: getattr(schedule, name) for name in ("clock_hz", "rule", "duration")},
+        **{name: getattr(axis, name) for name in ("start", "pulse", "home", "bound")},
+        "moves": [one for one in schedule.moves if one.axis == axis.name],
+        "compensations": [one for one in schedule.compensations if one.axis == axis.name],
+    }
 
 
 def _find_short_times(times: LineTimes, axis: Axis) -> Iterator[PulseFault]:

@@ -123,7 +123,7 @@ def test_an_export_that_is_refused_leaves_no_file(tmp_path):
 
 
 READ = {"pulses": "utf-8", "zaber": "utf-8", "adlink-csv": "utf-8"}
-BINARY = ("npz", "byte")
+BINARY = ("npz", "binary", "byte")
 
 
 @pytest.mark.parametrize("name", [name for name in FORMATS if name not in BINARY])

@@ -120,8 +120,11 @@ def test_an_earlier_file_is_replaced_only_by_force(call, plan):
     assert target.read_text().startswith("Time[s]")
 
 
-def test_a_file_of_the_plan_itself_is_written_again_but_not_changed(call, plan, directory):
+def test_a_file_of_the_plan_itself_is_written_again_but_not_changed(call, plan, edges):
     """Else the next command would refuse the plan."""
+    for name in ("plan.json", "motion.json"):
+        (plan / name).write_bytes((edges / name).read_bytes())
+    directory = edges
     made = plan / "pulses.csv"
     assert call("export", plan, "--format", "pulses").exit_code == 0
     assert made.read_bytes() == (directory / "pulses.csv").read_bytes()

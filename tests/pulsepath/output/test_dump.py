@@ -54,9 +54,16 @@ def test_the_path_is_the_same(call, tmp_path, program):
 def test_the_options_as_they_come_out(call, tmp_path):
     done = call("plan", "bare-circle", "--machine", "traverser", "--rule", "floor", "--dump-config", tmp_path / "d")
     assert done.exit_code == 0
-    assert tomllib.loads(done.stdout)["options"] == {"order": 2, "clock-hz": 10_000_000, "rule": "floor"}
-    told = json.loads(call("plan", "circle", "--duration", "9 s", "--dump-config", tmp_path / "e", "--json").stdout)
-    assert told["options"] == {"order": 3, "clock-hz": 10_000_000, "rule": "nearest", "duration": "9 s"}
+    assert tomllib.loads(done.stdout)["options"] == {
+        "order": 2,
+        "clock-hz": 10_000_000,
+        "rule": "floor",
+        "pulses": "binary",
+    }
+    given = ["--duration", "9 s", "--pulses", "csv"]
+    told = json.loads(call("plan", "circle", *given, "--dump-config", tmp_path / "e", "--json").stdout)
+    expected = {"order": 3, "clock-hz": 10_000_000, "rule": "nearest", "pulses": "csv", "duration": "9 s"}
+    assert told["options"] == expected
     assert {path.name for path in (tmp_path / "e").iterdir()} == {"machine.toml", "program.toml"}
     # given back, it is the same again
     name, *again = shlex.split(told["command"])

@@ -9,7 +9,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from kinematics import MotionError
+from planner import read_pulses
+from planner.export.formats import binary
 from planner.pulses import check, generate
+from planner.pulses.schedule import holds_same_pulses
 from pulsepath.output import plan_directory
 from tests import read_lines
 
@@ -46,7 +50,7 @@ def test_the_record(directory, job):
 
 def test_nothing_written_tells_where_or_when_it_was_made(directory, inputs, job, tmp_path):
     for path in directory.glob("*.*"):
-        text = path.read_text()
+        text = path.read_text(errors="replace")
         assert str(directory.parent) not in text
         assert sys.prefix not in text
     plan_directory.write(tmp_path, job, inputs)
@@ -78,21 +82,21 @@ def test_the_trajectory_table(directory, job):
     np.testing.assert_allclose(np.diff(qd, axis=0), h * (qdd[1:] + qdd[:-1]) / 2, atol=4.0 * 1e-6)
 
 
-def test_the_pulse_file_holds_the_plans_pulses(directory, job):
+def test_the_edges_are_the_plans_pulses(edges, job):
     plan = job.plan
     start, machine = [axis.start for axis in plan.pulses.axes], plan.machine
     duration = plan.trajectory.duration
     read = read_lines.read(
-        directory / "pulses.csv", 10_000_000, machine.axes, machine.home_q, start=start, duration=duration
+        edges / "pulses.csv", 10_000_000, machine.axes, machine.home_q, start=start, duration=duration
     ).schedule
     assert check(read, plan.trajectory).holds
     assert read.total == plan.pulses.total
 
 
-def test_the_certificate_is_of_the_file(directory, job):
+def test_the_certificate_is_of_the_file_of_edges(edges, job):
     """Its figures are those of a reader of the tests' own: edges in whole ticks, from the text."""
-    certificate = json.loads((directory / "certificate.json").read_text())
-    content = (directory / "pulses.csv").read_bytes()
+    certificate = json.loads((edges / "certificate.json").read_text())
+    content = (edges / "pulses.csv").read_bytes()
     assert certificate["sha256"] == sha256(content).hexdigest()
     assert certificate["holds"] is True
     assert certificate["faults"] == []
@@ -115,6 +119,47 @@ def test_the_certificate_is_of_the_file(directory, job):
         assert said["lines_s"]["hold"] == (pytest.approx(min(holds) / 1e7) if holds else None)
         assert said["final_count"] - said["start_count"] == np.sum(axis.direction)
         assert 0 <= said["time_error_ticks"] <= 0.5
+
+
+def test_the_pulse_file_is_the_plans_schedule_and_the_certificate_is_of_it(directory, edges, job):
+    path = directory / "pulses.bin"
+    held = read_pulses(path)
+    assert (held.rule, held.duration, held.clock_hz) == ("nearest", job.plan.trajectory.duration, 10_000_000)
+    for got, axis in zip(held.axes, job.plan.pulses.axes, strict=True):
+        np.testing.assert_array_equal(got.ticks, axis.ticks)
+        np.testing.assert_array_equal(got.direction, axis.direction)
+    certificate, other = (json.loads((folder / "certificate.json").read_text()) for folder in (directory, edges))
+    assert (certificate["file"], certificate["sha256"]) == ("pulses.bin", sha256(path.read_bytes()).hexdigest())
+    for name, axis in certificate["axes"].items():
+        assert axis == {**other["axes"][name], "lines_s": None}  # a file without lines; all else is found the same
+    # 9 bytes a pulse in memory, some 95 as edges
+    assert path.stat().st_size < 0.3 * held.total < 0.01 * (edges / "pulses.csv").stat().st_size
+
+
+def test_a_plan_without_a_file_of_pulses_is_proved_and_makes_them_again(inputs, job, tmp_path, edges):
+    plan_directory.write(tmp_path, replace(job, figures=False), inputs, "none")
+    assert not list(tmp_path.glob("pulses.*"))
+    certificate = json.loads((tmp_path / "certificate.json").read_text())
+    assert (certificate["file"], certificate["sha256"], certificate["holds"]) == (None, None, True)
+    assert holds_same_pulses(job.plan.pulses, [plan_directory.read(tmp_path).pulses()])
+    assert holds_same_pulses(job.plan.pulses, [plan_directory.read(edges).pulses()])
+
+
+def test_pulses_are_taken_from_their_file_and_where_it_is_gone_made_again(directory, job, tmp_path, monkeypatch):
+    for path in directory.glob("*.*"):
+        (tmp_path / path.name).write_bytes(path.read_bytes())
+    monkeypatch.setattr(plan_directory, "generate", lambda *_: pytest.fail("they are in the file"))
+    again = plan_directory.read(tmp_path)
+    assert holds_same_pulses(job.plan.pulses, [again.pulses()])
+    monkeypatch.undo()
+    (tmp_path / "pulses.bin").unlink()
+    assert holds_same_pulses(job.plan.pulses, [plan_directory.read(tmp_path).pulses()])
+    earlier = replace(job.plan.pulses.axes[0], ticks=job.plan.pulses.axes[0].ticks - 1)
+    binary.write(replace(job.plan.pulses, axes=(earlier, *job.plan.pulses.axes[1:])), tmp_path / "pulses.bin")
+    with pytest.raises(MotionError, match=r"pulses\.bin was changed"):
+        plan_directory.read(tmp_path)
+    # and never from another plan's, were it not told
+    assert holds_same_pulses(job.plan.pulses, [replace(again, pulse_file=tmp_path / "pulses.bin").pulses()])
 
 
 def test_a_plan_taken_up_again_fires_by_its_rule(inputs, job, tmp_path):

@@ -12,6 +12,7 @@ import pytest
 from kinematics import MotionError
 from kinematics.files.atomic_files import Destination
 from kinematics.files.leftovers import clear
+from planner import read_pulses
 from planner.export.formats import npz
 from pulsepath.output import plan_directory
 from pulsepath.output.directory import KIND, replace_directory
@@ -54,7 +55,7 @@ def assert_plan(folder):
     record = json.loads((folder / "plan.json").read_bytes())
     planned = plan_directory.read(folder)  # holds its sources against their digests
     assert planned.pulses().total == record["pulses"]["total"]
-    assert (folder / "pulses.csv").read_bytes().endswith(b"\n")
+    assert read_pulses(folder / "pulses.bin").total == record["pulses"]["total"]
     assert (folder / "report.html").read_text("utf-8").rstrip().endswith("</html>")
 
 
@@ -122,7 +123,7 @@ def test_the_next_run_clears_what_is_left_of_another_target(tmp_path):
     assert names(tmp_path) == {"plan", "older"}
 
 
-@pytest.mark.parametrize(("made", "earlier"), [("pulses.csv", False), ("report.html", True)])
+@pytest.mark.parametrize(("made", "earlier"), [("pulses.bin", False), ("report.html", True)])
 def test_plan_killed_in_the_midst(tmp_path, directory, made, earlier):
     program, out = tmp_path / "line.toml", tmp_path / "plans" / "out"
     program.write_text('schema = 1\nlength = "mm"\n[[segment]]\nline = { to = [0, 0, 0.1] }\n')

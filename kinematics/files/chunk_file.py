@@ -1,0 +1,229 @@
+"""A file of chunks that grows at its end, and of which as much can be read as is whole.
+
+    8 bytes   89 50 50 42 0D 0A 1A 0A
+    uint32    version of this layout: 1
+    chunks, one after the other:
+        4 bytes   kind, in ASCII: HEAD, MARK, or what the kind of file has
+        uint32    number, from 0
+        uint64    length of the contents, bytes
+        uint32    CRC-32 of the contents
+        uint32    CRC-32 of the 20 bytes before
+        contents
+
+All numbers have their little end first. The first chunk is the HEAD, a JSON object with `kind` and `schema` of what the
+file holds. A MARK, another JSON object, says that what is in the file so far is whole; the last one of a file that is
+finished has `"complete": true`, and nothing comes after it. Chunks of a kind in lower case are provisional: they count
+from the mark behind them until there is another. So a file that is cut anywhere still holds all that its last whole
+mark stands for, and one that goes on never has to be written over.
+"""
+
+import json
+import os
+import struct
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+from typing import Any, BinaryIO
+from zlib import crc32
+
+from kinematics.foundation.errors import Fault, FileError
+
+SIGNATURE = b"\x89PPB\r\n\x1a\n"
+"""What such a file begins with; text modes and seven-bit lines would change it."""
+VERSION = 1
+HEAD, MARK = "HEAD", "MARK"
+START = struct.Struct("<8sI")
+HEADER, CHECKSUM = struct.Struct("<4sIQI"), struct.Struct("<I")
+HEADER_BYTES = HEADER.size + CHECKSUM.size
+AGAIN = "write it again"
+
+
+@dataclass(frozen=True, slots=True)
+class Chunk:
+    """Where a chunk is: begin and length of its contents in bytes."""
+
+    kind: str
+    number: int
+    begin: int
+    length: int
+    checksum: int
+
+    @property
+    def end(self) -> int:
+        return self.begin + self.length
+
+
+@dataclass(frozen=True, slots=True)
+class ChunkFile:
+    """What a file holds up to its last mark.
+
+    head, mark  the objects of its first chunk and of that mark
+    chunks      those that count, in order
+    end         byte behind the mark; number: of the chunk that would follow
+    complete    the file is finished
+    """
+
+    path: Path
+    head: Mapping[str, Any]
+    mark: Mapping[str, Any]
+    chunks: tuple[Chunk, ...]
+    end: int
+    number: int
+    complete: bool
+
+    def contents(self) -> Iterator[tuple[Chunk, bytes]]:
+        """Each chunk with its contents, of which one at a time is in memory. Raises FileError for a damaged one."""
+        with self.path.open("rb") as file:
+            for chunk in self.chunks:
+                yield chunk, _read_contents(file, chunk, self.path)
+
+
+class ChunkWriter:
+    """Adds chunks at the end of a file; what a mark stands for is handed to the system with it."""
+
+    __slots__ = ("file", "number")
+
+    def __init__(self, file: BinaryIO, head: Mapping[str, Any] | None = None, number: int = 0) -> None:
+        """head: begins a file; without it chunks go on with a number."""
+        self.file, self.number = file, number
+        if head is not None:
+            file.write(START.pack(SIGNATURE, VERSION))
+            self.add(HEAD, _encode_record(head))
+
+    def add(self, kind: str, contents: bytes) -> None:
+        header = HEADER.pack(kind.encode("ascii"), self.number, len(contents), crc32(contents))
+        self.file.write(header + CHECKSUM.pack(crc32(header)))
+        self.file.write(contents)
+        self.number += 1
+
+    def mark(self, record: Mapping[str, Any]) -> None:
+        self.add(MARK, _encode_record(record))
+        self.file.flush()
+
+
+def holds_chunks(path: str | PathLike[str]) -> bool:
+    """Whether a file begins as one of chunks does."""
+    with Path(path).open("rb") as file:
+        return file.read(len(SIGNATURE)) == SIGNATURE
+
+
+def open_chunks(path: str | PathLike[str], kind: str, schema: int, partial: bool = False) -> ChunkFile:
+    """What a file of a kind holds; its contents are read later, chunk by chunk.
+
+    partial: also of a file that is not finished, as far as its last mark. Raises FileError for a file of another kind
+    or version, or one that is not whole.
+    """
+    place = Path(path)
+    with place.open("rb") as file:
+        size = os.fstat(file.fileno()).st_size
+        _read_start(file, place)
+        chunks, fault = _scan(file, size)
+        if not chunks or chunks[0].kind != HEAD:
+            raise _refusal(place, fault or f"has no {HEAD} at byte {START.size}", AGAIN)
+        head = _read_record(file, chunks[0], place)
+        _check_head(head, kind, schema, place)
+        marks = [n for n, chunk in enumerate(chunks) if chunk.kind == MARK]
+        last, mark = -1, None
+        while marks and mark is None:
+            last = marks.pop()
+            try:
+                mark = _read_record(file, chunks[last], place)
+            except FileError:
+                if not partial:
+                    raise
+        complete = mark is not None and mark.get("complete") is True and last == len(chunks) - 1 and not fault
+        if not complete and not partial:
+            until = START.size if mark is None else chunks[last].end
+            fault = fault or f"is not finished: it ends at byte {size}"
+            raise _refusal(place, fault, f"what it held at byte {until} can be read as partial; or {AGAIN}")
+        if mark is None:
+            raise _refusal(place, fault or f"holds no {MARK}", f"nothing in it is whole: {AGAIN}")
+    before = marks[-1] if marks else 0
+    counting = [
+        chunk for n, chunk in enumerate(chunks[:last]) if chunk.kind not in (HEAD, MARK) and _counts(chunk, n > before)
+    ]
+    return ChunkFile(place, head, mark, tuple(counting), chunks[last].end, last + 1, complete)
+
+
+def resume_chunks(held: ChunkFile, file: BinaryIO) -> ChunkWriter:
+    """Go on behind the last mark of a file that is open to be changed, once all that counts is known to be whole."""
+    for _ in held.contents():
+        pass
+    file.truncate(held.end)
+    file.seek(held.end)
+    return ChunkWriter(file, number=held.number)
+
+
+def _counts(chunk: Chunk, latest: bool) -> bool:
+    """Whether a chunk counts; latest: it stands between the last two marks."""
+    return latest or not chunk.kind.islower()
+
+
+def _read_start(file: BinaryIO, place: Path) -> None:
+    start = file.read(START.size)
+    if start[: len(SIGNATURE)] != SIGNATURE[: len(start)]:
+        raise _refusal(place, f"is no binary file of pulsepath: it begins with {start[:8]!r}", "give one")
+    if len(start) < START.size:
+        raise _refusal(place, f"is cut at byte {len(start)}, before its first chunk", AGAIN)
+    version = START.unpack(start)[1]
+    if version != VERSION:
+        told = f"is of version {version}, and this pulsepath reads version {VERSION}"
+        raise _refusal(place, told, f"read it with the pulsepath that wrote it, or {AGAIN}")
+
+
+def _check_head(head: Mapping[str, Any], kind: str, schema: int, place: Path) -> None:
+    if head.get("kind") != kind:
+        raise _refusal(place, f"holds {head.get('kind')!r}, not {kind!r}", "give another file")
+    if head.get("schema") != schema:
+        told = f"has {kind} of schema {head.get('schema')}, and this pulsepath reads schema {schema}"
+        raise _refusal(place, told, f"read it with the pulsepath that wrote it, or {AGAIN}")
+
+
+def _scan(file: BinaryIO, size: int) -> tuple[list[Chunk], str]:
+    """The chunks that are there from end to end, by their headers; and why there are no more, where that is a fault."""
+    chunks: list[Chunk] = []
+    at = START.size
+    while at < size:
+        file.seek(at)
+        header = file.read(HEADER_BYTES)
+        if len(header) < HEADER_BYTES:
+            return chunks, f"is cut at byte {size}, within the header of chunk {len(chunks)}"
+        kind, number, length, checksum = HEADER.unpack_from(header)
+        if crc32(header[: HEADER.size]) != CHECKSUM.unpack_from(header, HEADER.size)[0]:
+            return chunks, f"is damaged in the header of chunk {len(chunks)}, at byte {at}"
+        if number != len(chunks):
+            return chunks, f"has chunk {number} at byte {at}, where chunk {len(chunks)} should be"
+        chunk = Chunk(kind.decode("ascii", "replace"), number, at + HEADER_BYTES, length, checksum)
+        if chunk.end > size:
+            return chunks, f"is cut at byte {size}, within chunk {number}, which ends at byte {chunk.end}"
+        chunks.append(chunk)
+        at = chunk.end
+    return chunks, ""
+
+
+def _read_contents(file: BinaryIO, chunk: Chunk, place: Path) -> bytes:
+    file.seek(chunk.begin)
+    contents = file.read(chunk.length)
+    if crc32(contents) != chunk.checksum:
+        where = f"chunk {chunk.number} ({chunk.kind}, bytes {chunk.begin} to {chunk.end})"
+        raise _refusal(place, f"is damaged: {where} has another checksum than was written", AGAIN)
+    return contents
+
+
+def _encode_record(record: Mapping[str, Any]) -> bytes:
+    return json.dumps(record, ensure_ascii=False, separators=(",", ":")).encode()
+
+
+def _read_record(file: BinaryIO, chunk: Chunk, place: Path) -> Mapping[str, Any]:
+    try:
+        record = json.loads(_read_contents(file, chunk, place))
+    except ValueError as error:
+        raise _refusal(place, f"chunk {chunk.number} ({chunk.kind}) is no JSON: {error}", AGAIN) from None
+    if not isinstance(record, dict):
+        raise _refusal(place, f"chunk {chunk.number} ({chunk.kind}) is no JSON object", AGAIN)
+    return record
+
+
+def _refusal(place: Path, message: str, remedy: str) -> FileError:
+    return FileError(str(place), [Fault("", f"{message}: {remedy}")])

@@ -1,0 +1,231 @@
+"""Pulses in the binary form: chunks of some thousand pulses, a quarter of a byte each, that a file can grow by.
+
+The file is one of `kinematics.files.chunk_file`, which says how chunks are laid out. All numbers have their little end
+first.
+
+    HEAD   JSON: kind "pulsepath pulses", schema 1, clock_hz (ticks/s), rule, and of each axis: name, start (count),
+           pulse and home (in its unit), unit ("m" or "rad")
+    PULS   int64 begin, int64 end: the span of ticks, from begin to before end, of which it has the pulses of all axes;
+           uint64 length of what follows once it is inflated; that, deflated (zlib, RFC 1950). In there, of each axis:
+               uint32 pulses n, uint8 width w (1, 2, 4), uint32 escapes e
+               n codes of w bytes, e codes of 8 bytes, ⌈n/8⌉ bytes of directions
+    puls   the same of a stop that the next chunks replace: it counts while the mark behind it is the last
+    MARK   JSON: complete, until (tick before which nothing will change), duration (s), of each axis: bound (pulses),
+           pulses (how many), final (count); moves, compensations
+
+A code c stands for the change of interval d = c/2 (c even) or -(c + 1)/2 (c odd): with the interval before the first
+pulse of a chunk taken as 0, and the tick before it as begin, interval += d, tick += interval. Of w bytes, the largest
+code says that the next of 8 bytes takes its place. The bits of the directions have the first pulse in the highest bit
+of the first byte; 1 is a pulse towards smaller q. The first chunk begins at tick 0, each other where one before ends.
+
+The same schedule gives the same bytes with the same zlib. A file holds the pulses as they are in `PulseSchedule`, with
+directions in q, not in the wiring's count.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass
+from os import PathLike
+from pathlib import Path
+from typing import Any, BinaryIO, ClassVar
+from zlib import compress
+
+import numpy as np
+
+from kinematics.files.chunk_file import ChunkWriter, resume_chunks
+from kinematics.foundation.errors import MotionError
+from kinematics.foundation.options import option
+from planner.export.format import Exported, ExportSource
+from planner.parallel import Progress, ignore_progress, share_progress
+from planner.pulses.checking.pulse_reader import AXIS, ESCAPES, KIND, SCHEMA, SPAN, PulseFile, open_pulses
+from planner.pulses.schedule import UNKNOWN_UNIT, PulseSchedule, Signs, Ticks, holds_same_pulses
+
+MAX_PART_PULSES = 1 << 16
+"""Of an axis in a chunk: what bounds the memory of those who read it."""
+LEVEL = 1
+"""Of zlib: higher ones take five times as long for a fifth of the bytes."""
+
+
+@dataclass(frozen=True, slots=True)
+class Binary:
+    """The pulse schedule itself in compressed chunks, for pulsepath.read_pulses."""
+
+    suffix: ClassVar[str] = ".bin"
+    part: int = option(MAX_PART_PULSES, "largest number of pulses per axis and part")
+
+    def write(self, source: ExportSource, path: Path) -> Exported:
+        units = {axis.name: axis.unit for axis in source.machine.axes}
+        write(source.pulses, path, units, self.part, share_progress(source.tell, 0, 2))
+        held = open_pulses(path).parts(share_progress(source.tell, 1, 2))
+        exact = holds_same_pulses(source.pulses, held)
+        return Exported(0.0 if exact else np.inf, "the pulses, tick for tick", moves=source.pulses.total)
+
+
+def write(
+    schedule: PulseSchedule,
+    path: str | PathLike[str],
+    units: Mapping[str, str] | None = None,
+    part: int = MAX_PART_PULSES,
+    tell: Progress = ignore_progress,
+) -> None:
+    """Write a whole schedule; units: m or rad by axis. Raises MotionError for pulses that are no schedule's."""
+    with Path(path).open("wb") as file:
+        writer = PulseWriter.begin(file, schedule, units, part)
+        writer.add(schedule, find_end(schedule), tell=tell)
+        writer.mark(schedule, complete=True)
+
+
+def find_end(schedule: PulseSchedule) -> int:
+    """The tick behind the motion and its last pulse."""
+    last = max((int(axis.ticks[-1]) for axis in schedule.axes if len(axis)), default=0)
+    return 1 + max(last, int(schedule.duration * schedule.clock_hz))
+
+
+class PulseWriter:
+    """A file of pulses that grows, part by part.
+
+    What is added stays, but for a `stop`, which ends the motion until more is added behind the next mark. `mark` makes
+    what was added so far the file's contents, and the last one finishes it. until: tick up to which it will not change.
+    """
+
+    __slots__ = ("_chunks", "_counts", "_names", "_part", "_pulses", "_stop", "until")
+
+    def __init__(self, chunks: ChunkWriter, names: tuple[str, ...], part: int) -> None:
+        if part < 1:
+            raise MotionError(f"parts of {part} pulses: give 1 or more")
+        self._chunks, self._names, self._part = chunks, names, part
+        self.until = 0
+        self._counts, self._pulses = [0] * len(names), [0] * len(names)
+        self._stop: tuple[int, list[int], list[int]] | None = None
+
+    @classmethod
+    def begin(
+        cls,
+        file: BinaryIO,
+        stated: PulseSchedule,
+        units: Mapping[str, str] | None = None,
+        part: int = MAX_PART_PULSES,
+    ) -> "PulseWriter":
+        """A new file; of `stated` clock, rule and what holds for the axes throughout are taken, but no pulses."""
+        axes = [
+            {
+                "name": axis.name,
+                "start": axis.start,
+                "pulse": axis.pulse,
+                "home": axis.home,
+                "unit": (units or {}).get(axis.name, UNKNOWN_UNIT),
+            }
+            for axis in stated.axes
+        ]
+        head = {"kind": KIND, "schema": SCHEMA, "clock_hz": stated.clock_hz, "rule": stated.rule, "axes": axes}
+        made = cls(ChunkWriter(file, head), tuple(axis.name for axis in stated.axes), part)
+        made._counts = [axis.start for axis in stated.axes]
+        return made
+
+    @classmethod
+    def resume(cls, file: BinaryIO, held: PulseFile, part: int = MAX_PART_PULSES) -> "PulseWriter":
+        """Go on with a file that is not finished, open to be read and written: from its last mark, without its stop.
+
+        held: as `open_pulses` has it, with partial. Raises MotionError where it is finished, FileError where damaged.
+        """
+        if held.complete:
+            raise MotionError("the file of pulses is finished: nothing can be added to it")
+        made = cls(resume_chunks(held._chunks, file), tuple(axis.name for axis in held.stated.axes), part)
+        made.until = held.until
+        pulses, counts = [0] * len(made._names), [axis.start for axis in held.stated.axes]
+        for one in held.parts():
+            for k, axis in enumerate(one.axes):
+                kept = int(np.searchsorted(axis.ticks, held.until))
+                pulses[k] += kept
+                counts[k] += int(axis.direction[:kept].sum(dtype=np.int64))
+        made._pulses, made._counts = pulses, counts
+        return made
+
+    def add(self, part: PulseSchedule, until: int, *, stop: bool = False, tell: Progress = ignore_progress) -> None:
+        """The pulses that follow, all those before a tick; stop: they end the motion, until others replace them.
+
+        Raises MotionError for pulses that do not follow, and for others than those of a stop behind one.
+        """
+        if self._stop is not None and not stop:
+            raise MotionError("a stop was added and not marked: mark it before what replaces it")
+        begin, pulses, counts = self._stop or (self.until, self._pulses, self._counts)
+        if until < begin:
+            raise MotionError(f"the pulses up to tick {begin} are in the file: these are said to end at {until}")
+        _check_part(part, self._names, begin, until)
+        total = max(1, part.total)
+        for span, axes in _cut(part, begin, until, self._part):
+            self._chunks.add("puls" if stop else "PULS", encode(span, axes))
+            pulses = [number + len(ticks) for number, (ticks, _) in zip(pulses, axes, strict=True)]
+            counts = [count + int(way.sum(dtype=np.int64)) for count, (_, way) in zip(counts, axes, strict=True)]
+            tell(min(total, sum(pulses)), total)
+        if stop:
+            self._stop = until, pulses, counts
+        else:
+            self.until, self._pulses, self._counts = until, pulses, counts
+
+    def mark(self, stated: PulseSchedule, *, complete: bool = False) -> None:
+        """What was added is whole, and the motion ends as `stated`: its duration, and what it states of its axes."""
+        until, pulses, counts = self._stop or (self.until, self._pulses, self._counts)
+        self._chunks.mark(
+            {
+                "complete": complete,
+                "until": until if complete else self.until,
+                "duration": stated.duration,
+                "bound": [axis.bound for axis in stated.axes],
+                "pulses": pulses,
+                "final": counts,
+                "moves": [asdict(one) for one in stated.moves],
+                "compensations": [asdict(one) for one in stated.compensations],
+            }
+        )
+        self._stop = None
+
+
+def _check_part(part: PulseSchedule, names: tuple[str, ...], begin: int, until: int) -> None:
+    if tuple(axis.name for axis in part.axes) != names:
+        raise MotionError(f"the pulses are of axes {[axis.name for axis in part.axes]}, the file's are {list(names)}")
+    for axis in part.axes:
+        if (abs(axis.direction) != 1).any():
+            raise MotionError(f"axis {axis.name}: a direction is neither +1 nor -1")
+        if not len(axis):
+            continue
+        if not (np.diff(axis.ticks) > 0).all():
+            raise MotionError(f"axis {axis.name}: its ticks do not rise")
+        if axis.ticks[0] < begin or axis.ticks[-1] >= until:
+            told = f"ticks {axis.ticks[0]} to {axis.ticks[-1]}"
+            raise MotionError(f"axis {axis.name}: {told} are not from {begin} to before {until}")
+
+
+Span = tuple[int, int]
+Pulses = tuple[Ticks, Signs]
+
+
+def _cut(part: PulseSchedule, begin: int, until: int, most: int) -> Iterator[tuple[Span, list[Pulses]]]:
+    """Spans of time, and the pulses of each axis in them: no more than `most` of any."""
+    done = [0] * len(part.axes)
+    while begin < until:
+        following = (int(axis.ticks[k + most]) for axis, k in zip(part.axes, done, strict=True) if k + most < len(axis))
+        end = min(following, default=until)
+        cuts = [int(np.searchsorted(axis.ticks, end)) for axis in part.axes]
+        yield (
+            (begin, end),
+            [(axis.ticks[k:to], axis.direction[k:to]) for axis, k, to in zip(part.axes, done, cuts, strict=True)],
+        )
+        done, begin = cuts, end
+
+
+def encode(span: Span, axes: list[Pulses]) -> bytes:
+    """The contents of a chunk."""
+    content = b"".join(_encode_axis(ticks, direction, span[0]) for ticks, direction in axes)
+    return SPAN.pack(*span, len(content)) + compress(content, LEVEL)
+
+
+def _encode_axis(ticks: Ticks, direction: Signs, begin: int) -> bytes:
+    changes = np.diff(np.diff(ticks, prepend=begin), prepend=0)
+    codes = ((changes << 1) ^ (changes >> 63)).view(np.uint64)
+    apart = {width: codes >= most for width, most in ESCAPES.items()}
+    width = min(apart, key=lambda each: each * len(codes) + 8 * int(np.count_nonzero(apart[each])))
+    far = apart[width]
+    escapes: Any = codes[far].astype("<u8")
+    narrow: Any = np.minimum(codes, np.uint64(ESCAPES[width])).astype(f"<u{width}")
+    bits = np.packbits(direction < 0)
+    return b"".join((AXIS.pack(len(ticks), width, len(escapes)), narrow.tobytes(), escapes.tobytes(), bits.tobytes()))

@@ -1,0 +1,175 @@
+"""Pulses read back from the binary form, part by part; `planner.export.formats.binary` writes it and says what it is.
+
+Independent of what wrote the file: nothing but the layout is shared, and what a part holds has to fit what the file
+says of it.
+"""
+
+import struct
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from os import PathLike
+from typing import Any
+from zlib import decompressobj
+from zlib import error as ZlibError
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinematics.files.chunk_file import Chunk, ChunkFile, open_chunks
+from kinematics.foundation.errors import Fault, FileError
+from planner.parallel import Progress, ignore_progress
+from planner.pulses.schedule import AxisPulses, Compensation, MovedPulses, PulseSchedule, Signs, Ticks
+
+KIND, SCHEMA = "pulsepath pulses", 1
+SPAN, AXIS = struct.Struct("<qqQ"), struct.Struct("<IBI")
+ESCAPES = {1: 0xFF, 2: 0xFFFF, 4: 0xFFFF_FFFF}
+"""Of codes of so many bytes, the one whose value stands apart."""
+
+
+@dataclass(frozen=True, slots=True)
+class PulseFile:
+    """A file of pulses, of which one part at a time is read.
+
+    stated    the schedule without its pulses
+    pulses    how many each axis has
+    final     the count that each axis ends with
+    until     tick before which no pulse comes any more; in a file that is not complete, before which none changes
+    complete  the motion is whole; else its end is a stop that was to be replaced
+    """
+
+    stated: PulseSchedule
+    pulses: tuple[int, ...]
+    final: tuple[int, ...]
+    until: int
+    complete: bool
+    _chunks: ChunkFile
+
+    def parts(self, tell: Progress = ignore_progress) -> Iterator[PulseSchedule]:
+        """The pulses in parts that follow each other in time, each from the counts that the one before ends with.
+
+        Ticks count from the start of the motion, and the duration is its. Raises FileError for damage, with its place.
+        """
+        stated = self.stated
+        counts, done, begin = [axis.start for axis in stated.axes], [0] * len(stated.axes), 0
+        for n, (chunk, contents) in enumerate(self._chunks.contents()):
+            begin, pulses = self._decode(chunk, contents, begin)
+            axes = tuple(
+                replace(axis, ticks=ticks, direction=direction, start=count)
+                for axis, (ticks, direction), count in zip(stated.axes, pulses, counts, strict=True)
+            )
+            counts = [axis.final for axis in axes]
+            done = [number + len(axis) for number, axis in zip(done, axes, strict=True)]
+            yield replace(stated, axes=axes, moves=(), compensations=())
+            tell(n + 1, len(self._chunks.chunks))
+        if (tuple(done), tuple(counts)) != (self.pulses, self.final):
+            told = f"holds {done} pulses that count to {counts}, and says {self.pulses} that count to {self.final}"
+            raise self._refusal(f"{told}: write it again")
+        if begin != self.until if self.complete else begin < self.until:
+            raise self._refusal(f"holds pulses up to tick {begin}, and says {self.until}: write it again")
+
+    def read(self, tell: Progress = ignore_progress) -> PulseSchedule:
+        """All of it. Raises FileError as `parts` does."""
+        ticks = [np.empty(number, np.int64) for number in self.pulses]
+        direction = [np.empty(number, np.int8) for number in self.pulses]
+        done = [0] * len(ticks)
+        for part in self.parts(tell):
+            for k, axis in enumerate(part.axes):
+                end = done[k] + len(axis)
+                if end > self.pulses[k]:
+                    raise self._refusal(f"axis {axis.name} has more pulses than it says: write it again")
+                ticks[k][done[k] : end], direction[k][done[k] : end] = axis.ticks, axis.direction
+                done[k] = end
+        for k in range(len(ticks)):
+            ticks[k].flags.writeable = direction[k].flags.writeable = False  # so that they are not copied
+        axes = (replace(axis, ticks=ticks[k], direction=direction[k]) for k, axis in enumerate(self.stated.axes))
+        return replace(self.stated, axes=tuple(axes))
+
+    def _decode(self, chunk: Chunk, contents: bytes, begin: int) -> tuple[int, list[tuple[Ticks, Signs]]]:
+        """The tick that a chunk ends before, and the pulses of each axis from `begin` to there."""
+        try:
+            since, until, size = SPAN.unpack_from(contents)
+            inflate = decompressobj()
+            content = inflate.decompress(contents[SPAN.size :], size)
+            if since != begin or until < since or len(content) != size or not inflate.eof or inflate.unused_data:
+                raise ValueError(f"its span {since} to {until} or its length do not fit")
+            pulses, at = [], 0
+            for _ in self.stated.axes:
+                ticks, direction, at = _decode_axis(content, at, since)
+                if len(ticks) and not (since <= ticks[0] and ticks[-1] < until and (np.diff(ticks) > 0).all()):
+                    raise ValueError("its ticks do not rise, or leave its span")
+                pulses.append((ticks, direction))
+            if at != size:
+                raise ValueError("it has more than its axes need")
+        except (struct.error, ZlibError, ValueError) as error:
+            where = f"chunk {chunk.number}, from byte {chunk.begin} and {begin / self.stated.clock_hz:.9g} s"
+            raise self._refusal(f"{where}, holds no pulses: {error}; write it again") from None
+        return until, pulses
+
+    def _refusal(self, message: str) -> FileError:
+        return FileError(str(self._chunks.path), [Fault("", message)])
+
+
+def _decode_axis(content: bytes, at: int, begin: int) -> tuple[Ticks, Signs, int]:
+    """Ticks and directions of an axis, and where the next one begins."""
+    count, width, escaped = AXIS.unpack_from(content, at)
+    if width not in ESCAPES:
+        raise ValueError(f"its codes have {width} bytes")
+    at += AXIS.size
+    narrow = np.frombuffer(content, f"<u{width}", count, at)
+    at += count * width
+    apart: NDArray[np.uint64] = np.frombuffer(content, "<u8", escaped, at)
+    at += escaped * 8
+    bits = np.frombuffer(content, np.uint8, (count + 7) // 8, at)
+    codes = narrow.astype(np.uint64)
+    if escaped:
+        codes[narrow == ESCAPES[width]] = apart
+    changes = ((codes >> np.uint64(1)) ^ (np.uint64(0) - (codes & np.uint64(1)))).view(np.int64)
+    ticks = begin + np.cumsum(np.cumsum(changes))
+    direction = 1 - 2 * np.unpackbits(bits, count=count).view(np.int8)
+    ticks.flags.writeable = direction.flags.writeable = False  # so that they are not copied
+    return ticks, direction, at + len(bits)
+
+
+def open_pulses(path: str | PathLike[str], partial: bool = False) -> PulseFile:
+    """A file of pulses in the binary form, of which nothing but what it states is read yet.
+
+    partial: also one that is not finished, up to the stop that it holds. Raises FileError for a file that is none, of
+    another version, cut or damaged.
+    """
+    held = open_chunks(path, KIND, SCHEMA, partial)
+    try:
+        return _interpret(held)
+    except (KeyError, TypeError, ValueError) as error:
+        raise FileError(str(path), [Fault("", f"states no pulse schedule: {error!r}; write it again")]) from None
+
+
+def read_pulses(path: str | PathLike[str], partial: bool = False) -> PulseSchedule:
+    """The schedule in a file of the binary form, as it was written. Raises FileError as `open_pulses`."""
+    return open_pulses(path, partial).read()
+
+
+def _interpret(held: ChunkFile) -> PulseFile:
+    head, mark = held.head, held.mark
+    none: dict[str, Any] = {"ticks": np.empty(0, np.int64), "direction": np.empty(0, np.int8)}
+    axes = tuple(
+        AxisPulses(axis["name"], start=int(axis["start"]), pulse=axis["pulse"], home=axis["home"], bound=bound, **none)
+        for axis, bound in zip(head["axes"], mark["bound"], strict=True)
+    )
+    stated = PulseSchedule(
+        int(head["clock_hz"]),
+        axes,
+        float(mark["duration"]),
+        str(head["rule"]),
+        tuple(MovedPulses(**one) for one in mark["moves"]),
+        tuple(_read_compensation(one) for one in mark["compensations"]),
+    )
+    return PulseFile(stated, _numbers(mark["pulses"]), _numbers(mark["final"]), mark["until"], held.complete, held)
+
+
+def _numbers(given: Sequence[int]) -> tuple[int, ...]:
+    return tuple(int(number) for number in given)
+
+
+def _read_compensation(record: Mapping[str, Any]) -> Compensation:
+    windows = tuple((float(begin), float(end)) for begin, end in record["windows"])
+    return Compensation(**{**record, "kinds": tuple(record["kinds"]), "windows": windows})

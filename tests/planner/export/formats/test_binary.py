@@ -1,0 +1,343 @@
+"""The binary form: back tick for tick, read by a decoder made from its description alone, and never a wrong pulse."""
+
+import json
+import os
+import struct
+import tracemalloc
+from dataclasses import replace
+from itertools import pairwise
+from types import SimpleNamespace
+from zlib import crc32, decompress
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from kinematics import Axis, FileError, MotionError
+from planner import PulseSchedule, open_pulses, read_pulses
+from planner.export.formats import binary
+from planner.pulses import AxisPulses, MovedPulses, check_file, generate
+from planner.pulses.schedule import Compensation
+from tests.planner.motions import PULSE, example
+
+GAPS = st.one_of(st.integers(1, 300), st.integers(1, 1 << 40), st.integers(250, 260))
+AXES = st.lists(st.lists(st.tuples(GAPS, st.sampled_from([-1, 1])), max_size=40), min_size=1, max_size=4)
+
+
+def schedule_of(axes):
+    made = []
+    for k, pulses in enumerate(axes):
+        ticks = np.cumsum([gap for gap, _ in pulses], dtype=np.int64)
+        signs = np.array([sign for _, sign in pulses], np.int8)
+        made.append(AxisPulses(f"leg/{k} ä", ticks, signs, 3 - k, 0.75e-6, 0.2 + k, 0.5 + k / 8))
+    moved = (MovedPulses(made[0].name, 3, 1e-6, 0.125, 0.3, 1e-7),)
+    cost = (Compensation(made[0].name, ("backlash", "lead"), 2, 1e-6, windows=((0.1, 0.2), (0.3, 1 / 3))),)
+    return PulseSchedule(10_000_000, tuple(made), 1.5 + 1e-17, "floor", moved, cost)
+
+
+def is_same(one, other):
+    """Everything that a schedule holds."""
+    rest = ("clock_hz", "duration", "rule", "moves", "compensations")
+    return all(getattr(one, name) == getattr(other, name) for name in rest) and all(
+        (a.name, a.start, a.pulse, a.home, a.bound) == (b.name, b.start, b.pulse, b.home, b.bound)
+        and np.array_equal(a.ticks, b.ticks)
+        and np.array_equal(a.direction, b.direction)
+        for a, b in zip(one.axes, other.axes, strict=True)
+    )
+
+
+@settings(max_examples=60, derandomize=True, deadline=None)
+@given(AXES, st.integers(1, 50))
+def test_any_schedule_comes_back_from_parts_of_any_size(tmp_path_factory, axes, part):
+    schedule, path = schedule_of(axes), tmp_path_factory.mktemp("binary") / "pulses.bin"
+    binary.write(schedule, path, part=part)
+    assert is_same(read_pulses(path), schedule)
+    assert decode(path) == [(axis.ticks.tolist(), axis.direction.tolist()) for axis in schedule.axes]
+    parts = list(open_pulses(path).parts())
+    assert max(len(axis) for each in parts for axis in each.axes) <= part
+    assert [axis.start for axis in parts[0].axes] == [axis.start for axis in schedule.axes]
+    for before, after in pairwise(parts):
+        assert [axis.final for axis in before.axes] == [axis.start for axis in after.axes]
+        latest = max(int(axis.ticks[-1]) for axis in before.axes if len(axis))
+        assert all(axis.ticks[0] > latest for axis in after.axes if len(axis))  # parts do not overlap in time
+
+
+def chunks_of(content):
+    """(kind, contents) of each chunk, and where it begins and ends, as the description has it."""
+    signature, version = struct.unpack_from("<8sI", content)
+    assert (signature, version) == (b"\x89PPB\r\n\x1a\n", 1)
+    at, found = 12, []
+    while at < len(content):
+        kind, number, length, checksum, own = struct.unpack_from("<4sIQII", content, at)
+        assert (number, own) == (len(found), crc32(content[at : at + 20]))
+        held = content[at + 24 : at + 24 + length]
+        assert checksum == crc32(held)
+        found.append((kind.decode(), held, at, at + 24 + length))
+        at += 24 + length
+    return found
+
+
+def decode(path):
+    """(ticks, directions) of each axis, pulse by pulse, in whole numbers of Python's."""
+    head, *rest = chunks_of(path.read_bytes())
+    axes = [([], []) for _ in json.loads(head[1])["axes"]]
+    assert [kind for kind, *_ in rest] == ["PULS"] * (len(rest) - 1) + ["MARK"]
+    for _, held, *_ in rest[:-1]:
+        begin, _, size = struct.unpack_from("<qqQ", held)
+        content, at = decompress(held[24:]), 0
+        assert len(content) == size
+        for ticks, ways in axes:
+            n, width, escapes = struct.unpack_from("<IBI", content, at)
+            codes, apart, at = at + 9, at + 9 + n * width, at + 9 + n * width + 8 * escapes
+            tick, interval = begin, 0
+            for k in range(n):
+                code = int.from_bytes(content[codes + k * width : codes + (k + 1) * width], "little")
+                if code == 256**width - 1:
+                    code = int.from_bytes(content[apart : apart + 8], "little")
+                    apart += 8
+                interval += code // 2 if code % 2 == 0 else -(code + 1) // 2
+                tick += interval
+                ticks.append(tick)
+                ways.append(-1 if content[at + k // 8] & (128 >> k % 8) else 1)
+            at += -(-n // 8)
+    return axes
+
+
+def grow(path, schedule, marks, part=3):
+    """Write a schedule as a growing file: up to each mark a piece that stays, and one as a stop behind it.
+
+    The sizes of the file and what it is worth after each mark: the pulses before the stop's end.
+    """
+    states = []
+    with path.open("wb") as file:
+        writer = binary.PulseWriter.begin(file, schedule, part=part)
+        for since, until in pairwise([0, *marks]):
+            writer.add(within(schedule, since, until), until)
+            writer.add(within(schedule, until, until + 400), until + 400, stop=True)
+            state = within(schedule, 0, until + 400)
+            writer.mark(state)
+            states.append((file.tell(), state))
+        end = binary.find_end(schedule)
+        writer.add(within(schedule, writer.until, end), end)
+        writer.mark(schedule, complete=True)
+        states.append((file.tell(), schedule))
+    return states
+
+
+def within(schedule, since, until):
+    axes = []
+    for axis in schedule.axes:
+        inside = (axis.ticks >= since) & (axis.ticks < until)
+        axes.append(replace(axis, ticks=axis.ticks[inside], direction=axis.direction[inside]))
+    return replace(schedule, axes=tuple(axes))
+
+
+@pytest.fixture(scope="module")
+def grown(tmp_path_factory):
+    rng = np.random.default_rng(1)
+    axes = [list(zip(rng.integers(1, 300, 16), rng.choice([-1, 1], 16), strict=True)) for _ in range(2)]
+    path, schedule = tmp_path_factory.mktemp("grown") / "pulses.bin", schedule_of(axes)
+    return path, schedule, grow(path, schedule, [500, 1100, 2000])
+
+
+def test_a_growing_file_is_a_whole_motion_after_each_mark(grown, tmp_path):
+    path, schedule, states = grown
+    content = path.read_bytes()
+    assert is_same(read_pulses(path), schedule)
+    assert states[-1][0] == len(content)
+    for size, state in states:
+        (tmp_path / "cut").write_bytes(content[:size])
+        assert is_same(read_pulses(tmp_path / "cut", partial=True), state)
+
+
+def test_cut_at_any_byte_it_is_what_the_last_mark_had_or_refused(grown, tmp_path):
+    path, _, states = grown
+    content, cut = path.read_bytes(), tmp_path / "cut"
+    cut.write_bytes(content)
+    for size in reversed(range(len(content))):
+        os.truncate(cut, size)
+        with pytest.raises(FileError, match="write it again"):
+            read_pulses(cut)
+        known = [state for end, state in states if end <= size]
+        if known:
+            assert is_same(read_pulses(cut, partial=True), known[-1])
+        else:
+            with pytest.raises(FileError):
+                read_pulses(cut, partial=True)
+
+
+def test_with_any_byte_changed_it_has_no_wrong_pulse(grown, tmp_path):
+    """Every byte of the file: refused with the place, or, in what a later mark has replaced, of no account."""
+    path, schedule, states = grown
+    content, damaged = path.read_bytes(), tmp_path / "damaged"
+    void = [(begin + 24, end) for kind, _, begin, end in chunks_of(content) if kind == "puls"]
+    marks = [(begin + 24, end) for kind, _, begin, end in chunks_of(content) if kind == "MARK"][:-1]
+    damaged.write_bytes(content)
+    for at, byte in enumerate(content):
+        with damaged.open("r+b", buffering=0) as file:
+            for place, value in ((at - 1, content[at - 1]), (at, byte ^ 1 << at % 8)):  # the one before is right again
+                file.seek(max(place, 0))
+                file.write(bytes([value]))
+        if any(begin <= at < end for begin, end in (*void, *marks)):
+            assert is_same(read_pulses(damaged), schedule)
+            continue
+        with pytest.raises(FileError):
+            read_pulses(damaged)
+        try:
+            held = read_pulses(damaged, partial=True)
+        except FileError:
+            continue
+        assert any(is_same(held, state) for _, state in states)
+
+
+def test_a_file_that_was_cut_goes_on_to_the_same_bytes(grown, tmp_path):
+    path, schedule, states = grown
+    content, cut = path.read_bytes(), tmp_path / "cut"
+    cut.write_bytes(content[: states[1][0] + 37])
+    held = open_pulses(cut, partial=True)
+    assert (held.complete, held.until) == (False, 1100)
+    with cut.open("r+b") as file:
+        writer = binary.PulseWriter.resume(file, held, part=3)
+        for since, until in pairwise([writer.until, 2000]):
+            writer.add(within(schedule, since, until), until)
+            writer.add(within(schedule, until, until + 400), until + 400, stop=True)
+            writer.mark(within(schedule, 0, until + 400))
+        end = binary.find_end(schedule)
+        writer.add(within(schedule, 2000, end), end)
+        writer.mark(schedule, complete=True)
+    assert cut.read_bytes() == content
+    with path.open("rb") as file, pytest.raises(MotionError, match="is finished"):
+        binary.PulseWriter.resume(file, open_pulses(path))
+
+
+def changed(content, number, change):
+    """A file whose chunk of a number has other contents, with a checksum that is right."""
+    _, held, begin, end = chunks_of(content)[number]
+    new = change(held)
+    header = content[begin : begin + 8] + struct.pack("<QI", len(new), crc32(new))
+    return content[:begin] + header + struct.pack("<I", crc32(header)) + new + content[end:]
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        (
+            lambda c: c[:8] + b"\x02" + c[9:],
+            "version 2, and this pulsepath reads version 1: read it with the pulsepath",
+        ),
+        (lambda c: changed(c, 0, lambda h: h.replace(b'"schema":1', b'"schema":7')), "of schema 7, and this pulsepath"),
+        (
+            lambda c: changed(c, 0, lambda h: h.replace(b"pulses", b"motion")),
+            "'pulsepath motion', not 'pulsepath pulses'",
+        ),
+        (lambda c: changed(c, 0, lambda _: b"{"), r"chunk 0 \(HEAD\) is no JSON"),
+        (lambda c: changed(c, 0, lambda h: h.replace(b'"clock_hz"', b'"clock_mhz"')), "states no pulse schedule"),
+        (lambda c: changed(c, 1, lambda h: h[:30] + b"?" + h[31:]), r"chunk 1, from byte \d+ and 0 s, holds no pulses"),
+        (lambda c: changed(c, 1, lambda h: b"\1" + h[1:]), "its span 1 to"),
+        (
+            lambda c: changed(c, 2, lambda h: h[:8] + struct.pack("<q", 30) + h[16:]),
+            "holds pulses up to tick 30, and says 15000001",
+        ),
+        (lambda c: changed(c, -1, lambda h: h.replace(b'"pulses":[4', b'"pulses":[5')), "holds .* pulses"),
+        (lambda c: c + b"\0", "cut at byte"),
+        (lambda _: b"Time[s], X STEP", "is no binary file of pulsepath: it begins with b'Time"),
+        (lambda _: b"", "is cut at byte 0"),
+    ],
+)
+def test_what_it_cannot_read_is_refused_with_the_place_and_a_remedy(tmp_path, change, told):
+    path = tmp_path / "pulses.bin"
+    binary.write(schedule_of([[(5, 1), (7, -1), (6, 1), (9, 1)]]), path, part=2)
+    path.write_bytes(change(path.read_bytes()))
+    with pytest.raises(FileError, match=told):
+        read_pulses(path)
+
+
+@pytest.mark.parametrize(
+    ("axes", "until", "told"),
+    [
+        ([([5, 5], [1, 1])], 100, "its ticks do not rise"),
+        ([([5, 6], [1, 0])], 100, r"neither \+1 nor -1"),
+        ([([5, 60], [1, 1])], 60, "not from 0 to before 60"),
+        ([([-5, 60], [1, 1])], 100, "not from 0 to before 100"),
+        ([([], [])], -1, "are said to end at -1"),
+    ],
+)
+def test_pulses_that_are_no_schedules_are_not_written(tmp_path, axes, until, told):
+    made = tuple(AxisPulses("x", np.array(t, np.int64), np.array(d, np.int8), 0, 1.0, 0.0) for t, d in axes)
+    schedule = PulseSchedule(10, made, 10.0)
+    with (tmp_path / "p").open("wb") as file, pytest.raises(MotionError, match=told):
+        binary.PulseWriter.begin(file, schedule).add(schedule, until)
+    with (tmp_path / "p").open("wb") as file, pytest.raises(MotionError, match="parts of 0 pulses"):
+        binary.PulseWriter.begin(file, schedule, part=0)
+
+
+@pytest.fixture(scope="module")
+def plan():
+    motion = example(3)
+    home = motion.at(np.zeros(1)).q[0]
+    axes = [Axis(f"leg{k}", pulse=PULSE, direction=1 - 2 * (k % 2)) for k in range(3)]
+    machine = SimpleNamespace(axes=axes, home_q=home)
+    return SimpleNamespace(machine=machine, counted=motion, pulses=generate(motion, axes, home))
+
+
+def test_the_check_of_a_file_proves_what_is_in_it(plan, tmp_path):
+    path, told = tmp_path / "pulses.bin", []
+    binary.write(plan.pulses, path, {"leg0": "m"}, part=200)
+    found = check_file(path, plan, lambda done, of: told.append((done, of)))
+    assert found.holds
+    assert told[-1][0] == told[-1][1] == len(told) > 3
+    assert path.stat().st_size < 2 * plan.pulses.total  # bytes, headers and all; ticks and directions have nine a pulse
+    exported = binary.Binary().write(
+        SimpleNamespace(machine=plan.machine, pulses=plan.pulses, tell=lambda *_: None), path
+    )
+    assert (exported.error, exported.moves) == (0.0, plan.pulses.total)
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        ({"ticks": lambda axis: axis.ticks + (np.arange(len(axis)) == 500)}, "off its crossing"),
+        ({"direction": lambda axis: -axis.direction}, "against the motion"),
+        ({"bound": lambda _: 0.7}, "bound: the file states 0.7, and the plan 0.5"),
+        ({"start": lambda axis: axis.start + 1}, "start: the file states"),
+        ({"pulse": lambda axis: axis.pulse * 2}, "pulse: the file states"),
+    ],
+)
+def test_the_check_of_a_file_finds_what_is_wrong_in_it(plan, tmp_path, change, told):
+    (name, make), path = *change.items(), tmp_path / "pulses.bin"
+    axes = list(plan.pulses.axes)
+    axes[1] = replace(axes[1], **{name: make(axes[1])})
+    binary.write(replace(plan.pulses, axes=tuple(axes)), path)
+    found = check_file(path, plan)
+    assert not found.holds
+    assert any(fault.axis == "leg1" and told in fault.what for fault in found.faults)
+
+
+def test_neither_is_a_file_of_other_axes_another_rule_or_clock_taken(plan, tmp_path):
+    path = tmp_path / "pulses.bin"
+    binary.write(replace(plan.pulses, axes=plan.pulses.axes[:2]), path)
+    with pytest.raises(FileError, match=r"axes: .* should be"):
+        check_file(path, plan)
+    for change in ({"rule": "floor"}, {"clock_hz": 5_000_000}, {"duration": plan.pulses.duration + 1e-9}):
+        binary.write(replace(plan.pulses, **change), path)
+        assert any(next(iter(change)) in fault.what for fault in check_file(path, plan).faults)
+
+
+def test_writing_and_reading_parts_takes_no_memory_for_the_pulses_before(tmp_path):
+    """Four times the pulses take the same: the growth allowed is a tenth of what their ticks alone would take."""
+    peaks, path, part = [], tmp_path / "p.bin", 1 << 12
+    for parts in (10, 40):
+        none = AxisPulses("x", np.empty(0, np.int64), np.empty(0, np.int8), 0, PULSE, 0.0)
+        stated = PulseSchedule(10_000_000, (none,), parts * part * 1e-5)
+        tracemalloc.start()
+        with path.open("wb") as file:
+            writer = binary.PulseWriter.begin(file, stated)
+            for k in range(parts):
+                made = replace(none, ticks=100 * np.arange(k * part, (k + 1) * part), direction=np.ones(part, np.int8))
+                writer.add(replace(stated, axes=(made,)), 100 * (k + 1) * part)
+            writer.mark(stated, complete=True)
+        assert sum(each.total for each in open_pulses(path).parts()) == parts * part
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+    assert peaks[1] - peaks[0] < 0.1 * 8 * 30 * part
