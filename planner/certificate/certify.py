@@ -40,14 +40,15 @@ STATE_BATCH = 1 << 14
 def find_jumps(trajectory: Trajectory, order: int) -> dict[str, Place]:
     """Each quantity that is not continuous between the pieces, or at an end not as stated, and where it jumps most.
 
-    At an end ṡ is what the path states, rest if nothing, and s̈ is 0: q̇ = q′ ṡ and q̈ = q″ ṡ² there.
+    At an end ṡ is what the path states, rest if nothing, and s̈ is 0, or at the start what the path states: q̇ = q′ ṡ
+    and q̈ = q′ s̈ + q″ ṡ² there.
     """
     lengths = np.diff(trajectory.knots)
     start, end = _states(trajectory, order, np.zeros(len(lengths))), _states(trajectory, order, lengths)
     path = trajectory.path
     _, q1, q2 = path.derivatives(path.breaks[[0, -1]], np.array([0, len(path.breaks) - 2]), 2)
-    stated = np.array(path.end_speeds)[:, None]
-    asked = [np.stack([start[0][0], end[0][-1]]), q1 * stated, q2 * stated**2]
+    speed, push = np.array([path.end_speeds, (path.start_acceleration, 0.0)])[:, :, None]
+    asked = [np.stack([start[0][0], end[0][-1]]), q1 * speed, q1 * push + q2 * speed**2]
     found: dict[str, Place] = {}
     rounded = _bound_rounding(trajectory)
     blur = INSTANT_ROUNDING * trajectory.knots[:, None]

@@ -29,8 +29,10 @@ FIRST_POINTS, MAX_POINTS, MAX_TURN_STEP = 65, 2**16 + 1, np.pi / 4
 MAX_PART_TURN = 1.5 * np.pi
 
 
-def split_turns(machine: Machine, pieces: Sequence[Piece]) -> tuple[list[list[Piece]], list[Array]]:
+def split_turns(machine: Machine, pieces: Sequence[Piece], here: Array) -> tuple[list[list[Piece]], list[Array]]:
     """Every piece in as many parts as its axes' turns need, and the coordinates near which each part's are meant.
+
+    here: coordinates (n,) near which the path starts.
 
     A pose alone does not tell turns or elbows. Where the machine has none, each piece is its only part.
     """
@@ -39,7 +41,6 @@ def split_turns(machine: Machine, pieces: Sequence[Piece]) -> tuple[list[list[Pi
     rotary = np.array([axis.kind == "rotary" for axis in machine.axes])
     parts: list[list[Piece]] = []
     near: list[Array] = []
-    here = machine.home_q
     for piece in pieces:
         q = _follow_coordinates(machine, piece, here, rotary)
         if not np.isfinite(q).all():  # out of reach: whoever looks at the limits says where
@@ -139,6 +140,10 @@ class ActuatorPath(Protocol):
     def end_speeds(self) -> tuple[float, float]:
         """ṡ with which a motion begins and ends: 0 is rest."""
 
+    @property
+    def start_acceleration(self) -> float:
+        """s̈ with which a motion under jerk limits begins: 0 but of one that another goes on with."""
+
     def constant(self, piece: int) -> float | None:
         """ṡ that a motion must have on a piece, outside the ramps at the ends of its segment; None: as it likes."""
 
@@ -221,6 +226,8 @@ class MachinePath:
         *,
         tool: Pose | None = None,
         end_speeds: tuple[float, float] = (0.0, 0.0),
+        start_acceleration: float = 0.0,
+        near: Array | None = None,
     ) -> None:
         """At the pieces' ends, dwells (P+1,) s, and stops (P+1,): the order of motion from which it rests there.
 
@@ -228,11 +235,12 @@ class MachinePath:
 
         blends      what became of the joins that ask for one
         tool        its frame in the platform's, whose path length the pieces have; None: the platform's own
-        end_speeds  ṡ with which a motion begins and ends
+        end_speeds  ṡ with which a motion begins and ends; start_acceleration: s̈ at its start
+        near        (n,) coordinates near which it starts; None: near home's
         """
-        self.end_speeds = end_speeds
+        self.end_speeds, self.start_acceleration = end_speeds, start_acceleration
         self.tool = None if tool is None else tool_map(tool)
-        parts, near = split_turns(machine, pieces)
+        parts, meant = split_turns(machine, pieces, machine.home_q if near is None else near)
         counts = [len(each) for each in parts]
         self.machine, self.pieces = machine, tuple(part for each in parts for part in each)
         self.blends = tuple(blends)
@@ -241,7 +249,7 @@ class MachinePath:
         self._stops, self.dwells = freeze_array(_pad_part_ends(ends, stops)), freeze_array(_pad_part_ends(ends, dwells))
         self.names = tuple(axis.name for axis in machine.axes)
         self.turns: Array = freeze_array([piece.turn for piece in self.pieces])
-        self._near, self._start = np.array(near), np.array([piece.start for piece in self.pieces])
+        self._near, self._start = np.array(meant), np.array([piece.start for piece in self.pieces])
         self._shapes = list({piece.shape: None for piece in pieces})
         self._shape_of = np.array([self._shapes.index(piece.shape) for piece in self.pieces])
         self._parameters = [
@@ -259,6 +267,11 @@ class MachinePath:
 
     def constant(self, piece: int) -> float | None:
         return self.pieces[piece].tool_speed if self.pieces[piece].constant else None
+
+    @property
+    def joins(self) -> np.ndarray:
+        """(P+1,) the order of motion from which it rests at each break; 0: it never needs to, 1: it always does."""
+        return self._stops
 
     def stops(self, order: int) -> np.ndarray:
         return np.asarray((self._stops > 0) & (self._stops <= order))

@@ -141,6 +141,7 @@ class CertifiedRun:
     """A run's motion and what it uses of each limit for certain.
 
     held: where its axes are held below resonance bands
+    room: by limit what was left of it on each time piece (M,); None of a motion that was not just solved for
     tightened, holdings, slowed: how often it was tightened, solved with axes held back, and slowed as a whole
     """
 
@@ -151,6 +152,7 @@ class CertifiedRun:
     tightened: int = 0
     holdings: int = 0
     slowed: int = 0
+    room: Mapping[str, Array] | None = None
 
     @property
     def rounds(self) -> int:
@@ -192,7 +194,7 @@ class RunCertifier:
                     found[n] = better
                     changed.append(n)
             pending = changed
-        return [replace(one, solution=one.solution.bare()) for one in found]
+        return [replace(one, solution=one.solution.bare(), room=_find_room(one.solution)) for one in found]
 
     def _certify(self, solutions: Sequence[RunSolution]) -> list[ProvedUse]:
         """All in one go: what each uses of the limits."""
@@ -270,6 +272,14 @@ class RunCertifier:
     def _timed_limits(self) -> list[Limit]:
         """The limits that depend on timing; the others have one value for every timing."""
         return [limit for limit in self.limits if not limit.geometric]
+
+
+def _find_room(solution: RunSolution) -> Mapping[str, Array] | None:
+    """By limit the room that a motion had on each of its time pieces, where these are a problem's intervals."""
+    problem = solution.problem
+    if problem is None or solution.parts or solution.slowness != 1 or len(problem.piece) != len(solution.profile.h):
+        return None
+    return {block.name: block.room for block in problem.blocks}
 
 
 NOTHING_KNOWN = ProvedUse({}, {})

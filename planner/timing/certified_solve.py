@@ -1,12 +1,13 @@
 """The fastest certified motion along an actuator path: discretize, solve, certify, tighten what fails, run by run."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import pairwise
 
 import numpy as np
 
+from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
@@ -19,7 +20,7 @@ from planner.path.actuation import ActuatorPath
 from planner.path.stands import count_zero_derivatives
 from planner.timing.certified_run import MAX_CERTIFY_ROUNDS, CertifiedRun, RunCertifier, Timing, hold_axes, tighten_run
 from planner.timing.parts import solve_in_parts, tighten_in_parts
-from planner.timing.problem import Run, Solver
+from planner.timing.problem import Continuation, Run, Solver
 from planner.timing.profile import Profile
 from planner.timing.run import solve_run
 from planner.trajectory import Trajectory
@@ -35,6 +36,7 @@ class Solution(Result):
     order; rounds: how often it was solved until the proof held; methods: the solver that gave each run's motion
     lower_estimate: s, about the least that any motion within the limits on speed and acceleration takes, with the
     constant speeds that are asked for; of a stated duration too, which need not be near it
+    last_room: of its last run, by limit what it was left on each of its intervals (K,); None where those are no more
     """
 
     trajectory: Trajectory = field(repr=False)
@@ -44,6 +46,7 @@ class Solution(Result):
     rounds: int
     methods: tuple[str, ...]
     lower_estimate: float
+    last_room: Mapping[str, Array] | None = field(default=None, repr=False)
 
     @property
     def gap(self) -> float:
@@ -81,6 +84,7 @@ def certified_solve(
     timing: Timing | None = None,
     solver: Solver = "passes",
     proving: bool = True,
+    continuation: Continuation | None = None,
 ) -> Solution:
     """The motion of every run between stops, discretized, solved, certified and tightened until it holds, as a whole.
 
@@ -92,6 +96,7 @@ def certified_solve(
     timing    what is asked of the motion; None: that it is the fastest, along a path that is checked first
     solver    of order 2
     proving   else a motion of which no round holds is returned, its certificate as it is
+    continuation  what the first run goes on with
     """
     if timing is None:
         for worst in prove_feasibility(path, limits).violations:
@@ -99,6 +104,7 @@ def certified_solve(
         timing = _fastest_timing(path, order)
     stops = np.flatnonzero(path.stops(order))
     runs = [replace(run, solver=solver) for run in _split_runs(path, stops)]
+    runs[0] = replace(runs[0], continuation=continuation)
     parts = [runs[first : first + PART_RUNS] for first in range(0, len(runs), PART_RUNS)]
     found: list[CertifiedRun] = []
 
@@ -117,7 +123,7 @@ def certified_solve(
         raise _unproved_error(trajectory, limits, certificate)
     rounds, methods = max(one.rounds for one in found), tuple(one.solution.method for one in found)
     least = sum(one.solution.bound for one in found) + float(path.dwells.sum())
-    return Solution(trajectory, certificate, limits, order, rounds, methods, least)
+    return Solution(trajectory, certificate, limits, order, rounds, methods, least, found[-1].room)
 
 
 def try_certified_solve(

@@ -11,7 +11,7 @@ from kinematics.foundation.errors import MotionError
 from planner.limits.limit import Limit, Term
 from planner.path.actuation import ActuatorPath
 from planner.timing.initial_guess import MAX_BRIEF_SHARE, WINDOW_GROWTH, Passing, Smoothed, slow_breaks
-from planner.timing.problem import Block, Problem, Run, make_grid, pose_problem
+from planner.timing.problem import Block, Continuation, Problem, Run, find_pieces, make_grid, pose_problem
 from planner.timing.profile import Profile
 from planner.timing.solvers.second_order import TERMS as SECOND
 from planner.timing.solvers.second_order import second_order
@@ -31,6 +31,8 @@ PER_CHANGE, FEW_INTERVALS = 2000, (250, 350, 500, 700)
 MIN_STEP_SHARE, STEP_PARTS = 0.2, 8
 # Points of a piece at which its directions are looked at.
 DIRECTION_POINTS = 17
+# Share of an interval that is left of one behind a grid that is gone on from.
+MIN_STEP_LEFT = 0.5
 START_GRID = "start"
 """Name of the rows that bound s̈ by what the jerk lets a motion reach: no limit's."""
 # Window of the average, as a share of what the run allows, where a gentle start finds no way between two speeds.
@@ -42,8 +44,27 @@ def acceleration_problem(path: ActuatorPath, limits: Sequence[Limit], run: Run) 
     mixed = any(Term.SD in limit.terms and len(limit.terms) > 1 for limit in limits)
     few = None if mixed or any(run.stands) else _few_intervals(path, run)
     spread = _graded_shares(_interval_count(SECOND_ORDER, path, run)) if mixed else None
-    placed = _grid(SECOND_ORDER, path, run, spread) if few is None else make_grid(path, run, few)
-    return pose_problem(path, limits, *placed, run.speeds, run.stands)
+    s, piece = _grid(SECOND_ORDER, path, run, spread) if few is None else make_grid(path, run, few)
+    problem = pose_problem(path, limits, s, piece, run.speeds, run.stands)
+    return problem if run.continuation is None else continue_problem(path, limits, run, problem, run.continuation)
+
+
+def continue_problem(
+    path: ActuatorPath, limits: Sequence[Limit], run: Run, problem: Problem, continuation: Continuation
+) -> Problem:
+    """A run's problem, begun on the grid and with the room of the motion that it goes on with.
+
+    That motion keeps every row there; on another grid it need not, and none may.
+    """
+    s = problem.s
+    known = continuation.s
+    s = np.concatenate([known, s[s > known[-1] + MIN_STEP_LEFT * (s[-1] - s[-2])]])
+    posed = pose_problem(path, limits, s, find_pieces(path, run, s), run.speeds, run.stands)
+    blocks = []
+    for block in posed.blocks:
+        room = continuation.room.get(block.name, np.empty(0))
+        blocks.append(replace(block, room=np.append(room, block.room[len(room) :])))
+    return replace(posed, blocks=tuple(blocks), acceleration=continuation.acceleration)
 
 
 def refine_problem(path: ActuatorPath, limits: Sequence[Limit], problem: Problem, motion: Profile) -> Problem | None:
@@ -64,6 +85,7 @@ def cut_intervals(path: ActuatorPath, limits: Sequence[Limit], problem: Problem,
     s = np.repeat(problem.s[:-1], count) + share * np.repeat(np.diff(problem.s), count)
     placed = np.append(s, problem.s[-1]), np.repeat(problem.piece, count)
     finer = pose_problem(path, limits, *placed, problem.speeds, problem.free)
+    finer = replace(finer, acceleration=problem.acceleration)
     room = {block.name: np.repeat(block.room, count) for block in problem.blocks}
     blocks = tuple(replace(block, room=room.get(block.name, block.room)) for block in finer.blocks)
     return replace(finer, blocks=blocks)

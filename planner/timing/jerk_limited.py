@@ -17,6 +17,7 @@ from planner.timing.discretization import (
     START_GRID,
     brief_problem,
     coarse_jerk_problem,
+    continue_problem,
     jerk_problem,
     unbounded_error,
 )
@@ -48,11 +49,15 @@ SETTLED_CHANGE, MAX_RESOLVES = 1e-4, 3
 NEAR_SHARES, HALVINGS = (0.9995, 0.998, 0.99, 0.95, 0.8, 0.5), 3
 # Halvings that find the largest speed that the rows leave room for: to rounding.
 ROW_HALVINGS = 50
+# Of the largest speed that a start allows at the beginning of a run that goes on with a motion.
+CONTINUED_START_SHARE = 0.99
 
 
 def solve_legs(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> RunSolution:
     """The run in one leg; in two, and so on, where a solver has no answer for it or none that holds unslowed."""
     whole = tighten_until_kept(path, limits, solve_leg(path, limits, run))
+    if run.continuation is not None:  # whoever goes on with a motion may do so elsewhere
+        return whole
     if whole.status == "too fast":
         exact = straight(coarse_jerk_problem(path, limits, run))  # what that refuses, it refuses exactly
         return exact if exact is not None and not exact.solved else _refuse_ends(path, limits, run) or whole
@@ -73,7 +78,7 @@ def solve_leg(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> RunSolut
     unbounded = unbounded_error(coarse, 3)
     if unbounded is not None:
         return RunSolution.refused(unbounded)
-    exact = straight(coarse)
+    exact = straight(coarse) if run.continuation is None else None
     if exact is not None:
         return exact
     leg = _ramp_leg(path, limits, run, coarse)
@@ -83,9 +88,18 @@ def solve_leg(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> RunSolut
     ):
         return leg
     posed = jerk_problem(path, limits, run, coarse)
+    if run.continuation is not None and isinstance(posed, TooFast):  # a start from a little slower does as well
+        slower = replace(run, start_speed=CONTINUED_START_SHARE * posed.largest)
+        posed = jerk_problem(path, limits, slower, replace(coarse, speeds=slower.speeds))
     if isinstance(posed, MotionError):
         return RunSolution.refused(posed)
     problem, start = posed
+    if run.continuation is not None:
+        problem = continue_problem(path, limits, run, problem, run.continuation)
+        guess = start.on(problem.s)
+        known = run.continuation.columns
+        guess[:, : known.shape[1]] = known
+        return solve_jerk_limited(problem, guess)
     return _bounded(solve_jerk_limited(problem, start.on(problem.s)), coarse)
 
 

@@ -30,6 +30,22 @@ Solver = Literal["passes", "toppra"]
 
 
 @dataclass(frozen=True, slots=True)
+class Continuation:
+    """How a run begins that goes on with a motion from the midst of it, and what that motion does next: it may do so.
+
+    s             (K+1,) its grid there
+    columns       (4, K) of ṡ, s̈, s⃛, h
+    room          by limit (K,) what it was left
+    acceleration  s̈ where the run begins
+    """
+
+    s: Array
+    columns: Array
+    room: Mapping[str, Array]
+    acceleration: float
+
+
+@dataclass(frozen=True, slots=True)
 class Run:
     """Pieces first … last (inclusive) of a path, run from one speed ṡ to another: rest to rest if not told.
 
@@ -39,6 +55,7 @@ class Run:
     stands  whether the path itself stands at the start and at the end, q′ = 0 and q″ is not (planner.path.stands):
             what is at rest there is so whatever ṡ is, or under jerk limits s̈, so that these are free
     solver  of motions of order 2
+    continuation  of a run that goes on with a motion, whose speed is start_speed
     """
 
     first: int
@@ -49,6 +66,7 @@ class Run:
     until: float | None = None
     stands: tuple[bool, bool] = (False, False)
     solver: Solver = "passes"
+    continuation: Continuation | None = None
 
     @property
     def speeds(self) -> tuple[float, float]:
@@ -144,6 +162,7 @@ class Problem:
     """Grid s (N+1,) over a run, piece (N,) of each interval, the blocks of all limits, and ṡ at its two ends.
 
     free: the ends at rest where the path stands, as `Run` has them: there ṡ, or under jerk limits s̈, is to be found
+    acceleration: s̈ at the start, where that is not free
     """
 
     s: Array
@@ -151,6 +170,7 @@ class Problem:
     blocks: tuple[Block, ...]
     speeds: tuple[float, float] = (0.0, 0.0)
     free: tuple[bool, bool] = (False, False)
+    acceleration: float = 0.0
 
     @property
     def intervals(self) -> int:
@@ -196,8 +216,13 @@ def make_grid(
         s = s if least is None else _fill_pieces(s, breaks, least)
     else:
         s[0], s[-1] = breaks
-    piece = run.first + np.clip(np.searchsorted(breaks, (s[1:] + s[:-1]) / 2, side="right") - 1, 0, len(breaks) - 2)
-    return s, piece
+    return s, find_pieces(path, run, s)
+
+
+def find_pieces(path: ActuatorPath, run: Run, s: Array) -> np.ndarray:
+    """The piece (N,) of each interval of a grid (N+1,) along a run."""
+    inner = run.breaks(path)[1:-1]
+    return np.asarray(run.first + np.searchsorted(inner, (s[1:] + s[:-1]) / 2, side="right"))
 
 
 def _fill_pieces(s: Array, breaks: Array, least: Array) -> Array:

@@ -259,7 +259,7 @@ def close_profile(problem: Problem, columns: Array) -> Profile | MotionError:
     s, columns = problem.s, columns.copy()
     columns[0, 0] = problem.speeds[0]
     if not problem.free[0]:
-        columns[1, 0] = 0.0
+        columns[1, 0] = problem.acceleration
     step, h = np.diff(s), columns[3]
     most = np.abs(columns).max(1)
     size = np.stack([step / h, np.minimum(step / h**2, most[1]), np.minimum(step / h**3, most[2]), h.copy()])

@@ -38,7 +38,7 @@ def solve_run(
         finer = refine_problem(path, limits, problem, found.profile) if found.solved else None
         if finer is not None:
             found = second_order(finer, solver=run.solver)
-        if found.solved and found.problem is not None:
+        if found.solved and found.problem is not None and run.continuation is None:
             least = estimate_lower_bound(found.problem, found.profile if run.solver == "passes" else None)
             found = RunSolution.refused(least) if isinstance(least, MotionError) else replace(found, bound=least)
     return _place_refusal(path, run, found if probing else tighten_until_kept(path, limits, found))

@@ -47,7 +47,7 @@ def pose_stages(problem: Problem, guess: Array, prize: float = 0.0) -> tuple[Sta
     states[[0, -1], 0] = np.array(problem.speeds) / unit[0]
     states[-1, 1] = 0.0
     if not problem.free[0]:
-        states[0, 1] = 0.0
+        states[0, 1] = problem.acceleration / unit[1]
     for end in np.flatnonzero(problem.free):
         calm[-end], controls[-end, 0] = FREE_END_JERK_WEIGHT / scale[2] ** 2, 0.0
     step = np.diff(problem.s) / length

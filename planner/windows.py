@@ -1,0 +1,201 @@
+"""A path of any length, timed window by window: each goes on with the motion of the one before, and ends at rest.
+
+A window is solved to a stop at its end and proved as a whole. The next one goes on from a break before that stop, with
+the speed and the acceleration there: what has been planned by any instant is a whole motion that is proved and comes to
+rest. The stop is so far behind that break that it changes the motion up to it next to nothing.
+"""
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import islice
+
+import numpy as np
+
+from kinematics.foundation.arrays import Array
+from kinematics.foundation.errors import MotionError
+from kinematics.machine.machine import Machine
+from kinematics.machine.pose import Pose
+from planner.limits.limit import Limit
+from planner.path.actuation import MachinePath
+from planner.path.shape import Piece
+from planner.timing.certified_solve import Solution, certified_solve
+from planner.timing.problem import Continuation
+
+PIECES = 120
+"""Of a window, if a stop does not end it before."""
+BRAKINGS = 4.0
+"""Times the way to its stop takes a window longer, from where the next goes on, than braking for it."""
+MAX_GROWTH = 8
+"""Times as many pieces as PIECES are put into a window at most, for a machine that brakes over many."""
+KNOWN_SHARE = 0.5
+"""Of the time pieces behind a place that is gone on from, those whose grid stays; beside a stop it is far too fine."""
+SEAMS = 3
+"""Breaks at most from which is gone on, one after the other, until one is found that leads to a motion."""
+# Share of a path by which rounding may put the same place before itself.
+SEAM_ROUNDING = 1e-12
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """A piece of a path and its end: the order of motion from which it rests there (0: never, 1: always), dwell."""
+
+    piece: Piece
+    stop: int = 0
+    dwell: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Window:
+    """A certified motion from where the window before was left, to rest; the next one goes on in its midst.
+
+    kept    time pieces of it that stay: with the next window's those before these are the motion; the last has all
+    begin   s, when it begins, counted from the start of the first
+    """
+
+    solution: Solution
+    kept: int
+    begin: float
+
+    @property
+    def duration(self) -> float:
+        """s of what stays of it."""
+        return float(self.solution.trajectory.knots[self.kept])
+
+
+@dataclass(frozen=True, slots=True)
+class _Start:
+    """How a window begins: at rest, or in the midst of a motion, whose rest it may take."""
+
+    speed: float = 0.0
+    near: Array | None = None
+    continuation: Continuation | None = None
+    dwell: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class _Seam:
+    """Where a window may be left: at the end of so many of its steps and time pieces."""
+
+    steps: int
+    knot: int
+
+
+@dataclass(frozen=True, slots=True)
+class _Held:
+    """A window whose successor is not planned yet, of so many steps; seams: where to leave it, the best place last."""
+
+    solution: Solution
+    steps: int
+    seams: list[_Seam]
+
+
+@dataclass(frozen=True, slots=True)
+class WindowPlanner:
+    """The fastest certified motion along steps, window by window, as they come.
+
+    limit   a path -> its limits
+    tool    its frame in the platform's, whose path length the pieces have; None: the platform's own
+    pieces  of a window at first
+    """
+
+    machine: Machine
+    limit: Callable[[MachinePath], Sequence[Limit]]
+    order: int
+    tool: Pose | None = None
+    pieces: int = PIECES
+
+    def __call__(self, steps: Iterable[Step], dwell: float = 0.0) -> Iterator[Window]:
+        """dwell: s before the first step. Raises as `certified_solve`, at the first window that cannot be, when those
+        before it have been given.
+        """
+        coming, ahead = iter(steps), list[Step]()  # from where the window held begins
+        held: _Held | None = None  # to be left in its midst
+        rest: _Held | None = None  # the same, or one whose stop is near all of it: what to come to rest by
+        start, begin, count = _Start(dwell=dwell), 0.0, self.pieces
+        while True:
+            skip = held.seams[-1].steps if held is not None else 0
+            ahead += islice(coming, max(0, skip + count + 1 - len(ahead)))
+            if len(ahead) == skip:
+                return
+            own = _cut_at_last_stop(ahead[skip : skip + count], self.order)
+            found = self._solve(own, start if held is None else self._start_from(held))
+            if isinstance(found, MotionError) and held is not None:
+                held.seams.pop()
+                if held.seams:
+                    continue
+            if isinstance(found, MotionError):
+                if rest is None:
+                    raise found
+                yield Window(rest.solution, len(rest.solution.trajectory.s), begin)  # its stop remains
+                begin, start = begin + rest.solution.trajectory.duration, _Start()
+                del ahead[: rest.steps]
+                held = rest = None
+                continue
+            if held is not None:
+                yield (left := Window(held.solution, held.seams[-1].knot, begin))
+                begin, start = begin + left.duration, self._start_from(held)
+                del ahead[:skip]
+            ends = len(own) == len(ahead) or 0 < own[-1].stop <= self.order
+            held = rest = _Held(found, len(own), [] if ends else _find_seams(found, own))
+            if held.seams:
+                continue
+            held = None
+            if not ends and count < MAX_GROWTH * self.pieces:
+                count *= 2  # the stop is near all of it
+                continue
+            yield Window(found, len(found.trajectory.s), begin)
+            begin, start, rest = begin + found.trajectory.duration, _Start(), None
+            del ahead[: len(own)]
+
+    def _solve(self, steps: Sequence[Step], start: _Start) -> Solution | MotionError:
+        """From a start to a stop behind the last step."""
+        ends = [0, *(step.stop for step in steps)]
+        ends[0] = ends[-1] = 1
+        try:
+            path = MachinePath(
+                self.machine,
+                [step.piece for step in steps],
+                np.array(ends),
+                np.array([start.dwell, *(step.dwell for step in steps)]),
+                tool=self.tool,
+                end_speeds=(start.speed, 0.0),
+                start_acceleration=0.0 if start.continuation is None else start.continuation.acceleration,
+                near=start.near,
+            )
+            return certified_solve(path, self.limit(path), self.order, continuation=start.continuation)
+        except MotionError as no:
+            return no
+
+    def _start_from(self, held: _Held) -> _Start:
+        """Where the window held is left."""
+        knot, motion, room = held.seams[-1].knot, held.solution.trajectory, held.solution.last_room
+        state = motion.within(np.array([knot]), np.zeros(1))
+        s = np.append(motion.s[knot:], motion.path.breaks[-1]) - motion.s[knot]
+        first = knot - len(motion.s)
+        last = first if room is None else first + int(KNOWN_SHARE * -first)
+        continuation = Continuation(
+            s[: last - first + 1],
+            np.stack([motion.v, motion.a, motion.j, np.diff(motion.knots)])[:, first:last],
+            {} if room is None else {name: values[first:last] for name, values in room.items()},
+            float(motion.a[knot]),
+        )
+        return _Start(float(motion.v[knot]), state.q[0], continuation)
+
+
+def _cut_at_last_stop(steps: list[Step], order: int) -> list[Step]:
+    """The steps up to the last at whose end a motion of this order rests; all where there is none."""
+    stops = [n for n, step in enumerate(steps) if 0 < step.stop <= order]
+    return steps[: stops[-1] + 1] if stops else steps
+
+
+def _find_seams(solution: Solution, steps: Sequence[Step]) -> list[_Seam]:
+    """Ends of steps behind which the way to the stop takes BRAKINGS times as long as braking for it; the last last."""
+    motion = solution.trajectory
+    run = 0 if solution.last_room is None else len(motion.s) - len(next(iter(solution.last_room.values()), ()))
+    slower = np.flatnonzero(np.diff(motion.v) > 0)  # ṡ falls all the way from the knot behind
+    braking = motion.duration - float(motion.knots[slower[-1] + 1 if len(slower) else 0])
+    ends = np.cumsum([step.piece.length for step in steps])[:-1]
+    knots = np.searchsorted(motion.s, ends - SEAM_ROUNDING * motion.path.breaks[-1])
+    kept = np.flatnonzero((motion.knots[knots] <= motion.duration - BRAKINGS * braking) & (knots > run))
+    kept = kept[-1 :: -max(1, len(kept) // SEAMS)][:SEAMS]
+    return [_Seam(int(n) + 1, int(knots[n])) for n in reversed(kept)]
