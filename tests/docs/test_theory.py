@@ -34,7 +34,7 @@ def timed(case, *, both_ends):
     """s and x = ṡ² (N+1,) of the fastest motion whose rows are kept at the intervals' starts, or at both ends."""
     s = case.path.breaks[0] + case.length * np.linspace(0, 1, INTERVALS + 1)
     step, piece = np.diff(s), case.piece((s[1:] + s[:-1]) / 2)
-    speed, acceleration, _ = case.bounds
+    speed, acceleration, _ = case.bounds[:, 1]
     rows, ceiling = [], np.full(len(s), np.inf)
     for at, points in ((s[:-1], slice(None, -1)), (s[1:], slice(1, None))):
         _, q1, q2, _ = case.path.derivatives(at, piece)
@@ -55,7 +55,7 @@ def acceleration_used(case, s, x):
     for share in np.linspace(0, 1, 21):
         _, q1, q2, _ = case.path.derivatives(s[:-1] + share * step, piece)
         here = x[:-1] + 2 * share * step * u
-        most = max(most, float((np.abs(q1 * u[:, None] + q2 * here[:, None]) / case.bounds[1]).max()))
+        most = max(most, float((np.abs(q1 * u[:, None] + q2 * here[:, None]) / case.bounds[1, 1]).max()))
     return most
 
 
@@ -68,7 +68,7 @@ def test_rows_at_starts_are_broken_at_ends(case, starts, both):
     t = np.append(0, np.cumsum(2 * np.diff(s) / (np.sqrt(x[1:]) + np.sqrt(x[:-1]))))
     q = case.path.derivatives(s, np.append(case.piece((s[1:] + s[:-1]) / 2), len(case.path.breaks) - 2))[0]
     fitted = CubicSpline(t, q, bc_type="clamped")(np.linspace(0, t[-1], 40_001), 2)
-    assert (np.abs(fitted) / case.bounds[1]).max() == pytest.approx(1.10, abs=0.01)
+    assert (np.abs(fitted) / case.bounds[1, 1]).max() == pytest.approx(1.10, abs=0.01)
 
 
 def test_a_blend_meets_its_neighbours_with_three_derivatives():

@@ -8,7 +8,7 @@ every interval (so that s⃛ = (db/ds) √a) but for the first and last few, whi
 ruckig: jerk-limited moves; Berscheid and Kröger, RSS 2021.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from copy import copy
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
@@ -22,7 +22,7 @@ from benchmarks.evidence.timing import time_calls
 from kinematics import load_machine
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError, require
-from kinematics.machine.axis import Axis
+from kinematics.machine.axis import Axis, directional_bounds
 from planner import load_program
 from planner.limits import limits_of
 from planner.limits.limit import Limit
@@ -45,19 +45,18 @@ SAMPLE_SHARES = np.linspace(0.0, 1.0, 41)
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """A path along which no stop is needed, and its axes with speed, acceleration and jerk limits (n,)."""
+    """A path along which no stop is needed, and its axes with speed, acceleration and jerk limits."""
 
     name: str
     path: ActuatorPath
     axes: tuple[Axis, ...]
 
     @property
-    def bounds(self) -> tuple[Array, Array, Array]:
-        speed, acceleration, jerk = (
-            np.array([getattr(axis, field) for axis in self.axes])
-            for field in ("max_speed", "max_acceleration", "max_jerk")
-        )
-        return speed, acceleration, jerk
+    def bounds(self) -> Array:
+        """(3, 2, n) of speed, acceleration and jerk: the magnitudes towards smaller and towards greater values."""
+        fields = "max_speed", "max_acceleration", "max_jerk"
+        sides = [[directional_bounds(getattr(axis, field)) for axis in self.axes] for field in fields]
+        return np.array(sides).transpose(0, 2, 1)
 
     @property
     def length(self) -> float:
@@ -125,9 +124,15 @@ def failed_answer(case: Case, order: int, method: str, intervals: int | None, wh
 def worst(case: Case, samples: MotionSamples) -> tuple[float, float, float]:
     _, q1, q2, q3 = case.path.derivatives(samples.s, samples.piece)
     v, a, j = samples.v[:, None], samples.a[:, None], samples.j[:, None]
-    values = q1 * v, q1 * a + q2 * v**2, q1 * j + 3 * q2 * v * a + q3 * v**3
+    third = q1 * j + 3 * q2 * v * a + q3 * v**3 if np.isfinite(j).all() else np.full_like(q1, np.inf)
+    return largest_uses((q1 * v, q1 * a + q2 * v**2, third), case.bounds)
+
+
+def largest_uses(values: Iterable[Array], bounds: Array) -> tuple[float, float, float]:
+    """The largest value/limit of speed, acceleration and jerk, (N, n) each, held against bounds (3, 2, n)."""
     speed, acceleration, jerk = (
-        float((np.abs(value) / bound).max()) for value, bound in zip(values, case.bounds, strict=True)
+        float(np.maximum(value / above, -value / below).max())
+        for value, (below, above) in zip(values, bounds, strict=True)
     )
     return speed, acceleration, jerk
 
@@ -274,33 +279,38 @@ def _try_grid(case: Case, order: int, method: str, intervals: int, graded: float
     from copp_py import CoppError
 
     try:
-        return answer(case, order, method, intervals, lambda: _solve(case, order, intervals, graded, stationary))
+        return answer(case, order, method, intervals, lambda: solve_grid(case, order, intervals, graded, stationary))
     except CoppError as no:
         return failed_answer(case, order, method, intervals, str(no).splitlines()[0])
 
 
-def _solve(case: Case, order: int, intervals: int, graded: float, stationary: int) -> PeerMotion:
+def solve_grid(
+    case: Case, order: int, intervals: int, graded: float, stationary: int, linearisations: int = LINEARISATIONS
+) -> PeerMotion:
+    """By copp-py, with its own tests' patience with the conic solver."""
     import copp_py
+    from copp_py.clarabel import ClarabelOptions
 
     even = np.linspace(0.0, 1.0, intervals + 1)
     share = even - graded * np.sin(2 * np.pi * even) / (2 * np.pi)
     s = case.path.breaks[0] + case.length * share
     q, q1, q2, q3 = case.path.derivatives(s, case.piece(s))
-    speed, acceleration, jerk = case.bounds
+    speed, acceleration, jerk = ((above, -below) for below, above in case.bounds)
     length = case.length
     robot = copp_py.Robot(len(case.axes), capacity=len(s))
     robot.append_s(share)
     robot.set_q(q, q1 * length, q2 * length**2, 0, dddq=q3 * length**3)
-    robot.add_velocity_limits(speed, -speed, start_idx_s=0, length=len(s))
-    robot.add_acceleration_limits(acceleration, -acceleration, start_idx_s=0, length=len(s))
+    robot.add_velocity_limits(*speed, start_idx_s=0, length=len(s))
+    robot.add_acceleration_limits(*acceleration, start_idx_s=0, length=len(s))
     if order == 3:
-        robot.add_jerk_limits(jerk, -jerk, start_idx_s=0, length=len(s))
+        robot.add_jerk_limits(*jerk, start_idx_s=0, length=len(s))
     ra = copp_py.solver.topp2_ra
     a = ra.solve(ra.Problem(robot.constraints, idx_s_interval=(0, intervals), a_boundary=(0.0, 0.0)), ra.Options())
     if order == 2:
         return float(copp_py.interpolation.s_to_t_topp2(share, a, 0.0)[0]), _sample_order2(case, share, np.asarray(a))
     socp, b, before = copp_py.solver.topp3_socp, None, np.inf
-    for _ in range(LINEARISATIONS):
+    options = ClarabelOptions(allow_max_iterations=True, allow_max_time=True, allow_insufficient_progress=True)
+    for _ in range(linearisations):
         problem = socp.Problem(
             robot.constraints,
             a,
@@ -309,7 +319,7 @@ def _solve(case: Case, order: int, intervals: int, graded: float, stationary: in
             num_stationary_max=stationary,
             b_linearization=b,
         )
-        profile = socp.solve(problem)
+        profile = socp.solve(problem, options)
         a, b = profile.a, profile.b
         duration = float(copp_py.interpolation.s_to_t_topp3(share, profile)[0])
         if abs(before - duration) < DURATION_TOLERANCE * duration:
@@ -372,7 +382,7 @@ def _solve_ruckig(case: Case) -> PeerMotion:
 
     asked = InputParameter(1)
     asked.current_position, asked.target_position = [0.0], [case.length]
-    asked.max_velocity, asked.max_acceleration, asked.max_jerk = (bound.tolist() for bound in case.bounds)
+    asked.max_velocity, asked.max_acceleration, asked.max_jerk = case.bounds[:, 1].tolist()
     trajectory = Trajectory(1)
     Ruckig(1).calculate(asked, trajectory)
     profile = trajectory.profiles[0][0]
