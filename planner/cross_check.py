@@ -1,14 +1,15 @@
 """A second opinion on a plan: the fastest motion of order 2 by toppra beside our own, each with its certificate."""
 
 from dataclasses import dataclass, field
+from functools import partial
 
 from kinematics.files.plain_text import finite_or_none
-from kinematics.foundation.errors import MotionError
+from kinematics.foundation.errors import MotionError, attempt
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
 from planner.limits.limit import Term
 from planner.plan import Plan
-from planner.timing.certified_solve import Solution, certified_solve, try_certified_solve
+from planner.timing.certified_solve import Solution, certified_solve
 from planner.timing.solvers.toppra_ import require
 
 
@@ -73,5 +74,5 @@ def cross_check(plan: Plan) -> CrossCheck:
         ours = Solution(*own)
     else:
         ours = certified_solve(plan.path, limits, 2)
-    theirs = try_certified_solve(plan.path, limits, 2, solver="toppra", proving=False)
+    theirs = attempt(partial(certified_solve, plan.path, limits, 2, solver="toppra", proving=False))
     return CrossCheck(ours, None, str(theirs)) if isinstance(theirs, MotionError) else CrossCheck(ours, theirs)

@@ -1,6 +1,7 @@
 """Time-optimal motion without a machine: any piecewise polynomial of axis values."""
 
 from collections.abc import Sequence
+from functools import partial
 from math import factorial
 from typing import Any
 
@@ -8,11 +9,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kinematics.foundation.arrays import Array
-from kinematics.foundation.errors import MotionError
+from kinematics.foundation.errors import MotionError, attempt
 from kinematics.machine.axis import Axis, Magnitude
 from planner.limits import limits_of
 from planner.path.polynomial import VALUE_ROUNDING, PolynomialPath, Section, cut_sections, join_sections
-from planner.timing.certified_solve import Solution, certified_solve, try_certified_solve
+from planner.timing.certified_solve import Solution, certified_solve
 
 # A jump of an axis' values at a break, as a share of their range, up to which it is rounding.
 MAX_JUMP = 1e-9
@@ -66,7 +67,7 @@ def _choose_faster(part: Section, axes: Sequence[Axis], order: int) -> Polynomia
         return part.resting
     times = []
     for way in (part.resting, part.passing):
-        found = try_certified_solve(way, limits_of(way, axes, order), order)
+        found = attempt(partial(certified_solve, way, limits_of(way, axes, order), order))
         times.append(np.inf if isinstance(found, MotionError) else found.trajectory.duration)
     return part.resting if times[0] <= times[1] else part.passing
 

@@ -7,12 +7,13 @@ rest. The stop is so far behind that break that it changes the motion up to it n
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import islice
 
 import numpy as np
 
 from kinematics.foundation.arrays import Array
-from kinematics.foundation.errors import MotionError
+from kinematics.foundation.errors import MotionError, attempt
 from kinematics.machine.machine import Machine
 from kinematics.machine.pose import Pose
 from planner.limits.limit import Limit
@@ -36,7 +37,7 @@ SEAM_ROUNDING = 1e-12
 
 
 @dataclass(frozen=True, slots=True)
-class Step:
+class PathStep:
     """A piece of a path and its end: the order of motion from which it rests there (0: never, 1: always), dwell."""
 
     piece: Piece
@@ -104,11 +105,11 @@ class WindowPlanner:
     tool: Pose | None = None
     pieces: int = PIECES
 
-    def __call__(self, steps: Iterable[Step], dwell: float = 0.0) -> Iterator[Window]:
+    def __call__(self, steps: Iterable[PathStep], dwell: float = 0.0) -> Iterator[Window]:
         """dwell: s before the first step. Raises as `certified_solve`, at the first window that cannot be, when those
         before it have been given.
         """
-        coming, ahead = iter(steps), list[Step]()  # from where the window held begins
+        coming, ahead = iter(steps), list[PathStep]()  # from where the window held begins
         held: _Held | None = None  # to be left in its midst
         rest: _Held | None = None  # the same, or one whose stop is near all of it: what to come to rest by
         start, begin, count = _Start(dwell=dwell), 0.0, self.pieces
@@ -118,7 +119,7 @@ class WindowPlanner:
             if len(ahead) == skip:
                 return
             own = _cut_at_last_stop(ahead[skip : skip + count], self.order)
-            found = self._solve(own, start if held is None else self._start_from(held))
+            found = attempt(partial(self._solve, own, start if held is None else self._start_from(held)))
             if isinstance(found, MotionError) and held is not None:
                 held.seams.pop()
                 if held.seams:
@@ -147,24 +148,19 @@ class WindowPlanner:
             begin, start, rest = begin + found.trajectory.duration, _Start(), None
             del ahead[: len(own)]
 
-    def _solve(self, steps: Sequence[Step], start: _Start) -> Solution | MotionError:
+    def _solve(self, steps: Sequence[PathStep], start: _Start) -> Solution:
         """From a start to a stop behind the last step."""
-        ends = [0, *(step.stop for step in steps)]
-        ends[0] = ends[-1] = 1
-        try:
-            path = MachinePath(
-                self.machine,
-                [step.piece for step in steps],
-                np.array(ends),
-                np.array([start.dwell, *(step.dwell for step in steps)]),
-                tool=self.tool,
-                end_speeds=(start.speed, 0.0),
-                start_acceleration=0.0 if start.continuation is None else start.continuation.acceleration,
-                near=start.near,
-            )
-            return certified_solve(path, self.limit(path), self.order, continuation=start.continuation)
-        except MotionError as no:
-            return no
+        path = MachinePath(
+            self.machine,
+            [step.piece for step in steps],
+            np.array([1, *(step.stop for step in steps[:-1]), 1]),
+            np.array([start.dwell, *(step.dwell for step in steps)]),
+            tool=self.tool,
+            end_speeds=(start.speed, 0.0),
+            start_acceleration=0.0 if start.continuation is None else start.continuation.acceleration,
+            near=start.near,
+        )
+        return certified_solve(path, self.limit(path), self.order, continuation=start.continuation)
 
     def _start_from(self, held: _Held) -> _Start:
         """Where the window held is left."""
@@ -182,13 +178,13 @@ class WindowPlanner:
         return _Start(float(motion.v[knot]), state.q[0], continuation)
 
 
-def _cut_at_last_stop(steps: list[Step], order: int) -> list[Step]:
+def _cut_at_last_stop(steps: list[PathStep], order: int) -> list[PathStep]:
     """The steps up to the last at whose end a motion of this order rests; all where there is none."""
     stops = [n for n, step in enumerate(steps) if 0 < step.stop <= order]
     return steps[: stops[-1] + 1] if stops else steps
 
 
-def _find_seams(solution: Solution, steps: Sequence[Step]) -> list[_Seam]:
+def _find_seams(solution: Solution, steps: Sequence[PathStep]) -> list[_Seam]:
     """Ends of steps behind which the way to the stop takes BRAKINGS times as long as braking for it; the last last."""
     motion = solution.trajectory
     run = 0 if solution.last_room is None else len(motion.s) - len(next(iter(solution.last_room.values()), ()))

@@ -1,6 +1,6 @@
 """Every error that is raised on purpose, from one root; and what a validator of a file's values raises."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, TypeVar
@@ -30,6 +30,14 @@ def require(found: Found | MotionError) -> Found:
     if isinstance(found, MotionError):
         raise found
     return found
+
+
+def attempt(work: Callable[[], Found]) -> Found | MotionError:
+    """What work comes to, a refusal as a value: for whoever has another way to go."""
+    try:
+        return work()
+    except MotionError as no:
+        return no
 
 
 class BadValue(MotionError):

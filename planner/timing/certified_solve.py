@@ -126,16 +126,6 @@ def certified_solve(
     return Solution(trajectory, certificate, limits, order, rounds, methods, least, found[-1].room)
 
 
-def try_certified_solve(
-    path: ActuatorPath, limits: Sequence[Limit], order: int, *, solver: Solver = "passes", proving: bool = True
-) -> Solution | MotionError:
-    """`certified_solve` for whoever has another way to go: a refusal is a value."""
-    try:
-        return certified_solve(path, limits, order, solver=solver, proving=proving)
-    except MotionError as no:
-        return no
-
-
 def _fastest_timing(path: ActuatorPath, order: int) -> Timing:
     """The fastest motion, at the constant speeds that segments ask for."""
     if all(path.constant(piece) is None for piece in range(len(path.breaks) - 1)):

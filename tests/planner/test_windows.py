@@ -13,7 +13,7 @@ from planner.path.actuation import MachinePath, actuate
 from planner.program.model import Line, Program
 from planner.program.modifiers import Blend, Stop
 from planner.timing.certified_solve import certified_solve
-from planner.windows import Step, WindowPlanner
+from planner.windows import PathStep, WindowPlanner
 
 LINE, BLEND, SPEED = 4e-4, 2e-5, 0.01
 
@@ -29,7 +29,7 @@ def draw_polyline(count, join=None, seed=0):
 
 
 def steps_of(path: MachinePath):
-    return [Step(*each) for each in zip(path.pieces, path.joins[1:], path.dwells[1:], strict=True)]
+    return [PathStep(*each) for each in zip(path.pieces, path.joins[1:], path.dwells[1:], strict=True)]
 
 
 def plan_both(program, machine, order, pieces):
