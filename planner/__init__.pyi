@@ -15,7 +15,14 @@ from .program.model import (
     Synchronised as Synchronised,
     Turn as Turn,
 )
-from .program.modifiers import Blend as Blend, Free as Free, Stop as Stop, Through as Through, Trigger as Trigger
+from .program.modifiers import (
+    Blend as Blend,
+    Fit as Fit,
+    Free as Free,
+    Stop as Stop,
+    Through as Through,
+    Trigger as Trigger,
+)
 from .program.program_file import load_program as load_program, program_names as program_names
 from .path.point_to_point import synchronise as synchronise
 from .pulses import (

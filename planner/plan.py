@@ -25,7 +25,7 @@ from planner.limits.resonance import Resonance
 from planner.orientation.orient import orient_open
 from planner.parallel import Progress, ignore_progress
 from planner.path.actuation import MachinePath, actuate
-from planner.path.join_and_blend import blend_tables
+from planner.path.outcome import blend_tables, fit_tables
 from planner.path.point_to_point import Departure, departure_tables, departures
 from planner.place import Infeasible, LostPath
 from planner.program.model import Program
@@ -134,6 +134,7 @@ class Plan(Result):
         return (
             timing_table(title, self.trajectory.duration, self.lower_estimate, stated),
             *self.certificate.tables(),
+            *fit_tables(self.path.fit),
             *blend_tables(self.path.blends),
             *departure_tables(self.departures),
             *schedule_tables(self.pulses, units),
@@ -247,7 +248,7 @@ def check(program: Program, machine: Machine) -> Standing:
     found = prove_feasibility(path, limits_of(path, machine.axes, 2))
     worst = tuple(_add_advice(no, program, machine, 2) for no in found.violations[:1])
     violations = (*worst, *found.violations[1:])
-    return replace(found, violations=violations, blends=path.blends, departures=departures(path))
+    return replace(found, violations=violations, blends=path.blends, fit=path.fit, departures=departures(path))
 
 
 def _add_advice(no: MotionError, program: Program, machine: Machine, order: int) -> MotionError:

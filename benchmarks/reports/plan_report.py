@@ -77,6 +77,7 @@ def summary(plan: Plan, classical: Classical, verdict: PulseCheck) -> dict[str, 
         "Time saved": f"{saved:.6f} s ({100 * saved / classical.duration:.2f} %{unlike})",
         "Segments": f"{len(plan.program.segments)}{again}",
         "Length of the path": f"{1e3 * float(plan.path.breaks[-1]):.3f} mm ({radian})",
+        **_fit(plan),
         **_departures(plan),
         "Order": f"{plan.order} ({kept})",
         "Solved by": f"{', '.join(sorted(set(plan.methods)))}; certified in round {plan.rounds}",
@@ -84,6 +85,16 @@ def summary(plan: Plan, classical: Classical, verdict: PulseCheck) -> dict[str, 
         "Highest pulse rate": f"{verdict.highest_rate:.1f} 1/s",
         "Pulse check": f"{verdict.fault_count} errors; {_exactness(plan, verdict)}",
     }
+
+
+def _fit(plan: Plan) -> dict[str, str]:
+    """What fitting did, where it did anything."""
+    found = plan.path.fit
+    if found is None:
+        return {}
+    near = f"within {1e6 * found.deviation:.4g} um of the program (proved; tolerance {1e6 * found.tolerance:.4g} um)"
+    corners = f"{found.rounded} corners rounded, {found.stopped} with a stop"
+    return {"Fit": f"{found.before} pieces became {found.after} in {found.curves} curves, {near}; {corners}"}
 
 
 def _departures(plan: Plan) -> dict[str, str]:

@@ -17,7 +17,7 @@ from planner.certificate.certify import prove_path_use
 from planner.certificate.limit_use import round_reached_use
 from planner.limits.limit import Limit
 from planner.path.actuation import ActuatorPath, MachinePath
-from planner.path.join_and_blend import Blended, blend_tables
+from planner.path.outcome import Blended, FitSummary, blend_tables, fit_tables
 from planner.path.point_to_point import Departure, departure_tables
 from planner.place import Infeasible, Place, where_columns
 from planner.trajectory import State, Trajectory, unit_speed_trajectory
@@ -79,13 +79,14 @@ PART_POINTS = 65
 class Standing(Result):
     """All violations, the worst first, and for each limit the largest proven use, and where.
 
-    blends: what became of the program's joins that ask for one
+    blends: what became of the program's joins that ask for one; fit: of its chains that became curves
     departures: how far its synchronised moves leave the straight line
     """
 
     violations: tuple[MotionError, ...]
     largest: dict[str, tuple[float, Place]]
     blends: tuple[Blended, ...] = ()
+    fit: FitSummary | None = None
     departures: tuple[Departure, ...] = ()
 
     def tables(self) -> tuple[Table, ...]:
@@ -99,7 +100,7 @@ class Standing(Result):
             ),
             tuple(map(str, self.violations)),
         )
-        return uses, *blend_tables(self.blends), *departure_tables(self.departures)
+        return uses, *fit_tables(self.fit), *blend_tables(self.blends), *departure_tables(self.departures)
 
 
 def prove_feasibility(path: ActuatorPath, limits: Sequence[Limit]) -> Standing:

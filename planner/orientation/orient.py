@@ -146,8 +146,8 @@ def _solve_groups(
     start: Choice,
 ) -> dict[int, Array]:
     """Neighbouring free segments, each such group by itself."""
-    once, _, _ = draw_segments(replace(apply_choice(program, start), repeat=1), machine)
-    drawn = {pieces[0].segment - 1: [_carry_piece(piece, program) for piece in pieces] for pieces in once}
+    once = (part.pieces for part in draw_segments(replace(apply_choice(program, start), repeat=1), machine))
+    drawn = {pieces[0].segment - 1: [_carry_piece(piece, program) for piece in pieces] for pieces in once if pieces}
     found: dict[int, Array] = {}
     for group in _group_neighbours(list(drawn), start):
         parts = [FreePart.from_pieces(drawn[k], _chosen_freedom(program, k)) for k in group]

@@ -18,8 +18,8 @@ from kinematics.machine.kind import columns, refuse_uncontrolled
 from kinematics.machine.machine import Machine
 from kinematics.machine.pose import Pose, column
 from planner.path.chain import chain_pieces, tool_map
-from planner.path.join_and_blend import Blended
-from planner.path.shape import Piece, Shape, differentiate, pose_map
+from planner.path.outcome import Blended, summarise_fits
+from planner.path.shape import Fitted, Piece, Shape, differentiate, pose_map
 from planner.place import Place
 from planner.program.model import Program
 
@@ -223,6 +223,7 @@ class MachinePath:
         stops: np.ndarray,
         dwells: Array,
         blends: Sequence[Blended] = (),
+        fits: Sequence[Fitted] = (),
         *,
         tool: Pose | None = None,
         end_speeds: tuple[float, float] = (0.0, 0.0),
@@ -234,6 +235,7 @@ class MachinePath:
         0 says that it never needs to, 1 that it always does; the first and the last end are stops.
 
         blends      what became of the joins that ask for one
+        fits        what became of chains whose joins ask for curves
         tool        its frame in the platform's, whose path length the pieces have; None: the platform's own
         end_speeds  ṡ with which a motion begins and ends; start_acceleration: s̈ at its start
         near        (n,) coordinates near which it starts; None: near home's
@@ -243,7 +245,7 @@ class MachinePath:
         parts, meant = split_turns(machine, pieces, machine.home_q if near is None else near)
         counts = [len(each) for each in parts]
         self.machine, self.pieces = machine, tuple(part for each in parts for part in each)
-        self.blends = tuple(blends)
+        self.blends, self.fit = tuple(blends), summarise_fits(fits, blends)
         self.breaks: Array = freeze_array(np.concatenate([[0.0], np.cumsum([piece.length for piece in self.pieces])]))
         ends = np.concatenate([[0], np.cumsum(counts)])
         self._stops, self.dwells = freeze_array(_pad_part_ends(ends, stops)), freeze_array(_pad_part_ends(ends, dwells))
@@ -366,6 +368,7 @@ def actuate(program: Program, machine: Machine) -> MachinePath:
         chained.stops,
         chained.dwells,
         chained.blends,
+        chained.fits,
         tool=program.tool,
     )
     stated = np.array([program.start_speed, program.end_speed])

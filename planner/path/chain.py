@@ -3,7 +3,7 @@
 The tool sits on the platform; the platform's path takes it along its own.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, partial
 
@@ -18,12 +18,26 @@ from kinematics.machine.machine import Machine
 from kinematics.machine.pose import Pose, column, split_pose_symbols, to_numbers
 from planner.path.arc_length import even_speed
 from planner.path.curve import curve, ends
-from planner.path.join_and_blend import Blended, join
-from planner.path.shape import DEGREE, Piece, Shape, arc, free_piece, line, turn, turn_angle, turning_angle
+from planner.path.fit import fit_chains, is_plain
+from planner.path.join_and_blend import join
+from planner.path.outcome import Blended
+from planner.path.shape import (
+    DEGREE,
+    Drawn,
+    Fitted,
+    Piece,
+    Shape,
+    arc,
+    free_piece,
+    line,
+    turn,
+    turn_angle,
+    turning_angle,
+)
 from planner.path.spline import spline
 from planner.path.synchronised import draw_synchronised
 from planner.program.model import MIN_MOVE, Arc, Curve, Dwell, Line, Program, Segment, Spline, Synchronised, Turn
-from planner.program.modifiers import Join
+from planner.program.modifiers import STOP
 from planner.program.validation import CAPS
 
 
@@ -63,31 +77,33 @@ Moving = Line | Arc | Spline | Curve | Turn | Synchronised
 class Chain:
     """Pieces of the platform's path in the base frame; stops (P+1,), dwells (P+1,) s at their ends, as of MachinePath.
 
-    blends: what became of every join that asks for one
+    blends: what became of every join that asks for one; fits: of every chain that was fitted
     """
 
     pieces: tuple[Piece, ...]
     stops: np.ndarray
     dwells: Array
     blends: tuple[Blended, ...]
+    fits: tuple[Fitted, ...]
 
 
 def chain_pieces(program: Program, machine: Machine) -> Chain:
     """The program's path for a machine. Raises MotionError naming the segment that cannot be drawn."""
-    drawn, joins, dwells = draw_segments(program, machine)
-    pieces, stops, rests, blends = join(drawn, joins, dwells, machine.characteristic_length)
+    characteristic = machine.characteristic_length
+    drawn = fit_chains(draw_segments(program, machine), characteristic)
+    pieces, stops, rests, blends, fits = join(drawn, characteristic)
     if any(piece.constant for piece in pieces):
         pieces, stops, rests = even_speed(pieces, stops, rests)
     if program.tool is not None:
         pieces = tuple(carry_tool(piece, program.tool) for piece in pieces)
-    return Chain(pieces, stops, rests, blends)
+    return Chain(pieces, stops, rests, blends, fits)
 
 
-def draw_segments(program: Program, machine: Machine) -> tuple[list[list[Piece]], list[Join], Array]:
-    """The tool's pieces of every segment that moves, repetition after repetition, and the joins at their ends.
+def draw_segments(program: Program, machine: Machine) -> Iterator[Drawn]:
+    """The tool's way along every segment that moves, repetition after repetition, each as it is asked for.
 
-    dwells (S+1,) s at the start and at the ends. Raises MotionError naming the segments that cannot be drawn, of a
-    program from a file FileError with their lines: all up to the first that does not say itself where it ends.
+    Raises MotionError naming the segments that cannot be drawn, of a program from a file FileError with their lines:
+    all up to the first that does not say itself where it ends. After the first nothing more is drawn.
     """
     _refuse_lever(program, machine)
     _refuse_end_speed("start_speed", program.start_speed, program.segments[0], 1)
@@ -96,14 +112,12 @@ def draw_segments(program: Program, machine: Machine) -> tuple[list[list[Piece]]
     frame = machine.home if program.frame == "home" else RigidTransform.identity()
     if program.work is not None:
         frame = frame * program.work
-    drawn: list[list[Piece]] = []
-    faults: list[tuple[int, MotionError]] = []
-    joins: list[Join] = []
-    dwells, turned = [0.0], 0.0
+    faults: list[tuple[int, Moving, MotionError]] = []
+    held, moves, turned = Drawn([], STOP), False, 0.0
     for repetition in range(1, program.repeat + 1):
         for number, segment in enumerate(program.segments, 1):
             if isinstance(segment, Dwell):
-                dwells[-1] += segment.duration
+                held = replace(held, dwell=held.dwell + segment.duration)
                 continue
             try:
                 there = segment_end(segment, here)
@@ -111,22 +125,23 @@ def draw_segments(program: Program, machine: Machine) -> tuple[list[list[Piece]]
                 turned += sum(piece.turn for piece in own)
                 _refuse_turns(turned)
             except MotionError as wrong:
-                faults.append((number, _repetition_error(wrong, repetition) if repetition > 1 else wrong))
+                faults.append((number, segment, _repetition_error(wrong, repetition) if repetition > 1 else wrong))
                 onward = _end_of_undrawn(segment, here)
                 if onward is None or repetition > 1:
                     raise _segments_error(program, faults) from None
                 here = onward
                 continue
-            drawn.append([_cap_piece(piece, segment, program, repetition) for piece in _free_pieces(own, segment)])
-            joins.append(segment.join)
-            dwells.append(0.0)
-            here = there
+            if not faults and (held.pieces or held.dwell):
+                yield held
+            pieces = [_cap_piece(piece, segment, program, repetition) for piece in _free_pieces(own, segment)]
+            held = Drawn(pieces, segment.join, plain=segment.trigger is None and is_plain(pieces))
+            here, moves = there, True
         if faults:
             raise _segments_error(program, faults)
-    if not drawn:
+    if not moves:
         told = f"program {program.name}: nothing moves; add a line, an arc, a spline, a turn or a synchronised move"
         raise FileError(program.file, [Fault("segment", told, 1)]) if program.file else MotionError(told)
-    return drawn, joins, freeze_array(dwells)
+    yield held
 
 
 def default_start(program: Program, machine: Machine) -> Pose:
@@ -151,16 +166,15 @@ def _end_of_undrawn(segment: Moving, here: Pose) -> Pose | None:
     return RigidTransform.from_components(position, here.rotation if turned is None else turned)
 
 
-def _segments_error(program: Program, faults: Sequence[tuple[int, MotionError]]) -> MotionError:
+def _segments_error(program: Program, faults: Sequence[tuple[int, Moving, MotionError]]) -> MotionError:
     """Everything that is wrong with the segments of a program: of its file, if it is from one."""
-    named = [(number, program.segments[number - 1], str(wrong)) for number, wrong in faults]
     if not program.file:
-        return MotionError("\n".join(f"{_name(segment, number)}: {told}" for number, segment, told in named))
+        return MotionError("\n".join(f"{_name(segment, number)}: {no}" for number, segment, no in faults))
     return FileError(
         program.file,
         [
-            Fault(f"segment[{number}].{type(segment).__name__.lower()}", told, segment.line_number)
-            for number, segment, told in named
+            Fault(f"segment[{number}].{type(segment).__name__.lower()}", str(no), segment.line_number)
+            for number, segment, no in faults
         ],
     )
 

@@ -3,7 +3,7 @@
 In a blend one motion begins while the one before it ends, within a tolerance of the path that they leave.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from typing import TypeVar
@@ -12,9 +12,10 @@ import casadi as ca
 import numpy as np
 
 from kinematics.foundation.arrays import Array, freeze_array
-from kinematics.foundation.table import Column, Table
-from planner.path.shape import Piece, Shape, turning_angle
-from planner.program.modifiers import Blend, Join, Stop
+from planner.path.closeness import bound_distance
+from planner.path.outcome import Blended
+from planner.path.shape import LINE, Drawn, Fitted, Piece, Shape, turning_angle
+from planner.program.modifiers import Blend, Fit, Stop
 
 # Where the deviation may lie, as a share of the tolerance, and where the search aims: under 1 by more than what the
 # sampling of the largest deviation can miss.
@@ -93,13 +94,8 @@ def fit_blend(a: Piece, b: Piece, most: float, tolerance: float, angle: float) -
         return max(found[reach][0] / tolerance, found[reach][1] / angle)
 
     reach = _find_reach(share, most)
-    whole = _blend_piece(a, b, reach)
-    if _min_speed_share(whole, a, b, tolerance / angle) < MIN_SPEED_SHARE:
-        return None
-    first, second = whole.cut(2)
-    second = replace(b, shape=whole.shape, parameters=whole.parameters, length=reach, start=second.start)
-    halves = (replace(first, turn=turning_angle(first)), replace(second, turn=turning_angle(second)))
-    return BlendFit(halves, reach, *found[reach])
+    halves = _halve_blend(a, b, reach, tolerance / angle)
+    return None if halves is None else BlendFit(halves, reach, *found[reach])
 
 
 def _find_reach(share: Callable[[float], float], most: float) -> float:
@@ -176,6 +172,9 @@ def _min_speed_share(piece: Piece, a: Piece, b: Piece, weight: float) -> float:
 # A jump of a derivative of the pose that is rounding, as a share of its size: a tenth of what the certificate allows.
 JUMP_ROUNDING = 1e-10
 ALWAYS_REST, NEVER_REST = 1, 0
+# Share of its tolerance that a blend whose distance is proved is to use at least, and what the search aims at; how many
+# reaches are tried; and how far a blend of lines has begun the second where it leaves the first, by its reach.
+PROOF_SHARE, PROOF_AIM, PROOF_TRIES, MIDDLE_SHARE = 0.9, 0.97, 6, 5 / 32
 # The least that a blend may reach, as a share of the machine's characteristic length: its curvature goes with 1/reach,
 # and below so much the rounding of coordinates leaves no proof of an acceleration within the certificate's tolerance.
 # It is some 0.1 µm, far less than a pulse of the machines at hand.
@@ -184,82 +183,49 @@ MIN_REACH_SHARE = 1e-6
 SAME_LENGTH = 1e-12
 
 
-@dataclass(frozen=True, slots=True)
-class Blended:
-    """What a join that asks for a blend became.
-
-    segment     number of the one before it; the blend leads to the next that moves
-    tolerance   m, and angle (rad): what it may leave the unblended path by
-    deviation   m, and turned (rad): by how much it does, at most (see planner.path.join_and_blend)
-    reach       m of each segment that it takes the place of
-    half_of     the segments of which it takes half, or all that can be had, though the tolerance would allow more
-    stop        why the motion rests there instead, or ""
-    """
-
-    segment: int
-    tolerance: float
-    angle: float
-    deviation: float = 0.0
-    turned: float = 0.0
-    reach: float = 0.0
-    half_of: tuple[int, ...] = ()
-    stop: str = ""
-
-    @property
-    def tolerance_use(self) -> float:
-        """The share of the tolerance that it uses."""
-        return max(self.deviation / self.tolerance, self.turned / self.angle)
+Joined = tuple[tuple[Piece, ...], np.ndarray, Array, tuple[Blended, ...], tuple[Fitted, ...]]
 
 
-def blend_tables(blends: "Sequence[Blended]") -> tuple[Table, ...]:
-    """How far each blend leaves the corner, and what it could not have; no table where there is none."""
-    if not blends:
-        return ()
-    figures = (
-        ("tolerance", [blend.tolerance for blend in blends], "m", "micro"),
-        ("deviation", [None if blend.stop else blend.deviation for blend in blends], "m", "micro"),
-        ("angle", [None if blend.stop else blend.turned for blend in blends], "rad", "micro"),
-        ("reach", [None if blend.stop else blend.reach for blend in blends], "m", "human"),
-    )
-    columns = (Column(name, values, unit, scale, ".4g") for name, values, unit, scale in figures)  # type: ignore[arg-type]
-    after = Column("after segment", [blend.segment for blend in blends])
-    return (Table("blends", (after, *columns, Column("note", [_note(blend) for blend in blends]))),)
+def join(drawn: Iterable[Drawn], characteristic: float) -> Joined:
+    """Pieces of the whole path, stops (P+1,) and dwells (P+1,) s at their ends as MachinePath has them.
 
-
-def _note(blend: Blended) -> str:
-    if blend.stop:
-        return f"stops: {blend.stop}"
-    return f"half of segment {' and '.join(map(str, blend.half_of))}" if blend.half_of else ""
-
-
-def join(
-    segments: Sequence[Sequence[Piece]], joins: Sequence[Join], dwells: Array, characteristic: float
-) -> tuple[tuple[Piece, ...], np.ndarray, Array, tuple[Blended, ...]]:
-    """Pieces of the whole path, stops (P+1,) and dwells (P+1,) s at their ends as MachinePath has them, and the blends.
-
-    segments  the pieces of each, smooth inside;  joins  at their ends;  dwells (S+1,) s at the ends of segments
+    Then what became of the joins that ask for a blend, and of the chains that were fitted.
     characteristic  m that count like a radian: the machine's characteristic length
     """
     pieces: list[Piece] = []
-    stops, rests, blends = [ALWAYS_REST], [float(dwells[0])], list[Blended]()
+    stops, rests, blends, fits = [ALWAYS_REST], [0.0], list[Blended](), list[Fitted]()
     before = 0.0
-    for n, own in enumerate(segments):
-        last = n == len(segments) - 1
+    for own, after in _pairs(drawn):
+        if own.fitted is not None:
+            fits.append(own.fitted)
+        if not own.pieces:
+            rests[-1] += own.dwell
+            continue
         rest, made = ALWAYS_REST, list[Piece]()
-        if not (last or isinstance(joins[n], Stop)):
-            rest = _rest_order(own[-1], segments[n + 1][0], dwells[n + 1], characteristic)
-            asked = joins[n]
-            if isinstance(asked, Blend) and rest != NEVER_REST:
-                made, told = _blend(own, segments[n + 1], asked, dwells[n + 1], characteristic)
+        if not (after is None or isinstance(own.join, Stop)):
+            rest = _rest_order(own.pieces[-1], after.pieces[0], own.dwell, characteristic)
+            if isinstance(own.join, Blend | Fit) and rest != NEVER_REST:
+                made, told = _blend(own, after, own.join, characteristic)
                 blends.append(told)
                 rest = NEVER_REST if made else ALWAYS_REST
         reach = made[0].length if made else 0.0
-        pieces += [*_trim_pieces(own, before, reach), *made]
+        pieces += [*_trim_pieces(own.pieces, before, reach), *made]
         inner = len(pieces) - len(stops)
         stops += [NEVER_REST] * inner + [rest]
-        rests += [0.0] * inner + [float(dwells[n + 1])]
+        rests += [0.0] * inner + [own.dwell]
         before = reach
-    return tuple(pieces), freeze_array(stops), freeze_array(rests), tuple(blends)
+    return tuple(pieces), freeze_array(stops), freeze_array(rests), tuple(blends), tuple(fits)
+
+
+def _pairs(drawn: Iterable[Drawn]) -> Iterator[tuple[Drawn, Drawn | None]]:
+    """Each segment and the next."""
+    held: Drawn | None = None
+    for item in drawn:
+        if held is not None:
+            yield held, item
+        held = item
+    if held is not None:
+        yield held, None
 
 
 def _rest_order(a: Piece, b: Piece, dwell: float, characteristic: float) -> int:
@@ -280,17 +246,18 @@ def _rest_order(a: Piece, b: Piece, dwell: float, characteristic: float) -> int:
     return NEVER_REST
 
 
-def _blend(
-    before: Sequence[Piece], after: Sequence[Piece], asked: Blend, dwell: float, characteristic: float
-) -> tuple[list[Piece], Blended]:
+def _blend(before: Drawn, after: Drawn, asked: Blend | Fit, characteristic: float) -> tuple[list[Piece], Blended]:
     """The pieces of the blend of two segments, none where there can be none, and what to say of it."""
-    a, b = before[-1], after[0]
-    angle = asked.tolerance / characteristic if asked.angle is None else asked.angle
-    told = Blended(a.segment, asked.tolerance, angle)
-    if dwell > 0:
+    a, b = before.pieces[-1], after.pieces[0]
+    angle = asked.angle_at(characteristic)
+    told = Blended(a.segment, asked.tolerance, angle, fitted=isinstance(asked, Fit))
+    if before.dwell > 0:
         return [], replace(told, stop="a dwell")
-    most = {part.segment: _available_length(own, part) for own, part in ((before, a), (after, b))}
-    made = fit_blend(a, b, min(most.values()), asked.tolerance, angle)
+    most = {part.segment: _available_length(own.pieces, part) for own, part in ((before, a), (after, b))}
+    if isinstance(asked, Blend):
+        made = fit_blend(a, b, min(most.values()), asked.tolerance, angle)
+    else:
+        made = _fit_proved_blend(before, after, min(most.values()), asked.tolerance, angle)
     if made is None:
         return [], replace(told, stop="it turns back")
     if made.reach < MIN_REACH_SHARE * characteristic:
@@ -299,6 +266,62 @@ def _blend(
     if told.tolerance_use < MIN_SHARE:
         told = replace(told, half_of=tuple(n for n, length in most.items() if length <= made.reach * (1 + SAME_LENGTH)))
     return list(made.halves), told
+
+
+def _fit_proved_blend(before: Drawn, after: Drawn, most: float, tolerance: float, angle: float) -> BlendFit | None:
+    """A blend at a corner between chains, of which it is proved how far it and what was programmed are apart.
+
+    Of the tolerances, what the curves beside it leave: its own distance and theirs add up. Between straight motions
+    that do not turn, a and b of them at the corner, the blend is apart from them by b(s) |B − A| before the join and
+    −a(s) |B − A| behind it, where they have run as far as it has: at most (5/32) d |B − A|, and so much at the join.
+    """
+    a, b = before.pieces[-1], after.pieces[0]
+    used = np.max([(0.0, 0.0), *_near_corner(before, after)], axis=0)
+    left, spare = tolerance - float(used[0]), angle - float(used[1])
+    ends = [part.derivatives(np.array([s]))[1][0, :3] for part, s in ((a, a.start + a.length), (b, b.start))]
+    jump = float(np.linalg.norm(ends[1] - ends[0]))
+    if min(left, spare) <= 0:
+        return None
+    rate = MIDDLE_SHARE * jump
+    reach = min(most, left / rate) if rate > 0 else most
+    if all(part.shape is LINE and part.parameters[-1] == 0 for part in (a, b)) and not used.any():
+        reach *= 1 - 2 * SAME_LENGTH
+        halves = _halve_blend(a, b, reach, tolerance / angle)
+        return None if halves is None else BlendFit(halves, reach, reach * rate * (1 + SAME_LENGTH), 0.0)
+    found, power, tried = None, 1.0 if rate > 0 else 2.0, list[tuple[float, float]]()
+    for _ in range(PROOF_TRIES):
+        halves = _halve_blend(a, b, reach, tolerance / angle)
+        if halves is None:
+            return None
+        corner = [a.trim(a.length - reach, 0.0), b.trim(0.0, b.length - reach)]
+        apart, turned = bound_distance(halves, corner, tolerance, angle).worst
+        use = max(apart / left, turned / spare)
+        if use <= 1 and (found is None or reach > found.reach):
+            found = BlendFit(halves, reach, apart + float(used[0]), turned + float(used[1]))
+        if PROOF_SHARE <= use <= 1 or (use <= 1 and reach == most):
+            break
+        tried.append((np.log(reach), np.log(use)))
+        if len(tried) > 1 and tried[-1][0] != tried[-2][0]:
+            slope = (tried[-1][1] - tried[-2][1]) / (tried[-1][0] - tried[-2][0])
+            power = float(np.clip(slope, 1.0, 4.0))
+        reach = min(most, reach * float(np.clip(PROOF_AIM / use, 1e-4, 1e4)) ** (1 / power))
+    return found
+
+
+def _halve_blend(a: Piece, b: Piece, reach: float, weight: float) -> tuple[Piece, Piece] | None:
+    """The two halves of a blend of some reach, each a part of its own segment; None where it all but turns back."""
+    whole = _blend_piece(a, b, reach)
+    if _min_speed_share(whole, a, b, weight) < MIN_SPEED_SHARE:
+        return None
+    first, second = whole.cut(2)
+    second = replace(b, shape=whole.shape, parameters=whole.parameters, length=reach, start=second.start)
+    return replace(first, turn=turning_angle(first)), replace(second, turn=turning_angle(second))
+
+
+def _near_corner(before: Drawn, after: Drawn) -> list[tuple[float, float]]:
+    """How far (m, rad) curves that meet at a corner may be from what was programmed there."""
+    tails = [before.fitted.tail] if before.fitted is not None else []
+    return [*tails, after.fitted.head] if after.fitted is not None else tails
 
 
 def _available_length(own: Sequence[Piece], end: Piece) -> float:

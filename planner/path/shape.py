@@ -5,7 +5,7 @@ signed angle, and helices, which rise along their normal; and orientation left f
 tool's own axis, and a tilt of that axis within a cone.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from math import comb
@@ -26,6 +26,7 @@ from kinematics.machine.pose import (
     straight_pose,
     to_numbers,
 )
+from planner.program.modifiers import Join
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,11 +84,45 @@ class Piece:
 
     def derivatives(self, s: Array) -> tuple[Array, Array, Array, Array]:
         """The same and their first three derivatives by s, each (N, 12)."""
-        x, x1, x2, x3 = np.split(_pose_derivatives(self.shape)(self._inputs(s)), 4, axis=1)
+        x, x1, x2, x3 = np.split(pose_derivatives_map(self.shape)(self._inputs(s)), 4, axis=1)
         return x, x1, x2, x3
 
     def _inputs(self, s: Array) -> Array:
         return np.column_stack([s, np.broadcast_to(self.parameters, (len(s), self.shape.size))])
+
+
+@dataclass(frozen=True, slots=True)
+class Fitted:
+    """A curve instead of some pieces: how many, and how many it has; by how much it leaves them at most, proved.
+
+    tolerance, angle   m and rad
+    deviation, turned  m and rad; head, tail: likewise, near its start and near its end
+    """
+
+    tolerance: float
+    angle: float
+    before: int
+    after: int
+    deviation: float
+    turned: float
+    head: tuple[float, float]
+    tail: tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Drawn:
+    """A segment as it is drawn: its pieces, smooth inside; the join at its end, and s of rest there.
+
+    pieces  none: a rest before the path begins
+    plain   whether it may become part of a curve (planner.path.fit)
+    fitted  what was fitted there, if it is a curve
+    """
+
+    pieces: Sequence[Piece]
+    join: Join
+    dwell: float = 0.0
+    plain: bool = False
+    fitted: Fitted | None = None
 
 
 @cache
@@ -98,7 +133,7 @@ def pose_map(shape: Shape) -> Expression:
 
 
 @cache
-def _pose_derivatives(shape: Shape) -> Expression:
+def pose_derivatives_map(shape: Shape) -> Expression:
     s, parameters = ca.SX.sym("s"), ca.SX.sym("parameters", shape.size)
     return differentiate(f"{shape.name}_moved", column(*shape.motion(s, parameters)), s, ca.vertcat(s, parameters))
 

@@ -82,8 +82,14 @@ def _quaternions(start: Pose, rotate: Rotation | None, count: int) -> Array:
             f"{_name(far + 1)} turns by {np.degrees(2 * np.arccos(abs(nearness[far]))):.4g}° from {_name(far)}; "
             f"at most {np.degrees(2 * np.arccos(MIN_QUATERNION_PRODUCT)):.4g}° lie between two points: add some"
         )
+    return align_signs(found)
+
+
+def align_signs(quaternions: Array) -> Array:
+    """(N, 4) each on the side of the one before it."""
+    nearness = (quaternions[1:] * quaternions[:-1]).sum(1)
     sides = np.cumprod(np.concatenate([[1.0], np.where(nearness < 0, -1.0, 1.0)]))
-    return np.asarray(found * sides[:, None])
+    return np.asarray(quaternions * sides[:, None])
 
 
 def sample_splines(points: Array, share: Array) -> tuple[Array, Array]:
@@ -162,3 +168,100 @@ def _span_speeds(numbers: Array, spans: Array) -> Array:
     powers = numbers.reshape(len(spans), DEGREE + 1, 7)[:, None, :, :3]
     slope = sum(k * powers[:, :, k] * s[..., None] ** (k - 1) for k in range(1, DEGREE + 1))
     return np.asarray(np.linalg.norm(slope, axis=2))
+
+
+# Of a spline that smooths: shorter than this share of a span, what bends is noise. Points of a span for its ∫|p‴|².
+NOISE_SHARE, GAUSS_POINTS = 0.1, 3
+
+
+def smooth_spline(knots: Array, s: Array, values: Array, weights: Array, ends: tuple[Array, Array]) -> Array:
+    """(K, 6, k) coefficients of the spans between knots (K+1,), by powers of s from each: near values (N, k) at s (N,).
+
+    Σ w |p(sᵢ) − valuesᵢ|² + Σ (NOISE_SHARE h)⁶ ∫|p‴|² over spans h is least, among the quintic splines with four
+    continuous derivatives that have given ones at their ends: (m, k) the values and their first m − 1 derivatives.
+    """
+    from scipy.interpolate import BSpline
+    from scipy.linalg import solveh_banded
+
+    t = np.concatenate([np.full(DEGREE, knots[0]), knots, np.full(DEGREE, knots[-1])])
+    count = len(t) - DEGREE - 1
+    data, first = _basis(s, t, DEGREE)
+    nodes, shares = np.polynomial.legendre.leggauss(GAUSS_POINTS)
+    h = np.diff(knots)
+    places = (knots[:-1, None] + h[:, None] * (nodes + 1) / 2).ravel()
+    rough = ((NOISE_SHARE * h) ** 6 * h / 2)[:, None] * shares
+    third, begin = _basis(places, t[3:-3], DEGREE - 3)
+    slopes = _third_differences(t, count)
+    bends = np.zeros((len(places), DEGREE + 1))
+    for k in range(DEGREE - 2):
+        for j in range(4):
+            bends[:, k + j] += third[:, k] * slopes[begin + k, j]
+    fixed = [_end_coefficients(t, ends[0]), _end_coefficients(-t[::-1], _mirror(ends[1]))[::-1]]
+    known = np.zeros((count, values.shape[1]))
+    known[: len(fixed[0])], known[count - len(fixed[1]) :] = fixed
+    bands, right = np.zeros((DEGREE + 1, count)), np.zeros((count, values.shape[1]))
+    for basis, at, weight, wanted in (
+        (data, first, weights, values - _combine(data, first, known)),
+        (bends, begin, rough.ravel(), -_combine(bends, begin, known)),
+    ):
+        for k in range(DEGREE + 1):
+            np.add.at(right, at + k, (weight * basis[:, k])[:, None] * wanted)
+            for more in range(DEGREE + 1 - k):
+                np.add.at(bands[more], at + k, weight * basis[:, k] * basis[:, k + more])
+    free = slice(len(fixed[0]), count - len(fixed[1]))
+    if free.start < free.stop:
+        known[free] = solveh_banded(bands[:, free], right[free], lower=True)
+    spline = BSpline(t, known, DEGREE)
+    powers = np.empty((len(h), DEGREE + 1, values.shape[1]))
+    factorial = 1.0
+    for k in range(DEGREE + 1):
+        factorial *= max(k, 1)
+        powers[:, k] = spline(knots[:-1], nu=k) / factorial
+    return powers
+
+
+def _basis(s: Array, t: Array, degree: int) -> tuple[Array, np.ndarray]:
+    """(N, degree+1) values of the B-splines that are not nothing at s (N,), and the number (N,) of the first."""
+    from scipy.interpolate import BSpline
+
+    made = BSpline.design_matrix(s, t, degree)
+    return made.data.reshape(len(s), degree + 1), made.indices.reshape(len(s), degree + 1)[:, 0]
+
+
+def _combine(basis: Array, first: np.ndarray, coefficients: Array) -> Array:
+    """(N, k) values of splines whose B-splines are those."""
+    return np.asarray(sum(basis[:, k, None] * coefficients[first + k] for k in range(basis.shape[1])))
+
+
+def _third_differences(t: Array, count: int) -> Array:
+    """(count − 3, 4) what makes of coefficients those of the third derivative, on the knots t[3:-3]."""
+    rows = np.zeros((count, 4))
+    rows[:, 0] = 1.0
+    for degree in (DEGREE, DEGREE - 1, DEGREE - 2):
+        inner = t[DEGREE - degree : len(t) - (DEGREE - degree)]
+        n = len(rows) - 1
+        rate = degree / (inner[degree + 1 : degree + 1 + n] - inner[1 : 1 + n])
+        after = np.zeros((n, 4))
+        after[:, 1:] = rows[1:, :3]
+        rows = rate[:, None] * (after - rows[:-1])
+    return rows
+
+
+def _end_coefficients(t: Array, derivatives: Array) -> Array:
+    """The first m coefficients of a spline that has m values and derivatives (m, k) at its start."""
+    order = len(derivatives)
+    if order == 0:
+        return derivatives
+    rows, maps = np.eye(order), [np.eye(order)[0]]
+    for k in range(1, order):
+        degree = DEGREE - k + 1
+        inner = t[k - 1 :]
+        rate = degree / (inner[degree + 1 : degree + len(rows)] - inner[1 : len(rows)])
+        rows = rate[:, None] * np.diff(rows, axis=0)
+        maps.append(rows[0])
+    return np.asarray(np.linalg.solve(np.stack(maps), derivatives))
+
+
+def _mirror(derivatives: Array) -> Array:
+    """The same looked at from the other side."""
+    return derivatives * ((-1.0) ** np.arange(len(derivatives)))[:, None]

@@ -20,6 +20,7 @@ from kinematics.foundation.errors import MotionError, OutOfReach
 from kinematics.machine.machine import Machine
 from kinematics.machine.pose import Pose, from_numbers, to_numbers
 from planner.path.shape import Piece, Shape, line, turn_angle, turning_angle
+from planner.path.spline import align_signs
 
 NAME, DEGREES = "synchronised", (8, 16, 24)
 """Of the polynomial: the least that does, since each costs whenever the path is looked at."""
@@ -93,7 +94,7 @@ def _pieces(
     if poses is None:
         return
     moved = poses * tool
-    values = np.concatenate([moved.translation, _align_signs(moved.rotation.as_quat())], 1).reshape(count, len(x), 7)
+    values = np.concatenate([moved.translation, align_signs(moved.rotation.as_quat())], 1).reshape(count, len(x), 7)
     allowed = STRAIGHTNESS_SHARE * max(1.0, float(np.abs(axes).max()))
     for degree in DEGREES:
         pieces = []
@@ -126,12 +127,6 @@ def _follow_poses(machine: Machine, first: Array, last: Array, start: Pose, end:
     near = RigidTransform.from_components(place, start.rotation * Rotation.from_rotvec(shares[:, None] * turn))
     found, residual = iterate_newton(machine, first + shares[:, None] * (last - first), to_numbers(near))
     return from_numbers(found) if (residual <= RESIDUAL_TOLERANCE).all() else None
-
-
-def _align_signs(quaternions: Array) -> Array:
-    """Each on the side of the one before it."""
-    sides = np.cumprod(np.concatenate([[1.0], np.sign((quaternions[1:] * quaternions[:-1]).sum(1))]))
-    return np.asarray(quaternions * sides[:, None])
 
 
 def _polynomial(x: Array, values: Array, degree: int) -> Array:

@@ -1,7 +1,7 @@
 """What segments say beside where they lead: how they join, events along them, freedom of orientation."""
 
 from dataclasses import dataclass
-from math import pi
+from math import pi, radians
 
 from kinematics.foundation.arrays import Array, freeze_fields
 from kinematics.foundation.errors import MotionError
@@ -35,10 +35,53 @@ class Blend:
         check_positive("blend", "tolerance", self.tolerance, "m")
         check_positive("blend", "angle", self.angle, "rad")
 
+    def angle_at(self, characteristic: float) -> float:
+        """The tolerance of the orientation, rad, where so many m count like a radian."""
+        return self.tolerance / characteristic if self.angle is None else self.angle
 
-Join = Stop | Through | Blend
+
+CORNER_ANGLE = radians(35)
+"""Between two directions, above which a fit keeps a corner unless it says another."""
+
+
+@dataclass(frozen=True, slots=True)
+class Fit:
+    """A join in a chain that becomes a smooth curve, within `tolerance` (m) and `angle` (rad) of what is programmed.
+
+    angle   None: what turns points at the machine's characteristic length by the tolerance
+    corner  rad between two directions above which the join stays a corner, that is rounded like a `Blend`
+    (planner.path.fit)
+    """
+
+    tolerance: float
+    angle: float | None = None
+    corner: float = CORNER_ANGLE
+
+    def __post_init__(self) -> None:
+        check_positive("fit", "tolerance", self.tolerance, "m")
+        check_positive("fit", "angle", self.angle, "rad")
+        check_positive("fit", "corner", self.corner, "rad")
+
+    def angle_at(self, characteristic: float) -> float:
+        """The tolerance of the orientation, rad, where so many m count like a radian."""
+        return self.tolerance / characteristic if self.angle is None else self.angle
+
+
+Join = Stop | Through | Blend | Fit
 STOP = Stop()
 """What is meant where nothing is said."""
+
+
+def choose_join(name: str, blend: float | None, fit: float | None) -> Join:
+    """The join that options say: fitted or rounded within a tolerance (m), or by name, "stop" or "through".
+
+    Raises MotionError where both tolerances are given.
+    """
+    if blend is not None and fit is not None:
+        raise MotionError("blend and fit exclude each other: a fit blends the corners that it keeps; omit blend")
+    if fit is not None:
+        return Fit(fit)
+    return Blend(blend) if blend is not None else Stop() if name == "stop" else Through()
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,7 +18,7 @@ from kinematics.foundation.names import find
 from kinematics.machine.machine_file import KINDS
 from kinematics.machine.pose import Pose
 from planner.program.model import Curve, Dwell, Program, Segment, Turn
-from planner.program.modifiers import Blend, Free, Stop, Trigger
+from planner.program.modifiers import CORNER_ANGLE, Blend, Fit, Free, Stop, Trigger
 from planner.program.program_file import SEGMENTS, ProgramFile
 from planner.program.segment_tables import PathEntry
 from planner.program.validation import CAPS
@@ -81,6 +81,9 @@ def _caps(of: Program | Segment) -> dict[str, float | None]:
 def _join(join: object) -> str | dict[str, float | None]:
     if isinstance(join, Blend):
         return {"blend": join.tolerance, "angle": join.angle}
+    if isinstance(join, Fit):
+        corner = None if join.corner == CORNER_ANGLE else join.corner
+        return {"fit": join.tolerance, "angle": join.angle, "corner": corner}
     return type(join).__name__.lower()
 
 

@@ -7,6 +7,7 @@ t is a number without a unit, and sin, cos and tan take radians, whatever the fi
 where the path stands, and be smooth.
 """
 
+from math import pi
 from typing import Annotated, Any, Literal, Self
 
 from casadi import SX
@@ -18,7 +19,7 @@ from kinematics.foundation.errors import as_validation_error, validation_error
 from kinematics.foundation.units import Unit, describe_value
 from planner.program.formula import check_names, constant, formula
 from planner.program.model import Curve, Segment
-from planner.program.modifiers import Blend, Free, Join, Stop, Through, Trigger
+from planner.program.modifiers import CORNER_ANGLE, Blend, Fit, Free, Join, Stop, Through, Trigger
 
 
 def _check_has_speed(constant: bool, info: ValidationInfo) -> bool:
@@ -39,10 +40,11 @@ def _trigger_type(value: object) -> Any:
 
 def _join_type(value: object) -> Any:
     if isinstance(value, dict):
-        return BlendTable
+        return FitTable if "fit" in value else BlendTable
     if value not in ("stop", "through"):
         raise validation_error(
-            f'{describe_value(value)} is not a join: write "stop", "through" or {{ blend = "0.05 mm" }}'
+            f'{describe_value(value)} is not a join: write "stop", "through", {{ blend = "0.05 mm" }} or '
+            '{ fit = "0.02 mm" }'
         )
     return Literal["stop", "through"]
 
@@ -64,7 +66,22 @@ class BlendTable(TableSchema):
     )
 
 
-JoinEntry = Annotated[Literal["stop", "through"] | BlendTable, Chosen(_join_type)]
+class FitTable(TableSchema):
+    """A join inside a chain of short lines and arcs that becomes a smooth curve."""
+
+    fit: Annotated[float, Unit("m", above=0, plain="length")] = key("by how much the curve may leave the chain")
+    angle: Annotated[float, Unit("rad", above=0, plain="angle")] | None = key(
+        "by how much the orientation may; if not stated, what turns points at the machine's characteristic length by "
+        "as much",
+        default=None,
+    )
+    corner: Annotated[float, Unit("rad", above=0, most=pi, plain="angle")] = key(
+        "between two directions, above which a corner stays, rounded like a blend; 35 deg if not stated",
+        default=CORNER_ANGLE,
+    )
+
+
+JoinEntry = Annotated[Literal["stop", "through"] | BlendTable | FitTable, Chosen(_join_type)]
 
 
 class TriggerTable(TableSchema):
@@ -97,8 +114,8 @@ class MovingEntry(TableSchema):
     """What every segment that moves has."""
 
     join: JoinEntry = key(
-        'to the next segment: "stop" (if not stated), "through" (where it is smooth), or rounded within a tolerance; '
-        'angle = "0.1 deg": of the turning too',
+        'to the next segment: "stop" (if not stated), "through" (where it is smooth), rounded within a tolerance; '
+        'angle = "0.1 deg": of the turning too; { fit = "0.02 mm" }: part of a smooth curve within it',
         '{ blend = "0.05 mm" }',
         "stop",
     )
@@ -111,6 +128,8 @@ class MovingEntry(TableSchema):
     def next_join(self) -> Join:
         if isinstance(self.join, BlendTable):
             return Blend(self.join.blend, self.join.angle)
+        if isinstance(self.join, FitTable):
+            return Fit(self.join.fit, self.join.angle, self.join.corner)
         return Stop() if self.join == "stop" else Through()
 
     @property

@@ -28,7 +28,7 @@ from kinematics.foundation.names import nearest
 from kinematics.foundation.options import option
 from kinematics.foundation.units import describe_value
 from planner.program.model import Line, Program
-from planner.program.modifiers import Blend, Stop, Through
+from planner.program.modifiers import choose_join
 from planner.program.validation import check_positive
 from planner.sources.contours import Cutting, chain_strokes, make_segments
 from planner.sources.dxf_shapes import StrokeMaker
@@ -181,6 +181,7 @@ class Dxf:
         "through", "joins inside contours: through passes smooth joins, stop rests. Default through"
     )
     blend: float | None = option(None, 'round joins within this tolerance instead, as "0.05 mm"', "m")
+    fit: float | None = option(None, 'fit smooth curves within this tolerance instead, as "0.02 mm"', "m")
     speed: float | None = option(None, "limit of the tool speed along contours. Default: none", "m/s")
     rapid: float | None = option(None, "limit of the tool speed between contours. Default: none", "m/s")
     retract: float | None = option(
@@ -197,7 +198,10 @@ class Dxf:
     )
 
     def __post_init__(self) -> None:
-        units = {"blend": "m", "speed": "m/s", "rapid": "m/s", "lead_in": "m", "tolerance": "m", "deviation": "m"}
+        units = dict.fromkeys(("blend", "fit", "lead_in", "tolerance", "deviation"), "m") | {
+            "speed": "m/s",
+            "rapid": "m/s",
+        }
         for name, unit in units.items():
             check_positive("dxf", name, getattr(self, name), unit)
         if not (np.isfinite(self.approach) and self.approach >= 0 and np.isfinite(self.retract or 0)):
@@ -243,7 +247,7 @@ class Dxf:
         return Imported(program, entities, tuple(told))
 
     def _read_cutting(self) -> Cutting:
-        join = Blend(self.blend) if self.blend is not None else Stop() if self.join == "stop" else Through()
+        join = choose_join(self.join, self.blend, self.fit)
         return Cutting(
             join, self.rapid, self.speed, self.retract, self.approach, self.lead_in, self.lead, self.side,
             self.order == "nearest",

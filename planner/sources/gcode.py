@@ -14,7 +14,7 @@
 | G93 G94 | F is 1/minutes of the block, and per minute |
 | G61 | passes a join without leaving the path: stops where it is not smooth |
 | G61.1 | stops at every join |
-| G64 P | rounds joins within a tolerance of P |
+| G64 P | fits a smooth curve within P of the path, and rounds the corners that stay (planner.path.fit) |
 | M2 M30 % | the end: what follows is not read |
 | N ( … ) ; | numbers of lines, and comments |
 
@@ -39,7 +39,7 @@ from kinematics.foundation.errors import MotionError
 from kinematics.foundation.options import option
 from kinematics.machine.pose import Pose
 from planner.program.model import MIN_MOVE, Arc, Dwell, Line, Program, Segment, Turn
-from planner.program.modifiers import Blend, Join, Stop, Through
+from planner.program.modifiers import Fit, Join, Stop, Through, choose_join
 from planner.program.validation import check_positive
 from planner.sources.gcode_joints import find_header, read_joints, refuse_options
 from planner.sources.gcode_words import (
@@ -163,8 +163,8 @@ class GcodeRun:
         if code != 64:
             return Through() if code == 61 else Stop()
         if values.get("P", 0.0) <= 0:
-            raise WordFault("G64", "G64 needs P, the tolerance within which joins are rounded, above 0")
-        return Blend(values["P"] * self.unit)
+            raise WordFault("G64", "G64 needs P, the tolerance within which the path is followed, above 0")
+        return Fit(values["P"] * self.unit)
 
     def _dwell(self, number: int, values: dict[str, float]) -> None:
         if values.get("P", -1.0) < 0:
@@ -332,6 +332,7 @@ class Gcode:
         "through", "joins until G61, G61.1 or G64: through passes smooth joins, stop rests. Default through"
     )
     blend: float | None = option(None, 'round joins within this tolerance instead, as "0.05 mm"', "m")
+    fit: float | None = option(None, 'fit smooth curves within this tolerance instead, as "0.02 mm"', "m")
     rapid: float | None = option(None, "limit of the tool speed on G0. Default: none", "m/s")
     feed: float | None = option(None, "limit of the tool speed before the first F. Default: F is required", "m/s")
     length: Literal["mm", "in"] = option("mm", "unit before G20 or G21. Default mm")
@@ -343,7 +344,7 @@ class Gcode:
     machine: str | None = option(None, "for a file of joint axes, as written by the export g93: the machine it is for")
 
     def __post_init__(self) -> None:
-        for name, unit in (("blend", "m"), ("rapid", "m/s"), ("feed", "m/s")):
+        for name, unit in (("blend", "m"), ("fit", "m"), ("rapid", "m/s"), ("feed", "m/s")):
             check_positive("gcode", name, getattr(self, name), unit)
         for word in self.ignored_words:
             if not is_ignorable(word):
@@ -360,7 +361,7 @@ class Gcode:
     @property
     def first_join(self) -> Join:
         """How joins are until a word says otherwise."""
-        return Blend(self.blend) if self.blend is not None else Stop() if self.join == "stop" else Through()
+        return choose_join(self.join, self.blend, self.fit)
 
     def read(self, path: Path) -> Imported:
         """The program of a G-code file. Raises FileError with its faults, each with its line and column."""

@@ -31,7 +31,7 @@ from kinematics.foundation.units import describe_value, quantity
 from kinematics.kinds.tripod import Tripod
 from kinematics.machine.pose import Pose, make_pose
 from planner.program.model import MIN_MOVE, Dwell, Line, Program, Segment, Turn
-from planner.program.modifiers import Blend, Join, Stop, Through
+from planner.program.modifiers import Join, Stop, choose_join
 from planner.program.validation import check_positive
 from planner.sources.position_list import PositionList, read_csv
 from planner.sources.source import Faults, Imported, decode_text
@@ -289,13 +289,14 @@ class Positions:
         "through", "joins of rule optimal: through passes smooth joins, stop rests. Default through"
     )
     blend: float | None = option(None, 'round joins within this tolerance instead, as "0.05 mm"', "m")
+    fit: float | None = option(None, 'fit smooth curves within this tolerance instead, as "0.02 mm"', "m")
     speed: float | None = option(None, "cap of the tool's speed. Default: none", "m/s")
     dwell: float | None = option(None, 'dwell at every pose, as "0.2 s". Default: the file\'s column dwell', "s")
     tool: str | None = option(None, "the tool's frame in the platform's, as \"0 mm, 0 mm, -50 mm\". Default: none")
     arms: str = option("tripod", "machine of a file of the three-armed machine. Default tripod")
 
     def __post_init__(self) -> None:
-        for name, unit in (("blend", "m"), ("speed", "m/s"), ("unit_length", "m"), ("dwell", "s")):
+        for name, unit in (("blend", "m"), ("fit", "m"), ("speed", "m/s"), ("unit_length", "m"), ("dwell", "s")):
             check_positive("positions", name, getattr(self, name), unit)
 
     def load(self, path: Path) -> tuple[PositionList, list[str]]:
@@ -322,7 +323,7 @@ class Positions:
         if self.rule == "kmitl":
             segments, more = step_through(run, start, self.unit_length, self.speed)
         else:
-            join = Blend(self.blend) if self.blend is not None else Stop() if self.join == "stop" else Through()
+            join = choose_join(self.join, self.blend, self.fit)
             segments, more = join_poses(run, start, join, self.speed)
         if not segments:
             raise FileError(str(path), [Fault("", "nothing moves: all its poses equal the start", 1)])

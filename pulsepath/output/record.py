@@ -16,7 +16,7 @@ from planner import Infeasible, Place, Standing, Triggered
 from planner.baselines import describe_differences, missing_limits
 from planner.export.format import Exported
 from planner.limits import find_unkept_limits
-from planner.path.join_and_blend import Blended
+from planner.path.outcome import Blended, FitSummary
 from planner.path.point_to_point import Departure
 from planner.pulses import RULES, PulseCheck, RealisedPath
 from planner.sources.arm_simulation import ArmSimulation
@@ -74,6 +74,7 @@ def plan_record(job: Job, inputs: Inputs, verdict: PulseCheck) -> Record:
                 for name, worst in certificate.worst.items()
             },
         },
+        "fit": _fit(plan.path.fit),
         "blends": _blends(plan.path.blends),
         "synchronised_moves": _departures(plan.departures),
         "stated_but_not_kept": list(find_unkept_limits(plan.machine)),
@@ -161,6 +162,7 @@ def of_check(found: Standing) -> Record:
     largest = found.largest.items()
     return {
         "feasible": not found.violations,
+        "fit": _fit(found.fit),
         "blends": _blends(found.blends),
         "synchronised_moves": _departures(found.departures),
         "violations": [violation_record(violation) for violation in found.violations],
@@ -296,6 +298,22 @@ def _fields(of: object, *names: str) -> Record:
     """What a result has under these names; a place as a record of its own."""
     values = {name: getattr(of, name) for name in names}
     return {name: _place(value) if isinstance(value, Place) else value for name, value in values.items()}
+
+
+def _fit(found: FitSummary | None) -> Record | None:
+    """What fitting did: pieces before and after, the largest deviation that is proved, and corners that stay."""
+    if found is None:
+        return None
+    return {
+        "curves": found.curves,
+        "pieces_before": found.before,
+        "pieces_after": found.after,
+        "tolerance_m": found.tolerance,
+        "deviation_m": found.deviation,
+        "deviation_rad": found.turned,
+        "corners_rounded": found.rounded,
+        "corners_stopped": found.stopped,
+    }
 
 
 def _blends(blends: Sequence[Blended]) -> list[Record]:

@@ -167,7 +167,7 @@ arc = {{ centre = [0, 2, 3], normal = [0, 0, 2], angle = 720, rise = "3 deg" }}
         ("segment[2].spline", "2 orientations in rotate for 1 points in through: give one for each, or none"),
         ("segment[2].join.angle", "must be"),
         ("segment[3].spline.through", "at least one point"),
-        ("segment[3].join", 'write "stop", "through" or { blend'),
+        ("segment[3].join", 'write "stop", "through", { blend'),
         ("segment[4].arc.rise", "deg"),
     ]
     assert [key for key, _ in found] == [key for key, _ in expected]

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics import FileError, MotionError
-from planner import Arc, Blend, Dwell, Line, Stop, Through, Turn, import_program, load_program
+from planner import Arc, Blend, Dwell, Fit, Line, Stop, Through, Turn, import_program, load_program
 from planner.path.chain import chain_pieces
 from planner.program.program_writer import program_toml
 from tests.pace import cpu_limit, slowness
@@ -185,16 +185,17 @@ def test_dwells_rest(read):
     segments = read("F60\nG64 P0.1\nG1 X10\nG4 P0.5\nX20\nG4 P0\nX30").program.segments
     assert [type(part) for part in segments] == [Line, Dwell, Line, Line]
     assert segments[1].duration == 0.5
-    assert [part.join for part in segments if isinstance(part, Line)] == [Stop(), Stop(), Blend(0.1 * 1e-3)]
+    assert [part.join for part in segments if isinstance(part, Line)] == [Stop(), Stop(), Fit(0.1 * 1e-3)]
     assert read("G0 X1\nG4 P500", dwell="ms").program.segments[1].duration == 0.5
 
 
 def test_joins_are_what_the_modes_say(read):
     text = "G0 X1\nG61.1 X2\nG61 X3\nG64 P0.02 X4\nG20 G64 P0.001 X5"
     joins = [part.join for part in read(text).program.segments]
-    assert joins == [Through(), Stop(), Through(), Blend(0.02 * 1e-3), Blend(0.001 * 0.0254)]
+    assert joins == [Through(), Stop(), Through(), Fit(0.02 * 1e-3), Fit(0.001 * 0.0254)]
     assert read(text, join="stop").program.segments[0].join == Stop()
     assert read(text, blend=3e-4).program.segments[0].join == Blend(3e-4)
+    assert read(text, fit=2e-5).program.segments[0].join == Fit(2e-5)
 
 
 def test_angles_turn_about_the_axes_in_turn(read):

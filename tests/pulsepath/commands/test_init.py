@@ -17,7 +17,7 @@ from kinematics.machine.machine_writer import companions, known_keys, machine_st
 from planner import load_program, plan, program_names
 from planner.program.program_file import ArcTable, LineTable, PoseTable, ProgramFile, SplineTable, TurnBy, TurnTo
 from planner.program.program_writer import HEAD, MODIFIERS, SHAPES, program_starter
-from planner.program.segment_tables import BlendTable, CurveTable, FreeTable, PathEntry, TriggerTable
+from planner.program.segment_tables import BlendTable, CurveTable, FitTable, FreeTable, PathEntry, TriggerTable
 from pulsepath.cli import main
 
 HEADER = re.compile(r"(#?)\[\[?(\w+)\]\]?")
@@ -146,6 +146,7 @@ def test_a_program_file_says_every_key_and_loads_with_each(tmp_path, preset):
         TurnTo,
         TurnBy,
         BlendTable,
+        FitTable,
         TriggerTable,
         FreeTable,
     )

@@ -1,0 +1,158 @@
+"""Workpieces as CAM writes them, of any length, and how long planning them takes: `python -m
+benchmarks.evidence.speed.workpieces [--lines N] [--order 2|3] [NAME …]`.
+
+Each is G-code, made line by line: a spiral pocket; a raster over a freeform surface, with z in every line; an engraving
+of letters, most of whose joins are corners; and slots of lines and arcs that meet smoothly and not. Printed: lines,
+what fitting made of them, seconds of planning (processor time: drawing and fitting, and all) and of motion.
+"""
+
+import argparse
+import time
+from collections.abc import Callable, Iterator
+from itertools import islice
+from math import cos, hypot, pi, sin
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+TOLERANCE, FEED, STEP = 0.02, 600.0, 0.42
+"""mm; mm/min; mm between points of the spiral."""
+HEAD = f"G21 G90 G17 G64 P{TOLERANCE}"
+
+
+def spiral(lines: int, step: float = STEP, pitch: float = 1.5, radius: float = 1.0) -> Iterator[str]:
+    """A pocket: an Archimedean spiral from the middle, in lines of `step`, coordinates to 1 µm; up again and anew
+    where it would be wider than 9 mm."""
+    yield HEAD
+    yield f"G1 X{radius} Y0 Z25 F{FEED:.0f}"
+    angle, growth = 0.0, pitch / (2 * pi)
+    for _ in range(lines):
+        r = radius + growth * angle
+        if r > 9.0:
+            yield "G0 Z26"
+            yield f"G0 X{radius} Y0"
+            yield "G1 Z25"
+            angle = 0.0
+            continue
+        # the angle whose chord is a step, by the middle of it
+        middle = r + growth * step / (2 * hypot(r, growth))
+        angle += step / hypot(middle, growth)
+        r = radius + growth * angle
+        yield f"G1 X{r * cos(angle):.3f} Y{r * sin(angle):.3f}"
+
+
+def surface(lines: int, step: float = 0.4, width: float = 16.0, pitch: float = 0.5) -> Iterator[str]:
+    """A raster to and fro over z = 25 + sin(0.6 x) cos(0.5 y) + 0.1 sin(1.5 x + y), z in every line; over and over."""
+
+    def height(x: float, y: float) -> float:
+        return 25 + sin(0.6 * x) * cos(0.5 * y) + 0.1 * sin(1.5 * x + y)
+
+    yield HEAD
+    rows, row, forth = int(width / pitch), 0, True
+    columns = int(width / step)
+    yield f"G1 X{-width / 2:.3f} Y{-width / 2:.3f} Z{height(-width / 2, -width / 2):.3f} F{FEED:.0f}"
+    told = 0
+    while told < lines:
+        y = pitch * (row if row < rows else 2 * rows - row) - width / 2
+        for k in range(columns + 1):
+            x = (step * k - width / 2) * (1 if forth else -1)
+            if told < lines and (k or row):
+                yield f"G1 X{x:.3f} Y{y:.3f} Z{height(x, y):.3f}"
+                told += 1
+        row, forth = (row + 1) % (2 * rows), not forth
+
+
+LETTERS: dict[str, list[list[tuple[float, float]]]] = {
+    "P": [[(0, 0), (0, 6), (2.5, 6), (3.6, 5.4), (4, 4.5), (3.6, 3.6), (2.5, 3), (0, 3)]],
+    "U": [[(0, 6), (0, 2), (0.4, 0.8), (1.3, 0.1), (2, 0), (2.7, 0.1), (3.6, 0.8), (4, 2), (4, 6)]],
+    "L": [[(0, 6), (0, 0), (3.6, 0)]],
+    "S": [[(3.8, 5), (3.2, 5.7), (2, 6), (0.8, 5.6), (0.3, 4.6), (0.8, 3.6), (2, 3.1), (3.3, 2.5), (3.8, 1.5),
+           (3.2, 0.4), (2, 0), (0.8, 0.3), (0.2, 1)]],
+    "E": [[(3.8, 0), (0, 0), (0, 6), (3.8, 6)], [(0, 3), (3, 3)]],
+}  # fmt: skip
+"""Strokes of letters 4 wide and 6 high."""
+
+
+def engraving(lines: int, text: str = "PULSE", scale: float = 0.5) -> Iterator[str]:
+    """Letters in lines, the pen lifted between strokes, one row of text below the other; over and over."""
+    yield HEAD
+    told, row = 0, 0
+    while told < lines:
+        for nth, letter in enumerate(text):
+            for stroke in LETTERS[letter]:
+                points = [((x + 5 * nth) * scale - 6, (y - 8 * (row % 4)) * scale + 4) for x, y in stroke]
+                moves = [f"G0 X{points[0][0]:.3f} Y{points[0][1]:.3f} Z26", f"G1 Z25 F{FEED:.0f}"]
+                moves += [f"G1 X{x:.3f} Y{y:.3f}" for x, y in points[1:]]
+                for move in [*moves, "G0 Z26"]:
+                    if told == lines:
+                        return
+                    yield move
+                    told += 1
+        row += 1
+
+
+def slots(lines: int) -> Iterator[str]:
+    """Slots whose half circles meet their lines smoothly, and lenses whose arcs meet at corners; over and over."""
+    yield HEAD
+    yield f"G1 X-5 Y-2 Z25 F{FEED:.0f}"
+    slot = ["G1 X5 Y-2", "G3 X5 Y2 I0 J2", "G1 X-5 Y2", "G3 X-5 Y-2 I0 J-2"]
+    lens = ["G2 X5 Y-2 I5 J-3", "G2 X-5 Y-2 I-5 J3"]
+    every = [*slot, *lens, *slot, "G3 X-5.1 Y-2.1 I-0.1 J0", "G1 X-5 Y-2"]
+    told = 0
+    while told < lines:
+        for move in islice(every, lines - told):
+            yield move
+            told += 1
+
+
+WORKPIECES: dict[str, Callable[[int], Iterator[str]]] = {
+    "spiral": spiral,
+    "surface": surface,
+    "engraving": engraving,
+    "slots": slots,
+}
+
+
+def write_workpiece(name: str, lines: int, file: Path) -> Path:
+    """A file of about so many lines."""
+    with file.open("w") as out:
+        out.writelines(f"{line}\n" for line in WORKPIECES[name](lines))
+        out.write("M2\n")
+    return file
+
+
+def main() -> None:
+    """Every workpiece asked for, at the orders asked for."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("names", nargs="*", default=[])
+    parser.add_argument("--lines", type=int, default=1177)
+    parser.add_argument("--order", type=int, choices=(2, 3), action="append")
+    parser.add_argument("--machine", default="hexapod")
+    asked = parser.parse_args()
+    from kinematics import load_machine
+    from planner import import_program, plan
+    from planner.path.chain import chain_pieces
+
+    machine = load_machine(asked.machine)
+    for name in asked.names or WORKPIECES:
+        with TemporaryDirectory() as folder:
+            program = import_program(write_workpiece(name, asked.lines, Path(folder) / f"{name}.nc")).program
+        chain_pieces(program, machine)  # kernels are compiled at the first call
+        begun = time.process_time()
+        drawn = chain_pieces(program, machine)
+        fitting = time.process_time() - begun
+        print(
+            f"{name}: {len(program.segments)} segments, {len(drawn.pieces)} pieces, {len(drawn.blends)} corners, "
+            f"drawn and fitted in {fitting:.3f} s"
+        )
+        for order in asked.order or (2, 3):
+            begun = time.process_time()
+            made = plan(program, machine, order=order)
+            took = time.process_time() - begun
+            share = took / made.trajectory.duration
+            fit = made.path.fit
+            told = "" if fit is None else f", within {fit.deviation * 1e6:.2f} um (proved)"
+            print(f"  order {order}: {made.trajectory.duration:.3f} s planned in {took:.2f} s ({share:.3f}){told}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,110 @@
+"""What became of a program's joins: blends, and curves that were fitted; as values, and as tables."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from kinematics.foundation.table import Column, Table
+from planner.path.shape import Fitted
+
+
+@dataclass(frozen=True, slots=True)
+class Blended:
+    """What a join that asks for a blend became.
+
+    segment     number of the one before it; the blend leads to the next that moves
+    tolerance   m, and angle (rad): what it may leave the unblended path by
+    deviation   m, and turned (rad): by how much it does, at most (see planner.path.join_and_blend)
+    reach       m of each segment that it takes the place of
+    half_of     the segments of which it takes half, or all that can be had, though the tolerance would allow more
+    stop        why the motion rests there instead, or ""
+    fitted      whether it is a corner that a fit kept: what it leaves is proved then
+    """
+
+    segment: int
+    tolerance: float
+    angle: float
+    deviation: float = 0.0
+    turned: float = 0.0
+    reach: float = 0.0
+    half_of: tuple[int, ...] = ()
+    stop: str = ""
+    fitted: bool = False
+
+    @property
+    def tolerance_use(self) -> float:
+        """The share of the tolerance that it uses."""
+        return max(self.deviation / self.tolerance, self.turned / self.angle)
+
+
+def blend_tables(blends: Sequence[Blended]) -> tuple[Table, ...]:
+    """How far each blend leaves the corner, and what it could not have; no table where there is none."""
+    if not blends:
+        return ()
+    figures = (
+        ("tolerance", [blend.tolerance for blend in blends], "m", "micro"),
+        ("deviation", [None if blend.stop else blend.deviation for blend in blends], "m", "micro"),
+        ("angle", [None if blend.stop else blend.turned for blend in blends], "rad", "micro"),
+        ("reach", [None if blend.stop else blend.reach for blend in blends], "m", "human"),
+    )
+    columns = (Column(name, values, unit, scale, ".4g") for name, values, unit, scale in figures)  # type: ignore[arg-type]
+    after = Column("after segment", [blend.segment for blend in blends])
+    return (Table("blends", (after, *columns, Column("note", [_note(blend) for blend in blends]))),)
+
+
+def _note(blend: Blended) -> str:
+    if blend.stop:
+        return f"stops: {blend.stop}"
+    return f"half of segment {' and '.join(map(str, blend.half_of))}" if blend.half_of else ""
+
+
+@dataclass(frozen=True, slots=True)
+class FitSummary:
+    """What fitting did to a path: pieces that curves took the place of, and theirs; corners that stay.
+
+    tolerance, deviation  m, the widest and the largest that is proved, corners included; turned: rad
+    rounded, stopped      corners at which the motion passes, and at which it rests
+    """
+
+    curves: int
+    before: int
+    after: int
+    tolerance: float
+    deviation: float
+    turned: float
+    rounded: int
+    stopped: int
+
+
+def summarise_fits(fits: Sequence[Fitted], blends: Sequence[Blended]) -> FitSummary | None:
+    """Of a path's curves, and of the corners between them; None where nothing was fitted."""
+    corners = [blend for blend in blends if blend.fitted]
+    every: list[Fitted | Blended] = [*fits, *corners]
+    if not every:
+        return None
+    return FitSummary(
+        curves=len(fits),
+        before=sum(one.before for one in fits),
+        after=sum(one.after for one in fits),
+        tolerance=max(one.tolerance for one in every),
+        deviation=max(one.deviation for one in every),
+        turned=max(one.turned for one in every),
+        rounded=sum(not corner.stop for corner in corners),
+        stopped=sum(bool(corner.stop) for corner in corners),
+    )
+
+
+def fit_tables(found: FitSummary | None) -> tuple[Table, ...]:
+    """The same as a table, or none."""
+    if found is None:
+        return ()
+    columns = (
+        Column("curves", [found.curves]),
+        Column("pieces before", [found.before]),
+        Column("pieces after", [found.after]),
+        Column("tolerance", [found.tolerance], "m", "micro", ".4g"),
+        Column("deviation", [found.deviation], "m", "micro", ".4g"),
+        Column("angle", [found.turned], "rad", "micro", ".4g"),
+        Column("corners rounded", [found.rounded]),
+        Column("corners with a stop", [found.stopped]),
+    )
+    return (Table("fit", columns),)
