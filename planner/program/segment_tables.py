@@ -115,8 +115,8 @@ class MovingEntry(TableSchema):
 
     join: JoinEntry = key(
         'to the next segment: "stop" (if not stated), "through" (where it is smooth), rounded within a tolerance; '
-        'angle = "0.1 deg": of the turning too; { fit = "0.02 mm" }: part of a smooth curve within it, between turns by '
-        'more than corner = "35 deg"',
+        'angle = "0.1 deg": of the turning too; { fit = "0.02 mm" }: part of a smooth curve within it, between turns '
+        'by more than corner = "35 deg"',
         '{ blend = "0.05 mm" }',
         "stop",
     )
