@@ -24,9 +24,10 @@ def program_files(program: Program) -> Files:
 
 @saves(Trajectory)
 def trajectory_files(trajectory: Trajectory) -> Files:
-    """.csv: `data()` in 12 digits; .json: the closed-form pieces, exact."""
+    """.csv: `data()` in 12 digits; .bin and .json: the closed-form pieces, exact."""
     return {
         ".csv": partial(plan_files.write_trajectory_csv, trajectory),
+        ".bin": partial(plan_files.write_motion, trajectory),
         ".json": partial(plan_files.write_motion_json, trajectory),
     }
 

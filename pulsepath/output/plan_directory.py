@@ -78,7 +78,7 @@ def _time_record(of: object, names: Iterable[str]) -> Record | None:
 
 CERTIFICATE = "certificate.json"
 """What the check of the pulse file found: beside it."""
-MOTION, TRAJECTORY, REPORT, TRACK = "motion.json", "trajectory.csv", "report.html", "track.json"
+MOTION, TRAJECTORY, REPORT, TRACK = "motion.bin", "trajectory.csv", "report.html", "track.json"
 PULSES = {"csv": "pulses.csv", "binary": "pulses.bin", "none": None}
 """The file of pulses by the form that is asked for."""
 DEFAULT_PULSES = "binary"
@@ -141,7 +141,7 @@ def write(folder: Path, job: Job, inputs: Inputs, pulses: str = DEFAULT_PULSES) 
     (folder / SOURCES["machine"]).write_bytes(inputs.machine_toml)
     for name, content in inputs.companions.items():
         (folder / name).write_bytes(content)
-    plan_files.write_motion_json(plan.trajectory, folder / MOTION)
+    plan_files.write_motion(plan.trajectory, folder / MOTION)
     if choice := find_choice(plan.program):
         (folder / ORIENTATION).write_text(as_json({str(k): chosen.tolist() for k, chosen in choice.items()}))
     plan_files.write_trajectory_csv(plan.trajectory, folder / TRAJECTORY)
@@ -231,7 +231,7 @@ def read(folder: Path, unverified: bool = False) -> StoredPlan:
         _restore_orientation(program, folder / ORIENTATION), name=f"{name}{NOT_VERIFIED}" if unverified else name
     )
     machine = machine.rename(str(record.get("machine") or machine.name))
-    trajectory = plan_files.read(folder / MOTION, actuate(program, machine))
+    trajectory = plan_files.read_motion(folder / MOTION, actuate(program, machine))
     file = folder / str(PULSES["binary"])
     taken = StoredPlan(program, machine, trajectory, clock, rule, order, digest, file if file.is_file() else None)
     if unverified:

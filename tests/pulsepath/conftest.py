@@ -73,6 +73,6 @@ def plan(tmp_path, directory):
     """A copy of the shared plan, to change: of its files only what later commands read."""
     folder = tmp_path / "plan"
     folder.mkdir()
-    for name in ("plan.json", "motion.json", "program.toml", "machine.toml"):
+    for name in ("plan.json", "motion.bin", "program.toml", "machine.toml"):
         (folder / name).write_bytes((directory / name).read_bytes())
     return folder

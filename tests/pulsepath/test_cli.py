@@ -18,7 +18,7 @@ FILES = {
     "certificate.json",
     "figures",
     "machine.toml",
-    "motion.json",
+    "motion.bin",
     "plan.json",
     "program.toml",
     "pulses.bin",

@@ -61,8 +61,8 @@ def main() -> None:
     print(f"targets: generate {TARGET / 1e6:.0f} M pulses per CPU-second, {STRETCH / 1e6:.0f} at best; 1e8 in 2 GB")
     print("stage         pulses   CPU s   M pulses/s   peak MB   bytes/pulse above the fewest")
     with TemporaryDirectory() as folder:
-        motion = Path(folder) / "motion.json"
-        plan_files.write_motion_json(plan(load_program("circle"), load_machine("hexapod")).trajectory, motion)
+        motion = Path(folder) / "motion.bin"
+        plan_files.write_motion(plan(load_program("circle"), load_machine("hexapod")).trajectory, motion)
         for stage in STAGES:
             least: tuple[int, float] | None = None
             for count in CASES:
@@ -79,7 +79,7 @@ def measure_stage(stage: str, count: int, motion: Path) -> tuple[int, float, int
     """Pulses, CPU seconds of the stage, and peak bytes of this process."""
     repetitions, coarser = CASES[count]
     machine = load_coarse_hexapod(coarser)
-    trajectory = repeat_motion(plan_files.read(motion, actuate(load_program("circle"), machine)), repetitions)
+    trajectory = repeat_motion(plan_files.read_motion(motion, actuate(load_program("circle"), machine)), repetitions)
     axes = machine.axes
     schedule, seconds = time_best(lambda: generate(trajectory, axes, machine.home_q, CLOCK), count)
     if stage == "check":

@@ -122,17 +122,17 @@ def test_an_earlier_file_is_replaced_only_by_force(call, plan):
 
 def test_a_file_of_the_plan_itself_is_written_again_but_not_changed(call, plan, edges):
     """Else the next command would refuse the plan."""
-    for name in ("plan.json", "motion.json"):
+    for name in ("plan.json", "motion.bin"):
         (plan / name).write_bytes((edges / name).read_bytes())
     directory = edges
     made = plan / "pulses.csv"
     assert call("export", plan, "--format", "pulses").exit_code == 0
     assert made.read_bytes() == (directory / "pulses.csv").read_bytes()
-    for given in (["--width", "1 us"], ["--out", plan / "plan.json"], ["--out", plan / "." / "motion.json"]):
+    for given in (["--width", "1 us"], ["--out", plan / "plan.json"], ["--out", plan / "." / "motion.bin"]):
         done = call("export", plan, "--format", "pulses", *given, "--force")
         assert done.exit_code == 2
         assert "is one of the plan's own files" in done.stderr
-    for name in ("pulses.csv", "plan.json", "motion.json"):
+    for name in ("pulses.csv", "plan.json", "motion.bin"):
         assert (plan / name).read_bytes() == (directory / name).read_bytes()
     made.write_text("mine")
     done = call("export", plan, "--format", "pulses", "--force")

@@ -3,9 +3,11 @@
 import json
 from importlib.resources import files
 
+import numpy as np
 import pytest
 
 from controllers import evaluate, find_law, load_rig, track
+from tests import motion_pieces
 
 
 def test_it_is_the_motion_that_was_planned(call, plan, job):
@@ -109,22 +111,19 @@ def test_an_earlier_result_is_replaced_only_by_force(call, plan):
         ("plan.json", "{}", "holds no plan"),
         ("machine.toml", "# touched", "machine.toml was changed after it was written"),
         ("program.toml", "# touched", "program.toml was changed after it was written"),
-        ("motion.json", '{"knots": [0, 1]}', "motion.json"),
-        (
-            "motion.json",
-            '{"knots": [0, 1], "s": [0], "v": [0], "a": [0], "j": [NaN], "piece": [0]}',
-            "do not make a motion",
-        ),
-        (
-            "motion.json",
-            '{"knots": [0, 1], "s": [0], "v": [0], "a": [0], "j": [0], "piece": [1]}',
-            "belongs to another path",
-        ),
+        ("motion.bin", '{"knots": [0, 1]}', "motion.bin: is no binary file of pulsepath"),
+        ("motion.bin", {"j": [np.nan]}, "do not make a motion"),
+        ("motion.bin", {"knots": [1.0, 0.0]}, "do not make a motion"),
+        ("motion.bin", {"piece": [1]}, "belongs to another path"),
     ],
 )
 def test_a_damaged_plan_is_refused(call, plan, name, text, told):
-    (plan / name).write_text(text)
-    done = call("track", plan, "--law", "3", *(["--unverified"] if name == "motion.json" else []))
+    if isinstance(text, dict):
+        right = {"knots": [0.0, 1.0], "s": [0.0], "v": [0.0], "a": [0.0], "j": [0.0], "piece": [0]}
+        motion_pieces.store(plan / name, right | text)
+    else:
+        (plan / name).write_text(text)
+    done = call("track", plan, "--law", "3", *(["--unverified"] if name == "motion.bin" else []))
     assert done.exit_code == 2
     assert told in done.stderr
     assert not (plan / "track.json").exists()

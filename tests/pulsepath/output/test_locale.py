@@ -84,7 +84,7 @@ def test_so_do_the_files_of_a_plan(directory, job, inputs, commas, tmp_path, mon
     monkeypatch.setattr("benchmarks.reports.plan_report.write_report", lambda *_, **__: None)
     commas(lambda: plan_directory.write(tmp_path, job, inputs))
     names = {path.name for path in tmp_path.iterdir()}
-    assert names >= {"plan.json", "certificate.json", "motion.json", "trajectory.csv", "pulses.bin"}
+    assert names >= {"plan.json", "certificate.json", "motion.bin", "trajectory.csv", "pulses.bin"}
     for name in names:
         written, usual = (_but_the_report((folder / name).read_bytes()) for folder in (tmp_path, directory))
         assert written == usual, name
@@ -100,7 +100,7 @@ def test_what_is_read_and_planned_is_the_same(edges, job, commas):
 
     def read():
         held = read_lines.read(edges / "pulses.csv", pulses.clock_hz, machine.axes, machine.home_q).schedule
-        motion = plan_files.read(edges / "motion.json", job.plan.path)
+        motion = plan_files.read_motion(edges / "motion.bin", job.plan.path)
         made = plan(load_program("bare-circle"), load_machine("hexapod"), order=2)
         return held, motion, made
 

@@ -15,16 +15,16 @@ from planner.path.shape import DEGREE
 from pulsepath.inputs import Inputs, read_inputs
 from pulsepath.job import run
 from pulsepath.output import plan_directory, verification
+from tests import motion_pieces
 
 
 def faster(folder, factor=10):
     """Ten times faster: a hundred times the acceleration."""
-    path = folder / "motion.json"
-    motion = json.loads(path.read_text())
-    motion["knots"] = [t / factor for t in motion["knots"]]
+    motion = motion_pieces.load(folder / "motion.bin")
+    motion["knots"] /= factor
     for power, name in enumerate(("v", "a", "j"), 1):
-        motion[name] = [value * factor**power for value in motion[name]]
-    path.write_text(json.dumps(motion))
+        motion[name] *= factor**power
+    motion_pieces.store(folder / "motion.bin", motion)
 
 
 def forge(folder, **changed):
@@ -46,7 +46,7 @@ def test_a_changed_motion_is_refused(call, plan, tmp_path, monkeypatch, command)
     before = sorted(tmp_path.rglob("*"))
     done = call(command[0], plan, *command[1:])
     assert done.exit_code == 2
-    assert f"{plan / 'motion.json'} was changed after it was written" in done.stderr
+    assert f"{plan / 'motion.bin'} was changed after it was written" in done.stderr
     assert "--unverified" in done.stderr
     assert sorted(tmp_path.rglob("*")) == before
 
@@ -66,13 +66,13 @@ def test_a_forged_motion_is_refused(call, plan):
 @pytest.mark.parametrize("name", ["s", "v", "knots"])
 def test_a_motion_that_jumps_is_refused(plan, name):
     """Though every piece of it keeps all limits."""
-    path = plan / "motion.json"
-    motion = json.loads(path.read_text())
+    path = plan / "motion.bin"
+    motion = motion_pieces.load(path)
     middle = len(motion[name]) // 2
     motion[name][middle] += 1e-4 if name == "s" else 0.01 * motion[name][middle]
     if name == "knots":
         motion[name].sort()
-    path.write_text(json.dumps(motion))
+    motion_pieces.store(path, motion)
     forge(plan)
     with pytest.raises(MotionError, match="times its limit on"):
         plan_directory.read(plan)
@@ -134,12 +134,12 @@ def test_on_request_it_goes_on_and_says_so(call, plan, tmp_path):
     done = call("export", plan, "--format", "g93", "--unverified")
     assert done.exit_code == 0, done.stderr
     assert "NOT VERIFIED: " in done.stdout
-    assert "motion.json was changed" in done.stdout
+    assert "motion.bin was changed" in done.stdout
     assert "NOT VERIFIED" in next(plan.glob("g93.*")).read_text()
     done = call("export", plan, "--format", "vcd", "--unverified", "--json")
     said = json.loads(done.stdout)
     assert said["verified"] is False
-    assert any("motion.json was changed" in doubt for doubt in said["doubts"])
+    assert any("motion.bin was changed" in doubt for doubt in said["doubts"])
     page = tmp_path / "x.html"
     done = call("view", plan, "--html", page, "--frames", "2", "--unverified")
     assert "NOT VERIFIED: " in done.stdout

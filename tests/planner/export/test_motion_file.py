@@ -1,0 +1,157 @@
+"""motion.bin: the same floats to the last bit, in a file that grows; cut or damaged it has no wrong piece."""
+
+import os
+import struct
+from itertools import pairwise
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from kinematics import FileError, MotionError
+from planner.export import plan_files
+from planner.export.plan_files import PIECES, MotionWriter, motion_parts, read_motion
+from tests import motion_pieces
+
+NUMBERS = st.floats(allow_nan=False, allow_infinity=False)
+ROWS = st.lists(st.tuples(*[NUMBERS] * 4, st.integers(0, 2)), min_size=1, max_size=12)
+ALONG = SimpleNamespace(breaks=np.arange(4.0))
+
+
+def motion_of(rows, knots=None):
+    *numbers, piece = (np.array(column) for column in zip(*rows, strict=True))
+    knots = np.arange(len(rows) + 1) / 3 if knots is None else knots
+    return SimpleNamespace(knots=knots, **dict(zip(PIECES, (*numbers, piece), strict=True)))
+
+
+def slice_of(motion, first, last):
+    rest = {name: getattr(motion, name)[first:last] for name in PIECES}
+    return SimpleNamespace(knots=motion.knots[first : last + 1], **rest)
+
+
+def bits(motion):
+    return [np.asarray(getattr(motion, name)).tobytes() for name in ("knots", *PIECES)]
+
+
+@settings(max_examples=60, derandomize=True, deadline=None)
+@given(ROWS, st.integers(1, 12))
+def test_any_motion_comes_back_to_the_last_bit(tmp_path_factory, rows, size):
+    motion, path = motion_of(rows), tmp_path_factory.mktemp("motion") / "motion.bin"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(plan_files, "MAX_CHUNK_PIECES", size)
+        plan_files.write_motion(motion, path)
+    assert bits(read_motion(path, ALONG)) == bits(motion)
+    assert len(list(motion_parts(path))) == -(-len(rows) // size)
+
+
+def grow(path, motion, marks):
+    """Sizes after each mark, and the motion that the file is then: up to the mark, and two pieces of a stop."""
+    states = []
+    with path.open("wb") as file:
+        writer = MotionWriter.begin(file)
+        for first, last in pairwise([0, *marks]):
+            writer.add(slice_of(motion, first, last))
+            writer.add(slice_of(motion, last, last + 2), stop=True)
+            writer.mark()
+            states.append((file.tell(), slice_of(motion, 0, last + 2)))
+        writer.add(slice_of(motion, marks[-1], len(motion.s)))
+        writer.mark(complete=True)
+        states.append((file.tell(), motion))
+    return states
+
+
+@pytest.fixture
+def grown(tmp_path):
+    rng = np.random.default_rng(2)
+    motion = motion_of([(*rng.normal(size=4), 1) for _ in range(12)])
+    return tmp_path / "motion.bin", motion, grow(tmp_path / "motion.bin", motion, [3, 7])
+
+
+def test_cut_at_any_byte_it_is_what_the_last_mark_had_or_refused(grown, tmp_path):
+    path, motion, states = grown
+    assert bits(read_motion(path, ALONG)) == bits(motion)
+    content, cut = path.read_bytes(), tmp_path / "cut"
+    cut.write_bytes(content)
+    for size in reversed(range(len(content))):
+        os.truncate(cut, size)
+        with pytest.raises(FileError):
+            read_motion(cut, ALONG)
+        known = [state for end, state in states if end <= size]
+        if known:
+            assert bits(read_motion(cut, ALONG, partial=True)) == bits(known[-1])
+        else:
+            with pytest.raises(FileError):
+                read_motion(cut, ALONG, partial=True)
+
+
+def test_damaged_anywhere_it_is_refused_or_right(grown):
+    path, motion, states = grown
+    content = path.read_bytes()
+    refused = 0
+    for at in range(0, len(content), 3):
+        path.write_bytes(content[:at] + bytes([content[at] ^ 16]) + content[at + 1 :])
+        for partial in (False, True):
+            try:
+                held = read_motion(path, ALONG, partial)
+            except FileError:
+                refused += 1
+            else:  # in what a later mark has replaced
+                assert bits(held) in ([bits(state) for _, state in states] if partial else [bits(motion)])
+    assert refused > len(content) // 6
+
+
+def test_a_file_that_was_cut_goes_on_to_the_same_bytes(grown):
+    path, motion, states = grown
+    content = path.read_bytes()
+    path.write_bytes(content[: states[0][0] + 50])
+    with path.open("r+b") as file:
+        writer = MotionWriter.resume(path, file)
+        with pytest.raises(MotionError, match=r"begin at 1\.33\d* s, and those before end at 1 s"):
+            writer.add(slice_of(motion, 4, 7))
+        writer.add(slice_of(motion, 3, 7))
+        writer.add(slice_of(motion, 7, 9), stop=True)
+        with pytest.raises(MotionError, match="mark it before"):
+            writer.add(slice_of(motion, 9, 10))
+        writer.mark()
+        writer.add(slice_of(motion, 7, 12))
+        writer.mark(complete=True)
+    assert path.read_bytes() == content
+    with path.open("r+b") as file, pytest.raises(MotionError, match="is finished"):
+        MotionWriter.resume(path, file)
+
+
+def test_it_is_read_by_what_is_written_of_it(tmp_path):
+    """Without the reader: the numbers of the one chunk, byte by byte."""
+    from zlib import decompress
+
+    motion = motion_of([(1.0, -0.0, 3.5, 1e-320, 2), (np.pi, 2.0, 0.1, -5.0, 1)])
+    plan_files.write_motion(motion, tmp_path / "m")
+    content = (tmp_path / "m").read_bytes()
+    at = 12 + 24 + struct.unpack_from("<Q", content, 12 + 8)[0]
+    kind, _, length = struct.unpack_from("<4sIQ", content, at)
+    held = content[at + 24 : at + 24 + length]
+    planes, numbers = decompress(held[8:]), 6 * 2 + 1
+    words = [bytes(planes[k * numbers + n] for k in range(8)) for n in range(numbers)]
+    floats = [struct.unpack("<d", word)[0] for word in words[:11]]
+    assert (kind, struct.unpack_from("<Q", held)[0]) == (b"MOTN", 2)
+    assert floats == [0.0, 1 / 3, 2 / 3, 1.0, np.pi, -0.0, 2.0, 3.5, 0.1, 1e-320, -5.0]
+    assert [int.from_bytes(word, "little") for word in words[11:]] == [2, 1]
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        ({"knots": [1.0, 0.0]}, "do not make a motion"),
+        ({"a": [np.inf]}, "do not make a motion"),
+        ({"piece": [3]}, "belongs to another path"),
+        ({"piece": [-1]}, "belongs to another path"),
+        ({name: [] for name in PIECES} | {"knots": [0.0]}, "holds no motion"),
+    ],
+)
+def test_pieces_that_make_no_motion_are_refused(tmp_path, change, told):
+    right = {"knots": [0.0, 1.0], "s": [0.0], "v": [0.0], "a": [0.0], "j": [0.0], "piece": [0]}
+    motion_pieces.store(tmp_path / "m", right | change)
+    with pytest.raises(FileError, match=told):
+        read_motion(tmp_path / "m", ALONG)
