@@ -109,6 +109,26 @@ class Expression:
         with np.errstate(invalid="ignore", over="ignore"):
             return self.walk(x, lambda value: Series.constant(np.array([value]), order))
 
+    def enclose_columns(self, *x: Series) -> Series:
+        """The same of series (d+1, N, j) that hold the k inputs side by side: as one (order+1, N, m)."""
+        order, cells = min(one.order for one in x), max(one.mid.shape[1] for one in x)
+        if self._tape is None or not self._is_enclosable or cells < TAPE_CELLS:
+            columns = [one.cut(order)[:, k] for one in x for k in range(one.mid.shape[2])]
+            stacked = Series.stack(self.enclose(columns))
+            shape = (stacked.degree + 1, cells, self.size[1])  # what is constant is so on every cell
+            return Series(np.broadcast_to(stacked.mid, shape), np.broadcast_to(stacked.rad, shape), order)
+        mid, rad = (np.zeros((self.size[0], order + 1, cells)) for _ in range(2))
+        last = 0
+        for one in x:
+            first, last, powers = last, last + one.mid.shape[2], min(one.degree, order) + 1
+            mid[first:last, :powers] = one.mid[:powers].transpose(2, 0, 1)
+            rad[first:last, :powers] = one.rad[:powers].transpose(2, 0, 1)
+        there = ((mid != 0) | (rad != 0)).any(2)
+        degrees = np.where(there.any(1), order - there[:, ::-1].argmax(1), 0)
+        found, error = (np.zeros((self.size[1], order + 1, cells)) for _ in range(2))
+        enclose_tape(self._tape, order, degrees, mid, rad, found, error)
+        return Series(found.transpose(1, 2, 0), error.transpose(1, 2, 0), order)
+
     @cached_property
     def _is_enclosable(self) -> bool:
         return self._tape is not None and is_enclosable(self.function)

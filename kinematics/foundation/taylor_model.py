@@ -91,10 +91,6 @@ class Series:
         full = values.pad(self.degree)
         self.mid[:, rows], self.rad[:, rows] = full.mid, full.rad
 
-    def columns(self) -> list[Series]:
-        """Series (d+1, N, m) taken apart into m of (d+1, N)."""
-        return [self[:, k] for k in range(self.mid.shape[2])]
-
     @property
     def degree(self) -> int:
         return len(self.mid) - 1
@@ -270,6 +266,19 @@ class Series:
         rads = rate.rad / k * (1 + EPS) + EPS * np.abs(mid)
         first = [np.broadcast_to(part[:1], (1, *mid.shape[1:])) for part in (self.mid, self.rad)]
         return Series(np.concatenate([first[0], mid]), np.concatenate([first[1], rads]), self.order)
+
+    def differentiate(self, times: int, rate: Array) -> Series:
+        """d/dt, so many times, where τ runs by `rate`."""
+        if times == 0:
+            return self
+        if self.degree < times:
+            return Series(np.zeros_like(self.mid[:1]), np.zeros_like(self.rad[:1]), max(self.order - times, 0))
+        k = np.arange(times, self.degree + 1)
+        factors = np.prod([k - n for n in range(times)], axis=0).reshape(-1, *[1] * (self.mid.ndim - 1))
+        scale = factors * rate**times
+        mid = self.mid[times:] * scale
+        rad = self.rad[times:] * scale
+        return Series(mid, rad * (1 + 8 * EPS) + 8 * EPS * np.abs(mid), self.order - times)
 
     def derivative(self) -> Series:
         """d/dτ; the order falls by one."""

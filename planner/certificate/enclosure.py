@@ -66,9 +66,7 @@ class Enclosure:
         return found
 
     def _differentiate(self, series: Series, times: int) -> Series:
-        for _ in range(times):
-            series = series.derivative() * self.rate
-        return series
+        return series.differentiate(times, self.rate)
 
     @property
     def qd(self) -> Series:
@@ -115,9 +113,7 @@ class Enclosure:
         return rate if tool is None else self.evaluate(tool, rate)
 
     def evaluate(self, expression: Expression, *inputs: Series) -> Series:
-        found = Series.stack(expression.enclose([column for each in inputs for column in each.columns()]))
-        shape = (found.degree + 1, inputs[0].mid.shape[1], found.mid.shape[2])  # what is constant is so on every cell
-        return Series(np.broadcast_to(found.mid, shape), np.broadcast_to(found.rad, shape), found.order)
+        return expression.enclose_columns(*inputs)
 
 
 def enclose(trajectory: Trajectory, cells: Cells, order: int) -> Enclosure:

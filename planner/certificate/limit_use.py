@@ -99,7 +99,9 @@ def _tighten_cells(
         np.maximum.at(attained, cells.k, met)
         loose = bound > np.maximum(met, min(attained.max(), 1.0)) + limit.tight(met)
         loose |= (bound > 1) & (met <= 1)
-        parts = 1 if first else CELL_PARTS if loose.sum() <= FEW_CELLS else 2
+        over = np.max((bound - attained.max()) / limit.tight(met), where=loose, initial=1.0)
+        # bounds close in with the square of a cell at least
+        parts = 1 if first else int(np.clip(np.ceil(np.sqrt(over)), 2, CELL_PARTS if loose.sum() <= FEW_CELLS else 2))
         share, first = share / parts, False
         if share < MIN_CELL_SHARE or parts * loose.sum() > MAX_CELLS:
             loose[:] = False

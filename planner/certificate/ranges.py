@@ -99,9 +99,7 @@ class Ranges:
         return rate if tool is None else self.evaluate(tool, rate)
 
     def evaluate(self, expression: Expression, *inputs: Series) -> Series:
-        found = Series.stack(expression.enclose([column for each in inputs for column in each.columns()]))
-        shape = (1, len(self.stretch), found.mid.shape[2])  # what is constant is so on every cell
-        return Series(np.broadcast_to(found.mid, shape), np.broadcast_to(found.rad, shape), 0)
+        return expression.enclose_columns(*inputs)
 
     def distances(self, bodies: Bodies) -> Series:
         raise MotionError("distances are bounded along the path, not over time")

@@ -325,31 +325,33 @@ class MachinePath:
         return out
 
     def enclose(self, s: Series, piece: np.ndarray) -> Series:
-        return Series.stack(self.machine.inverse_map.enclose(self._enclose_inputs(s, piece)))
+        return self.machine.inverse_map.enclose_columns(self._enclose_inputs(s, piece))
 
     def enclose_pose(self, s: Series, piece: np.ndarray) -> Series:
         inputs = self._enclose_inputs(s, piece)
-        return Series.stack(self.machine.carried_map.enclose(inputs) if self.machine.follows else inputs[:12])
+        return self.machine.carried_map.enclose_columns(inputs) if self.machine.follows else inputs[:, :12]
 
     def jacobian(self, s: Series, piece: np.ndarray) -> Series:
         """The square Jacobian (order+1, N, n · n), row by row; columns of rotation by the characteristic length."""
-        entries = self.machine.jacobian_map.enclose(self._enclose_inputs(s, piece))
-        free = columns(self.machine).tolist()
-        scale = [1.0 if k < 3 else 1 / self.machine.characteristic_length for k in free]
-        chosen = [entries[6 * row + k] * x for row in range(len(self.names)) for k, x in zip(free, scale, strict=True)]
-        return Series.stack([*chosen, Series.zeros(s.order, (len(piece),))])[:, :-1]  # rows for all, also constants
+        entries = self.machine.jacobian_map.enclose_columns(self._enclose_inputs(s, piece))
+        free = columns(self.machine)
+        scale = np.where(free < 3, 1.0, 1 / self.machine.characteristic_length)
+        chosen = (6 * np.arange(len(self.names))[:, None] + free).ravel()
+        return entries[:, chosen] * np.tile(scale, len(self.names))
 
-    def _enclose_inputs(self, s: Series, piece: np.ndarray) -> list[Series]:
-        """What the machine's maps take, along the path."""
+    def _enclose_inputs(self, s: Series, piece: np.ndarray) -> Series:
+        """What the machine's maps take, along the path: (order+1, N, k)."""
         pose = Series.zeros(s.order, (len(piece), 12))
-        local = s - self.breaks[piece] + self._start[piece]
+        local = (s - self.breaks[piece] + self._start[piece])[:, None]
         for k, shape in enumerate(self._shapes):
             chosen = np.flatnonzero(self._shape_of[piece] == k)
             if len(chosen):
-                parameters = [Series.constant(values, s.order) for values in self._parameters[k][piece[chosen]].T]
-                pose.put(chosen, Series.stack(pose_map(shape).enclose([local[chosen], *parameters])))
-        near = [Series.constant(values, s.order) for values in self._near[piece].T if self.machine.branched]
-        return [*pose.columns(), *near]
+                parameters = Series.constant(self._parameters[k][piece[chosen]], s.order)
+                pose.put(chosen, pose_map(shape).enclose_columns(local[chosen], parameters))
+        if not self.machine.branched:
+            return pose
+        near = Series.constant(self._near[piece], s.order).pad(s.order)
+        return Series(np.concatenate([pose.mid, near.mid], 2), np.concatenate([pose.rad, near.rad], 2), s.order)
 
 
 def _pad_part_ends(ends: np.ndarray, values: np.ndarray) -> np.ndarray:

@@ -104,6 +104,24 @@ def test_a_taylor_tape_gives_the_balls_of_series(steps, seed, cells, order, erro
         assert np.array_equal(ours.rad[bounded], theirs.rad[bounded])
 
 
+@pytest.mark.parametrize("cells", [3, 40])
+def test_columns_side_by_side_are_enclosed_as_each_by_itself(cells):
+    """By the tape and without it, of inputs of several degrees, some of them constant."""
+    x = ca.SX.sym("x", 4)
+    expression = Expression("f", x, ca.vertcat(x[0] * x[1] + x[3], ca.sqrt(9 + x[2] * x[3]), 2.0, x[2] / (4 + x[0])))
+    rng = np.random.default_rng(cells)
+    wide = Series(rng.uniform(-1, 1, (4, cells, 2)), 1e-9 * rng.uniform(size=(4, cells, 2)), 5)
+    flat = Series.constant(rng.uniform(-1, 1, (cells, 2)), 3)
+    found = expression.enclose_columns(wide, flat)
+    assert found.mid.shape == (4, cells, 4)
+    columns = [part[:, k].cut(3) for part in (wide, flat) for k in range(2)]
+    for k, each in enumerate(expression.enclose(columns)):
+        one = each.pad(3)
+        assert (np.abs(found.mid[:, :, k] - one.mid) <= 1e-15).all()
+        assert (found.rad[:, :, k] <= one.rad * (1 + 1e-9) + 1e-15).all()
+        assert (found.rad[:, :, k] >= one.rad * (1 - 1e-6) - 1e-14).all()
+
+
 @pytest.mark.parametrize("name", ["sin", "cos", "atan2"])
 @pytest.mark.parametrize("error", [0.0, 1e-3, 1.0])
 @pytest.mark.parametrize("order", [0, 1, 6])

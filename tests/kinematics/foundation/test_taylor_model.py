@@ -168,6 +168,12 @@ EXACT = {
     "logarithm": (lambda a: a.log(), logarithm, numbers, radii),
     "angle": (lambda a, b: a.atan2(b), angle, numbers, radii),
     "derivative": (lambda a: a.derivative(), lambda a: [k * x for k, x in enumerate(a)][1:], numbers, radii),
+    "second derivative at a rate of 3/4": (
+        lambda a: a.differentiate(2, np.array([0.75])),
+        lambda a: [k * (k - 1) * x * Fraction(9, 16) for k, x in enumerate(a)][2:],
+        numbers,
+        radii,
+    ),
 }
 """Operation on series; on exact coefficients (None where it is not defined); what to draw."""
 
@@ -359,7 +365,7 @@ def test_series_are_put_side_by_side_and_taken_apart(a, b):
     a, b = a.series, b.series
     both = Series.stack([a, b])
     assert both.mid.shape == (max(a.degree, b.degree) + 1, ENTRIES, 2)
-    for part, original in zip(both.columns(), (a, b), strict=True):
+    for part, original in zip((both[:, 0], both[:, 1]), (a, b), strict=True):
         assert np.array_equal(part.mid, original.pad(both.degree).mid)
         assert np.array_equal(part.rad, original.pad(both.degree).rad)
     filled = Series.zeros(3, (3,))
