@@ -10,7 +10,7 @@ import logging
 import sys
 from collections.abc import Callable
 from functools import cache, update_wrapper
-from threading import RLock, Thread
+from threading import RLock, Thread, local
 from threading import enumerate as enumerate_threads
 from typing import Any
 
@@ -18,7 +18,7 @@ PATIENCE = 1.0
 """s after which the first call of a kernel is said to be compiling: what is on disk takes less."""
 COMPILATION = "compilation of kernels"
 """Name of threads in which kernels are called for the first time."""
-_LOCK = RLock()
+_LOCK, _HERE = RLock(), local()
 
 
 class Kernel:
@@ -32,6 +32,8 @@ class Kernel:
 
     def __call__(self, *arguments: Any) -> Any:
         if self.compiled is None:
+            if getattr(_HERE, "plain", False):
+                return self.function(*arguments)
             with _LOCK:
                 _compile_module(sys.modules[self.function.__module__])
         assert self.compiled is not None  # with its module
@@ -72,6 +74,17 @@ def _announce() -> None:
 def compiler_is_loaded() -> bool:
     """Whether numba is imported already, which takes a third of a second."""
     return "numba" in sys.modules
+
+
+def call_light(function: Callable[..., Any], *arguments: Any) -> Any:
+    """A kernel, and what it calls, as Python where the compiler is not loaded: for what is too little to load it."""
+    if compiler_is_loaded() or not isinstance(function, Kernel):
+        return function(*arguments)
+    _HERE.plain = True
+    try:
+        return function.function(*arguments)
+    finally:
+        _HERE.plain = False
 
 
 def is_compiling() -> bool:
