@@ -25,7 +25,8 @@ import numpy as np
 
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.casadi_function import Expression
-from kinematics.foundation.taylor_model import EPS, Ball, Series
+from kinematics.foundation.kernels import kernel
+from kinematics.foundation.taylor_model import EPS, Series
 from kinematics.machine.kind import columns
 from kinematics.machine.load import Body
 from kinematics.machine.model import MachineModel
@@ -47,35 +48,93 @@ def solve_series(matrix: Series, right: Series) -> Series:
     sums (Rump, Acta Numerica 19 (2010), section 10); no bound where ‖E‖ ≥ 1.
     """
     order = min(matrix.order, right.order)
-    matrix, right = matrix.cut(order), right.cut(order).pad(order)
-    guess = _inverse(matrix.mid[0])
-    size, terms = np.abs(guess), matrix.mid.shape[-1] + 2
-    with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
-        off = np.abs(np.eye(terms - 2) - guess @ matrix.mid[0]) + size @ matrix.rad[0]
-        off += terms * EPS * (size @ np.abs(matrix.mid[0]) + 1)
-        rows = off.sum(-1) * (1 + terms * EPS)
-        norm = rows.max(-1, keepdims=True)
-        spread = np.where(norm < 1, rows / (1 - norm), np.inf) * (1 + 4 * EPS)
-        out = Series.zeros(order, right.mid.shape[1:])
-        for k in range(order + 1):
-            mid, rad = right.mid[k], right.rad[k]
-            for j in range(1, min(k, matrix.degree) + 1):
-                part = _times((matrix.mid[j], matrix.rad[j]), (out.mid[k - j], out.rad[k - j]))
-                mid, rad = mid - part[0], (rad + part[1]) * (1 + EPS) + EPS * np.abs(mid - part[0])
-            mid, rad = _times((guess, np.zeros_like(guess)), (mid, rad))
-            most = (np.abs(mid) + rad).max(-1, keepdims=True)
-            out.mid[k], out.rad[k] = mid, (rad + spread * most) * (1 + 4 * EPS)
-        out.rad[:] = np.where(np.isnan(out.rad) | np.isnan(out.mid), np.inf, out.rad)
-        out.mid[:] = np.nan_to_num(out.mid)
+    powers, cells, size = min(matrix.degree, order) + 1, right.mid.shape[1], right.mid.shape[2]
+    out, full = Series.zeros(order, (cells, size)), right.cut(order).pad(order)
+    shape = (powers, cells, size, size)
+    a_mid, a_rad = (np.ascontiguousarray(np.broadcast_to(x[:powers], shape)) for x in (matrix.mid, matrix.rad))
+    b_mid, b_rad = (np.ascontiguousarray(x) for x in (full.mid, full.rad))
+    solve_balls(a_mid, a_rad, b_mid, b_rad, out.mid, out.rad)
     return out
 
 
-def _times(matrix: Ball, vector: Ball) -> Ball:
-    (am, ar), (vm, vr) = matrix, vector
-    mid = (am @ vm[..., None])[..., 0]
-    size, terms = np.abs(am), am.shape[-1]
-    rad = size @ vr[..., None] + ar @ (np.abs(vm) + vr)[..., None] + terms * EPS * (size @ np.abs(vm)[..., None])
-    return mid, rad[..., 0] * (1 + (terms + 3) * EPS)
+@kernel
+def solve_balls(a_mid: Array, a_rad: Array, b_mid: Array, b_rad: Array, mid: Array, rad: Array) -> None:
+    """Fill mid and rad (order + 1, N, n) of A (powers, N, n, n) and b (order + 1, N, n): see `solve_series`."""
+    n, terms = mid.shape[2], mid.shape[2] + 3
+    guess, work = np.zeros((n, n)), np.zeros((n, n))
+    rows, known, blur = np.zeros(n), np.zeros(n), np.zeros(n)
+    for cell in range(mid.shape[1]):
+        _invert_roughly(a_mid[0, cell], guess, work)
+        norm = 0.0
+        for i in range(n):
+            rows[i] = 0.0
+            for j in range(n):
+                product, size, error = 0.0, 1.0, 0.0
+                for k in range(n):
+                    product += guess[i, k] * a_mid[0, cell, k, j]
+                    size += abs(guess[i, k] * a_mid[0, cell, k, j])
+                    error += abs(guess[i, k]) * a_rad[0, cell, k, j]
+                rows[i] += abs((1.0 if i == j else 0.0) - product) + error + terms * EPS * size
+            rows[i] *= 1 + 2 * terms * EPS
+            norm = rows[i] if not rows[i] <= norm else norm  # also what is not a number
+        for k in range(len(mid)):
+            for i in range(n):
+                known[i], blur[i] = b_mid[k, cell, i], b_rad[k, cell, i]
+                for j in range(1, min(k, len(a_mid) - 1) + 1):
+                    product = size = error = 0.0
+                    for c in range(n):
+                        x, y, own = a_mid[j, cell, i, c], mid[k - j, cell, c], rad[k - j, cell, c]
+                        product += x * y
+                        size += abs(x * y)
+                        error += abs(x) * own + a_rad[j, cell, i, c] * (abs(y) + own)
+                    known[i] -= product
+                    blur[i] = (blur[i] + error + terms * EPS * size) * (1 + terms * EPS) + EPS * abs(known[i])
+            most = 0.0
+            for i in range(n):
+                product = size = error = 0.0
+                for c in range(n):
+                    product += guess[i, c] * known[c]
+                    size += abs(guess[i, c] * known[c])
+                    error += abs(guess[i, c]) * blur[c]
+                mid[k, cell, i] = product
+                rad[k, cell, i] = (error + terms * EPS * size) * (1 + terms * EPS)
+                most = max(most, abs(product) + rad[k, cell, i])
+            for i in range(n):
+                spread = rows[i] / (1 - norm) if norm < 1 else np.inf
+                own = rad[k, cell, i] + spread * most * (1 + 8 * EPS)
+                if np.isfinite(own) and np.isfinite(mid[k, cell, i]):
+                    rad[k, cell, i] = own * (1 + 4 * EPS)
+                else:
+                    mid[k, cell, i], rad[k, cell, i] = 0.0, np.inf
+
+
+@kernel
+def _invert_roughly(matrix: Array, out: Array, work: Array) -> None:
+    """About A⁻¹ (n, n), by elimination with the largest pivot of a column; no numbers where there is none."""
+    n = len(matrix)
+    for i in range(n):
+        for j in range(n):
+            work[i, j] = matrix[i, j]
+            out[i, j] = 1.0 if i == j else 0.0
+    for i in range(n):
+        pivot = i
+        for k in range(i + 1, n):
+            if abs(work[k, i]) > abs(work[pivot, i]):
+                pivot = k
+        if pivot != i:
+            for j in range(n):
+                work[i, j], work[pivot, j] = work[pivot, j], work[i, j]
+                out[i, j], out[pivot, j] = out[pivot, j], out[i, j]
+        over = 1 / work[i, i] if work[i, i] != 0 else np.inf
+        for j in range(n):
+            work[i, j] *= over
+            out[i, j] *= over
+        for k in range(n):
+            if k != i:
+                factor = work[k, i]
+                for j in range(n):
+                    work[k, j] -= factor * work[i, j]
+                    out[k, j] -= factor * out[i, j]
 
 
 def _inverse(matrix: Array) -> Array:

@@ -6,6 +6,7 @@ sizes of its factors, and with those enlarged by their errors: the one bounds ro
 what errors can change, since |∏(x + e) − ∏x| ≤ ∏(|x| + |e|) − ∏|x|; higher powers than are kept are part of it.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -33,47 +34,34 @@ ROUNDINGS = 64 * EPS
 class Ranges:
     """The motion over N cells, each quantity a ball (1, N, m) about the middle of where it lies.
 
-    stretch (N,)  which of G stretches of path a cell lies in, with middle and half (G,), of path pieces on_piece (G,)
-    motion (4, N) σ's coefficients in τ, and error (4, N) of them; rate (N,) 1/s, by which τ runs
+    piece (N,) of path; find: of the axes, or of the pose where True, the balls of value and derivatives
     """
 
     path: ActuatorPath
-    stretch: np.ndarray
-    middle: Array
-    half: Array
-    on_piece: np.ndarray
-    motion: Array
-    error: Array
-    rate: Array
-    highest: int
     piece: np.ndarray
-
-    @cached_property
-    def _along(self) -> Series:
-        """s over the stretches, as `ActuatorPath.enclose` takes it: about their middles, then anywhere."""
-        mid, rad = (np.zeros((2, 2 * len(self.middle))) for _ in range(2))
-        mid[0], mid[1] = np.tile(self.middle, 2), np.tile(self.half, 2)
-        rad[0, len(self.middle) :] = self.half
-        return Series(mid, rad, PATH_ORDER)
-
-    def _bound(self, series: Series, highest: int) -> tuple[Series, ...]:
-        """A function of path and its derivatives by time."""
-        full, count = series.pad(PATH_ORDER), len(self.middle)
-        mid, rad = full.mid[:, :count].copy(), full.rad[:, :count].copy()
-        mid[-1], rad[-1] = 0.0, np.abs(full.mid[-1, count:]) + full.rad[-1, count:]
-        found = np.empty((2, highest + 1, len(self.stretch), mid.shape[2]))
-        bound_motion(mid, rad, self.stretch, self.motion, self.error, self.rate, found[0], found[1])
-        return tuple(Series(found[0, n : n + 1], found[1, n : n + 1], 0) for n in range(highest + 1))
+    find: Callable[[bool], tuple[Series, ...]]
 
     @cached_property
     def _axes(self) -> tuple[Series, ...]:
-        return self._bound(self.path.enclose(self._along, np.tile(self.on_piece, 2)), self.highest)
+        return self.find(False)
 
     @cached_property
     def _pose(self) -> tuple[Series, ...]:
-        found = self.path.enclose_pose(self._along, np.tile(self.on_piece, 2))
-        assert found is not None  # only machines have limits on their pose
-        return self._bound(found, 2)
+        return self.find(True)
+
+    def __getitem__(self, rows: np.ndarray) -> "Ranges":
+        """Of some cells."""
+        return Ranges(
+            self.path, self.piece[rows], lambda pose: tuple(each[rows] for each in (self._pose if pose else self._axes))
+        )
+
+    def merge(self, first: np.ndarray) -> "Ranges":
+        """Of groups of cells, one after the other, from the `first` of each."""
+        return Ranges(
+            self.path,
+            self.piece[first],
+            lambda pose: tuple(_merge_balls(each, first) for each in (self._pose if pose else self._axes)),
+        )
 
     @property
     def q(self) -> Series:
@@ -103,6 +91,51 @@ class Ranges:
 
     def distances(self, bodies: Bodies) -> Series:
         raise MotionError("distances are bounded along the path, not over time")
+
+
+@dataclass(frozen=True, slots=True)
+class _Stretches:
+    """Which of G stretches of path N cells lie in, and how they run through it.
+
+    stretch (N,); middle and half (G,) of stretches, of path pieces on_piece (G,)
+    motion (4, N) σ's coefficients in τ, and error (4, N) of them; rate (N,) 1/s, by which τ runs
+    highest  derivative of the axes
+    """
+
+    path: ActuatorPath
+    stretch: np.ndarray
+    middle: Array
+    half: Array
+    on_piece: np.ndarray
+    motion: Array
+    error: Array
+    rate: Array
+    highest: int
+
+    def __call__(self, pose: bool) -> tuple[Series, ...]:
+        """A function of path and its derivatives by time."""
+        count, highest = len(self.middle), 2 if pose else self.highest
+        mid, rad = np.zeros((2, PATH_ORDER + 1, 2 * count))
+        # s over the stretches: about their middles, then anywhere
+        mid[0], mid[1] = np.tile(self.middle, 2), np.tile(self.half, 2)
+        rad[0, count:] = self.half
+        enclose = self.path.enclose_pose if pose else self.path.enclose
+        found = enclose(Series(mid, rad, PATH_ORDER), np.tile(self.on_piece, 2))
+        assert found is not None  # only machines have limits on their pose
+        full = found.pad(PATH_ORDER)
+        mid, rad = np.array(full.mid[:, :count]), np.array(full.rad[:, :count])
+        mid[-1], rad[-1] = 0.0, np.abs(full.mid[-1, count:]) + full.rad[-1, count:]
+        balls = np.empty((2, highest + 1, len(self.stretch), mid.shape[2]))
+        bound_motion(mid, rad, self.stretch, self.motion, self.error, self.rate, balls[0], balls[1])
+        return tuple(Series(balls[0, n : n + 1], balls[1, n : n + 1], 0) for n in range(highest + 1))
+
+
+def _merge_balls(balls: Series, first: np.ndarray) -> Series:
+    low, high = bound_balls(balls)
+    low, high = np.minimum.reduceat(low, first), np.maximum.reduceat(high, first)
+    middle, good = (low + high) / 2, np.isfinite(low) & np.isfinite(high)
+    rad = (high - low) / 2 * (1 + 4 * EPS) + 4 * EPS * np.maximum(np.abs(low), np.abs(high))
+    return Series(np.where(good, middle, 0.0)[None], np.where(good, rad, np.inf)[None], 0)
 
 
 def bound_balls(values: Series) -> tuple[Array, Array]:
@@ -140,7 +173,7 @@ def bound_ranges(trajectory: Trajectory, cells: Cells, highest: int) -> Ranges:
     way[0] -= centre[stretch]
     size[0] += np.abs(centre[stretch])
     motion, error = way / wide[stretch], 32 * EPS * size / wide[stretch]
-    return Ranges(path, stretch, centre, wide, piece[first], motion, error, 1 / half, highest, piece)
+    return Ranges(path, piece, _Stretches(path, stretch, centre, wide, piece[first], motion, error, 1 / half, highest))
 
 
 @kernel
@@ -157,7 +190,7 @@ def bound_motion(
     """Balls out (highest + 1, N, m) of a function and its derivatives by time.
 
     mid, rad (D + 1, G, m)   its coefficients over G stretches of path; the last, times σ^D, is what remains
-    stretch (N,), motion, error (4, N), rate (N,)  as in `Ranges`
+    stretch (N,), motion, error (4, N), rate (N,)  as in `_Stretches`
     """
     degree, width = len(mid) - 1, mid.shape[2]
     most = len(out_mid) - 1
