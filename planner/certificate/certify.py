@@ -145,8 +145,10 @@ WORST_PLACE_INSTANTS = 201
 class Certificate(Result):
     """worst: proven upper bound of value/limit over continuous time, per limit; where: the place of each.
 
-    use       per limit, the proven bound over each time piece of the trajectory (M,); worst is its maximum
-    attained  per limit, the largest value/limit met in each time piece (M,): the truth lies between the two
+    use       per limit, the proven bound over each time piece of the trajectory (M,); worst is its maximum, and tight;
+              of pieces that surely use less it is only below that
+    attained  per limit, the largest value/limit met in each time piece (M,), 0 where none was looked at: the truth lies
+              between the two
     """
 
     holds: bool

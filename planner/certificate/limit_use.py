@@ -101,7 +101,8 @@ def _tighten_cells(
         np.maximum.at(attained, cells.k, met)
         loose = bound > np.maximum(met, min(attained.max(), 1.0)) + limit.tight(met)
         loose |= (bound > 1) & (met <= 1)
-        over = np.max((bound - attained.max()) / limit.tight(met), where=loose, initial=1.0)
+        with np.errstate(invalid="ignore"):  # of what has no bound
+            over = np.nanmax((bound - attained.max()) / limit.tight(met), where=loose, initial=1.0)
         # bounds close in with the square of a cell at least
         parts = 1 if first else int(np.clip(np.ceil(np.sqrt(over)), 2, CELL_PARTS if loose.sum() <= FEW_CELLS else 2))
         share, first = share / parts, False
@@ -127,7 +128,7 @@ def _has_stated_speeds(path: ActuatorPath) -> bool:
 def _look_at_use(trajectory: Trajectory, limits: Sequence[Limit], cells: Cells, order: int) -> tuple[Array, Array]:
     """Over each of N cells, as `_bound_use` but cheaper: bounds from ranges, and the use attained at some centres.
 
-    Groups of cells first, each as a whole and at the centre of one: only where that is not enough, the cells.
+    Groups of cells first, each as a whole and at the centre of one: the cells only of those that may use the most.
     """
     bound, met = np.zeros((2, len(limits), len(cells.k)))
     for begin in range(0, len(cells.k), LOOK_BATCH):
@@ -144,7 +145,7 @@ def _look_at_use(trajectory: Trajectory, limits: Sequence[Limit], cells: Cells, 
             for n, limit in enumerate(limits):
                 most, seen = limit.use(*bound_balls(limit.value(merged)), merged.piece).max(1), np.zeros(len(every))
                 seen[one] = _use_of(limit, heard)
-                enough = most <= np.maximum(seen[one], min(seen[one].max(), 1.0)) + limit.tight(seen[one])
+                enough = most < min(seen.max(), 1.0)
                 found, rest = most[group], np.flatnonzero(~enough[group])
                 if len(rest) == len(every):
                     whole = whole or _centres(trajectory, some, order)

@@ -192,80 +192,95 @@ def bound_motion(
     mid, rad (D + 1, G, m)   its coefficients over G stretches of path; the last, times σ^D, is what remains
     stretch (N,), motion, error (4, N), rate (N,)  as in `_Stretches`
     """
-    degree, width = len(mid) - 1, mid.shape[2]
-    most = len(out_mid) - 1
-    powers = min(most + 4, degree - 1)
-    p, size = np.zeros(degree), np.zeros(degree)
-    a, large = np.zeros(powers + 1), np.zeros(powers + 1)
-    spare, spare_size = np.zeros(powers + 1), np.zeros(powers + 1)
-    whole, rest = np.zeros(4), np.zeros(4)
+    degree, width, most = len(mid) - 1, mid.shape[2], len(out_mid) - 1
+    powers = min(most + MORE_POWERS, degree - 1)
+    # columns innermost: they are what the processor's vectors hold
+    p, size = np.zeros((degree, width)), np.zeros((degree, width))
+    a, large = np.zeros((powers + 1, width)), np.zeros((powers + 1, width))
+    e, whole, slack = np.zeros((powers + 6, width)), np.zeros((4, width)), np.zeros(width)
     for n in range(len(stretch)):
         g = stretch[n]
         s0, s1, s2, s3 = motion[0, n], motion[1, n], motion[2, n], motion[3, n]
-        w1, w2, w3 = abs(s1) + error[1, n], abs(s2) + error[2, n], abs(s3) + error[3, n]
+        t0, t1, t2, t3 = abs(s0), abs(s1), abs(s2), abs(s3)
+        w1, w2, w3 = t1 + error[1, n], t2 + error[2, n], t3 + error[3, n]
         # how far σ reaches, and its derivatives by τ at the most
-        reach = (abs(s0) + error[0, n] + w1 + w2 + w3) * (1 + ROUNDINGS)
+        reach = (t0 + error[0, n] + w1 + w2 + w3) * (1 + ROUNDINGS)
         z1, z2, z3 = w1 + 2 * w2 + 3 * w3, 2 * w2 + 6 * w3, 6 * w3
+        for i in range(degree):
+            for c in range(width):
+                p[i, c], size[i, c] = mid[i, g, c], abs(mid[i, g, c])
+        # about where the cell's middle lies
+        for i in range(powers + 1):
+            for k in range(degree - 2, i - 1, -1):
+                for c in range(width):
+                    p[k, c] += s0 * p[k + 1, c]
+                    size[k, c] += t0 * size[k + 1, c]
+        # p(s1 τ + s2 τ² + s3 τ³), Horner's scheme from the highest coefficient of τ down, in place
         for c in range(width):
-            for i in range(degree):
-                p[i], size[i] = mid[i, g, c], abs(mid[i, g, c])
-            # about where the cell's middle lies
-            for i in range(powers + 1):
-                for k in range(degree - 2, i - 1, -1):
-                    p[k] += s0 * p[k + 1]
-                    size[k] += abs(s0) * size[k + 1]
-            # p(s1 τ + s2 τ² + s3 τ³)
-            a[:] = 0.0
-            large[:] = 0.0
-            for i in range(powers, -1, -1):
-                for k in range(powers, 0, -1):
-                    value, most_of_it = s1 * a[k - 1], abs(s1) * large[k - 1]
-                    if k > 1:
-                        value += s2 * a[k - 2]
-                        most_of_it += abs(s2) * large[k - 2]
-                    if k > 2:
-                        value += s3 * a[k - 3]
-                        most_of_it += abs(s3) * large[k - 3]
-                    spare[k], spare_size[k] = value, most_of_it
-                spare[0], spare_size[0] = p[i], size[i]
-                for k in range(powers + 1):
-                    a[k], large[k] = spare[k], spare_size[k]
-            # the same of sizes and errors together, with its derivatives by σ, at the end
-            whole[:] = 0.0
-            for i in range(degree, -1, -1):
-                for k in range(min(most, 3), 0, -1):
-                    whole[k] = whole[k] * reach + k * whole[k - 1]
-                whole[0] = whole[0] * reach + (abs(mid[i, g, c]) + rad[i, g, c])
-            rest[0], rest[1] = whole[0], whole[1] * z1
-            rest[2] = whole[2] * z1 * z1 + whole[1] * z2
-            rest[3] = whole[3] * z1 * z1 * z1 + 3 * whole[2] * z1 * z2 + whole[1] * z3
-            scale = 1.0
-            for m in range(most + 1):
-                kept = 0.0
-                for k in range(powers + 1):
-                    spare[k] = 0.0
-                for k in range(m, powers + 1):
-                    factor = 1.0
-                    for i in range(m):
-                        factor *= k - i
-                    spare[k - m] = factor * a[k]
-                    kept += factor * large[k]
-                slack = rest[m] * (1 + ROUNDINGS) - kept * (1 - 2 * ROUNDINGS)
-                # a little of the cubic and the quartic is no polynomial of degree two: Chebyshev's
-                slack += abs(spare[3]) / 4 + abs(spare[4]) / 8
-                for k in range(5, powers + 1):
-                    slack += abs(spare[k])
-                e0, e1, e2 = spare[0] - spare[4] / 8, spare[1] + 0.75 * spare[3], spare[2] + spare[4]
+            a[0, c], large[0, c] = p[powers, c], size[powers, c]
+        for k in range(1, powers + 1):
+            for c in range(width):
+                a[k, c] = large[k, c] = 0.0
+        for i in range(powers - 1, -1, -1):
+            for k in range(min(powers, 3 * (powers - i)), 2, -1):
+                for c in range(width):
+                    a[k, c] = s1 * a[k - 1, c] + s2 * a[k - 2, c] + s3 * a[k - 3, c]
+                    large[k, c] = t1 * large[k - 1, c] + t2 * large[k - 2, c] + t3 * large[k - 3, c]
+            for c in range(width):
+                a[2, c] = s1 * a[1, c] + s2 * a[0, c]
+                large[2, c] = t1 * large[1, c] + t2 * large[0, c]
+                a[1, c] = s1 * a[0, c]
+                large[1, c] = t1 * large[0, c]
+                a[0, c] = p[i, c]
+                large[0, c] = size[i, c]
+        # the same of sizes and errors together, with its derivatives by σ, at the end
+        for k in range(4):
+            for c in range(width):
+                whole[k, c] = 0.0
+        for i in range(degree, -1, -1):
+            for c in range(width):
+                whole[3, c] = whole[3, c] * reach + 3 * whole[2, c]
+                whole[2, c] = whole[2, c] * reach + 2 * whole[1, c]
+                whole[1, c] = whole[1, c] * reach + whole[0, c]
+                whole[0, c] = whole[0, c] * reach + (abs(mid[i, g, c]) + rad[i, g, c])
+        scale = 1.0
+        for m in range(most + 1):
+            for c in range(width):
+                if m == 0:
+                    slack[c] = whole[0, c]
+                elif m == 1:
+                    slack[c] = whole[1, c] * z1
+                elif m == 2:
+                    slack[c] = whole[2, c] * z1 * z1 + whole[1, c] * z2
+                else:
+                    slack[c] = whole[3, c] * z1 * z1 * z1 + 3 * whole[2, c] * z1 * z2 + whole[1, c] * z3
+                slack[c] *= 1 + ROUNDINGS
+            for k in range(m, powers + 1):
+                factor = 1.0
+                for i in range(m):
+                    factor *= k - i
+                for c in range(width):
+                    e[k - m, c] = factor * a[k, c]
+                    slack[c] -= factor * large[k, c] * (1 - 2 * ROUNDINGS)
+            for k in range(powers - m + 1, powers + 6):
+                for c in range(width):
+                    e[k, c] = 0.0
+            for c in range(width):
+                # but for a little of the cubic and the quartic, a polynomial of degree two: Chebyshev's
+                slack[c] += abs(e[3, c]) / 4 + abs(e[4, c]) / 8
+            for k in range(5, powers - m + 1):
+                for c in range(width):
+                    slack[c] += abs(e[k, c])
+            for c in range(width):
+                e0, e1, e2 = e[0, c] - e[4, c] / 8, e[1, c] + 0.75 * e[3, c], e[2, c] + e[4, c]
                 low, high = e0 + e2 - abs(e1), e0 + e2 + abs(e1)
                 if abs(e1) < 2 * abs(e2):
                     top = e0 - e1 * e1 / (4 * e2)
                     low, high = min(low, top), max(high, top)
                 low, high = low * scale, high * scale
-                slack = slack * scale * (1 + ROUNDINGS)
-                out_mid[m, n, c] = (low + high) / 2
-                good = reach <= 1 and np.isfinite(slack) and np.isfinite(low) and np.isfinite(high)
-                own = (high - low) / 2 * (1 + 4 * EPS) + 16 * EPS * max(abs(low), abs(high)) + slack
+                beyond = slack[c] * scale * (1 + ROUNDINGS)
+                own = (high - low) / 2 * (1 + 4 * EPS) + 16 * EPS * max(abs(low), abs(high)) + beyond
+                good = reach <= 1 and np.isfinite(own) and np.isfinite(low) and np.isfinite(high)
+                out_mid[m, n, c] = (low + high) / 2 if good else 0.0
                 out_rad[m, n, c] = own if good else np.inf
-                if not good:
-                    out_mid[m, n, c] = 0.0
-                scale *= rate[n]
+            scale *= rate[n]

@@ -356,8 +356,9 @@ def test_what_is_known_is_kept_and_the_rest_is_proved(planned):
     for limit in plan.limits:
         name = limit.name
         assert (again.use[name][~unknown] == fresh.use[name][~unknown]).all()
-        # cells may be cut elsewhere: both bounds lie within 5e-7 above what is attained
-        assert again.use[name][unknown] == pytest.approx(fresh.use[name][unknown], abs=1e-6)
+        # cells may be put together elsewhere: both are bounds, and tight where they are largest
+        assert (again.use[name] >= fresh.attained[name] - 1e-12).all()
+        assert again.worst[name] == pytest.approx(fresh.worst[name], abs=1e-6)
         assert (again.use[name] >= dense_use(plan.trajectory, limit) - 1e-12).all()
     # a lie about what is known shows in the result: nothing else is looked at there
     told[0]["speed"][50] = 1.5
