@@ -78,7 +78,7 @@ class Expression:
             buffer, run = mapped.buffer()
             arguments, results = np.zeros((size, self.size[0])), np.zeros((size, self.size[1]))
             buffer.set_arg(0, memoryview(arguments))  # type: ignore[call-arg, arg-type]  # CasADi's stubs miss this overload
-            buffer.set_res(0, memoryview(results))  # type: ignore[call-arg, arg-type]
+            buffer.set_res(0, memoryview(results))  # type: ignore[call-arg, arg-type]  # and this one
             self._alive += [mapped, buffer]
             self._blocks[size] = (arguments, results, run)
         return self._blocks[size]

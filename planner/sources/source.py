@@ -48,7 +48,7 @@ def _tidy_part(part: Segment) -> Segment:
     changes: dict[str, Array | float] = {name: _zero_small(getattr(part, name)) for name in _POINTS[type(part)]}
     if isinstance(part, Arc) and abs(part.rise) < ZERO_ROUNDING:
         changes["rise"] = 0.0
-    return replace(part, **changes)  # type: ignore[arg-type]
+    return replace(part, **changes)  # type: ignore[arg-type]  # each name has the type of its own field
 
 
 def _zero_small(values: Array) -> Array:

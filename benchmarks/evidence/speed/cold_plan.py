@@ -4,7 +4,8 @@ benchmarks.evidence.speed.cold_plan`.
 The bare circle without figures is to take 3 s at most, the bundled program `circle` with figures 8 s, of wall time on
 two cores that have nothing else to do. Each is run on both cores, and once on one, where no second process helps: there
 every part shows its processor time, which tells more than wall time on a machine that others use. Give a number of
-rounds, of which the fastest counts: `python -m benchmarks.evidence.speed.cold_plan 3`.
+rounds, of which the fastest counts: `python -m benchmarks.evidence.speed.cold_plan 3`. Last, the bare circle with all
+kernels compiled anew, in an empty folder: what the first plan after installing costs more.
 """
 
 import json
@@ -58,8 +59,9 @@ class TimedRun:
     parts: dict[str, float]
 
 
-def run(arguments: tuple[str, ...], *, timed: bool = False) -> TimedRun:
-    """A command `plan` in a new process; timed: part by part, on one core."""
+def run(arguments: tuple[str, ...], *, timed: bool = False, kernels: Path | None = None) -> TimedRun:
+    """A command `plan` in a new process; timed: part by part, on one core; kernels: the folder of compiled ones."""
+    environment = ENVIRONMENT if kernels is None else ENVIRONMENT | {"NUMBA_CACHE_DIR": str(kernels)}
     python = ["-c", TIMING_SCRIPT] if timed else ["-m", "pulsepath", "plan"]
     cores = os.sched_getaffinity(0)
     if timed:
@@ -69,7 +71,7 @@ def run(arguments: tuple[str, ...], *, timed: bool = False) -> TimedRun:
             before, begin = _children_time(), perf_counter()
             out = str(Path(folder) / "out")
             command = [sys.executable, *python, *arguments, "--out", out]
-            done = subprocess.run(command, capture_output=True, text=True, check=True, env=ENVIRONMENT)
+            done = subprocess.run(command, capture_output=True, text=True, check=True, env=environment)
             wall, processor = perf_counter() - begin, _children_time() - before
     finally:
         os.sched_setaffinity(0, cores)
@@ -94,6 +96,10 @@ def main(rounds: int = 1) -> None:
         print(f"    on one core: {single.wall:.1f} s; processor time {single.processor:.1f} s, of it")
         for part, took in single.parts.items():
             print(f"        {part:<50} {took:6.2f} s")
+    bare, _ = next(iter(COMMANDS.values()))
+    with TemporaryDirectory() as folder:
+        anew, kept = (run(bare, kernels=Path(folder)) for _ in range(2))
+    print(f"kernels compiled anew: {anew.processor - kept.processor:.0f} s of processor time")
 
 
 if __name__ == "__main__":

@@ -3,11 +3,13 @@
 Where q′ is constant for every axis, the limits on speed, acceleration and jerk are constants of ṡ, s̈, s⃛ (∞ where there
 is none): ṡ ≤ V, −B ≤ s̈ ≤ A, −K ≤ s⃛ ≤ J. A ramp up by D, s̈ = 0 at its ends, has jerk J until s̈ = A, then none, then −K;
 that takes D/A + (A/J + A/K)/2, or √(2 D (1/J + 1/K)) where A is not reached. A ramp down is one up with B for A, run
-backwards. The fastest motion ramps to the largest speed that the length allows, at most V, and back.
+backwards. The fastest motion ramps to the largest speed that the length allows, at most V, and back. Where even the
+ramp from one end's speed to the other's is too long, one that slows down first may be shorter: it ramps down to the
+largest speed that the length allows, and up from there.
 Biagiotti and Melchiorri, Trajectory Planning for Automatic Machines and Robots (2008), 3.4, for A = B and J = K.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -69,17 +71,23 @@ def straight(problem: Problem) -> RunSolution | None:
     length, (first, last) = float(problem.s[-1] - problem.s[0]), problem.speeds
     low, high, most = min(first, last), max(first, last), limits.up if last > first else limits.down
     # a speed that is given may be the limit itself
-    if high * EXACT_AIM > limits.speed * (1 + STRAIGHTNESS_SHARE) or limits.way(low, high, most) > length * (
-        1 + ROUNDING
-    ):
-        largest = min(limits.speed / EXACT_AIM, _find_root(lambda v: limits.way(low, v, most) - length, low))
-        return RunSolution.refused(TooFast(int(last > first), high, largest))
+    too_fast = high * EXACT_AIM > limits.speed * (1 + STRAIGHTNESS_SHARE)
+    if too_fast or limits.way(low, high, most) > length * (1 + ROUNDING):
+        stopping = limits.way(0.0, low, limits.down if last > first else limits.up)
+        if too_fast or stopping + limits.way(0.0, high, most) > length:
+            reach = _find_root(lambda v: limits.way(low, v, most) - length, low)
+            if stopping < length:
+                reach = max(reach, _find_root(lambda v: stopping + limits.way(0.0, v, most) - length, 0.0))
+            return RunSolution.refused(TooFast(int(last > first), high, min(limits.speed / EXACT_AIM, reach)))
+        return _dip(problem, limits, low)
 
     def ramps(top: float) -> float:
         return limits.way(first, top, limits.up) + limits.way(last, top, limits.down)
 
     top = max(high, min(_find_root(lambda v: ramps(v) - length, high), limits.speed))
-    profile = _profile(problem, limits, top, max(0.0, length - ramps(top)) / top)
+    cruise = (0.0, 0.0, max(0.0, length - ramps(top)) / top)
+    parts = [*_ramp(limits, top - first, limits.up), cruise, *_ramp(limits, top - last, -limits.down)]
+    profile = _profile(problem, parts)
     return RunSolution("solved", profile, EXACT_AIM * profile.duration, STRAIGHT, problem)
 
 
@@ -140,13 +148,28 @@ def _find_root(rising: Callable[[float], float], low: float) -> float:
     return low
 
 
-def _profile(problem: Problem, limits: _Limits, top: float, cruise: float) -> Profile:
-    """Up, along, down; cut where the path's own pieces end."""
-    first, last = problem.speeds
-    parts = [*_ramp(limits, top - first, limits.up), (0.0, 0.0, cruise), *_ramp(limits, top - last, -limits.down)]
+def _dip(problem: Problem, limits: _Limits, low: float) -> RunSolution:
+    """Down from the first speed and up to the last, over a way shorter than the ramp between them, the lower being low.
+
+    Over how much it slows down, the way is concave, and too long without: where it is as long as asked is one place.
+    """
+    length, (first, last) = float(problem.s[-1] - problem.s[0]), problem.speeds
+
+    def excess(bottom: float) -> float:
+        return limits.way(bottom, first, limits.down) + limits.way(bottom, last, limits.up) - length
+
+    bottom = _find_root(lambda v: excess(v) if v < low else np.inf, 0.0)
+    profile = _profile(
+        problem, [*_ramp(limits, first - bottom, -limits.down), *_ramp(limits, last - bottom, limits.up)]
+    )
+    return RunSolution("solved", profile, EXACT_AIM * profile.duration, STRAIGHT, problem)
+
+
+def _profile(problem: Problem, parts: Sequence[tuple[float, float, float]]) -> Profile:
+    """Pieces of s⃛, s̈ at the start and duration, one after the other; cut where the path's own pieces end."""
     j, a, h = np.array(parts).T
     j, a, h = (values[h > MIN_PIECE_SHARE * h.sum()] for values in (j, a, h))
-    v = first + np.append(0.0, np.cumsum(h * (a + h * j / 2)))[:-1]
+    v = problem.speeds[0] + np.append(0.0, np.cumsum(h * (a + h * j / 2)))[:-1]
     s = problem.s[0] + np.append(0.0, np.cumsum(h * (v + h * (a / 2 + h * j / 6))))[:-1]
     knots = np.append(0.0, np.cumsum(h))
 

@@ -111,3 +111,32 @@ def test_slides_that_move_together():
     found = plan(Program([Line(to=(0.3 * inch, 0.4 * inch, 0.0))]), load_machine("traverser"))
     assert found.methods == ("straight",)
     assert found.trajectory.duration == pytest.approx(2 * np.sqrt(0.4 / 0.3), rel=1e-9)
+
+
+@pytest.mark.parametrize("backwards", [False, True])
+def test_a_ramp_too_long_for_its_way_slows_down_first(backwards):
+    """Slower it goes less far in more time: ruckig's motion of these numbers turns from −K to J before s̈ is back at 0.
+
+    Above the largest speed that this reaches, more than the straight ramp does, the refusal tells it.
+    """
+    length, slow, fast = 0.23404740205613703, 0.07262080343590753, 0.7438943840464933
+    limits = {"max_speed": 2.05729146, "max_acceleration": 8.65231728, "max_jerk": 8.08863146}
+    path = PPoly(np.array([[[1.0]], [[0.0]]]), [0.0, length])
+
+    def solve(fast):
+        ends = {"start_speed": fast, "end_speed": slow} if backwards else {"start_speed": slow, "end_speed": fast}
+        return time_optimal(path, **limits, **ends)
+
+    found = solve(fast)
+    assert found.certificate.holds
+    assert found.methods == ("straight",)
+    assert found.trajectory.duration == pytest.approx(0.7815239623, rel=1e-8)
+    turned = found.trajectory.at([found.trajectory.duration - 0.08919133596 if backwards else 0.08919133596])
+    assert turned.qd.item() == pytest.approx(0.04044788998, rel=1e-5)
+    with pytest.raises(Infeasible) as refused:
+        solve(0.8)
+    largest = refused.value.limit
+    assert fast < largest < 0.8
+    assert solve(largest * (1 - 1e-6)).certificate.holds
+    with pytest.raises(Infeasible):
+        solve(largest * (1 + 1e-6))
