@@ -40,13 +40,12 @@ def blend_tables(blends: Sequence[Blended]) -> tuple[Table, ...]:
     """How far each blend leaves the corner, and what it could not have; no table where there is none."""
     if not blends:
         return ()
-    figures = (
-        ("tolerance", [blend.tolerance for blend in blends], "m", "micro"),
-        ("deviation", [None if blend.stop else blend.deviation for blend in blends], "m", "micro"),
-        ("angle", [None if blend.stop else blend.turned for blend in blends], "rad", "micro"),
-        ("reach", [None if blend.stop else blend.reach for blend in blends], "m", "human"),
+    columns = (
+        Column("tolerance", [blend.tolerance for blend in blends], "m", "micro", ".4g"),
+        Column("deviation", [None if blend.stop else blend.deviation for blend in blends], "m", "micro", ".4g"),
+        Column("angle", [None if blend.stop else blend.turned for blend in blends], "rad", "micro", ".4g"),
+        Column("reach", [None if blend.stop else blend.reach for blend in blends], "m", "human", ".4g"),
     )
-    columns = (Column(name, values, unit, scale, ".4g") for name, values, unit, scale in figures)  # type: ignore[arg-type]
     after = Column("after segment", [blend.segment for blend in blends])
     return (Table("blends", (after, *columns, Column("note", [_note(blend) for blend in blends]))),)
 
