@@ -20,9 +20,9 @@ from kinematics.foundation.errors import MotionError
 from kinematics.machine.axis import directional_bounds
 from kinematics.machine.machine import Machine
 from kinematics.machine.pose import column
+from planner.orientation.evaluation_limit import EvaluationLimit
 from planner.path.shape import CONTROL_COUNT, CONTROL_SLICE, DEGREE, Piece, Shape
 from planner.program.modifiers import Free
-from planner.timing.solvers.patience import EvaluationLimit
 
 Objective = Literal["time", "tilt", "feasible"]
 # Grid intervals of a segment, closer together towards its ends.

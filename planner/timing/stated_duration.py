@@ -1,22 +1,19 @@
 """A motion of a stated duration: the smoothest that there is within it, certified.
 
-It has the least integral of squared actuator jerk, by CasADi and FATROP. The stages are those of
-planner.timing.solvers.third_order with one more state, the time t, and another cost:
+It has the least integral of squared actuator jerk. The stages are those of planner.timing.solvers.third_order with
+another cost:
 
     minimise ∫ Σ_i (q⃛_i/w_i)² dt
-    such that t rises from 0 to T, the next state follows, and every row is kept
+    such that Σ h = T, the next state follows, and every row is kept
 
 with q⃛ = q′ s⃛ + 3 q″ ṡ s̈ + q‴ ṡ³ at both ends of every interval, weighed half each.
 """
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from itertools import pairwise
 from math import ceil, inf
-from typing import Any
 
-import casadi as ca
 import numpy as np
 
 from kinematics.foundation.arrays import Array
@@ -32,65 +29,29 @@ from planner.timing.discretization import grade_problem
 from planner.timing.pacing import Pacer
 from planner.timing.problem import Problem, Run
 from planner.timing.profile import Profile, RunSolution, close_profile
-from planner.timing.solvers.casadi_ import ONE_AT_A_TIME, Signature, chain_stages, derivatives, make_stage, pose_rows
-from planner.timing.solvers.patience import EvaluationLimit, silence_stderr
+from planner.timing.solvers.stage_problem import pose_smoothest
+from planner.timing.solvers.third_order import minimise_posed
 
-ITERATIONS, EVALUATIONS, TOLERANCE = 300, 600, 1e-8
-# Least duration of an interval, as a share of its guess.
-MIN_INTERVAL_SHARE = 0.05
 HALVINGS = 60
 
 
 def solve_smoothest(path: ActuatorPath, problem: Problem, weights: Array, guess: Array) -> RunSolution:
     """The smoothest motion from rest to rest, s̈ zero at both ends, that takes as long as the guess.
 
-    weights (n,): w of each axis, ∞ for one that does not count. guess (4, N): ṡ, s̈, s⃛, h to start from. It is stopped
-    when the solver does not converge.
+    weights (n,): w of each axis, ∞ for one that does not count. guess (4, N): ṡ, s̈, s⃛, h to start from.
     """
-    length, time, count = problem.s[-1] - problem.s[0], float(guess[3].sum()), problem.intervals
-    unit = np.array([length / time, length / time**2, length / time**3, time])
-    start = guess / unit[:, None]
-    scale = np.repeat(np.abs(start).max(1, keepdims=True), count, 1)
-    scale[3] = start[3]
-    signature, coefficients, least, most = pose_rows(problem, length, time)
-    # jerks of the axes, counted in what they are on average under the guess
-    sides = [path.derivatives(s, problem.piece)[1:] for s in (problem.s[:-1], problem.s[1:])]
-    rough = np.stack([d / weights * unit[2] * length**k for side in sides for k, d in enumerate(side)])
-    v, a, j = start[:3]
-    jerks = rough[0] * j[:, None] + 3 * rough[1] * (v * a)[:, None] + rough[2] * (v**3)[:, None]
-    rough /= np.sqrt((jerks**2 * start[3][:, None]).sum())
-    data = np.concatenate(
-        [np.diff(problem.s)[None] / length, scale, np.zeros((1, count)), coefficients, *rough.transpose(0, 2, 1)]
-    )
-    solver, patience = _assemble(count, signature, rough.shape[2])
-    variables = np.insert(start / scale, 2, np.concatenate([[0.0], np.cumsum(start[3])[:-1]]), axis=0)
-    low = np.tile([0.0, -np.inf, -np.inf, -np.inf, MIN_INTERVAL_SHARE], (count, 1))
-    high = np.full((count, 5), np.inf)
-    low[0, :3] = high[0, :3] = 0.0
-    last = [0.0, 0.0, 1.0]
-    equal = np.zeros((4, count))
-    try:
-        with ONE_AT_A_TIME, silence_stderr(), patience.asked():
-            answer = solver(
-                x0=np.concatenate([variables.T.ravel(), last]),
-                p=data.T.ravel(),
-                lbx=np.concatenate([low.ravel(), last]),
-                ubx=np.concatenate([high.ravel(), last]),
-                lbg=np.concatenate([equal, least]).T.ravel(),
-                ubg=np.concatenate([equal, most]).T.ravel(),
-            )
-            stats = solver.stats()
-    except RuntimeError as failure:  # CasADi's own
-        return RunSolution.refused(MotionError(f"the solver of the smoothest motion failed: {failure}"))
-    found = np.asarray(answer["x"]).ravel()[:-3].reshape(count, 5).T
-    if not stats["success"] or not np.isfinite(found).all():
-        _assemble.cache_clear()  # a failed solve can leave infinities in the solver
-        told = f"the solver of the smoothest motion stopped: {stats['return_status']}"
-        return RunSolution.refused(MotionError(told))
-    profile = close_profile(problem, np.delete(found, 2, axis=0) * scale * unit[:, None])
+    # the fastest motion without jerk limits is so far from smooth that the nearer start often jams
+    columns = minimise_posed(pose_smoothest(problem, guess, jerk_slopes(path, problem, weights)), ("farther", "far"))
+    profile = columns if isinstance(columns, MotionError) else close_profile(problem, columns)
     if isinstance(profile, MotionError):
         return RunSolution.refused(profile)
-    return RunSolution("solved", profile.slowed(time / profile.duration), maker=SMOOTHEST, problem=problem)
+    return RunSolution("solved", profile.slowed(guess[3].sum() / profile.duration), maker=SMOOTHEST, problem=problem)
+
+
+def jerk_slopes(path: ActuatorPath, problem: Problem, weights: Array) -> Array:
+    """(N, 2, n, 3) of q′, q″, q‴ over w at each interval's start and end."""
+    sides = [np.stack(path.derivatives(s, problem.piece)[1:], axis=-1) for s in (problem.s[:-1], problem.s[1:])]
+    return np.stack(sides, axis=1) / weights[:, None]
 
 
 def quintic_motion(s: Array, duration: float) -> Array:
@@ -112,40 +73,6 @@ def even_time_shares(intervals: int) -> Array:
     """Where a grid's points lie, as shares of the way (intervals+1,), for the quintic to take as long over each."""
     tau = np.linspace(0.0, 1.0, intervals + 1)
     return np.asarray(tau**3 * (10 - 15 * tau + 6 * tau**2))
-
-
-@lru_cache(maxsize=4)
-def _assemble(intervals: int, signature: Signature, axes: int) -> tuple[ca.Function, EvaluationLimit]:
-    stage = make_stage(signature)
-    size, rows = stage.size1_in(1), stage.size1_out(2)
-    x, data = ca.SX.sym("x", 5), ca.SX.sym("data", size + 6 * axes)
-    ends, travelled, values = stage(ca.vertcat(x[:2], x[3:]), data[:size])
-    v, a, j, h = ca.vertsplit(ca.vertcat(x[:2], x[3:]) * data[1:5])
-    cost: ca.SX = ca.SX(0)
-    for side, (speed, push) in enumerate(((v, a), (v + h * (a + h * j / 2), a + h * j))):
-        first, second, third = (data[size + (3 * side + k) * axes : size + (3 * side + k + 1) * axes] for k in range(3))
-        cost += h / 2 * ca.sumsqr(first * j + 3 * second * speed * push + third * speed**3)
-    interval = ca.Function(
-        "interval", [x, data], [ca.vertcat(ends, x[2] + h), ca.vertcat(travelled, values), cost], {"cse": True}
-    )
-    patience = EvaluationLimit(EVALUATIONS)
-    options: dict[str, Any] = {
-        "print_time": False,
-        "error_on_fail": False,
-        "show_eval_warnings": False,
-        "structure_detection": "auto",
-        "equality": np.tile(np.arange(4 + rows) < 4, intervals).tolist(),
-        "cache": derivatives(interval, intervals),
-        "fatrop": {
-            "print_level": 0,
-            "max_iter": ITERATIONS,
-            "tol": TOLERANCE,
-            "mu_init": 1e-1,
-            "alpha_min_frac": 0.0,  # see EvaluationLimit
-        },
-    }
-    problem = chain_stages(interval, intervals, patience)
-    return ca.nlpsol("smoothest", "fatrop", problem, options), patience
 
 
 # A duration so little above the shortest leaves no choice of motion.

@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.evidence.peers.casadi_ import solve_by_casadi
 from benchmarks.evidence.timing import time_calls
 from kinematics import load_machine
 from kinematics.foundation.arrays import Array
@@ -33,7 +34,6 @@ from planner.timing.certified_solve import certified_solve
 from planner.timing.discretization import jerk_problem
 from planner.timing.problem import Run, Solver, make_grid, pose_problem
 from planner.timing.profile import Profile
-from planner.timing.solvers.casadi_ import solve_by_casadi
 from planner.timing.solvers.second_order import second_order
 from planner.timing.solvers.third_order import third_order
 

@@ -10,6 +10,7 @@ from functools import partial
 from statistics import median
 from time import perf_counter
 
+from benchmarks.evidence.peers.casadi_ import Solver, solve_by_casadi
 from benchmarks.evidence.timing import Result, time_calls
 from kinematics import Machine, load_machine
 from kinematics.foundation.errors import require
@@ -19,7 +20,6 @@ from planner.path.actuation import actuate
 from planner.timing.certified_solve import certified_solve
 from planner.timing.discretization import jerk_problem
 from planner.timing.problem import Run, make_grid, pose_problem
-from planner.timing.solvers.casadi_ import Solver, solve_by_casadi
 from planner.timing.solvers.second_order import second_order
 from planner.timing.solvers.third_order import third_order
 

@@ -14,17 +14,9 @@ from typing import Literal
 import numpy as np
 
 from kinematics.foundation.arrays import Array
-from planner.timing.solvers.optimality import (
-    change_slacks,
-    complementarity_error,
-    linearize,
-    measure,
-    pull,
-    push_forces,
-    try_change,
-)
+from planner.timing.solvers.optimality import follow_step, linearize, push_forces, try_share
 from planner.timing.solvers.riccati import NewtonStep, Recursion, solve_step
-from planner.timing.solvers.stages import Iterate, Misses, Slopes, StageRows, Stages, differentiate, evaluate
+from planner.timing.solvers.stages import TERM_COUNT, Iterate, Misses, Slopes, StageRows, Stages, evaluate
 
 Status = Literal["solved", "loose", "slow", "not convex"]
 Start = Literal["far", "farther", "near"]
@@ -57,7 +49,8 @@ MAX_FLAT_STEPS = 8
 
 @dataclass(frozen=True, slots=True)
 class Minimum:
-    """States (N + 1, 2) and controls (N, 2), scaled as they were given; multipliers of rows, next states and steps.
+    """States (N + 1, 2) and controls (N, 2), scaled as they were given; multipliers of rows, next states,
+    steps and the duration.
 
     The multipliers say what a unit of each bound is worth, in thousandths of the guess' duration.
     """
@@ -70,37 +63,39 @@ class Minimum:
     high_forces: Array
     next_forces: Array
     step_forces: Array
+    time_force: float
 
 
 def minimise(stages: Stages, rows: StageRows, states: Array, controls: Array, start: Start = "far") -> Minimum:
     """From states (N + 1, 2), of which the first and the last are kept but for what is to be found there, and controls
     (N, 2), which may be about the answer: "near", as that of a problem of almost the same rows is.
     """
-    count, width = len(stages.step), rows.low.shape[1]
+    count, width = rows.low.shape
     motion, trial = (_empty_iterate(rows, states, controls) for _ in range(2))
     trial = trial._replace(force_low=motion.force_low, force_high=motion.force_high)
     misses, tried = (Misses(np.empty((count, width)), np.empty((count, 2)), np.empty(count)) for _ in range(2))
-    evaluate(stages, rows, motion.states, motion.controls, misses)
     mu, least, least_bound = STARTS[start]
-    _start_slacks(rows, motion, misses, mu, least, least_bound)
-    slopes = Slopes(
-        np.zeros((count, 5, width - 2)),
-        np.zeros((count, 2, 4)),
-        np.zeros((count, 4)),
-        np.zeros((count, 4)),
-        np.zeros((count, 4, 4)),
-    )
+    slopes = Slopes(np.zeros((count, 4)), np.zeros((count, 4)), np.zeros((count, 4)), np.zeros((count, 4, 4)))
     recursion = Recursion(
         np.zeros((count + 1, 3)),
         np.zeros((count + 1, 2)),
         np.zeros(count, int),
         np.zeros((count, 4)),
         np.zeros((count, 4)),
+        np.zeros((3, count + 1, 2)),
+        np.zeros((3, count)),
     )
-    next_force, step_force = np.zeros((count + 1, 2)), np.zeros(count)
+    next_force, step_force, time_force = np.zeros((count + 1, 2)), np.zeros(count), 0.0
     step = NewtonStep(np.zeros((count + 1, 2)), np.zeros((count, 4)), np.zeros((count + 1, 2)), np.zeros(count))
-    pulls, steps = np.zeros((count, 4)), np.zeros((4, count, width))
-    missed, cost = measure(stages, rows, motion, misses, mu, WEIGHT)
+    terms, gains, pushes = np.zeros((count, 3, TERM_COUNT)), np.zeros((count, width)), np.zeros((2, count, width))
+    evaluate(stages, rows, states, controls, terms, misses.values)
+    _start_slacks(rows, motion, misses, mu, least, least_bound)
+    bounds = np.isfinite(rows.low).sum() + np.isfinite(rows.high).sum()
+    # where it stands, as if a step of nothing had led there
+    missed, cost, logarithms, time = try_share(
+        stages, rows, motion, misses, step.states, step.stages, terms, gains, 0.0, WEIGHT, trial, tried
+    )
+    motion, trial, misses, tried = trial, motion, tried, misses
     few, many = FEW * max(1.0, missed), MANY * max(1.0, missed)
     filtered: list[tuple[float, float]] = []
     last = convexity = 0.0
@@ -108,12 +103,13 @@ def minimise(stages: Stages, rows: StageRows, states: Array, controls: Array, st
     status: Status = "slow"
     iterations = 0
     while True:
-        differentiate(stages, rows, motion.states, motion.controls, slopes)
-        row_error, cost_error, slack_error, force = linearize(
-            stages, rows, motion, misses, slopes, next_force, step_force, mu, WEIGHT
+        row_error, slope_error, smallest, largest, forces = linearize(
+            stages, rows, motion, misses, next_force, step_force, time_force, WEIGHT, slopes
         )
-        size = max(100.0, force) / 100.0
-        error = max(row_error, cost_error / size, slack_error / size)
+        excess = time - 1 if stages.stated else 0.0
+        row_error = max(row_error, abs(excess))
+        size = max(100.0, forces / bounds) / 100.0
+        error = max(row_error, slope_error / size, max(largest - mu, mu - smallest) / size)
         if mu <= TOLERANCE and error <= 10 * TOLERANCE:
             status = "solved"
             break
@@ -124,52 +120,69 @@ def minimise(stages: Stages, rows: StageRows, states: Array, controls: Array, st
         before = mu
         while error <= 10 * mu and mu > TOLERANCE:
             mu = max(TOLERANCE, min(mu / 5, mu**1.5))
-            error = max(row_error, cost_error / size, complementarity_error(rows, motion, mu) / size)
+            error = max(row_error, slope_error / size, max(largest - mu, mu - smallest) / size)
         if mu < before:
             flat = 0
             filtered.clear()
-            missed, cost = measure(stages, rows, motion, misses, mu, WEIGHT)
-        pull(stages, rows, motion, misses, slopes, mu, WEIGHT, pulls)
+        pulls = slopes.pull + mu * slopes.centre
+        pulls[:, 3] += time_force
         damping = DAMPING if iterations > MAX_ITERATIONS - LAST_ITERATIONS else 0.0
         last, convexity = convexity or last, damping
-        while not solve_step(stages, misses, slopes, pulls, next_force[-1], convexity, recursion, step):
+        while True:
+            more = solve_step(
+                stages, motion, misses, slopes.bend, pulls, next_force[-1], excess, convexity, recursion, step
+            )
+            if more is not None:
+                break
             if convexity == 0:
                 convexity = max(LEAST_CONVEXITY, last * LOWER) if last > 0 else FIRST_CONVEXITY
             else:
                 convexity *= RAISE if last > 0 else RAISE_FIRST
             if not convexity < MOST_CONVEXITY:
                 break
-        if not convexity < MOST_CONVEXITY:
+        if more is None:
             status = "not convex"
             break
-        most, most_force, slope = change_slacks(stages, rows, motion, misses, slopes, step.stages, mu, WEIGHT, steps)
-        share, flat = most, flat + 1 if abs(slope) <= FLAT * abs(cost) else 0
+        most, most_force, slope = follow_step(
+            stages, rows, motion, misses, slopes, step.stages, mu, terms, gains, pushes
+        )
+        barrier = cost - mu * logarithms
+        share, flat = most, flat + 1 if abs(slope) <= FLAT * abs(barrier) else 0
         for _ in range(MAX_HALVINGS):
-            try_change(stages, rows, motion, step.states, step.stages, steps, share, trial)
-            evaluate(stages, rows, trial.states, trial.controls, tried)
-            new_missed, new_cost = measure(stages, rows, trial, tried, mu, WEIGHT)
-            held = all(new_missed < (1 - FILTER_SHARE) * m or new_cost < c - FILTER_SHARE * m for m, c in filtered)
+            new_missed, new_cost, new_logarithms, time = try_share(
+                stages, rows, motion, misses, step.states, step.stages, terms, gains, share, WEIGHT, trial, tried
+            )
+            new_barrier = new_cost - mu * new_logarithms
+            held = all(new_missed < (1 - FILTER_SHARE) * m or new_barrier < c - FILTER_SHARE * m for m, c in filtered)
             if held and new_missed < many:
                 if flat:
                     if new_missed <= max(missed, FEW * TOLERANCE):
                         break
                 elif missed <= few and slope < 0 and share * (-slope) ** 2.3 > missed**1.1:
-                    if new_cost <= cost + ARMIJO * share * slope + ROUNDING * abs(cost):
+                    if new_barrier <= barrier + ARMIJO * share * slope + ROUNDING * abs(barrier):
                         break
-                elif new_missed <= (1 - FILTER_SHARE) * missed or new_cost <= cost - FILTER_SHARE * missed:
-                    filtered.append((missed, cost))
+                elif new_missed <= (1 - FILTER_SHARE) * missed or new_barrier <= barrier - FILTER_SHARE * missed:
+                    filtered.append((missed, barrier))
                     break
             share /= 2
         else:  # no share is better: the least one is taken all the same, from where it may lead elsewhere
             filtered.clear()
-        motion, trial = trial, motion
-        misses, tried = tried, misses
-        push_forces(rows, motion, steps, most_force, mu)
+        motion, trial, misses, tried = trial, motion, tried, misses
+        push_forces(rows, motion, pushes, most_force, mu)
         next_force += share * (step.next_force - next_force)
         step_force += share * (step.step_force - step_force)
-        missed, cost = new_missed, new_cost
+        time_force += share * more
+        missed, cost, logarithms = new_missed, new_cost, new_logarithms
     return Minimum(
-        status, iterations, motion.states, motion.controls, motion.force_low, motion.force_high, next_force, step_force
+        status,
+        iterations,
+        motion.states,
+        motion.controls,
+        motion.force_low,
+        motion.force_high,
+        next_force,
+        step_force,
+        time_force,
     )
 
 

@@ -1,29 +1,57 @@
-"""The order-3 problem's optimality conditions, stage by stage: their errors, slopes, steps and line search, in
-compiled loops.
+"""The order-3 problem's optimality conditions, stage by stage, in compiled loops.
+
+Their errors and slopes, how slacks and forces follow a step, and where a share of it leads.
 """
 
 import numpy as np
 
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.kernels import kernel
-from planner.timing.solvers.stages import DURATION, END, MIDDLE, SPEED, Iterate, Misses, Slopes, StageRows, Stages
+from planner.timing.solvers.stages import (
+    END,
+    MIDDLE,
+    START,
+    TERM_COUNT,
+    Iterate,
+    Misses,
+    Slopes,
+    StageRows,
+    Stages,
+    add_bends,
+    evaluate,
+    reach,
+    slope_place,
+    sum_costs,
+    sum_terms,
+)
 
 UNDERFLOW = 1e-200
 """Where a product of slacks is taken the logarithm of, before it vanishes."""
+LEAST_SHARE = 1e-10
+"""Of μ over a slack, and its inverse: how far the force may be from it."""
 
 
 @kernel
-def _point_map(place: int, a: float, j: float, h: float, out: Array) -> None:
-    """out (3, 4): (ṡ, s̈, s⃛) at a point of a stage by x."""
-    for m in range(3):
-        for n in range(4):
-            out[m, n] = 1.0 if m == n else 0.0
-    if place == MIDDLE:
-        out[0, 1], out[0, 2], out[0, 3] = h / 2, h * h / 8, a / 2 + h * j / 4
-        out[1, 2], out[1, 3] = h / 2, j / 2
-    elif place == END:
-        out[0, 1], out[0, 2], out[0, 3] = h, h * h / 2, a + h * j
-        out[1, 2], out[1, 3] = h, j
+def _weigh(
+    low: float, high: float, value: float, slack_low: float, force_low: float, slack_high: float, force_high: float
+) -> tuple[float, float, float, float, float, float, float]:
+    """A row's forces over slacks; its force, that taken out to first order, and by μ; miss, least and most product."""
+    stiff = force = pull = centre = missed = most = 0.0
+    least = np.inf
+    if low > -np.inf:
+        inverse, miss = 1 / slack_low, value - low - slack_low
+        stiff = force_low * inverse
+        force, pull, centre = -force_low, stiff * miss, -inverse
+        missed = abs(miss)
+        least = most = slack_low * force_low
+    if high < np.inf:
+        inverse, miss, product = 1 / slack_high, high - value - slack_high, slack_high * force_high
+        stiff += force_high * inverse
+        force += force_high
+        pull -= force_high * inverse * miss
+        centre += inverse
+        missed, least, most = max(missed, abs(miss)), min(least, product), max(most, product)
+    return stiff, force, pull, centre, missed, least, most
 
 
 @kernel
@@ -32,153 +60,189 @@ def linearize(
     rows: StageRows,
     motion: Iterate,
     misses: Misses,
-    slopes: Slopes,
     next_force: Array,
     step_force: Array,
-    mu: float,
+    time_force: float,
     weight: float,
-) -> tuple[float, float, float, float]:
-    """Fill `cost` and `bend` of `slopes`; the errors of the optimality conditions: of rows, costs, complementarity.
+    slopes: Slopes,
+) -> tuple[float, float, float, float, float]:
+    """Fill `slopes`. The errors of the optimality conditions: of rows and of slopes; the least and the largest
+    slack · force; and the sum of forces.
 
-    next_force (N + 1, 2), step_force (N,)  multipliers of the next states and the steps
+    next_force (N + 1, 2), step_force (N,), time_force  multipliers of the next states, the steps and the duration
     """
-    half_size = slopes.rows.shape[2] // 2
-    weights, pushes, bends = np.zeros((3, 6)), np.zeros((3, 3)), np.zeros((3, 2))
-    maps, product = np.zeros((3, 4)), np.zeros((3, 4))
-    row_error = cost_error = slack_error = forces = 0.0
-    count = 0
-    for k in range(len(stages.step)):
-        a, j, h = motion.states[k, 1], motion.controls[k, 0], motion.controls[k, 1]
-        weights[:], pushes[:], bends[:] = 0.0, 0.0, 0.0
-        cost, bend = slopes.cost[k], slopes.bend[k]
-        cost[:], bend[:] = 0.0, 0.0
-        for r in range(2 * half_size + 2):
-            w = force = 0.0
-            if rows.low[k, r] > -np.inf:
-                slack, own = motion.slack_low[k, r], motion.force_low[k, r]
-                w += own / slack
-                force -= own
-                slack_error = max(slack_error, abs(slack * own - mu))
-                row_error = max(row_error, abs(misses.values[k, r] - rows.low[k, r] - slack))
-                forces += own
-                count += 1
-            if rows.high[k, r] < np.inf:
-                slack, own = motion.slack_high[k, r], motion.force_high[k, r]
-                w += own / slack
-                force += own
-                slack_error = max(slack_error, abs(slack * own - mu))
-                row_error = max(row_error, abs(rows.high[k, r] - misses.values[k, r] - slack))
-                forces += own
-                count += 1
-            place = rows.place[r]
-            if place == SPEED:
-                cost[0] += force
-                bend[0, 0] += w
-            elif place == DURATION:
-                cost[3] += force / stages.duration[k]
-                bend[3, 3] += w / stages.duration[k] ** 2
-            elif w > 0:
-                by_v, by_a, by_j = slopes.rows[k, 0, r], slopes.rows[k, 1, r], slopes.rows[k, 2, r]
-                weights[place, 0] += w * by_v * by_v
-                weights[place, 1] += w * by_v * by_a
-                weights[place, 2] += w * by_v * by_j
-                weights[place, 3] += w * by_a * by_a
-                weights[place, 4] += w * by_a * by_j
-                weights[place, 5] += w * by_j * by_j
-                pushes[place, 0] += force * by_v
-                pushes[place, 1] += force * by_a
-                pushes[place, 2] += force * by_j
-                bends[place, 0] += force * slopes.rows[k, 3, r]
-                bends[place, 1] += force * slopes.rows[k, 4, r]
+    count, last = len(stages.step), rows.low.shape[1] - 1
+    low, high, values = rows.low, rows.high, misses.values
+    slack_low, slack_high, force_low, force_high = motion[2:]
+    # of each term at each place: by ṡ, by s̈, and twice by ṡ
+    by = np.zeros((3, TERM_COUNT, 3))
+    by[:, 1, 0] = by[:, 4, 1] = 1.0
+    by[:, 2, 2] = 2.0
+    # by ṡ, s̈, s⃛ at each place: of the rows and what is reached with their forces, with these taken out to first order,
+    # and by μ; and of the cost; and second ones
+    sums, bends = np.empty((4, 3, 3)), np.empty((3, 6))
+    reached, mapped = np.empty((3, 2)), np.empty((4, 4))
+    row_error = slope_error = forces = most = 0.0
+    least = np.inf
+    for k in range(count):
+        v, a, j, h = motion.states[k, 0], motion.states[k, 1], motion.controls[k, 0], motion.controls[k, 1]
+        reached[START, 0], reached[START, 1] = v, a
+        reached[MIDDLE, 0], reached[MIDDLE, 1] = reach(v, a, j, h / 2)
+        reached[END, 0], reached[END, 1] = reach(v, a, j, h)
+        sums[:], bends[:] = 0.0, 0.0
         for place in range(3):
-            w0, w1, w2, w3, w4, w5 = weights[place]
-            w0 += bends[place, 0]
-            w1 += bends[place, 1]
-            _point_map(place, a, j, h, maps)
-            for n in range(4):
-                m0, m1, m2 = maps[0, n], maps[1, n], maps[2, n]
-                product[0, n] = w0 * m0 + w1 * m1 + w2 * m2
-                product[1, n] = w1 * m0 + w3 * m1 + w4 * m2
-                product[2, n] = w2 * m0 + w4 * m1 + w5 * m2
-                cost[n] += pushes[place, 0] * m0 + pushes[place, 1] * m1 + pushes[place, 2] * m2
+            pv, pa = reached[place, 0], reached[place, 1]
+            by[place, 2, 0], by[place, 3, 0], by[place, 5, 0] = 2 * pv, 3 * pv * pv, pa
+            by[place, 5, 1], by[place, 3, 2] = pv, 6 * pv
+        row = 0
+        for half in range(2):
+            coefficients = rows.first if half == 0 else rows.second
+            at = 0
+            for b in range(len(rows.size)):
+                place = START if half == 0 else (END if rows.at_end[b] else MIDDLE)
+                length = rows.lengths[b]
+                push_v = push_a = push_j = pull_v = pull_a = pull_j = centre_v = centre_a = centre_j = 0.0
+                bend_vv = bend_va = bend_vj = bend_aa = bend_aj = bend_jj = 0.0
+                for _ in range(rows.size[b]):
+                    by_v = by_a = by_j = by_vv = by_va = 0.0
+                    for t in range(length):
+                        own, term = coefficients[k, at + t], rows.terms[b, t]
+                        by_v += own * by[place, term, 0]
+                        by_a += own * by[place, term, 1]
+                        by_vv += own * by[place, term, 2]
+                        if term == 5:
+                            by_va = own
+                        elif term == 6:
+                            by_j = own
+                    at += length
+                    push_low, push_high = force_low[k, row], force_high[k, row]
+                    stiff, force, pull, centre, missed, smaller, larger = _weigh(
+                        low[k, row],
+                        high[k, row],
+                        values[k, row],
+                        slack_low[k, row],
+                        push_low,
+                        slack_high[k, row],
+                        push_high,
+                    )
+                    row_error, least, most = max(row_error, missed), min(least, smaller), max(most, larger)
+                    forces += push_low + push_high
+                    row += 1
+                    push_v += force * by_v
+                    push_a += force * by_a
+                    push_j += force * by_j
+                    pull_v += pull * by_v
+                    pull_a += pull * by_a
+                    pull_j += pull * by_j
+                    centre_v += centre * by_v
+                    centre_a += centre * by_a
+                    centre_j += centre * by_j
+                    bend_vv += stiff * by_v * by_v + force * by_vv
+                    bend_va += stiff * by_v * by_a + force * by_va
+                    bend_vj += stiff * by_v * by_j
+                    bend_aa += stiff * by_a * by_a
+                    bend_aj += stiff * by_a * by_j
+                    bend_jj += stiff * by_j * by_j
+                own_sums = ((push_v, push_a, push_j), (pull_v, pull_a, pull_j), (centre_v, centre_a, centre_j))
+                for m in range(3):
+                    for n in range(3):
+                        sums[m, place, n] += own_sums[m][n]
+                for m, value in enumerate((bend_vv, bend_va, bend_vj, bend_aa, bend_aj, bend_jj)):
+                    bends[place, m] += value
+        sums[0, END, 0] += next_force[k + 1, 0]
+        sums[0, END, 1] += next_force[k + 1, 1]
+        rough = _add_jerks(stages.jerks[k], reached, j, weight * h, sums, bends) if stages.stated else 0.0
+        bend = slopes.bend[k]
+        bend[:], mapped[:] = 0.0, 0.0
+        for place in range(3):
+            t, t_square, by_h, push_by_h = slope_place(place, a, j, h)
             for m in range(4):
-                for n in range(m, 4):
-                    for i in range(3):
-                        bend[m, n] += maps[i, m] * product[i, n]
-        if k == 0:
-            cost[0] -= weight * stages.prize
-        cost[2] += 2 * weight * stages.calm[k] * j
-        cost[3] += weight
-        bend[2, 2] += 2 * weight * stages.calm[k]
-        # the middle, the end and the step are themselves bent
-        mid_v, mid_a = pushes[MIDDLE, 0], pushes[MIDDLE, 1]
-        end_v, end_a = pushes[END, 0] + next_force[k + 1, 0], pushes[END, 1] + next_force[k + 1, 1]
+                g_v, g_a, g_j = sums[m, place, 0], sums[m, place, 1], sums[m, place, 2]
+                mapped[m, 0] += g_v
+                mapped[m, 1] += g_v * t + g_a
+                mapped[m, 2] += g_v * t_square + g_a * t + g_j
+                mapped[m, 3] += g_v * by_h + g_a * push_by_h
+            b = bends[place]
+            add_bends(t, t_square, by_h, push_by_h, b[0], b[1], b[2], b[3], b[4], b[5], bend)
+            if place != START:  # what is reached is itself bent
+                part = 0.5 if place == MIDDLE else 1.0
+                g_v, g_a = sums[0, place, 0] + sums[3, place, 0], sums[0, place, 1] + sums[3, place, 1]
+                bend[1, 3] += g_v * part
+                bend[2, 3] += (g_v * t + g_a) * part
+                bend[3, 3] += g_v * part * part * j
+        for n in range(2):  # the bounds of ṡ and h
+            r, x, unit = last - 1 + n, 3 * n, 1.0 if n == 0 else 1 / stages.duration[k]
+            push_low, push_high = force_low[k, r], force_high[k, r]
+            stiff, force, pull, centre, missed, smaller, larger = _weigh(
+                low[k, r], high[k, r], values[k, r], slack_low[k, r], push_low, slack_high[k, r], push_high
+            )
+            row_error, least, most = max(row_error, missed), min(least, smaller), max(most, larger)
+            forces += push_low + push_high
+            mapped[0, x] += force * unit
+            mapped[1, x] += pull * unit
+            mapped[2, x] += centre * unit
+            bend[x, x] += stiff * unit * unit
+        if stages.stated:
+            for n in range(4):
+                bend[n, 3] += mapped[3, n] / h * (2 if n == 3 else 1)
+            mapped[3, 3] += weight * rough
+        else:
+            mapped[3, 2] += 2 * weight * stages.calm[k] * j
+            mapped[3, 3] += weight
+            bend[2, 2] += 2 * weight * stages.calm[k]
+            if k == 0:
+                mapped[3, 0] -= weight * stages.prize
         own = step_force[k] / stages.step[k]
         bend[0, 3] += own
-        bend[1, 3] += mid_v / 2 + end_v + own * h
-        bend[2, 3] += mid_v * h / 4 + mid_a / 2 + end_v * h + end_a + own * h * h / 2
-        bend[3, 3] += mid_v * j / 4 + end_v * j + own * (a + h * j)
-        for m in range(4):
-            for n in range(m):
-                bend[m, n] = bend[n, m]
+        bend[1, 3] += own * h
+        bend[2, 3] += own * h * h / 2
+        bend[3, 3] += own * reached[END, 1]
+        mapped[0, 0] += own * h
+        mapped[0, 1] += own * h * h / 2
+        mapped[0, 2] += own * h * h * h / 6
+        mapped[0, 3] += own * reached[END, 0] + time_force
         for n in range(4):
-            total = cost[n] + step_force[k] * slopes.step[k, n]
-            total += next_force[k + 1, 0] * slopes.next[k, 0, n] + next_force[k + 1, 1] * slopes.next[k, 1, n]
+            slopes.cost[k, n], slopes.centre[k, n] = mapped[3, n], mapped[2, n]
+            slopes.pull[k, n] = mapped[1, n] + mapped[3, n]
+            total = mapped[0, n] + mapped[3, n]
             if n < 2 and k > 0:
                 total -= next_force[k, n]
             elif (n == 0 and stages.prize == 0) or (n == 1 and not stages.free_start):
                 total = 0.0
-            cost_error = max(cost_error, abs(total) * (stages.scale[n] if n < 3 else stages.duration[k]))
+            slope_error = max(slope_error, abs(total) * (stages.scale[n] if n < 3 else stages.duration[k]))
         row_error = max(row_error, abs(misses.step[k]), abs(misses.next[k, 0]) / stages.scale[0])
-        if k < len(stages.step) - 1 or not stages.free_end:
+        if k < count - 1 or not stages.free_end:
             row_error = max(row_error, abs(misses.next[k, 1]) / stages.scale[1])
-    return row_error, cost_error, slack_error, forces / max(count, 1)
+    return row_error, slope_error, least, most, forces
 
 
 @kernel
-def pull(
-    stages: Stages,
-    rows: StageRows,
-    motion: Iterate,
-    misses: Misses,
-    slopes: Slopes,
-    mu: float,
-    weight: float,
-    out: Array,
-) -> None:
-    """out (N, 4): the slopes of cost and rows by x, the rows' forces taken out to first order."""
-    half_size = slopes.rows.shape[2] // 2
-    pushes, maps = np.zeros((3, 3)), np.zeros((3, 4))
-    for k in range(len(stages.step)):
-        pushes[:], out[k] = 0.0, 0.0
-        for r in range(2 * half_size + 2):
-            force = 0.0
-            if rows.low[k, r] > -np.inf:
-                slack = motion.slack_low[k, r]
-                force -= (mu - motion.force_low[k, r] * (misses.values[k, r] - rows.low[k, r] - slack)) / slack
-            if rows.high[k, r] < np.inf:
-                slack = motion.slack_high[k, r]
-                force += (mu - motion.force_high[k, r] * (rows.high[k, r] - misses.values[k, r] - slack)) / slack
-            place = rows.place[r]
-            if place == SPEED:
-                out[k, 0] += force
-            elif place == DURATION:
-                out[k, 3] += force / stages.duration[k]
-            else:
-                for n in range(3):
-                    pushes[place, n] += force * slopes.rows[k, n, r]
-        for place in range(3):
-            _point_map(place, motion.states[k, 1], motion.controls[k, 0], motion.controls[k, 1], maps)
-            for n in range(4):
-                for i in range(3):
-                    out[k, n] += pushes[place, i] * maps[i, n]
-        out[k, 2] += 2 * weight * stages.calm[k] * motion.controls[k, 0]
-        out[k, 3] += weight
-    out[0, 0] -= weight * stages.prize
+def _add_jerks(jerks: Array, reached: Array, j: float, share: float, sums: Array, bends: Array) -> float:
+    """Add share/2 · Σ r² at both ends of a stage to what is by ṡ, s̈, s⃛, and return ½ Σ r²."""
+    total = 0.0
+    for side in range(2):
+        place = START if side == 0 else END
+        v, a = reached[place, 0], reached[place, 1]
+        own, bend = sums[3, place], bends[place]
+        for i in range(jerks.shape[1]):
+            r0, r1, r2 = jerks[side, i, 0], jerks[side, i, 1], jerks[side, i, 2]
+            r = r0 * j + (r1 * a + r2 * v * v) * v
+            total += r * r / 2
+            by_v, by_a, by_j = r1 * a + 3 * r2 * v * v, r1 * v, r0
+            own[0] += share * r * by_v
+            own[1] += share * r * by_a
+            own[2] += share * r * by_j
+            bend[0] += share * (by_v * by_v + r * 6 * r2 * v)
+            bend[1] += share * (by_v * by_a + r * r1)
+            bend[2] += share * by_v * by_j
+            bend[3] += share * by_a * by_a
+            bend[4] += share * by_a * by_j
+            bend[5] += share * by_j * by_j
+    return total
 
 
 @kernel
-def change_slacks(
+def follow_step(
     stages: Stages,
     rows: StageRows,
     motion: Iterate,
@@ -186,134 +250,149 @@ def change_slacks(
     slopes: Slopes,
     change: Array,
     mu: float,
-    weight: float,
-    steps: Array,
+    terms: Array,
+    gains: Array,
+    pushes: Array,
 ) -> tuple[float, float, float]:
-    """Fill `steps` (4, N, 2M + 2) of slacks and forces, below and above, for a change (N, 4) of x.
+    """Fill how values (N, 2M + 2) and forces (2, N, 2M + 2), below and above, follow a change (N, 4) of x.
 
-    Returns the largest shares of them that leave slacks and forces positive, and the slope of the barrier's cost.
+    Returns the largest shares that leave slacks and forces positive, and the slope of the barrier's cost.
     """
-    half_size = slopes.rows.shape[2] // 2
+    last = rows.low.shape[1] - 1
+    low, high, values = rows.low, rows.high, misses.values
     primal = dual = 1.0
-    slope = -weight * stages.prize * change[0, 0]
+    slope = 0.0
     keep = max(0.99, 1 - mu)
-    moved, maps = np.zeros((3, 3)), np.zeros((3, 4))
     for k in range(len(stages.step)):
+        v, a, j, h = motion.states[k, 0], motion.states[k, 1], motion.controls[k, 0], motion.controls[k, 1]
+        dv, da, dj, dh = change[k, 0], change[k, 1], change[k, 2], change[k, 3]
         for place in range(3):
-            _point_map(place, motion.states[k, 1], motion.controls[k, 0], motion.controls[k, 1], maps)
-            for i in range(3):
-                moved[place, i] = 0.0
-                for n in range(4):
-                    moved[place, i] += maps[i, n] * change[k, n]
-        slope += weight * (change[k, 3] + 2 * stages.calm[k] * motion.controls[k, 0] * change[k, 2])
-        if change[k, 3] * primal < -0.9 * motion.controls[k, 1]:
-            primal = -0.9 * motion.controls[k, 1] / change[k, 3]
-        for r in range(2 * half_size + 2):
-            place = rows.place[r]
-            if place == SPEED:
-                gain = change[k, 0]
-            elif place == DURATION:
-                gain = change[k, 3] / stages.duration[k]
-            else:
-                gain = slopes.rows[k, 0, r] * moved[place, 0]
-                gain += slopes.rows[k, 1, r] * moved[place, 1] + slopes.rows[k, 2, r] * moved[place, 2]
-            for side in range(2):
-                if side == 0:
-                    if rows.low[k, r] == -np.inf:
-                        continue
-                    slack, force = motion.slack_low[k, r], motion.force_low[k, r]
-                    step = misses.values[k, r] - rows.low[k, r] - slack + gain
-                else:
-                    if rows.high[k, r] == np.inf:
-                        continue
-                    slack, force = motion.slack_high[k, r], motion.force_high[k, r]
-                    step = rows.high[k, r] - misses.values[k, r] - slack - gain
-                push = (mu - force * step) / slack - force
-                steps[side, k, r], steps[2 + side, k, r] = step, push
-                slope -= mu * step / slack
+            t, t_square, by_h, push_by_h = slope_place(place, a, j, h)
+            pv, pa = reach(v, a, j, t)
+            gain_v, gain_a = dv + t * da + t_square * dj + by_h * dh, da + t * dj + push_by_h * dh
+            own = terms[k, place]
+            own[0], own[1], own[2], own[3] = 0.0, gain_v, 2 * pv * gain_v, 3 * pv * pv * gain_v
+            own[4], own[5], own[6] = gain_a, gain_v * pa + pv * gain_a, dj
+        gains[k, last - 1], gains[k, last] = dv, dh / stages.duration[k]
+        for n in range(4):
+            slope += slopes.cost[k, n] * change[k, n]
+        if dh * primal < -0.9 * h:
+            primal = -0.9 * h / dh
+    sum_terms(rows, terms, gains)
+    for k in range(len(stages.step)):
+        centred = 0.0
+        for r in range(last + 1):
+            value, gain = values[k, r], gains[k, r]
+            if low[k, r] > -np.inf:
+                slack, force = motion.slack_low[k, r], motion.force_low[k, r]
+                inverse, step = 1 / slack, value - low[k, r] - slack + gain
+                push = (mu - force * step) * inverse - force
+                pushes[0, k, r] = push
+                centred += step * inverse
                 if step * primal < -keep * slack:
                     primal = -keep * slack / step
                 if push * dual < -keep * force:
                     dual = -keep * force / push
+            if high[k, r] < np.inf:
+                slack, force = motion.slack_high[k, r], motion.force_high[k, r]
+                inverse, step = 1 / slack, high[k, r] - value - slack - gain
+                push = (mu - force * step) * inverse - force
+                pushes[1, k, r] = push
+                centred += step * inverse
+                if step * primal < -keep * slack:
+                    primal = -keep * slack / step
+                if push * dual < -keep * force:
+                    dual = -keep * force / push
+        slope -= mu * centred
     return primal, dual, slope
 
 
 @kernel
-def try_change(
+def try_share(
     stages: Stages,
     rows: StageRows,
     motion: Iterate,
+    misses: Misses,
     state_change: Array,
     change: Array,
-    steps: Array,
+    terms: Array,
+    gains: Array,
     share: float,
+    weight: float,
     trial: Iterate,
-) -> None:
-    """Fill states, controls and slacks of `trial` with the motion changed by a share."""
-    count = len(stages.step)
+    tried: Misses,
+) -> tuple[float, float, float, float]:
+    """Fill states, controls and slacks of `trial` with the motion changed by a share, and what it misses.
+
+    Returns what a line search weighs: the sum of all misses, the cost, the sum of the slacks' logarithms; and Σ h.
+    """
+    count, last = len(stages.step), rows.low.shape[1] - 1
+    low, high, values, slack_low, slack_high = rows.low, rows.high, tried.values, trial.slack_low, trial.slack_high
+    trial.states[0, 0] = motion.states[0, 0] + share * state_change[0, 0]
+    trial.states[0, 1] = motion.states[0, 1] + share * state_change[0, 1]
+    missed = logarithms = time = 0.0
     for k in range(count):
-        for n in range(2):
-            trial.states[k, n] = motion.states[k, n] + share * state_change[k, n]
-            trial.controls[k, n] = motion.controls[k, n] + share * change[k, 2 + n]
-        for r in range(motion.slack_low.shape[1]):
-            if rows.low[k, r] > -np.inf:
-                trial.slack_low[k, r] = motion.slack_low[k, r] + share * steps[0, k, r]
-            if rows.high[k, r] < np.inf:
-                trial.slack_high[k, r] = motion.slack_high[k, r] + share * steps[1, k, r]
-    if stages.free_end:
-        trial.states[count, 1] = motion.states[count, 1] + share * state_change[count, 1]
-
-
-@kernel
-def push_forces(rows: StageRows, motion: Iterate, steps: Array, share: float, mu: float) -> None:
-    """Change the rows' forces by a share, and keep them near μ over their slacks."""
-    for k in range(motion.slack_low.shape[0]):
-        for r in range(motion.slack_low.shape[1]):
-            if rows.low[k, r] > -np.inf:
-                middle = mu / motion.slack_low[k, r]
-                force = motion.force_low[k, r] + share * steps[2, k, r]
-                motion.force_low[k, r] = min(max(force, middle * 1e-10), middle * 1e10)
-            if rows.high[k, r] < np.inf:
-                middle = mu / motion.slack_high[k, r]
-                force = motion.force_high[k, r] + share * steps[3, k, r]
-                motion.force_high[k, r] = min(max(force, middle * 1e-10), middle * 1e10)
-
-
-@kernel
-def measure(
-    stages: Stages, rows: StageRows, motion: Iterate, misses: Misses, mu: float, weight: float
-) -> tuple[float, float]:
-    """The sum of all misses, and the cost with its barrier: what a line search weighs."""
-    count = len(stages.step)
-    missed, cost = 0.0, -weight * stages.prize * motion.states[0, 0]
-    for k in range(count):
-        cost += weight * (motion.controls[k, 1] + stages.calm[k] * motion.controls[k, 0] ** 2)
-        missed += abs(misses.step[k]) + abs(misses.next[k, 0]) / stages.scale[0]
+        v, a = trial.states[k, 0], trial.states[k, 1]
+        j, h = motion.controls[k, 0] + share * change[k, 2], motion.controls[k, 1] + share * change[k, 3]
+        trial.controls[k, 0], trial.controls[k, 1] = j, h
+        v_next, a_next = motion.states[k + 1, 0], motion.states[k + 1, 1]
+        if k < count - 1:
+            v_next += share * state_change[k + 1, 0]
+        if k < count - 1 or stages.free_end:
+            a_next += share * state_change[k + 1, 1]
+        trial.states[k + 1, 0], trial.states[k + 1, 1] = v_next, a_next
+        v_end, a_end = reach(v, a, j, h)
+        tried.next[k, 0], tried.next[k, 1] = v_end - v_next, a_end - a_next
+        tried.step[k] = h * (v + h * (a / 2 + h * j / 6)) / stages.step[k] - 1
+        missed += abs(tried.step[k]) + abs(tried.next[k, 0]) / stages.scale[0]
         if k < count - 1 or not stages.free_end:
-            missed += abs(misses.next[k, 1]) / stages.scale[1]
-        product = 1.0  # a logarithm of a product is cheaper than the sum of logarithms
-        for r in range(motion.slack_low.shape[1]):
-            if rows.low[k, r] > -np.inf:
-                product *= motion.slack_low[k, r]
-                missed += abs(misses.values[k, r] - rows.low[k, r] - motion.slack_low[k, r])
-            if rows.high[k, r] < np.inf:
-                product *= motion.slack_high[k, r]
-                missed += abs(rows.high[k, r] - misses.values[k, r] - motion.slack_high[k, r])
-            if product < UNDERFLOW or product > 1 / UNDERFLOW:
-                cost -= mu * np.log(product)
-                product = 1.0
-        cost -= mu * np.log(product)
-    return missed, cost
+            missed += abs(tried.next[k, 1]) / stages.scale[1]
+        time += h
+    if stages.stated:
+        missed += abs(time - 1)
+    evaluate(stages, rows, trial.states, trial.controls, terms, values)
+    for k in range(count):
+        below = above = 1.0  # a logarithm of a product is cheaper than the sum of logarithms
+        missed_below = missed_above = 0.0
+        for r in range(last + 1):
+            value = values[k, r]
+            if low[k, r] > -np.inf:
+                slack = motion.slack_low[k, r]
+                slack += share * (misses.values[k, r] - low[k, r] - slack + gains[k, r])
+                slack_low[k, r] = slack
+                below *= slack
+                missed_below += abs(value - low[k, r] - slack)
+            if high[k, r] < np.inf:
+                slack = motion.slack_high[k, r]
+                slack += share * (high[k, r] - misses.values[k, r] - slack - gains[k, r])
+                slack_high[k, r] = slack
+                above *= slack
+                missed_above += abs(high[k, r] - value - slack)
+            if min(below, above) < UNDERFLOW or max(below, above) > 1 / UNDERFLOW:
+                logarithms += np.log(below) + np.log(above)
+                below = above = 1.0
+        logarithms += np.log(below) + np.log(above)
+        missed += missed_below + missed_above
+    return missed, weight * sum_costs(stages, trial.states, trial.controls), logarithms, time
 
 
 @kernel
-def complementarity_error(rows: StageRows, motion: Iterate, mu: float) -> float:
-    """The largest |slack · force − μ|."""
-    error = 0.0
-    for k in range(motion.slack_low.shape[0]):
-        for r in range(motion.slack_low.shape[1]):
+def push_forces(rows: StageRows, motion: Iterate, pushes: Array, share: float, mu: float) -> None:
+    """Change the rows' forces by a share of `pushes`, and keep them near μ over their slacks."""
+    smallest, largest = mu * LEAST_SHARE, mu / LEAST_SHARE
+    for k in range(rows.low.shape[0]):
+        for r in range(rows.low.shape[1]):
             if rows.low[k, r] > -np.inf:
-                error = max(error, abs(motion.slack_low[k, r] * motion.force_low[k, r] - mu))
+                force, slack = motion.force_low[k, r] + share * pushes[0, k, r], motion.slack_low[k, r]
+                if force * slack < smallest:
+                    force = smallest / slack
+                elif force * slack > largest:
+                    force = largest / slack
+                motion.force_low[k, r] = force
             if rows.high[k, r] < np.inf:
-                error = max(error, abs(motion.slack_high[k, r] * motion.force_high[k, r] - mu))
-    return error
+                force, slack = motion.force_high[k, r] + share * pushes[1, k, r], motion.slack_high[k, r]
+                if force * slack < smallest:
+                    force = smallest / slack
+                elif force * slack > largest:
+                    force = largest / slack
+                motion.force_high[k, r] = force

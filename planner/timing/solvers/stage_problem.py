@@ -5,7 +5,7 @@ import numpy as np
 from kinematics.foundation.arrays import Array
 from planner.limits.limit import Term
 from planner.timing.problem import Block, Problem
-from planner.timing.solvers.stages import DURATION, END, MIDDLE, SPEED, START, StageRows, Stages
+from planner.timing.solvers.stages import StageRows, Stages, sum_costs
 
 # A trace for jerk: as a share of its limit, squared and averaged over the guess' time. Where many motions take the same
 # time it chooses a calm one, which also strays less between grid points.
@@ -15,6 +15,10 @@ FREE_END_JERK_WEIGHT = 1e3
 # Least duration of an interval, as a share of its guess: without it, solvers get stuck where some intervals vanish. It
 # holds the answer back in 2 of 100 random runs, by 1e-3 at most, until the next solve starts from there.
 SHORTEST = 0.1
+SHORTEST_STATED = 0.05
+"""The same where the duration is stated."""
+STATED_COST = 10.0
+"""What the guess costs then."""
 TERMS = tuple(Term)
 """In the order that `stages` counts them in."""
 POWERS = {
@@ -29,8 +33,12 @@ POWERS = {
 """L^p / T^q of each term, when lengths are counted in L and times in T."""
 
 
-def pose_stages(problem: Problem, guess: Array, prize: float = 0.0) -> tuple[Stages, StageRows, Array, Array, Array]:
-    """Stages, rows, states (N + 1, 2) and controls (N, 2) to start from, and the units (4,) of ṡ, s̈, s⃛ and h.
+PosedStages = tuple[Stages, StageRows, Array, Array, Array]
+"""Stages, rows, states (N + 1, 2) and controls (N, 2) to start from, and the units (4,) of ṡ, s̈, s⃛ and h."""
+
+
+def pose_stages(problem: Problem, guess: Array, prize: float = 0.0) -> PosedStages:
+    """The fastest motion's stages.
 
     guess (4, N): ṡ, s̈, s⃛, h. Lengths are counted in the run's, times in the guess' duration.
     prize: what the first ṡ is worth, counted in its largest, where it is to be found up to the problem's.
@@ -52,11 +60,38 @@ def pose_stages(problem: Problem, guess: Array, prize: float = 0.0) -> tuple[Sta
         calm[-end], controls[-end, 0] = FREE_END_JERK_WEIGHT / scale[2] ** 2, 0.0
     step = np.diff(problem.s) / length
     free_start, free_end = problem.free
-    stages = Stages(step, calm, scale, start[3].copy(), bool(free_start), bool(free_end), prize / scale[0])
+    stages = Stages(
+        step,
+        calm,
+        scale,
+        start[3].copy(),
+        bool(free_start),
+        bool(free_end),
+        prize / scale[0],
+        False,
+        np.zeros((problem.intervals, 2, 0, 3)),
+    )
     rows = _pose_rows(problem, length, time, prize > 0)
     if prize > 0:
         states[0, 0] = start[0, 0]
         rows.low[0, -2], rows.high[0, -2] = 0.0, problem.speeds[0] / unit[0]
+    return stages, rows, states, controls, unit
+
+
+def pose_smoothest(problem: Problem, guess: Array, jerks: Array) -> PosedStages:
+    """The stages of the motion with the least ∫ Σ r² dt that takes as long as the guess (4, N).
+
+    jerks (N, 2, A, 3): what r takes of s⃛, 3 ṡs̈ and ṡ³ at the interval's start and end, as an axis' jerk takes q′, q″
+    and q‴. The guess costs ten, as the answer may cost a fraction.
+    """
+    v, a, _, h = guess  # the fastest motion without jerk limits has no jerk, but steps of s̈
+    stages, rows, states, controls, unit = pose_stages(problem, np.stack([v, a, np.diff(a, append=0.0) / h, h]))
+    length = unit[0] * unit[3]
+    scaled = jerks * [1.0, 3 * length, length**2]
+    stages = stages._replace(calm=np.zeros(problem.intervals), stated=True, jerks=scaled)
+    cost = sum_costs(stages, states, controls)
+    stages = stages._replace(jerks=scaled / np.sqrt(cost / STATED_COST) if cost > 0 else scaled)
+    rows.low[:, -1] = SHORTEST_STATED
     return stages, rows, states, controls, unit
 
 
@@ -82,10 +117,10 @@ def _pose_rows(problem: Problem, length: float, time: float, free_speed: bool) -
         counts.append(len(own))
         sizes.append(block.start[own[0]].shape[1])
         at_end.append(end)
-        for term in own:
-            factor = length ** POWERS[term][0] / time ** POWERS[term][1]
-            first.append(block.start[term] * factor)
-            second.append((block.end[term] if end else (block.start[term] + block.end[term]) / 2) * factor)
+        unit = [length ** POWERS[term][0] / time ** POWERS[term][1] for term in own]
+        start, stop = (np.stack([side[term] for term in own], axis=-1) * unit for side in (block.start, block.end))
+        for coefficients, values in ((first, start), (second, stop if end else (start + stop) / 2)):
+            coefficients.append(values.reshape(problem.intervals, -1))
         for side, room in enumerate((_start_room(block), block.room)):
             low[side].append((block.middle - 1) * room[:, None])
             high[side].append((block.middle + 1) * room[:, None])
@@ -96,9 +131,6 @@ def _pose_rows(problem: Problem, length: float, time: float, free_speed: bool) -
     fixed = np.repeat(~np.array(at_end) & (not free_speed), sizes)
     bounds[0][0, : len(fixed)][fixed], bounds[1][0, : len(fixed)][fixed] = -np.inf, np.inf
     bounds[0][1:, -2], bounds[0][:, -1] = 0.0, SHORTEST
-    place = np.concatenate(
-        [np.full(len(fixed), START), np.repeat(np.where(at_end, END, MIDDLE), sizes), [SPEED, DURATION]]
-    )
     return StageRows(
         np.array(terms),
         np.array(counts),
@@ -108,7 +140,6 @@ def _pose_rows(problem: Problem, length: float, time: float, free_speed: bool) -
         np.ascontiguousarray(np.concatenate(second, axis=1)),
         bounds[0],
         bounds[1],
-        place,
     )
 
 

@@ -1,4 +1,4 @@
-"""The order-3 problem stage by stage, in compiled loops: what rows and next states are, and their slopes.
+"""The order-3 problem stage by stage, in compiled loops: what rows, next states and jerks are.
 
 A stage is one interval: from the state (ṡ, s̈) at its start, with constant s⃛ for the duration h. With x = (ṡ, s̈, s⃛, h),
 
@@ -15,8 +15,10 @@ import numpy as np
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.kernels import kernel
 
-START, MIDDLE, END, SPEED, DURATION = range(5)
-"""Where a row is taken; the last two are bounds of ṡ and h."""
+START, MIDDLE, END = range(3)
+"""Where a row is taken."""
+TERM_COUNT = 7
+"""Of planner.limits.limit.Term, in whose order terms are counted: 1, ṡ, ṡ², ṡ³, s̈, ṡs̈, s⃛."""
 
 
 class StageRows(NamedTuple):
@@ -24,9 +26,8 @@ class StageRows(NamedTuple):
 
     terms (B, 7), lengths (B,)  terms of each block, in the order of planner.limits.limit.Term, and how many
     size (B,), at_end (B,)    rows of each block, and whether its second point is the stage's end
-    first, second (N, C)      coefficients at the starts and the second points: block by block, term by term, row by row
+    first, second (N, C)      coefficients at the starts and the second points: block by block, row by row, term by term
     low, high (N, 2M + 2)     −∞ and ∞ where nothing is bound; the last two columns bound ṡ and h / duration
-    place (2M + 2,)           of each column
     """
 
     terms: np.ndarray
@@ -37,7 +38,6 @@ class StageRows(NamedTuple):
     second: Array
     low: Array
     high: Array
-    place: np.ndarray
 
 
 class Stages(NamedTuple):
@@ -45,6 +45,8 @@ class Stages(NamedTuple):
 
     free_start, free_end  whether the first and the last s̈ are to be found
     prize                 what a unit of the first ṡ is worth, in the guess' duration; 0 where that ṡ is given
+    stated                whether Σ h is given, as 1: the cost is ∫ Σ r² then, r = r₀ s⃛ + r₁ ṡs̈ + r₂ ṡ³, and not Σ h
+    jerks (N, 2, A, 3)    r₀, r₁, r₂ of A jerks at starts and ends, which are weighed half each
     """
 
     step: Array
@@ -54,6 +56,8 @@ class Stages(NamedTuple):
     free_start: bool
     free_end: bool
     prize: float
+    stated: bool
+    jerks: Array
 
 
 class Iterate(NamedTuple):
@@ -76,109 +80,110 @@ class Misses(NamedTuple):
 
 
 class Slopes(NamedTuple):
-    """By x = (ṡ, s̈, s⃛, h) of each stage: of the rows, the next states, the steps and the Lagrangian.
+    """By x = (ṡ, s̈, s⃛, h) of each stage.
 
-    rows (N, 5, 2M)     by ṡ, s̈, s⃛ at their points, and curvatures ṡṡ and ṡs̈
-    next (N, 2, 4), step (N, 4)
-    cost (N, 4), bend (N, 4, 4)  of the Lagrangian; bend has the rows' forces over their slacks in it
+    cost (N, 4)          of the cost
+    pull, centre (N, 4)  of cost and rows, the rows' forces taken out to first order: pull + μ · centre
+    bend (N, 4, 4)       second ones of the Lagrangian, with the rows' forces over their slacks: the upper half
     """
 
-    rows: Array
-    next: Array
-    step: Array
     cost: Array
+    pull: Array
+    centre: Array
     bend: Array
 
 
 @kernel
-def evaluate(stages: Stages, rows: StageRows, states: Array, controls: Array, misses: Misses) -> None:
-    """Fill `misses` for a motion."""
-    half_size = (misses.values.shape[1] - 2) // 2
-    for k in range(len(stages.step)):
-        v, a, j, h = states[k, 0], states[k, 1], controls[k, 0], controls[k, 1]
-        v_end, a_end = v + h * (a + h * j / 2), a + h * j
-        v_mid, a_mid = v + h / 2 * (a + h * j / 4), a + h * j / 2
-        misses.step[k] = h * (v + h * (a / 2 + h * j / 6)) / stages.step[k] - 1
-        misses.next[k, 0], misses.next[k, 1] = v_end - states[k + 1, 0], a_end - states[k + 1, 1]
-        for half in range(2):
-            coefficients = rows.first if half == 0 else rows.second
-            at, row = 0, half * half_size
-            for b in range(len(rows.size)):
-                pv, pa = (v, a) if half == 0 else ((v_end, a_end) if rows.at_end[b] else (v_mid, a_mid))
-                size = rows.size[b]
-                for i in range(size):
-                    misses.values[k, row + i] = 0.0
-                for t in range(rows.lengths[b]):
-                    factor = _term(rows.terms[b, t], pv, pa, j)
-                    for i in range(size):
-                        misses.values[k, row + i] += coefficients[k, at + i] * factor
-                    at += size
-                row += size
-        misses.values[k, 2 * half_size] = v
-        misses.values[k, 2 * half_size + 1] = h / stages.duration[k]
+def reach(v: float, a: float, j: float, h: float) -> tuple[float, float]:
+    """(ṡ, s̈) after h with constant s⃛."""
+    return v + h * (a + h * j / 2), a + h * j
 
 
 @kernel
-def _term(term: int, v: float, a: float, j: float) -> float:
-    if term == 0:
-        return 1.0
-    if term == 1:
-        return v
-    if term == 2:
-        return v * v
-    if term == 3:
-        return v * v * v
-    if term == 4:
-        return a
-    return v * a if term == 5 else j
+def slope_place(place: int, a: float, j: float, h: float) -> tuple[float, float, float, float]:
+    """The time t of a place, t²/2, and by h: ṡ and s̈ there. By s̈ ṡ is t, by s⃛ ṡ is t²/2 and s̈ is t."""
+    part = 0.0 if place == START else (0.5 if place == MIDDLE else 1.0)
+    t = part * h
+    return t, t * t / 2, part * (a + t * j), part * j
 
 
 @kernel
-def differentiate(stages: Stages, rows: StageRows, states: Array, controls: Array, slopes: Slopes) -> None:
-    """Fill `rows`, `next` and `step` of `slopes`."""
-    half_size = slopes.rows.shape[2] // 2
+def add_bends(
+    t: float,
+    t_square: float,
+    by_h: float,
+    push_by_h: float,
+    vv: float,
+    va: float,
+    vj: float,
+    aa: float,
+    aj: float,
+    jj: float,
+    out: Array,
+) -> None:
+    """Add what is bent by ṡ, s̈, s⃛ at a place, by x, to the upper half of out (4, 4); see `slope_place`."""
+    va_v, va_a = t * vv + va, t * va + aa
+    j_v, j_a, j_j = t_square * vv + t * va + vj, t_square * va + t * aa + aj, t_square * vj + t * aj + jj
+    h_v, h_a, h_j = by_h * vv + push_by_h * va, by_h * va + push_by_h * aa, by_h * vj + push_by_h * aj
+    out[0, 0] += vv
+    out[0, 1] += va_v
+    out[0, 2] += j_v
+    out[0, 3] += h_v
+    out[1, 1] += t * va_v + va_a
+    out[1, 2] += t * j_v + j_a
+    out[1, 3] += t * h_v + h_a
+    out[2, 2] += t_square * j_v + t * j_a + j_j
+    out[2, 3] += t_square * h_v + t * h_a + h_j
+    out[3, 3] += by_h * h_v + push_by_h * h_a
+
+
+@kernel
+def evaluate(stages: Stages, rows: StageRows, states: Array, controls: Array, terms: Array, out: Array) -> None:
+    """out (N, 2M + 2): the values of all rows; terms (N, 3, 7): the terms at each place."""
+    last = out.shape[1] - 1
     for k in range(len(stages.step)):
         v, a, j, h = states[k, 0], states[k, 1], controls[k, 0], controls[k, 1]
-        v_end, a_end = v + h * (a + h * j / 2), a + h * j
-        v_mid, a_mid = v + h / 2 * (a + h * j / 4), a + h * j / 2
-        for n, value in enumerate((h, h * h / 2, h * h * h / 6, v_end)):
-            slopes.step[k, n] = value / stages.step[k]
-        for n, value in enumerate((1.0, h, h * h / 2, a_end)):
-            slopes.next[k, 0, n] = value
-        for n, value in enumerate((0.0, 1.0, h, j)):
-            slopes.next[k, 1, n] = value
-        for half in range(2):
-            coefficients = rows.first if half == 0 else rows.second
-            at, row = 0, half * half_size
-            for b in range(len(rows.size)):
-                pv, pa = (v, a) if half == 0 else ((v_end, a_end) if rows.at_end[b] else (v_mid, a_mid))
-                size = rows.size[b]
-                by = slopes.rows[k, :, row : row + size]
-                by[:] = 0.0
-                for t in range(rows.lengths[b]):
-                    term = rows.terms[b, t]
-                    own = coefficients[k, at : at + size]
-                    if term == 1:
-                        for i in range(size):
-                            by[0, i] += own[i]
-                    elif term == 2:
-                        for i in range(size):
-                            by[0, i] += 2 * own[i] * pv
-                            by[3, i] += 2 * own[i]
-                    elif term == 3:
-                        for i in range(size):
-                            by[0, i] += 3 * own[i] * pv * pv
-                            by[3, i] += 6 * own[i] * pv
-                    elif term == 4:
-                        for i in range(size):
-                            by[1, i] += own[i]
-                    elif term == 5:
-                        for i in range(size):
-                            by[0, i] += own[i] * pa
-                            by[1, i] += own[i] * pv
-                            by[4, i] += own[i]
-                    elif term == 6:
-                        for i in range(size):
-                            by[2, i] += own[i]
-                    at += size
-                row += size
+        for place in range(3):
+            pv, pa = reach(v, a, j, h * place / 2)
+            terms[k, place, 0], terms[k, place, 1], terms[k, place, 2], terms[k, place, 3] = 1.0, pv, pv * pv, pv**3
+            terms[k, place, 4], terms[k, place, 5], terms[k, place, 6] = pa, pv * pa, j
+        out[k, last - 1], out[k, last] = v, h / stages.duration[k]
+    sum_terms(rows, terms, out)
+
+
+@kernel
+def sum_terms(rows: StageRows, terms: Array, out: Array) -> None:
+    """Σ coefficient · term of all rows, into the first of out (N, 2M + 2); terms (N, 3, 7): at each place."""
+    size, at_end, lengths, kinds = rows.size, rows.at_end, rows.lengths, rows.terms
+    for half in range(2):
+        coefficients = rows.first if half == 0 else rows.second
+        for k in range(out.shape[0]):
+            at, row = 0, half * (out.shape[1] // 2 - 1)
+            for b in range(len(size)):
+                place = START if half == 0 else (END if at_end[b] else MIDDLE)
+                for _ in range(size[b]):
+                    value = 0.0
+                    for t in range(lengths[b]):
+                        value += coefficients[k, at] * terms[k, place, kinds[b, t]]
+                        at += 1
+                    out[k, row] = value
+                    row += 1
+
+
+@kernel
+def sum_costs(stages: Stages, states: Array, controls: Array) -> float:
+    """What a motion costs."""
+    total = 0.0 if stages.stated else -stages.prize * states[0, 0]
+    jerks = stages.jerks
+    for k in range(len(stages.step)):
+        v, a, j, h = states[k, 0], states[k, 1], controls[k, 0], controls[k, 1]
+        if not stages.stated:
+            total += h + stages.calm[k] * j * j
+        else:
+            for side in range(2):
+                pv, pa = reach(v, a, j, h * side)
+                for i in range(jerks.shape[2]):
+                    jerk = jerks[k, side, i, 0] * j
+                    jerk += (jerks[k, side, i, 1] * pa + jerks[k, side, i, 2] * pv * pv) * pv
+                    total += h / 2 * jerk * jerk
+    return total

@@ -11,6 +11,7 @@ variable and ṡ², the usual choice, is not: nothing is singular at rest, deriv
 closed form. Solved by planner.timing.solvers.interior_point.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -20,7 +21,7 @@ from kinematics.foundation.errors import MotionError
 from planner.timing.problem import Problem
 from planner.timing.profile import RunSolution, close_profile
 from planner.timing.solvers.interior_point import Start, minimise
-from planner.timing.solvers.stage_problem import pose_stages
+from planner.timing.solvers.stage_problem import PosedStages, pose_stages
 
 # How often a problem is solved whose rows depend on the motion, unless a round gains less than this share.
 MAX_ROW_ROUNDS, MIN_ROUND_GAIN = 4, 1e-4
@@ -81,10 +82,16 @@ def third_order(problem: Problem, guess: Array, *, fast_end: int | None = None, 
 
 def _solve_stages(problem: Problem, guess: Array, prize: float, near: bool = False) -> Array | MotionError:
     """Columns (4, N) of ṡ, s̈, s⃛, h, or why there are none."""
-    stages, rows, states, controls, unit = pose_stages(problem, guess, prize)
-    if not (np.isfinite(controls).all() and np.isfinite(states).all() and (stages.step > 0).all()):
-        return MotionError("the jerk-limited problem holds what is no number, or an interval of no length")
     attempts: tuple[Start, ...] = ("near", "far", "farther") if near else ("far", "farther")
+    return minimise_posed(pose_stages(problem, guess, prize), attempts)
+
+
+def minimise_posed(posed: PosedStages, attempts: Sequence[Start]) -> Array | MotionError:
+    """Columns (4, N) of ṡ, s̈, s⃛, h by the first attempt with an answer, or why there is none."""
+    stages, rows, states, controls, unit = posed
+    numbers = (states, controls, stages.jerks, rows.first, rows.second)
+    if not (all(np.isfinite(each).all() for each in numbers) and (stages.step > 0).all()):
+        return MotionError("the jerk-limited problem holds what is no number, or an interval of no length")
     for start in attempts:
         answer = minimise(stages, rows, states, controls, start)
         if answer.status in ("solved", "loose"):

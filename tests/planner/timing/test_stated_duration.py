@@ -6,13 +6,17 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import RigidTransform
 
+from benchmarks.evidence.peers.casadi_ import smooth_by_casadi
 from kinematics import Axis, Hexapod, MotionError
 from planner import Arc, Blend, Dwell, Infeasible, Line, Program, load_program, plan
 from planner.limits import limits_of
 from planner.path.polynomial import PolynomialPath
-from planner.timing.stated_duration import solve_stated
+from planner.timing import stated_duration
+from planner.timing.certified_solve import certified_solve
+from planner.timing.stated_duration import jerk_slopes, solve_stated
 
 
 def straight(length, duration, speed=1e3, acceleration=1e3, jerk=1e4, order=3):
@@ -53,6 +57,39 @@ def test_under_a_speed_limit_it_cruises_and_is_rougher():
     assert v.max() == pytest.approx(0.7, rel=1e-3)
     assert (v > 0.699).mean() > 0.2
     assert roughness(found.trajectory) > 1.05 * 720 / 2**5
+
+
+def cost_of(problem, jerks, profile):
+    """What is minimised: Σ h/2 Σ (q⃛/w)² of both ends."""
+    v, a, j, h = profile.v, profile.a, profile.j, profile.h
+    ends = (v, a), (v + h * (a + h * j / 2), a + h * j)
+    own = [np.stack([j, 3 * speed * push, speed**3], axis=-1) for speed, push in ends]
+    sides = [(jerks[:, k] @ own[k][..., None])[..., 0] for k in (0, 1)]
+    return sum((h / 2 * (side**2).sum(1)).sum() for side in sides)
+
+
+@pytest.mark.parametrize("order", [2, 3])
+@pytest.mark.parametrize(("seed", "share"), [(1, 1.05), (4, 1.05), (7, 1.5)])
+def test_it_finds_what_fatrop_finds(monkeypatch, seed, share, order):
+    """The same duration, and no more jerk than by a solver of others: 1e-6 is what their tolerances leave."""
+    rng = np.random.default_rng(seed)
+    curve = CubicSpline(np.arange(6.0), rng.uniform(-1, 1, (6, 3)))
+    path = PolynomialPath(curve.x, curve.c, ["x", "y", "z"])
+    axes = [Axis(name, max_speed=1.0, max_acceleration=3.0, max_jerk=30.0 if order == 3 else None) for name in "xyz"]
+    limits = limits_of(path, axes, order)
+    posed = []
+    solve = stated_duration.solve_smoothest
+    monkeypatch.setattr(stated_duration, "solve_smoothest", lambda *given: posed.append(given) or solve(*given))
+    shortest = certified_solve(path, limits, order).trajectory.duration
+    found = solve_stated(path, limits, axes, order, share * shortest)
+    assert found.certificate.holds
+    assert found.methods == ("smoothest",)
+    path, problem, weights, guess = posed[0]
+    jerks = jerk_slopes(path, problem, weights)
+    ours, theirs = solve(path, problem, weights, guess), smooth_by_casadi(problem, jerks, guess)
+    assert ours.duration == pytest.approx(guess[3].sum(), rel=1e-12)
+    least = cost_of(problem, jerks, theirs.require_profile())
+    assert cost_of(problem, jerks, ours.require_profile()) <= least * (1 + 1e-6)
 
 
 @pytest.mark.parametrize("share", [1.01, 1.2, 3.0])

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
+from benchmarks.evidence.peers.casadi_ import solve_by_casadi
 from benchmarks.evidence.trials.robustness import random_problem
 from kinematics import Axis
 from kinematics.foundation.errors import require
@@ -16,10 +17,10 @@ from planner.path.polynomial import PolynomialPath
 from planner.timing.discretization import jerk_problem
 from planner.timing.problem import Run
 from planner.timing.solvers import interior_point, riccati
-from planner.timing.solvers.casadi_ import solve_by_casadi
-from planner.timing.solvers.stage_problem import pose_stages
-from planner.timing.solvers.stages import Misses, evaluate
+from planner.timing.solvers.stage_problem import pose_smoothest, pose_stages
+from planner.timing.solvers.stages import TERM_COUNT, evaluate, sum_costs
 from planner.timing.solvers.third_order import third_order
+from planner.timing.stated_duration import quintic_motion
 
 
 def posed(path, speed, acceleration, jerk, stands=(False, False)):
@@ -64,11 +65,39 @@ def test_paths_that_stand_at_their_ends(seed):
     assert ours.duration == pytest.approx(theirs.duration, rel=2e-3)
 
 
+def test_multipliers_are_what_bounds_are_worth():
+    """With more room, a motion takes Σ multiplier · change of bound less, in thousandths of the guess' duration."""
+    problem, guess = posed(spline(2), [1.0] * 3, [3.0] * 3, [30.0] * 3)
+    stages, rows, states, controls, _ = pose_stages(problem, guess)
+    more = 1e-4
+    sides = [np.where(np.isfinite(side), side * more, 0.0) for side in (rows.low, rows.high)]
+    sides[0][:, -2:] = sides[1][:, -2:] = 0.0  # the bounds of ṡ and h stay
+    roomy = rows._replace(low=rows.low + sides[0], high=rows.high + sides[1])
+    answers = [interior_point.minimise(stages, each, states, controls) for each in (rows, roomy)]
+    costs = [1e3 * sum_costs(stages, answer.states, answer.controls) for answer in answers]
+    worths = [(one.high_forces * sides[1]).sum() - (one.low_forces * sides[0]).sum() for one in answers]
+    assert worths[0] > 1e-5 * costs[0]
+    assert costs[0] - costs[1] == pytest.approx(np.mean(worths), rel=1e-3)
+
+
+def test_the_multiplier_of_a_stated_duration_is_what_more_of_it_is_worth():
+    """Without limits the least ∫ jerk² dt goes with 1/T⁵: its slope is −5 times it, for T = 1."""
+    line = CubicSpline([0.0, 1.0, 2.0], [[0.0], [0.5], [1.0]])
+    problem, _ = posed(line, [1e3], [1e3], [1e4])
+    jerks = np.zeros((problem.intervals, 2, 1, 3))
+    jerks[..., 0] = 1.0
+    stages, rows, states, controls, _ = pose_smoothest(problem, quintic_motion(problem.s, 2.0), jerks)
+    answer = interior_point.minimise(stages, rows, states, controls)
+    assert answer.status == "solved"
+    assert answer.controls[:, 1].sum() == pytest.approx(1.0, abs=1e-9)
+    assert answer.time_force == pytest.approx(5e3 * sum_costs(stages, answer.states, answer.controls), rel=1e-6)
+
+
 def test_a_verdict_is_that_of_the_motion_it_comes_with(monkeypatch):
     """However early it is stopped, a motion that is told to keep every row this well does."""
     problem, guess = posed(spline(2), [1.0] * 3, [3.0] * 3, [30.0] * 3)
     stages, rows, states, controls, _ = pose_stages(problem, guess)
-    verdicts, misses = [], Misses(np.empty(rows.low.shape), np.empty((len(stages.step), 2)), np.empty(len(stages.step)))
+    verdicts, values = [], np.empty(rows.low.shape)
     for most in range(20, 60):
         monkeypatch.setattr(interior_point, "MAX_ITERATIONS", most)
         for loose in (1e-2, 1e-4, 1e-6):
@@ -77,10 +106,12 @@ def test_a_verdict_is_that_of_the_motion_it_comes_with(monkeypatch):
             assert answer.iterations <= most
             verdicts.append(answer.status)
             if answer.status == "loose":
-                evaluate(stages, rows, answer.states, answer.controls, misses)
-                apart = (np.abs(misses.next) / stages.scale[:2]).max()
-                outside = np.maximum(rows.low - misses.values, misses.values - rows.high).max()
-                assert max(np.abs(misses.step).max(), apart, outside) <= loose
+                (v, a), (j, h) = answer.states[:-1].T, answer.controls.T
+                ends = np.stack([v + h * (a + h * j / 2), a + h * j], axis=1)
+                assert (np.abs(ends - answer.states[1:]) <= loose * stages.scale[:2]).all()
+                assert h * (v + h * (a / 2 + h * j / 6)) == pytest.approx(stages.step, rel=loose)
+                evaluate(stages, rows, answer.states, answer.controls, np.empty((len(h), 3, TERM_COUNT)), values)
+                assert np.maximum(rows.low - values, values - rows.high).max() <= loose
     assert set(verdicts) == {"slow", "loose", "solved"}
 
 
@@ -90,17 +121,17 @@ def test_a_step_that_is_no_number_is_none(monkeypatch):
     stages, rows, states, controls, _ = pose_stages(problem, guess)
     roll = riccati.roll
 
-    def overflow(stages, misses, slopes, pulls, convexity, recursion, step):
-        roll(stages, misses, slopes, pulls, convexity, recursion, step)
-        if always or recursion.linear[-1].any():  # or only with another multiplier than the first, which is 0
-            step.states[-1] = np.nan
+    def overflow(*arguments):
+        roll(*arguments)
+        arguments[-1].states[-1] = np.nan
 
-    always = True
     monkeypatch.setattr(riccati, "roll", overflow)
     assert interior_point.minimise(stages, rows, states, controls).status == "not convex"
-    always = False
-    monkeypatch.setattr(interior_point, "MAX_ITERATIONS", 1)
+    monkeypatch.undo()
+    # where only the exact step is none, that of the price is taken
+    monkeypatch.setattr(riccati, "respond", lambda *arguments: arguments[-1].fill(np.inf))
     monkeypatch.setattr(riccati, "MISS_LEFT", 0.0)
+    monkeypatch.setattr(interior_point, "MAX_ITERATIONS", 1)
     answer = interior_point.minimise(stages, rows, states, controls)
     assert np.isfinite(answer.states).all()
     assert answer.iterations == 1

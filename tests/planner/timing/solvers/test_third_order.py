@@ -7,10 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.evidence.peers import casadi_
+from benchmarks.evidence.peers.casadi_ import solve_by_casadi
 from kinematics import Axis, MotionError
 from planner import Trajectory
 from planner.certificate.certify import certify
 from planner.limits import limits_of
+from planner.orientation.evaluation_limit import EvaluationLimit
 from planner.path.polynomial import PolynomialPath
 from planner.timing import jerk_limited
 from planner.timing.certified_solve import certified_solve
@@ -18,10 +21,7 @@ from planner.timing.discretization import jerk_problem
 from planner.timing.problem import Run
 from planner.timing.profile import RunSolution
 from planner.timing.run import solve_run
-from planner.timing.solvers import casadi_
 from planner.timing.solvers import third_order as solver_module
-from planner.timing.solvers.casadi_ import solve_by_casadi
-from planner.timing.solvers.patience import EvaluationLimit
 from planner.timing.solvers.third_order import third_order
 
 

@@ -1,8 +1,7 @@
-"""Problems of equal stages in a row, for CasADi's solvers FATROP and IPOPT.
+"""The order-3 problem by FATROP and IPOPT through CasADi: a second opinion on our interior-point method.
 
-The smoothest motion of a stated duration (planner.timing.stated_duration) is found by FATROP from these stages. The
-fastest motion under jerk limits is solved here for tests and benchmarks only, as a second opinion on
-planner.timing.solvers.third_order: the same problem with FATROP, or with IPOPT.
+The fastest motion (planner.timing.solvers.third_order) and the smoothest of a stated duration
+(planner.timing.stated_duration), on the same stages with the same rows.
 
 Derivatives of a problem are written out, which takes a third of the time of CasADi's own: CasADi differentiates a
 mapped function column by column and walks through every stage for each; written out once, the entries of a stage's
@@ -17,7 +16,6 @@ FATROP: L. Vanroye et al., IROS 2023. IPOPT: A. Wächter and L. T. Biegler, Math
 
 from collections.abc import Sequence
 from functools import lru_cache
-from threading import Lock
 from typing import Any, Literal
 
 import casadi as ca
@@ -26,10 +24,10 @@ import numpy as np
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
 from planner.limits.limit import Term
+from planner.orientation.evaluation_limit import EvaluationLimit
 from planner.timing.problem import Block, Problem
 from planner.timing.profile import RunSolution, close_profile
-from planner.timing.solvers.patience import EvaluationLimit, silence_stderr
-from planner.timing.solvers.stage_problem import JERK_WEIGHT, POWERS, SHORTEST, jerk_share
+from planner.timing.solvers.stage_problem import JERK_WEIGHT, POWERS, SHORTEST, SHORTEST_STATED, jerk_share
 
 
 def chain_stages(stage: ca.Function, intervals: int, patience: EvaluationLimit) -> dict[str, ca.MX]:
@@ -101,10 +99,9 @@ LARGE_PROBLEM = 500
 DURATION_WEIGHT = 1000.0
 # Iterations of a solver, and evaluations of the constraints, after which it is given up; 40 of either are usual.
 ITERATIONS, EVALUATIONS = 200, 400
+QUIET = {"print_time": False, "error_on_fail": False, "show_eval_warnings": False}
 # Rounding of a given speed beyond a limit.
 SPEED_ROUNDING = 1e-9
-# CasADi's solvers share state between threads.
-ONE_AT_A_TIME = Lock()
 Signature = tuple[tuple[tuple[Term, ...], int], ...]
 """Of each block: its terms and its number of rows."""
 
@@ -145,6 +142,71 @@ def solve_by_casadi(problem: Problem, guess: Array, solver: Solver = "fatrop") -
     if isinstance(profile, MotionError):
         return RunSolution.refused(profile)
     return RunSolution("solved", profile, maker=solver, problem=problem)
+
+
+def smooth_by_casadi(problem: Problem, jerks: Array, guess: Array) -> RunSolution:
+    """The smoothest motion of the guess' duration by FATROP, with the time as one more state.
+
+    jerks (N, 2, A, 3): as planner.timing.solvers.stage_problem.pose_smoothest takes them
+    """
+    length, time, count = problem.s[-1] - problem.s[0], float(guess[3].sum()), problem.intervals
+    unit = np.array([length / time, length / time**2, length / time**3, time])
+    start = guess / unit[:, None]
+    scale = np.repeat(np.abs(start).max(1, keepdims=True), count, 1)
+    scale[3] = start[3]
+    signature, coefficients, low, high = pose_rows(problem, length, time)
+    v, a, j, h = start
+    rough = jerks * [1.0, 3 * length, length**2]
+    now = rough[:, 0, :, 0] * j[:, None] + rough[:, 0, :, 1] * (v * a)[:, None] + rough[:, 0, :, 2] * (v**3)[:, None]
+    rough = rough / np.sqrt((now**2 * h[:, None]).sum())
+    data = np.concatenate(
+        [np.diff(problem.s)[None] / length, scale, np.zeros((1, count)), coefficients, rough.reshape(count, -1).T]
+    )
+    solver, patience = _build_smoothest(count, signature, rough.shape[2])
+    variables = np.insert(start / scale, 2, np.concatenate([[0.0], np.cumsum(h)[:-1]]), axis=0)
+    least = np.tile([0.0, -np.inf, -np.inf, -np.inf, SHORTEST_STATED], (count, 1))
+    most = np.full((count, 5), np.inf)
+    least[0, :3] = most[0, :3] = 0.0
+    last, equal = [0.0, 0.0, 1.0], np.zeros((4, count))
+    with patience.asked():
+        answer = solver(
+            x0=np.concatenate([variables.T.ravel(), last]),
+            p=data.T.ravel(),
+            lbx=np.concatenate([least.ravel(), last]),
+            ubx=np.concatenate([most.ravel(), last]),
+            lbg=np.concatenate([equal, low]).T.ravel(),
+            ubg=np.concatenate([equal, high]).T.ravel(),
+        )
+    found = np.asarray(answer["x"]).ravel()[:-3].reshape(count, 5).T
+    if not solver.stats()["success"]:
+        return RunSolution.refused(MotionError(f"FATROP stopped: {solver.stats()['return_status']}"))
+    profile = close_profile(problem, np.delete(found, 2, axis=0) * scale * unit[:, None])
+    if isinstance(profile, MotionError):
+        return RunSolution.refused(profile)
+    return RunSolution("solved", profile.slowed(time / profile.duration), maker="fatrop", problem=problem)
+
+
+def _build_smoothest(intervals: int, signature: Signature, axes: int) -> tuple[ca.Function, EvaluationLimit]:
+    stage = make_stage(signature)
+    size, rows = stage.size1_in(1), stage.size1_out(2)
+    x, data = ca.SX.sym("x", 5), ca.SX.sym("data", size + 6 * axes)
+    ends, travelled, values = stage(ca.vertcat(x[:2], x[3:]), data[:size])
+    v, a, j, h = ca.vertsplit(ca.vertcat(x[:2], x[3:]) * data[1:5])
+    cost: ca.SX = ca.SX(0)
+    for side, (speed, push) in enumerate(((v, a), (v + h * (a + h * j / 2), a + h * j))):
+        own = ca.reshape(data[size + 3 * side * axes : size + 3 * (side + 1) * axes], 3, axes).T
+        cost += h / 2 * ca.sumsqr(own @ ca.vertcat(j, speed * push, speed**3))
+    interval = ca.Function(
+        "interval", [x, data], [ca.vertcat(ends, x[2] + h), ca.vertcat(travelled, values), cost], {"cse": True}
+    )
+    options: dict[str, Any] = QUIET | {
+        "structure_detection": "auto",
+        "equality": np.tile(np.arange(4 + rows) < 4, intervals).tolist(),
+        "cache": derivatives(interval, intervals),
+        "fatrop": {"print_level": 0, "max_iter": 300, "tol": 1e-8, "mu_init": 1e-1, "alpha_min_frac": 0.0},
+    }
+    patience = EvaluationLimit(EVALUATIONS)
+    return ca.nlpsol("smoothest", "fatrop", chain_stages(interval, intervals, patience), options), patience
 
 
 def _kept_at_end(terms: Sequence[Term]) -> bool:
@@ -225,12 +287,7 @@ def _build(intervals: int, signature: Signature, solver: Solver) -> tuple[ca.Fun
     cost = DURATION_WEIGHT * (x[3] * data[4] + JERK_WEIGHT * (x[2] * data[5]) ** 2)
     interval = ca.Function("interval", [x, data], [ends, ca.vertcat(*others), cost], {"cse": True})
     equality = np.tile(np.arange(3 + stage.size1_out(2)) < 3, intervals)
-    options: dict[str, Any] = {
-        "print_time": False,
-        "expand": False,
-        "error_on_fail": False,
-        "show_eval_warnings": False,
-    }
+    options: dict[str, Any] = dict(QUIET)
     if solver == "fatrop":
         options |= {
             "structure_detection": "auto",
@@ -274,7 +331,7 @@ def _answer(
     equal = np.zeros((3, count))
     low, high = rows
     try:
-        with ONE_AT_A_TIME, silence_stderr(), patience.asked():
+        with patience.asked():
             answer = solver(
                 x0=np.concatenate([guess.T.ravel(), [speeds[1], 0.0]]),
                 p=data.T.ravel(),

@@ -1,9 +1,7 @@
-"""What surrounds a call of a CasADi solver: an end where it would not end by itself, and a quiet standard error."""
+"""An end for a CasADi solver that would not end by itself."""
 
-import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from threading import get_ident
 from typing import Any
 
 import casadi as ca
@@ -50,34 +48,3 @@ class EvaluationLimit(ca.Callback):
         return ca.Function(
             name, [ca.MX.sym("x"), ca.MX.sym("out")], [ca.MX(1, 1)], list(names_in), list(names_out), options
         )
-
-
-class _OtherThreads:
-    """A stream that passes on what all threads but one write."""
-
-    def __init__(self, stream: Any) -> None:
-        self._stream, self._unheard = stream, get_ident()
-
-    def write(self, text: str) -> int:
-        if get_ident() != self._unheard and self._stream is not None:
-            self._stream.write(text)
-        return len(text)
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._stream, name)
-
-
-@contextmanager
-def silence_stderr() -> Iterator[None]:
-    """What the calling thread writes to sys.stderr is dropped; what others write is not. One caller at a time.
-
-    A solve that FATROP gives up makes CasADi warn of multipliers that nobody asked for: it is told what became of the
-    solve in other ways, no option turns the warning off (calc_lam_p does where IPOPT gives up), and it is written
-    through sys.stderr, so that no file descriptor has to be touched.
-    """
-    stream = sys.stderr
-    sys.stderr = _OtherThreads(stream)
-    try:
-        yield
-    finally:
-        sys.stderr = stream

@@ -4,7 +4,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from planner.timing.solvers.casadi_ import derivatives
+from benchmarks.evidence.peers.casadi_ import derivatives
 
 
 def toy() -> ca.Function:
