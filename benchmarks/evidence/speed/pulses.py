@@ -8,10 +8,14 @@ and peak memory are its alone, which begins at some 120 MB for Python and the pl
     generate   motion to ticks, exact to one
     check      the independent check of the schedule against the motion
     npz        the schedule on disk in parts, read back part by part and compared
+    binary     the schedule as pulses.bin, read back part by part and compared
+    grow       such a file written part by part, as a plan that grows does, and checked part by part as `plan` does:
+               neither holds the schedule
     csv        the edges as text, to the null device: what a disk takes is not counted
     file       such a file read back and checked, as `plan` does: 100 bytes a pulse on the disk for temporary files
 
-check, csv and file go up to 1e7 pulses, with --full to 1e8 (some twenty minutes more, and 10 GB on the disk).
+check, grow, csv and file go up to 1e7 pulses, with --full to 1e8 (some twenty minutes more, and 10 GB on the disk).
+What is in the files: bytes a pulse, beside the rows of binary, grow and file.
 """
 
 import json
@@ -20,8 +24,10 @@ import resource
 from argparse import ArgumentParser, RawDescriptionHelpFormatter
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from math import ceil
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from time import process_time
 
 import numpy as np
 
@@ -30,17 +36,17 @@ from kinematics import Hexapod, Machine, load_machine
 from planner import load_program, plan
 from planner.export import plan_files
 from planner.export.format import ExportSource
-from planner.export.formats import npz, pulse_csv
+from planner.export.formats import binary, npz, pulse_csv
 from planner.path.actuation import actuate
-from planner.pulses import PulseSchedule, check, check_file, generate
+from planner.pulses import PulseSchedule, check, check_file, generate, open_pulses
 from planner.pulses.motion import AxesMotion
 from planner.trajectory import Trajectory
 
 CLOCK = 10_000_000
 CASES = {100_000: (1, 8.83), 1_000_000: (1, 1.0), 10_000_000: (12, 1.0), 100_000_000: (114, 1.0)}
 """Repetitions, and how much coarser the pulses are, for about so many pulses."""
-STAGES = ("generate", "npz", "check", "csv", "file")
-LARGE_STAGES = ("check", "csv", "file")
+STAGES = ("generate", "npz", "binary", "grow", "check", "csv", "file")
+LARGE_STAGES = ("check", "grow", "csv", "file")
 TARGET, STRETCH, MEMORY = 5e6, 15e6, 2e9
 SINGLE_RUN_PULSES = 3_000_000  # pulses from which once has to do
 REPEATS = 7
@@ -59,7 +65,7 @@ def main() -> None:
         print(json.dumps(measure_stage(stage, int(count), Path(path))))
         return
     print(f"targets: generate {TARGET / 1e6:.0f} M pulses per CPU-second, {STRETCH / 1e6:.0f} at best; 1e8 in 2 GB")
-    print("stage         pulses   CPU s   M pulses/s   peak MB   bytes/pulse above the fewest")
+    print("stage         pulses   CPU s   M pulses/s   peak MB   bytes/pulse above the fewest   in the file")
     with TemporaryDirectory() as folder:
         motion = Path(folder) / "motion.bin"
         plan_files.write_motion(plan(load_program("circle"), load_machine("hexapod")).trajectory, motion)
@@ -68,19 +74,24 @@ def main() -> None:
             for count in CASES:
                 if count == max(CASES) and stage in LARGE_STAGES and not options.full:
                     continue
-                pulses, seconds, peak = run_in_new_process(__spec__.name, "--row", stage, count, motion)
+                pulses, seconds, peak, size = run_in_new_process(__spec__.name, "--row", stage, count, motion)
                 least = least or (pulses, peak)
                 more = (peak - least[1]) / (pulses - least[0]) if pulses > least[0] else np.nan
                 figures = f"{seconds:>8.2f}{pulses / seconds / 1e6:>13.2f}{peak / 1e6:>10.0f}{more:>10.1f}"
+                figures += f"{size / pulses:>24.2f}" if size else ""
                 print(f"{stage:<9}{pulses:>11}{figures}", flush=True)
 
 
-def measure_stage(stage: str, count: int, motion: Path) -> tuple[int, float, int]:
-    """Pulses, CPU seconds of the stage, and peak bytes of this process."""
+def measure_stage(stage: str, count: int, motion: Path) -> tuple[int, float, int, int]:
+    """Pulses, CPU seconds of the stage, peak bytes of this process, and bytes of the file where there is one."""
     repetitions, coarser = CASES[count]
     machine = load_coarse_hexapod(coarser)
-    trajectory = repeat_motion(plan_files.read_motion(motion, actuate(load_program("circle"), machine)), repetitions)
-    axes = machine.axes
+    once = plan_files.read_motion(motion, actuate(load_program("circle"), machine))
+    if stage == "grow":
+        pulses, seconds, size = grow_file(machine, once, repetitions, motion.with_name("pulses.bin"))
+        return pulses, seconds, measure_peak(), size
+    trajectory = repeat_motion(once, repetitions)
+    axes, size = machine.axes, 0
     schedule, seconds = time_best(lambda: generate(trajectory, axes, machine.home_q, CLOCK), count)
     if stage == "check":
         verdict, seconds = time_best(lambda: check(schedule, trajectory, axes, machine.home_q), count)
@@ -89,6 +100,12 @@ def measure_stage(stage: str, count: int, motion: Path) -> tuple[int, float, int
     elif stage == "npz":
         source = ExportSource("circle", machine, trajectory, schedule)
         exported, seconds = time_best(lambda: npz.Npz().write(source, motion.with_name("pulses.npz")), count)
+        if exported.error:
+            raise SystemExit("the file does not hold the schedule")
+    elif stage == "binary":
+        source, path = ExportSource("circle", machine, trajectory, schedule), motion.with_name("pulses.bin")
+        exported, seconds = time_best(lambda: binary.Binary().write(source, path), count)
+        size = path.stat().st_size
         if exported.error:
             raise SystemExit("the file does not hold the schedule")
     elif stage == "csv":
@@ -100,9 +117,42 @@ def measure_stage(stage: str, count: int, motion: Path) -> tuple[int, float, int
             path = Path(folder) / "pulses.csv"
             pulse_csv.write(schedule, path, [axis.direction for axis in axes])
             verdict, seconds = time_best(lambda: check_file(path, written), count)
+            size = path.stat().st_size
         if not verdict.holds:
             raise SystemExit(f"the file is wrong: {verdict.faults[0]}")
-    return schedule.total, seconds, 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return schedule.total, seconds, measure_peak(), size
+
+
+def measure_peak() -> int:
+    """Bytes of this process at its peak."""
+    return 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+
+
+def grow_file(machine: Machine, once: Trajectory, times: int, path: Path) -> tuple[int, float, int]:
+    """Pulses, CPU seconds and bytes of a file that grows by a motion at a time, and is checked as a whole.
+
+    The motion is slowed by less than a tick, so that it takes whole ticks and its pulses fall alike each time.
+    """
+    ticks = ceil(once.duration * CLOCK)
+    slower = once.duration * CLOCK / ticks
+    rates = {name: getattr(once, name) * slower**power for power, name in enumerate(("v", "a", "j"), 1)}
+    once = replace(once, knots=once.knots / slower, **rates)
+    part = generate(once, machine.axes, machine.home_q, CLOCK)
+    begin = process_time()
+    with path.open("wb") as file:
+        writer = binary.PulseWriter.begin(file, part)
+        for n in range(times):
+            moved = tuple(replace(axis, ticks=axis.ticks + n * ticks) for axis in part.axes)
+            writer.add(replace(part, axes=moved), (n + 1) * ticks)
+            writer.mark(replace(part, duration=(n + 1) * ticks / CLOCK))
+        whole = repeat_motion(once, times)
+        writer.mark(replace(part, duration=whole.duration), complete=True)
+    held = open_pulses(path)
+    verdict = check_file(path, WrittenPulses(machine, whole, held.stated))
+    seconds = process_time() - begin
+    if not verdict.holds:
+        raise SystemExit(f"the file is wrong: {verdict.faults[0]}")
+    return sum(held.pulses), seconds, path.stat().st_size
 
 
 @dataclass(frozen=True, slots=True)
