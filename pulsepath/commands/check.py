@@ -17,13 +17,19 @@ from pulsepath.progress import say
 @click.option("--force", is_flag=True, help="Overwrite the files of --dump-config.")
 @json_option
 def check(program: str, machine: str | None, motion: str, dumped: Path | None, force: bool, as_json: bool) -> None:
-    """Check limits that slowing down cannot fix.
+    """Check limits that slowing down cannot fix, or a plan.
 
     These are reach, travel, tilt and clearance. Lists every violation along the path of PROGRAM or, if there is none,
-    how close the path comes to each limit.
+    how close the path comes to each limit. If PROGRAM is the directory of a plan, verifies the digests of its files,
+    proves its motion again and checks its file of pulses against it.
 
     Example: pulsepath check circle --machine hexapod
     """
+    if Path(program).is_dir():
+        if machine is not None or dumped is not None:
+            raise click.UsageError("A plan has its own machine and program.", click.get_current_context())
+        _check_plan(Path(program), as_json)
+        return
     import planner
     from pulsepath.inputs import read_inputs
     from pulsepath.output import record, tables
@@ -42,3 +48,21 @@ def check(program: str, machine: str | None, motion: str, dumped: Path | None, f
         tables.show(tables.of_results(found))
     if found.violations:
         click.get_current_context().exit(INFEASIBLE)
+
+
+def _check_plan(folder: Path, as_json: bool) -> None:
+    from pulsepath.output import plan_directory, record
+    from pulsepath.progress import step
+
+    taken = plan_directory.read(folder)
+    file = pulses = None
+    if taken.pulse_file is not None:
+        with step("checking the pulses") as tell:
+            found = plan_directory.check_pulses(taken.pulse_file, taken, tell)
+        file, pulses = taken.pulse_file.name, sum(axis.pulses for axis in found.axes)
+    if as_json:
+        told = {"holds": True, "duration_s": taken.trajectory.duration, "pulse_file": file, "pulses": pulses}
+        click.echo(record.as_json(told), nl=False)
+        return
+    say(f"{folder}: its files are unchanged, and its motion of {taken.trajectory.duration:.6f} s is proved again")
+    say("it has no file of pulses" if file is None else f"{file}: {pulses} pulses, checked against the motion")

@@ -5,13 +5,16 @@ What was proved of the written file of pulses stands in certificate.json.
 
 import json
 from collections.abc import Iterable
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import asdict, dataclass, replace
+from os import PathLike
 from pathlib import Path
 
 import numpy as np
 
 from controllers.rig_choice import rig_hint
 from kinematics import Machine, MotionError, load_machine
+from kinematics.files.chunk_file import holds_chunks
 from kinematics.files.plain_text import finite_or_none
 from planner import Plan, Program, Trajectory, load_program
 from planner.export import plan_files
@@ -20,7 +23,10 @@ from planner.orientation.orient import apply_choice, find_choice
 from planner.parallel import Progress, ignore_progress
 from planner.path.actuation import actuate
 from planner.pulses import PulseCheck, PulseSchedule, check, check_file, generate, pace_axes, read_pulses
+from planner.pulses.checking.pulse_reader import list_statements, read_compensation
 from planner.pulses.compensation.compensate import counted_motion
+from planner.pulses.motion import AxesMotion
+from planner.pulses.schedule import AxisPulses, MovedPulses
 from pulsepath.inputs import Inputs
 from pulsepath.job import Defect, Job
 from pulsepath.options import LAWS
@@ -97,6 +103,7 @@ SOURCES = {"program": "program.toml", "machine": "machine.toml"}
 class StoredPlan:
     """A plan taken up again: its motion, exactly as proved; clock and rule of its pulses, order of its limits.
 
+    stated: what was stated of its pulses, without them
     doubts: why it is not known to be what was proved; nothing but where that was asked for
     """
 
@@ -106,6 +113,7 @@ class StoredPlan:
     clock_hz: int
     rule: str
     order: int
+    stated: PulseSchedule
     pulse_digest: str | None = None
     pulse_file: Path | None = None
     doubts: tuple[str, ...] = ()
@@ -121,14 +129,36 @@ class StoredPlan:
 
         Raises MotionError where they are not as they were, nor right.
         """
-        if self.pulse_file is not None and digest_pulses(held := read_pulses(self.pulse_file)) == self.pulse_digest:
-            return held
+        if self.pulse_file is not None and holds_chunks(self.pulse_file):
+            held = read_pulses(self.pulse_file)
+            same = len(held.axes) == len(self.stated.axes) and all(
+                list_statements(held, k) == list_statements(self.stated, k) for k in range(len(held.axes))
+            )
+            if same and digest_pulses(held) == self.pulse_digest:
+                return held
         axes, home_q = self.machine.axes, self.machine.home_q
         made = generate(self.trajectory, axes, home_q, self.clock_hz, self.rule, progress)
         if not self.doubts and digest_pulses(made) != self.pulse_digest:  # as by the arithmetic of another processor
             verdict = check(made, counted_motion(self.trajectory, axes, home_q), axes, home_q)
             refuse([f"pulses made again from {MOTION}: {fault}" for fault in verdict.faults[:1]])
         return made
+
+
+@dataclass(frozen=True, slots=True)
+class _StatedPulses:
+    """What the pulses of a file are held to: a schedule without any, of a motion."""
+
+    machine: Machine
+    counted: AxesMotion
+    pulses: PulseSchedule
+
+
+def check_pulses(file: Path, taken: StoredPlan, progress: Progress = ignore_progress) -> PulseCheck:
+    """The check of a file of pulses in the folder of a plan, part by part. Raises MotionError where they fail it."""
+    counted = counted_motion(taken.trajectory, taken.machine.axes, taken.machine.home_q)
+    found = check_file(file, _StatedPulses(taken.machine, counted, taken.stated), progress)
+    refuse([f"{file}: {fault}" for fault in found.faults[:1]])
+    return found
 
 
 def write(folder: Path, job: Job, inputs: Inputs, pulses: str = DEFAULT_PULSES) -> PulseCheck:
@@ -205,12 +235,21 @@ def _write_report(page: Path, job: Job, verdict: PulseCheck) -> None:
         )
 
 
-def read(folder: Path, unverified: bool = False) -> StoredPlan:
-    """The plan in a folder: its files are as they were written, and its motion is proved once more.
+def load_plan(folder: str | PathLike[str], unverified: bool = False) -> StoredPlan:
+    """The plan that `pulsepath plan` wrote into a folder: its files are as they were, and its motion is proved again.
 
-    Raises MotionError where there is none, or where that does not hold; unverified: it then has doubts instead, and its
-    motion is not proved.
+    Its trajectory, machine and program are as they were planned, and `.pulses()` is their schedule. Raises MotionError
+    where there is none, or where that does not hold; unverified: it then has doubts instead, and nothing is proved.
     """
+    return _load(Path(folder), unverified, nullcontext())
+
+
+def read(folder: Path, unverified: bool = False) -> StoredPlan:
+    """The same, which tells of its progress."""
+    return _load(folder, unverified, step("certifying the motion again"))
+
+
+def _load(folder: Path, unverified: bool, proving: AbstractContextManager[object]) -> StoredPlan:
     if not is_ours(folder):
         raise MotionError(f"{folder} holds no plan: make one with pulsepath plan PROGRAM --out {folder}")
     record = json.loads((folder / RECORD).read_bytes())
@@ -232,16 +271,32 @@ def read(folder: Path, unverified: bool = False) -> StoredPlan:
     )
     machine = machine.rename(str(record.get("machine") or machine.name))
     trajectory = plan_files.read_motion(folder / MOTION, actuate(program, machine))
-    file = folder / str(PULSES["binary"])
-    taken = StoredPlan(program, machine, trajectory, clock, rule, order, digest, file if file.is_file() else None)
+    stated = _state_pulses(pulses, trajectory.duration, machine, clock, rule)
+    held = [folder / name for name in (PULSES["binary"], PULSES["csv"]) if name and (folder / name).is_file()]
+    taken = StoredPlan(program, machine, trajectory, clock, rule, order, stated, digest, held[0] if held else None)
     if unverified:
         return replace(taken, pulse_file=None, doubts=(*doubts, "the motion was not proved again"))
-    with step("certifying the motion again"):
+    with proving:
         found = find_violation(trajectory, taken.limits)
     refuse([] if found is None else [f"{folder / MOTION}: {found}"])
     if record.get("duration_s") != trajectory.duration:
         refuse([f"{folder / RECORD} belongs to another motion than {MOTION}"])
     return taken
+
+
+def _state_pulses(record: Record, duration: float, machine: Machine, clock: int, rule: str) -> PulseSchedule:
+    """The schedule that plan.json states, without its pulses. Raises MotionError where it states none."""
+    none = np.empty(0, np.int64), np.empty(0, np.int8)
+    try:
+        axes = [
+            AxisPulses(axis.name, *none, int(each["start_count"]), axis.pulse, float(home), float(each["bound_pulses"]))
+            for axis, home, each in zip(machine.axes, machine.home_q, record["axes"].values(), strict=True)
+        ]
+        moves = tuple(MovedPulses(**one) for one in record["moved_for_drives"])
+        compensations = tuple(read_compensation(one) for one in record["compensations"])
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise MotionError(f"{RECORD} does not state its pulses ({error!r}): plan it again") from None
+    return PulseSchedule(clock, tuple(axes), duration, rule, moves, compensations)
 
 
 def refuse_own(folder: Path, target: Path, made: Path) -> None:

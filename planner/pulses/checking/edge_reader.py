@@ -25,7 +25,7 @@ from kinematics.machine.axis import Axis
 from kinematics.machine.machine import Machine
 from planner.parallel import Progress, ignore_progress
 from planner.pulses.checking import check_parts
-from planner.pulses.checking.pulse_reader import open_pulses
+from planner.pulses.checking.pulse_reader import list_statements, open_pulses
 from planner.pulses.checking.verdict import LineTimes, PulseCheck, PulseFault
 from planner.pulses.motion import AxesMotion
 from planner.pulses.schedule import AxisPulses, PulseSchedule, Signs, Ticks
@@ -267,7 +267,7 @@ def _check_binary(path: str | PathLike[str], plan: PlannedPulses, progress: Prog
     found = check_parts(stated, held.parts(progress), plan.counted, plan.machine.axes, plan.machine.home_q)
     axes = []
     for k, one in enumerate(found.axes):
-        says, should = (_list_statements(of, k) for of in (held.stated, stated))
+        says, should = (list_statements(of, k) for of in (held.stated, stated))
         other = tuple(
             PulseFault(one.name, 0, f"{name}: the file states {says[name]}, and the plan {should[name]}")
             for name in should
@@ -275,17 +275,6 @@ def _check_binary(path: str | PathLike[str], plan: PlannedPulses, progress: Prog
         )
         axes.append(replace(one, faults=one.faults + other, fault_count=one.fault_count + len(other)))
     return PulseCheck(tuple(axes))
-
-
-def _list_statements(schedule: PulseSchedule, k: int) -> dict[str, object]:
-    """What a schedule states of its axis k, besides the pulses."""
-    axis = schedule.axes[k]
-    return {
-        **{name: getattr(schedule, name) for name in ("clock_hz", "rule", "duration")},
-        **{name: getattr(axis, name) for name in ("start", "pulse", "home", "bound")},
-        "moves": [one for one in schedule.moves if one.axis == axis.name],
-        "compensations": [one for one in schedule.compensations if one.axis == axis.name],
-    }
 
 
 def _find_short_times(times: LineTimes, axis: Axis) -> Iterator[PulseFault]:

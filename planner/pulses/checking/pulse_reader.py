@@ -161,7 +161,7 @@ def _interpret(held: ChunkFile) -> PulseFile:
         float(mark["duration"]),
         str(head["rule"]),
         tuple(MovedPulses(**one) for one in mark["moves"]),
-        tuple(_read_compensation(one) for one in mark["compensations"]),
+        tuple(read_compensation(one) for one in mark["compensations"]),
     )
     return PulseFile(stated, _numbers(mark["pulses"]), _numbers(mark["final"]), mark["until"], held.complete, held)
 
@@ -170,6 +170,18 @@ def _numbers(given: Sequence[int]) -> tuple[int, ...]:
     return tuple(int(number) for number in given)
 
 
-def _read_compensation(record: Mapping[str, Any]) -> Compensation:
+def read_compensation(record: Mapping[str, Any]) -> Compensation:
+    """From its fields as JSON has them."""
     windows = tuple((float(begin), float(end)) for begin, end in record["windows"])
     return Compensation(**{**record, "kinds": tuple(record["kinds"]), "windows": windows})
+
+
+def list_statements(schedule: PulseSchedule, k: int) -> dict[str, object]:
+    """What a schedule states of its axis k, besides the pulses."""
+    axis = schedule.axes[k]
+    return {
+        **{name: getattr(schedule, name) for name in ("clock_hz", "rule", "duration")},
+        **{name: getattr(axis, name) for name in ("start", "pulse", "home", "bound")},
+        "moves": [one for one in schedule.moves if one.axis == axis.name],
+        "compensations": [one for one in schedule.compensations if one.axis == axis.name],
+    }

@@ -8,8 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import pulsepath as pp
 from kinematics import MotionError, load_machine
 from planner import load_program
+from planner.export.formats import binary
 from planner.orientation.orient import apply_choice, find_choice
 from planner.path.shape import DEGREE
 from pulsepath.inputs import Inputs, read_inputs
@@ -190,3 +192,45 @@ def test_chosen_orientation_is_taken_up_again(tmp_path):
     forge(made)
     with pytest.raises(MotionError, match="the orientation chosen for free segments is missing"):
         plan_directory.read(made)
+
+
+@pytest.mark.parametrize("form", ["pulses.bin", "pulses.csv", None])
+def test_a_plan_is_checked_with_its_file_of_pulses(call, directory, edges, job, form, capfd):
+    folder = edges if form == "pulses.csv" else directory
+    if form is None:
+        assert pp.load_plan(str(folder)).pulses().total == job.plan.pulses.total
+        assert capfd.readouterr() == ("", "")
+        assert call("check", folder, "--machine", "hexapod").exit_code == 2
+        return
+    done = call("check", folder)
+    assert done.exit_code == 0
+    assert "its motion of 1.26" in done.stdout
+    assert f"{form}: {job.plan.pulses.total} pulses, checked against the motion" in done.stdout
+    told = json.loads(call("check", folder, "--json").stdout)
+    assert told == {
+        "holds": True,
+        "duration_s": job.plan.trajectory.duration,
+        "pulse_file": form,
+        "pulses": job.plan.pulses.total,
+    }
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        ({"ticks": lambda axis: axis.ticks + (np.arange(len(axis)) == 900)}, "off its crossing"),
+        ({"bound": lambda _: 9.5}, "bound: the file states 9.5, and the plan 0.5"),
+    ],
+)
+def test_forged_pulses_are_found(call, plan, job, change, told):
+    """Though all digests fit."""
+    (name, make), axes = *change.items(), list(job.plan.pulses.axes)
+    axes[2] = replace(axes[2], **{name: make(axes[2])})
+    binary.write(replace(job.plan.pulses, axes=tuple(axes)), plan / "pulses.bin")
+    forge(plan)
+    done = call("check", plan)
+    assert done.exit_code == 2
+    assert told in done.stderr
+    assert "leg3" in done.stderr
+    # and what other commands read is what was proved
+    assert plan_directory.read(plan).pulses().axes[2].bound == 0.5
