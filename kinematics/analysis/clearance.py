@@ -5,6 +5,7 @@ disc: a flat cylinder. Both distances are those of convex bodies, and exact: wha
 crossing, shrunk to a point) is settled by the ends.
 """
 
+from collections.abc import Hashable
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations
@@ -89,6 +90,12 @@ class Bodies:
         discs = [name for name, disc in (("base", self.base_disc), ("platform", self.platform_disc)) if disc]
         pairs = [f"{a}–{b}" for a, b in combinations(self.legs, 2)]
         return (*pairs, *(f"{leg}–{disc}" for disc in discs for leg in self.legs))
+
+    @property
+    def content(self) -> Hashable:
+        """What decides its distances."""
+        discs = tuple(disc and disc.numbers.tobytes() for disc in (self.base_disc, self.platform_disc))
+        return self.legs, self.ends, self.leg_radius, self.base.tobytes(), self.platform.tobytes(), discs
 
     @cached_property
     def contact(self) -> Array:

@@ -6,9 +6,8 @@ until the bounds are tight. It is also proved that the motion is one: nothing ju
 forwards, between the speeds stated.
 """
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, field
-from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -205,17 +204,32 @@ def certify(trajectory: Trajectory, limits: Sequence[Limit], known: ProvedUse | 
     )
 
 
-_PATH_USE: WeakKeyDictionary[ActuatorPath, tuple[tuple[Limit, ...], dict[str, Array]]] = WeakKeyDictionary()
+# Paths whose geometry is remembered as proved.
+KEPT_PATHS = 16
+_PATH_USE: dict[Hashable, dict[str, Array]] = {}
 
 
 def prove_path_use(path: ActuatorPath, limits: Sequence[Limit]) -> dict[str, Array]:
-    """Per geometric limit, the proven bound of its use on every part of `unit_speed_trajectory(path)`; proved once
-    for a path."""
-    known, use = _PATH_USE.get(path, ((), {}))
-    if len(known) != len(limits) or any(a is not b for a, b in zip(known, limits, strict=True)):
-        use, _ = prove(unit_speed_trajectory(path), limits, 2)
-        _PATH_USE[path] = tuple(limits), use
+    """Per geometric limit, the proven bound of its use on every part of `unit_speed_trajectory(path)`.
+
+    It is kept for the last few paths and limits by what decides it: orders, retries and reruns share it.
+    """
+    if not limits:
+        return {}
+    key = path.content, *(limit.content for limit in limits)
+    use = _PATH_USE.pop(key, None)
+    if use is None:
+        proved, _ = prove(unit_speed_trajectory(path), limits, 2)
+        use = {name: freeze_array(values) for name, values in proved.items()}
+    _PATH_USE[key] = use  # the last, now
+    while len(_PATH_USE) > KEPT_PATHS:
+        _PATH_USE.pop(next(iter(_PATH_USE)), None)
     return use
+
+
+def forget_paths() -> None:
+    """Prove all geometry anew: for whoever measures what that takes."""
+    _PATH_USE.clear()
 
 
 def _geometric_use(trajectory: Trajectory, limits: Sequence[Limit]) -> dict[str, Array]:

@@ -4,7 +4,7 @@ Under a motor's falling curve |f| ≤ F(|q̇|), of a stepper's pull-out curve as
 still is bounded by itself at every place of the path: a motion along it needs that at the very least.
 """
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import astuple, dataclass
 from functools import cached_property
 
@@ -110,6 +110,10 @@ class Holding(AxisLimit):
             f"the machine cannot hold itself still there: reduce its load by {over:.4g} {unit}, or increase its "
             "max_force by as much"
         )
+
+    @property
+    def content(self) -> Hashable:
+        return self.name, self.machine.holding_map.expression, self.below.tobytes(), self.bounds.tobytes()
 
     def value(self, motion: LimitState) -> Quantity:
         values = motion.evaluate(self.machine.holding_map.expression, motion.pose_rate(0), motion.q)

@@ -4,7 +4,7 @@ lo ≤ q − home ≤ hi of every axis; the angle of every joint to its rest axi
 bodies overlap.
 """
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 
 import numpy as np
 
@@ -28,6 +28,10 @@ class Travel(AxisLimit):
         with np.errstate(invalid="ignore"):  # unlimited both ways: ∞ − ∞
             self.middle = freeze_array(np.nan_to_num(home + (lo + hi) / 2, nan=0.0))
 
+    @property
+    def content(self) -> Hashable:
+        return self.name, self.channels, self.middle.tobytes(), self.below.tobytes(), self.bounds.tobytes()
+
     def value(self, motion: LimitState) -> Quantity:
         return motion.q - self.middle
 
@@ -47,6 +51,10 @@ class Tilt(Limit):
         self.expression = machine.tilt_map
         self.channels, self.bounds = machine.tilt_names, machine.max_tilt
         self.units = (("deg", 180 / np.pi),) * len(self.channels)
+
+    @property
+    def content(self) -> Hashable:
+        return self.name, self.channels, self.expression, self.bounds.tobytes()
 
     def value(self, motion: LimitState) -> Quantity:
         return motion.evaluate(self.expression, motion.pose_rate(0))
@@ -72,6 +80,10 @@ class Clearance(Limit):
         self.channels = self.bodies.names if self.bodies else ()
         self.bounds: Array = freeze_array(self.bodies.contact if self.bodies else [])
         self.units = (("mm", 1e3),) * len(self.channels)
+
+    @property
+    def content(self) -> Hashable:
+        return self.name, self.bodies and self.bodies.content, self.bounds.tobytes()
 
     def value(self, motion: LimitState) -> Quantity:
         if self.bodies is None:

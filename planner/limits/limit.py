@@ -1,7 +1,7 @@
 """What a limit is: data for the solvers, and a physical quantity for the certificate."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from typing import Any, ClassVar, Protocol
@@ -102,6 +102,11 @@ class Limit(ABC):
     def binds(self) -> bool:
         """Whether it limits anything at all."""
         return bool((self.bounds < np.inf).any())
+
+    @property
+    def content(self) -> Hashable:
+        """What decides its value and its use of it: geometric limits of equal content bound the same."""
+        return self
 
     @property
     def geometric(self) -> bool:

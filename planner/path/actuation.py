@@ -3,7 +3,7 @@
 Of a pose's several coordinates a path starts at home's and stays on their branch, turn after turn.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Protocol
@@ -151,6 +151,10 @@ class ActuatorPath(Protocol):
         """(P+1,) bool: where a motion of this order (2: to acceleration, 3: to jerk) has to rest."""
 
     @property
+    def content(self) -> Hashable:
+        """What decides its geometry: paths of equal content lead through the same places."""
+
+    @property
     def tool(self) -> Expression | None:
         """The platform's twelve numbers, or their rates -> the tool's; None where they are the same."""
 
@@ -266,6 +270,12 @@ class MachinePath:
         s = (self.breaks[:-1, None] + np.diff(self.breaks)[:, None] * np.linspace(0, 1, FREEDOM_POINTS)).ravel()
         shares = self._evaluate(pose_map, s, piece)
         refuse_uncontrolled(self.machine, shares, lambda k: f"the path at {self.place(float(s[k]), int(piece[k]))}")
+
+    @property
+    def content(self) -> Hashable:
+        maps = self.machine.inverse_map, self.machine.carried_map if self.machine.follows else None
+        numbers = self.breaks, self.turns, self._near, self._start, self._shape_of, *self._parameters
+        return maps, tuple(self._shapes), tuple(each.tobytes() for each in numbers)
 
     def constant(self, piece: int) -> float | None:
         return self.pieces[piece].tool_speed if self.pieces[piece].constant else None

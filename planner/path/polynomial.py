@@ -9,7 +9,7 @@ motion that passes such a place has an acceleration there, q̈ = q″ ṡ², and
 both are given.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Hashable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -97,6 +97,10 @@ class PolynomialPath:
         at_ends = np.where(found[drawn] - start < near, start, np.where(end - found[drawn] < near, end, high))
         found[drawn] = at_ends
         return found
+
+    @property
+    def content(self) -> Hashable:
+        return self.breaks.tobytes(), self.coefficients.shape, self.coefficients.tobytes(), self.names
 
     def constant(self, piece: int) -> None:
         return None

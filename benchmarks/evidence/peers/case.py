@@ -195,7 +195,7 @@ def solve_certified(case: Case, order: int) -> PeerAnswer:
     limits = axis_limits(case, order)
 
     def solve() -> PeerMotion:
-        # what geometry uses is proved once for a path: each call gets a path of its own
+        # a fresh path: of these limits, none is geometric, so that nothing proved before helps
         found = certified_solve(copy(case.path), limits, order).trajectory
         h = found.knots[1:] - found.knots[:-1]
         return found.duration, sample_profile(Profile(found.s, found.v, found.a, found.j, h, found.piece), order)

@@ -15,6 +15,7 @@ from benchmarks.evidence.timing import Result, time_calls
 from kinematics import Machine, load_machine
 from kinematics.foundation.errors import require
 from planner import Program, Solution, load_program
+from planner.certificate.certify import forget_paths
 from planner.limits import limits_of
 from planner.path.actuation import actuate
 from planner.timing.certified_solve import certified_solve
@@ -66,7 +67,8 @@ def main() -> None:
 
 
 def solve_program(program: Program, machine: Machine, order: int) -> Solution:
-    """From the program on: what geometry uses is proved once for a path, so each call gets a path of its own."""
+    """From the program on, with the proof of its geometry, which a rerun would have from the first call."""
+    forget_paths()
     path = actuate(program, machine)
     return certified_solve(path, limits_of(path, machine.axes, order), order)
 
