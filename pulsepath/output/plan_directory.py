@@ -103,7 +103,7 @@ SOURCES = {"program": "program.toml", "machine": "machine.toml"}
 class StoredPlan:
     """A plan taken up again: its motion, exactly as proved; clock and rule of its pulses, order of its limits.
 
-    stated: what was stated of its pulses, without them
+    stated: what was stated of its pulses, without them; pulse_file: where they are
     doubts: why it is not known to be what was proved; nothing but where that was asked for
     """
 
@@ -113,8 +113,8 @@ class StoredPlan:
     clock_hz: int
     rule: str
     order: int
-    stated: PulseSchedule
     pulse_digest: str | None = None
+    stated: PulseSchedule | None = None
     pulse_file: Path | None = None
     doubts: tuple[str, ...] = ()
 
@@ -129,12 +129,9 @@ class StoredPlan:
 
         Raises MotionError where they are not as they were, nor right.
         """
-        if self.pulse_file is not None and holds_chunks(self.pulse_file):
+        if self.stated is not None and self.pulse_file is not None and holds_chunks(self.pulse_file):
             held = read_pulses(self.pulse_file)
-            same = len(held.axes) == len(self.stated.axes) and all(
-                list_statements(held, k) == list_statements(self.stated, k) for k in range(len(held.axes))
-            )
-            if same and digest_pulses(held) == self.pulse_digest:
+            if _states_same(held, self.stated) and digest_pulses(held) == self.pulse_digest:
                 return held
         axes, home_q = self.machine.axes, self.machine.home_q
         made = generate(self.trajectory, axes, home_q, self.clock_hz, self.rule, progress)
@@ -153,10 +150,16 @@ class _StatedPulses:
     pulses: PulseSchedule
 
 
+def _states_same(held: PulseSchedule, stated: PulseSchedule) -> bool:
+    axes = range(len(stated.axes))
+    return len(held.axes) == len(axes) and all(list_statements(held, k) == list_statements(stated, k) for k in axes)
+
+
 def check_pulses(file: Path, taken: StoredPlan, progress: Progress = ignore_progress) -> PulseCheck:
     """The check of a file of pulses in the folder of a plan, part by part. Raises MotionError where they fail it."""
+    stated = taken.stated or taken.pulses(progress)
     counted = counted_motion(taken.trajectory, taken.machine.axes, taken.machine.home_q)
-    found = check_file(file, _StatedPulses(taken.machine, counted, taken.stated), progress)
+    found = check_file(file, _StatedPulses(taken.machine, counted, stated), progress)
     refuse([f"{file}: {fault}" for fault in found.faults[:1]])
     return found
 
@@ -273,7 +276,7 @@ def _load(folder: Path, unverified: bool, proving: AbstractContextManager[object
     trajectory = plan_files.read_motion(folder / MOTION, actuate(program, machine))
     stated = _state_pulses(pulses, trajectory.duration, machine, clock, rule)
     held = [folder / name for name in (PULSES["binary"], PULSES["csv"]) if name and (folder / name).is_file()]
-    taken = StoredPlan(program, machine, trajectory, clock, rule, order, stated, digest, held[0] if held else None)
+    taken = StoredPlan(program, machine, trajectory, clock, rule, order, digest, stated, held[0] if held else None)
     if unverified:
         return replace(taken, pulse_file=None, doubts=(*doubts, "the motion was not proved again"))
     with proving:

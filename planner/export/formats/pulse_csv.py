@@ -13,8 +13,8 @@
 - UTF-8, line ends \\n, decimal points whatever the locale. The file holds no start counts: keep them beside it.
 """
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
 from typing import ClassVar
@@ -29,7 +29,8 @@ from kinematics.machine.axis import StepTiming, ceil_ticks
 from planner.export.format import Exported, ExportSource
 from planner.parallel import Progress, ignore_progress, share_progress
 from planner.pulses.checking import edge_reader
-from planner.pulses.schedule import PulseSchedule, Ticks, holds_same_pulses
+from planner.pulses.checking.pulse_reader import PulseFile
+from planner.pulses.schedule import AxisPulses, PulseSchedule, Signs, Ticks, holds_same_pulses
 
 STEP_WIDTH = 2e-6  # s, enough for every common drive
 WINDOW = 1 << 15  # pulses per axis written together
@@ -50,12 +51,12 @@ class PulseCsv:
         tell = share_progress(source.tell, 1, 2)
         held = edge_reader.parts(path, pulses.clock_hz, axes, source.machine.home_q, tell=tell)
         exact = holds_same_pulses(pulses, (part.schedule for part in held))
-        notes = (describe_high(pulses, self.width, timing),)
+        notes = (describe_high(measure_spacing([pulses]), self.width, timing),)
         return Exported(0.0 if exact else np.inf, "the pulses, edge by edge", notes, pulses.total)
 
 
 def write(
-    schedule: PulseSchedule,
+    schedule: PulseSchedule | PulseFile,
     path: str | PathLike[str],
     wiring: Sequence[int],
     *,
@@ -63,7 +64,7 @@ def write(
     timing: Sequence[StepTiming | None] = (),
     tell: Progress = ignore_progress,
 ) -> None:
-    """Write the edges of every axis, in pieces of bounded memory.
+    """Write the edges of every axis, in pieces of bounded memory; the pulses of a file are gone through twice.
 
     wiring  (n,) +1/-1, the `direction` of each machine axis
     width   s that STEP stays high, rounded to ticks; None: 2 µs, or half the smallest pulse interval if that is less,
@@ -72,31 +73,85 @@ def write(
     tell    told up to which tick the file is written, of how many
     Raises MotionError where the width leaves STEP no time to be low or a drive another, or the wiring does not match.
     """
-    if len(wiring) != len(schedule.axes) or any(sign not in (1, -1) for sign in wiring):
-        raise MotionError(f"wiring {tuple(wiring)}: give +1 or -1 for each of the {len(schedule.axes)} axes")
-    high = high_ticks(schedule, width, timing)
-    names = [f"{axis.name} {line}" for axis in schedule.axes for line in ("STEP", "DIR")]
-    end = high + max((int(axis.ticks[-1]) for axis in schedule.axes if len(axis)), default=0)
+    stated = schedule.stated if isinstance(schedule, PulseFile) else schedule
+    if len(wiring) != len(stated.axes) or any(sign not in (1, -1) for sign in wiring):
+        raise MotionError(f"wiring {tuple(wiring)}: give +1 or -1 for each of the {len(stated.axes)} axes")
+    spacing = measure_spacing(_parts(schedule))
+    high = high_ticks(spacing, width, timing)
+    names = [f"{axis.name} {line}" for axis in stated.axes for line in ("STEP", "DIR")]
     with Path(path).open("wb") as file:
         file.write((", ".join(["Time[s]", *map(_quote, names)]) + "\n").encode())
-        for ticks, levels in edge_rows(schedule, wiring, high):
-            file.write(_text(ticks, levels, schedule.clock_hz))
-            tell(int(ticks[-1]), end)
+        for ticks, levels in _join_rows(_parts(schedule), spacing, wiring, high):
+            file.write(_text(ticks, levels, stated.clock_hz))
+            tell(int(ticks[-1]), spacing.last + high)
 
 
-def high_ticks(schedule: PulseSchedule, width: float | None, timing: Sequence[StepTiming | None]) -> int:
+def _parts(schedule: PulseSchedule | PulseFile) -> Iterable[PulseSchedule]:
+    return schedule.parts() if isinstance(schedule, PulseFile) else [schedule]
+
+
+FOREVER = int(np.iinfo(np.int64).max)
+
+
+@dataclass(frozen=True, slots=True)
+class Spacing:
+    """What edges need to know of the pulses that come later: of a schedule in parts that follow each other.
+
+    closest  ticks between the two closest pulses of any one axis; None where no axis has two
+    back     ticks of each axis, between the closest two of which the second goes back; None where none does
+    last     tick of the last pulse of all
+    ends     tick before which each part ends
+    ahead    (axes,) of each part: the direction of the first pulse behind it; 0: there is none
+    """
+
+    clock_hz: int
+    closest: int | None
+    back: tuple[int | None, ...]
+    last: int
+    ends: tuple[int, ...]
+    ahead: tuple[Signs, ...]
+
+
+def measure_spacing(parts: Iterable[PulseSchedule]) -> Spacing:
+    """Go through the pulses of one or more parts once."""
+    clock, last, closest = 0, 0, FOREVER
+    ends: list[int] = []
+    first: list[Signs] = []
+    held: list[tuple[Ticks, Signs]] = []  # the last pulse of each axis
+    back: list[int] = []
+    for part in parts:
+        clock, axes = part.clock_hz, part.axes
+        held = held or [(axis.ticks[:0], axis.direction[:0]) for axis in axes]
+        back = back or [FOREVER] * len(axes)
+        for k, axis in enumerate(axes):
+            gaps = np.diff(np.concatenate([held[k][0], axis.ticks]))
+            turned = np.diff(np.concatenate([held[k][1], axis.direction])) != 0
+            closest = min(closest, int(gaps.min(initial=FOREVER)))
+            back[k] = min(back[k], int(gaps[turned].min(initial=FOREVER)))
+            held[k] = (axis.ticks[-1:], axis.direction[-1:]) if len(axis) else held[k]
+            last = max(last, int(axis.ticks[-1]) if len(axis) else 0)
+        ends.append(last + 1)
+        first.append(np.array([axis.direction[0] if len(axis) else 0 for axis in axes], np.int8))
+    ahead = [np.zeros(len(held), np.int8)]
+    for signs in first[:0:-1]:
+        ahead.append(np.where(signs != 0, signs, ahead[-1]))
+    known = (None if least == FOREVER else least for least in back)
+    least = None if closest == FOREVER else closest
+    return Spacing(clock, least, tuple(known), last, (*ends[:-1], FOREVER), tuple(ahead[::-1]))
+
+
+def high_ticks(spacing: Spacing, width: float | None, timing: Sequence[StepTiming | None]) -> int:
     """Ticks that STEP stays high: as the drives ask, and leaving the closest pulses what these need of a low one.
 
     DIR changes when STEP falls, so that a reversal has to leave the set-up of its drive as well.
     """
-    clock, closest = schedule.clock_hz, schedule.smallest_interval
+    clock, closest = spacing.clock_hz, spacing.closest
     drives = [drive for drive in timing if drive is not None]
     least = max([1, *(ceil_ticks(max(drive.high, drive.hold), clock) for drive in drives)])
     room = np.inf if closest is None else closest - max([1, *(ceil_ticks(drive.low, clock) for drive in drives)])
-    for axis, drive in zip(schedule.axes, timing, strict=False):
-        back = np.diff(axis.ticks)[np.diff(axis.direction) != 0]
-        if drive is not None and len(back):
-            room = min(room, int(back.min()) - ceil_ticks(drive.setup, clock))
+    for back, drive in zip(spacing.back, timing, strict=False):
+        if drive is not None and back is not None:
+            room = min(room, back - ceil_ticks(drive.setup, clock))
     usual = min(STEP_WIDTH * clock, np.inf if closest is None else closest // 2)
     high = int(min(max(round(usual), least), room)) if width is None else round(width * clock)
     if not least <= high <= room:
@@ -107,19 +162,40 @@ def high_ticks(schedule: PulseSchedule, width: float | None, timing: Sequence[St
     return high
 
 
-def describe_high(schedule: PulseSchedule, width: float | None, timing: Sequence[StepTiming | None]) -> str:
+def describe_high(spacing: Spacing, width: float | None, timing: Sequence[StepTiming | None]) -> str:
     """How long STEP is high, for the notes."""
-    return f"STEP is high for {1e6 * high_ticks(schedule, width, timing) / schedule.clock_hz:.6g} us"
+    return f"STEP is high for {1e6 * high_ticks(spacing, width, timing) / spacing.clock_hz:.6g} us"
 
 
 def _quote(name: str) -> str:
     return '"' + name.replace('"', '""') + '"' if set(name) & set(',"\n\r') else name
 
 
-def edge_rows(schedule: PulseSchedule, wiring: Sequence[int], high: int) -> Iterator[tuple[Ticks, NDArray[np.uint8]]]:
-    """Edge instants (N,) and the levels of all lines there (N, 2 n), in windows of time."""
-    marks = np.unique(np.concatenate([[0], *(axis.ticks[WINDOW::WINDOW] for axis in schedule.axes)]))
-    ends = [*marks[1:].tolist(), np.iinfo(np.int64).max]
+Rows = Iterator[tuple[Ticks, NDArray[np.uint8]]]
+
+
+def _join_rows(parts: Iterable[PulseSchedule], spacing: Spacing, wiring: Sequence[int], high: int) -> Rows:
+    """The rows of all parts: each is told of the pulse before it, whose STEP may fall in it, and of the way ahead."""
+    begin = 0
+    held = [AxisPulses("", np.empty(0, np.int64), np.empty(0, np.int8), 0, 1.0, 0.0)] * len(wiring)
+    for part, end, ahead in zip(parts, spacing.ends, spacing.ahead, strict=True):
+        axes = []
+        for before, axis, way in zip(held, part.axes, ahead, strict=True):
+            behind = np.array([FOREVER // 2] * int(way != 0), np.int64)
+            ticks = np.concatenate([before.ticks[-1:], axis.ticks, behind])
+            signs = np.concatenate([before.direction[-1:], axis.direction, np.full(len(behind), way, np.int8)])
+            axes.append(replace(axis, ticks=ticks, direction=signs))
+        if begin < end:
+            yield from edge_rows(replace(part, axes=tuple(axes)), wiring, high, begin, end)
+        held = [axis if len(axis) else before for before, axis in zip(held, part.axes, strict=True)]
+        begin = end
+
+
+def edge_rows(schedule: PulseSchedule, wiring: Sequence[int], high: int, begin: int = 0, end: int = FOREVER) -> Rows:
+    """Edge instants (N,) from a tick to before another, and the levels of all lines there (N, 2 n), in windows."""
+    inside = [axis.ticks[WINDOW::WINDOW] for axis in schedule.axes]
+    marks = np.unique(np.concatenate([[begin], *(each[(each > begin) & (each < end)] for each in inside)]))
+    ends = [*marks[1:].tolist(), end]
     for lo, hi in zip(marks.tolist(), ends, strict=True):
         # Pulses that rise or fall from lo on, before hi.
         spans = [np.searchsorted(axis.ticks, (lo - high, lo, hi - high, hi)).tolist() for axis in schedule.axes]

@@ -34,7 +34,7 @@ from numpy.typing import NDArray
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.options import option
 from planner.export.format import Exported, ExportSource
-from planner.export.formats.pulse_csv import describe_high, edge_rows, high_ticks
+from planner.export.formats.pulse_csv import describe_high, edge_rows, high_ticks, measure_spacing
 from planner.pulses.schedule import PulseSchedule, Ticks
 
 SUFFIXES = {9: "1 ns", 10: "100 ps", 11: "10 ps", 12: "1 ps", 13: "100 fs", 14: "10 fs", 15: "1 fs"}
@@ -54,7 +54,8 @@ class Vcd:
         pulses, axes = source.pulses, source.machine.axes
         if 2 * len(axes) > len(IDS):
             raise MotionError(f"{len(axes)} axes, but a dump has at most {len(IDS) // 2}; choose another format")
-        high = high_ticks(pulses, self.width, [axis.timing for axis in axes])
+        spacing = measure_spacing([pulses])
+        high = high_ticks(spacing, self.width, [axis.timing for axis in axes])
         wiring, digits = [axis.direction for axis in axes], _digits(pulses)
         with path.open("wb") as file:
             file.write(_head(source, digits))
@@ -69,7 +70,7 @@ class Vcd:
                     before, last = levels[-1:], int(times[-1])
             end = round(pulses.duration * 10**digits)
             file.write(b"#%d\n" % end if end > last else b"")
-        told = describe_high(pulses, self.width, [axis.timing for axis in axes])
+        told = describe_high(spacing, self.width, [axis.timing for axis in axes])
         return replace(_compare(pulses, wiring, path, digits), notes=(told, f"times in units of {SUFFIXES[digits]}"))
 
 

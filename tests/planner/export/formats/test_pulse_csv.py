@@ -11,8 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from kinematics import Axis, FileError, MotionError
-from planner import PulseSchedule
-from planner.export.formats import pulse_csv
+from planner import PulseSchedule, open_pulses
+from planner.export.formats import binary, pulse_csv
 from planner.pulses import AxisPulses
 from planner.pulses.checking import edge_reader
 from tests import read_lines
@@ -108,6 +108,17 @@ def test_any_schedule_survives_the_file_and_an_independent_decoder_agrees(tmp_pa
         # DIR only changes where STEP falls: the set-up time is as long as can be.
         assert {i for i in range(1, len(rows)) if direction[i] != direction[i - 1]} <= set(falling)
     assert all(before != after for (_, before), (_, after) in pairwise(rows[1:]))  # no row without an edge
+
+
+@settings(deadline=None, max_examples=60)
+@given(schedules(), st.integers(1, 20))
+def test_a_schedule_in_a_file_gives_the_same_edges_part_by_part(tmp_path_factory, schedule, part):
+    """A pulse whose STEP falls in the next part, and the way of one that comes parts later, are known in time."""
+    folder, wiring = tmp_path_factory.mktemp("csv"), [1, -1, 1][: len(schedule.axes)]
+    binary.write(schedule, folder / "pulses.bin", part=part)
+    pulse_csv.write(schedule, folder / "whole.csv", wiring)
+    pulse_csv.write(open_pulses(folder / "pulses.bin"), folder / "parts.csv", wiring)
+    assert (folder / "parts.csv").read_bytes() == (folder / "whole.csv").read_bytes()
 
 
 def test_wiring_turns_dir_and_nothing_else(tmp_path):

@@ -82,7 +82,7 @@ def test_pulses_that_are_moved_stay_on_the_instants_at_which_a_rule_can_fire(rul
 )
 def test_the_step_width_of_a_file_does_not_shrink_with_a_reversal(stated, high):
     schedule = generate(turning(1e-7), [Axis("x", pulse=PULSE, **stated)], [0.0])
-    assert pulse_csv.high_ticks(schedule, None, [None]) == high
+    assert pulse_csv.high_ticks(pulse_csv.measure_spacing([schedule]), None, [None]) == high
 
 
 def violate(axis, kind, rng):
