@@ -19,7 +19,7 @@ from pulsepath.process.exits import INTERRUPTED, JSON, TRACEBACK, describe_error
 from pulsepath.process.intent import describe_interruption
 from pulsepath.progress import say
 
-OTHERS_TITLE = "Others"
+OTHERS_TITLE, OTHER_FORMAT = "Others", "pulsepath.other_format"
 
 
 class Commands(click.Group):
@@ -121,6 +121,50 @@ def _replace_unprintable() -> None:
         reconfigure = getattr(stream, "reconfigure", None)
         if reconfigure is not None:
             reconfigure(errors="replace")
+
+
+CLASHES = {"order": "import_order", "rule": "import_rule"}
+"""Options of formats that programs come in, which commands that plan have others of: there they are called so."""
+OWN = ("machine", "fit")
+"""Those that such commands have themselves."""
+
+
+class ProgramCommand(click.Command):
+    """A command whose program may be a file of another format: then it takes that format's options too.
+
+    They stand in the keyword `given`. Only an argument with such a suffix loads them.
+    """
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        ctx.meta[OTHER_FORMAT] = any(Path(word).suffix not in ("", ".toml") for word in args if word[:1] != "-")
+        return super().parse_args(ctx, args)
+
+    def get_params(self, ctx: click.Context) -> list[click.Parameter]:
+        own = super().get_params(ctx)
+        if ctx.resilient_parsing or not ctx.meta.get(OTHER_FORMAT):
+            return own
+        from pulsepath.format_options import IMPORTS
+
+        more = [option for option in IMPORTS.options() if option.name not in OWN]
+        for option in more:
+            if option.name in CLASHES:
+                option.name = CLASHES[option.name]
+                option.opts = ["--" + option.name.replace("_", "-")]
+        return [*own[:-1], *more, *own[-1:]]
+
+    def invoke(self, ctx: click.Context) -> Any:
+        names = {parameter.name for parameter in self.params}
+        other = {name: ctx.params.pop(name) for name in [*ctx.params] if name not in names}
+        back = {new: old for old, new in CLASHES.items()}
+        ctx.params["given"] = {back.get(name, name): value for name, value in other.items()}
+        return super().invoke(ctx)
+
+    def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        formatter.write_paragraph()
+        formatter.write_text(
+            "A file that `pulsepath import` reads is planned as it is, with the options of import (--order and --rule "
+            "of import are called --import-order and --import-rule here)."
+        )
 
 
 class FormatCommand(click.Command):

@@ -41,6 +41,10 @@ class Formats:
 
         Raises MotionError for another's.
         """
+        return self.find(name)(**self.options_of(name, given))
+
+    def options_of(self, name: str, given: Mapping[str, Any]) -> dict[str, Any]:
+        """Those that were given of a format, in SI units."""
         format_ = self.find(name)
         own = {field.name: field for field, _ in _fields(format_)}
         kinds = {field.name: kind for field, kind in _fields(format_)}
@@ -54,7 +58,7 @@ class Formats:
             if get_origin(kinds[key]) is Literal and values[key] not in get_args(kinds[key]):
                 choices = ", ".join(get_args(kinds[key]))
                 raise MotionError(f'format {name}, option {_flag(key)}: "{values[key]}" is none of {choices}')
-        return format_(**values)
+        return values
 
     def help_text(self) -> str:
         """A line for each format: its name and the first line of its docstring."""

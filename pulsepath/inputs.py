@@ -2,19 +2,42 @@
 
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from hashlib import sha256
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from kinematics import Fault, FileError, Machine, MotionError, NotInstalled, load_machine
 from kinematics.files.toml_document import read
 from kinematics.foundation.names import find, source_folder
 from kinematics.machine.machine_writer import toml_of
 from planner import Program, load_program
+from planner.program.model import fit_joins
+from planner.sources.source import find_source, stream_program, suffix_formats
+from pulsepath.progress import note
 
 if TYPE_CHECKING:
     from controllers.rig import Rig
+
+
+@dataclass(frozen=True, slots=True)
+class Origin:
+    """How a file of another format is read: the format's name, and its options, in SI units.
+
+    suffix: of the file
+    """
+
+    format: str
+    options: Mapping[str, Any]
+    suffix: str
+
+    def read(self, file: Path, machine: str) -> Program:
+        """The program of a file; machine: whose a file of joint axes is."""
+        source = find_source(self.format)(**{**self.options, **_joint_machine(self.format, file, machine)})
+        found = stream_program(file, source)
+        for warning in found.warnings:
+            note(f"note: {file.name}: {warning}")
+        return found.program
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,6 +45,8 @@ class Inputs:
     """A program and a machine, with the content of their files.
 
     companions: what the machine's file names beside it, such as an arm's URDF
+    origin      of a program of another format: its name, and the options by which it was read
+    fit         m, within which all of a TOML program's path was asked to be fitted
     """
 
     program: Program
@@ -29,6 +54,13 @@ class Inputs:
     program_toml: bytes
     machine_toml: bytes
     companions: Mapping[str, bytes] = field(default_factory=dict)
+    origin: "Origin | None" = None
+    fit: float | None = None
+
+    @property
+    def program_file(self) -> str:
+        """What the program's file is called beside a plan."""
+        return "program.toml" if self.origin is None else f"program{self.origin.suffix}"
 
     @property
     def digests(self) -> dict[str, str]:
@@ -37,19 +69,62 @@ class Inputs:
         return {what: sha256(content).hexdigest() for what, content in files.items()}
 
 
-def read_inputs(program: str, machine: str | None) -> Inputs:
+def read_inputs(
+    program: str, machine: str | None, fit: float | None = None, given: Mapping[str, Any] | None = None
+) -> Inputs:
     """A program by preset name or path, and a machine likewise; None: the one that the program names.
 
     A path in the program counts from the program's own folder. Raises FileError or MotionError, also where neither says
     which machine.
+    fit    m, within which the path is to be fitted; None: as the program says
+    given  options of the format that a file of another format has, as the command line has them
     """
+    name = suffix_formats().get(Path(program).suffix.lower())
+    if name is not None:
+        return _import_inputs(Path(program), name, machine, fit, given or {})
+    if told := [key for key, value in (given or {}).items() if value is not None]:
+        raise MotionError(f"option --{told[0].replace('_', '-')} is for files of other formats, which {program} is not")
+    found = _read_native(program, machine)
+    return found if fit is None else replace(found, program=fit_joins(found.program, fit), fit=fit)
+
+
+def _import_inputs(file: Path, name: str, machine: str | None, fit: float | None, given: Mapping[str, Any]) -> Inputs:
+    """Those of a file of another format, which names no machine."""
+    from pulsepath.format_options import IMPORTS
+
+    if machine is None:
+        raise MotionError(f"{file.name} names no machine: give --machine")
+    options = IMPORTS.options_of(name, given)
+    origin = Origin(name, options if fit is None else {**options, "fit": fit}, file.suffix.lower())
+    driven, content, companions = _load_machine(machine)
+    return Inputs(origin.read(file, machine), driven, file.read_bytes(), content, companions, origin)
+
+
+def _joint_machine(name: str, file: Path, machine: str) -> dict[str, str]:
+    """The machine of a file of joint axes, for a format that needs to be told."""
+    from planner.sources.gcode_joints import find_header
+    from planner.sources.source import decode_text
+
+    return {"machine": machine} if name == "gcode" and find_header(decode_text(file)) is not None else {}
+
+
+def _load_machine(machine: str) -> tuple[Machine, bytes, Mapping[str, bytes]]:
+    """A machine, its file's content, and what that names beside it."""
+    driven, file = load_machine(machine), find("kinematics", "machine", machine)
+    content = toml_of(file)
+    urdf = tomllib.loads(content.decode()).get("geometry", {}).get("urdf")
+    companions = {} if urdf is None else {urdf: (source_folder("kinematics", file) / urdf).read_bytes()}
+    return driven, content, companions
+
+
+def _read_native(program: str, machine: str | None) -> Inputs:
     try:
         loaded = load_program(program)
     except FileError as error:
         raise error if machine is not None else _add_machine_fault(error, program) from None
     try:
         name = _machine_name(loaded.machine, program) if machine is None else machine
-        driven, file = load_machine(name), find("kinematics", "machine", name)
+        driven, content, companions = _load_machine(name)
     except NotInstalled:  # which is no fault of the file
         raise
     except MotionError as error:
@@ -57,9 +132,6 @@ def read_inputs(program: str, machine: str | None) -> Inputs:
             raise
         document = read(find("planner", "program", program))
         raise FileError(document.file, [document.fault(("machine",), error)]) from error
-    content = toml_of(file)
-    urdf = tomllib.loads(content.decode()).get("geometry", {}).get("urdf")
-    companions = {} if urdf is None else {urdf: (source_folder("kinematics", file) / urdf).read_bytes()}
     return Inputs(loaded, driven, find("planner", "program", program).read_bytes(), content, companions)
 
 

@@ -29,6 +29,11 @@ dump_option = click.option(
     metavar="DIR",
     help="Only write machine and program with all defaults to DIR (-: print them) and print the options.",
 )
+fit_option = click.option(
+    "--fit",
+    metavar="LENGTH",
+    help='Fit smooth curves within this tolerance of the path, as "0.02 mm"; corners that stay are rounded within it.',
+)
 json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON instead of tables.")
 unverified_option = click.option(
     "--unverified",
@@ -78,4 +83,5 @@ def apply_motion(motion: str, inputs: "Inputs") -> "Inputs":
         for number in left_out:
             note(f"note: segment {number} ends where it starts: skipped, since no axis would move")
     about = f"The program {program.name} as synchronised moves, by --motion {SYNCHRONISED}."
-    return replace(inputs, program=program, program_toml=program_toml(program, about).encode())
+    text = program_toml(program, about).encode()
+    return replace(inputs, program=program, program_toml=text, origin=None, fit=None)

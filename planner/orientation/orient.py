@@ -20,7 +20,7 @@ from planner.orientation.nlp import FreePart, Objective, PartEnd, solve_controls
 from planner.path.actuation import MachinePath, actuate
 from planner.path.chain import carry_tool, chain_pieces, draw_segments
 from planner.path.shape import DEGREE, Piece
-from planner.program.model import Dwell, Program
+from planner.program.model import Dwell, Program, SegmentStream
 from planner.program.modifiers import Free
 from planner.timing.certified_solve import certified_solve
 from planner.trajectory import Trajectory
@@ -64,6 +64,8 @@ def orient(program: Program, machine: Machine, objective: Objective = "time", or
 
 def orient_open(program: Program, machine: Machine, order: int) -> Program:
     """The program with whatever is still open chosen for time."""
+    if isinstance(program.segments, SegmentStream):
+        return program
     still = any(free is not None and free.controls is None for free in map(_segment_freedom, program.segments))
     return orient(program, machine, order=order) if still else program
 
@@ -78,6 +80,8 @@ def apply_choice(program: Program, choice: Choice) -> Program:
 
 def find_choice(program: Program) -> Choice:
     """What was chosen for the free segments of a program."""
+    if isinstance(program.segments, SegmentStream):
+        return {}
     free = {k: _segment_freedom(segment) for k, segment in enumerate(program.segments)}
     return {k: each.controls for k, each in free.items() if each is not None and each.controls is not None}
 

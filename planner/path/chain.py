@@ -106,8 +106,10 @@ def draw_segments(program: Program, machine: Machine) -> Iterator[Drawn]:
     all up to the first that does not say itself where it ends. After the first nothing more is drawn.
     """
     _refuse_lever(program, machine)
-    _refuse_end_speed("start_speed", program.start_speed, program.segments[0], 1)
-    _refuse_end_speed("end_speed", program.end_speed, program.segments[-1], len(program.segments))
+    if program.start_speed:
+        _refuse_end_speed("start_speed", program.start_speed, program.segments[0], 1)
+    if program.end_speed:
+        _refuse_end_speed("end_speed", program.end_speed, program.segments[-1], len(program.segments))
     here = program.start if program.start is not None else default_start(program, machine)
     frame = machine.home if program.frame == "home" else RigidTransform.identity()
     if program.work is not None:

@@ -1,8 +1,10 @@
 """The program model: what the tool is asked to do, segment by segment, in SI units and in the program's own frame."""
 
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import islice
 from math import isfinite
-from typing import Literal
+from typing import Literal, overload
 
 import numpy as np
 from casadi import SX
@@ -14,7 +16,7 @@ from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
 from kinematics.machine.pose import Pose
 from planner.program.formula import check_names, formula
-from planner.program.modifiers import STOP, Free, Join, Stop, Trigger
+from planner.program.modifiers import STOP, Fit, Free, Join, Stop, Trigger
 from planner.program.validation import (
     MOST_SEGMENTS,
     check_angle,
@@ -223,6 +225,35 @@ class Dwell:
 Segment = Line | Arc | Spline | Curve | Turn | Synchronised | Dwell
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class SegmentStream(Sequence[Segment]):
+    """Segments of a file that are not held: whoever goes through them reads it anew.
+
+    read   begins with the first; total: how many there are. None of them has an event or an orientation left free.
+    """
+
+    read: Callable[[], Iterator[Segment]]
+    total: int
+
+    def __iter__(self) -> Iterator[Segment]:
+        return self.read()
+
+    def __len__(self) -> int:
+        return self.total
+
+    @overload
+    def __getitem__(self, index: int) -> Segment: ...
+    @overload
+    def __getitem__(self, index: slice) -> tuple[Segment, ...]: ...
+    def __getitem__(self, index: int | slice) -> Segment | tuple[Segment, ...]:
+        chosen = range(self.total)[index]
+        if isinstance(chosen, int):
+            return next(islice(self.read(), chosen, None))
+        first, after = (min(chosen), max(chosen) + 1) if chosen else (0, 0)
+        some = tuple(islice(self.read(), first, after))
+        return tuple(some[k - first] for k in chosen)
+
+
 Frame = Literal["home", "base"]
 
 
@@ -243,7 +274,7 @@ class Program(Result):
     Raises MotionError for an empty program, an unknown frame, a machine by no name, a count or a speed that is none.
     """
 
-    segments: tuple[Segment, ...]
+    segments: Sequence[Segment]
     frame: Frame = "home"
     start: Pose | None = None
     machine: str | None = None
@@ -260,7 +291,8 @@ class Program(Result):
     file: str = field(default="", kw_only=True)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "segments", tuple(self.segments))
+        if not isinstance(self.segments, SegmentStream):
+            object.__setattr__(self, "segments", tuple(self.segments))
         if not self.segments:
             raise MotionError(
                 f"program {self.name} is empty: give it a line, arc, spline, curve, turn, synchronised move or dwell"
@@ -319,6 +351,12 @@ def _end(segment: Segment) -> Array | None:
     if isinstance(segment, Line | Synchronised):
         return segment.to
     return segment.through[-1] if isinstance(segment, Spline) else None
+
+
+def fit_joins(program: Program, tolerance: float) -> Program:
+    """The same program with its path fitted within a tolerance (m), whatever its joins say."""
+    fitted = (part if isinstance(part, Dwell) else replace(part, join=Fit(tolerance)) for part in program.segments)
+    return replace(program, segments=tuple(fitted))
 
 
 def stop_at_joins(program: Program) -> Program:

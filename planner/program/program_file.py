@@ -312,7 +312,7 @@ def _suggest_import(path: Path, error: FileError) -> FileError:
     name = suffix_formats().get(path.suffix.lower())
     if name is None:
         return error
-    told = f"by its suffix it is {name}: convert it with pulsepath import"
+    told = f"by its suffix it is {name}: plan it with pulsepath plan, or convert it with pulsepath import"
     return FileError(error.file, [*error.faults, Fault("", told, error.faults[-1].line)])
 
 

@@ -12,7 +12,7 @@ from kinematics.machine.pose import Pose
 from planner.path.actuation import MachinePath, make_points
 from planner.path.arc_length import measure_length
 from planner.place import Place, where_columns
-from planner.program.model import MIN_MOVE, Dwell, Program
+from planner.program.model import MIN_MOVE, Dwell, Program, SegmentStream
 from planner.pulses import PulseSchedule
 from planner.trajectory import Trajectory
 
@@ -53,6 +53,8 @@ def find_triggers(
     program: Program, path: MachinePath, trajectory: Trajectory, pulses: PulseSchedule
 ) -> tuple[Triggered, ...]:
     """Every trigger of a program, in the order of its segments, repetition after repetition."""
+    if isinstance(program.segments, SegmentStream):
+        return ()
     events = {
         number: segment.trigger
         for number, segment in enumerate(program.segments, 1)

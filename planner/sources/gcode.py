@@ -26,301 +26,28 @@ leaving them out leaves the path as it is. F is a cap: the machine is as fast as
 rounded make small corners where curves were smooth, at which G61 stops: G64 P passes them.
 """
 
-from collections import Counter
-from dataclasses import dataclass, replace
-from math import cos, degrees, dist, hypot, pi, radians, sin
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+from hashlib import sha256
+from io import StringIO
+from itertools import islice
 from pathlib import Path
 from typing import ClassVar, Literal
-
-import numpy as np
-from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.options import option
 from kinematics.machine.pose import Pose
-from planner.program.model import MIN_MOVE, Arc, Dwell, Line, Program, Segment, Turn
-from planner.program.modifiers import Fit, Join, Stop, Through, choose_join
+from planner.program.model import Program, Segment, SegmentStream
+from planner.program.modifiers import Join, choose_join
 from planner.program.validation import check_positive
 from planner.sources.gcode_joints import find_header, read_joints, refuse_options
+from planner.sources.gcode_run import GcodeRun
 from planner.sources.gcode_words import (
-    GROUPS,
-    MAX_NUMBER,
-    Offsets,
-    WordFault,
-    Words,
-    arc_by_centre,
-    arc_by_radius,
-    column_of,
-    find_ignored_word,
     is_ignorable,
-    words,
 )
 from planner.sources.positions import read_frame
-from planner.sources.source import Faults, Imported, decode_text
-
-PLANES = {17.0: (0, 1, 2), 18.0: (2, 0, 1), 19.0: (1, 2, 0)}
-"""First and second axis of the plane, and its normal."""
-UNIT_METRES = {20.0: 0.0254, 21.0: 1e-3}
-AXES, OFFSETS = "XYZABC", "IJK"
-VALUE_LETTERS = frozenset("XYZABCIJKRFPN")
-HALF_TURN = pi * (1 - 1e-12)
-
-
-class GcodeRun:
-    """A controller's state, changed block by block, and the segments so far.
-
-    place   x, y, z (m), a, b, c (rad) that the blocks have led to
-    stands  (3,) where the segments lead to: an arc may end a rounding beside its place
-    """
-
-    def __init__(self, options: "Gcode", work: Pose | None, faults: Faults) -> None:
-        self.options, self.faults = options, faults
-        self.segments: list[Segment] = []
-        self.entities: Counter[str] = Counter()
-        self.left_out: Counter[str] = Counter()
-        self.nowhere, self.several, self.off, self.unstated = 0, 0, 0.0, True
-        self.ended, self.offsets = False, Offsets()
-        start = RigidTransform.identity() if work is None else work.inv()
-        self.place = [*start.translation.tolist(), *start.rotation.as_euler("XYZ").tolist()]
-        self.stands: list[float] = self.place[:3]
-        self.motion: float | None = None
-        self.plane, self.unit = 17.0, UNIT_METRES[20.0 if options.length == "in" else 21.0]
-        self.absolute, self.from_start, self.timed = True, True, False
-        self.feed: float | None = None
-        self.join: Join = options.first_join
-
-    def block(self, number: int, line: str, found: Words) -> None:
-        """One line's words; what is wrong with them becomes a fault."""
-        try:
-            codes, values = self._sort_words(found)
-            if codes or "F" in values or "P" in values:
-                self._modal(codes, values)
-            if "dwell" in codes:
-                self._dwell(number, values)
-            elif not values.keys() <= {"F", "P", "N"}:
-                self._move(number, values, "F" in values)
-        except MotionError as wrong:
-            key = wrong.word if isinstance(wrong, WordFault) else ""
-            nth = [k for k, (letter, text) in enumerate(found) if key in (letter.upper(), letter + text)]
-            self.faults.add(str(wrong), number, f"column {column_of(line, nth[-1] if nth else 0)}")
-
-    def _sort_words(self, found: Words) -> tuple[dict[str, float], dict[str, float]]:
-        """The block's G by group, and the numbers of its other words by letter."""
-        codes: dict[str, float] = {}
-        values: dict[str, float] = {}
-        silent: list[tuple[str, float]] = []
-        for given, text in found:
-            value = float(text)
-            if not -MAX_NUMBER <= value <= MAX_NUMBER:
-                raise WordFault(given + text, f"{given}{text[:20]}…: no such number makes sense")
-            letter = given.upper()
-            if letter in VALUE_LETTERS:
-                if letter in values:
-                    raise WordFault(letter, f"{letter} appears twice in its block")
-                values[letter] = value
-            elif letter == "G" and value in GROUPS:
-                group = GROUPS[value]
-                if group in codes:
-                    raise WordFault(given + text, f"G{value:g} and G{codes[group]:g} exclude each other in a block")
-                codes[group] = value
-            elif letter == "M" and value in (2, 30):
-                self.ended = True
-            elif (word := find_ignored_word(letter, value, self.options.ignored_words)) is not None:
-                self.left_out[word] += 1
-                silent.append((letter, value))
-            else:
-                word = f"{letter}{value:g}"
-                remedy = f', or leave it out by the option ignore="{word}"' if is_ignorable(word) else ""
-                raise WordFault(given + text, f"{given}{text[:20]} is not supported; take it out{remedy}")
-        if silent:
-            self.offsets.block(silent)
-            if ("G", 80.0) in silent:
-                self.motion = None  # bare axis words mean nothing after it
-        return codes, values
-
-    def _modal(self, codes: dict[str, float], values: dict[str, float]) -> None:
-        """What holds from this block on."""
-        self.motion = codes.get("motion", self.motion)
-        self.plane = codes.get("plane", self.plane)
-        if "length" in codes:
-            self.unit, self.unstated = UNIT_METRES[codes["length"]], False
-        if "distance" in codes:
-            self.absolute = codes["distance"] == 90
-        if "centre" in codes:
-            self.from_start = codes["centre"] == 91.1
-        if "feed" in codes and self.timed != (codes["feed"] == 93):
-            self.timed, self.feed = not self.timed, None
-        if "F" in values:
-            if values["F"] <= 0:
-                raise WordFault("F", f"F{values['F']:g} must be above 0")
-            self.feed = values["F"] / 60
-        if "join" in codes:
-            self.join = self._read_join(codes["join"], values)
-        if "P" in values and "dwell" not in codes and codes.get("join") != 64:
-            raise WordFault("P", "P belongs to G4 or G64")
-
-    def _read_join(self, code: float, values: dict[str, float]) -> Join:
-        if code != 64:
-            return Through() if code == 61 else Stop()
-        if values.get("P", 0.0) <= 0:
-            raise WordFault("G64", "G64 needs P, the tolerance within which the path is followed, above 0")
-        return Fit(values["P"] * self.unit)
-
-    def _dwell(self, number: int, values: dict[str, float]) -> None:
-        if values.get("P", -1.0) < 0:
-            raise WordFault("P", f"G4 needs P, the dwell time in {self.options.dwell}, not negative")
-        if more := values.keys() - {"P", "N", "F"}:
-            raise WordFault(min(more), f"{min(more)} has no meaning beside G4")
-        self.entities["G4"] += 1
-        if self.segments and not isinstance(self.segments[-1], Dwell):
-            self.segments[-1] = replace(self.segments[-1], join=Stop())
-        if values["P"] > 0:
-            self.segments.append(Dwell(values["P"] * (1e-3 if self.options.dwell == "ms" else 1), line_number=number))
-
-    def _move(self, number: int, values: dict[str, float], fed: bool) -> None:
-        if self.motion is None:
-            raise WordFault("", "no G0, G1, G2 or G3 is active")
-        if changed := self.offsets.find_change():
-            raise WordFault(
-                "",
-                f"it moved under {changed[0]} and moves under {changed[1]}: ignoring both would change the path; "
-                "split the program there, or add their offsets to its coordinates",
-            )
-        end = self._end(values)
-        place, self.place = self.place, end
-        # before anything can be wrong, so that what follows is held against what was meant
-        stands, self.stands = self.stands, end[:3]
-        if self.motion in (2, 3):
-            self._arc(number, values, stands, place, end, fed)
-        elif more := values.keys() & {"I", "J", "K", "R"}:
-            raise WordFault(min(more), f"{min(more)} belongs to G2 or G3")
-        elif dist(stands, end[:3]) > MIN_MOVE and end[:3] != place[:3]:
-            self._line(number, dist(stands, end[:3]), place, end, fed)
-        else:
-            if dist(place[3:], end[3:]) > MIN_MOVE:
-                self._turn(number, place, end, fed)
-            else:
-                self.nowhere += 1
-            self.stands = stands
-
-    def _line(self, number: int, length: float, place: list[float], end: list[float], fed: bool) -> None:
-        speed = self.options.rapid if self.motion == 0 else self._speed(length, self.unit, fed)
-        turned = self._find_orientation(place, end)
-        self.segments.append(Line(np.array(end[:3]), turned, speed, self.join, line_number=number))
-        self.entities[f"G{self.motion:.0f}"] += 1
-
-    def _end(self, values: dict[str, float]) -> list[float]:
-        """The place that a block leads to."""
-        end = list(self.place)
-        for k, axis in enumerate(AXES):
-            if axis in values:
-                said = values[axis] * self.unit if k < 3 else radians(values[axis])
-                end[k] = said if self.absolute else end[k] + said
-        return end
-
-    def _speed(self, way: float, unit: float, fed: bool) -> float | None:
-        """The cap that F makes on a way in m or rad; unit: what F counts, in m or rad."""
-        if self.timed:
-            if not fed or self.feed is None:
-                raise WordFault("", "G93 needs F, 1/minutes of the block, on every block that moves")
-            return way * self.feed
-        if self.feed is not None:
-            return self.feed * unit
-        if self.options.feed is None:
-            raise WordFault("", "no F is active; add one, or give the option feed")
-        return self.options.feed if unit == self.unit else None
-
-    def _find_orientation(self, place: list[float], end: list[float]) -> Rotation | None:
-        """The orientation at a block's end; None where it stays."""
-        changed = [k for k in range(3, 6) if place[k] != end[k]]
-        if not changed:
-            return None
-        for k in changed:
-            if abs(end[k] - place[k]) >= HALF_TURN:
-                raise WordFault(
-                    AXES[k], f"{AXES[k]} turns by {degrees(abs(end[k] - place[k])):.6g}° along a path; part it"
-                )
-        self.several += len(changed) > 1
-        return Rotation.from_euler("XYZ", end[3:])
-
-    def _turn(self, number: int, place: list[float], end: list[float], fed: bool) -> None:
-        """On the spot: of one letter by any angle about the axis that it stands for, of several the shortest way."""
-        changed = [k for k in range(3, 6) if place[k] != end[k]]
-        before, after = (Rotation.from_euler("XYZ", angles[3:]) for angles in (place, end))
-        if len(changed) == 1:
-            angle, first = end[changed[0]] - place[changed[0]], changed[0] - 3
-            ahead = Rotation.from_euler("XYZ", [*place[3 : 3 + first], *[0.0] * (3 - first)])
-            turn = Turn(None, self.join, about=ahead.as_matrix()[:, first], angle=angle, line_number=number)
-        else:
-            angle = float((before.inv() * after).magnitude())
-            self.several += 1
-            turn = Turn(after, self.join, line_number=number)
-        speed = None if self.motion == 0 else self._speed(abs(angle), radians(1), fed)
-        self.segments.append(replace(turn, angular_speed=speed))
-        self.entities[f"G{self.motion:.0f}"] += 1
-
-    def _arc(
-        self,
-        number: int,
-        values: dict[str, float],
-        begin: list[float],
-        place: list[float],
-        end: list[float],
-        fed: bool,
-    ) -> None:
-        first, second, normal = PLANES[self.plane]
-        word = f"G{self.motion:.0f}"
-        offsets = values.keys() & set(OFFSETS)
-        if ("R" in values) == bool(offsets):
-            raise WordFault("R" if offsets else "", f"{word} needs either its centre I J K or its radius R")
-        if OFFSETS[normal] in offsets:
-            raise WordFault(OFFSETS[normal], f"{OFFSETS[normal]} is outside the plane of G{self.plane:.0f}")
-        stands, start, there = ((p[first], p[second]) for p in (begin, place, end))
-        if offsets:
-            said = [values.get(OFFSETS[k], 0.0 if self.from_start else None) for k in (first, second)]
-            if None in said:
-                raise WordFault("", f"G90.1 asks for both {OFFSETS[first]} and {OFFSETS[second]}")
-            offset = [
-                (value or 0.0) * self.unit - (0.0 if self.from_start else at)
-                for value, at in zip(said, start, strict=True)
-            ]
-            arc = arc_by_centre(stands, start, there, (offset[0], offset[1]), self.motion == 2)
-        else:
-            arc = arc_by_radius(stands, start, there, values["R"] * self.unit, self.motion == 2)
-        centre, axis = [0.0] * 3, [0.0] * 3
-        centre[first], centre[second], centre[normal] = *arc.centre, begin[normal]
-        axis[normal] = 1.0
-        rise = end[normal] - begin[normal]
-        u, v = stands[0] - arc.centre[0], stands[1] - arc.centre[1]
-        speed = self._speed(hypot(hypot(u, v) * arc.angle, rise), self.unit, fed)
-        turned = self._find_orientation(place, end)
-        about = np.array(centre), np.array(axis)
-        self.segments.append(Arc(*about, arc.angle, turned, speed, self.join, rise=rise, line_number=number))
-        turn = arc.angle
-        self.stands = list(end[:3])
-        self.stands[first] = arc.centre[0] + u * cos(turn) - v * sin(turn)
-        self.stands[second] = arc.centre[1] + u * sin(turn) + v * cos(turn)
-        self.off = max(self.off, arc.off)
-        self.entities[word] += 1
-
-    def warnings(self, after: int) -> tuple[str, ...]:
-        """What was taken to mean something, and what was left out; after: lines that stand after the end."""
-        told = []
-        if self.unstated:
-            told.append(f"no G20 or G21: unit {self.options.length} was assumed")
-        told += [f"{word} was ignored {count} times" for word, count in sorted(self.left_out.items())]
-        if self.nowhere:
-            told.append(f"{self.nowhere} blocks end where they start and were skipped")
-        if self.several:
-            told.append(
-                f"{self.several} blocks rotate about several axes at once: by the shortest rotation, while controllers "
-                "interpolate each letter"
-            )
-        if self.off > 1e-9:
-            told.append(f"arcs end up to {self.off * 1e6:.3g} um from their end points, because their radii differ")
-        if after:
-            told.append(f"{after} lines after the end of the program are not read")
-        return tuple(told)
+from planner.sources.source import Faults, Imported, decode_text, zero_segment
 
 
 @dataclass(frozen=True, slots=True)
@@ -365,8 +92,14 @@ class Gcode:
 
     def read(self, path: Path) -> Imported:
         """The program of a G-code file. Raises FileError with its faults, each with its line and column."""
+        return self._read(path, hold=True)
+
+    def stream(self, path: Path) -> Imported:
+        """The same, all of it checked, but its segments are read anew whenever they are asked for, and not held."""
+        return self._read(path, hold=False)
+
+    def _read(self, path: Path, hold: bool) -> Imported:
         faults = Faults(str(path))
-        work = None if self.origin is None else read_frame(self.origin)
         text = decode_text(path)
         header = find_header(text)
         if header is not None:
@@ -374,18 +107,33 @@ class Gcode:
             return read_joints(path, text, header, self.machine, self.first_join, faults)
         if self.machine is not None:
             raise MotionError(f"gcode: machine is for files of joint axes, which {path.name} is not by its header")
-        run = GcodeRun(self, work, faults)
-        number = 0
-        for number, line, found in words(text, faults):
-            run.block(number, line, found)
-            if run.ended:
-                break
-        if not faults and all(isinstance(part, Dwell) for part in run.segments):
+        run = self._run(faults)
+        segments: Sequence[Segment]
+        if hold:
+            segments = tuple(run.follow(text))
+        else:
+            count = sum(1 for _ in run.follow(text))
+            segments = SegmentStream(partial(self._read_again, path, sha256(text.encode("utf-8", "surrogateescape"))
+                                             .hexdigest()), count)  # fmt: skip
+        if not faults and not run.entities.keys() - {"G4"}:
             faults.add("nothing moves: no G0, G1, G2 or G3 moves the tool")
         faults.refuse()
-        after = sum(line.strip() not in ("", "%") for line in text.split("\n")[number:])
-        program = Program(tuple(run.segments), "home", name=path.stem, work=work)
+        after = sum(line.strip() not in ("", "%") for line in islice(StringIO(text), run.number, None))
+        program = Program(segments, "home", name=path.stem, work=self._work)
         return Imported(program, dict(sorted(run.entities.items())), run.warnings(after))
+
+    def _run(self, faults: Faults) -> GcodeRun:
+        return GcodeRun(self, self._work, faults)
+
+    @property
+    def _work(self) -> Pose | None:
+        return None if self.origin is None else read_frame(self.origin)
+
+    def _read_again(self, path: Path, digest: str) -> Iterator[Segment]:
+        text = decode_text(path)
+        if sha256(text.encode("utf-8", "surrogateescape")).hexdigest() != digest:
+            raise MotionError(f"{path} was changed while it was read: start again")
+        return map(zero_segment, self._run(Faults(str(path))).follow(text))
 
 
 def _normal(word: str) -> str:

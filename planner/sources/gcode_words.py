@@ -7,6 +7,7 @@ point say, in the arc's plane: (2,) points, with the angle positive from the fir
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from io import StringIO
 from math import atan2, copysign, dist, hypot, pi, sqrt
 
 from kinematics.foundation.errors import MotionError
@@ -55,7 +56,8 @@ def words(text: str, faults: Faults) -> Iterator[tuple[int, str, Words]]:
     in the text blanks stand for them, so that columns stay.
     """
     begun = False
-    for number, line in enumerate(text.split("\n"), 1):
+    for number, ended in enumerate(StringIO(text), 1):
+        line = ended.rstrip("\n")
         if len(line) > MAX_CHARACTERS:
             faults.add(f"{len(line)} characters; a line has at most {MAX_CHARACTERS}", number)
             continue

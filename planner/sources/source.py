@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from kinematics.foundation.errors import BadValue, Fault, FileError, MotionError
 from kinematics.foundation.options import load_plugin
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
-from planner.program.model import Arc, Line, Program, Segment, Spline
+from planner.program.model import Arc, Line, Program, Segment, SegmentStream, Spline
 from planner.sources.outline import Outline, outline
 
 ZERO_ROUNDING = 1e-15
@@ -29,6 +29,8 @@ _POINTS: dict[type, tuple[str, ...]] = {Line: ("to",), Arc: ("centre", "normal")
 
 def zero_small_numbers(program: Program) -> Program:
     """The same program, its coordinates below LEAST and its negative zeros made 0."""
+    if isinstance(program.segments, SegmentStream):  # which does so itself
+        return program
     held = [(k, getattr(part, name)) for k, part in enumerate(program.segments) for name in _POINTS.get(type(part), ())]
     if not held:
         return program
@@ -42,6 +44,13 @@ def zero_small_numbers(program: Program) -> Program:
         return program
     segments = tuple(_tidy_part(part) if k in changed else part for k, part in enumerate(program.segments))
     return replace(program, segments=segments)
+
+
+def zero_segment(part: Segment) -> Segment:
+    """The same of one segment."""
+    points = [getattr(part, name) for name in _POINTS.get(type(part), ())]
+    small = any(((abs(own) < ZERO_ROUNDING) & ((own != 0) | np.signbit(own))).any() for own in points)
+    return _tidy_part(part) if small or (isinstance(part, Arc) and 0 < abs(part.rise) < ZERO_ROUNDING) else part
 
 
 def _tidy_part(part: Segment) -> Segment:
@@ -102,6 +111,14 @@ class Source(Protocol):
         """
 
 
+@runtime_checkable
+class Streaming(Protocol):
+    """A format whose files may be longer than what is to be held of them."""
+
+    def stream(self, path: Path, /) -> Imported:
+        """As `read`, but with segments that are read anew whenever they are asked for."""
+
+
 SOURCES = {
     "dxf": "planner.sources.dxf:Dxf",
     "gcode": "planner.sources.gcode:Gcode",
@@ -129,6 +146,14 @@ def source_name(path: Path) -> str:
         told = f'suffix "{path.suffix}" is not a known format' if path.suffix else "it has no suffix"
         raise MotionError(f"{path}: {told}; give its format, or a known suffix: {suffixes}")
     return known[path.suffix.lower()]
+
+
+def stream_program(path: Path, source: Source) -> Imported:
+    """The program of a file, which of a format that can is not held: its segments are read whenever they are asked for.
+
+    All of the file is checked first. Raises FileError with every fault of it.
+    """
+    return source.stream(path) if isinstance(source, Streaming) else source.read(path)
 
 
 def import_program(path: str | PathLike[str], format: str | None = None, **options: Any) -> Imported:

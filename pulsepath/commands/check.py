@@ -1,22 +1,44 @@
 """`pulsepath check`: limits that slowing down cannot fix: reach, travel, tilt, clearance."""
 
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import click
 
-from pulsepath.options import apply_motion, dump_option, json_option, machine_option, motion_option, program_argument
+from pulsepath.command_group import ProgramCommand
+from pulsepath.options import (
+    apply_motion,
+    dump_option,
+    fit_option,
+    json_option,
+    machine_option,
+    motion_option,
+    program_argument,
+    read_quantity,
+)
 from pulsepath.process.exits import INFEASIBLE
 from pulsepath.progress import say
 
 
-@click.command()
+@click.command(cls=ProgramCommand)
 @program_argument
 @machine_option
+@fit_option
 @motion_option
 @dump_option
 @click.option("--force", is_flag=True, help="Overwrite the files of --dump-config.")
 @json_option
-def check(program: str, machine: str | None, motion: str, dumped: Path | None, force: bool, as_json: bool) -> None:
+def check(
+    program: str,
+    machine: str | None,
+    fit: str | None,
+    motion: str,
+    dumped: Path | None,
+    force: bool,
+    as_json: bool,
+    given: Mapping[str, Any],
+) -> None:
     """Check limits that slowing down cannot fix, or a plan.
 
     These are reach, travel, tilt and clearance. Lists every violation along the path of PROGRAM or, if there is none,
@@ -26,7 +48,7 @@ def check(program: str, machine: str | None, motion: str, dumped: Path | None, f
     Example: pulsepath check circle --machine hexapod
     """
     if Path(program).is_dir():
-        if machine is not None or dumped is not None:
+        if machine is not None or dumped is not None or fit is not None:
             raise click.UsageError("A plan has its own machine and program.", click.get_current_context())
         _check_plan(Path(program), as_json)
         return
@@ -35,7 +57,8 @@ def check(program: str, machine: str | None, motion: str, dumped: Path | None, f
     from pulsepath.output import record, tables
     from pulsepath.output.dump import dump
 
-    inputs = apply_motion(motion, read_inputs(program, machine))
+    tolerance = None if fit is None else read_quantity("--fit", fit, "m", above=0.0)
+    inputs = apply_motion(motion, read_inputs(program, machine, tolerance, given))
     if dumped is not None:
         dump(dumped, inputs, "check", {}, force, as_json)
         return

@@ -1,15 +1,19 @@
 """`pulsepath plan`: write the time-optimal motion, its certificate, its pulses and a report to a directory."""
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from pulsepath import known_names
+from pulsepath.command_group import ProgramCommand
 from pulsepath.known_names import make_completer
 from pulsepath.options import (
     apply_motion,
     dump_option,
+    fit_option,
     json_option,
     machine_option,
     motion_option,
@@ -19,14 +23,18 @@ from pulsepath.options import (
 from pulsepath.process.intent import writes
 from pulsepath.progress import say
 
+if TYPE_CHECKING:
+    from pulsepath.inputs import Inputs
+
 WORK_MODULES = ("pulsepath.job",)
 FIGURE_MODULES = ("benchmarks.reports.plan_report", "controllers.figures", "planner.figures")
 """What the second process loads."""
 
 
-@click.command()
+@click.command(cls=ProgramCommand)
 @program_argument
 @machine_option
+@fit_option
 @click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="Output directory.")
 @click.option(
     "--order",
@@ -83,6 +91,7 @@ FIGURE_MODULES = ("benchmarks.reports.plan_report", "controllers.figures", "plan
 def plan(
     program: str,
     machine: str | None,
+    fit: str | None,
     out: Path | None,
     order: str | None,
     clock_hz: int,
@@ -96,15 +105,18 @@ def plan(
     dumped: Path | None,
     force: bool,
     as_json: bool,
+    given: Mapping[str, Any],
 ) -> None:
     """Plan PROGRAM; write motion, pulses and report to DIR.
 
-    The motion is the fastest that the machine's limits allow, and is proved to respect every limit.
+    The motion is the fastest that the machine's limits allow, and is proved to respect every limit. PROGRAM is a
+    preset, a TOML file, or a file that pulsepath import reads.
 
     Example: pulsepath plan circle --out out/circle
     """
     if dumped is not None:
-        _dump(dumped, program, machine, motion, order, clock_hz, duration, rule, pulses, rig, crossed, force, as_json)
+        inputs = _read(program, machine, fit, given, motion)
+        _dump(dumped, inputs, order, clock_hz, duration, rule, pulses, rig, crossed, force, as_json)
         return
     if out is None:
         raise click.UsageError("Missing option '--out'.", click.get_current_context())
@@ -114,14 +126,14 @@ def plan(
     # before what is slow to load, so that both processes load at once
     with reduce_garbage_collection(), side_process([*WORK_MODULES, *(FIGURE_MODULES if figures else ())]) as other:
         from planner.timing.solvers.toppra_ import require
-        from pulsepath.inputs import read_inputs, read_rig
+        from pulsepath.inputs import read_rig
         from pulsepath.job import run
         from pulsepath.output import plan_directory, record, tables
         from pulsepath.output.directory import RECORD, refuse_overwrite, replace_directory
 
         refuse_overwrite(out, force)
         seconds = None if duration is None else read_quantity("--duration", duration, "s", above=0.0)
-        inputs = apply_motion(motion, read_inputs(program, machine))
+        inputs = _read(program, machine, fit, given, motion)
         kind = None if order is None else int(order)
         if crossed:  # said before the work
             require("--cross-check")
@@ -138,11 +150,16 @@ def plan(
         say(f"report: {report}")
 
 
+def _read(program: str, machine: str | None, fit: str | None, given: Mapping[str, Any], motion: str) -> "Inputs":
+    from pulsepath.inputs import read_inputs
+
+    tolerance = None if fit is None else read_quantity("--fit", fit, "m", above=0.0)
+    return apply_motion(motion, read_inputs(program, machine, tolerance, given))
+
+
 def _dump(
     folder: Path,
-    program: str,
-    machine: str | None,
-    motion: str,
+    inputs: "Inputs",
     order: str | None,
     clock_hz: int,
     duration: str | None,
@@ -155,10 +172,9 @@ def _dump(
 ) -> None:
     from planner.limits import usual_order
     from planner.pulses import find_rule
-    from pulsepath.inputs import read_inputs, read_rig
+    from pulsepath.inputs import read_rig
     from pulsepath.output.dump import dump
 
-    inputs = apply_motion(motion, read_inputs(program, machine))
     read_rig(rig, inputs.machine)  # refuses one that does not fit
     find_rule(rule)  # refuses what is none
     chosen = usual_order(inputs.machine.axes) if order is None else int(order)

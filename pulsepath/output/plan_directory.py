@@ -22,12 +22,13 @@ from planner.limits import Limit, limits_of
 from planner.orientation.orient import apply_choice, find_choice
 from planner.parallel import Progress, ignore_progress
 from planner.path.actuation import actuate
+from planner.program.model import fit_joins
 from planner.pulses import PulseCheck, PulseSchedule, check, check_file, generate, pace_axes, read_pulses
 from planner.pulses.checking.pulse_reader import list_statements, read_compensation
 from planner.pulses.compensation.compensate import counted_motion
 from planner.pulses.motion import AxesMotion
 from planner.pulses.schedule import AxisPulses, MovedPulses
-from pulsepath.inputs import Inputs
+from pulsepath.inputs import Inputs, Origin
 from pulsepath.job import Defect, Job
 from pulsepath.options import LAWS
 from pulsepath.output.directory import RECORD, is_ours
@@ -170,7 +171,7 @@ def write(folder: Path, job: Job, inputs: Inputs, pulses: str = DEFAULT_PULSES) 
     pulses: the form of their file, "csv", "binary" or "none". Raises Defect where they fail the check.
     """
     plan = job.plan
-    (folder / SOURCES["program"]).write_bytes(inputs.program_toml)
+    (folder / inputs.program_file).write_bytes(inputs.program_toml)
     (folder / SOURCES["machine"]).write_bytes(inputs.machine_toml)
     for name, content in inputs.companions.items():
         (folder / name).write_bytes(content)
@@ -263,10 +264,16 @@ def _load(folder: Path, unverified: bool, proving: AbstractContextManager[object
     order = record.get("order")
     if order not in (2, 3):
         raise MotionError(f"{folder / RECORD} states no order, 2 or 3: plan it again")
-    doubts = find_differences(record, folder, RECORD, (*SOURCES.values(), MOTION), DERIVED)
+    origin = _origin(record)
+    source = SOURCES["program"] if origin is None else f"program{origin.suffix}"
+    doubts = find_differences(record, folder, RECORD, (source, SOURCES["machine"], MOTION), DERIVED)
     if not unverified:
         refuse(doubts)
-    program, machine = load_program(folder / SOURCES["program"]), load_machine(str(folder / SOURCES["machine"]))
+    own = str(folder / SOURCES["machine"])
+    machine = load_machine(own)
+    program = load_program(folder / source) if origin is None else origin.read(folder / source, own)
+    if origin is None and (fit := record["inputs"]["fit_m"]) is not None:
+        program = fit_joins(program, fit)
     # the files here are copies, by whose names nobody knows what was planned
     name = str(record.get("program") or program.name)
     program = replace(
@@ -300,6 +307,14 @@ def _state_pulses(record: Record, duration: float, machine: Machine, clock: int,
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise MotionError(f"{RECORD} does not state its pulses ({error!r}): plan it again") from None
     return PulseSchedule(clock, tuple(axes), duration, rule, moves, compensations)
+
+
+def _origin(record: Record) -> Origin | None:
+    """How the program is read, where it is a file of another format. Raises MotionError where that is not told."""
+    told = record.get("inputs")
+    if not isinstance(told, dict) or not {"format", "options", "suffix", "fit_m"} <= told.keys():
+        raise MotionError(f"{RECORD} does not say how its program is read: plan it again")
+    return None if told["format"] is None else Origin(told["format"], told["options"], told["suffix"])
 
 
 def refuse_own(folder: Path, target: Path, made: Path) -> None:

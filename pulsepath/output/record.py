@@ -125,6 +125,13 @@ def plan_record(job: Job, inputs: Inputs, verdict: PulseCheck) -> Record:
             for stretch in plan.constant_speeds
         ],
         "triggers": [_trigger(event, plan.machine.axes) for event in plan.triggers],
+        "inputs": {
+            "program": inputs.program_file,
+            "format": None if inputs.origin is None else inputs.origin.format,
+            "suffix": None if inputs.origin is None else inputs.origin.suffix,
+            "options": {} if inputs.origin is None else dict(inputs.origin.options),
+            "fit_m": inputs.fit,
+        },
         "provenance": {
             "sha256": inputs.digests,
             "versions": {

@@ -2,6 +2,7 @@
 
 import random
 import time
+import tracemalloc
 from math import cos, hypot, pi, radians, sin
 
 import numpy as np
@@ -14,6 +15,7 @@ from kinematics import FileError, MotionError
 from planner import Arc, Blend, Dwell, Fit, Line, Stop, Through, Turn, import_program, load_program
 from planner.path.chain import chain_pieces
 from planner.program.program_writer import program_toml
+from planner.sources.gcode import Gcode
 from tests.pace import cpu_limit, slowness
 
 PLANES = {"G17": (0, 1, 2), "G18": (2, 0, 1), "G19": (1, 2, 0)}
@@ -438,3 +440,31 @@ def test_what_rounding_leaves_of_a_zero_is_zero(read):
     assert places[2, 1] == pytest.approx(2e-4, abs=1e-18)
     assert "-0.0" not in program_toml(found)
     assert "e-" not in program_toml(found)
+
+
+def test_a_file_is_read_as_a_stream(tmp_path):
+    """The same segments as of the whole, again and again; and none of them is held."""
+    file = tmp_path / "long.nc"
+    text = "G21 G64 P0.01 F600\nG2 X1 I0.5 Z0.00000000000001\n"
+    moves = (f"G1 X{k % 7} Y{k % 11}\n" + ("G4 P0.1\n" if k % 50 == 9 else "") for k in range(20_000))
+    file.write_text(text + "".join(moves))
+    whole, stream = Gcode().read(file), Gcode().stream(file)
+    assert stream.entities == whole.entities
+    assert len(stream.program.segments) == len(whole.program.segments)
+    for one, other in zip(stream.program.segments, whole.program.segments, strict=True):
+        assert type(one) is type(other)
+        assert getattr(one, "join", None) == getattr(other, "join", None)
+        if isinstance(one, Line):
+            np.testing.assert_array_equal(one.to, other.to)
+    assert stream.program.segments[-1].to.tolist() == whole.program.segments[-1].to.tolist()
+    assert [part.line_number for part in stream.program.segments[3:5]] == [5, 6]
+    segments = iter(stream.program.segments)
+    next(segments)  # its text has been read
+    tracemalloc.start()
+    assert sum(1 for _ in segments) > 20_000
+    most = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert most < 1e5
+    file.write_text(text)
+    with pytest.raises(MotionError, match="was changed while it was read"):
+        list(stream.program.segments)
