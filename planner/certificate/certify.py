@@ -1,7 +1,7 @@
 """The certificate: a bound of every limit over continuous time, from the trajectory and the limits' `value` alone.
 
 Time is cut into cells; over each, the motion is enclosed by Taylor series (planner.certificate.enclosure) and a limit's
-value follows by its own formula. A cell's bound is its largest Bernstein coefficient plus the error; cells are cut
+value follows by its own formula. A cell's bound is that of the series' polynomial plus the error; cells are cut
 until the bounds are tight. It is also proved that the motion is one: nothing jumps, and it runs the whole path once,
 forwards, between the speeds stated.
 """
@@ -137,7 +137,7 @@ def place_at(trajectory: Trajectory, t: float, axis: str) -> Place:
 CROSSING = "resonance crossing"
 """What no value at an instant tells: the longest stay of an axis in a band of speed, over the time allowed."""
 # Instants of a time piece that are looked at for where it uses a limit most (the bound itself needs none).
-WORST_PLACE_INSTANTS = 201
+WORST_PLACE_INSTANTS = 65
 
 
 @dataclass(frozen=True, slots=True)

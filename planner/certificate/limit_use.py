@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from kinematics.foundation.arrays import Array
-from planner.certificate.enclosure import Cells, bound_series, enclose
+from planner.certificate.enclosure import Cells, bound_series, enclose, sample_series
 from planner.certificate.ranges import bound_balls, bound_ranges
 from planner.limits.limit import Limit
 from planner.path.actuation import ActuatorPath
@@ -141,26 +141,27 @@ def _look_at_use(trajectory: Trajectory, limits: Sequence[Limit], cells: Cells, 
         one = (first + np.append(first[1:], len(every))) // 2
         with np.errstate(invalid="ignore", over="ignore"):
             ranges = bound_ranges(trajectory, some, order)
-            merged, heard, whole = ranges.merge(first), _centres(trajectory, some[one], order), None
+            merged, heard, whole = ranges.merge(first), _states(trajectory, some[one], 0.5, order), None
             for n, limit in enumerate(limits):
                 most, seen = limit.use(*bound_balls(limit.value(merged)), merged.piece).max(1), np.zeros(len(every))
                 seen[one] = _use_of(limit, heard)
                 enough = most < min(seen.max(), 1.0)
                 found, rest = most[group], np.flatnonzero(~enough[group])
                 if len(rest) == len(every):
-                    whole = whole or _centres(trajectory, some, order)
+                    whole = whole or _states(trajectory, some, 0.5, order)
                     found = limit.use(*bound_balls(limit.value(ranges)), piece).max(1)
                     seen = _use_of(limit, whole)
                 elif len(rest):
                     mine = ranges[rest]
                     found[rest] = limit.use(*bound_balls(limit.value(mine)), mine.piece).max(1)
-                    seen[rest] = _use_of(limit, _centres(trajectory, some[rest], order))
+                    seen[rest] = _use_of(limit, _states(trajectory, some[rest], 0.5, order))
                 bound[n, begin + every], met[n, begin + every] = found, seen
     return np.where(np.isnan(bound), np.inf, bound), np.where(np.isnan(met), np.inf, met)
 
 
-def _centres(trajectory: Trajectory, cells: Cells, order: int) -> State:
-    return trajectory.within(cells.k, (cells.lo + cells.hi) / 2, jerk=order == 3)
+def _states(trajectory: Trajectory, cells: Cells, share: Array | float, order: int) -> State:
+    """At such shares (N,) of the cells."""
+    return trajectory.within(cells.k, cells.lo + share * (cells.hi - cells.lo), jerk=order == 3)
 
 
 def _use_of(limit: Limit, state: State) -> Array:
@@ -172,18 +173,20 @@ def _use_of(limit: Limit, state: State) -> Array:
 def _bound_use(trajectory: Trajectory, limits: Sequence[Limit], cells: Cells, order: int) -> tuple[Array, Array]:
     """Over each of N cells, the bound of every limit's use over all its channels, and the use attained: (limits, N).
 
-    The bound comes from the enclosure, the attained use from the motion itself at each cell's ends and centre.
+    The bound comes from the enclosure, the attained use from the motion itself where that says that it is largest.
     """
-    bound, met = np.zeros((len(limits), len(cells.k))), np.zeros((len(limits), len(cells.k)))
+    bound, met = np.zeros((2, len(limits), len(cells.k)))
     for first in range(0, len(cells.k), CELL_BATCH):
         chosen = np.arange(first, min(first + CELL_BATCH, len(cells.k)))
         some = cells[chosen]
         enclosure = enclose(trajectory, some, EXPANSION[order])
-        places = np.concatenate([some.lo, (some.lo + some.hi) / 2, some.hi])
-        seen = trajectory.within(np.tile(some.k, 3), places, jerk=order == 3)
         with np.errstate(invalid="ignore", over="ignore"):
             for n, limit in enumerate(limits):
-                bound[n, chosen] = limit.use(*bound_series(limit.value(enclosure), len(chosen)), enclosure.piece).max(1)
-                value = limit.value(seen)
-                met[n, chosen] = limit.use(value, value, seen.piece).max(1).reshape(3, -1).max(0)
+                value = limit.value(enclosure)
+                bound[n, chosen] = limit.use(*bound_series(value, len(chosen)), enclosure.piece).max(1)
+                places, about = sample_series(value, len(chosen))
+                rows = about.reshape(-1, about.shape[2])
+                uses = limit.use(rows, rows, np.tile(enclosure.piece, len(places))).max(1)
+                share = (1 + places[uses.reshape(len(places), -1).argmax(0)]) / 2
+                met[n, chosen] = _use_of(limit, _states(trajectory, some, share, order))
     return np.where(np.isnan(bound), np.inf, bound), np.where(np.isnan(met), np.inf, met)

@@ -9,7 +9,7 @@ from scipy.interpolate import CubicSpline, PPoly
 
 from benchmarks.evidence.peers.case import circle, spline
 from planner import time_optimal
-from planner.certificate.enclosure import _coefficient_range
+from planner.certificate.enclosure import _polynomial_range
 from planner.path.join_and_blend import overlap_lengths
 from planner.timing.solvers.passes import largest_speeds
 from tests.docs.pages import DOCS
@@ -104,11 +104,26 @@ def test_a_line_that_reaches_all_its_limits(length):
     assert found.trajectory.duration == pytest.approx(expected, rel=1e-9)
 
 
-def test_bernstein_coefficients_of_degree_16_over_estimate_a_parabola_by_a_fifteenth():
+@pytest.mark.parametrize(("columns", "share"), [(1, 4096), (2000, 256)])
+def test_values_at_places_over_estimate_a_parabola_by_a_small_share(columns, share):
     """certificate.md."""
-    low, high = _coefficient_range(np.array([[1.0], [0.0], [-1.0]]))  # 1 − τ² on [−1, 1], of height 1
-    assert 1 <= high[0] <= 1 + 1 / 15 + 1e-12
-    assert low[0] == pytest.approx(0, abs=1e-12)
+    parabolas = np.tile([[1.0], [0.0], [-1.0]], columns)  # 1 − τ² on [−1, 1], of height 1
+    low, high = _polynomial_range(parabolas)
+    assert high == pytest.approx(np.full(columns, 1 + 1 / share), abs=1e-12)
+    assert low == pytest.approx(np.full(columns, -1 / share), abs=1e-12)
+
+
+def test_no_polynomial_leaves_its_range():
+    """certificate.md."""
+    random = np.random.default_rng(2)
+    polynomial = random.normal(size=(9, 50)) * 2.0 ** -np.arange(9)[:, None]
+    low, high = _polynomial_range(polynomial)
+    for n in range(50):
+        own = Polynomial(polynomial[:, n])
+        turns = own.deriv().roots()
+        places = np.append(turns[np.abs(turns.imag) < 1e-9].real.clip(-1, 1), [-1, 1])
+        assert low[n] <= own(places).min()
+        assert high[n] >= own(places).max()
 
 
 def test_learning_by_the_plant_itself_shortens_every_error():
