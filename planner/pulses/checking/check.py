@@ -136,7 +136,7 @@ class Gaps:
             search.report(kind, ticks[these], text, 1e6 * had[these] * search.tick)
 
 
-BLOCK_PULSES = 1 << 15  # pulses gone through together
+BLOCK_PULSES = 1 << 13  # pulses gone through together: their arrays stay in the processor's cache
 GRID_INSTANTS = 8  # instants per knot interval besides the pulses' own
 
 

@@ -3,6 +3,8 @@
 import json
 import os
 import struct
+import subprocess
+import sys
 import tracemalloc
 from dataclasses import replace
 from itertools import pairwise
@@ -118,7 +120,7 @@ def grow(path, schedule, marks, part=3):
             state = within(schedule, 0, until + 400)
             writer.mark(state)
             states.append((file.tell(), state))
-        end = binary.find_end(schedule)
+        end = max(writer.until, binary.find_end(schedule))
         writer.add(within(schedule, writer.until, end), end)
         writer.mark(schedule, complete=True)
         states.append((file.tell(), schedule))
@@ -167,6 +169,22 @@ def test_cut_at_any_byte_it_is_what_the_last_mark_had_or_refused(grown, tmp_path
                 read_pulses(cut, partial=True)
 
 
+@settings(max_examples=40, derandomize=True, deadline=None)
+@given(AXES, st.lists(st.integers(0, 20_000), max_size=4).map(sorted), st.floats(0, 1), st.integers(1, 9))
+def test_any_schedule_that_grows_by_any_steps_is_whole_at_each_mark(tmp_path_factory, axes, marks, share, part):
+    schedule, path = schedule_of(axes), tmp_path_factory.mktemp("grow") / "pulses.bin"
+    states = grow(path, schedule, marks, part)
+    assert is_same(read_pulses(path), schedule)
+    size = round(share * states[-1][0])
+    os.truncate(path, size)
+    known = [state for end, state in states if end <= size]
+    if known:
+        assert is_same(read_pulses(path, partial=True), known[-1])
+    else:
+        with pytest.raises(FileError):
+            read_pulses(path, partial=True)
+
+
 def test_with_any_byte_changed_it_has_no_wrong_pulse(grown, tmp_path):
     """Every byte of the file: refused with the place, or, in what a later mark has replaced, of no account."""
     path, schedule, states = grown
@@ -209,6 +227,54 @@ def test_a_file_that_was_cut_goes_on_to_the_same_bytes(grown, tmp_path):
     assert cut.read_bytes() == content
     with path.open("rb") as file, pytest.raises(MotionError, match="is finished"):
         binary.PulseWriter.resume(file, open_pulses(path))
+
+
+GROWING = """
+import sys
+import numpy as np
+from pathlib import Path
+from planner import PulseSchedule, open_pulses
+from planner.export.formats import binary
+from planner.pulses import AxisPulses
+
+def part(first, last):
+    ticks = np.arange(first, last) * 250 + np.arange(first, last) % 7
+    axis = AxisPulses("x", ticks, np.ones(last - first, np.int8), 0, 1e-6, 0.0)
+    return PulseSchedule(10_000_000, (axis,), last * 25e-6)
+
+path, most = Path(sys.argv[1]), int(sys.argv[2])
+there = path.exists()
+with path.open("r+b" if there else "wb") as file:
+    held = open_pulses(path, partial=True) if there else None
+    writer = binary.PulseWriter.resume(file, held) if held else binary.PulseWriter.begin(file, part(0, 0))
+    for first in range(writer.until // 250, most, 500):
+        writer.add(part(first, first + 500), (first + 500) * 250)
+        writer.add(part(first + 500, first + 520), (first + 520) * 250, stop=True)
+        writer.mark(part(first + 500, first + 520))
+        print(first, flush=True)
+    writer.mark(part(most, most), complete=True)
+"""
+
+
+def test_a_process_that_is_killed_leaves_a_motion_to_rest_that_another_goes_on_with(tmp_path):
+    """Within a second mark or a hundredth; then the file is what one that was not killed writes."""
+    whole, path = tmp_path / "whole.bin", tmp_path / "pulses.bin"
+    most = 20_000
+    subprocess.run([sys.executable, "-c", GROWING, whole, str(most)], check=True, capture_output=True)
+    with subprocess.Popen([sys.executable, "-c", GROWING, path, "1000000000"], stdout=subprocess.PIPE) as process:
+        for _ in range(12):
+            process.stdout.readline()
+        process.kill()
+    with pytest.raises(FileError, match="can be read as partial"):
+        read_pulses(path)
+    held = read_pulses(path, partial=True)
+    known = np.arange(held.total)
+    assert held.total >= 12 * 500 + 20
+    assert held.total % 500 == 20
+    assert np.array_equal(held.axes[0].ticks, known * 250 + known % 7)
+    os.truncate(path, min(path.stat().st_size, whole.stat().st_size // 2))
+    subprocess.run([sys.executable, "-c", GROWING, path, str(most)], check=True, capture_output=True)
+    assert path.read_bytes() == whole.read_bytes()
 
 
 def changed(content, number, change):
