@@ -18,9 +18,8 @@ from kinematics.foundation.taylor_model import EPS, Series
 from planner.path.actuation import ActuatorPath
 from planner.trajectory import Trajectory
 
-# Places at which a polynomial's value is worked out, of few of them and of many: a parabola of height h is then
-# over-estimated by h/4096, or h/256.
-POINTS, FEWER_POINTS = 65, 17
+# Places at which a polynomial's value is worked out: a parabola of height h is then over-estimated by h/4096.
+POINTS = 65
 # Columns worked out together: few enough for a linear algebra library to leave its threads alone, which for products as
 # narrow as these take twice the processor time and no less of ours.
 COLUMN_BATCH = 1024
@@ -167,16 +166,19 @@ def _ends(series: Series, cells: int) -> tuple[Array, Array]:
     return np.stack([even - odd, even + odd]), (error + np.abs(polynomial).sum(0) * 32 * EPS) * (1 + 32 * EPS)
 
 
-def sample_series(series: Series, cells: int) -> tuple[Array, Array]:
-    """Places in each cell, from −1 to 1 (P,), and about what a series is there (P, cells, m)."""
+def find_extremes(series: Series, cells: int, channel: np.ndarray) -> tuple[Array, Array]:
+    """Where in each cell one channel (cells,) is about largest and least, −1 to 1, and what all are there.
+
+    Places (2, cells), values (2, cells, m).
+    """
     polynomial = series.pad(series.order).mid[:-1, :cells]
-    points = _points_for(polynomial[0].size)
-    values = _powers_at(points, len(polynomial)) @ polynomial.reshape(len(polynomial), -1)
-    return np.linspace(-1, 1, points), values.reshape(points, *polynomial.shape[1:])
-
-
-def _points_for(columns: int) -> int:
-    return POINTS if columns <= COLUMN_BATCH else FEWER_POINTS
+    own = polynomial[:, np.arange(cells), channel]
+    values = _powers_at(POINTS, len(own)) @ own
+    places = np.linspace(-1, 1, POINTS)[np.stack([values.argmax(0), values.argmin(0)])]
+    found = np.zeros((2, *polynomial.shape[1:]))
+    for power in polynomial[::-1]:
+        found = found * places[..., None] + power
+    return places, found
 
 
 def _polynomial_range(polynomial: Array) -> tuple[Array, Array]:
@@ -186,10 +188,10 @@ def _polynomial_range(polynomial: Array) -> tuple[Array, Array]:
     """
     columns = polynomial.reshape(len(polynomial), -1)
     low, high = np.empty((2, columns.shape[1]))
-    points, k = _points_for(columns.shape[1]), np.arange(len(columns))
-    beyond = (k * (k - 1)) @ np.abs(columns) * (1 / (points - 1) ** 2 / 2)
+    k = np.arange(len(columns))
+    beyond = (k * (k - 1)) @ np.abs(columns) * (1 / (POINTS - 1) ** 2 / 2)
     for first in range(0, columns.shape[1], COLUMN_BATCH):
         some = slice(first, first + COLUMN_BATCH)
-        values = _powers_at(points, len(columns)) @ columns[:, some]
+        values = _powers_at(POINTS, len(columns)) @ columns[:, some]
         low[some], high[some] = values.min(0), values.max(0)
     return (low - beyond).reshape(polynomial.shape[1:]), (high + beyond).reshape(polynomial.shape[1:])

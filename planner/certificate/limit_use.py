@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from kinematics.foundation.arrays import Array
-from planner.certificate.enclosure import Cells, bound_series, enclose, sample_series
+from planner.certificate.enclosure import Cells, bound_series, enclose, find_extremes
 from planner.certificate.ranges import bound_balls, bound_ranges
 from planner.limits.limit import Limit
 from planner.path.actuation import ActuatorPath
@@ -183,10 +183,10 @@ def _bound_use(trajectory: Trajectory, limits: Sequence[Limit], cells: Cells, or
         with np.errstate(invalid="ignore", over="ignore"):
             for n, limit in enumerate(limits):
                 value = limit.value(enclosure)
-                bound[n, chosen] = limit.use(*bound_series(value, len(chosen)), enclosure.piece).max(1)
-                places, about = sample_series(value, len(chosen))
-                rows = about.reshape(-1, about.shape[2])
-                uses = limit.use(rows, rows, np.tile(enclosure.piece, len(places))).max(1)
-                share = (1 + places[uses.reshape(len(places), -1).argmax(0)]) / 2
+                uses = limit.use(*bound_series(value, len(chosen)), enclosure.piece)
+                bound[n, chosen] = uses.max(1)
+                places, about = find_extremes(value, len(chosen), uses.argmax(1))
+                more, less = (limit.use(each, each, enclosure.piece).max(1) for each in about)
+                share = (1 + np.where(more >= less, places[0], places[1])) / 2
                 met[n, chosen] = _use_of(limit, _states(trajectory, some, share, order))
     return np.where(np.isnan(bound), np.inf, bound), np.where(np.isnan(met), np.inf, met)

@@ -136,12 +136,13 @@ class PolynomialPath:
         return None
 
     def enclose(self, s: Series, piece: np.ndarray) -> Series:
-        x = (s - self.breaks[piece])[:, None]
-        first, *rest = self.coefficients[:, piece]
+        x = (s - self.breaks[piece])[None]
+        # cells last, which numpy's loops run along
+        first, *rest = np.ascontiguousarray(self.coefficients[:, piece].transpose(0, 2, 1))
         q = Series.constant(first, s.order)
         for c in rest:
             q = q * x + c
-        return q
+        return Series(q.mid.transpose(0, 2, 1), q.rad.transpose(0, 2, 1), q.order)
 
 
 # Share of an axis' extent by which a stretch may leave its chord and be straight, and of its values: rounding.
