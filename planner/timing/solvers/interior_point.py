@@ -84,6 +84,8 @@ def minimise(stages: Stages, rows: StageRows, states: Array, controls: Array, st
         np.zeros((count, 4)),
         np.zeros((3, count + 1, 2)),
         np.zeros((3, count)),
+        np.zeros(3),
+        np.zeros(3),
     )
     next_force, step_force, time_force = np.zeros((count + 1, 2)), np.zeros(count), 0.0
     step = NewtonStep(np.zeros((count + 1, 2)), np.zeros((count, 4)), np.zeros((count + 1, 2)), np.zeros(count))

@@ -18,6 +18,7 @@ from planner.timing.solvers.stages import (
     StageRows,
     Stages,
     add_bends,
+    add_jerks,
     evaluate,
     reach,
     slope_place,
@@ -74,10 +75,11 @@ def linearize(
     count, last = len(stages.step), rows.low.shape[1] - 1
     low, high, values = rows.low, rows.high, misses.values
     slack_low, slack_high, force_low, force_high = motion[2:]
-    # of each term at each place: by ṡ, by s̈, and twice by ṡ
-    by = np.zeros((3, TERM_COUNT, 3))
-    by[:, 1, 0] = by[:, 4, 1] = 1.0
-    by[:, 2, 2] = 2.0
+    kinds = rows.terms
+    # of each term at each place: by ṡ, s̈ and s⃛, and by ṡṡ and ṡs̈
+    by = np.zeros((3, TERM_COUNT, 5))
+    by[:, 1, 0] = by[:, 4, 1] = by[:, 6, 2] = by[:, 5, 4] = 1.0
+    by[:, 2, 3] = 2.0
     # by ṡ, s̈, s⃛ at each place: of the rows and what is reached with their forces, with these taken out to first order,
     # and by μ; and of the cost; and second ones
     sums, bends = np.empty((4, 3, 3)), np.empty((3, 6))
@@ -93,7 +95,7 @@ def linearize(
         for place in range(3):
             pv, pa = reached[place, 0], reached[place, 1]
             by[place, 2, 0], by[place, 3, 0], by[place, 5, 0] = 2 * pv, 3 * pv * pv, pa
-            by[place, 5, 1], by[place, 3, 2] = pv, 6 * pv
+            by[place, 5, 1], by[place, 3, 3] = pv, 6 * pv
         row = 0
         for half in range(2):
             coefficients = rows.first if half == 0 else rows.second
@@ -103,17 +105,23 @@ def linearize(
                 length = rows.lengths[b]
                 push_v = push_a = push_j = pull_v = pull_a = pull_j = centre_v = centre_a = centre_j = 0.0
                 bend_vv = bend_va = bend_vj = bend_aa = bend_aj = bend_jj = 0.0
+                one, two, three = by[place, kinds[b, 0]], by[place, kinds[b, 1]], by[place, kinds[b, 2]]
                 for _ in range(rows.size[b]):
-                    by_v = by_a = by_j = by_vv = by_va = 0.0
-                    for t in range(length):
-                        own, term = coefficients[k, at + t], rows.terms[b, t]
-                        by_v += own * by[place, term, 0]
-                        by_a += own * by[place, term, 1]
-                        by_vv += own * by[place, term, 2]
-                        if term == 5:
-                            by_va = own
-                        elif term == 6:
-                            by_j = own
+                    first = coefficients[k, at]
+                    second = coefficients[k, at + 1] if length > 1 else 0.0
+                    third = coefficients[k, at + 2] if length > 2 else 0.0
+                    by_v = first * one[0] + second * two[0] + third * three[0]
+                    by_a = first * one[1] + second * two[1] + third * three[1]
+                    by_j = first * one[2] + second * two[2] + third * three[2]
+                    by_vv = first * one[3] + second * two[3] + third * three[3]
+                    by_va = first * one[4] + second * two[4] + third * three[4]
+                    for t in range(3, length):
+                        own, rest = coefficients[k, at + t], by[place, kinds[b, t]]
+                        by_v += own * rest[0]
+                        by_a += own * rest[1]
+                        by_j += own * rest[2]
+                        by_vv += own * rest[3]
+                        by_va += own * rest[4]
                     at += length
                     push_low, push_high = force_low[k, row], force_high[k, row]
                     stiff, force, pull, centre, missed, smaller, larger = _weigh(
@@ -143,15 +151,24 @@ def linearize(
                     bend_aa += stiff * by_a * by_a
                     bend_aj += stiff * by_a * by_j
                     bend_jj += stiff * by_j * by_j
-                own_sums = ((push_v, push_a, push_j), (pull_v, pull_a, pull_j), (centre_v, centre_a, centre_j))
-                for m in range(3):
-                    for n in range(3):
-                        sums[m, place, n] += own_sums[m][n]
-                for m, value in enumerate((bend_vv, bend_va, bend_vj, bend_aa, bend_aj, bend_jj)):
-                    bends[place, m] += value
+                sums[0, place, 0] += push_v
+                sums[0, place, 1] += push_a
+                sums[0, place, 2] += push_j
+                sums[1, place, 0] += pull_v
+                sums[1, place, 1] += pull_a
+                sums[1, place, 2] += pull_j
+                sums[2, place, 0] += centre_v
+                sums[2, place, 1] += centre_a
+                sums[2, place, 2] += centre_j
+                bends[place, 0] += bend_vv
+                bends[place, 1] += bend_va
+                bends[place, 2] += bend_vj
+                bends[place, 3] += bend_aa
+                bends[place, 4] += bend_aj
+                bends[place, 5] += bend_jj
         sums[0, END, 0] += next_force[k + 1, 0]
         sums[0, END, 1] += next_force[k + 1, 1]
-        rough = _add_jerks(stages.jerks[k], reached, j, weight * h, sums, bends) if stages.stated else 0.0
+        rough = add_jerks(stages.jerks[k], reached, j, weight * h, sums, bends) if stages.stated else 0.0
         bend = slopes.bend[k]
         bend[:], mapped[:] = 0.0, 0.0
         for place in range(3):
@@ -214,31 +231,6 @@ def linearize(
         if k < count - 1 or not stages.free_end:
             row_error = max(row_error, abs(misses.next[k, 1]) / stages.scale[1])
     return row_error, slope_error, least, most, forces
-
-
-@kernel
-def _add_jerks(jerks: Array, reached: Array, j: float, share: float, sums: Array, bends: Array) -> float:
-    """Add share/2 · Σ r² at both ends of a stage to what is by ṡ, s̈, s⃛, and return ½ Σ r²."""
-    total = 0.0
-    for side in range(2):
-        place = START if side == 0 else END
-        v, a = reached[place, 0], reached[place, 1]
-        own, bend = sums[3, place], bends[place]
-        for i in range(jerks.shape[1]):
-            r0, r1, r2 = jerks[side, i, 0], jerks[side, i, 1], jerks[side, i, 2]
-            r = r0 * j + (r1 * a + r2 * v * v) * v
-            total += r * r / 2
-            by_v, by_a, by_j = r1 * a + 3 * r2 * v * v, r1 * v, r0
-            own[0] += share * r * by_v
-            own[1] += share * r * by_a
-            own[2] += share * r * by_j
-            bend[0] += share * (by_v * by_v + r * 6 * r2 * v)
-            bend[1] += share * (by_v * by_a + r * r1)
-            bend[2] += share * by_v * by_j
-            bend[3] += share * by_a * by_a
-            bend[4] += share * by_a * by_j
-            bend[5] += share * by_j * by_j
-    return total
 
 
 @kernel

@@ -19,6 +19,8 @@ CONVEX = 1e-9
 """Least curvature along a stage's own choice, in units of the cost per squared scale."""
 PRICE, MISS_LEFT = 1e8, 0.1
 """Of the last state's miss, in units of the cost per squared scale; the share of it that a step may leave."""
+DEPENDENT = 1e-14
+"""Share of what a multiplier takes off its own that is rounding, beside what the others take off."""
 
 
 class Recursion(NamedTuple):
@@ -28,6 +30,7 @@ class Recursion(NamedTuple):
     follow (N, 4)   that control, by ṡ, s̈ and the other one, and by itself
     choice (N, 4)   curvature of the cost along the other one, mixed with ṡ and with s̈, and slope
     border (3, N + 1, 2), lever (3, N)  of the last ṡ and s̈ and of Σ h: slopes by each state and by each choice
+    left (3,), more (3,)  how far these are off, and by what their multipliers change
     """
 
     quadratic: Array
@@ -37,6 +40,8 @@ class Recursion(NamedTuple):
     choice: Array
     border: Array
     lever: Array
+    left: Array
+    more: Array
 
 
 class NewtonStep(NamedTuple):
@@ -70,26 +75,20 @@ def solve_step(
     if not recur(stages, motion, misses, bend, pulls, last_force, convexity, recursion):
         return None
     roll(stages, motion, misses, bend, pulls, convexity, recursion, step)
-    unit = np.array([stages.scale[0], stages.scale[1], 1.0])
-    left = np.array([*step.states[-1], step.stages[:, 3].sum() + excess]) / unit
+    left, more = recursion.left, recursion.more
+    left[0], left[1], left[2] = step.states[-1, 0], step.states[-1, 1], step.stages[:, 3].sum() + excess
     if not np.isfinite(left).all():
         return None
-    before = np.abs(misses.next[-1, :fixed] / stages.scale[:fixed]).max()
-    much = bool(np.abs(left[:fixed]).max() > MISS_LEFT * before)
-    asked = np.flatnonzero([much, much and fixed == 2, stages.stated])
-    if not len(asked):
+    miss = max(abs(misses.next[-1, n]) / stages.scale[n] for n in range(fixed))
+    much = max(abs(left[n]) / stages.scale[n] for n in range(fixed)) > MISS_LEFT * miss
+    if not (much or stages.stated):
         return 0.0
-    taken = np.zeros((3, 3))
-    respond(stages, motion, recursion, taken)
-    taken = (taken / unit / unit[:, None])[np.ix_(asked, asked)]
-    if not np.isfinite(taken).all():  # the price's step is a number, though it leaves some of the miss
-        return 0.0
-    more = np.zeros(3)
-    more[asked] = np.linalg.lstsq(taken, left[asked], rcond=None)[0] / unit[asked]
-    recursion.linear[:] += np.tensordot(more, recursion.border, 1)
-    recursion.choice[:, 3] += more @ recursion.lever
-    roll(stages, motion, misses, bend, pulls + np.array([0.0, 0.0, 0.0, more[2]]), convexity, recursion, step)
-    return float(more[2]) if np.isfinite(step.states).all() else None
+    seek(stages, motion, recursion, much, much and fixed == 2, stages.stated)
+    change = float(more[2])
+    if change != 0:
+        pulls = pulls + np.array([0.0, 0.0, 0.0, change])
+    roll(stages, motion, misses, bend, pulls, convexity, recursion, step)
+    return change if np.isfinite(step.states[-1]).all() else None
 
 
 @kernel
@@ -218,19 +217,22 @@ def roll(
 
 
 @kernel
-def respond(stages: Stages, motion: Iterate, recursion: Recursion, taken: Array) -> None:
-    """Fill `border` and `lever` of `recursion`, and `taken` (3, 3): what each multiplier takes off the last ṡ and s̈ and
-    off Σ h."""
+def seek(
+    stages: Stages, motion: Iterate, recursion: Recursion, speed_asked: bool, push_asked: bool, time_asked: bool
+) -> None:
+    """Change the recursion's multipliers of the last ṡ and s̈ and of Σ h, those that are asked for, such that nothing is
+    left of them. Where that overflows, none is: the price's step is a number, though it leaves some of the miss.
+    """
     count = len(stages.step)
-    border, lever = recursion.border, recursion.lever
+    border, lever, linear, more = recursion.border, recursion.lever, recursion.linear, recursion.more
     border[:, count] = 0.0
     border[0, count, 0] = border[1, count, 1] = 1.0
-    taken[:] = 0.0
+    taken = np.zeros((3, 3))  # off each by each one's multiplier
     for k in range(count - 1, -1, -1):
         a, j, h = motion.states[k, 1], motion.controls[k, 0], motion.controls[k, 1]
         t, t_square, by_h, push_by_h = slope_place(END, a, j, h)
-        choice, follow = recursion.choice[k], recursion.follow[k]
-        share0, share1 = choice[1] / choice[0], choice[2] / choice[0]
+        curve, follow = recursion.choice[k, 0], recursion.follow[k]
+        share0, share1 = recursion.choice[k, 1] / curve, recursion.choice[k, 2] / curve
         for i in range(3):
             g0, g1 = border[i, k + 1, 0], border[i, k + 1, 1]
             by_own, by_taken = t_square * g0 + t * g1, by_h * g0 + push_by_h * g1 + (1.0 if i == 2 else 0.0)
@@ -240,12 +242,36 @@ def respond(stages: Stages, motion: Iterate, recursion: Recursion, taken: Array)
             lever[i, k] = by_own
             border[i, k, 0] = g0 + follow[0] * by_taken - share0 * by_own
             border[i, k, 1] = t * g0 + g1 + follow[1] * by_taken - share1 * by_own
-        for i in range(3):
-            for n in range(3):
-                taken[i, n] += lever[i, k] * lever[n, k] / choice[0]
+            for n in range(i + 1):
+                taken[i, n] += by_own * lever[n, k] / curve
     for i in range(3):
-        for n in range(3):
+        for n in range(i + 1):
             if stages.prize > 0:
                 taken[i, n] += border[i, 0, 0] * border[n, 0, 0] / recursion.quadratic[0, 0]
             if stages.free_start:
                 taken[i, n] += border[i, 0, 1] * border[n, 0, 1] / recursion.quadratic[0, 2]
+            taken[n, i] = taken[i, n]
+    left, largest = recursion.left, np.array([taken[0, 0], taken[1, 1], taken[2, 2]])
+    used = np.array([speed_asked, push_asked, time_asked])
+    for i in range(3):
+        used[i] = used[i] and taken[i, i] > DEPENDENT * largest[i]  # no overflow, and not what others ask for
+        if used[i]:
+            for n in range(i + 1, 3):
+                share = taken[n, i] / taken[i, i]
+                left[n] -= share * left[i]
+                for m in range(i + 1, 3):
+                    taken[n, m] -= share * taken[i, m]
+    more[:] = 0.0
+    for i in range(2, -1, -1):
+        if used[i]:
+            more[i] = left[i]
+            for n in range(i + 1, 3):
+                more[i] -= taken[i, n] * more[n]
+            more[i] /= taken[i, i]
+    if not (more[0] == 0 and more[1] == 0 and more[2] == 0):
+        for k in range(count + 1):
+            for i in range(3):
+                linear[k, 0] += more[i] * border[i, k, 0]
+                linear[k, 1] += more[i] * border[i, k, 1]
+                if k < count:
+                    recursion.choice[k, 3] += more[i] * lever[i, k]

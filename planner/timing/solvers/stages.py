@@ -161,13 +161,19 @@ def sum_terms(rows: StageRows, terms: Array, out: Array) -> None:
             at, row = 0, half * (out.shape[1] // 2 - 1)
             for b in range(len(size)):
                 place = START if half == 0 else (END if at_end[b] else MIDDLE)
-                for _ in range(size[b]):
-                    value = 0.0
-                    for t in range(lengths[b]):
-                        value += coefficients[k, at] * terms[k, place, kinds[b, t]]
-                        at += 1
-                    out[k, row] = value
-                    row += 1
+                length, own = lengths[b], terms[k, place]
+                first, second, third = own[kinds[b, 0]], own[kinds[b, 1]], own[kinds[b, 2]]
+                for i in range(size[b]):  # three terms written out take half the time
+                    value = coefficients[k, at] * first
+                    if length > 1:
+                        value += coefficients[k, at + 1] * second
+                    if length > 2:
+                        value += coefficients[k, at + 2] * third
+                    for t in range(3, length):
+                        value += coefficients[k, at + t] * own[kinds[b, t]]
+                    out[k, row + i] = value
+                    at += length
+                row += size[b]
 
 
 @kernel
@@ -186,4 +192,29 @@ def sum_costs(stages: Stages, states: Array, controls: Array) -> float:
                     jerk = jerks[k, side, i, 0] * j
                     jerk += (jerks[k, side, i, 1] * pa + jerks[k, side, i, 2] * pv * pv) * pv
                     total += h / 2 * jerk * jerk
+    return total
+
+
+@kernel
+def add_jerks(jerks: Array, reached: Array, j: float, share: float, sums: Array, bends: Array) -> float:
+    """Add share/2 · Σ r² at both ends of a stage to what is by ṡ, s̈, s⃛, and return ½ Σ r²."""
+    total = 0.0
+    for side in range(2):
+        place = START if side == 0 else END
+        v, a = reached[place, 0], reached[place, 1]
+        own, bend = sums[3, place], bends[place]
+        for i in range(jerks.shape[1]):
+            r0, r1, r2 = jerks[side, i, 0], jerks[side, i, 1], jerks[side, i, 2]
+            r = r0 * j + (r1 * a + r2 * v * v) * v
+            total += r * r / 2
+            by_v, by_a, by_j = r1 * a + 3 * r2 * v * v, r1 * v, r0
+            own[0] += share * r * by_v
+            own[1] += share * r * by_a
+            own[2] += share * r * by_j
+            bend[0] += share * (by_v * by_v + r * 6 * r2 * v)
+            bend[1] += share * (by_v * by_a + r * r1)
+            bend[2] += share * by_v * by_j
+            bend[3] += share * by_a * by_a
+            bend[4] += share * by_a * by_j
+            bend[5] += share * by_j * by_j
     return total

@@ -129,7 +129,13 @@ def test_a_step_that_is_no_number_is_none(monkeypatch):
     assert interior_point.minimise(stages, rows, states, controls).status == "not convex"
     monkeypatch.undo()
     # where only the exact step is none, that of the price is taken
-    monkeypatch.setattr(riccati, "respond", lambda *arguments: arguments[-1].fill(np.inf))
+    seek = riccati.seek
+
+    def lose(stages, motion, recursion, *asked):
+        seek(stages, motion, recursion._replace(choice=recursion.choice * np.nan), *asked)
+        assert not recursion.more.any()
+
+    monkeypatch.setattr(riccati, "seek", lose)
     monkeypatch.setattr(riccati, "MISS_LEFT", 0.0)
     monkeypatch.setattr(interior_point, "MAX_ITERATIONS", 1)
     answer = interior_point.minimise(stages, rows, states, controls)
