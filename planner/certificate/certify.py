@@ -204,6 +204,8 @@ def certify(trajectory: Trajectory, limits: Sequence[Limit], known: ProvedUse | 
     )
 
 
+# Knots at which geometric limits are looked at, beside those around the worst of them.
+KNOTS_SEEN = 128
 # Paths whose geometry is remembered as proved.
 KEPT_PATHS = 16
 _PATH_USE: dict[Hashable, dict[str, Array]] = {}
@@ -249,24 +251,33 @@ def _geometric_use(trajectory: Trajectory, limits: Sequence[Limit]) -> dict[str,
 def use_at_knots(trajectory: Trajectory, limits: Sequence[Limit], known: ProvedUse | None = None) -> dict[str, Array]:
     """Per geometric limit, the larger use attained at the two ends of each time piece (M,); known: what is already.
 
-    A knot is one place: what the path uses there is the same on both sides.
+    A knot is one place: what the path uses there is the same on both sides. Some knots are looked at, and then all
+    beside the one that uses a limit most: it says where a limit is used most, and proves nothing.
     """
     pieces = len(trajectory.s)
     nothing = np.full(pieces, np.nan)
     found = {limit.name: nothing.copy() if known is None else known.attained[limit.name].copy() for limit in limits}
     new = np.flatnonzero(np.isnan(found[limits[0].name])) if limits else np.zeros(0, int)
     knots = np.union1d(new, new + 1)
-    k = np.minimum(knots, pieces - 1)
-    tau = np.where(knots < pieces, 0.0, np.diff(trajectory.knots)[k])
-    met = {limit.name: np.empty(pieces + 1) for limit in limits}
-    for some in (slice(first, first + STATE_BATCH) for first in range(0, len(knots), STATE_BATCH)):
-        state = trajectory.within(k[some], tau[some])
-        for limit in limits:
-            value = limit.value(state)
-            met[limit.name][knots[some]] = limit.use(value, value, state.piece).max(1)
+    met = {limit.name: np.zeros(pieces + 1) for limit in limits}
+    step = -(-len(knots) // KNOTS_SEEN)
+    some = knots[np.unique(np.append(np.arange(0, len(knots), step), len(knots) - 1))] if step else knots
+    _look_at_knots(trajectory, limits, some, met)
+    for limit in limits if step > 1 else ():
+        best = int(np.searchsorted(knots, some[met[limit.name][some].argmax()]))
+        _look_at_knots(trajectory, [limit], knots[max(best - step + 1, 0) : best + step], met)
     for name, values in met.items():
         found[name][new] = round_reached_use(np.maximum(values[new], values[new + 1]))
     return found
+
+
+def _look_at_knots(trajectory: Trajectory, limits: Sequence[Limit], knots: np.ndarray, met: dict[str, Array]) -> None:
+    """Fill met (M+1,) of each limit at some knots."""
+    k = np.minimum(knots, len(trajectory.s) - 1)
+    state = trajectory.within(k, np.where(knots < len(trajectory.s), 0.0, np.diff(trajectory.knots)[k]))
+    for limit in limits:
+        value = limit.value(state)
+        met[limit.name][knots] = limit.use(value, value, state.piece).max(1)
 
 
 def _prove_crossing(trajectory: Trajectory, limit: Resonance) -> tuple[Array, Array, Place]:
