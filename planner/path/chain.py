@@ -23,6 +23,7 @@ from planner.path.join_and_blend import join
 from planner.path.outcome import Blended
 from planner.path.shape import (
     DEGREE,
+    LINE,
     Drawn,
     Fitted,
     Piece,
@@ -99,6 +100,36 @@ def chain_pieces(program: Program, machine: Machine) -> Chain:
     return Chain(pieces, stops, rests, blends, fits)
 
 
+class _Stand:
+    """Where a path stands, in the program's frame; a line that does not turn is drawn from it in a few numbers.
+
+    Composing poses takes ten times as long, and files have millions of lines.
+    """
+
+    def __init__(self, pose: Pose, frame: Pose) -> None:
+        self.frame = frame
+        self._turned, self._moved = frame.rotation.as_matrix(), frame.translation
+        self.move(pose)
+
+    def move(self, pose: Pose) -> None:
+        self._position, self._rotation = pose.translation, pose.rotation
+        rows = (self.frame.rotation * self._rotation).as_matrix().ravel()
+        self._rest = np.concatenate([rows, [0.0, 0.0, 1.0, 0.0]])  # about any axis, at no rate
+
+    @property
+    def pose(self) -> Pose:
+        return RigidTransform.from_components(self._position, self._rotation)
+
+    def draw_line(self, to: Array, number: int) -> Piece | None:
+        """The piece to a position, at which it stands then; None where it is there already."""
+        start, end = (self._turned @ place + self._moved for place in (self._position, to))
+        length = float(np.linalg.norm(end - start))
+        if length <= MIN_MOVE:
+            return None
+        self._position = to
+        return Piece(LINE, freeze_array(np.concatenate([start, (end - start) / length, self._rest])), length, number)
+
+
 def draw_segments(program: Program, machine: Machine) -> Iterator[Drawn]:
     """The tool's way along every segment that moves, repetition after repetition, each as it is asked for.
 
@@ -110,10 +141,10 @@ def draw_segments(program: Program, machine: Machine) -> Iterator[Drawn]:
         _refuse_end_speed("start_speed", program.start_speed, program.segments[0], 1)
     if program.end_speed:
         _refuse_end_speed("end_speed", program.end_speed, program.segments[-1], len(program.segments))
-    here = program.start if program.start is not None else default_start(program, machine)
     frame = machine.home if program.frame == "home" else RigidTransform.identity()
     if program.work is not None:
         frame = frame * program.work
+    stand = _Stand(program.start if program.start is not None else default_start(program, machine), frame)
     faults: list[tuple[int, Moving, MotionError]] = []
     held, moves, turned = Drawn([], STOP), False, 0.0
     for repetition in range(1, program.repeat + 1):
@@ -122,28 +153,38 @@ def draw_segments(program: Program, machine: Machine) -> Iterator[Drawn]:
                 held = replace(held, dwell=held.dwell + segment.duration)
                 continue
             try:
-                there = segment_end(segment, here)
-                own = _pieces(segment, number, here, there, frame, machine, program.tool)
+                own = _draw(segment, number, stand, machine, program.tool)
                 turned += sum(piece.turn for piece in own)
                 _refuse_turns(turned)
             except MotionError as wrong:
                 faults.append((number, segment, _repetition_error(wrong, repetition) if repetition > 1 else wrong))
-                onward = _end_of_undrawn(segment, here)
+                onward = _end_of_undrawn(segment, stand.pose)
                 if onward is None or repetition > 1:
                     raise _segments_error(program, faults) from None
-                here = onward
+                stand.move(onward)
                 continue
             if not faults and (held.pieces or held.dwell):
                 yield held
             pieces = [_cap_piece(piece, segment, program, repetition) for piece in _free_pieces(own, segment)]
             held = Drawn(pieces, segment.join, plain=segment.trigger is None and is_plain(pieces))
-            here, moves = there, True
+            moves = True
         if faults:
             raise _segments_error(program, faults)
     if not moves:
         told = f"program {program.name}: nothing moves; add a line, an arc, a spline, a turn or a synchronised move"
         raise FileError(program.file, [Fault("segment", told, 1)]) if program.file else MotionError(told)
     yield held
+
+
+def _draw(segment: Moving, number: int, stand: _Stand, machine: Machine, tool: Pose | None) -> list[Piece]:
+    """The pieces of a segment from where the path stands, which is its end then."""
+    if isinstance(segment, Line) and segment.rotate is None and (made := stand.draw_line(segment.to, number)):
+        return [made]
+    here = stand.pose
+    there = segment_end(segment, here)
+    own = _pieces(segment, number, here, there, stand.frame, machine, tool)
+    stand.move(there)
+    return own
 
 
 def default_start(program: Program, machine: Machine) -> Pose:

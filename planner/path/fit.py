@@ -110,17 +110,22 @@ def fit_chains(drawn: Iterable[Drawn], characteristic: float) -> Iterator[Drawn]
 
 
 def _find_joints(drawn: Iterable[Drawn], characteristic: float) -> Iterator[tuple[Drawn, _Joint]]:
-    """Each segment, and how it meets the next; two that are long both meet in a blend, which then does as well."""
+    """Each segment, and how it meets the next.
+
+    Two that are long both meet in a blend, which then does as well; and so it is where the tolerance changes.
+    """
     known = _pair_up(drawn, characteristic)
-    before, held = CORNER, next(known, None)
+    before, held, join = CORNER, next(known, None), None
     while held is not None:
         item, joint = held
         held = next(known, None)
         if joint.smooth and held is not None:
             other, after = held
-            if _is_long(item, before, joint) and _is_long(other, joint, after):
+            long = _is_long(item, before, joint) and _is_long(other, joint, after)
+            if long or (before.smooth and item.join != join):
                 joint = CORNER
         yield item, joint
+        join = item.join
         before = joint
 
 
