@@ -288,7 +288,7 @@ def describe_differences(plan: Plan, timing: Classical) -> tuple[str, ...]:
     if timing.deviation is not None:
         told.append(f"leaves the path by up to {1e3 * timing.deviation.distance:.3f} mm")
     if not plan.path.stops(plan.order).all():
-        told.append("stops at every join")
+        told.append("stops at every join" if plan.path.fit is None else "stops at every corner")
     if plan.path.end_speeds != (0.0, 0.0):
         told.append("from rest to rest")
     return tuple(told)

@@ -204,7 +204,11 @@ def join(drawn: Iterable[Drawn], characteristic: float) -> Joined:
         rest, made = ALWAYS_REST, list[Piece]()
         if not (after is None or isinstance(own.join, Stop)):
             rest = _rest_order(own.pieces[-1], after.pieces[0], own.dwell, characteristic)
-            if isinstance(own.join, Blend | Fit) and rest != NEVER_REST:
+            if isinstance(own.join, Fit) and own.join.stop and rest != NEVER_REST:
+                rest = ALWAYS_REST
+                angle = own.join.angle_at(characteristic)
+                blends.append(Blended(own.pieces[-1].segment, own.join.tolerance, angle, stop="as asked", fitted=True))
+            elif isinstance(own.join, Blend | Fit) and rest != NEVER_REST:
                 made, told = _blend(own, after, own.join, characteristic)
                 blends.append(told)
                 rest = NEVER_REST if made else ALWAYS_REST

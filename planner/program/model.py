@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import islice
 from math import isfinite
 from typing import Literal, overload
@@ -360,6 +361,16 @@ def fit_joins(program: Program, tolerance: float) -> Program:
 
 
 def stop_at_joins(program: Program) -> Program:
-    """The same program with a stop at every join: what a control without blends would run."""
-    stopped = (part if isinstance(part, Dwell) else replace(part, join=Stop()) for part in program.segments)
-    return replace(program, segments=tuple(stopped))
+    """The same program with a stop at every join, or every corner of a fit: what a control without blends would run."""
+    stream = program.segments
+    if isinstance(stream, SegmentStream):
+        return replace(program, segments=SegmentStream(partial(_stop_each, stream), stream.total))
+    return replace(program, segments=tuple(_stop_each(stream)))
+
+
+def _stop_each(segments: Sequence[Segment]) -> Iterator[Segment]:
+    for part in segments:
+        if isinstance(part, Dwell):
+            yield part
+        else:
+            yield replace(part, join=replace(part.join, stop=True) if isinstance(part.join, Fit) else Stop())

@@ -50,12 +50,14 @@ class Fit:
 
     angle   None: what turns points at the machine's characteristic length by the tolerance
     corner  rad between two directions above which the join stays a corner, that is rounded like a `Blend`
+    stop    whether the motion rests at such a corner instead
     (planner.path.fit)
     """
 
     tolerance: float
     angle: float | None = None
     corner: float = CORNER_ANGLE
+    stop: bool = False
 
     def __post_init__(self) -> None:
         check_positive("fit", "tolerance", self.tolerance, "m")

@@ -83,7 +83,7 @@ def _join(join: object) -> str | dict[str, float | None]:
         return {"blend": join.tolerance, "angle": join.angle}
     if isinstance(join, Fit):
         corner = None if join.corner == CORNER_ANGLE else join.corner
-        return {"fit": join.tolerance, "angle": join.angle, "corner": corner}
+        return {"fit": join.tolerance, "angle": join.angle, "corner": corner, "stop": join.stop or None}
     return type(join).__name__.lower()
 
 

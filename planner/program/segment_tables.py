@@ -79,6 +79,7 @@ class FitTable(TableSchema):
         "between two directions, above which a corner stays, rounded like a blend; 35 deg if not stated",
         default=CORNER_ANGLE,
     )
+    stop: bool = key("whether the motion rests at such a corner, instead of rounding it", default=False)
 
 
 JoinEntry = Annotated[Literal["stop", "through"] | BlendTable | FitTable, Chosen(_join_type)]
@@ -130,7 +131,7 @@ class MovingEntry(TableSchema):
         if isinstance(self.join, BlendTable):
             return Blend(self.join.blend, self.join.angle)
         if isinstance(self.join, FitTable):
-            return Fit(self.join.fit, self.join.angle, self.join.corner)
+            return Fit(self.join.fit, self.join.angle, self.join.corner, self.join.stop)
         return Stop() if self.join == "stop" else Through()
 
     @property

@@ -246,11 +246,24 @@ def test_a_fitted_chain_is_faster_than_its_blends(hexapod):
     assert plan(program, hexapod, order=3).certificate.holds
     fitted = plan(program, hexapod, order=2)
     lines = [replace(part, join=Blend(TOLERANCE)) for part in program.segments]
+    stopped = [replace(part, join=Stop()) for part in program.segments]
     blended = plan(replace(program, segments=tuple(lines)), hexapod, order=2)
     assert (
         fitted.trajectory.duration
         < blended.trajectory.duration
-        < plan(stop_at_joins(program), hexapod, order=2).trajectory.duration
+        < plan(replace(program, segments=tuple(stopped)), hexapod, order=2).trajectory.duration
     )
-    assert {type(part.join) for part in stop_at_joins(program).segments} == {Stop}
     assert "fit" in {table.title for table in fitted.tables()}
+
+
+def test_corners_are_stops_where_that_is_asked_for(hexapod):
+    """As a program says, and as of a control that rounds nothing; in between the curve stays as it is."""
+    bow = 5e-3 * np.array([(np.cos(a), np.sin(a)) for a in np.linspace(0, 1.5, 20)])
+    points = np.vstack([bow, bow[-1] + [2e-3, 0]])
+    program = chain(points, Fit(TOLERANCE, stop=True))
+    path = actuate(program, hexapod)
+    assert path.stops(2).sum() == 3
+    assert (path.fit.rounded, path.fit.stopped, path.fit.curves) == (0, 1, 1)
+    rounded = chain(points)
+    assert actuate(rounded, hexapod).stops(2).sum() == 2
+    assert actuate(stop_at_joins(rounded), hexapod).stops(2).sum() == 3
