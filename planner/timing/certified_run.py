@@ -25,9 +25,10 @@ from planner.timing.solvers.third_order import solve_jerk_limited
 # Room taken off: this share of the excess, more with every try, and a little for the solver's own tolerance.
 EXCESS_FACTOR, SOLVER_MARGIN = 1.1, 2e-7
 # How often a leg is solved before it is slowed instead.
-MAX_TRIES = 5
-# Excess over a limit between grid points from which an interval is cut in so many where it is solved again.
-MIN_CUT_EXCESS, CUT_PARTS = 1.03, 4
+MAX_TRIES = 6
+# Excess over a limit between grid points from which an interval is cut in so many where it is solved again. What is
+# left after two tries with less room lies between grid points, where room does not reach: cut from far less on.
+MIN_CUT_EXCESS, MIN_LATE_CUT_EXCESS, CUT_PARTS = 1.03, 1.0003, 4
 # A motion that only so much slowness keeps from holding is slowed: solving again would cost more than it gains.
 MAX_CHEAP_SLOWNESS = 1 + 3e-5
 
@@ -90,8 +91,9 @@ def tighten_leg(
         else:
             guess = leg.profile.columns()
             excess = np.max([use[block.name] for block in problem.blocks if block.name in use], axis=0)
-            if leg.tries > 1 and excess.max() > MIN_CUT_EXCESS:
-                tighter = cut_intervals(path, limits, tighter, np.where(excess > MIN_CUT_EXCESS, CUT_PARTS, 1))
+            least = MIN_LATE_CUT_EXCESS if leg.tries > 2 else MIN_CUT_EXCESS
+            if leg.tries > 1 and excess.max() > least:
+                tighter = cut_intervals(path, limits, tighter, np.where(excess > least, CUT_PARTS, 1))
                 guess = leg.profile.on(tighter.s)
             found = solve_jerk_limited(tighter, guess, near=True)
         if found.solved:

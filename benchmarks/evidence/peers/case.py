@@ -325,7 +325,7 @@ def solve_grid(
         if abs(before - duration) < DURATION_TOLERANCE * duration:
             break
         before = duration
-    return duration, _sample_order3(case, share, profile)
+    return duration, sample_order3(case, share, profile)
 
 
 def _sample_order2(case: Case, share: Array, x: Array) -> MotionSamples:
@@ -334,7 +334,7 @@ def _sample_order2(case: Case, share: Array, x: Array) -> MotionSamples:
     return _samples(case, share, lambda k, way: (x[k] + 2 * u[k] * way, u[k], np.full(len(k), np.inf)))
 
 
-def _sample_order3(case: Case, share: Array, profile: Any) -> MotionSamples:
+def sample_order3(case: Case, share: Array, profile: Any) -> MotionSamples:
     x, b = np.asarray(profile.a), np.asarray(profile.b)
     first, last = profile.num_stationary
     slope = np.diff(b) / np.diff(share)

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from benchmarks.evidence.peers import random_splines, toppra_suite
+from benchmarks.evidence.peers import franka, random_splines, toppra_suite
+from benchmarks.evidence.peers.franka import ArmTest
 from benchmarks.evidence.peers.random_splines import Suite, chacha_numbers, summarize
 from benchmarks.evidence.peers.ruckig_targets import compare_general, compare_moves, compare_targets, read_targets
 from benchmarks.evidence.peers.toppra_suite import read_problems, read_record
@@ -98,6 +99,56 @@ def test_a_suite_of_hard_problems_is_solved(tmp_path):
     assert float(stated["ours (s)"]) == pytest.approx(1.0, abs=1e-9)
     assert least["recorded by toppra (s)"] == "0.500000000, hotqpoases"
     assert stated["recorded by toppra (s)"] == ""
+
+
+def arm_test(seed=0):
+    """Links with a mass about somewhere, in the form of COPP's tests/test_franka.rs."""
+    rng = np.random.default_rng(seed)
+    links = np.zeros((7, 12))
+    for link in links:
+        mass, centre, turned = rng.uniform(0.5, 2.0), rng.normal(0, 0.1, 3), np.linalg.qr(rng.normal(size=(3, 3)))[0]
+        inertia = turned @ np.diag(mass * rng.uniform(0.005, 0.006, 3)) @ turned.T
+        inertia += mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
+        link[:6], link[6:9], link[9] = inertia[np.triu_indices(3)], mass * centre, mass
+        link[10:] = rng.uniform(0.1, 0.3, 2)
+    numbers = ", ".join(f"({k}, {value!r})" for k, value in enumerate(links.ravel().tolist()))
+    rows = ", ".join(f"{row}" for row in rng.uniform(-0.7, 0.7, (3, 7)).tolist())
+    limits = {"V": [4.0] * 7, "A": [40.0] * 7, "J": [2000.0] * 7, "T": [60.0, 60.0, 40.0, 40.0, 8.0, 8.0, 8.0]}
+    stated = "".join(f"const {name}MAX: [f64; FRANKA_DOF] = {values};\n" for name, values in limits.items())
+    return (
+        f"const FRANKA_NONZERO_PARAMS: &[(usize, f64)] = &[{numbers}];\n{stated}"
+        f"let waypoints: &[[f64; FRANKA_DOF]] = &[{rows}];\n"
+    )
+
+
+def test_an_arm_keeps_its_torques(tmp_path):
+    """The torques are pinocchio's of the same links; where they bind the motion is slower, and certified."""
+    import pinocchio as pin
+
+    file = tmp_path / "test_franka.rs"
+    file.write_text(arm_test())
+    test = ArmTest.read(file)
+    model, parent = pin.Model(), 0
+    for k, (along, lift, twist) in enumerate(franka.FRAMES):
+        turned = pin.SE3(pin.utils.rotate("x", twist), np.zeros(3))
+        placed = pin.SE3(np.eye(3), np.array([along, 0, 0])) * turned * pin.SE3(np.eye(3), np.array([0, 0, lift]))
+        parent = model.addJoint(parent, pin.JointModelRZ(), placed, f"joint{k}")
+        (xx, xy, xz, yy, yz, zz), centre, mass = (
+            test.links[k, :6],
+            test.links[k, 6:9] / test.links[k, 9],
+            test.links[k, 9],
+        )
+        about = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        about -= mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
+        model.appendBodyToJoint(parent, pin.Inertia(mass, centre, about), pin.SE3.Identity())
+    data, x = model.createData(), np.random.default_rng(1).normal(size=(5, 21))
+    theirs = [pin.rnea(model, data, *one.reshape(3, 7)) for one in x]
+    assert test.torques(x) - test.links[:, 11] == pytest.approx(np.array(theirs), rel=1e-9, abs=1e-9)
+    bounded, free = (franka.solve_ours(test, bounded=bounded) for bounded in (True, False))
+    assert bounded[0] == "ours, certified"
+    assert float(free[6]) > 1.05
+    assert 0.99 < float(bounded[6]) <= 1
+    assert float(bounded[2]) > float(free[2])
 
 
 def test_straight_moves_take_the_time_that_ruckig_finds(tmp_path):
