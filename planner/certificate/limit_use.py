@@ -7,7 +7,7 @@ import numpy as np
 
 from kinematics.foundation.arrays import Array
 from planner.certificate.enclosure import Cells, bound_series, enclose, find_extremes
-from planner.certificate.ranges import bound_balls, bound_ranges
+from planner.certificate.ranges import Ranges, bound_balls, bound_ranges
 from planner.limits.limit import Limit
 from planner.path.actuation import ActuatorPath
 from planner.trajectory import State, Trajectory
@@ -23,8 +23,8 @@ FEW_CELLS, CELL_PARTS = 64, 8
 EXPANSION = {2: 6, 3: 8}
 # Cells that are looked at together: their series stay in the processor's cache.
 CELL_BATCH, LOOK_BATCH = 1024, 1 << 13
-# Cells in a row that are first looked at as one.
-GROUP_CELLS = 16
+# Cells in a row that are first looked at as one, where there are so many or more.
+GROUP_CELLS, MIN_GROUPED = 16, 512
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,25 +128,22 @@ def _has_stated_speeds(path: ActuatorPath) -> bool:
 def _look_at_use(trajectory: Trajectory, limits: Sequence[Limit], cells: Cells, order: int) -> tuple[Array, Array]:
     """Over each of N cells, as `_bound_use` but cheaper: bounds from ranges, and the use attained at some centres.
 
-    Groups of cells first, each as a whole and at the centre of one: the cells only of those that may use the most.
+    Of many, groups first, each as a whole and at the centre of one: the cells only of those that may use the most.
     """
     bound, met = np.zeros((2, len(limits), len(cells.k)))
     for begin in range(0, len(cells.k), LOOK_BATCH):
         some = cells[np.arange(begin, min(begin + LOOK_BATCH, len(cells.k)))]
         piece, every = trajectory.piece[some.k], np.arange(len(some.k))
-        runs = np.flatnonzero(np.append(True, piece[1:] != piece[:-1]))
-        own = every - np.repeat(runs, np.diff(np.append(runs, len(every))))
-        first = np.flatnonzero(own % GROUP_CELLS == 0)
-        group = np.cumsum(own % GROUP_CELLS == 0) - 1
-        one = (first + np.append(first[1:], len(every))) // 2
         with np.errstate(invalid="ignore", over="ignore"):
-            ranges = bound_ranges(trajectory, some, order)
-            merged, heard, whole = ranges.merge(first), _states(trajectory, some[one], 0.5, order), None
+            ranges, whole = bound_ranges(trajectory, some, order), None
+            groups = _group(trajectory, ranges, some, order) if len(every) >= MIN_GROUPED else None
             for n, limit in enumerate(limits):
-                most, seen = limit.use(*bound_balls(limit.value(merged)), merged.piece).max(1), np.zeros(len(every))
-                seen[one] = _use_of(limit, heard)
-                enough = most < min(seen.max(), 1.0)
-                found, rest = most[group], np.flatnonzero(~enough[group])
+                found, seen, rest = np.zeros(len(every)), np.zeros(len(every)), every
+                if groups is not None:
+                    one, state, merged, group = groups
+                    most = limit.use(*bound_balls(limit.value(merged)), merged.piece).max(1)
+                    seen[one] = _use_of(limit, state)
+                    found, rest = most[group], np.flatnonzero(~(most < min(seen.max(), 1.0))[group])
                 if len(rest) == len(every):
                     whole = whole or _states(trajectory, some, 0.5, order)
                     found = limit.use(*bound_balls(limit.value(ranges)), piece).max(1)
@@ -157,6 +154,20 @@ def _look_at_use(trajectory: Trajectory, limits: Sequence[Limit], cells: Cells, 
                     seen[rest] = _use_of(limit, _states(trajectory, some[rest], 0.5, order))
                 bound[n, begin + every], met[n, begin + every] = found, seen
     return np.where(np.isnan(bound), np.inf, bound), np.where(np.isnan(met), np.inf, met)
+
+
+def _group(
+    trajectory: Trajectory, ranges: Ranges, cells: Cells, order: int
+) -> tuple[np.ndarray, State, Ranges, np.ndarray]:
+    """Cells in a row on one piece of path, put together: one of each group and the state at its centre, the groups'
+    ranges, and the group of each cell."""
+    piece, every = ranges.piece, np.arange(len(cells.k))
+    runs = np.flatnonzero(np.append(True, piece[1:] != piece[:-1]))
+    own = every - np.repeat(runs, np.diff(np.append(runs, len(every))))
+    first = np.flatnonzero(own % GROUP_CELLS == 0)
+    one = (first + np.append(first[1:], len(every))) // 2
+    state = _states(trajectory, cells[one], 0.5, order)
+    return one, state, ranges.merge(first), np.cumsum(own % GROUP_CELLS == 0) - 1
 
 
 def _states(trajectory: Trajectory, cells: Cells, share: Array | float, order: int) -> State:
