@@ -23,7 +23,7 @@ from planner.orientation.orient import apply_choice, find_choice
 from planner.parallel import Progress, ignore_progress
 from planner.path.actuation import actuate
 from planner.program.model import fit_joins
-from planner.pulses import PulseCheck, PulseSchedule, check, check_file, generate, pace_axes, read_pulses
+from planner.pulses import PulseCheck, PulseFile, PulseSchedule, check, check_file, generate, open_pulses, pace_axes
 from planner.pulses.checking.pulse_reader import list_statements, read_compensation
 from planner.pulses.compensation.compensate import counted_motion
 from planner.pulses.motion import AxesMotion
@@ -125,18 +125,24 @@ class StoredPlan:
         axes = pace_axes(self.machine.axes, self.clock_hz, self.rule)
         return limits_of(self.trajectory.path, axes, self.order)
 
+    def open_pulses(self) -> PulseFile | None:
+        """Their binary file, to be read part by part; None where there is none that has and states what was proved."""
+        if self.stated is None or self.pulse_file is None or not holds_chunks(self.pulse_file):
+            return None
+        held = open_pulses(self.pulse_file)
+        same = _states_same(held.stated, self.stated) and digest_pulses(held.parts()) == self.pulse_digest
+        return held if same else None
+
     def pulses(self, progress: Progress = ignore_progress) -> PulseSchedule:
         """The pulses: from their file, or made again from the motion.
 
         Raises MotionError where they are not as they were, nor right.
         """
-        if self.stated is not None and self.pulse_file is not None and holds_chunks(self.pulse_file):
-            held = read_pulses(self.pulse_file)
-            if _states_same(held, self.stated) and digest_pulses(held) == self.pulse_digest:
-                return held
+        if (held := self.open_pulses()) is not None:
+            return held.read(progress)
         axes, home_q = self.machine.axes, self.machine.home_q
         made = generate(self.trajectory, axes, home_q, self.clock_hz, self.rule, progress)
-        if not self.doubts and digest_pulses(made) != self.pulse_digest:  # as by the arithmetic of another processor
+        if not self.doubts and digest_pulses([made]) != self.pulse_digest:  # as by the arithmetic of another processor
             verdict = check(made, counted_motion(self.trajectory, axes, home_q), axes, home_q)
             refuse([f"pulses made again from {MOTION}: {fault}" for fault in verdict.faults[:1]])
         return made

@@ -89,7 +89,7 @@ def plan_record(job: Job, inputs: Inputs, verdict: PulseCheck) -> Record:
             "clock_hz": plan.pulses.clock_hz,
             "total": plan.pulses.total,
             "rule": plan.pulses.rule,
-            "sha256": digest_pulses(plan.pulses),
+            "sha256": digest_pulses([plan.pulses]),
             "compensations": [asdict(one) for one in plan.pulses.compensations],
             "moved_for_drives": [asdict(moved) for moved in plan.pulses.moves],
             "axes": {

@@ -5,7 +5,7 @@ whenever it is loaded, and pulses are compared with those that were checked.
 """
 
 import json
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from hashlib import file_digest, sha256
 from pathlib import Path
 from typing import Any
@@ -36,13 +36,18 @@ def digest(path: Path) -> str:
         return file_digest(file, "sha256").hexdigest()
 
 
-def digest_pulses(pulses: PulseSchedule) -> str:
-    """SHA-256 of the ticks and directions of all axes, one axis after the other: int64 and int8, little end first."""
-    found = sha256()
-    for axis in pulses.axes:
-        found.update(axis.ticks.astype("<i8", copy=False).tobytes())
-        found.update(axis.direction.astype("i1", copy=False).tobytes())
-    return found.hexdigest()
+def digest_pulses(parts: Iterable[PulseSchedule]) -> str:
+    """SHA-256 of the SHA-256 of each axis' ticks, and of its directions, in turn: int64 and int8, little end first.
+
+    Of a schedule in one or more parts, wherever it is cut.
+    """
+    found: list[Any] = []
+    for part in parts:
+        found = found or [sha256() for _ in range(2 * len(part.axes))]
+        for k, axis in enumerate(part.axes):
+            found[2 * k].update(axis.ticks.astype("<i8", copy=False).tobytes())
+            found[2 * k + 1].update(axis.direction.astype("i1", copy=False).tobytes())
+    return sha256(b"".join(each.digest() for each in found)).hexdigest()
 
 
 def find_differences(

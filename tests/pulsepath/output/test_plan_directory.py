@@ -141,6 +141,7 @@ def test_a_plan_without_a_file_of_pulses_is_proved_and_makes_them_again(inputs, 
     assert not list(tmp_path.glob("pulses.*"))
     certificate = json.loads((tmp_path / "certificate.json").read_text())
     assert (certificate["file"], certificate["sha256"], certificate["holds"]) == (None, None, True)
+    assert plan_directory.read(tmp_path).open_pulses() is None
     assert holds_same_pulses(job.plan.pulses, [plan_directory.read(tmp_path).pulses()])
     assert holds_same_pulses(job.plan.pulses, [plan_directory.read(edges).pulses()])
 
@@ -151,6 +152,7 @@ def test_pulses_are_taken_from_their_file_and_where_it_is_gone_made_again(direct
     monkeypatch.setattr(plan_directory, "generate", lambda *_: pytest.fail("they are in the file"))
     again = plan_directory.read(tmp_path)
     assert holds_same_pulses(job.plan.pulses, [again.pulses()])
+    assert holds_same_pulses(job.plan.pulses, again.open_pulses().parts())
     monkeypatch.undo()
     (tmp_path / "pulses.bin").unlink()
     assert holds_same_pulses(job.plan.pulses, [plan_directory.read(tmp_path).pulses()])

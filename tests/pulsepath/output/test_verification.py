@@ -4,6 +4,7 @@ import json
 import re
 import shutil
 from dataclasses import replace
+from hashlib import sha256
 
 import numpy as np
 import pytest
@@ -234,3 +235,15 @@ def test_forged_pulses_are_found(call, plan, job, change, told):
     assert "leg3" in done.stderr
     # and what other commands read is what was proved
     assert plan_directory.read(plan).pulses().axes[2].bound == 0.5
+
+
+def test_the_digest_of_pulses_is_of_each_axis_wherever_they_are_cut(job, tmp_path):
+    pulses = job.plan.pulses
+    each = [sha256(array.tobytes()).digest() for axis in pulses.axes for array in (axis.ticks, axis.direction)]
+    binary.write(pulses, tmp_path / "p.bin", part=777)
+    assert verification.digest_pulses([pulses]) == sha256(b"".join(each)).hexdigest()
+    assert verification.digest_pulses(pp.open_pulses(tmp_path / "p.bin").parts()) == verification.digest_pulses(
+        [pulses]
+    )
+    moved = replace(pulses, axes=(replace(pulses.axes[0], ticks=pulses.axes[0].ticks + 1), *pulses.axes[1:]))
+    assert verification.digest_pulses([moved]) != verification.digest_pulses([pulses])
