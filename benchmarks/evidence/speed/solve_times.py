@@ -8,23 +8,29 @@ graded grids found 1.2615 to 1.2617 s with jerk limits, toppra with 4000 points 
 from collections.abc import Callable
 from functools import partial
 from statistics import median
-from time import perf_counter
+from time import perf_counter, process_time
+
+import numpy as np
 
 from benchmarks.evidence.peers.casadi_ import Solver, solve_by_casadi
 from benchmarks.evidence.timing import Result, time_calls
 from kinematics import Machine, load_machine
+from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import require
 from planner import Program, Solution, load_program
 from planner.certificate.certify import forget_paths
 from planner.limits import limits_of
-from planner.path.actuation import actuate
+from planner.path.actuation import ActuatorPath, actuate
 from planner.timing.certified_solve import certified_solve
 from planner.timing.discretization import jerk_problem
-from planner.timing.problem import Run, make_grid, pose_problem
+from planner.timing.problem import Problem, Run, make_grid, pose_problem
+from planner.timing.solvers.interior_point import minimise
 from planner.timing.solvers.second_order import second_order
+from planner.timing.solvers.stage_problem import pose_stages
 from planner.timing.solvers.third_order import third_order
 
 REPEATS = 7
+STAGE_COUNTS = (240, 1000, 2000)
 JERK_SOLVERS: tuple[Solver, ...] = ("fatrop", "ipopt")
 # What order 2 and 3 are held against, and the time that solving and certifying may take (s).
 TARGETS = {2: (1.2046, 0.4), 3: (1.2630, 1.5)}
@@ -64,6 +70,21 @@ def main() -> None:
     for name in JERK_SOLVERS:
         profile, first, again = time_solver(partial(solve_by_casadi, third, start.on(third.s), name))
         print_times(f"{name} alone, {third.intervals} intervals, not certified", profile.duration, first, again)
+    time_stages(path, machine, third, start.on)
+
+
+def time_stages(path: ActuatorPath, machine: Machine, problem: Problem, on: Callable[[Array], Array]) -> None:
+    """The order-3 solver's processor time a stage and iteration, on finer and finer grids."""
+    for intervals in STAGE_COUNTS:
+        s = np.interp(np.linspace(0, problem.intervals, intervals + 1), np.arange(problem.intervals + 1), problem.s)
+        finer = pose_problem(path, limits_of(path, machine.axes, 3), s, np.zeros(intervals, int))
+        stages, rows, states, controls, unit = pose_stages(finer, on(s))
+        answer, times = time_calls(partial(minimise, stages, rows, states, controls), REPEATS, process_time)
+        each = min(times) / intervals / answer.iterations
+        print(
+            f"riccati, {intervals} stages, {answer.iterations} iterations, {answer.status}: "
+            f"{answer.controls[:, 1].sum() * unit[3]:.6f} s, {each * 1e6:.2f} us a stage and iteration"
+        )
 
 
 def solve_program(program: Program, machine: Machine, order: int) -> Solution:
