@@ -19,7 +19,7 @@ from kinematics.foundation.errors import MotionError
 from kinematics.foundation.kernels import kernel
 from kinematics.foundation.taylor_model import EPS, Series
 from planner.certificate.enclosure import Cells
-from planner.path.actuation import ActuatorPath
+from planner.path.actuation import ActuatorPath, MachinePath
 from planner.trajectory import MIN_PARTS, PER_RADIAN, Trajectory
 
 # Order of the series along the path, and how many stretches of it there are to one of `unit_speed_trajectory`.
@@ -160,7 +160,9 @@ def bound_ranges(trajectory: Trajectory, cells: Cells, highest: int) -> Ranges:
 
     way, size = shift(s, v, a, j), shift(*map(np.abs, (s, v, a, j)))
     reach = np.abs(way[1:]).sum(0) + 32 * EPS * size.sum(0)
-    parts = STRETCHES * np.maximum(MIN_PARTS, np.ceil(PER_RADIAN * path.turns))
+    # polynomials are known exactly over a whole piece
+    least = MIN_PARTS if isinstance(path, MachinePath) else 1
+    parts = STRETCHES * np.maximum(least, np.ceil(PER_RADIAN * path.turns))
     width = np.diff(path.breaks) / parts
     share = np.clip((way[0] - path.breaks[piece]) / width[piece], 0, parts[piece] - 1)
     key = np.concatenate([[0], np.cumsum(parts)[:-1]])[piece] + np.floor(np.nan_to_num(share))
