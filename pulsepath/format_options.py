@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import Field, dataclass
+from pathlib import Path
 from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 import click
@@ -9,7 +10,8 @@ import click
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.options import options
 from planner.export.format import FORMATS, find_format
-from planner.sources.source import SOURCES, find_source
+from planner.sources.source import SOURCES, find_source, suffix_formats
+from pulsepath.inputs import Origin
 from pulsepath.options import read_quantity
 
 
@@ -68,6 +70,21 @@ class Formats:
 
 EXPORTS = Formats(FORMATS, find_format)
 IMPORTS = Formats(SOURCES, find_source)
+
+
+def find_origin(program: str, given: Mapping[str, Any], fit: float | None) -> Origin | None:
+    """How a program is read that is a file of another format; None: it is none.
+
+    given: options of formats, as the command line has them; fit: m, likewise. Raises MotionError for those of another.
+    """
+    suffix = Path(program).suffix.lower()
+    name = suffix_formats().get(suffix)
+    if name is not None:
+        options = IMPORTS.options_of(name, given)
+        return Origin(name, options if fit is None else {**options, "fit": fit}, suffix)
+    if told := [key for key, value in given.items() if value is not None]:
+        raise MotionError(f"option {_flag(told[0])} is for files of other formats, which {program} is not")
+    return None
 
 
 def _fields(format_: type[Any]) -> list[tuple[Field[Any], Any]]:

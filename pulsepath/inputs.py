@@ -13,7 +13,6 @@ from kinematics.foundation.names import find, source_folder
 from kinematics.machine.machine_writer import toml_of
 from planner import Program, load_program
 from planner.program.model import fit_joins
-from planner.sources.source import find_source, stream_program, suffix_formats
 from pulsepath.progress import note
 
 if TYPE_CHECKING:
@@ -33,6 +32,8 @@ class Origin:
 
     def read(self, file: Path, machine: str) -> Program:
         """The program of a file; machine: whose a file of joint axes is."""
+        from planner.sources.source import find_source, stream_program
+
         source = find_source(self.format)(**{**self.options, **_joint_machine(self.format, file, machine)})
         found = stream_program(file, source)
         for warning in found.warnings:
@@ -69,33 +70,20 @@ class Inputs:
         return {what: sha256(content).hexdigest() for what, content in files.items()}
 
 
-def read_inputs(
-    program: str, machine: str | None, fit: float | None = None, given: Mapping[str, Any] | None = None
-) -> Inputs:
+def read_inputs(program: str, machine: str | None, fit: float | None = None, origin: Origin | None = None) -> Inputs:
     """A program by preset name or path, and a machine likewise; None: the one that the program names.
 
     A path in the program counts from the program's own folder. Raises FileError or MotionError, also where neither says
     which machine.
-    fit    m, within which the path is to be fitted; None: as the program says
-    given  options of the format that a file of another format has, as the command line has them
+    fit     m, within which a TOML program's path is to be fitted; None: as it says
+    origin  how a file of another format is read
     """
-    name = suffix_formats().get(Path(program).suffix.lower())
-    if name is not None:
-        return _import_inputs(Path(program), name, machine, fit, given or {})
-    if told := [key for key, value in (given or {}).items() if value is not None]:
-        raise MotionError(f"option --{told[0].replace('_', '-')} is for files of other formats, which {program} is not")
-    found = _read_native(program, machine)
-    return found if fit is None else replace(found, program=fit_joins(found.program, fit), fit=fit)
-
-
-def _import_inputs(file: Path, name: str, machine: str | None, fit: float | None, given: Mapping[str, Any]) -> Inputs:
-    """Those of a file of another format, which names no machine."""
-    from pulsepath.format_options import IMPORTS
-
+    if origin is None:
+        found = _read_native(program, machine)
+        return found if fit is None else replace(found, program=fit_joins(found.program, fit), fit=fit)
+    file = Path(program)
     if machine is None:
         raise MotionError(f"{file.name} names no machine: give --machine")
-    options = IMPORTS.options_of(name, given)
-    origin = Origin(name, options if fit is None else {**options, "fit": fit}, file.suffix.lower())
     driven, content, companions = _load_machine(machine)
     return Inputs(origin.read(file, machine), driven, file.read_bytes(), content, companions, origin)
 

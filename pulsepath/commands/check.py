@@ -58,7 +58,12 @@ def check(
     from pulsepath.output.dump import dump
 
     tolerance = None if fit is None else read_quantity("--fit", fit, "m", above=0.0)
-    inputs = apply_motion(motion, read_inputs(program, machine, tolerance, given))
+    origin = None
+    if given:  # only then are the formats worth their loading
+        from pulsepath.format_options import find_origin
+
+        origin = find_origin(program, given, tolerance)
+    inputs = apply_motion(motion, read_inputs(program, machine, tolerance, origin))
     if dumped is not None:
         dump(dumped, inputs, "check", {}, force, as_json)
         return

@@ -153,8 +153,12 @@ def plan(
 def _read(program: str, machine: str | None, fit: str | None, given: Mapping[str, Any], motion: str) -> "Inputs":
     from pulsepath.inputs import read_inputs
 
-    tolerance = None if fit is None else read_quantity("--fit", fit, "m", above=0.0)
-    return apply_motion(motion, read_inputs(program, machine, tolerance, given))
+    tolerance, origin = None if fit is None else read_quantity("--fit", fit, "m", above=0.0), None
+    if given:  # only then are the formats worth their loading
+        from pulsepath.format_options import find_origin
+
+        origin = find_origin(program, given, tolerance)
+    return apply_motion(motion, read_inputs(program, machine, tolerance, origin))
 
 
 def _dump(

@@ -1,5 +1,5 @@
 """Workpieces as CAM writes them, of any length, and how long planning them takes: `python -m
-benchmarks.evidence.speed.workpieces [--lines N] [--order 2|3] [NAME …]`.
+benchmarks.evidence.speed.workpieces [--lines N] [--order 2|3] [--fit-only] [NAME …]`.
 
 Each is G-code, made line by line: a spiral pocket; a raster over a freeform surface, with z in every line; an engraving
 of letters, most of whose joins are corners; and slots of lines and arcs that meet smoothly and not. Printed: lines,
@@ -13,6 +13,10 @@ from itertools import islice
 from math import cos, hypot, pi, sin
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from kinematics import Machine
 
 TOLERANCE, FEED, STEP = 0.02, 600.0, 0.42
 """mm; mm/min; mm between points of the spiral."""
@@ -120,6 +124,29 @@ def write_workpiece(name: str, lines: int, file: Path) -> Path:
     return file
 
 
+def describe_fit(name: str, lines: int, machine: "Machine") -> str:
+    """What reading, drawing and fitting a file as a stream takes, and what comes of it."""
+    import resource
+
+    from planner.path.chain import draw_segments
+    from planner.path.fit import fit_chains
+    from planner.sources.gcode import Gcode
+
+    with TemporaryDirectory() as folder:
+        begun = time.process_time()
+        program = Gcode().stream(write_workpiece(name, lines, Path(folder) / f"{name}.nc")).program
+        pieces, worst = 0, 0.0
+        for part in fit_chains(draw_segments(program, machine), machine.characteristic_length):
+            pieces += len(part.pieces)
+            worst = max(worst, 0.0 if part.fitted is None else part.fitted.deviation)
+        took = time.process_time() - begun
+    memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    return (
+        f"{lines} lines, {pieces} pieces within {worst * 1e6:.2f} um of them (proved), {1e3 * took / lines:.3f} ms a line, "
+        f"{memory:.0f} MB at most"
+    )
+
+
 def main() -> None:
     """Every workpiece asked for, at the orders asked for."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -127,12 +154,17 @@ def main() -> None:
     parser.add_argument("--lines", type=int, default=1177)
     parser.add_argument("--order", type=int, choices=(2, 3), action="append")
     parser.add_argument("--machine", default="hexapod")
+    parser.add_argument("--fit-only", action="store_true", help="read, draw and fit as a stream, and plan nothing")
     asked = parser.parse_args()
     from kinematics import load_machine
     from planner import import_program, plan
     from planner.path.chain import chain_pieces
 
     machine = load_machine(asked.machine)
+    if asked.fit_only:
+        for name in asked.names or WORKPIECES:
+            print(f"{name}: {describe_fit(name, asked.lines, machine)}")
+        return
     for name in asked.names or WORKPIECES:
         with TemporaryDirectory() as folder:
             program = import_program(write_workpiece(name, asked.lines, Path(folder) / f"{name}.nc")).program
