@@ -142,8 +142,8 @@ def describe_fit(name: str, lines: int, machine: "Machine") -> str:
         took = time.process_time() - begun
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     return (
-        f"{lines} lines, {pieces} pieces within {worst * 1e6:.2f} um of them (proved), {1e3 * took / lines:.3f} ms a line, "
-        f"{memory:.0f} MB at most"
+        f"{lines} lines, {pieces} pieces within {worst * 1e6:.2f} um of them (proved), "
+        f"{1e3 * took / lines:.3f} ms a line, {memory:.0f} MB at most"
     )
 
 
