@@ -68,7 +68,7 @@ def _run_in_thread(work: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
 
 @cache
 def _announce() -> None:
-    logging.getLogger("pulsepath").warning("compiling numerical kernels: once, some 20 s; later runs find them on disk")
+    logging.getLogger("pulsepath").warning("compiling numerical kernels: once, some 30 s; later runs find them on disk")
 
 
 def compiler_is_loaded() -> bool:

@@ -16,7 +16,9 @@ def commands(path):
     return set(COMMANDS.findall((ROOT / path).read_text(encoding="utf-8")))
 
 
-@pytest.mark.parametrize("path", ["README.md", "docs/evidence.md", "docs/findings.md", "docs/peers.md"])
+@pytest.mark.parametrize(
+    "path", ["README.md", "docs/evidence.md", "docs/evidence/suites.md", "docs/findings.md", "docs/peers.md"]
+)
 def test_every_command_that_shows_a_figure_is_in_the_index(path):
     named = commands(path) - {"benchmarks.evidence.peers.page"}  # makes a page of what is measured
     assert named <= commands("docs/evidence/index.md")
