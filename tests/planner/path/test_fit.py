@@ -267,3 +267,22 @@ def test_corners_are_stops_where_that_is_asked_for(hexapod):
     rounded = chain(points)
     assert actuate(rounded, hexapod).stops(2).sum() == 2
     assert actuate(stop_at_joins(rounded), hexapod).stops(2).sum() == 3
+
+
+def test_a_curve_leaves_a_turning_line_smoothly(hexapod):
+    """Position and orientation meet those of the line with three derivatives, so that order 3 passes."""
+    bow = [np.array([5e-3 * np.sin(a), 5e-3 * np.cos(a), HEIGHT]) for a in np.linspace(0.08, 1.2, 15)]
+    points = [np.array([0, 5e-3, HEIGHT]), *bow]
+    tilts = 0.02 + 0.0012 * np.arange(len(points))
+    lines = [
+        Line(point, Rotation.from_rotvec([tilt, 0, 0]), join=Fit(TOLERANCE, 2e-4))
+        for point, tilt in zip(points, tilts, strict=True)
+    ]
+    start = RigidTransform.from_components([-8e-3, 5e-3, HEIGHT], Rotation.identity())
+    path = actuate(Program(tuple(lines), start=start), hexapod)
+    first, second = path.pieces[:2]
+    assert (first.shape, second.shape) == (LINE, SPLINE)
+    ends = first.derivatives(np.array([first.start + first.length])), second.derivatives(np.array([second.start]))
+    for k, (left, right) in enumerate(zip(*ends, strict=True)):
+        assert np.abs(left - right).max() <= 1e-13 * 1e3**k
+    assert path.stops(3).sum() == 2
