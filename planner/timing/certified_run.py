@@ -29,6 +29,8 @@ MAX_TRIES = 6
 # Excess over a limit between grid points from which an interval is cut in so many where it is solved again. What is
 # left after two tries with less room lies between grid points, where room does not reach: cut from far less on.
 MIN_CUT_EXCESS, MIN_LATE_CUT_EXCESS, CUT_PARTS = 1.03, 1.0003, 4
+# Excess from which what is solved again is not among the nearest.
+MIN_NEAR_EXCESS = 1 + 1e-3
 # A motion that only so much slowness keeps from holding is slowed: solving again would cost more than it gains.
 MAX_CHEAP_SLOWNESS = 1 + 3e-5
 
@@ -95,7 +97,7 @@ def tighten_leg(
             if leg.tries > 1 and excess.max() > least:
                 tighter = cut_intervals(path, limits, tighter, np.where(excess > least, CUT_PARTS, 1))
                 guess = leg.profile.on(tighter.s)
-            found = solve_jerk_limited(tighter, guess, near=True)
+            found = solve_jerk_limited(tighter, guess, "near" if excess.max() > MIN_NEAR_EXCESS else "nearer")
         if found.solved:
             return replace(found, bound=leg.bound, tries=leg.tries + 1)
         if leg.has_end_speed:

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 
@@ -10,20 +9,21 @@ from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
 from planner.limits.limit import Limit, Term
 from planner.path.actuation import ActuatorPath
-from planner.timing.initial_guess import MAX_BRIEF_SHARE, WINDOW_GROWTH, Passing, Smoothed, slow_breaks
+from planner.timing.initial_guess import MAX_BRIEF_SHARE, WINDOW_GROWTH, Smoothed, pass_breaks, slow_breaks
 from planner.timing.problem import Block, Continuation, Problem, Run, find_pieces, make_grid, pose_problem
 from planner.timing.profile import Profile
 from planner.timing.solvers.second_order import TERMS as SECOND
 from planner.timing.solvers.second_order import second_order
 
-# Intervals of a run at least, for each piece in it, and for each radian that it turns; COARSE is for the order-2 motion
-# that starts an order-3 solve.
-SECOND_ORDER, THIRD_ORDER, COARSE = (1000, 50, 40), (240, 32, 15), (400, 20, 20)
+Rule = tuple[int, int, int]
+"""Intervals of a run at least, for each piece in it, and for each radian that it turns."""
+# COARSE is for the order-2 motion that starts an order-3 solve, and on ROUGH_GRID that only tells where it loses time.
+SECOND_ORDER, THIRD_ORDER, COARSE, ROUGH_GRID = (1000, 50, 40), (240, 24, 15), (400, 20, 20), (120, 8, 6)
 # Intervals of a run at most, at order 2 and 3: these hold some 5 kB each, and 0.15 MB.
 MAX_INTERVALS = (1_000_000, 50_000)
-# The first two of a part between breaks that the jerk lets by only slowly; and of one whose length is less than such a
-# share of the others', on average: little time goes by there.
-PART_GRID, SHORT_SHARE, SHORT_PART_GRID = (32, 32), 0.2, (32, 16)
+# Of a grid whose intervals have the same weight each: the share of the weight that goes with time, the least number of
+# intervals of a piece, and in how many parts a motion's pieces are taken.
+TIME_SHARE, MIN_PER_PIECE, PLACE_PARTS = 0.4, 4, 8
 # At order 2 fewer do where the axes' directions q′ hardly change along a piece: so many for each change by the whole of
 # themselves, rounded up to one of a few sizes. Measured on lines of the hexapod: durations stay within 3e-4 of those on
 # 8000 intervals, since each interval at whose ends s̈ steps by a share of the largest is cut in so many.
@@ -91,11 +91,9 @@ def cut_intervals(path: ActuatorPath, limits: Sequence[Limit], problem: Problem,
     return replace(finer, blocks=blocks)
 
 
-def coarse_jerk_problem(path: ActuatorPath, limits: Sequence[Limit], run: Run, parts: int = 1) -> Problem:
-    """A run's rows on an even grid, to start from; of a run that is one of many parts, on few intervals."""
-    least, per_piece, per_radian = COARSE
-    rule = (max(least // parts, per_piece), per_piece, per_radian)
-    return pose_problem(path, limits, *_grid(rule, path, run), run.speeds, run.stands)
+def coarse_jerk_problem(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> Problem:
+    """A run's rows on an even grid, to start from."""
+    return pose_problem(path, limits, *_grid(COARSE, path, run), run.speeds, run.stands)
 
 
 def brief_problem(
@@ -113,58 +111,56 @@ def brief_problem(
 
 
 def jerk_problem(
-    path: ActuatorPath, limits: Sequence[Limit], run: Run, coarse: Problem | None = None
-) -> tuple[Problem, Smoothed | Passing] | MotionError:
+    path: ActuatorPath, limits: Sequence[Limit], run: Run, coarse: Problem | None = None, rule: Rule | None = None
+) -> tuple[Problem, Smoothed | Profile] | MotionError:
     """The order-3 problem of a run, on a grid graded for it, and the averaged order-2 motion to start from.
 
-    Where that passes breaks faster than the jerk lets, there are such motions from one of them to the next. Where
-    nothing bounds the jerk, or there is no order-2 motion, why not.
+    Where that passes breaks faster than the jerk lets, ramps from one of them to the next. Where nothing bounds the
+    jerk, or there is no order-2 motion, why not.
     """
-    coarse = coarse_jerk_problem(path, limits, run) if coarse is None else coarse
+    coarse, rule = coarse_jerk_problem(path, limits, run) if coarse is None else coarse, rule or THIRD_ORDER
     start = _smooth_motion(coarse)
     if isinstance(start, MotionError):
         return start
     breaks = run.breaks(path)
     slow, speeds = slow_breaks(coarse, start, breaks)
     if len(slow):
-        found = _pass_breaks(path, limits, run, breaks, slow, speeds)
-        if found is not None:  # else a speed leads nowhere: on as if there were none
-            return found
+        at = np.searchsorted(coarse.s, breaks[np.concatenate([[0], slow, [len(breaks) - 1]])])
+        passing = pass_breaks(coarse, at, np.concatenate([run.speeds[:1], speeds, run.speeds[1:]]))
+        if passing is not None:  # else a speed leads nowhere: on as if there were none
+            motion = passing.cut(breaks, run.first)
+            return place_problem(path, limits, run, motion, motion.h, rule), passing
 
-    def shares(intervals: int) -> Array:
-        return _shares(start, coarse.s, intervals)
-
-    return grade_problem(path, limits, run, shares), start
-
-
-def _pass_breaks(
-    path: ActuatorPath, limits: Sequence[Limit], run: Run, breaks: Array, slow: np.ndarray, speeds: Array
-) -> tuple[Problem, Passing] | None:
-    """The problem and its start, made of parts between breaks that are passed slowly; None where one has no motion."""
-    least, per_piece, per_radian = THIRD_ORDER
-    ends = np.concatenate([[0], slow, [len(breaks) - 1]])
-    short = np.diff(breaks[ends]) < SHORT_SHARE * (breaks[-1] - breaks[0]) / (len(ends) - 1)
-    passed = np.concatenate([run.speeds[:1], speeds, run.speeds[1:]])
-    parts, grids, pieces = [], [breaks[:1]], []
-    for n, (a, b) in enumerate(pairwise(ends.tolist())):
-        own = Run(run.first + a, run.first + b - 1, passed[n], passed[n + 1], breaks[a], breaks[b])
-        coarse = coarse_jerk_problem(path, limits, own, len(short))
-        fewest, some = SHORT_PART_GRID if short[n] else PART_GRID
-        rule = (max(fewest, least // len(short)), min(per_piece, some), per_radian)
-        start = _smooth_motion(coarse)
-        if isinstance(start, MotionError):
-            return None
-        parts.append(start)
-        s, piece = _grid(rule, path, own, _shares(parts[-1], coarse.s, _interval_count(rule, path, own)))
-        grids.append(s[1:])
-        pieces.append(piece)
-    problem = pose_problem(path, limits, np.concatenate(grids), np.concatenate(pieces), run.speeds, run.stands)
-    return problem, Passing(parts, breaks[ends])
+    points = start.spread(_interval_count(rule, path, run, on_top=True))
+    spread = np.clip((points - coarse.s[0]) / (coarse.s[-1] - coarse.s[0]), 0.0, 1.0)
+    return pose_problem(path, limits, *_grid(rule, path, run, spread), run.speeds, run.stands), start
 
 
-def _shares(start: Smoothed, s: Array, intervals: int) -> Array:
-    """Where a grid for a motion has its points, as shares of the run over s."""
-    return np.asarray(np.clip((start.spread(intervals) - s[0]) / (s[-1] - s[0]), 0.0, 1.0))
+def place_problem(
+    path: ActuatorPath, limits: Sequence[Limit], run: Run, motion: Profile, weight: Array, rule: Rule = THIRD_ORDER
+) -> Problem:
+    """The order-3 problem of a run on a grid whose intervals have about the same mean of weight and time.
+
+    weight (M,): of the pieces of a motion that is cut at the run's breaks; over each piece it grows with time.
+    """
+    breaks = run.breaks(path)
+    even, total = motion.h / motion.duration, weight.sum()
+    share = (1 - TIME_SHARE) * weight / total + TIME_SHARE * even if total > 0 else even
+    owner, part = np.repeat(np.arange(len(motion.h)), PLACE_PARTS), np.arange(PLACE_PARTS) / PLACE_PARTS
+    s = np.append(motion.at(owner, np.outer(motion.h, part).ravel())[0], breaks[-1])
+    s = np.clip(np.maximum.accumulate(s), breaks[0], breaks[-1])
+    passed = np.concatenate([[0.0], np.cumsum(share[owner]) / PLACE_PARTS])
+    at = PLACE_PARTS * np.append(np.searchsorted(motion.piece, np.arange(run.first, run.last + 1)), len(motion.h))
+    least = np.maximum(MIN_PER_PIECE, rule[2] * path.turns[run.first : run.last + 1] / 2)
+    intervals = _interval_count(rule, path, run, on_top=True)
+    count = np.ceil(np.maximum(least, np.diff(passed[at]) * intervals)).astype(int)
+    first = np.repeat(np.cumsum(count) - count, count)
+    inside = (np.arange(count.sum()) - first) / np.repeat(count, count)
+    wanted = np.repeat(passed[at[:-1]], count) + inside * np.repeat(np.diff(passed[at]), count)
+    grid = np.append(np.interp(wanted, passed, s), breaks[-1])
+    grid[np.cumsum(count) - count] = breaks[:-1]
+    piece = np.repeat(np.arange(run.first, run.last + 1), count)
+    return pose_problem(path, limits, grid, piece, run.speeds, run.stands)
 
 
 def grade_problem(path: ActuatorPath, limits: Sequence[Limit], run: Run, shares: Callable[[int], Array]) -> Problem:
@@ -173,9 +169,7 @@ def grade_problem(path: ActuatorPath, limits: Sequence[Limit], run: Run, shares:
     return pose_problem(path, limits, *_grid(THIRD_ORDER, path, run, spread), run.speeds, run.stands)
 
 
-def _grid(
-    rule: tuple[int, int, int], path: ActuatorPath, run: Run, spread: Array | None = None
-) -> tuple[Array, np.ndarray]:
+def _grid(rule: Rule, path: ActuatorPath, run: Run, spread: Array | None = None) -> tuple[Array, np.ndarray]:
     """A run's grid by a rule, of which every piece by itself has its share."""
     least = np.maximum(rule[1], rule[2] * path.turns[run.first : run.last + 1])
     return make_grid(path, run, _interval_count(rule, path, run), spread, least=least)
@@ -187,10 +181,12 @@ def _graded_shares(intervals: int) -> Array:
     return np.asarray(even**2 * (3 - 2 * even))
 
 
-def _interval_count(rule: tuple[int, int, int], path: ActuatorPath, run: Run) -> int:
+def _interval_count(rule: Rule, path: ActuatorPath, run: Run, on_top: bool = False) -> int:
+    """By a rule; on_top: pieces after the first come on top of the least number."""
     least, per_piece, per_radian = rule
     turn = float(path.turns[run.first : run.last + 1].sum())
-    size = max(least, per_piece * (run.last - run.first + 1), int(per_radian * turn))
+    pieces = run.last - run.first + 1
+    size = max(least + per_piece * (pieces - 1) if on_top else least, per_piece * pieces, int(per_radian * turn))
     most = MAX_INTERVALS[rule != SECOND_ORDER]
     if size > most:
         since, until = (

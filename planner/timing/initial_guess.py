@@ -18,7 +18,6 @@ the ramp begins at
 which holds wherever no interval of the motion is shorter than w.
 """
 
-from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -163,30 +162,71 @@ def _separate(instants: Array, duration: float) -> Array:
 SPEED_SHARE = 0.7
 # Newton steps to what a ramp can reach, from above: to rounding.
 NEWTON_STEPS = 30
+# Share by which rounding may take a way beyond what there is.
+REACH_ROUNDING = 1e-9
 
 
-class Passing:
-    """Averaged motions one after the other, each beginning with the speed that the one before it ends with."""
+def pass_breaks(problem: Problem, at: np.ndarray, speeds: Array) -> Profile | None:
+    """Ramps of constant jerk from each point `at` (P+1,) of a grid to the next, where it has `speeds` and s̈ = 0.
 
-    def __init__(self, parts: Sequence[Smoothed], breaks: Array) -> None:
-        """breaks (P+1,): path lengths from where to where each goes."""
-        self.parts, self.breaks = tuple(parts), breaks
+    Each goes up to a largest speed and down again, under bounds of ṡ, s̈ and s⃛ that are the rows' own on average:
+    (v + w)/2 · t of way takes it from v to w, in t = 2 √(|w − v|/J), or |w − v|/A + A/J where that reaches A.
+    None where the jerk does not let one of the speeds be reached, or a part has no limit of it somewhere.
+    """
+    size, step = np.diff(problem.s[at]), np.diff(problem.s)
+    speed = np.min([bound_term(problem, term) ** (1 / term.per_time) for term in (Term.SD, Term.SD2, Term.SD3)], axis=0)
+    jerk, push, fastest = (
+        np.add.reduceat(step * bound, at[:-1]) / size
+        for bound in (bound_term(problem, Term.SDDD), bound_term(problem, Term.SDD), speed)
+    )
+    before, after = speeds[:-1], speeds[1:]
+    least = np.maximum(before, after)
+    if not np.isfinite(jerk).all():
+        return None
+    # what leads nowhere within the acceleration does so by the jerk alone, if at all
+    push = np.where(_way(before, least, push, jerk) + _way(after, least, push, jerk) > size, np.inf, push)
+    alone = _way(before, least, np.inf, jerk) + _way(after, least, np.inf, jerk)
+    if not (alone <= size * (1 + REACH_ROUNDING)).all():
+        return None
+    low, high = least, np.maximum(np.minimum(fastest, least + np.cbrt(jerk * size**2)), least)
+    for _ in range(BISECTIONS_OF_INSTANT):
+        top = (low + high) / 2
+        fits = _way(before, top, push, jerk) + _way(after, top, push, jerk) <= size
+        low, high = np.where(fits, top, low), np.where(fits, high, top)
+    on = np.maximum(size - _way(before, low, push, jerk) - _way(after, low, push, jerk), 0.0) / low
+    phases = [*_ramp(low - before, push, jerk), (np.zeros(len(low)), on), *_ramp(after - low, push, jerk)]
+    j, h = (np.stack(each) for each in zip(*phases, strict=True))
+    s, v, a = np.empty((3, *j.shape))
+    s[0], v[0], a[0] = problem.s[at[:-1]], before, 0.0
+    for k in range(len(j) - 1):
+        s[k + 1] = s[k] + h[k] * (v[k] + h[k] * (a[k] / 2 + h[k] * j[k] / 6))
+        v[k + 1], a[k + 1] = v[k] + h[k] * (a[k] + h[k] * j[k] / 2), a[k] + h[k] * j[k]
+    lasts = (h > 0).T
+    s, v, a, j, h = (part.T[lasts] for part in (s, v, a, j, h))
+    return Profile(s, v, a, j, h, np.full(len(s), problem.piece[0]))
 
-    def on(self, s: Array) -> Array:
-        """(4, N) of ṡ, s̈, s⃛, h on a grid s (N+1,) that holds the breaks."""
-        return np.concatenate([part.on(s[own.start : own.stop + 1]) for part, own in self._each(s)], 1)
 
-    def profile(self, problem: Problem) -> Profile:
-        """The motions themselves."""
-        return Profile.joined(
-            [part.profile(problem.part(own)) for part, own in self._each(problem.s)],
-        )
+def _way(v: Array, w: Array, push: Array | float, jerk: Array) -> Array:
+    return np.asarray((v + w) / 2 * sum(h for _, h in _ramp(w - v, push, jerk)))
 
-    def _each(self, s: Array) -> list[tuple[Smoothed, slice]]:
-        """Every part and its intervals of a grid."""
-        at = np.searchsorted(s, self.breaks)
-        at[[0, -1]] = 0, len(s) - 1
-        return [(part, slice(int(a), int(b))) for part, (a, b) in zip(self.parts, pairwise(at), strict=True)]
+
+def _ramp(change: Array, push: Array | float, jerk: Array) -> list[tuple[Array, Array]]:
+    """s⃛ and duration of the three phases of a ramp of ṡ."""
+    size, sharp = np.abs(change), np.sign(change) * jerk
+    brief = np.minimum(np.sqrt(size / jerk), push / jerk)
+    with np.errstate(invalid="ignore"):
+        steady = np.where(size * jerk > push**2, size / push - push / jerk, 0.0)
+    return [(sharp, brief), (np.zeros(len(size)), steady), (-sharp, brief)]
+
+
+def bound_term(problem: Problem, term: Term) -> Array:
+    """(N,) how large a term may be by itself on each interval, from its start; ∞ where no row holds it."""
+    size = np.zeros(problem.intervals)
+    for block in problem.blocks:
+        if term in block.start:
+            np.maximum(size, np.abs(block.start[term]).max(1), out=size)
+    with np.errstate(divide="ignore"):
+        return np.asarray(1 / size)
 
 
 def slow_breaks(problem: Problem, start: Smoothed, breaks: Array) -> tuple[np.ndarray, Array]:

@@ -14,14 +14,16 @@ from planner.limits.limit import Limit, Term
 from planner.path.actuation import ActuatorPath
 from planner.timing.certified_run import SOLVER_MARGIN, required_slowness, tighten_until_kept
 from planner.timing.discretization import (
+    ROUGH_GRID,
     START_GRID,
     brief_problem,
     coarse_jerk_problem,
     continue_problem,
     jerk_problem,
+    place_problem,
     unbounded_error,
 )
-from planner.timing.initial_guess import ramped
+from planner.timing.initial_guess import Smoothed, ramped
 from planner.timing.problem import POWERS, Problem, Run
 from planner.timing.profile import (
     AVERAGED,
@@ -35,10 +37,12 @@ from planner.timing.profile import (
 from planner.timing.solvers.closed_form import straight
 from planner.timing.solvers.second_order import TERMS as SECOND
 from planner.timing.solvers.second_order import estimate_lower_bound, second_order
-from planner.timing.solvers.third_order import settle_rows, solve_jerk_limited, third_order
+from planner.timing.solvers.third_order import estimate_motion, settle_rows, solve_jerk_limited, third_order
 
 # A leg that has to be this much slower as a whole is tried in two, with a rest between: what is slow there stays there.
 MIN_SPLIT_SLOWNESS = 1.01
+# A rough answer that takes so many times as long as what it started from says little of where time goes.
+MAX_ROUGHNESS = 1.1
 # Shares of the largest speed at an end without a jerk limit, from which the largest with one is sought.
 END_SPEED_SHARES = (0.9, 0.5, 0.2)
 # From its answer a solver finds a larger one still, as the grid is made for the motion to start from: until it changes
@@ -87,20 +91,46 @@ def solve_leg(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> RunSolut
         or required_slowness(limits, leg.aimed(sample_limit_use(path, limits, leg.profile))) <= MAX_UNTOLD_SLOWNESS
     ):
         return leg
+    if run.continuation is None:
+        return _bounded(_solve_in_two(path, limits, run, coarse), coarse)
     posed = jerk_problem(path, limits, run, coarse)
-    if run.continuation is not None and isinstance(posed, TooFast):  # a start from a little slower does as well
+    if isinstance(posed, TooFast):  # a start from a little slower does as well
         slower = replace(run, start_speed=CONTINUED_START_SHARE * posed.largest)
         posed = jerk_problem(path, limits, slower, replace(coarse, speeds=slower.speeds))
     if isinstance(posed, MotionError):
         return RunSolution.refused(posed)
     problem, start = posed
-    if run.continuation is not None:
-        problem = continue_problem(path, limits, run, problem, run.continuation)
-        guess = start.on(problem.s)
-        known = run.continuation.columns
-        guess[:, : known.shape[1]] = known
-        return solve_jerk_limited(problem, guess)
-    return _bounded(solve_jerk_limited(problem, start.on(problem.s)), coarse)
+    problem = continue_problem(path, limits, run, problem, run.continuation)
+    guess, known = start.on(problem.s), run.continuation.columns
+    guess[:, : known.shape[1]] = known
+    return solve_jerk_limited(problem, guess)
+
+
+def _solve_in_two(path: ActuatorPath, limits: Sequence[Limit], run: Run, coarse: Problem) -> RunSolution:
+    """Roughly on a few intervals, then on a grid that is fine where that loses time; at once where it says little.
+
+    An interval that is cut in m parts loses an m-th of what it did: Σ lossₖ/mₖ is least, for a number Σ mₖ of
+    intervals, where mₖ goes with √lossₖ.
+    """
+    posed = jerk_problem(path, limits, run, coarse, ROUGH_GRID)
+    if isinstance(posed, MotionError):
+        return RunSolution.refused(posed)
+    problem, start = posed
+    guess = start.on(problem.s)
+    rough = estimate_motion(problem, guess)
+    if not isinstance(rough, MotionError) and rough[0].duration < MAX_ROUGHNESS * guess[3].sum():
+        motion, lost = rough
+        weight = np.sqrt(lost)
+        beside = np.maximum(np.append(weight[1:], 0.0), np.append(0.0, weight[:-1]))  # what binds may move a little
+        finer = place_problem(path, limits, run, motion, np.maximum(weight, beside / 2))
+        leg = solve_jerk_limited(finer, motion.on(finer.s), "finer")
+        if leg.solved:
+            return leg
+    posed = jerk_problem(path, limits, run, coarse)
+    if isinstance(posed, MotionError):
+        return RunSolution.refused(posed)
+    problem, start = posed
+    return solve_jerk_limited(problem, start.on(problem.s))
 
 
 def _bounded(leg: RunSolution, problem: Problem) -> RunSolution:
@@ -136,7 +166,8 @@ def _average_leg(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> RunSo
         if isinstance(posed, MotionError):
             return RunSolution.refused(posed)
         problem, start = posed
-        leg = _bounded(RunSolution("solved", start.profile(problem), maker=AVERAGED, problem=problem), coarse)
+        profile = start.profile(problem) if isinstance(start, Smoothed) else start.cut(run.breaks(path), run.first)
+        leg = _bounded(RunSolution("solved", profile, maker=AVERAGED, problem=problem), coarse)
     return tighten_until_kept(path, limits, leg)
 
 

@@ -210,7 +210,8 @@ def make_grid(
     s = breaks[0] + (breaks[-1] - breaks[0]) * share
     if len(breaks) > 2:
         # a point too near a break would make a sliver: the break takes its place
-        gap = np.abs(s[:, None] - breaks[None, :]).min(1)
+        after = np.searchsorted(breaks, s).clip(1, len(breaks) - 1)
+        gap = np.minimum(np.abs(s - breaks[after - 1]), np.abs(breaks[after] - s))
         near = np.maximum(np.gradient(s), 0) / 3
         s = np.union1d(s[gap > near], breaks)
         s = s if least is None else _fill_pieces(s, breaks, least)

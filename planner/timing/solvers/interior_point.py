@@ -19,17 +19,20 @@ from planner.timing.solvers.riccati import NewtonStep, Recursion, solve_step
 from planner.timing.solvers.stages import TERM_COUNT, Iterate, Misses, Slopes, StageRows, Stages, evaluate
 
 Status = Literal["solved", "loose", "slow", "not convex"]
-Start = Literal["far", "farther", "near"]
-# The cost is counted in thousandths of the guess' duration: of that size, the constants below are usual ones.
+Start = Literal["farther", "far", "finer", "near", "nearer"]
+# The cost is counted in thousandths of the guess' duration, of more than a thousand intervals in so many parts: of that
+# size, the constants below are usual ones, and μ weighs as much beside an interval's time however long the run is.
 WEIGHT = 1000.0
 TOLERANCE = 1e-7
 MAX_ITERATIONS, MAX_HALVINGS = 200, 14
-# The first μ, and the least slack of rows and of bounds on ṡ and h: from anywhere, where that jams, and from near
-# the answer.
+# The first μ, and the least slack of rows and of bounds on ṡ and h: from anywhere, where that jams, from the answer on
+# a coarser grid, and from near the answer of almost the same problem.
 STARTS: dict[Start, tuple[float, float, float]] = {
     "far": (1e-2, 1e-2, 1e-3),
     "farther": (1.0, 1e-2, 1e-3),
-    "near": (1e-6, 1e-4, 1e-5),
+    "finer": (1e-3, 1e-2, 1e-3),
+    "near": (1e-5, 1e-3, 1e-4),
+    "nearer": (1e-6, 1e-4, 1e-5),
 }
 # Where the cost is not convex: the first that is added, by how much it is lowered from one iteration to the next and
 # raised until it does, first and later, and the largest.
@@ -66,7 +69,14 @@ class Minimum:
     time_force: float
 
 
-def minimise(stages: Stages, rows: StageRows, states: Array, controls: Array, start: Start = "far") -> Minimum:
+def minimise(
+    stages: Stages,
+    rows: StageRows,
+    states: Array,
+    controls: Array,
+    start: Start = "far",
+    tolerance: float = TOLERANCE,
+) -> Minimum:
     """From states (N + 1, 2), of which the first and the last are kept but for what is to be found there, and controls
     (N, 2), which may be about the answer: "near", as that of a problem of almost the same rows is.
     """
@@ -75,6 +85,7 @@ def minimise(stages: Stages, rows: StageRows, states: Array, controls: Array, st
     trial = trial._replace(force_low=motion.force_low, force_high=motion.force_high)
     misses, tried = (Misses(np.empty((count, width)), np.empty((count, 2)), np.empty(count)) for _ in range(2))
     mu, least, least_bound = STARTS[start]
+    weight = max(WEIGHT, float(count))
     slopes = Slopes(np.zeros((count, 4)), np.zeros((count, 4)), np.zeros((count, 4)), np.zeros((count, 4, 4)))
     recursion = Recursion(
         np.zeros((count + 1, 3)),
@@ -95,7 +106,7 @@ def minimise(stages: Stages, rows: StageRows, states: Array, controls: Array, st
     bounds = np.isfinite(rows.low).sum() + np.isfinite(rows.high).sum()
     # where it stands, as if a step of nothing had led there
     missed, cost, logarithms, time = try_share(
-        stages, rows, motion, misses, step.states, step.stages, terms, gains, 0.0, WEIGHT, trial, tried
+        stages, rows, motion, misses, step.states, step.stages, terms, gains, 0.0, weight, trial, tried
     )
     motion, trial, misses, tried = trial, motion, tried, misses
     few, many = FEW * max(1.0, missed), MANY * max(1.0, missed)
@@ -106,13 +117,13 @@ def minimise(stages: Stages, rows: StageRows, states: Array, controls: Array, st
     iterations = 0
     while True:
         row_error, slope_error, smallest, largest, forces = linearize(
-            stages, rows, motion, misses, next_force, step_force, time_force, WEIGHT, slopes
+            stages, rows, motion, misses, next_force, step_force, time_force, weight, slopes
         )
         excess = time - 1 if stages.stated else 0.0
         row_error = max(row_error, abs(excess))
         size = max(100.0, forces / bounds) / 100.0
         error = max(row_error, slope_error / size, max(largest - mu, mu - smallest) / size)
-        if mu <= TOLERANCE and error <= 10 * TOLERANCE:
+        if mu <= tolerance and error <= 10 * tolerance:
             status = "solved"
             break
         if iterations == MAX_ITERATIONS or flat >= MAX_FLAT_STEPS:  # after the errors: they are this motion's
@@ -120,8 +131,8 @@ def minimise(stages: Stages, rows: StageRows, states: Array, controls: Array, st
             break
         iterations += 1
         before = mu
-        while error <= 10 * mu and mu > TOLERANCE:
-            mu = max(TOLERANCE, min(mu / 5, mu**1.5))
+        while error <= 10 * mu and mu > tolerance:
+            mu = max(tolerance, min(mu / 5, mu**1.5))
             error = max(row_error, slope_error / size, max(largest - mu, mu - smallest) / size)
         if mu < before:
             flat = 0
@@ -152,7 +163,7 @@ def minimise(stages: Stages, rows: StageRows, states: Array, controls: Array, st
         share, flat = most, flat + 1 if abs(slope) <= FLAT * abs(barrier) else 0
         for _ in range(MAX_HALVINGS):
             new_missed, new_cost, new_logarithms, time = try_share(
-                stages, rows, motion, misses, step.states, step.stages, terms, gains, share, WEIGHT, trial, tried
+                stages, rows, motion, misses, step.states, step.stages, terms, gains, share, weight, trial, tried
             )
             new_barrier = new_cost - mu * new_logarithms
             held = all(new_missed < (1 - FILTER_SHARE) * m or new_barrier < c - FILTER_SHARE * m for m, c in filtered)
@@ -175,16 +186,17 @@ def minimise(stages: Stages, rows: StageRows, states: Array, controls: Array, st
         step_force += share * (step.step_force - step_force)
         time_force += share * more
         missed, cost, logarithms = new_missed, new_cost, new_logarithms
+    unit = WEIGHT / weight
     return Minimum(
         status,
         iterations,
         motion.states,
         motion.controls,
-        motion.force_low,
-        motion.force_high,
-        next_force,
-        step_force,
-        time_force,
+        unit * motion.force_low,
+        unit * motion.force_high,
+        unit * next_force,
+        unit * step_force,
+        unit * time_force,
     )
 
 

@@ -19,30 +19,36 @@ import numpy as np
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
 from planner.timing.problem import Problem
-from planner.timing.profile import RunSolution, close_profile
-from planner.timing.solvers.interior_point import Start, minimise
+from planner.timing.profile import Profile, RunSolution, close_profile
+from planner.timing.solvers.interior_point import TOLERANCE, WEIGHT, Minimum, Start, minimise
 from planner.timing.solvers.stage_problem import PosedStages, pose_stages
+from planner.timing.solvers.stages import TERM_COUNT, evaluate
 
 # How often a problem is solved whose rows depend on the motion, unless a round gains less than this share.
 MAX_ROW_ROUNDS, MIN_ROUND_GAIN = 4, 1e-4
 # What a speed at an end is worth that is to be as large as can be, beside the duration.
 END_SPEED_WEIGHT = 100.0
+# How solves begin that have nothing near, in turn; and how well a problem is solved that only says where time goes.
+FAR_STARTS: tuple[Start, ...] = ("far", "farther")
+ROUGH = 1e-3
+# Share of an interval's time up to which that can be lost.
+MOST_LOST = 0.1
 
 
-def solve_jerk_limited(problem: Problem, guess: Array, *, near: bool = False) -> RunSolution:
-    """The fastest motion. guess (4, N): ṡ, s̈, s⃛, h to start from; near: it answers almost the same problem.
+def solve_jerk_limited(problem: Problem, guess: Array, start: Start = "far") -> RunSolution:
+    """The fastest motion. guess (4, N): ṡ, s̈, s⃛, h to start from; start: how far that is from the answer.
 
     Rows that speak only near some motions are taken near the guess, and then near each answer in turn.
     """
     for _ in range(1 if problem.settled else MAX_ROW_ROUNDS):
         posed = settle_rows(problem, guess)
-        found = third_order(posed, guess, near=near)
+        found = third_order(posed, guess, start=start)
         if not found.solved:
             return found
         gained, guess = 1 - found.duration / guess[3].sum(), found.profile.columns()
         if abs(gained) < MIN_ROUND_GAIN:
             break
-        near = True
+        start = "nearer"
     return replace(found, problem=problem)
 
 
@@ -55,17 +61,17 @@ def settle_rows(problem: Problem, columns: Array) -> Problem:
     return problem.around(speed, speed)
 
 
-def third_order(problem: Problem, guess: Array, *, fast_end: int | None = None, near: bool = False) -> RunSolution:
+def third_order(problem: Problem, guess: Array, *, fast_end: int | None = None, start: Start = "far") -> RunSolution:
     """The fastest motion, s̈ zero at both ends but those where it is free. guess (4, N): ṡ, s̈, s⃛, h to start from.
 
-    near: the guess is about the answer.
+    start: how far that is from the answer.
     fast_end: 0 for the start, 1 for the end: the motion with the largest speed there instead, up to the problem's.
     """
     if fast_end == 1:
         columns = _solve_stages(problem.reversed(), _reverse_columns(guess), END_SPEED_WEIGHT)
         columns = columns if isinstance(columns, MotionError) else _reverse_columns(columns)
     else:
-        columns = _solve_stages(problem, guess, 0.0 if fast_end is None else END_SPEED_WEIGHT, near)
+        columns = _solve_stages(problem, guess, 0.0 if fast_end is None else END_SPEED_WEIGHT, start)
     if isinstance(columns, MotionError):
         return RunSolution.refused(columns)
     if fast_end is not None:
@@ -80,27 +86,62 @@ def third_order(problem: Problem, guess: Array, *, fast_end: int | None = None, 
     return RunSolution("solved", profile, maker="riccati", problem=problem)
 
 
-def _solve_stages(problem: Problem, guess: Array, prize: float, near: bool = False) -> Array | MotionError:
+def estimate_motion(problem: Problem, guess: Array) -> tuple[Profile, Array] | MotionError:
+    """About the fastest motion, and (N,) s, how much of its time each interval takes for want of a finer grid.
+
+    s⃛ is constant over an interval, so that of a row with s⃛ what changes from one end to the other is left unused at
+    one of them: by the row's multiplier, that is worth so much time. It falls with the square of the interval.
+    """
+    settled = settle_rows(problem, guess)
+    posed = pose_stages(settled, guess)
+    answer = _try_starts(posed, ("far",), ROUGH)
+    if isinstance(answer, MotionError):
+        return answer
+    profile = close_profile(settled, _columns(posed, answer))
+    if isinstance(profile, MotionError):
+        return profile
+    stages, rows, *_, unit = posed
+    values = np.empty(rows.low.shape)
+    evaluate(stages, rows, answer.states, answer.controls, np.zeros((len(values), 3, TERM_COUNT)), values)
+    count = int(rows.size.sum())
+    jerk = np.flatnonzero(np.repeat(rows.at_end, rows.size))
+    forces = np.where(rows.low > -np.inf, answer.low_forces, 0.0) + np.where(
+        rows.high < np.inf, answer.high_forces, 0.0
+    )
+    change = np.abs(values[:, count + jerk] - values[:, jerk])
+    unused = ((forces[:, jerk] + forces[:, count + jerk]) * change).sum(1) / 2
+    return profile, np.minimum(unused / WEIGHT * unit[3], MOST_LOST * profile.h)
+
+
+def _solve_stages(problem: Problem, guess: Array, prize: float, start: Start = "far") -> Array | MotionError:
     """Columns (4, N) of ṡ, s̈, s⃛, h, or why there are none."""
-    attempts: tuple[Start, ...] = ("near", "far", "farther") if near else ("far", "farther")
-    return minimise_posed(pose_stages(problem, guess, prize), attempts)
+    return minimise_posed(pose_stages(problem, guess, prize), tuple(dict.fromkeys((start, *FAR_STARTS))))
 
 
 def minimise_posed(posed: PosedStages, attempts: Sequence[Start]) -> Array | MotionError:
     """Columns (4, N) of ṡ, s̈, s⃛, h by the first attempt with an answer, or why there is none."""
-    stages, rows, states, controls, unit = posed
+    answer = _try_starts(posed, attempts)
+    if isinstance(answer, MotionError):
+        return answer
+    return _columns(posed, answer)
+
+
+def _columns(posed: PosedStages, answer: Minimum) -> Array:
+    return np.asarray(np.concatenate([answer.states[:-1].T, answer.controls.T]) * posed[-1][:, None])
+
+
+def _try_starts(posed: PosedStages, attempts: Sequence[Start], tolerance: float = TOLERANCE) -> Minimum | MotionError:
+    stages, rows, states, controls, _ = posed
     numbers = (states, controls, stages.jerks, rows.first, rows.second)
     if not (all(np.isfinite(each).all() for each in numbers) and (stages.step > 0).all()):
         return MotionError("the jerk-limited problem holds what is no number, or an interval of no length")
     for start in attempts:
-        answer = minimise(stages, rows, states, controls, start)
+        answer = minimise(stages, rows, states, controls, start, tolerance)
         if answer.status in ("solved", "loose"):
-            break
-    else:
-        return MotionError(
-            f"the jerk-limited solver stopped without an answer ({answer.status}, {answer.iterations} iterations)"
-        )
-    return np.concatenate([answer.states[:-1].T, answer.controls.T]) * unit[:, None]
+            return answer
+    return MotionError(
+        f"the jerk-limited solver stopped without an answer ({answer.status}, {answer.iterations} iterations)"
+    )
 
 
 def _reverse_columns(columns: Array) -> Array:

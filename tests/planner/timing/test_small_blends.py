@@ -8,14 +8,18 @@ from scipy.spatial.transform import RigidTransform
 
 from benchmarks.evidence.trials.robust_programs import plan_program, random_program, stop_everywhere
 from kinematics import MotionError, load_machine
-from planner import Blend, Line, Program, plan
-from planner.limits import Term
+from kinematics.foundation.errors import require
+from planner import Blend, Line, Program, load_program, plan
+from planner.limits import Term, limits_of
 from planner.path.actuation import actuate
 from planner.timing.certified_run import tighten_block
-from planner.timing.problem import Block
+from planner.timing.discretization import coarse_jerk_problem, jerk_problem
+from planner.timing.initial_guess import pass_breaks
+from planner.timing.jerk_limited import solve_leg
+from planner.timing.problem import Block, Run
 from planner.timing.profile import RunSolution
 from planner.timing.solvers import third_order as solver_module
-from planner.timing.solvers.third_order import third_order
+from planner.timing.solvers.third_order import solve_jerk_limited, third_order
 
 START = RigidTransform.from_translation([0.0, 0.0, 0.025])
 
@@ -103,3 +107,28 @@ def test_less_room_leaves_room_to_hold_still(held):
     assert room[1] - held == pytest.approx((1 - held) / 1.55, rel=1e-4)
     assert (np.diff(room) < 0).all()
     assert replace(block, room=room).share(one).max() < room.min()
+
+
+def test_ramps_past_slow_breaks_meet_there_at_the_speeds_given(hexapod):
+    """Each from break to break with s̈ = 0 at both, going on where the one before it ends."""
+    path = actuate(corner(1e-6), hexapod)
+    coarse = coarse_jerk_problem(path, limits_of(path, hexapod.axes, 3), Run(0, len(path.breaks) - 2))
+    at = np.searchsorted(coarse.s, path.breaks[[0, 2, 4]])
+    motion = pass_breaks(coarse, at, np.array([0.0, 1e-3, 0.0]))
+    assert motion is not None
+    s, v, a, _ = motion.at(np.arange(len(motion.h)), motion.h)
+    assert s == pytest.approx(np.append(motion.s[1:], path.breaks[4]), abs=1e-15)
+    assert v == pytest.approx(np.append(motion.v[1:], 0.0), abs=1e-12)
+    assert a == pytest.approx(np.append(motion.a[1:], 0.0), abs=1e-9)
+    assert v[np.argmin(np.abs(s - path.breaks[2]))] == pytest.approx(1e-3)
+    assert pass_breaks(coarse, at, np.array([0.0, 100.0, 0.0])) is None
+
+
+def test_intervals_lie_where_they_gain_time(hexapod):
+    """The circle is faster on a grid that follows what a rough answer loses than on as many graded for the start."""
+    path = actuate(load_program("bare-circle"), hexapod)
+    limits = limits_of(path, hexapod.axes, 3)
+    graded, start = require(jerk_problem(path, limits, Run(0, 0)))
+    placed = solve_leg(path, limits, Run(0, 0))
+    assert len(placed.profile.h) <= graded.intervals + 2
+    assert placed.duration < solve_jerk_limited(graded, start.on(graded.s)).duration * (1 - 2e-5)
