@@ -31,6 +31,8 @@ MAX_TRIES = 6
 MIN_CUT_EXCESS, MIN_LATE_CUT_EXCESS, CUT_PARTS = 1.03, 1.0003, 4
 # Excess from which what is solved again is not among the nearest.
 MIN_NEAR_EXCESS = 1 + 1e-3
+# What uses less of a limit is not looked at again while a run is solved again: its proof looks at every limit.
+MIN_WATCHED_USE = 0.5
 # A motion that only so much slowness keeps from holding is slowed: solving again would cost more than it gains.
 MAX_CHEAP_SLOWNESS = 1 + 3e-5
 
@@ -59,9 +61,11 @@ def tighten_until_kept(path: ActuatorPath, limits: Sequence[Limit], leg: RunSolu
 
     A proof takes far longer than a look: most runs need one only.
     """
+    watched = limits
     while leg.solved and leg.tries < MAX_TRIES:
-        use = leg.aimed(sample_limit_use(path, limits, leg.profile))
-        slowness = required_slowness(limits, use)
+        use = leg.aimed(sample_limit_use(path, watched, leg.profile))
+        slowness = required_slowness(watched, use)
+        watched = [limit for limit in watched if limit.name in use and use[limit.name].max() > MIN_WATCHED_USE]
         if slowness <= 1 + SOLVER_MARGIN:
             break
         before, leg = leg, tighten_leg(path, limits, leg, use, slowness)
