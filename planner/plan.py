@@ -44,6 +44,7 @@ from planner.pulses.schedule import schedule_tables
 from planner.pulses.triggers import Triggered, find_triggers, trigger_tables
 from planner.timing.certified_solve import certified_solve, timing_table
 from planner.timing.problem import Solver
+from planner.timing.profile import Profile, sample_limit_use
 from planner.timing.solvers.toppra_ import require
 from planner.timing.stated_duration import solve_stated
 from planner.trajectory import Trajectory
@@ -270,7 +271,11 @@ ACTIVE_SHARE = 0.99
 def active_limits(plan: Plan) -> np.ndarray:
     """(M,) for each time piece the index in `plan.limits` of the limit that holds the motion back; −1 where none does.
 
-    It is the most used one from 99 % on. Geometric limits never do: they do not depend on timing.
+    It is the most used one from 99 % on, as the motion itself uses them: a certificate bounds what a limit surely does
+    not use most no more closely than that asks. Geometric limits never do: they do not depend on timing.
     """
-    use = np.stack([plan.certificate.use[limit.name] * (not limit.geometric) for limit in plan.limits])
+    motion = plan.trajectory
+    profile = Profile(motion.s, motion.v, motion.a, motion.j, np.diff(motion.knots), motion.piece)
+    seen = sample_limit_use(motion.path, plan.limits, profile)
+    use = np.stack([seen.get(limit.name, np.zeros(len(motion.s))) for limit in plan.limits])
     return np.where(use.max(0) >= ACTIVE_SHARE, use.argmax(0), -1)
