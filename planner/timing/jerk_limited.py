@@ -9,6 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
 from planner.limits.limit import Limit, Term
 from planner.path.actuation import ActuatorPath
@@ -30,6 +31,7 @@ from planner.timing.profile import (
     BRIEF_RAMPS,
     MAX_UNTOLD_SLOWNESS,
     WITH_RESTS,
+    Profile,
     RunSolution,
     TooFast,
     sample_limit_use,
@@ -43,6 +45,8 @@ from planner.timing.solvers.third_order import estimate_motion, settle_rows, sol
 MIN_SPLIT_SLOWNESS = 1.01
 # A rough answer that takes so many times as long as what it started from says little of where time goes.
 MAX_ROUGHNESS = 1.1
+# So does one that loses next to nothing of its duration: jerks that bind for less than an interval do not show.
+MIN_LOST = 1e-7
 # Shares of the largest speed at an end without a jerk limit, from which the largest with one is sought.
 END_SPEED_SHARES = (0.9, 0.5, 0.2)
 # From its answer a solver finds a larger one still, as the grid is made for the motion to start from: until it changes
@@ -118,7 +122,7 @@ def _solve_in_two(path: ActuatorPath, limits: Sequence[Limit], run: Run, coarse:
     problem, start = posed
     guess = start.on(problem.s)
     rough = estimate_motion(problem, guess)
-    if not isinstance(rough, MotionError) and rough[0].duration < MAX_ROUGHNESS * guess[3].sum():
+    if not isinstance(rough, MotionError) and _tells_loss(*rough, guess):
         motion, lost = rough
         weight = np.sqrt(lost)
         beside = np.maximum(np.append(weight[1:], 0.0), np.append(0.0, weight[:-1]))  # what binds may move a little
@@ -131,6 +135,11 @@ def _solve_in_two(path: ActuatorPath, limits: Sequence[Limit], run: Run, coarse:
         return RunSolution.refused(posed)
     problem, start = posed
     return solve_jerk_limited(problem, start.on(problem.s))
+
+
+def _tells_loss(motion: Profile, lost: Array, guess: Array) -> bool:
+    """Whether a rough answer says where time goes."""
+    return motion.duration < MAX_ROUGHNESS * float(guess[3].sum()) and float(lost.sum()) > MIN_LOST * motion.duration
 
 
 def _bounded(leg: RunSolution, problem: Problem) -> RunSolution:
