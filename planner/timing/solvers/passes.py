@@ -5,12 +5,13 @@ be reached are an interval at each grid point, from 0 where the end is at rest, 
 
 Of the interval, what a point's own rows say is found for all points at once. What reaching the next one says is, with
 u taken out of each pair of lines (Fourier and Motzkin), the least of straight lines in the next point's bound; so the
-passes go from point to point by nothing but x ← min(cap, min aₖ x + bₖ), and few of the lines matter anywhere.
+passes go from point to point by nothing but x ← min(cap, min aₖ x + bₖ).
 """
 
 import numpy as np
 
 from kinematics.foundation.arrays import Array
+from kinematics.foundation.kernels import kernel
 
 # A row whose share of s̈ is this small beside the largest at its point bounds ṡ² alone.
 NEGLIGIBLE_SHARE = 1e-12
@@ -18,8 +19,8 @@ NEGLIGIBLE_SHARE = 1e-12
 FAR_SQUARED_SPEED = 1e12
 # Share of x up to which a given one may lie beyond what can be: rounding.
 ROUNDING = 1e-9
-# Share of x that a line may cut off unnoticed, and the least growth along a line: rounding.
-CUT_ROUNDING, MIN_GROWTH = 1e-13, 1e-30
+# The least growth along a line: rounding.
+MIN_GROWTH = 1e-30
 
 
 def largest_speeds(
@@ -129,27 +130,23 @@ def _line_gain(slope: Array, step: Array) -> Array:
 
 
 def _sweep(first: float, gain: Array, offset: Array, floor: Array, cap: Array) -> Array:
-    """x (N+1,) with x ← the least of gain x + offset (N, m), held between floor and cap (N,), one after the other.
+    """x (N+1,) with x ← the least of gain x + offset (N, m), held between floor and cap (N,), one after the other."""
+    found = np.empty(len(cap) + 1)
+    found[0] = first
+    follow_lines(found, *(np.ascontiguousarray(each) for each in (gain, offset, floor, cap)))
+    return found
 
-    Between the bounds that an x has itself, the least of the lines is below their least at either bound: of the others
-    only those count that pass below where these two cross.
-    """
-    every = np.arange(len(cap))
-    low, high = np.append(first, floor[:-1]), np.append(first, cap[:-1])
-    early, late = ((gain * x[:, None] + offset).argmin(1) for x in (low, high))
-    (a, b), (c, d) = ((gain[every, k], offset[every, k]) for k in (early, late))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        crossing = np.clip(np.where(a != c, (d - b) / (a - c), low), low, high)
-        beneath = a * crossing + b
-        others = (gain * crossing[:, None] + offset < (beneath - CUT_ROUNDING * np.abs(beneath))[:, None]).any(1)
-    x, found = first, [first]
-    for n, (a0, b0, c0, d0, least, most, more) in enumerate(
-        zip(*(each.tolist() for each in (a, b, c, d, floor, cap, others)), strict=True)
-    ):
-        x = min(a0 * x + b0, c0 * x + d0) if not more else float((gain[n] * x + offset[n]).min())
-        x = least if x < least else most if x > most else x
-        found.append(x)
-    return np.array(found)
+
+@kernel
+def follow_lines(x: Array, gain: Array, offset: Array, floor: Array, cap: Array) -> None:
+    """Every x (N+1,) after the first, as `_sweep` has them."""
+    for n in range(len(cap)):
+        least = np.inf
+        for k in range(gain.shape[1]):
+            value = gain[n, k] * x[n] + offset[n, k]
+            if value < least or np.isnan(value):
+                least = value
+        x[n + 1] = floor[n] if least < floor[n] else cap[n] if least > cap[n] else least
 
 
 def _is_within(x: float, low: float, high: float) -> bool:
@@ -172,19 +169,31 @@ def _lines(rows: list[Array], ceiling: Array, step: Array) -> tuple[Array, Array
 
 
 def _highest(slope: Array, upper: Array, lower: Array, most: Array) -> Array:
-    """The largest x (N,), at most the given one, at which some u lies between all lines.
+    """The largest x (N,), at most the given one, at which some u lies between all lines."""
+    x = most.copy()
+    lower_to_room(x, slope, upper, lower)
+    return x
+
+
+@kernel
+def lower_to_room(x: Array, slope: Array, upper: Array, lower: Array) -> None:
+    """Lower x (N,) as `_highest` has them.
 
     The room between the lines is concave in x: Newton steps from above never pass the answer, if there is one.
     """
-    x, left = most.copy(), np.arange(len(most))
-    while len(left):
-        tilt, above, below = slope[left], upper[left], lower[left]
-        lines, each = tilt * x[left, None], np.arange(len(left))
-        least, top = (above + lines).argmin(1), (below + lines).argmax(1)
-        fall = tilt[each, top] - tilt[each, least]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            nearer = (above[each, least] - below[each, top]) / fall
-        short = (fall > 0) & (nearer < x[left]) & (x[left] > 0)
-        left = left[short]
-        x[left] = np.maximum(nearer[short], 0.0)
-    return x
+    for n in range(len(x)):
+        while x[n] > 0:
+            above, below = 0, 0  # the least of the upper lines, and the largest of the lower
+            for k in range(1, slope.shape[1]):
+                way = slope[n, k] * x[n]
+                if upper[n, k] + way < upper[n, above] + slope[n, above] * x[n]:
+                    above = k
+                if lower[n, k] + way > lower[n, below] + slope[n, below] * x[n]:
+                    below = k
+            fall = slope[n, below] - slope[n, above]
+            if not fall > 0:
+                break
+            nearer = (upper[n, above] - lower[n, below]) / fall
+            if not nearer < x[n]:
+                break
+            x[n] = max(nearer, 0.0)
