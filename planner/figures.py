@@ -21,7 +21,7 @@ from planner.certificate.certify import Certificate
 from planner.certificate.feasibility import Standing
 from planner.cross_check import CrossCheck
 from planner.path.actuation import MachinePath
-from planner.plan import Plan, active_limits
+from planner.plan import Plan, active_limits, limit_shares
 from planner.program.model import Program
 from planner.pulses.realised_path import RealisedPath
 from planner.pulses.schedule import RATE_WINDOWS, PulseSchedule
@@ -115,13 +115,14 @@ def axis_motion(
 
 
 def limit_use(plan: Plan, ax: Axes | None = None, over: Literal["path", "time"] = "path") -> Axes:
-    """The proven use of every limit, along the path or over time, under a band in the colour of the active limit."""
+    """The use of every limit, along the path or over time, under a band in the colour of the active limit."""
     ax = new_axes(ax)
     trajectory = plan.trajectory
     s = np.append(trajectory.s, trajectory.at(trajectory.duration).s)
     edges = trajectory.knots if over == "time" else 1e3 * s
+    shares = limit_shares(plan)
     for n, limit in enumerate(plan.limits):
-        _draw_stairs(ax, plan.certificate.use[limit.name], edges, label=limit.name, **line_style(n))
+        _draw_stairs(ax, shares[limit.name], edges, label=limit.name, **line_style(n))
     ax.set_axisbelow(True)
     active = active_limits(plan)
     bands: dict[int, list[tuple[float, float]]] = {}
@@ -141,7 +142,7 @@ def limit_use(plan: Plan, ax: Axes | None = None, over: Literal["path", "time"] 
     label = "time (s)" if over == "time" else "distance along the path (mm)"
     ax.set(
         xlabel=label,
-        ylabel="proven share of the limit",
+        ylabel="share of the limit",
         xlim=(edges[0], edges[-1]),
         ylim=(0, 1.3),
         yticks=np.linspace(0, 1, 5),

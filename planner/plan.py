@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError, NotFree, OutOfReach
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Table
@@ -268,14 +269,23 @@ ACTIVE_SHARE = 0.99
 """The share of a limit from which on it holds the motion back."""
 
 
-def active_limits(plan: Plan) -> np.ndarray:
-    """(M,) for each time piece the index in `plan.limits` of the limit that holds the motion back; −1 where none does.
+def limit_shares(plan: Plan) -> dict[str, Array]:
+    """(M,) the largest share of each limit that the motion is seen to use in each time piece.
 
-    It is the most used one from 99 % on, as the motion itself uses them: a certificate bounds what a limit surely does
-    not use most no more closely than that asks. Geometric limits never do: they do not depend on timing.
+    Of limits that do not depend on timing, the proven share. What is proved of the others is as close only where they
+    are used most: elsewhere a bound need not be.
     """
     motion = plan.trajectory
     profile = Profile(motion.s, motion.v, motion.a, motion.j, np.diff(motion.knots), motion.piece)
-    seen = sample_limit_use(motion.path, plan.limits, profile)
-    use = np.stack([seen.get(limit.name, np.zeros(len(motion.s))) for limit in plan.limits])
+    standing = {limit.name: plan.certificate.use[limit.name] for limit in plan.limits if limit.geometric}
+    return standing | sample_limit_use(motion.path, plan.limits, profile)
+
+
+def active_limits(plan: Plan) -> np.ndarray:
+    """(M,) for each time piece the index in `plan.limits` of the limit that holds the motion back; −1 where none does.
+
+    It is the most used one from 99 % on. Geometric limits never do: they do not depend on timing.
+    """
+    seen = limit_shares(plan)
+    use = np.stack([seen[limit.name] * (not limit.geometric) for limit in plan.limits])
     return np.where(use.max(0) >= ACTIVE_SHARE, use.argmax(0), -1)
