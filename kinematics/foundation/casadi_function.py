@@ -18,9 +18,9 @@ from kinematics.foundation.taylor_tape import enclose_tape, is_enclosable
 # Greedy block sizes: one call of the virtual machine evaluates a whole block without leaving compiled code.
 _BLOCKS = (256, 16, 1)
 
-# Operations times points from which the compiled tape runs them: they take it a third of the time, and loading the
-# compiler, where nobody has yet, as long as the second of these takes CasADi.
-TAPE_WORK, LOADING_WORK = 1e5, 2e8
+# Points from which the compiled tape runs them in less time than CasADi, operations times points from which that pays
+# for making the tape, and for loading the compiler where nobody has yet.
+TAPE_POINTS, TAPE_WORK, LOADING_WORK = 12, 1e5, 2e8
 # Cells from which Taylor models of them are made by the tape.
 TAPE_CELLS = 8
 
@@ -40,6 +40,7 @@ class Expression:
     def _set_function(self, function: ca.Function) -> None:
         self.function = function
         self.size = int(self.function.size1_in(0)), int(self.function.size1_out(0))
+        self._operations, self._work = int(self.function.n_instructions()), 0
         self._lock = Lock()
         self._alive: list[object] = []  # `run` holds raw pointers into these
         self._blocks: dict[int, tuple[Array, Array, Callable[[], None]]] = {}
@@ -57,8 +58,7 @@ class Expression:
 
     def __call__(self, x: Array) -> Array:
         rows, out = len(x), np.empty((len(x), self.size[1]))
-        work = rows * self.function.n_instructions()
-        if work >= (TAPE_WORK if compiler_is_loaded() else LOADING_WORK) and self._tape is not None:
+        if self._pays_for_tape(rows) and self._tape is not None:
             run_tape(self._tape, np.ascontiguousarray(x, dtype=float), out)
             return out
         done = 0
@@ -71,6 +71,14 @@ class Expression:
                     out[done : done + size] = results
                     done += size
         return out
+
+    def _pays_for_tape(self, rows: int) -> bool:
+        """Whether so many points more are worth a tape, after all that there were before."""
+        work = rows * self._operations
+        if not compiler_is_loaded():
+            return work >= LOADING_WORK
+        self._work += work  # of several threads' only one may count
+        return rows >= TAPE_POINTS and self._work >= TAPE_WORK
 
     def _block(self, size: int) -> tuple[Array, Array, Callable[[], None]]:
         if size not in self._blocks:

@@ -145,13 +145,9 @@ def force(machine: Machine, motion: LimitState) -> Quantity:
 
 def force_terms(machine: Machine, points: Points) -> dict[Term, Array]:
     """What multiplies 1, ṡ, ṡ², s̈ in f, by its values at rest and for unit rates: ẋ = x′ṡ, ẍ = x′s̈ + x″ṡ²."""
-    x, x1, x2 = points.pose_derivatives
     q, q1, q2, *_ = points.derivatives
-    still, none = np.zeros_like(x), np.zeros_like(q)
-    held, pushed, carried = (
-        machine.force_map(np.concatenate([x, first, second, q, turn, bend], 1))
-        for first, second, turn, bend in ((still, still, none, none), (still, x1, none, q1), (x1, x2, q1, q2))
-    )
+    every = machine.force_terms_map(np.concatenate([*points.pose_derivatives, q, q1, q2], 1))
+    held, pushed, carried = (every[:, part : part + q.shape[1]] for part in range(0, every.shape[1], q.shape[1]))
     rubbed = q1 * [axis.friction for axis in machine.axes]
     return {Term.ONE: held, Term.SD: rubbed, Term.SD2: carried - held - rubbed, Term.SDD: pushed - held}
 

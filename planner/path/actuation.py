@@ -299,11 +299,11 @@ class MachinePath:
 
     def derivatives(self, s: Array, piece: np.ndarray, highest: int = 3) -> Derivatives:
         every = self._evaluate(lambda shape: _actuator_map(self.machine, shape, highest), s, piece, self._near)
-        return tuple(np.split(every, highest + 1, axis=1))
+        return _split_columns(every, highest + 1)
 
     def axis_derivatives(self, axis: int, s: Array, piece: np.ndarray, highest: int = 3) -> Derivatives:
         every = self._evaluate(lambda shape: _axis_map(self.machine, shape, highest, axis), s, piece, self._near)
-        return tuple(np.split(every, highest + 1, axis=1))
+        return _split_columns(every, highest + 1)
 
     def pose_numbers(self, s: Array, piece: np.ndarray) -> Array:
         drawn = self._evaluate(pose_map, s, piece)
@@ -313,7 +313,7 @@ class MachinePath:
 
     def pose_derivatives(self, s: Array, piece: np.ndarray, highest: int = 3) -> Derivatives:
         every = self._evaluate(lambda shape: _pose_numbers_map(self.machine, shape, highest), s, piece, self._near)
-        return tuple(np.split(every, highest + 1, axis=1))
+        return _split_columns(every, highest + 1)
 
     def position_derivatives(self, s: Array, piece: np.ndarray) -> tuple[Array, Array]:
         """The platform's origin and its first derivative by path length, each (N, 3)."""
@@ -325,13 +325,19 @@ class MachinePath:
     ) -> Array:
         """also (P, m): further inputs, constant on each piece."""
         local = s - self.breaks[piece] + self._start[piece]
+
+        def evaluate(k: int, chosen: np.ndarray | slice) -> Array:
+            mine = piece[chosen]
+            inputs = [local[chosen, None], self._parameters[k][mine]]
+            return expression(self._shapes[k])(np.concatenate(inputs if also is None else [*inputs, also[mine]], 1))
+
+        if len(self._shapes) == 1:
+            return evaluate(0, slice(None))
         out = np.empty((len(s), expression(self._shapes[0]).size[1]))
-        for k, shape in enumerate(self._shapes):
+        for k in range(len(self._shapes)):
             chosen = np.flatnonzero(self._shape_of[piece] == k)
-            if not len(chosen):
-                continue
-            inputs = [local[chosen], self._parameters[k][piece[chosen]]]
-            out[chosen] = expression(shape)(np.column_stack(inputs if also is None else [*inputs, also[piece[chosen]]]))
+            if len(chosen):
+                out[chosen] = evaluate(k, chosen)
         return out
 
     def enclose(self, s: Series, piece: np.ndarray) -> Series:
@@ -362,6 +368,11 @@ class MachinePath:
             return pose
         near = Series.constant(self._near[piece], s.order).pad(s.order)
         return Series(np.concatenate([pose.mid, near.mid], 2), np.concatenate([pose.rad, near.rad], 2), s.order)
+
+
+def _split_columns(values: Array, parts: int) -> Derivatives:
+    width = values.shape[1] // parts
+    return tuple(values[:, first : first + width] for first in range(0, values.shape[1], width))
 
 
 def _pad_part_ends(ends: np.ndarray, values: np.ndarray) -> np.ndarray:
