@@ -17,9 +17,9 @@ from kinematics.foundation.taylor_model import Series
 from kinematics.machine.kind import columns, refuse_uncontrolled
 from kinematics.machine.machine import Machine
 from kinematics.machine.pose import Pose, column
-from planner.path.chain import chain_pieces, tool_map
+from planner.path.chain import chain_pieces
 from planner.path.outcome import Blended, summarise_fits
-from planner.path.shape import Fitted, Piece, Shape, differentiate, pose_map
+from planner.path.shape import Fitted, Piece, Shape, differentiate, pose_map, tool_map
 from planner.place import Place
 from planner.program.model import Program
 
