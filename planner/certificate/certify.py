@@ -8,6 +8,7 @@ forwards, between the speeds stated.
 
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 
@@ -19,7 +20,7 @@ from planner.certificate.limit_use import ProvedUse, prove, round_reached_use
 from planner.certificate.resonance_dwell import find_stays
 from planner.limits.limit import Limit, order_of
 from planner.limits.resonance import Resonance
-from planner.path.actuation import ActuatorPath
+from planner.path.actuation import ActuatorPath, Derivatives
 from planner.place import Place, where_columns
 from planner.trajectory import Trajectory, unit_speed_trajectory
 
@@ -32,8 +33,8 @@ INSTANT_ROUNDING = 8 * float(np.finfo(float).eps)
 # Rounding of a value of the path or of its derivatives, as a share of the largest on a piece: Horner's scheme of degree
 # 9 rounds 18 times, in terms a few times as large as what they leave (N. Higham, Accuracy and Stability, 2002, 5.1).
 VALUE_ROUNDING = 64 * float(np.finfo(float).eps)
-# States that are computed together: a state holds far more than what is kept of it.
-STATE_BATCH = 1 << 14
+# Places at which a path is evaluated together: what is kept of them is far less than what it takes.
+PLACE_BATCH = 1 << 14
 
 
 def find_jumps(trajectory: Trajectory, order: int) -> dict[str, Place]:
@@ -42,60 +43,76 @@ def find_jumps(trajectory: Trajectory, order: int) -> dict[str, Place]:
     At an end ṡ is what the path states, rest if nothing, and s̈ is 0, or at the start what the path states: q̇ = q′ ṡ
     and q̈ = q′ s̈ + q″ ṡ² there.
     """
-    lengths = np.diff(trajectory.knots)
-    start, end = _states(trajectory, order, np.zeros(len(lengths))), _states(trajectory, order, lengths)
-    path = trajectory.path
+    path, h = trajectory.path, np.diff(trajectory.knots)
+    v, a, j = trajectory.v, trajectory.a, trajectory.j
+    at, by = _derive_at_starts_and_ends(trajectory, order)
+    fast, push = v + h * (a + h * j / 2), a + h * j
+    start, end = _rate(at, v, a, j), _rate(by, fast, push, j)
     _, q1, q2 = path.derivatives(path.breaks[[0, -1]], np.array([0, len(path.breaks) - 2]), 2)
-    speed, push = np.array([path.end_speeds, (path.start_acceleration, 0.0)])[:, :, None]
-    asked = [np.stack([start[0][0], end[0][-1]]), q1 * speed, q1 * push + q2 * speed**2]
+    asked = _rate((q1, q1, q2), np.array(path.end_speeds), np.array([path.start_acceleration, 0.0]), np.zeros(2))
+    asked[0] = np.stack([start[0][0], end[0][-1]])
+    # what rounding of q, q′ and q″, to a share of the largest on their piece, makes of q, q̇ and q̈: a motion near rest
+    # at a place where q′ is all but nothing multiplies what rounding leaves of it by a large s̈
+    begun, ended = ([np.abs(each) for each in both] for both in ((v, a), (fast, push)))
+    q, q1, q2 = (VALUE_ROUNDING * _largest_on_piece(trajectory, each) for each in at[:3])
+    rounding = zip(_rate((q, q1, q2), *begun, 0 * v), _rate((q, q1, q2), *ended, 0 * v), strict=True)
+    rounded = [np.concatenate([one[:1], np.maximum(one[1:], two[:-1]), two[-1:]]) for one, two in rounding]
     found: dict[str, Place] = {}
-    rounded = _bound_rounding(trajectory)
     blur = INSTANT_ROUNDING * trajectory.knots[:, None]
     for n, name in enumerate(("position jump", "speed jump", "acceleration jump")[:order]):
-        begun, ended = start[n], end[n]
         before, after = asked[n][:1], asked[n][1:]
-        gap = np.abs(np.concatenate([begun, after]) - np.concatenate([before, ended]))
+        gap = np.abs(np.concatenate([start[n], after]) - np.concatenate([before, end[n]]))
         # rounding is that of each axis' own values, and of what they were made from together
-        scale = np.ptp(begun, axis=0) + 1e-6 * np.abs(begun).max(0)
+        scale = np.ptp(start[n], axis=0) + 1e-6 * np.abs(start[n]).max(0)
         # an instant is known to a share of itself, in which a value goes on by its derivative
-        goes = np.abs(np.concatenate([start[n + 1], 0 * after])), np.abs(np.concatenate([0 * before, end[n + 1]]))
-        beyond = gap - MAX_JUMP * scale - AXIS_ROUNDING * scale.max() - blur * np.maximum(*goes) - rounded[n]
+        none = np.zeros_like(after)
+        goes = np.maximum(np.concatenate([abs(start[n + 1]), none]), np.concatenate([none, abs(end[n + 1])]))
+        beyond = gap - MAX_JUMP * scale - AXIS_ROUNDING * scale.max() - blur * goes - rounded[n]
         if not beyond.max() <= 0:
             knot, axis = np.unravel_index(int(np.argmax(np.where(np.isnan(beyond), np.inf, beyond))), beyond.shape)
             found[name] = place_at(trajectory, float(trajectory.knots[knot]), trajectory.path.names[axis])
     return found
 
 
-def _bound_rounding(trajectory: Trajectory) -> tuple[Array, Array, Array]:
-    """What rounding of q, q′ and q″, to a share of the largest on their piece, makes of q, q̇ and q̈: (M+1, n) each.
+def _derive_at_starts_and_ends(trajectory: Trajectory, order: int) -> tuple[Derivatives, Derivatives]:
+    """q, q′, q″ (and q‴ at order 3), (M, n) each, where the time pieces start, and where they end.
 
-    A motion near rest at a place where q′ is all but nothing multiplies what rounding leaves of it by a large s̈.
+    A piece ends where the next one starts, but for rounding δ: where that is on the same piece of path, values there
+    are those at the start, moved on by δ times the next derivative.
     """
-    path, pieces = trajectory.path, len(trajectory.path.breaks) - 1
-    values = path.derivatives(trajectory.s, trajectory.piece, 2)
-    largest = [np.zeros((pieces, value.shape[1])) for value in values]
-    for most, value in zip(largest, values, strict=True):
-        np.maximum.at(most, trajectory.piece, VALUE_ROUNDING * np.abs(value))
-    q, q1, q2 = (most[trajectory.piece] for most in largest)
-    h, v, a, j = np.diff(trajectory.knots), trajectory.v, trajectory.a, trajectory.j
-    found: list[Array] = []
-    for speed, push in ((v, a), (v + h * (a + h * j / 2), a + h * j)):
-        fast, hard = np.abs(speed)[:, None], np.abs(push)[:, None]
-        found.append(np.stack([q, q1 * fast, q1 * hard + q2 * fast**2]))
-    start, end = found
-    both = np.concatenate([start, np.zeros_like(start[:, :1])], 1), np.concatenate([np.zeros_like(end[:, :1]), end], 1)
-    one, two, three = np.maximum(*both)
-    return one, two, three
+    path, piece, s = trajectory.path, trajectory.piece, trajectory.s
+    at, last = _derive(path, s, piece, order), piece_end_lengths(trajectory)
+    ahead = last - np.append(s[1:], np.nan)
+    near = (np.abs(ahead) <= INSTANT_ROUNDING * np.abs(last)) & (piece == np.append(piece[1:], -1))
+    by = tuple(np.concatenate([each[1:], each[:1]]) for each in at)
+    for value, slope in pairwise(by):
+        value += slope * ahead[:, None]
+    far = np.flatnonzero(~near)
+    for value, own in zip(by, _derive(path, last[far], piece[far], order), strict=True):
+        value[far] = own
+    return at, by
 
 
-def _states(trajectory: Trajectory, order: int, tau: Array) -> list[Array]:
-    """q, q̇, q̈ (and q⃛ at order 3), each (M, n), tau (M,) after the start of every time piece."""
-    parts = []
-    for first in range(0, len(tau), STATE_BATCH):
-        k = np.arange(first, min(first + STATE_BATCH, len(tau)))
-        state = trajectory.within(k, tau[first : first + STATE_BATCH], jerk=order == 3)
-        parts.append((state.q, state.qd, state.qdd, *((state.qddd,) if order == 3 else ())))
-    return [np.concatenate(each) for each in zip(*parts, strict=True)]
+def _derive(path: ActuatorPath, s: Array, piece: np.ndarray, highest: int) -> Derivatives:
+    parts = [slice(first, first + PLACE_BATCH) for first in range(0, len(s), PLACE_BATCH)]
+    return tuple(
+        map(np.concatenate, zip(*(path.derivatives(s[own], piece[own], highest) for own in parts), strict=True))
+    )
+
+
+def _rate(values: Derivatives, v: Array, a: Array, j: Array) -> list[Array]:
+    """q, q̇, q̈ (and q⃛, where q‴ is known), each (M, n)."""
+    q, q1, q2, *q3 = values
+    v, a, j = v[:, None], a[:, None], j[:, None]
+    return [q, q1 * v, q1 * a + q2 * v**2, *(q1 * j + 3 * q2 * v * a + each * v**3 for each in q3)]
+
+
+def _largest_on_piece(trajectory: Trajectory, values: Array) -> Array:
+    """(M, n) the largest size of values (M, n) that is met on the piece of path of each."""
+    runs = np.flatnonzero(np.append(True, np.diff(trajectory.piece) != 0))
+    most = np.zeros((len(trajectory.path.breaks) - 1, values.shape[1]))
+    np.maximum.at(most, trajectory.piece[runs], np.maximum.reduceat(np.abs(values), runs))
+    return np.asarray(most[trajectory.piece])
 
 
 def find_gaps(trajectory: Trajectory) -> dict[str, Place]:
@@ -130,8 +147,10 @@ def piece_end_lengths(trajectory: Trajectory) -> Array:
 
 
 def place_at(trajectory: Trajectory, t: float, axis: str) -> Place:
-    state = trajectory.at(t)
-    return trajectory.path.place(float(state.along[0]), int(state.piece[0]), t, axis)
+    k = int(trajectory.locate(np.array([t]))[0])
+    tau = min(max(t, 0.0), trajectory.duration) - trajectory.knots[k]
+    s = trajectory.s[k] + tau * (trajectory.v[k] + tau * (trajectory.a[k] / 2 + tau * trajectory.j[k] / 6))
+    return trajectory.path.place(float(s), int(trajectory.piece[k]), t, axis)
 
 
 CROSSING = "resonance crossing"

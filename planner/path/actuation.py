@@ -325,19 +325,14 @@ class MachinePath:
     ) -> Array:
         """also (P, m): further inputs, constant on each piece."""
         local = s - self.breaks[piece] + self._start[piece]
-
-        def evaluate(k: int, chosen: np.ndarray | slice) -> Array:
-            mine = piece[chosen]
-            inputs = [local[chosen, None], self._parameters[k][mine]]
-            return expression(self._shapes[k])(np.concatenate(inputs if also is None else [*inputs, also[mine]], 1))
-
-        if len(self._shapes) == 1:
-            return evaluate(0, slice(None))
         out = np.empty((len(s), expression(self._shapes[0]).size[1]))
-        for k in range(len(self._shapes)):
-            chosen = np.flatnonzero(self._shape_of[piece] == k)
-            if len(chosen):
-                out[chosen] = evaluate(k, chosen)
+        for k, shape in enumerate(self._shapes):
+            alone = len(self._shapes) == 1
+            chosen = slice(None) if alone else np.flatnonzero(self._shape_of[piece] == k)
+            mine = piece[chosen]
+            if alone or len(mine):
+                inputs = [local[chosen, None], self._parameters[k][mine], *(() if also is None else (also[mine],))]
+                out[chosen] = expression(shape)(np.concatenate(inputs, 1))
         return out
 
     def enclose(self, s: Series, piece: np.ndarray) -> Series:
