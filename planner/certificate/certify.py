@@ -200,7 +200,8 @@ def certify(trajectory: Trajectory, limits: Sequence[Limit], known: ProvedUse | 
     use |= _geometric_use(trajectory, standing)
     attained |= use_at_knots(trajectory, standing, known)
     worst = {name: float(values.max()) for name, values in use.items()}
-    most = {limit.name: attained if limit.geometric else use for limit in limits}
+    # a bound that is kept need not be tight everywhere
+    most = {limit.name: attained if limit.geometric or worst[limit.name] <= 1 else use for limit in limits}
     where = {
         limit.name: _find_worst_place(trajectory, limit, int(np.argmax(most[limit.name][limit.name])))
         for limit in limits

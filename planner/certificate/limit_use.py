@@ -99,10 +99,11 @@ def _tighten_cells(
         if rounds:
             bound, met = round_reached_use(bound), round_reached_use(met)
         np.maximum.at(attained, cells.k, met)
-        loose = bound > np.maximum(met, min(attained.max(), 1.0)) + limit.tight(met)
+        known_most = np.maximum(met, min(attained.max(), 1.0))
+        loose = bound > known_most + limit.tight(known_most)
         loose |= (bound > 1) & (met <= 1)
         with np.errstate(invalid="ignore"):  # of what has no bound
-            over = np.nanmax((bound - attained.max()) / limit.tight(met), where=loose, initial=1.0)
+            over = np.nanmax((bound - attained.max()) / limit.tight(known_most), where=loose, initial=1.0)
         # bounds close in with the square of a cell at least
         parts = 1 if first else int(np.clip(np.ceil(np.sqrt(over)), 2, CELL_PARTS if loose.sum() <= FEW_CELLS else 2))
         share, first = share / parts, False
@@ -126,24 +127,30 @@ def _has_stated_speeds(path: ActuatorPath) -> bool:
 
 
 def _look_at_use(trajectory: Trajectory, limits: Sequence[Limit], cells: Cells, order: int) -> tuple[Array, Array]:
-    """Over each of N cells, as `_bound_use` but cheaper: bounds from ranges, and the use attained at some centres.
+    """Over each of N cells, as `_bound_use` but cheaper: bounds from ranges, and the use attained at some instants.
 
     Of many, groups first, each as a whole and at the centre of one: the cells only of those that may use the most.
     """
     bound, met = np.zeros((2, len(limits), len(cells.k)))
+    alone = all(limit.by_axis for limit in limits)
     for begin in range(0, len(cells.k), LOOK_BATCH):
         some = cells[np.arange(begin, min(begin + LOOK_BATCH, len(cells.k)))]
         piece, every = trajectory.piece[some.k], np.arange(len(some.k))
         with np.errstate(invalid="ignore", over="ignore"):
             ranges, whole = bound_ranges(trajectory, some, order), None
-            groups = _group(trajectory, ranges, some, order) if len(every) >= MIN_GROUPED else None
+            groups = _group(trajectory, ranges, some, order) if len(every) >= MIN_GROUPED and not alone else None
             for n, limit in enumerate(limits):
                 found, seen, rest = np.zeros(len(every)), np.zeros(len(every)), every
-                if groups is not None:
+                if limit.by_axis:
+                    found = limit.use(*bound_balls(limit.value(ranges)), piece).max(1)
+                    least, most = (limit.value(each).mid[0] for each in ranges.met)
+                    seen, rest = limit.use(least, most, piece).max(1), every[:0]
+                elif groups is not None:
                     one, state, merged, group = groups
                     most = limit.use(*bound_balls(limit.value(merged)), merged.piece).max(1)
                     seen[one] = _use_of(limit, state)
-                    found, rest = most[group], np.flatnonzero(~(most < min(seen.max(), 1.0))[group])
+                    enough = min(seen.max(), 1.0) + limit.tight(seen.max())
+                    found, rest = most[group], np.flatnonzero(~(most < enough)[group])
                 if len(rest) == len(every):
                     whole = whole or _states(trajectory, some, 0.5, order)
                     found = limit.use(*bound_balls(limit.value(ranges)), piece).max(1)

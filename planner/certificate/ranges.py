@@ -35,11 +35,13 @@ class Ranges:
     """The motion over N cells, each quantity a ball (1, N, m) about the middle of where it lies.
 
     piece (N,) of path; find: of the axes, or of the pose where True, the balls of value and derivatives
+    met: of the axes, the least and the most that each is for certain at some instant of its own, balls without radius
     """
 
     path: ActuatorPath
     piece: np.ndarray
     find: Callable[[bool], tuple[Series, ...]]
+    met: "tuple[Ranges, Ranges] | None" = None
 
     @cached_property
     def _axes(self) -> tuple[Series, ...]:
@@ -112,8 +114,8 @@ class _Stretches:
     rate: Array
     highest: int
 
-    def __call__(self, pose: bool) -> tuple[Series, ...]:
-        """A function of path and its derivatives by time."""
+    def bound(self, pose: bool) -> Array:
+        """Of the axes, or of the pose, and their derivatives by time: what `bound_motion` finds of each, (4, …)."""
         count, highest = len(self.middle), 2 if pose else self.highest
         mid, rad = np.zeros((2, PATH_ORDER + 1, 2 * count))
         # s over the stretches: about their middles, then anywhere
@@ -125,9 +127,9 @@ class _Stretches:
         full = found.pad(PATH_ORDER)
         mid, rad = np.array(full.mid[:, :count]), np.array(full.rad[:, :count])
         mid[-1], rad[-1] = 0.0, np.abs(full.mid[-1, count:]) + full.rad[-1, count:]
-        balls = np.empty((2, highest + 1, len(self.stretch), mid.shape[2]))
-        bound_motion(mid, rad, self.stretch, self.motion, self.error, self.rate, balls[0], balls[1])
-        return tuple(Series(balls[0, n : n + 1], balls[1, n : n + 1], 0) for n in range(highest + 1))
+        balls = np.empty((4, highest + 1, len(self.stretch), mid.shape[2]))
+        bound_motion(mid, rad, self.stretch, self.motion, self.error, self.rate, *balls)
+        return balls
 
 
 def _merge_balls(balls: Series, first: np.ndarray) -> Series:
@@ -175,7 +177,20 @@ def bound_ranges(trajectory: Trajectory, cells: Cells, highest: int) -> Ranges:
     way[0] -= centre[stretch]
     size[0] += np.abs(centre[stretch])
     motion, error = way / wide[stretch], 32 * EPS * size / wide[stretch]
-    return Ranges(path, piece, _Stretches(path, stretch, centre, wide, piece[first], motion, error, 1 / half, highest))
+    stretches = _Stretches(path, stretch, centre, wide, piece[first], motion, error, 1 / half, highest)
+    axes = stretches.bound(pose=False)
+
+    def find(pose: bool) -> tuple[Series, ...]:
+        return _make_balls(*(stretches.bound(pose) if pose else axes)[:2])
+
+    met = [
+        Ranges(path, piece, lambda _, values=values: _make_balls(values, np.zeros_like(values))) for values in axes[2:]
+    ]
+    return Ranges(path, piece, find, (met[0], met[1]))
+
+
+def _make_balls(mid: Array, rad: Array) -> tuple[Series, ...]:
+    return tuple(Series(mid[n : n + 1], rad[n : n + 1], 0) for n in range(len(mid)))
 
 
 @kernel
@@ -188,18 +203,23 @@ def bound_motion(
     rate: Array,
     out_mid: Array,
     out_rad: Array,
+    least: Array,
+    most: Array,
 ) -> None:
-    """Balls out (highest + 1, N, m) of a function and its derivatives by time.
+    """Balls out (highest + 1, N, m) of a function and its derivatives by time, and what is met for certain.
+
+    least, most (highest + 1, N, m)  no less, and no more, than the value at some instant each: 0 where nothing is known
 
     mid, rad (D + 1, G, m)   its coefficients over G stretches of path; the last, times σ^D, is what remains
     stretch (N,), motion, error (4, N), rate (N,)  as in `_Stretches`
     """
-    degree, width, most = len(mid) - 1, mid.shape[2], len(out_mid) - 1
-    powers = min(most + MORE_POWERS, degree - 1)
+    degree, width, highest = len(mid) - 1, mid.shape[2], len(out_mid) - 1
+    powers = min(highest + MORE_POWERS, degree - 1)
     # columns innermost: they are what the processor's vectors hold
     p, size = np.zeros((degree, width)), np.zeros((degree, width))
     a, large = np.zeros((powers + 1, width)), np.zeros((powers + 1, width))
     e, whole, slack = np.zeros((powers + 6, width)), np.zeros((4, width)), np.zeros(width)
+    sure, start, end, peak, place = np.zeros((5, width))
     for n in range(len(stretch)):
         g = stretch[n]
         s0, s1, s2, s3 = motion[0, n], motion[1, n], motion[2, n], motion[3, n]
@@ -246,7 +266,7 @@ def bound_motion(
                 whole[1, c] = whole[1, c] * reach + whole[0, c]
                 whole[0, c] = whole[0, c] * reach + (abs(mid[i, g, c]) + rad[i, g, c])
         scale = 1.0
-        for m in range(most + 1):
+        for m in range(highest + 1):
             for c in range(width):
                 if m == 0:
                     slack[c] = whole[0, c]
@@ -267,6 +287,15 @@ def bound_motion(
             for k in range(powers - m + 1, powers + 6):
                 for c in range(width):
                     e[k, c] = 0.0
+            # the polynomial's own values at both ends and where a parabola has its peak
+            for c in range(width):
+                e1, e2 = e[1, c], e[2, c]
+                place[c] = -e1 / (2 * e2) if abs(e1) < 2 * abs(e2) else 0.0
+                sure[c], start[c], end[c], peak[c] = slack[c], 0.0, 0.0, 0.0
+            for k in range(powers - m, -1, -1):
+                for c in range(width):
+                    start[c], end[c], peak[c] = e[k, c] - start[c], e[k, c] + end[c], e[k, c] + place[c] * peak[c]
+                    sure[c] += ROUNDINGS * abs(e[k, c])
             for c in range(width):
                 # but for a little of the cubic and the quartic, a polynomial of degree two: Chebyshev's
                 slack[c] += abs(e[3, c]) / 4 + abs(e[4, c]) / 8
@@ -285,4 +314,7 @@ def bound_motion(
                 good = reach <= 1 and np.isfinite(own) and np.isfinite(low) and np.isfinite(high)
                 out_mid[m, n, c] = (low + high) / 2 if good else 0.0
                 out_rad[m, n, c] = own if good else np.inf
+                beside = sure[c] * (1 + ROUNDINGS)
+                least[m, n, c] = (min(start[c], end[c], peak[c]) + beside) * scale if good else 0.0
+                most[m, n, c] = (max(start[c], end[c], peak[c]) - beside) * scale if good else 0.0
             scale *= rate[n]

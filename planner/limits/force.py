@@ -15,7 +15,7 @@ from kinematics.foundation.errors import MotionError
 from kinematics.foundation.taylor_model import Series
 from kinematics.machine.axis import Axis
 from kinematics.machine.machine import Machine
-from planner.limits.limit import AxisLimit, Limit, LimitState, Quantity, Rows, Term
+from planner.limits.limit import MAX_OVERESTIMATE, AxisLimit, Limit, LimitState, Quantity, Rows, Term
 from planner.path.actuation import MachinePath, Points, make_points
 
 
@@ -160,6 +160,15 @@ def holding_forces(machine: Machine, path: MachinePath) -> Array:
     return machine.holding_map(np.concatenate([points.pose_derivatives[0], points.derivatives[0]], 1))
 
 
+# Share of a force up to which its bound may be looser, and by what share of it: so little use holds nothing back.
+SMALL_USE, SMALL_USE_OVERESTIMATE = 0.5, 5e-4
+
+
+def tight(met: Array) -> Array:
+    """How far above the use of a force that is met a proven bound may stay."""
+    return np.maximum(np.where(met < SMALL_USE, SMALL_USE_OVERESTIMATE * met, 0.0), MAX_OVERESTIMATE)
+
+
 def slowness(use: float, held: float, power: int) -> float:
     """k of a motion k times slower that uses 1 of a limit, where it used `use` and what only holds uses `held`.
 
@@ -190,6 +199,9 @@ class Force(AxisLimit):
 
     def value(self, motion: LimitState) -> Quantity:
         return force(self.machine, motion)
+
+    def tight(self, met: Array) -> Array:
+        return tight(met)
 
     def rows(self, points: Points) -> Rows:
         found = force_terms(self.machine, points)
@@ -245,6 +257,9 @@ class TorqueSpeed(Limit):
 
     def value(self, motion: LimitState) -> Quantity:
         return force(self.machine, motion)[:, self.axis] * self.pull + motion.qd[:, self.axis] * self.drop
+
+    def tight(self, met: Array) -> Array:
+        return tight(met)
 
     def use(self, low: Array, high: Array, piece: np.ndarray) -> Array:
         fastest = np.maximum(np.abs(low), np.abs(high))
