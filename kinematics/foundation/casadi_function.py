@@ -21,7 +21,7 @@ _BLOCKS = (256, 16, 1)
 # Points from which the compiled tape runs them in less time than CasADi, operations times points from which that pays
 # for making the tape, and for loading the compiler where nobody has yet.
 TAPE_POINTS, TAPE_WORK, LOADING_WORK = 12, 1e5, 2e8
-# Cells from which Taylor models of them are made by the tape.
+# Cells from which Taylor models of them are made by the tape where nobody has loaded the compiler yet.
 TAPE_CELLS = 8
 
 T = TypeVar("T")
@@ -111,7 +111,7 @@ class Expression:
     def enclose(self, x: Sequence[Series]) -> list[Series]:
         """The same expression in Taylor series with guaranteed error: k series in, m series out."""
         order = x[0].order
-        if self._is_enclosable and all(one.order == order for one in x) and _cells(x) >= TAPE_CELLS:
+        if self._pays_to_compile(_cells(x)) and all(one.order == order for one in x):
             return self._enclose_compiled(x, order)
         # an unbounded ball may turn into nan: both read as "no bound"
         with np.errstate(invalid="ignore", over="ignore"):
@@ -120,7 +120,7 @@ class Expression:
     def enclose_columns(self, *x: Series) -> Series:
         """The same of series (d+1, N, j) that hold the k inputs side by side: as one (order+1, N, m)."""
         order, cells = min(one.order for one in x), max(one.mid.shape[1] for one in x)
-        if self._tape is None or not self._is_enclosable or cells < TAPE_CELLS:
+        if self._tape is None or not self._pays_to_compile(cells):
             columns = [one.cut(order)[:, k] for one in x for k in range(one.mid.shape[2])]
             stacked = Series.stack(self.enclose(columns))
             shape = (stacked.degree + 1, cells, self.size[1])  # what is constant is so on every cell
@@ -136,6 +136,9 @@ class Expression:
         found, error = (np.zeros((self.size[1], order + 1, cells)) for _ in range(2))
         enclose_tape(self._tape, order, degrees, mid, rad, found, error)
         return Series(found.transpose(1, 2, 0), error.transpose(1, 2, 0), order)
+
+    def _pays_to_compile(self, cells: int) -> bool:
+        return (cells >= TAPE_CELLS or compiler_is_loaded()) and self._is_enclosable
 
     @cached_property
     def _is_enclosable(self) -> bool:

@@ -55,7 +55,9 @@ def find_jumps(trajectory: Trajectory, order: int) -> dict[str, Place]:
     # at a place where q′ is all but nothing multiplies what rounding leaves of it by a large s̈
     begun, ended = ([np.abs(each) for each in both] for both in ((v, a), (fast, push)))
     q, q1, q2 = (VALUE_ROUNDING * _largest_on_piece(trajectory, each) for each in at[:3])
-    rounding = zip(_rate((q, q1, q2), *begun, 0 * v), _rate((q, q1, q2), *ended, 0 * v), strict=True)
+    rounding = zip(
+        _rate((q, q1, q2), begun[0], begun[1], 0 * v), _rate((q, q1, q2), ended[0], ended[1], 0 * v), strict=True
+    )
     rounded = [np.concatenate([one[:1], np.maximum(one[1:], two[:-1]), two[-1:]]) for one, two in rounding]
     found: dict[str, Place] = {}
     blur = INSTANT_ROUNDING * trajectory.knots[:, None]

@@ -166,10 +166,10 @@ def _look_at_use(trajectory: Trajectory, limits: Sequence[Limit], cells: Cells, 
 def _group(
     trajectory: Trajectory, ranges: Ranges, cells: Cells, order: int
 ) -> tuple[np.ndarray, State, Ranges, np.ndarray]:
-    """Cells in a row on one piece of path, put together: one of each group and the state at its centre, the groups'
+    """Cells in a row on one stretch of path, put together: one of each group and the state at its centre, the groups'
     ranges, and the group of each cell."""
-    piece, every = ranges.piece, np.arange(len(cells.k))
-    runs = np.flatnonzero(np.append(True, piece[1:] != piece[:-1]))
+    stretch, every = ranges.stretches.stretch, np.arange(len(cells.k))
+    runs = np.flatnonzero(np.append(True, stretch[1:] != stretch[:-1]))
     own = every - np.repeat(runs, np.diff(np.append(runs, len(every))))
     first = np.flatnonzero(own % GROUP_CELLS == 0)
     one = (first + np.append(first[1:], len(every))) // 2
