@@ -6,7 +6,7 @@ until the bounds are tight. It is also proved that the motion is one: nothing ju
 forwards, between the speeds stated.
 """
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Hashable, Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -33,73 +33,101 @@ INSTANT_ROUNDING = 8 * float(np.finfo(float).eps)
 # Rounding of a value of the path or of its derivatives, as a share of the largest on a piece: Horner's scheme of degree
 # 9 rounds 18 times, in terms a few times as large as what they leave (N. Higham, Accuracy and Stability, 2002, 5.1).
 VALUE_ROUNDING = 64 * float(np.finfo(float).eps)
-# Places at which a path is evaluated together: what is kept of them is far less than what it takes.
-PLACE_BATCH = 1 << 14
+# Time pieces that are looked at together: what is looked at is far more than what is kept.
+STATE_BATCH = 1 << 14
 
 
 def find_jumps(trajectory: Trajectory, order: int) -> dict[str, Place]:
     """Each quantity that is not continuous between the pieces, or at an end not as stated, and where it jumps most.
 
     At an end ṡ is what the path states, rest if nothing, and s̈ is 0, or at the start what the path states: q̇ = q′ ṡ
-    and q̈ = q′ s̈ + q″ ṡ² there.
+    and q̈ = q′ s̈ + q″ ṡ² there. Whether it is the path's end is for `find_gaps` to say.
     """
-    path, h = trajectory.path, np.diff(trajectory.knots)
-    v, a, j = trajectory.v, trajectory.a, trajectory.j
-    at, by = _derive_at_starts_and_ends(trajectory, order)
-    fast, push = v + h * (a + h * j / 2), a + h * j
-    start, end = _rate(at, v, a, j), _rate(by, fast, push, j)
-    _, q1, q2 = path.derivatives(path.breaks[[0, -1]], np.array([0, len(path.breaks) - 2]), 2)
-    asked = _rate((q1, q1, q2), np.array(path.end_speeds), np.array([path.start_acceleration, 0.0]), np.zeros(2))
-    asked[0] = np.stack([start[0][0], end[0][-1]])
-    # what rounding of q, q′ and q″, to a share of the largest on their piece, makes of q, q̇ and q̈: a motion near rest
-    # at a place where q′ is all but nothing multiplies what rounding leaves of it by a large s̈
-    begun, ended = ([np.abs(each) for each in both] for both in ((v, a), (fast, push)))
-    q, q1, q2 = (VALUE_ROUNDING * _largest_on_piece(trajectory, each) for each in at[:3])
-    rounding = zip(
-        _rate((q, q1, q2), begun[0], begun[1], 0 * v), _rate((q, q1, q2), ended[0], ended[1], 0 * v), strict=True
-    )
-    rounded = [np.concatenate([one[:1], np.maximum(one[1:], two[:-1]), two[-1:]]) for one, two in rounding]
-    found: dict[str, Place] = {}
-    blur = INSTANT_ROUNDING * trajectory.knots[:, None]
-    for n, name in enumerate(("position jump", "speed jump", "acceleration jump")[:order]):
-        before, after = asked[n][:1], asked[n][1:]
-        gap = np.abs(np.concatenate([start[n], after]) - np.concatenate([before, end[n]]))
-        # rounding is that of each axis' own values, and of what they were made from together
-        scale = np.ptp(start[n], axis=0) + 1e-6 * np.abs(start[n]).max(0)
+    path, count = trajectory.path, len(trajectory.s)
+    before, final = np.zeros((2, 3, order, 1, len(path.names)))
+    derivatives = path.derivatives(path.breaks[[0, -1]], np.array([0, len(path.breaks) - 2]), 2)
+    for side, n, push in ((before, 0, path.start_acceleration), (final, 1, 0.0)):
+        (q, q1, q2), speed = (each[n] for each in derivatives), path.end_speeds[n]
+        side[0, :, 0] = [q, q1 * speed, q1 * push + q2 * speed**2][:order]
+    worst, at = np.full((order, len(path.names)), -np.inf), np.zeros((order, len(path.names)), int)
+    least, largest = -worst, worst
+
+    def look(first: int, before: Array, after: Array) -> None:
+        nonlocal worst, at
         # an instant is known to a share of itself, in which a value goes on by its derivative
-        none = np.zeros_like(after)
-        goes = np.maximum(np.concatenate([abs(start[n + 1]), none]), np.concatenate([none, abs(end[n + 1])]))
-        beyond = gap - MAX_JUMP * scale - AXIS_ROUNDING * scale.max() - blur * goes - rounded[n]
-        if not beyond.max() <= 0:
-            knot, axis = np.unravel_index(int(np.argmax(np.where(np.isnan(beyond), np.inf, beyond))), beyond.shape)
-            found[name] = place_at(trajectory, float(trajectory.knots[knot]), trajectory.path.names[axis])
+        blur = INSTANT_ROUNDING * trajectory.knots[first : first + after.shape[2], None]
+        _, goes, rounded = np.maximum(np.abs(before), np.abs(after))
+        beyond = np.abs(after[0] - before[0]) - blur * goes - rounded
+        beyond = np.where(np.isnan(beyond), np.inf, beyond)
+        at = np.where(beyond.max(1) > worst, first + beyond.argmax(1), at)
+        worst = np.maximum(worst, beyond.max(1))
+
+    for first, stop in _batches(trajectory.piece):
+        start, end = _look_at_ends(trajectory, slice(first, stop), order)
+        if first == 0:
+            before[0, 0] = start[0, 0, :1]
+        look(first, np.concatenate([before, end[:, :, :-1]], 2), start)
+        before = end[:, :, -1:].copy()
+        least, largest = np.minimum(least, start[0].min(1)), np.maximum(largest, start[0].max(1))
+    final[0, 0] = before[0, 0]
+    look(count, before, final)
+    # rounding is that of each axis' own values, and of what they were made from together
+    scale = largest - least + 1e-6 * np.maximum(np.abs(least), np.abs(largest))
+    beyond = worst - MAX_JUMP * scale - AXIS_ROUNDING * scale.max(1, keepdims=True)
+    found: dict[str, Place] = {}
+    for n, name in enumerate(("position jump", "speed jump", "acceleration jump")[:order]):
+        axis = int(np.argmax(np.where(np.isnan(beyond[n]), np.inf, beyond[n])))
+        if not beyond[n, axis] <= 0:
+            found[name] = place_at(trajectory, float(trajectory.knots[at[n, axis]]), path.names[axis])
     return found
 
 
-def _derive_at_starts_and_ends(trajectory: Trajectory, order: int) -> tuple[Derivatives, Derivatives]:
-    """q, q′, q″ (and q‴ at order 3), (M, n) each, where the time pieces start, and where they end.
+def _batches(piece: np.ndarray) -> Iterator[tuple[int, int]]:
+    """First and last, exclusive, of batches of STATE_BATCH time pieces or more: all on one path piece are in one."""
+    ends, first = np.append(np.flatnonzero(np.diff(piece)) + 1, len(piece)), 0
+    while first < len(piece):
+        after = int(ends[np.searchsorted(ends, min(first + STATE_BATCH, len(piece)))])
+        yield first, after
+        first = after
+
+
+def _look_at_ends(trajectory: Trajectory, own: slice, order: int) -> tuple[Array, Array]:
+    """Where time pieces start, and where they end, of all on some path pieces: (3, order, M, n) each.
+
+    They are q, q̇ (and q̈ at order 3); their derivatives by time; and what rounding of q, q′ and q″, to a share of the
+    largest on their path piece, makes of them: a motion near rest at a place where q′ is all but nothing multiplies
+    what rounding leaves of it by a large s̈.
+    """
+    h, v, a, j = np.diff(trajectory.knots)[own], trajectory.v[own], trajectory.a[own], trajectory.j[own]
+    at, by = _derive_at_starts_and_ends(trajectory, own, order)
+    runs = np.flatnonzero(np.diff(trajectory.piece[own], prepend=-1))
+    lengths = np.diff(runs, append=len(h))
+    blur = [VALUE_ROUNDING * np.repeat(np.maximum.reduceat(np.abs(each), runs), lengths, axis=0) for each in at[:3]]
+    found = []
+    for values, speed, push in ((at, v, a), (by, v + h * (a + h * j / 2), a + h * j)):
+        rates = _rate(values, speed, push, j)
+        rounded = _rate(tuple(blur), np.abs(speed), np.abs(push), 0 * j)
+        found.append(np.stack([rates[:order], rates[1 : order + 1], rounded[:order]]))
+    return found[0], found[1]
+
+
+def _derive_at_starts_and_ends(trajectory: Trajectory, own: slice, order: int) -> tuple[Derivatives, Derivatives]:
+    """q, q′, q″ (and q‴ at order 3), (M, n) each, where time pieces start, and where they end.
 
     A piece ends where the next one starts, but for rounding δ: where that is on the same piece of path, values there
     are those at the start, moved on by δ times the next derivative.
     """
-    path, piece, s = trajectory.path, trajectory.piece, trajectory.s
-    at, last = _derive(path, s, piece, order), piece_end_lengths(trajectory)
+    path, piece, s = trajectory.path, trajectory.piece[own], trajectory.s[own]
+    at, last = path.derivatives(s, piece, order), piece_end_lengths(trajectory)[own]
     ahead = last - np.append(s[1:], np.nan)
     near = (np.abs(ahead) <= INSTANT_ROUNDING * np.abs(last)) & (piece == np.append(piece[1:], -1))
     by = tuple(np.concatenate([each[1:], each[:1]]) for each in at)
     for value, slope in pairwise(by):
         value += slope * ahead[:, None]
     far = np.flatnonzero(~near)
-    for value, own in zip(by, _derive(path, last[far], piece[far], order), strict=True):
-        value[far] = own
+    for value, mine in zip(by, path.derivatives(last[far], piece[far], order), strict=True):
+        value[far] = mine
     return at, by
-
-
-def _derive(path: ActuatorPath, s: Array, piece: np.ndarray, highest: int) -> Derivatives:
-    parts = [slice(first, first + PLACE_BATCH) for first in range(0, len(s), PLACE_BATCH)]
-    return tuple(
-        map(np.concatenate, zip(*(path.derivatives(s[own], piece[own], highest) for own in parts), strict=True))
-    )
 
 
 def _rate(values: Derivatives, v: Array, a: Array, j: Array) -> list[Array]:
@@ -107,14 +135,6 @@ def _rate(values: Derivatives, v: Array, a: Array, j: Array) -> list[Array]:
     q, q1, q2, *q3 = values
     v, a, j = v[:, None], a[:, None], j[:, None]
     return [q, q1 * v, q1 * a + q2 * v**2, *(q1 * j + 3 * q2 * v * a + each * v**3 for each in q3)]
-
-
-def _largest_on_piece(trajectory: Trajectory, values: Array) -> Array:
-    """(M, n) the largest size of values (M, n) that is met on the piece of path of each."""
-    runs = np.flatnonzero(np.append(True, np.diff(trajectory.piece) != 0))
-    most = np.zeros((len(trajectory.path.breaks) - 1, values.shape[1]))
-    np.maximum.at(most, trajectory.piece[runs], np.maximum.reduceat(np.abs(values), runs))
-    return np.asarray(most[trajectory.piece])
 
 
 def find_gaps(trajectory: Trajectory) -> dict[str, Place]:
