@@ -118,7 +118,7 @@ def _derive_at_starts_and_ends(trajectory: Trajectory, own: slice, order: int) -
     are those at the start, moved on by δ times the next derivative.
     """
     path, piece, s = trajectory.path, trajectory.piece[own], trajectory.s[own]
-    at, last = path.derivatives(s, piece, order), piece_end_lengths(trajectory)[own]
+    at, last = path.derivatives(s, piece, order), piece_end_lengths(trajectory, own)
     ahead = last - np.append(s[1:], np.nan)
     near = (np.abs(ahead) <= INSTANT_ROUNDING * np.abs(last)) & (piece == np.append(piece[1:], -1))
     by = tuple(np.concatenate([each[1:], each[:1]]) for each in at)
@@ -162,10 +162,10 @@ def find_gaps(trajectory: Trajectory) -> dict[str, Place]:
     }
 
 
-def piece_end_lengths(trajectory: Trajectory) -> Array:
+def piece_end_lengths(trajectory: Trajectory, own: slice = slice(None)) -> Array:
     """Path lengths (M,) at which the time pieces end."""
-    h, v, a, j = np.diff(trajectory.knots), trajectory.v, trajectory.a, trajectory.j
-    return np.asarray(trajectory.s + h * (v + h * (a / 2 + h * j / 6)))
+    h, v, a, j = (each[own] for each in (np.diff(trajectory.knots), trajectory.v, trajectory.a, trajectory.j))
+    return np.asarray(trajectory.s[own] + h * (v + h * (a / 2 + h * j / 6)))
 
 
 def place_at(trajectory: Trajectory, t: float, axis: str) -> Place:
