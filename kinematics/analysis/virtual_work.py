@@ -38,7 +38,7 @@ def solve(matrix: Array, right: Array) -> Array:
     try:
         return np.asarray(np.linalg.solve(matrix, right))
     except np.linalg.LinAlgError:
-        return np.asarray(_inverse(matrix) @ right)
+        return np.asarray(invert(matrix) @ right)
 
 
 def solve_series(matrix: Series, right: Series) -> Series:
@@ -137,7 +137,7 @@ def _invert_roughly(matrix: Array, out: Array, work: Array) -> None:
                     out[k, j] -= factor * out[i, j]
 
 
-def _inverse(matrix: Array) -> Array:
+def invert(matrix: Array) -> Array:
     """A⁻¹ (N, n, n); nan where there is none."""
     finite: np.ndarray = np.asarray(np.isfinite(matrix).all((1, 2)))
     safe = np.where(finite[:, None, None], matrix, np.eye(matrix.shape[-1]))

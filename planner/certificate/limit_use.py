@@ -142,9 +142,13 @@ def _look_at_use(trajectory: Trajectory, limits: Sequence[Limit], cells: Cells, 
             for n, limit in enumerate(limits):
                 found, seen, rest = np.zeros(len(every)), np.zeros(len(every)), every
                 if limit.by_axis:
-                    found = limit.use(*bound_balls(limit.value(ranges)), piece).max(1)
-                    least, most = (limit.value(each).mid[0] for each in ranges.met)
-                    seen, rest = limit.use(least, most, piece).max(1), every[:0]
+                    (found, seen), rest = _use_of_axes(limit, ranges), every[:0]
+                    most = np.maximum(seen, min(seen.max(), 1.0))
+                    loose = np.flatnonzero((found > most + limit.tight(most)) & (found < np.inf))
+                    if len(loose):  # once more, in parts
+                        parts, rows = some[loose].parts(CELL_PARTS), np.tile(loose, CELL_PARTS)
+                        closer = _use_of_axes(limit, ranges.range_over(trajectory, parts, rows))
+                        found[loose], seen[loose] = (use.reshape(CELL_PARTS, -1).max(0) for use in closer)
                 elif groups is not None:
                     one, state, merged, group = groups
                     most = limit.use(*bound_balls(limit.value(merged)), merged.piece).max(1)
@@ -161,6 +165,13 @@ def _look_at_use(trajectory: Trajectory, limits: Sequence[Limit], cells: Cells, 
                     seen[rest] = _use_of(limit, _states(trajectory, some[rest], 0.5, order))
                 bound[n, begin + every], met[n, begin + every] = found, seen
     return np.where(np.isnan(bound), np.inf, bound), np.where(np.isnan(met), np.inf, met)
+
+
+def _use_of_axes(limit: Limit, ranges: Ranges) -> tuple[Array, Array]:
+    """(N,) the bound of the use of a limit that looks at axes one by one, and the use that is met for certain."""
+    least, most = (limit.value(each).mid[0] for each in ranges.met)
+    bound = limit.use(*bound_balls(limit.value(ranges)), ranges.piece)
+    return bound.max(1), limit.use(least, most, ranges.piece).max(1)
 
 
 def _group(

@@ -18,7 +18,7 @@ from kinematics.foundation.casadi_function import Expression
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.kernels import kernel
 from kinematics.foundation.taylor_model import EPS, Series
-from planner.certificate.enclosure import Cells
+from planner.certificate.enclosure import Cells, expand_motion
 from planner.path.actuation import ActuatorPath, MachinePath
 from planner.trajectory import MIN_PARTS, PER_RADIAN, Trajectory
 
@@ -56,6 +56,10 @@ class Ranges:
         """Of some cells."""
         some = self.stretches[rows]
         return Ranges(some, self.piece[rows], self.axes[:, :, rows], some.bound_pose)
+
+    def range_over(self, trajectory: Trajectory, parts: Cells, rows: np.ndarray) -> "Ranges":
+        """Over parts of cells, of which each is the cell of: as there, from the same series."""
+        return self.stretches.range_over(self.stretches.stretch[rows], expand_motion(trajectory, parts))
 
     def merge(self, first: np.ndarray) -> "Ranges":
         """Of groups of cells of one stretch, one after the other, from the `first` of each."""
@@ -118,15 +122,24 @@ class _Stretches:
     """
 
     path: ActuatorPath
-    stretch: np.ndarray
     middle: Array
     half: Array
     on_piece: np.ndarray
+    highest: int
+    stretch: np.ndarray
     motion: Array
     error: Array
     rate: Array
-    highest: int
     known: dict[bool, tuple[Array, Array]] = field(default_factory=dict)
+
+    def range_over(self, stretch: np.ndarray, motion: tuple[Array, Array, Array]) -> Ranges:
+        """Over cells of time that lie in its stretches, stretch (N,): what `expand_motion` finds of them."""
+        way, error, half = motion
+        centre, wide = self.middle[stretch], self.half[stretch]
+        way = np.concatenate([way[:1] - centre, way[1:]]) / wide
+        error = np.concatenate([error[:1] + 32 * EPS * np.abs(centre), error[1:]]) / wide
+        cells = replace(self, stretch=stretch, motion=way, error=error, rate=1 / half)
+        return Ranges(cells, self.on_piece[stretch], cells.bound_axes(), cells.bound_pose)
 
     def __getitem__(self, rows: np.ndarray) -> "_Stretches":
         """Of some cells."""
@@ -211,19 +224,9 @@ def bound_balls(values: Series) -> tuple[Array, Array]:
 
 def bound_ranges(trajectory: Trajectory, cells: Cells, highest: int) -> Ranges:
     """The motion and its derivatives up to the `highest` over cells of time."""
-    k, path = cells.k, trajectory.path
-    piece, middle = trajectory.piece[k], (cells.lo + cells.hi) / 2
-    half = (cells.hi - cells.lo) / 2 * (1 + 2 * EPS) + 2 * EPS * np.abs(cells.hi)
-    s, v, a, j = (each[k] for each in (trajectory.s, trajectory.v, trajectory.a, trajectory.j))
-
-    def shift(s: Array, v: Array, a: Array, j: Array) -> Array:
-        """Coefficients in τ of s(t)."""
-        first, second = v + middle * (a + middle * j / 2), a / 2 + middle * j / 2
-        about = [s + middle * (v + middle * (a / 2 + middle * j / 6)), first, second, j / 6]
-        return np.stack([part * half**n for n, part in enumerate(about)])
-
-    way, size = shift(s, v, a, j), shift(*map(np.abs, (s, v, a, j)))
-    reach = np.abs(way[1:]).sum(0) + 32 * EPS * size.sum(0)
+    path, piece = trajectory.path, trajectory.piece[cells.k]
+    way, error, half = expand_motion(trajectory, cells)
+    reach = np.abs(way[1:]).sum(0) + error.sum(0)
     # polynomials are known exactly over a whole piece
     least = MIN_PARTS if isinstance(path, MachinePath) else 1
     parts = STRETCHES * np.maximum(least, np.ceil(PER_RADIAN * path.turns))
@@ -236,11 +239,8 @@ def bound_ranges(trajectory: Trajectory, cells: Cells, highest: int) -> Ranges:
     np.maximum.at(high, stretch, way[0] + reach)
     centre = (low + high) / 2
     wide = (high - low) / 2 * (1 + 64 * EPS) + 64 * EPS * np.maximum(np.abs(low), np.abs(high))
-    way[0] -= centre[stretch]
-    size[0] += np.abs(centre[stretch])
-    motion, error = way / wide[stretch], 32 * EPS * size / wide[stretch]
-    stretches = _Stretches(path, stretch, centre, wide, piece[first], motion, error, 1 / half, highest)
-    return Ranges(stretches, piece, stretches.bound_axes(), stretches.bound_pose)
+    stretches = _Stretches(path, centre, wide, piece[first], highest, stretch, way, error, half)
+    return stretches.range_over(stretch, (way, error, half))
 
 
 @kernel

@@ -246,6 +246,7 @@ class MachinePath:
         """
         self.end_speeds, self.start_acceleration = end_speeds, start_acceleration
         self.tool = None if tool is None else tool_map(tool)
+        self._enclosed: tuple[Series, np.ndarray, Series] | None = None
         parts, meant = split_turns(machine, pieces, machine.home_q if near is None else near)
         counts = [len(each) for each in parts]
         self.machine, self.pieces = machine, tuple(part for each in parts for part in each)
@@ -351,7 +352,9 @@ class MachinePath:
         return entries[:, chosen] * np.tile(scale, len(self.names))
 
     def _enclose_inputs(self, s: Series, piece: np.ndarray) -> Series:
-        """What the machine's maps take, along the path: (order+1, N, k)."""
+        """What the machine's maps take, along the path: (order+1, N, k); the last is kept, for axes and pose."""
+        if self._enclosed is not None and self._enclosed[0] is s and np.array_equal(self._enclosed[1], piece):
+            return self._enclosed[2]
         pose = Series.zeros(s.order, (len(piece), 12))
         local = (s - self.breaks[piece] + self._start[piece])[:, None]
         for k, shape in enumerate(self._shapes):
@@ -359,10 +362,14 @@ class MachinePath:
             if len(chosen):
                 parameters = Series.constant(self._parameters[k][piece[chosen]], s.order)
                 pose.put(chosen, pose_map(shape).enclose_columns(local[chosen], parameters))
-        if not self.machine.branched:
-            return pose
-        near = Series.constant(self._near[piece], s.order).pad(s.order)
-        return Series(np.concatenate([pose.mid, near.mid], 2), np.concatenate([pose.rad, near.rad], 2), s.order)
+        if self.machine.branched:
+            near = Series.constant(self._near[piece], s.order).pad(s.order)
+            pose = Series(np.concatenate([pose.mid, near.mid], 2), np.concatenate([pose.rad, near.rad], 2), s.order)
+        self._enclosed = s, piece, pose
+        return pose
+
+    def __getstate__(self) -> dict[str, object]:
+        return self.__dict__ | {"_enclosed": None}
 
 
 def _split_columns(values: Array, parts: int) -> Derivatives:
