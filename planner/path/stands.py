@@ -3,7 +3,9 @@
 Whatever ṡ is, the axes are at rest there, q̇ = q′ ṡ. About such a place q − q₀ ~ (s − s₀)ᵐ, mostly with m = 2: a motion
 from rest with a bounded acceleration, q − q₀ ~ t², then has ṡ > 0 there, and one with a bounded jerk, q − q₀ ~ t³, an
 unbounded s̈. A run that begins or ends there has these free (planner.timing.problem). Where q″ vanishes too, m > 2, both
-of what is asked for at rest, ṡ = 0 and s̈ = 0, cost next to nothing, as q hardly changes before s does.
+of what is asked for at rest, ṡ = 0 and s̈ = 0, cost a motion next to nothing, as q hardly changes before s does, but a
+solver many steps, as s̈ and s⃛ are without bound there: with m = 3 a motion with a bounded jerk has ṡ > 0, and is given
+the largest that there can be.
 """
 
 import numpy as np
@@ -25,7 +27,7 @@ END_SHARE = 1e-6
 def count_zero_derivatives(path: ActuatorPath) -> np.ndarray:
     """(2, P) how many derivatives are nothing at the start and at the end of each piece.
 
-    0: it does not stand there; 1: q′ is; 2: q″ as well, and maybe more.
+    0: it does not stand there; 1: q′ is; 2: q″ as well; 3: q‴ as well, and maybe more.
     """
     count = len(path.breaks) - 1
     share = np.linspace(0.0, 1.0, SLOPE_POINTS)
@@ -33,7 +35,7 @@ def count_zero_derivatives(path: ActuatorPath) -> np.ndarray:
     piece = np.repeat(np.arange(count), SLOPE_POINTS)
     found = np.zeros((2, count), int)
     still = np.ones((2, count), bool)
-    for derivative in path.derivatives(s.ravel(), piece, 2)[1:]:
+    for derivative in path.derivatives(s.ravel(), piece, 3)[1:]:
         values = derivative.reshape(count, SLOPE_POINTS, -1)
         still &= _is_zero(values[:, [0, -1]], np.abs(values).max(1)[:, None], CUT_ZERO_SHARE).T
         found += still

@@ -182,8 +182,7 @@ def join_schedules(parts: Iterable[PulseSchedule]) -> PulseSchedule:
     held = list(parts)
     axes = tuple(
         replace(
-            each[-1],
-            start=each[0].start,
+            each[0],
             ticks=np.concatenate([axis.ticks for axis in each]),
             direction=np.concatenate([axis.direction for axis in each]),
         )

@@ -13,12 +13,21 @@ from kinematics.foundation.errors import MotionError
 from planner.certificate.certify import use_at_knots
 from planner.certificate.limit_use import ProvedUse, prove
 from planner.certificate.resonance_dwell import find_stays
-from planner.limits.limit import Limit, Term
+from planner.limits.limit import Limit
 from planner.limits.resonance import BAND_MARGIN, Resonance, SpeedCap
 from planner.path.actuation import ActuatorPath
 from planner.timing.discretization import cut_intervals
 from planner.timing.problem import Block, Run
-from planner.timing.profile import AVERAGED, BRIEF_RAMPS, STRAIGHT, WITH_RESTS, Profile, RunSolution, sample_limit_use
+from planner.timing.profile import (
+    AVERAGED,
+    BRIEF_RAMPS,
+    MIN_WATCHED_USE,
+    STRAIGHT,
+    WITH_RESTS,
+    Profile,
+    RunSolution,
+    sample_limit_use,
+)
 from planner.timing.solvers.second_order import second_order
 from planner.timing.solvers.third_order import solve_jerk_limited
 
@@ -31,8 +40,8 @@ MAX_TRIES = 6
 MIN_CUT_EXCESS, MIN_LATE_CUT_EXCESS, CUT_PARTS = 1.03, 1.0003, 4
 # Excess from which what is solved again is not among the nearest.
 MIN_NEAR_EXCESS = 1 + 1e-3
-# What uses less of a limit is not looked at again while a run is solved again: its proof looks at every limit.
-MIN_WATCHED_USE = 0.5
+# What a look at instants may miss of a peak: a motion that is slowed for one that is seen is slowed by so much more.
+UNSEEN_EXCESS = 1 + 2e-6
 # A motion that only so much slowness keeps from holding is slowed: solving again would cost more than it gains.
 MAX_CHEAP_SLOWNESS = 1 + 3e-5
 
@@ -59,18 +68,16 @@ def tighten_run(
 def tighten_until_kept(path: ActuatorPath, limits: Sequence[Limit], leg: RunSolution) -> RunSolution:
     """Solved again, or slowed where that costs next to nothing, until no limit is seen to be exceeded.
 
-    A proof takes far longer than a look: most runs need one only. Loads that a problem has no rows of are far from
-    their limits: they are left to the proof.
+    A proof takes far longer than a look: most runs need one only.
     """
-    posed = None if leg.problem is None else {block.name for block in leg.problem.blocks}
-    watched = [limit for limit in limits if posed is None or limit.name in posed or Term.ONE not in limit.terms]
+    watched = limits
     while leg.solved and leg.tries < MAX_TRIES:
-        use = leg.aimed(sample_limit_use(path, watched, leg.profile))
+        use = leg.aimed(leg.seen or sample_limit_use(path, watched, leg.profile))
         slowness = required_slowness(watched, use)
         watched = [limit for limit in watched if limit.name in use and use[limit.name].max() > MIN_WATCHED_USE]
         if slowness <= 1 + SOLVER_MARGIN:
             break
-        before, leg = leg, tighten_leg(path, limits, leg, use, slowness)
+        before, leg = leg, tighten_leg(path, limits, leg, use, slowness * UNSEEN_EXCESS)
         if leg.problem is before.problem:  # slowed as a whole: that holds
             break
     return leg

@@ -25,9 +25,8 @@ from planner.timing.profile import Profile
 from planner.timing.run import solve_run
 from planner.trajectory import Trajectory
 
-# Runs that are solved and proved together: what one of them takes is more than handing it to another process. Of many,
-# more, which takes less time each; parts that are left for each process to be through at about the same time.
-PART_RUNS, MANY_PARTS = 8, 32
+# Runs that are proved together: what one of them takes is more than handing it to another process.
+PART_RUNS = 8
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,9 +88,9 @@ def certified_solve(
 ) -> Solution:
     """The motion of every run between stops, discretized, solved, certified and tightened until it holds, as a whole.
 
-    Runs go in parts of PART_RUNS or more to whichever process is free; each part is solved and proved by itself, so
-    that what becomes of it does not depend on who does it. Here refusals are raised that were values so far: Infeasible
-    where a limit is broken, MotionError where no round holds.
+    Runs go in parts of PART_RUNS to whichever process is free; each part is solved and proved by itself, so that what
+    becomes of it does not depend on who does it. Here refusals are raised that were values so far: Infeasible where a
+    limit is broken, MotionError where no round holds.
 
     progress  is told how many of the runs are solved, and of how many
     timing    what is asked of the motion; None: that it is the fastest, along a path that is checked first
@@ -106,8 +105,7 @@ def certified_solve(
     stops = np.flatnonzero(path.stops(order))
     runs = [replace(run, solver=solver) for run in _split_runs(path, stops)]
     runs[0] = replace(runs[0], continuation=continuation)
-    size = max(PART_RUNS, -(-len(runs) // MANY_PARTS))
-    parts = [runs[first : first + size] for first in range(0, len(runs), size)]
+    parts = [runs[first : first + PART_RUNS] for first in range(0, len(runs), PART_RUNS)]
     found: list[CertifiedRun] = []
 
     def finish_part(part: Sequence[Run], outcome: list[CertifiedRun] | MotionError) -> None:
@@ -137,8 +135,8 @@ def _fastest_timing(path: ActuatorPath, order: int) -> Timing:
 
 def _split_runs(path: ActuatorPath, stops: np.ndarray) -> list[Run]:
     """From stop to stop, the first and the last with the speeds that the path states for its ends."""
-    turning = count_zero_derivatives(path) == 1
-    runs = [Run(int(a), int(b) - 1, stands=(bool(turning[0, a]), bool(turning[1, b - 1]))) for a, b in pairwise(stops)]
+    still = count_zero_derivatives(path) % 3  # where q‴ is nothing too, nothing is free
+    runs = [Run(int(a), int(b) - 1, stands=(int(still[0, a]), int(still[1, b - 1]))) for a, b in pairwise(stops)]
     runs[0] = replace(runs[0], start_speed=path.end_speeds[0])
     runs[-1] = replace(runs[-1], end_speed=path.end_speeds[1])
     return runs

@@ -24,6 +24,8 @@ MAX_INTERVALS = (1_000_000, 50_000)
 # Of a grid whose intervals have the same weight each: the share of the weight that goes with time, the least number of
 # intervals of a piece, and in how many parts a motion's pieces are taken.
 TIME_SHARE, MIN_PER_PIECE, PLACE_PARTS = 0.4, 4, 8
+# Of numbers of intervals.
+ROUNDING = 1e-6
 # At order 2 fewer do where the axes' directions q′ hardly change along a piece: so many for each change by the whole of
 # themselves, rounded up to one of a few sizes. Measured on lines of the hexapod: durations stay within 3e-4 of those on
 # 8000 intervals, since each interval at whose ends s̈ steps by a share of the largest is cut in so many.
@@ -42,7 +44,7 @@ START_WINDOW_SHARE = 1e-2
 def acceleration_problem(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> Problem:
     """A run's rows on an even grid, or a graded one."""
     mixed = any(Term.SD in limit.terms and len(limit.terms) > 1 for limit in limits)
-    few = None if mixed or any(run.stands) else _few_intervals(path, run)
+    few = None if mixed or 1 in run.stands else _few_intervals(path, run)
     spread = _graded_shares(_interval_count(SECOND_ORDER, path, run)) if mixed else None
     s, piece = _grid(SECOND_ORDER, path, run, spread) if few is None else make_grid(path, run, few)
     problem = pose_problem(path, limits, s, piece, run.speeds, run.stands)
@@ -84,8 +86,8 @@ def cut_intervals(path: ActuatorPath, limits: Sequence[Limit], problem: Problem,
     share = (np.arange(count.sum()) - first) / np.repeat(count, count)
     s = np.repeat(problem.s[:-1], count) + share * np.repeat(np.diff(problem.s), count)
     placed = np.append(s, problem.s[-1]), np.repeat(problem.piece, count)
-    finer = pose_problem(path, limits, *placed, problem.speeds, problem.free)
-    finer = replace(finer, acceleration=problem.acceleration)
+    finer = pose_problem(path, limits, *placed, problem.speeds)
+    finer = replace(finer, free=problem.free, passed=problem.passed, acceleration=problem.acceleration)
     room = {block.name: np.repeat(block.room, count) for block in problem.blocks}
     blocks = tuple(replace(block, room=room.get(block.name, block.room)) for block in finer.blocks)
     return replace(finer, blocks=blocks)
@@ -153,7 +155,7 @@ def place_problem(
     at = PLACE_PARTS * np.append(np.searchsorted(motion.piece, np.arange(run.first, run.last + 1)), len(motion.h))
     least = np.maximum(MIN_PER_PIECE, rule[2] * path.turns[run.first : run.last + 1] / 2)
     intervals = _interval_count(rule, path, run, on_top=True)
-    count = np.ceil(np.maximum(least, np.diff(passed[at]) * intervals)).astype(int)
+    count = np.ceil(np.maximum(least, np.diff(passed[at]) * intervals) - ROUNDING).astype(int)
     first = np.repeat(np.cumsum(count) - count, count)
     inside = (np.arange(count.sum()) - first) / np.repeat(count, count)
     wanted = np.repeat(passed[at[:-1]], count) + inside * np.repeat(np.diff(passed[at]), count)
@@ -166,7 +168,8 @@ def place_problem(
 def grade_problem(path: ActuatorPath, limits: Sequence[Limit], run: Run, shares: Callable[[int], Array]) -> Problem:
     """The order-3 problem of a run on a grid whose points lie at such shares of it, for a number of intervals."""
     spread = shares(_interval_count(THIRD_ORDER, path, run))
-    return pose_problem(path, limits, *_grid(THIRD_ORDER, path, run, spread), run.speeds, run.stands)
+    start, end = run.stands  # what a fast motion passes there is too fast for a slow one
+    return pose_problem(path, limits, *_grid(THIRD_ORDER, path, run, spread), run.speeds, (start % 2, end % 2))
 
 
 def _grid(rule: Rule, path: ActuatorPath, run: Run, spread: Array | None = None) -> tuple[Array, np.ndarray]:

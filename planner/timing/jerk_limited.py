@@ -39,7 +39,7 @@ from planner.timing.profile import (
 from planner.timing.solvers.closed_form import straight
 from planner.timing.solvers.second_order import TERMS as SECOND
 from planner.timing.solvers.second_order import estimate_lower_bound, second_order
-from planner.timing.solvers.third_order import estimate_motion, settle_rows, solve_jerk_limited, third_order
+from planner.timing.solvers.third_order import Look, estimate_motion, settle_rows, solve_jerk_limited, third_order
 
 # A leg that has to be this much slower as a whole is tried in two, with a rest between: what is slow there stays there.
 MIN_SPLIT_SLOWNESS = 1.01
@@ -107,7 +107,7 @@ def solve_leg(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> RunSolut
     problem = continue_problem(path, limits, run, problem, run.continuation)
     guess, known = start.on(problem.s), run.continuation.columns
     guess[:, : known.shape[1]] = known
-    return solve_jerk_limited(problem, guess)
+    return solve_jerk_limited(problem, guess, look=_look_along(path, limits))
 
 
 def _solve_in_two(path: ActuatorPath, limits: Sequence[Limit], run: Run, coarse: Problem) -> RunSolution:
@@ -127,14 +127,22 @@ def _solve_in_two(path: ActuatorPath, limits: Sequence[Limit], run: Run, coarse:
         weight = np.sqrt(lost)
         beside = np.maximum(np.append(weight[1:], 0.0), np.append(0.0, weight[:-1]))  # what binds may move a little
         finer = place_problem(path, limits, run, motion, np.maximum(weight, beside / 2))
-        leg = solve_jerk_limited(finer, motion.on(finer.s), "finer")
+        leg = solve_jerk_limited(finer, motion.on(finer.s), "finer", _look_along(path, limits))
         if leg.solved:
             return leg
+    if 2 in run.stands:  # a solver that does not come away from such an end may do so from rest
+        resting = replace(run, stands=(run.stands[0] % 2, run.stands[1] % 2))
+        return _solve_in_two(path, limits, resting, coarse_jerk_problem(path, limits, resting))
     posed = jerk_problem(path, limits, run, coarse)
     if isinstance(posed, MotionError):
         return RunSolution.refused(posed)
     problem, start = posed
-    return solve_jerk_limited(problem, start.on(problem.s))
+    return solve_jerk_limited(problem, start.on(problem.s), look=_look_along(path, limits))
+
+
+def _look_along(path: ActuatorPath, limits: Sequence[Limit]) -> Look:
+    """How solvers look at motions along a path between grid points."""
+    return lambda motion, names: sample_limit_use(path, [limit for limit in limits if limit.name in names], motion)
 
 
 def _tells_loss(motion: Profile, lost: Array, guess: Array) -> bool:
@@ -192,8 +200,8 @@ def _solve_halves(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> RunS
     rest = run.first + 1 + (pieces - 1) // 4 + int(np.argmin(speed))
     legs: list[RunSolution] = []
     for part in (
-        replace(run, last=rest - 1, end_speed=0.0, until=None, stands=(run.stands[0], False)),
-        replace(run, first=rest, start_speed=0.0, since=None, stands=(False, run.stands[1])),
+        replace(run, last=rest - 1, end_speed=0.0, until=None, stands=(run.stands[0], 0)),
+        replace(run, first=rest, start_speed=0.0, since=None, stands=(0, run.stands[1])),
     ):
         half = solve_legs(path, limits, part)
         if not half.solved:  # no room for a rest beside a speed at an end

@@ -9,17 +9,18 @@ import numpy as np
 
 from kinematics.foundation.arrays import Array
 from planner.limits.limit import Limit, Rows, Term, order_of
-from planner.path.actuation import ActuatorPath, Points, make_points
+from planner.path.actuation import ActuatorPath, make_points
 
 SIDES = ("start", "end")
 IDLE_SHARE = 0.9
 """Share of a limit on force up to which its rows are left out; the rest is for what happens between grid points."""
-# The same at every so many grid points and at each piece's first, where all others are then not looked at.
-SURELY_IDLE_SHARE, IDLE_STRIDE = 0.5, 16
 BOUNDING_TERMS = ({Term.SD}, {Term.SD2}, {Term.SDD, Term.SD2}, {Term.SDD})
 """Terms of the rows that bound ṡ and s̈: of speed, and of acceleration."""
 # Shares of the limits that motions aim at: those of solvers, whose tolerance is near 1e-7, and closed forms.
 SOLVER_AIM, EXACT_AIM = 1 - 1e-6, 1 - 1e-9
+# Of the limit on jerk, what a motion uses of it where the path stands with q′ = q″ = 0, unless others would be used so
+# much one interval on.
+PASSED_SHARE, MOST_PASSED_USE = 0.97, 0.8
 # What holding still may use of a limit, as a share, and still leave a motion to be found.
 MAX_HOLDING_SHARE = 1 - 1e-9
 
@@ -54,8 +55,9 @@ class Run:
     Under jerk limits s̈ is 0 at both ends.
 
     since, until  path lengths inside the first and the last piece between which it is run; None: all of them
-    stands  whether the path itself stands at the start and at the end, q′ = 0 and q″ is not (planner.path.stands):
-            what is at rest there is so whatever ṡ is, or under jerk limits s̈, so that these are free
+    stands  how the path itself stands at the start and at the end (planner.path.stands): 1 where q′ = 0 and q″ is not,
+            so that what is at rest there is so whatever ṡ is, or under jerk limits s̈: these are free; 2 where q″ = 0
+            too and q‴ is not, so that under jerk limits ṡ > 0 there and s̈ is free; else 0
     solver  of motions of order 2
     continuation  of a run that goes on with a motion, whose speed is start_speed
     """
@@ -66,7 +68,7 @@ class Run:
     end_speed: float = 0.0
     since: float | None = None
     until: float | None = None
-    stands: tuple[bool, bool] = (False, False)
+    stands: tuple[int, int] = (0, 0)
     solver: Solver = "passes"
     continuation: Continuation | None = None
 
@@ -164,6 +166,7 @@ class Problem:
     """Grid s (N+1,) over a run, piece (N,) of each interval, the blocks of all limits, and ṡ at its two ends.
 
     free: the ends at rest where the path stands, as `Run` has them: there ṡ, or under jerk limits s̈, is to be found
+    passed: ṡ at the ends at rest where it is not 0 under jerk limits, as q″ = 0 there too; s̈ is to be found there
     acceleration: s̈ at the start, where that is not free
     """
 
@@ -172,11 +175,17 @@ class Problem:
     blocks: tuple[Block, ...]
     speeds: tuple[float, float] = (0.0, 0.0)
     free: tuple[bool, bool] = (False, False)
+    passed: tuple[float, float] = (0.0, 0.0)
     acceleration: float = 0.0
 
     @property
     def intervals(self) -> int:
         return len(self.piece)
+
+    @property
+    def free_push(self) -> tuple[bool, bool]:
+        """Whether s̈ at its ends is to be found under jerk limits."""
+        return self.free[0] or self.passed[0] > 0, self.free[1] or self.passed[1] > 0
 
     @property
     def settled(self) -> bool:
@@ -187,7 +196,7 @@ class Problem:
         """The same run the other way, from its end to its start: s̈ changes its sign, ṡ and s⃛ do not."""
         s = (self.s[0] + self.s[-1] - self.s)[::-1]
         blocks = tuple(block.reversed() for block in self.blocks)
-        return Problem(s, self.piece[::-1], blocks, self.speeds[::-1], self.free[::-1])
+        return Problem(s, self.piece[::-1], blocks, self.speeds[::-1], self.free[::-1], self.passed[::-1])
 
     def part(self, own: slice) -> "Problem":
         """Some intervals one after the other, under the same speeds at the ends."""
@@ -242,7 +251,7 @@ def pose_problem(
     s: Array,
     piece: np.ndarray,
     speeds: tuple[float, float] = (0.0, 0.0),
-    stands: tuple[bool, bool] = (False, False),
+    stands: tuple[int, int] = (0, 0),
 ) -> Problem:
     """Evaluate the rows of every timing limit on both sides of every grid point, in one batch.
 
@@ -255,18 +264,38 @@ def pose_problem(
     end = np.where(alone, count - 1 + np.cumsum(alone), np.arange(1, count + 1))
     places, pieces = np.concatenate([s[:-1], s[1:][alone]]), np.concatenate([piece, piece[alone]])
     points = make_points(path, places, pieces, order_of(limits))
-    timed = [limit for limit in limits if not limit.geometric]
-    posed = {limit.name: _block(limit.name, limit.rows(points), end) for limit in timed if Term.ONE not in limit.terms}
-    others = [block for block in posed.values() if block is not None]
-    for limit in timed:
-        if limit.name not in posed and not _is_surely_idle(limit, points, others):
-            posed[limit.name] = _block(limit.name, limit.rows(points), end)
-    every = [posed.get(limit.name) for limit in timed]
-    blocks = [block for block in every if block is not None]
-    first, last = (still and speed == 0 for still, speed in zip(stands, speeds, strict=True))
-    return Problem(
-        s, piece, tuple(_open_room(block, speeds) for block in _drop_idle_blocks(blocks)), speeds, (first, last)
+    blocks = []
+    for limit in limits:
+        if limit.geometric:
+            continue
+        block = _block(limit.name, limit.rows(points), end)
+        if block is not None:
+            blocks.append(block)
+    first, last = (still == 1 and speed == 0 for still, speed in zip(stands, speeds, strict=True))
+    start, finish = (
+        _passed_speed(blocks, end) if still == 2 and speed == 0 else 0.0
+        for end, still, speed in zip((0, -1), stands, speeds, strict=True)
     )
+    kept = tuple(_open_room(block, speeds) for block in _drop_idle_blocks(blocks))
+    return Problem(s, piece, kept, speeds, (first, last), (start, finish))
+
+
+def _passed_speed(blocks: Sequence[Block], end: int) -> float:
+    """ṡ that the jerk lets pass at the first or the last point, 0 or −1, where q′ = q″ = 0: nearly |q‴| ṡ³ = J.
+
+    0 where other limits would be used up by the next grid point: there the jerk does not tell what can be.
+    """
+    used = dict.fromkeys(POWERS, 0.0)
+    for block in blocks:
+        here, beside = (block.end, block.start) if end else (block.start, block.end)
+        for term in POWERS:
+            if term in here:
+                side = here if term is Term.SD3 else beside
+                used[term] = max(used[term], float(block.share(side[term][end]).max()))
+    if used[Term.SD3] == 0:
+        return 0.0
+    speed = float(np.cbrt(PASSED_SHARE / used[Term.SD3]))
+    return speed if max(used[Term.SD] * speed, used[Term.SD2] * speed**2) < MOST_PASSED_USE else 0.0
 
 
 def _open_room(block: Block, speeds: tuple[float, float]) -> Block:
@@ -312,24 +341,6 @@ def _normalise_rows(rows: Rows, points: int) -> tuple[dict[Term, Array], Array, 
     return {term: values[:, binding] / half for term, values in rows.coefficients.items()}, middle, about
 
 
-def _is_surely_idle(limit: Limit, points: Points, others: Sequence[Block]) -> bool:
-    """Whether a limit on a load, which takes long to work out, is far from binding at some of the intervals' starts."""
-    count = others[0].room.size if others else 0
-    piece = points.piece[:count]
-    some = np.flatnonzero((np.arange(count) % IDLE_STRIDE == 0) | (np.diff(piece, prepend=-1) != 0))
-    if 2 * len(some) > count:
-        return False
-    few = Points(points.path, points.s[some], piece[some], tuple(values[some] for values in points.derivatives))
-    block = _block(limit.name, limit.rows(few), np.arange(len(some)))
-    if block is None:
-        return True
-    rows = [
-        ({term: values[some] for term, values in other.start.items()}, 1 + np.abs(other.middle))
-        for other in _select_bounding(others)
-    ]
-    return bool(rows) and _largest_use(block, [_bound_terms(rows)] * len(SIDES)) <= SURELY_IDLE_SHARE
-
-
 def _drop_idle_blocks(blocks: Sequence[Block]) -> tuple[Block, ...]:
     """The blocks without those of forces that no motion within the others can use more than IDLE_SHARE of."""
     if not any(Term.ONE in block.start for block in blocks):
@@ -338,7 +349,7 @@ def _drop_idle_blocks(blocks: Sequence[Block]) -> tuple[Block, ...]:
         _bound_terms([(getattr(block, side), 1 + np.abs(block.middle)) for block in _select_bounding(blocks)])
         for side in SIDES
     ]
-    return tuple(block for block in blocks if not _largest_use(block, bounds) <= IDLE_SHARE)
+    return tuple(block for block in blocks if not _is_idle(block, bounds))
 
 
 def _select_bounding(blocks: Sequence[Block]) -> list[Block]:
@@ -361,13 +372,12 @@ def _bound_terms(rows: Sequence[tuple[Mapping[Term, Array], Array]]) -> dict[Ter
     return {Term.ONE: np.ones(count), Term.SD: v, Term.SD2: v**2, Term.SDD: a}
 
 
-def _largest_use(block: Block, bounds: Sequence[Mapping[Term, Array]]) -> float:
-    """Of a load, by terms of such sizes at both ends of the intervals; ∞ of what these do not bound."""
+def _is_idle(block: Block, bounds: Sequence[Mapping[Term, Array]]) -> bool:
     if Term.ONE not in block.start or block.about is not None or not set(block.start) <= set(bounds[0]):
-        return float("inf")
+        return False
     most = 0.0
     for side, size in zip((block.start, block.end), bounds, strict=True):
         with np.errstate(invalid="ignore"):
             terms = [np.where(rows == 0, 0.0, np.abs(rows) * size[term][:, None]) for term, rows in side.items()]
         most = max(most, float((np.sum(terms, axis=0) / (1 - np.abs(block.middle))).max()))
-    return most
+    return most <= IDLE_SHARE

@@ -154,6 +154,7 @@ class RunSolution:
     bound     s, an estimate of the least time that the run can take; 0 from who has none
     maker     the solver that gave the motion, or what else did
     problem   that it answers, where it is solved for as the fastest or the smoothest
+    seen      what it was seen to use of each limit that may bind, in each time piece, if its solver looked
     tries     how often it was solved. The peaks between grid points heed the room only in part: each try takes off more
     slowness  how many times as long as the answer the motion is, where it was slowed as a whole
     parts     of which it is joined, one after the other
@@ -166,6 +167,7 @@ class RunSolution:
     bound: float = 0.0
     maker: str = ""
     problem: Problem | None = field(default=None, repr=False)
+    seen: Mapping[str, Array] | None = field(default=None, repr=False)
     tries: int = 1
     slowness: float = 1.0
     parts: "tuple[RunSolution, ...]" = ()
@@ -230,11 +232,12 @@ class RunSolution:
     def slowed(self, slowness: float) -> "RunSolution":
         """The same motion, so many times as long: of one from rest to rest."""
         parts = tuple(part.slowed(slowness) for part in self.parts)
-        return replace(self, profile=self.profile.slowed(slowness), slowness=self.slowness * slowness, parts=parts)
+        profile = self.profile.slowed(slowness)
+        return replace(self, profile=profile, seen=None, slowness=self.slowness * slowness, parts=parts)
 
     def bare(self) -> "RunSolution":
         """The motion and what is told of it, without what it could be solved again from."""
-        return replace(self, maker=self.method, slowness=1.0, problem=None, parts=(), fallback=None)
+        return replace(self, maker=self.method, slowness=1.0, problem=None, seen=None, parts=(), fallback=None)
 
     def aimed(self, use: Mapping[str, Array]) -> dict[str, Array]:
         """Shares of the limits as shares of what it aims at."""
@@ -257,8 +260,10 @@ def close_profile(problem: Problem, columns: Array) -> Profile | MotionError:
     of time. Where no such motion is near, or where it backs up: why not.
     """
     s, columns = problem.s, columns.copy()
-    columns[0, 0] = problem.speeds[0]
-    if not problem.free[0]:
+    first, last = np.maximum(problem.speeds, problem.passed)
+    free = problem.free_push
+    columns[0, 0] = first
+    if not free[0]:
         columns[1, 0] = problem.acceleration
     step, h = np.diff(s), columns[3]
     most = np.abs(columns).max(1)
@@ -266,10 +271,10 @@ def close_profile(problem: Problem, columns: Array) -> Profile | MotionError:
     for _ in range(NEWTON_STEPS):
         v, a, j, h = columns
         ends = np.stack([h * (v + h * (a / 2 + h * j / 6)), v + h * (a + h * j / 2), a + h * j])
-        miss = ends - np.stack([step, np.append(v[1:], problem.speeds[1]), np.append(a[1:], 0.0)])
-        if problem.free[1]:
+        miss = ends - np.stack([step, np.append(v[1:], last), np.append(a[1:], 0.0)])
+        if free[1]:
             miss[2, -1] = 0.0
-        change = _smallest_change(columns, ends, miss, step, size, problem.free)
+        change = _smallest_change(columns, ends, miss, step, size, free)
         if isinstance(change, MotionError):
             return change
         columns = columns + size * change
@@ -324,6 +329,8 @@ def _smallest_change(
 # so misses what a piece's fourth derivative adds, 1/PIECE_INSTANTS⁴ and less of it. Without jerk, pieces are more and
 # shorter.
 PIECE_INSTANTS, NO_JERK_INSTANTS = 5, 3
+# What uses less of a limit is not looked at again while a run is solved: its proof looks at every limit.
+MIN_WATCHED_USE = 0.5
 
 
 def sample_limit_use(path: ActuatorPath, limits: Sequence[Limit], profile: Profile) -> dict[str, Array]:

@@ -8,6 +8,7 @@ the conditions hold well enough for it: A. Wächter and L. T. Biegler, Mathemati
 cost of an iteration grows as the number of intervals.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -46,8 +47,14 @@ ARMIJO, ROUNDING, FLAT = 1e-8, 1e-13, 1e-11
 # that misses vanish: a motion that keeps every row so well is an answer, though not quite the best.
 LAST_ITERATIONS, DAMPING = 20, 1.0
 LOOSE_ROWS = 1e-6
+# Bounds are revised when μ, at that or below, is about to be lowered for the first time, and then with every answer; so
+# often in all.
+FIRST_REVISION, MOST_REVISIONS = 1e-4, 5
 # Flat steps in a row after which nothing more is to be gained.
 MAX_FLAT_STEPS = 8
+
+Revise = Callable[[Array, Array, Array], tuple[Array, Array] | None]
+"""States, controls and the rows' values -> what bounds the rows from now on, `low` and `high`; None: what does now."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,6 +83,7 @@ def minimise(
     controls: Array,
     start: Start = "far",
     tolerance: float = TOLERANCE,
+    revise: Revise | None = None,
 ) -> Minimum:
     """From states (N + 1, 2), of which the first and the last are kept but for what is to be found there, and controls
     (N, 2), which may be about the answer: "near", as that of a problem of almost the same rows is.
@@ -112,7 +120,7 @@ def minimise(
     few, many = FEW * max(1.0, missed), MANY * max(1.0, missed)
     filtered: list[tuple[float, float]] = []
     last = convexity = 0.0
-    flat = 0
+    flat = revisions = 0
     status: Status = "slow"
     iterations = 0
     while True:
@@ -123,7 +131,21 @@ def minimise(
         row_error = max(row_error, abs(excess))
         size = max(100.0, forces / bounds) / 100.0
         error = max(row_error, slope_error / size, max(largest - mu, mu - smallest) / size)
-        if mu <= tolerance and error <= 10 * tolerance:
+        solved = mu <= tolerance and error <= 10 * tolerance
+        first = revisions == 0 and tolerance < mu <= FIRST_REVISION and error <= 10 * mu
+        if revise is not None and (first or (solved and revisions < MOST_REVISIONS)):
+            revised = revise(motion.states, motion.controls, misses.values)
+            revisions += 1
+            if revised is not None:
+                rows = rows._replace(low=revised[0], high=revised[1])
+                missed, cost, logarithms, time = try_share(
+                    stages, rows, motion, misses, step.states, step.stages, terms, gains, 0.0, weight, trial, tried
+                )
+                motion, trial, misses, tried = trial, motion, tried, misses
+                flat = 0
+                filtered.clear()
+                continue
+        if solved:
             status = "solved"
             break
         if iterations == MAX_ITERATIONS or flat >= MAX_FLAT_STEPS:  # after the errors: they are this motion's

@@ -45,28 +45,28 @@ def pose_stages(problem: Problem, guess: Array, prize: float = 0.0) -> PosedStag
     """
     length, time = float(problem.s[-1] - problem.s[0]), float(guess[3].sum())
     unit = np.array([length / time, length / time**2, length / time**3, time])
-    start = guess / unit[:, None]
+    start = _pass_ends(problem, guess) / unit[:, None]
     # a motion of constant speed has no s̈ and s⃛; from rest to rest they are 4 and 32 at least
     scale = np.maximum(np.abs(start[:3]).max(1), [0.0, 1.0, 1.0])
     calm = JERK_WEIGHT * jerk_share(problem, unit[2]) ** 2 * start[3]
     controls = np.ascontiguousarray(start[2:].T)
     states = np.zeros((problem.intervals + 1, 2))
     states[:-1] = start[:2].T
-    states[[0, -1], 0] = np.array(problem.speeds) / unit[0]
+    states[[0, -1], 0] = np.maximum(problem.speeds, problem.passed) / unit[0]
     states[-1, 1] = 0.0
-    if not problem.free[0]:
+    free_start, free_end = problem.free_push
+    if not free_start:
         states[0, 1] = problem.acceleration / unit[1]
-    for end in np.flatnonzero(problem.free):
+    for end in np.flatnonzero(problem.free_push):
         calm[-end], controls[-end, 0] = FREE_END_JERK_WEIGHT / scale[2] ** 2, 0.0
     step = np.diff(problem.s) / length
-    free_start, free_end = problem.free
     stages = Stages(
         step,
         calm,
         scale,
         start[3].copy(),
-        bool(free_start),
-        bool(free_end),
+        free_start,
+        free_end,
         prize / scale[0],
         False,
         np.zeros((problem.intervals, 2, 0, 3)),
@@ -76,6 +76,19 @@ def pose_stages(problem: Problem, guess: Array, prize: float = 0.0) -> PosedStag
         states[0, 0] = start[0, 0]
         rows.low[0, -2], rows.high[0, -2] = 0.0, problem.speeds[0] / unit[0]
     return stages, rows, states, controls, unit
+
+
+def _pass_ends(problem: Problem, guess: Array) -> Array:
+    """The guess (4, N), with ṡ constant from an end that is passed up to where it is reached, or nearly, nearby."""
+    columns, step, v = guess.copy(), np.diff(problem.s), guess[0]
+    nearby = slice(0, problem.intervals // 4)
+    for end, along in ((0, slice(None)), (1, slice(None, None, -1))):
+        speed = problem.passed[end]
+        if speed > 0:
+            own = np.arange(problem.intervals)[along][: int(np.argmax(np.minimum(v[along][nearby], speed)))]
+            columns[:, own] = 0.0
+            columns[0, own], columns[3, own] = speed, step[own] / speed
+    return columns
 
 
 def pose_smoothest(problem: Problem, guess: Array, jerks: Array) -> PosedStages:
@@ -108,8 +121,6 @@ def _pose_rows(problem: Problem, length: float, time: float, free_speed: bool) -
     terms, counts, sizes, at_end = [], [], [], []
     first: list[Array] = []
     second: list[Array] = []
-    low: list[list[Array]] = [[], []]
-    high: list[list[Array]] = [[], []]
     for block in problem.blocks:
         own = tuple(block.start)
         end = Term.SDDD in own
@@ -121,16 +132,6 @@ def _pose_rows(problem: Problem, length: float, time: float, free_speed: bool) -
         start, stop = (np.stack([side[term] for term in own], axis=-1) * unit for side in (block.start, block.end))
         for coefficients, values in ((first, start), (second, stop if end else (start + stop) / 2)):
             coefficients.append(values.reshape(problem.intervals, -1))
-        for side, room in enumerate((_start_room(block), block.room)):
-            low[side].append((block.middle - 1) * room[:, None])
-            high[side].append((block.middle + 1) * room[:, None])
-    bounds = []
-    for sides, nothing in ((low, -np.inf), (high, np.inf)):
-        bounds.append(np.concatenate([*sides[0], *sides[1], np.full((problem.intervals, 2), nothing)], axis=1))
-    # none can be chosen at the very start, where ṡ and s̈ are given
-    fixed = np.repeat(~np.array(at_end) & (not free_speed), sizes)
-    bounds[0][0, : len(fixed)][fixed], bounds[1][0, : len(fixed)][fixed] = -np.inf, np.inf
-    bounds[0][1:, -2], bounds[0][:, -1] = 0.0, SHORTEST
     return StageRows(
         np.array(terms),
         np.array(counts),
@@ -138,9 +139,29 @@ def _pose_rows(problem: Problem, length: float, time: float, free_speed: bool) -
         np.array(at_end),
         np.ascontiguousarray(np.concatenate(first, axis=1)),
         np.ascontiguousarray(np.concatenate(second, axis=1)),
-        bounds[0],
-        bounds[1],
+        *pose_bounds(problem, free_speed),
     )
+
+
+def pose_bounds(problem: Problem, free_speed: bool = False) -> tuple[Array, Array]:
+    """(N, 2M + 2) what bounds the rows from below and from above, in the order of `StageRows`."""
+    bounds = []
+    for side, nothing in ((-1, -np.inf), (1, np.inf)):
+        parts = [
+            (block.middle + side) * room[:, None]
+            for rooms in ([_start_room(block) for block in problem.blocks], [block.room for block in problem.blocks])
+            for block, room in zip(problem.blocks, rooms, strict=True)
+        ]
+        bounds.append(np.concatenate([*parts, np.full((problem.intervals, 2), nothing)], axis=1))
+    if not free_speed:  # none can be chosen at the very start, where ṡ and s̈ are given
+        fixed = np.concatenate([np.full(block.middle.size, Term.SDDD not in block.start) for block in problem.blocks])
+        bounds[0][0, : len(fixed)][fixed], bounds[1][0, : len(fixed)][fixed] = -np.inf, np.inf
+    at_end = np.concatenate([np.full(block.middle.size, Term.SDDD in block.start) for block in problem.blocks])
+    for there, k in ((np.flatnonzero(at_end), 0), (len(at_end) + np.flatnonzero(at_end), -1)):
+        if problem.passed[k] > 0:  # nor of what q‴ alone uses up there
+            bounds[0][k, there], bounds[1][k, there] = -np.inf, np.inf
+    bounds[0][1:, -2], bounds[0][:, -1] = 0.0, SHORTEST
+    return bounds[0], bounds[1]
 
 
 def _start_room(block: Block) -> Array:

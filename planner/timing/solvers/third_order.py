@@ -11,17 +11,18 @@ variable and ṡ², the usual choice, is not: nothing is singular at rest, deriv
 closed form. Solved by planner.timing.solvers.interior_point.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
-from planner.timing.problem import Problem
-from planner.timing.profile import Profile, RunSolution, close_profile
-from planner.timing.solvers.interior_point import TOLERANCE, WEIGHT, Minimum, Start, minimise
-from planner.timing.solvers.stage_problem import PosedStages, pose_stages
+from planner.limits.limit import Term
+from planner.timing.problem import SOLVER_AIM, Problem
+from planner.timing.profile import MIN_WATCHED_USE, Profile, RunSolution, close_profile
+from planner.timing.solvers.interior_point import TOLERANCE, WEIGHT, Minimum, Revise, Start, minimise
+from planner.timing.solvers.stage_problem import PosedStages, pose_bounds, pose_stages
 from planner.timing.solvers.stages import TERM_COUNT, evaluate
 
 # How often a problem is solved whose rows depend on the motion, unless a round gains less than this share.
@@ -31,25 +32,35 @@ END_SPEED_WEIGHT = 100.0
 # How solves begin that have nothing near, in turn; and how well a problem is solved that only says where time goes.
 FAR_STARTS: tuple[Start, ...] = ("far", "farther")
 ROUGH = 1e-3
+# Use of a limit from which its peaks between grid points count; by how much more room is left for them than they take,
+# as they move a little with the motion that heeds them; the largest; and the least that a room is lowered by.
+NEAR_USE, PEAK_FACTOR, MOST_PEAK, LEAST_LOWERED = 0.98, 1.05, 0.3, 1e-7
+# Excess that slowing a motion as a whole takes off at next to no cost.
+SMALL_EXCESS = 4e-6
+Look = Callable[[Profile, Collection[str]], Mapping[str, Array]]
+"""A motion on a grid -> the largest share (N,) of each of some limits that it meets in each interval."""
 # Share of an interval's time up to which that can be lost.
 MOST_LOST = 0.1
 
 
-def solve_jerk_limited(problem: Problem, guess: Array, start: Start = "far") -> RunSolution:
+def solve_jerk_limited(problem: Problem, guess: Array, start: Start = "far", look: Look | None = None) -> RunSolution:
     """The fastest motion. guess (4, N): ṡ, s̈, s⃛, h to start from; start: how far that is from the answer.
 
     Rows that speak only near some motions are taken near the guess, and then near each answer in turn.
+    look: what is seen of a motion between grid points too; the answer is given the room to keep the limits there.
     """
     for _ in range(1 if problem.settled else MAX_ROW_ROUNDS):
         posed = settle_rows(problem, guess)
-        found = third_order(posed, guess, start=start)
+        found = third_order(posed, guess, start=start, look=look)
         if not found.solved:
             return found
         gained, guess = 1 - found.duration / guess[3].sum(), found.profile.columns()
         if abs(gained) < MIN_ROUND_GAIN:
             break
         start = "nearer"
-    return replace(found, problem=problem)
+    rooms = [block.room for block in found.problem.blocks] if found.problem is not None else []
+    blocks = tuple(replace(block, room=room) for block, room in zip(problem.blocks, rooms, strict=True))
+    return replace(found, problem=replace(problem, blocks=blocks))
 
 
 def settle_rows(problem: Problem, columns: Array) -> Problem:
@@ -61,17 +72,34 @@ def settle_rows(problem: Problem, columns: Array) -> Problem:
     return problem.around(speed, speed)
 
 
-def third_order(problem: Problem, guess: Array, *, fast_end: int | None = None, start: Start = "far") -> RunSolution:
+def third_order(
+    problem: Problem,
+    guess: Array,
+    *,
+    fast_end: int | None = None,
+    start: Start = "far",
+    look: Look | None = None,
+) -> RunSolution:
     """The fastest motion, s̈ zero at both ends but those where it is free. guess (4, N): ṡ, s̈, s⃛, h to start from.
 
     start: how far that is from the answer.
     fast_end: 0 for the start, 1 for the end: the motion with the largest speed there instead, up to the problem's.
     """
+    seen: Mapping[str, Array] | None = None
     if fast_end == 1:
         columns = _solve_stages(problem.reversed(), _reverse_columns(guess), END_SPEED_WEIGHT)
         columns = columns if isinstance(columns, MotionError) else _reverse_columns(columns)
-    else:
+    elif look is None or fast_end == 0:
         columns = _solve_stages(problem, guess, 0.0 if fast_end is None else END_SPEED_WEIGHT, start)
+    else:
+        posed = pose_stages(problem, guess)
+        peaks = _Peaks(problem, posed, look)
+        answer = _try_starts(posed, (start,), revise=peaks)
+        if isinstance(answer, MotionError):
+            columns = _solve_stages(problem, guess, 0.0, start)
+        else:
+            columns, problem = _columns(posed, answer), peaks.problem
+            seen = peaks.seen if answer.status == "solved" else None
     if isinstance(columns, MotionError):
         return RunSolution.refused(columns)
     if fast_end is not None:
@@ -83,7 +111,50 @@ def third_order(problem: Problem, guess: Array, *, fast_end: int | None = None, 
     profile = close_profile(problem, columns)
     if isinstance(profile, MotionError):
         return RunSolution.refused(profile)
-    return RunSolution("solved", profile, maker="riccati", problem=problem)
+    return RunSolution("solved", profile, maker="riccati", problem=problem, seen=seen)
+
+
+class _Peaks:
+    """Room for what a motion uses of the limits between grid points more than on them.
+
+    That goes with the squares of the intervals and hardly changes with the motion: one that is given the room for what
+    is seen of another uses the limits up. What a room has been lowered to, it is not raised from.
+    """
+
+    def __init__(self, problem: Problem, posed: PosedStages, look: Look) -> None:
+        self.problem = self.given = problem
+        self.posed, self.look = posed, look
+        self.seen: Mapping[str, Array] | None = None
+        """What the motion was seen to use that answers the problem."""
+        self._watched: Collection[str] = {block.name for block in problem.blocks}
+
+    def __call__(self, states: Array, controls: Array, values: Array) -> tuple[Array, Array] | None:
+        rows, unit = self.posed[1], self.posed[-1]
+        v, a, j, h = np.concatenate([states[:-1].T, controls.T]) * unit[:, None]
+        use = self.look(Profile(self.problem.s[:-1], v, a, j, h, self.problem.piece), self._watched)
+        self._watched = {name for name, each in use.items() if each.max() > MIN_WATCHED_USE}
+        count, last = int(rows.size.sum()), 0
+        lowered, blocks = False, []
+        for block in self.problem.blocks:
+            own = slice(last, last + block.middle.size)
+            last = own.stop
+            first, second = (block.share(half[:, own]).max(1) for half in (values[:, :count], values[:, count:]))
+            there = np.maximum(first, second)
+            if Term.SDDD not in block.start:  # kept in the middle, and where the next one starts
+                there[:-1] = np.maximum(there[:-1], first[1:])
+            used = use.get(block.name, there)
+            room = np.where(used > NEAR_USE, SOLVER_AIM - (used - there).clip(0.0, MOST_PEAK), 1.0)
+            short = room < block.room - LEAST_LOWERED
+            room = np.where(short, SOLVER_AIM - PEAK_FACTOR * (SOLVER_AIM - room), block.room)
+            lowered = lowered or bool(short.any())
+            blocks.append(replace(block, room=room))
+        exceeds = max(float(each.max()) for each in use.values()) > 1 + SMALL_EXCESS
+        self.seen = None
+        if lowered and (exceeds or self.problem is self.given):
+            self.problem = replace(self.problem, blocks=tuple(blocks))
+            return pose_bounds(self.problem)
+        self.seen = use
+        return None
 
 
 def estimate_motion(problem: Problem, guess: Array) -> tuple[Profile, Array] | MotionError:
@@ -130,13 +201,15 @@ def _columns(posed: PosedStages, answer: Minimum) -> Array:
     return np.asarray(np.concatenate([answer.states[:-1].T, answer.controls.T]) * posed[-1][:, None])
 
 
-def _try_starts(posed: PosedStages, attempts: Sequence[Start], tolerance: float = TOLERANCE) -> Minimum | MotionError:
+def _try_starts(
+    posed: PosedStages, attempts: Sequence[Start], tolerance: float = TOLERANCE, revise: Revise | None = None
+) -> Minimum | MotionError:
     stages, rows, states, controls, _ = posed
     numbers = (states, controls, stages.jerks, rows.first, rows.second)
     if not (all(np.isfinite(each).all() for each in numbers) and (stages.step > 0).all()):
         return MotionError("the jerk-limited problem holds what is no number, or an interval of no length")
     for start in attempts:
-        answer = minimise(stages, rows, states, controls, start, tolerance)
+        answer = minimise(stages, rows, states, controls, start, tolerance, revise)
         if answer.status in ("solved", "loose"):
             return answer
     return MotionError(

@@ -10,6 +10,7 @@ from planner.certificate.limit_use import prove
 from planner.limits import limits_of
 from planner.path.polynomial import PolynomialPath
 from planner.timing import jerk_limited, run
+from planner.timing.certified_solve import certified_solve
 from planner.timing.problem import Run, make_grid, pose_problem
 from planner.timing.run import solve_run
 from planner.timing.solvers.second_order import second_order
@@ -150,3 +151,26 @@ def test_toppra_agrees(start, end):
     ours, toppra = second_order(problem), second_order(problem, solver="toppra")
     assert ours.duration == pytest.approx(toppra.duration, rel=1e-5)
     assert toppra.profile.v[0] == start
+
+
+CLAMPED, CUBIC, CUBIC_BACK = [6.0, -15.0, 10.0, 0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0], [1.0, -3.0, 3.0, 0.0]
+
+
+@pytest.mark.parametrize(
+    ("q", "passed"), [(CLAMPED, (True, True)), (CUBIC, (True, False)), (CUBIC_BACK, (False, True))]
+)
+def test_from_rest_where_two_derivatives_are_nothing(q, passed):
+    """10 s³ − 15 s⁴ + 6 s⁵, s³ and 1 − (1 − s)³ go from 0 to 1: one axis, in its least time. Where q′ = q″ = 0 it rests
+    whatever ṡ is, and the motion begins or ends with ṡ > 0.
+    """
+    path = PolynomialPath([0.0, 1.0], np.array(q)[:, None, None], ["x"])
+    found = certified_solve(path, limits_on(path, 3), 3)
+    assert found.certificate.holds
+    assert {method.split(",")[0] for method in found.methods} == {"riccati"}
+    motion = found.trajectory
+    assert motion.duration == pytest.approx(least_time(1.0, 0.0, 0.0, 3), rel=4e-3)
+    state = motion.at([0.0, motion.duration])
+    assert np.abs(state.qd).max() < 1e-12
+    assert np.abs(state.qdd).max() < 1e-9
+    end = motion.within(np.array([len(motion.s) - 1]), np.diff(motion.knots)[-1:])
+    assert (bool(motion.v[0] > 1e-3), bool(end.sd[0] > 1e-3)) == passed

@@ -23,7 +23,7 @@ from planner.timing.solvers.third_order import third_order
 from planner.timing.stated_duration import quintic_motion
 
 
-def posed(path, speed, acceleration, jerk, stands=(False, False)):
+def posed(path, speed, acceleration, jerk, stands=(0, 0)):
     """An order-3 problem from rest to rest, and what to start from."""
     bounds = zip(speed, acceleration, jerk, strict=True)
     axes = [Axis(f"q{n}", max_speed=v, max_acceleration=a, max_jerk=j) for n, (v, a, j) in enumerate(bounds)]
@@ -59,7 +59,7 @@ def test_paths_that_stand_at_their_ends(seed):
     """s̈ is free where q′ vanishes: clamped splines."""
     random = random_problem(seed, 3)
     assert "clamped" in random.what
-    problem, guess = posed(random.path, random.speed, random.acceleration, random.jerk, stands=(True, True))
+    problem, guess = posed(random.path, random.speed, random.acceleration, random.jerk, stands=(1, 1))
     ours, theirs = third_order(problem, guess), solve_by_casadi(problem, guess)
     assert ours.solved
     assert ours.duration == pytest.approx(theirs.duration, rel=2e-3)

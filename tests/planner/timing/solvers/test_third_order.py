@@ -18,11 +18,11 @@ from planner.path.polynomial import PolynomialPath
 from planner.timing import jerk_limited
 from planner.timing.certified_solve import certified_solve
 from planner.timing.discretization import jerk_problem
-from planner.timing.problem import Run
-from planner.timing.profile import RunSolution
+from planner.timing.problem import SOLVER_AIM, Run
+from planner.timing.profile import RunSolution, sample_limit_use
 from planner.timing.run import solve_run
 from planner.timing.solvers import third_order as solver_module
-from planner.timing.solvers.third_order import third_order
+from planner.timing.solvers.third_order import SMALL_EXCESS, solve_jerk_limited, third_order
 
 
 def line(length):
@@ -125,6 +125,32 @@ def test_every_limit_is_kept_and_some_limit_used_nearly_everywhere():
     together = np.max(list(use.values()), 0)
     assert together.max() < 1 + 1e-3  # between grid points; the rounds of certifying take that off
     assert profile.h[together < 0.99].sum() < 0.03 * profile.duration
+
+
+def test_peaks_between_grid_points_are_heeded_while_it_is_solved():
+    """A motion that keeps every row at the grid points exceeds limits between them; with a look at these it does not,
+    and takes hardly longer: as long as a motion that exceeds them so little may be slower.
+    """
+    path = curve()
+    limits = limits_on(path, **CURVE)
+    problem, start = jerk_problem(path, limits, Run(0, 0))
+
+    def look(motion, names):
+        return sample_limit_use(path, [limit for limit in limits if limit.name in names], motion)
+
+    blind, heeding = (solve_jerk_limited(problem, start.on(problem.s), look=each) for each in (None, look))
+    assert heeding.problem is not None
+    assert heeding.seen is not None
+    excess, left = (
+        max(float(use.max()) for use in sample_limit_use(path, limits, one.profile).values()) - 1
+        for one in (blind, heeding)
+    )
+    assert excess > 1e-5
+    assert left < SMALL_EXCESS
+    assert max(float(use.max()) for use in heeding.seen.values()) == pytest.approx(1 + left, abs=1e-7)
+    assert blind.duration < heeding.duration < blind.duration * (1 + excess)
+    assert any((block.room < SOLVER_AIM).any() for block in heeding.problem.blocks)
+    assert all((block.room == SOLVER_AIM).all() for block in problem.blocks)
 
 
 @pytest.mark.parametrize("solver", ["fatrop", "ipopt"])
