@@ -142,6 +142,13 @@ class Trajectory(Result):
         columns = (Column(name, values[:, k], unit) for k, (name, unit) in enumerate(column_headings(self.path)))
         return Table(f"motion of {self.duration:.6f} s", tuple(columns))
 
+    def cut(self, first: int, last: int) -> "Trajectory":
+        """What it does on time pieces `first` to before `last`: time begins at 0 again, path length goes on."""
+        knots, here = self.knots[first : last + 1], slice(first, last)
+        return Trajectory(
+            self.path, knots - knots[0], self.s[here], self.v[here], self.a[here], self.j[here], self.piece[here]
+        )
+
     def locate(self, t: Array) -> np.ndarray:
         """Index of the time piece of each instant; a knot belongs to the piece that it starts."""
         return np.clip(np.searchsorted(self.knots, t, side="right") - 1, 0, len(self.s) - 1)

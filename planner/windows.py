@@ -5,7 +5,7 @@ the speed and the acceleration there: what has been planned by any instant is a 
 rest. The stop is so far behind that break that it changes the motion up to it next to nothing.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import islice
@@ -18,7 +18,7 @@ from kinematics.machine.machine import Machine
 from kinematics.machine.pose import Pose
 from planner.limits.limit import Limit
 from planner.path.actuation import MachinePath
-from planner.path.shape import Piece
+from planner.path.join_and_blend import PathStep
 from planner.timing.certified_solve import Solution, certified_solve
 from planner.timing.problem import Continuation
 
@@ -37,40 +37,40 @@ SEAM_ROUNDING = 1e-12
 
 
 @dataclass(frozen=True, slots=True)
-class PathStep:
-    """A piece of a path and its end: the order of motion from which it rests there (0: never, 1: always), dwell."""
+class Start:
+    """How a window begins: at rest, or in the midst of a motion, whose rest it may take.
 
-    piece: Piece
-    stop: int = 0
-    dwell: float = 0.0
+    begin   s, when it begins, counted from the start of the first window
+    steps   of the path before it
+    pieces  how many it takes at first; None: as many as the planner says
+    """
+
+    begin: float = 0.0
+    steps: int = 0
+    pieces: int | None = None
+    speed: float = 0.0
+    near: Array | None = None
+    continuation: Continuation | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class Window:
     """A certified motion from where the window before was left, to rest; the next one goes on in its midst.
 
-    kept    time pieces of it that stay: with the next window's those before these are the motion; the last has all
-    begin   s, when it begins, counted from the start of the first
+    start  how it began
+    kept   time pieces of it that stay: with the next window's those before these are the motion; the last has all
+    next   how the window behind it begins: whoever knows it and the path behind can plan on from there
     """
 
     solution: Solution
+    start: Start
     kept: int
-    begin: float
+    next: Start
 
     @property
     def duration(self) -> float:
         """s of what stays of it."""
         return float(self.solution.trajectory.knots[self.kept])
-
-
-@dataclass(frozen=True, slots=True)
-class _Start:
-    """How a window begins: at rest, or in the midst of a motion, whose rest it may take."""
-
-    speed: float = 0.0
-    near: Array | None = None
-    continuation: Continuation | None = None
-    dwell: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,21 +105,24 @@ class WindowPlanner:
     tool: Pose | None = None
     pieces: int = PIECES
 
-    def __call__(self, steps: Iterable[PathStep], dwell: float = 0.0) -> Iterator[Window]:
-        """dwell: s before the first step. Raises as `certified_solve`, at the first window that cannot be, when those
-        before it have been given.
+    def __call__(self, steps: Iterable[PathStep], start: Start | None = None) -> Iterator[Window]:
+        """Of the steps from a start on, by default all of a path from rest.
+
+        Raises as `certified_solve`, at the first window that cannot be, when those before it have been given.
         """
         coming, ahead = iter(steps), list[PathStep]()  # from where the window held begins
         held: _Held | None = None  # to be left in its midst
         rest: _Held | None = None  # the same, or one whose stop is near all of it: what to come to rest by
-        start, begin, count = _Start(dwell=dwell), 0.0, self.pieces
+        start = start or Start()
+        count = start.pieces or self.pieces
         while True:
             skip = held.seams[-1].steps if held is not None else 0
             ahead += islice(coming, max(0, skip + count + 1 - len(ahead)))
             if len(ahead) == skip:
                 return
             own = _cut_at_last_stop(ahead[skip : skip + count], self.order)
-            found = attempt(partial(self._solve, own, start if held is None else self._start_from(held)))
+            onward = start if held is None else self._start_from(held, start, count)
+            found = attempt(partial(self._solve, own, onward))
             if isinstance(found, MotionError) and held is not None:
                 held.seams.pop()
                 if held.seams:
@@ -127,14 +130,13 @@ class WindowPlanner:
             if isinstance(found, MotionError):
                 if rest is None:
                     raise found
-                yield Window(rest.solution, len(rest.solution.trajectory.s), begin)  # its stop remains
-                begin, start = begin + rest.solution.trajectory.duration, _Start()
+                start = yield from self._stop(rest.solution, start, rest.steps, count)  # its stop remains
                 del ahead[: rest.steps]
                 held = rest = None
                 continue
             if held is not None:
-                yield (left := Window(held.solution, held.seams[-1].knot, begin))
-                begin, start = begin + left.duration, self._start_from(held)
+                yield Window(held.solution, start, held.seams[-1].knot, onward)
+                start = onward
                 del ahead[:skip]
             ends = len(own) == len(ahead) or 0 < own[-1].stop <= self.order
             held = rest = _Held(found, len(own), [] if ends else _find_seams(found, own))
@@ -144,17 +146,23 @@ class WindowPlanner:
             if not ends and count < MAX_GROWTH * self.pieces:
                 count *= 2  # the stop is near all of it
                 continue
-            yield Window(found, len(found.trajectory.s), begin)
-            begin, start, rest = begin + found.trajectory.duration, _Start(), None
+            start = yield from self._stop(found, start, len(own), count)
+            rest = None
             del ahead[: len(own)]
 
-    def _solve(self, steps: Sequence[PathStep], start: _Start) -> Solution:
+    def _stop(self, solution: Solution, start: Start, steps: int, count: int) -> Generator[Window, None, Start]:
+        """A window of which all stays, and how the next begins."""
+        onward = Start(start.begin + solution.trajectory.duration, start.steps + steps, count)
+        yield Window(solution, start, len(solution.trajectory.s), onward)
+        return onward
+
+    def _solve(self, steps: Sequence[PathStep], start: Start) -> Solution:
         """From a start to a stop behind the last step."""
         path = MachinePath(
             self.machine,
             [step.piece for step in steps],
             np.array([1, *(step.stop for step in steps[:-1]), 1]),
-            np.array([start.dwell, *(step.dwell for step in steps)]),
+            np.array([steps[0].wait, *(step.dwell for step in steps)]),
             tool=self.tool,
             end_speeds=(start.speed, 0.0),
             start_acceleration=0.0 if start.continuation is None else start.continuation.acceleration,
@@ -162,9 +170,10 @@ class WindowPlanner:
         )
         return certified_solve(path, self.limit(path), self.order, continuation=start.continuation)
 
-    def _start_from(self, held: _Held) -> _Start:
-        """Where the window held is left."""
-        knot, motion, room = held.seams[-1].knot, held.solution.trajectory, held.solution.last_room
+    def _start_from(self, held: _Held, start: Start, count: int) -> Start:
+        """Where the window held, which began at a start, is left."""
+        seam, motion, room = held.seams[-1], held.solution.trajectory, held.solution.last_room
+        knot = seam.knot
         state = motion.within(np.array([knot]), np.zeros(1))
         s = np.append(motion.s[knot:], motion.path.breaks[-1]) - motion.s[knot]
         first = knot - len(motion.s)
@@ -175,7 +184,8 @@ class WindowPlanner:
             {} if room is None else {name: values[first:last] for name, values in room.items()},
             float(motion.a[knot]),
         )
-        return _Start(float(motion.v[knot]), state.q[0], continuation)
+        begin, steps = start.begin + float(motion.knots[knot]), start.steps + seam.steps
+        return Start(begin, steps, count, float(motion.v[knot]), state.q[0], continuation)
 
 
 def _cut_at_last_stop(steps: list[PathStep], order: int) -> list[PathStep]:

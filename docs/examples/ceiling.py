@@ -1,18 +1,13 @@
 """The firing rule `ceiling`: the count is the least whole number not below the position, in pulses."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
-from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.options import option
-from kinematics.machine.axis import Axis
-from planner.parallel import Progress
-from planner.pulses.generation.firing_rule import Rule, describe_rule
+from planner.pulses.generation.firing_rule import Rule
 from planner.pulses.generation.levels import Levels, find_crossings
-from planner.pulses.motion import AxesMotion
-from planner.pulses.schedule import PulseSchedule
+from planner.pulses.generation.motion_parts import Fired, MotionPart
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,8 +25,5 @@ class Ceiling(Rule):
         if not 0.002 <= self.margin < 0.5:
             raise MotionError(f"margin {self.margin!r} pulses: must be from 0.002 to below 0.5, e.g. 0.01")
 
-    def fire(
-        self, motion: AxesMotion, axes: Sequence[Axis], home: Array, clock_hz: int, tell: Progress
-    ) -> PulseSchedule:
-        fired = find_crossings(motion, axes, home, clock_hz, Levels(self.margin), tell)
-        return PulseSchedule(clock_hz, fired, motion.duration, describe_rule(self))
+    def fire(self, part: MotionPart) -> Fired:
+        return find_crossings(part, Levels(self.margin))

@@ -34,11 +34,11 @@ from kinematics.machine.pose import column, split_pose_symbols
 
 
 def solve(matrix: Array, right: Array) -> Array:
-    """f (N, n) of A (N, n, n) and b (N, n); nan where A is singular."""
+    """f (N, n, k) of A (N, n, n) and b (N, n, k); nan where A is singular."""
     try:
-        return np.asarray(np.linalg.solve(matrix, right[:, :, None])[:, :, 0])
+        return np.asarray(np.linalg.solve(matrix, right))
     except np.linalg.LinAlgError:
-        return np.asarray((_inverse(matrix) @ right[:, :, None])[:, :, 0])
+        return np.asarray(invert(matrix) @ right)
 
 
 def solve_series(matrix: Series, right: Series) -> Series:
@@ -137,7 +137,7 @@ def _invert_roughly(matrix: Array, out: Array, work: Array) -> None:
                     out[k, j] -= factor * out[i, j]
 
 
-def _inverse(matrix: Array) -> Array:
+def invert(matrix: Array) -> Array:
     """A⁻¹ (N, n, n); nan where there is none."""
     finite: np.ndarray = np.asarray(np.isfinite(matrix).all((1, 2)))
     safe = np.where(finite[:, None, None], matrix, np.eye(matrix.shape[-1]))
@@ -156,26 +156,30 @@ class Balance:
 
     expression  inputs -> W_q and the axes' own (n), then Bᵀ W_x (n) and Jᵀ row by row (n, n) where they are needed
     axes        n
+    count       of motions at one place whose forces these are, one after the other: k of W_q, k of Bᵀ W_x, and one Jᵀ
     """
 
     expression: Expression
     axes: int
+    count: int = 1
 
     @overload
     def force(self, values: Array) -> Array: ...
     @overload
     def force(self, values: Series) -> Series: ...
     def force(self, values: Array | Series) -> Array | Series:
-        """Forces (N, n) of the expression's values (N, m); nan, or no bound, where the machine is singular."""
-        n = self.axes
-        if self.expression.size[1] == n:
+        """Forces (N, k n) of the expression's values (N, m); nan, or no bound, where the machine is singular."""
+        n, k = self.axes, self.count
+        if self.expression.size[1] == k * n:
             return values
         if isinstance(values, Series):
             flat = values[:, 2 * n :]
             shape = (*flat.mid.shape[:-1], n, n)
             matrix = Series(flat.mid.reshape(shape), flat.rad.reshape(shape), flat.order)
             return values[:, :n] + solve_series(matrix, values[:, n : 2 * n])
-        return np.asarray(values[:, :n] + solve(values[:, 2 * n :].reshape(-1, n, n), values[:, n : 2 * n]))
+        right = values[:, k * n : 2 * k * n].reshape(-1, k, n).swapaxes(1, 2)
+        solved = solve(values[:, 2 * k * n :].reshape(-1, n, n), right)
+        return np.asarray(values[:, : k * n] + solved.swapaxes(1, 2).reshape(-1, k * n))
 
     def __call__(self, inputs: Array) -> Array:
         return self.force(self.expression(inputs))
@@ -191,6 +195,23 @@ def force_map(machine: MachineModel) -> Balance:
     own, solved = _load_forces(machine, x, q)
     values = ca.vertcat(own + reflected * q.second + friction * q.first, solved)
     return Balance(Expression("force", ca.vertcat(*x.all, *q.all), values), len(machine.axes))
+
+
+def force_terms_map(machine: MachineModel) -> Balance:
+    """x, x′, x″ (12 each), q, q′, q″ (n each) along a path -> actuator forces (3 n) of three motions: at rest, at rest
+    with s̈ = 1, and with ṡ = 1; of a motion ẋ = x′ ṡ and ẍ = x′ s̈ + x″ ṡ², and q so too.
+    """
+    x, q = _Rates(12, "x"), _Rates(len(machine.axes), "q")
+    reflected, friction = (ca.DM([getattr(axis, name) for axis in machine.axes]) for name in ("reflected", "friction"))
+    own, solved = _load_forces(machine, x, q)
+    right = solved[: len(machine.axes)] if solved.numel() else solved
+    forces = own + reflected * q.second + friction * q.first
+    rates, still = ca.vertcat(x.first, q.first, x.second, q.second), ca.SX.zeros(12 + len(machine.axes))
+    first, second = ca.vertcat(x.first, q.first), ca.vertcat(x.second, q.second)
+    motions = [ca.vertcat(still, still), ca.vertcat(still, first), ca.vertcat(first, second)]
+    parts = [ca.substitute(part, rates, motion) for part in (forces, right) for motion in motions]
+    values = ca.vertcat(*parts, solved[len(machine.axes) :] if solved.numel() else solved)
+    return Balance(Expression("force_terms", ca.vertcat(*x.all, *q.all), values), len(machine.axes), len(motions))
 
 
 def holding_map(machine: MachineModel) -> Balance:

@@ -18,10 +18,10 @@ from kinematics.foundation.taylor_tape import enclose_tape, is_enclosable
 # Greedy block sizes: one call of the virtual machine evaluates a whole block without leaving compiled code.
 _BLOCKS = (256, 16, 1)
 
-# Operations times points from which the compiled tape runs them: they take it a third of the time, and loading the
-# compiler, where nobody has yet, as long as the second of these takes CasADi.
-TAPE_WORK, LOADING_WORK = 1e5, 2e8
-# Cells from which Taylor models of them are made by the tape.
+# Points from which the compiled tape runs them in less time than CasADi, operations times points from which that pays
+# for making the tape, and for loading the compiler where nobody has yet.
+TAPE_POINTS, TAPE_WORK, LOADING_WORK = 12, 1e5, 2e8
+# Cells from which Taylor models of them are made by the tape where nobody has loaded the compiler yet.
 TAPE_CELLS = 8
 
 T = TypeVar("T")
@@ -40,6 +40,7 @@ class Expression:
     def _set_function(self, function: ca.Function) -> None:
         self.function = function
         self.size = int(self.function.size1_in(0)), int(self.function.size1_out(0))
+        self._operations, self._work = int(self.function.n_instructions()), 0
         self._lock = Lock()
         self._alive: list[object] = []  # `run` holds raw pointers into these
         self._blocks: dict[int, tuple[Array, Array, Callable[[], None]]] = {}
@@ -57,8 +58,7 @@ class Expression:
 
     def __call__(self, x: Array) -> Array:
         rows, out = len(x), np.empty((len(x), self.size[1]))
-        work = rows * self.function.n_instructions()
-        if work >= (TAPE_WORK if compiler_is_loaded() else LOADING_WORK) and self._tape is not None:
+        if self._pays_for_tape(rows) and self._tape is not None:
             run_tape(self._tape, np.ascontiguousarray(x, dtype=float), out)
             return out
         done = 0
@@ -71,6 +71,14 @@ class Expression:
                     out[done : done + size] = results
                     done += size
         return out
+
+    def _pays_for_tape(self, rows: int) -> bool:
+        """Whether so many points more are worth a tape, after all that there were before."""
+        work = rows * self._operations
+        if not compiler_is_loaded():
+            return work >= LOADING_WORK
+        self._work += work  # of several threads' only one may count
+        return rows >= TAPE_POINTS and self._work >= TAPE_WORK
 
     def _block(self, size: int) -> tuple[Array, Array, Callable[[], None]]:
         if size not in self._blocks:
@@ -103,7 +111,7 @@ class Expression:
     def enclose(self, x: Sequence[Series]) -> list[Series]:
         """The same expression in Taylor series with guaranteed error: k series in, m series out."""
         order = x[0].order
-        if self._is_enclosable and all(one.order == order for one in x) and _cells(x) >= TAPE_CELLS:
+        if self._pays_to_compile(_cells(x)) and all(one.order == order for one in x):
             return self._enclose_compiled(x, order)
         # an unbounded ball may turn into nan: both read as "no bound"
         with np.errstate(invalid="ignore", over="ignore"):
@@ -112,7 +120,7 @@ class Expression:
     def enclose_columns(self, *x: Series) -> Series:
         """The same of series (d+1, N, j) that hold the k inputs side by side: as one (order+1, N, m)."""
         order, cells = min(one.order for one in x), max(one.mid.shape[1] for one in x)
-        if self._tape is None or not self._is_enclosable or cells < TAPE_CELLS:
+        if self._tape is None or not self._pays_to_compile(cells):
             columns = [one.cut(order)[:, k] for one in x for k in range(one.mid.shape[2])]
             stacked = Series.stack(self.enclose(columns))
             shape = (stacked.degree + 1, cells, self.size[1])  # what is constant is so on every cell
@@ -128,6 +136,9 @@ class Expression:
         found, error = (np.zeros((self.size[1], order + 1, cells)) for _ in range(2))
         enclose_tape(self._tape, order, degrees, mid, rad, found, error)
         return Series(found.transpose(1, 2, 0), error.transpose(1, 2, 0), order)
+
+    def _pays_to_compile(self, cells: int) -> bool:
+        return (cells >= TAPE_CELLS or compiler_is_loaded()) and self._is_enclosable
 
     @cached_property
     def _is_enclosable(self) -> bool:

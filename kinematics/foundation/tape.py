@@ -13,9 +13,8 @@ import numpy as np
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.kernels import kernel
 
-BLOCK = 64
-"""Points that are run together: their values of all slots stay in the processor's cache."""
-
+BLOCK = 128
+"""Points that are run together: enough for what deciding takes, few enough for the cache to hold their values."""
 
 CONST, INPUT, OUTPUT, ASSIGN = ca.OP_CONST, ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_ASSIGN
 ADD, SUB, MUL, DIV, NEG, INV = ca.OP_ADD, ca.OP_SUB, ca.OP_MUL, ca.OP_DIV, ca.OP_NEG, ca.OP_INV

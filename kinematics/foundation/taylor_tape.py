@@ -35,8 +35,8 @@ from kinematics.foundation.tape import (
 )
 from kinematics.foundation.taylor_model import EPS
 
-BLOCK = 32
-"""Cells that are run together."""
+BLOCK, MOST_BLOCKS = 32, 8
+"""Cells that are run together, and how many times as many where they have one coefficient only."""
 LEFT_TO_SERIES = {EXP, LOG}
 
 
@@ -51,14 +51,14 @@ def enclose_tape(
 ) -> None:
     """Fill out_mid and out_rad (m, order + 1, N) for inputs mid and rad (k, order + 1, N) of degrees (k,)."""
     count, size = mid.shape[2], len(tape.operation)
-    spare = 6
-    m = np.zeros((tape.slots + spare, order + 1, BLOCK))
-    r = np.zeros((tape.slots + spare, order + 1, BLOCK))
-    far, error = np.zeros((order + 1, BLOCK)), np.zeros((order + 1, BLOCK))
+    spare, block = 6, BLOCK * max(MOST_BLOCKS // (order + 1), 1)
+    m = np.zeros((tape.slots + spare, order + 1, block))
+    r = np.zeros((tape.slots + spare, order + 1, block))
+    far, error = np.zeros((order + 1, block)), np.zeros((order + 1, block))
     degree = np.zeros(tape.slots + spare, np.int64)
     s0 = tape.slots
-    for start in range(0, count, BLOCK):
-        width = min(BLOCK, count - start)
+    for start in range(0, count, block):
+        width = min(block, count - start)
         for k in range(size):
             code, a, b, c = tape.operation[k], tape.first[k], tape.second[k], tape.write[k]
             if code == INPUT:

@@ -6,7 +6,7 @@ from numpy.typing import ArrayLike
 
 from kinematics.analysis.forward import Forward, solve
 from kinematics.analysis.margins import Margins, measure
-from kinematics.analysis.virtual_work import Balance, force_map, has_load, holding_map
+from kinematics.analysis.virtual_work import Balance, force_map, force_terms_map, has_load, holding_map
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
 from kinematics.machine.axis import Axis, Magnitude, directional_bounds
@@ -56,6 +56,11 @@ class Machine(MachineModel, Result):
     def force_map(self) -> Balance:
         """x, ẋ, ẍ (12 each), q, q̇, q̈ (n each) -> actuator forces (n): see `kinematics.analysis.virtual_work`."""
         return self.derive(force_map, of_load=True)
+
+    @property
+    def force_terms_map(self) -> Balance:
+        """x, x′, x″, q, q′, q″ along a path -> forces (3 n): at rest, for s̈ = 1 from rest, and for ṡ = 1."""
+        return self.derive(force_terms_map, of_load=True)
 
     @property
     def holding_map(self) -> Balance:

@@ -6,8 +6,9 @@ until the bounds are tight. It is also proved that the motion is one: nothing ju
 forwards, between the speeds stated.
 """
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Hashable, Iterator, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 
@@ -19,7 +20,7 @@ from planner.certificate.limit_use import ProvedUse, prove, round_reached_use
 from planner.certificate.resonance_dwell import find_stays
 from planner.limits.limit import Limit, order_of
 from planner.limits.resonance import Resonance
-from planner.path.actuation import ActuatorPath
+from planner.path.actuation import ActuatorPath, Derivatives
 from planner.place import Place, where_columns
 from planner.trajectory import Trajectory, unit_speed_trajectory
 
@@ -32,7 +33,7 @@ INSTANT_ROUNDING = 8 * float(np.finfo(float).eps)
 # Rounding of a value of the path or of its derivatives, as a share of the largest on a piece: Horner's scheme of degree
 # 9 rounds 18 times, in terms a few times as large as what they leave (N. Higham, Accuracy and Stability, 2002, 5.1).
 VALUE_ROUNDING = 64 * float(np.finfo(float).eps)
-# States that are computed together: a state holds far more than what is kept of it.
+# Time pieces that are looked at together: what is looked at is far more than what is kept.
 STATE_BATCH = 1 << 14
 
 
@@ -40,62 +41,100 @@ def find_jumps(trajectory: Trajectory, order: int) -> dict[str, Place]:
     """Each quantity that is not continuous between the pieces, or at an end not as stated, and where it jumps most.
 
     At an end ṡ is what the path states, rest if nothing, and s̈ is 0, or at the start what the path states: q̇ = q′ ṡ
-    and q̈ = q′ s̈ + q″ ṡ² there.
+    and q̈ = q′ s̈ + q″ ṡ² there. Whether it is the path's end is for `find_gaps` to say.
     """
-    lengths = np.diff(trajectory.knots)
-    start, end = _states(trajectory, order, np.zeros(len(lengths))), _states(trajectory, order, lengths)
-    path = trajectory.path
-    _, q1, q2 = path.derivatives(path.breaks[[0, -1]], np.array([0, len(path.breaks) - 2]), 2)
-    speed, push = np.array([path.end_speeds, (path.start_acceleration, 0.0)])[:, :, None]
-    asked = [np.stack([start[0][0], end[0][-1]]), q1 * speed, q1 * push + q2 * speed**2]
-    found: dict[str, Place] = {}
-    rounded = _bound_rounding(trajectory)
-    blur = INSTANT_ROUNDING * trajectory.knots[:, None]
-    for n, name in enumerate(("position jump", "speed jump", "acceleration jump")[:order]):
-        begun, ended = start[n], end[n]
-        before, after = asked[n][:1], asked[n][1:]
-        gap = np.abs(np.concatenate([begun, after]) - np.concatenate([before, ended]))
-        # rounding is that of each axis' own values, and of what they were made from together
-        scale = np.ptp(begun, axis=0) + 1e-6 * np.abs(begun).max(0)
+    path, count = trajectory.path, len(trajectory.s)
+    before, final = np.zeros((2, 3, order, 1, len(path.names)))
+    derivatives = path.derivatives(path.breaks[[0, -1]], np.array([0, len(path.breaks) - 2]), 2)
+    for side, n, push in ((before, 0, path.start_acceleration), (final, 1, 0.0)):
+        (q, q1, q2), speed = (each[n] for each in derivatives), path.end_speeds[n]
+        side[0, :, 0] = [q, q1 * speed, q1 * push + q2 * speed**2][:order]
+    worst, at = np.full((order, len(path.names)), -np.inf), np.zeros((order, len(path.names)), int)
+    least, largest = -worst, worst
+
+    def look(first: int, before: Array, after: Array) -> None:
+        nonlocal worst, at
         # an instant is known to a share of itself, in which a value goes on by its derivative
-        goes = np.abs(np.concatenate([start[n + 1], 0 * after])), np.abs(np.concatenate([0 * before, end[n + 1]]))
-        beyond = gap - MAX_JUMP * scale - AXIS_ROUNDING * scale.max() - blur * np.maximum(*goes) - rounded[n]
-        if not beyond.max() <= 0:
-            knot, axis = np.unravel_index(int(np.argmax(np.where(np.isnan(beyond), np.inf, beyond))), beyond.shape)
-            found[name] = place_at(trajectory, float(trajectory.knots[knot]), trajectory.path.names[axis])
+        blur = INSTANT_ROUNDING * trajectory.knots[first : first + after.shape[2], None]
+        _, goes, rounded = np.maximum(np.abs(before), np.abs(after))
+        beyond = np.abs(after[0] - before[0]) - blur * goes - rounded
+        beyond = np.where(np.isnan(beyond), np.inf, beyond)
+        at = np.where(beyond.max(1) > worst, first + beyond.argmax(1), at)
+        worst = np.maximum(worst, beyond.max(1))
+
+    for first, stop in _batches(trajectory.piece):
+        start, end = _look_at_ends(trajectory, slice(first, stop), order)
+        if first == 0:
+            before[0, 0] = start[0, 0, :1]
+        look(first, np.concatenate([before, end[:, :, :-1]], 2), start)
+        before = end[:, :, -1:].copy()
+        least, largest = np.minimum(least, start[0].min(1)), np.maximum(largest, start[0].max(1))
+    final[0, 0] = before[0, 0]
+    look(count, before, final)
+    # rounding is that of each axis' own values, and of what they were made from together
+    scale = largest - least + 1e-6 * np.maximum(np.abs(least), np.abs(largest))
+    beyond = worst - MAX_JUMP * scale - AXIS_ROUNDING * scale.max(1, keepdims=True)
+    found: dict[str, Place] = {}
+    for n, name in enumerate(("position jump", "speed jump", "acceleration jump")[:order]):
+        axis = int(np.argmax(np.where(np.isnan(beyond[n]), np.inf, beyond[n])))
+        if not beyond[n, axis] <= 0:
+            found[name] = place_at(trajectory, float(trajectory.knots[at[n, axis]]), path.names[axis])
     return found
 
 
-def _bound_rounding(trajectory: Trajectory) -> tuple[Array, Array, Array]:
-    """What rounding of q, q′ and q″, to a share of the largest on their piece, makes of q, q̇ and q̈: (M+1, n) each.
+def _batches(piece: np.ndarray) -> Iterator[tuple[int, int]]:
+    """First and last, exclusive, of batches of STATE_BATCH time pieces or more: all on one path piece are in one."""
+    ends, first = np.append(np.flatnonzero(np.diff(piece)) + 1, len(piece)), 0
+    while first < len(piece):
+        after = int(ends[np.searchsorted(ends, min(first + STATE_BATCH, len(piece)))])
+        yield first, after
+        first = after
 
-    A motion near rest at a place where q′ is all but nothing multiplies what rounding leaves of it by a large s̈.
+
+def _look_at_ends(trajectory: Trajectory, own: slice, order: int) -> tuple[Array, Array]:
+    """Where time pieces start, and where they end, of all on some path pieces: (3, order, M, n) each.
+
+    They are q, q̇ (and q̈ at order 3); their derivatives by time; and what rounding of q, q′ and q″, to a share of the
+    largest on their path piece, makes of them: a motion near rest at a place where q′ is all but nothing multiplies
+    what rounding leaves of it by a large s̈.
     """
-    path, pieces = trajectory.path, len(trajectory.path.breaks) - 1
-    values = path.derivatives(trajectory.s, trajectory.piece, 2)
-    largest = [np.zeros((pieces, value.shape[1])) for value in values]
-    for most, value in zip(largest, values, strict=True):
-        np.maximum.at(most, trajectory.piece, VALUE_ROUNDING * np.abs(value))
-    q, q1, q2 = (most[trajectory.piece] for most in largest)
-    h, v, a, j = np.diff(trajectory.knots), trajectory.v, trajectory.a, trajectory.j
-    found: list[Array] = []
-    for speed, push in ((v, a), (v + h * (a + h * j / 2), a + h * j)):
-        fast, hard = np.abs(speed)[:, None], np.abs(push)[:, None]
-        found.append(np.stack([q, q1 * fast, q1 * hard + q2 * fast**2]))
-    start, end = found
-    both = np.concatenate([start, np.zeros_like(start[:, :1])], 1), np.concatenate([np.zeros_like(end[:, :1]), end], 1)
-    one, two, three = np.maximum(*both)
-    return one, two, three
+    h, v, a, j = np.diff(trajectory.knots)[own], trajectory.v[own], trajectory.a[own], trajectory.j[own]
+    at, by = _derive_at_starts_and_ends(trajectory, own, order)
+    runs = np.flatnonzero(np.diff(trajectory.piece[own], prepend=-1))
+    lengths = np.diff(runs, append=len(h))
+    blur = [VALUE_ROUNDING * np.repeat(np.maximum.reduceat(np.abs(each), runs), lengths, axis=0) for each in at[:3]]
+    found = []
+    for values, speed, push in ((at, v, a), (by, v + h * (a + h * j / 2), a + h * j)):
+        rates = _rate(values, speed, push, j)
+        rounded = _rate(tuple(blur), np.abs(speed), np.abs(push), 0 * j)
+        found.append(np.stack([rates[:order], rates[1 : order + 1], rounded[:order]]))
+    return found[0], found[1]
 
 
-def _states(trajectory: Trajectory, order: int, tau: Array) -> list[Array]:
-    """q, q̇, q̈ (and q⃛ at order 3), each (M, n), tau (M,) after the start of every time piece."""
-    parts = []
-    for first in range(0, len(tau), STATE_BATCH):
-        k = np.arange(first, min(first + STATE_BATCH, len(tau)))
-        state = trajectory.within(k, tau[first : first + STATE_BATCH], jerk=order == 3)
-        parts.append((state.q, state.qd, state.qdd, *((state.qddd,) if order == 3 else ())))
-    return [np.concatenate(each) for each in zip(*parts, strict=True)]
+def _derive_at_starts_and_ends(trajectory: Trajectory, own: slice, order: int) -> tuple[Derivatives, Derivatives]:
+    """q, q′, q″ (and q‴ at order 3), (M, n) each, where time pieces start, and where they end.
+
+    A piece ends where the next one starts, but for rounding δ: where that is on the same piece of path, values there
+    are those at the start, moved on by δ times the next derivative.
+    """
+    path, piece, s = trajectory.path, trajectory.piece[own], trajectory.s[own]
+    at, last = path.derivatives(s, piece, order), piece_end_lengths(trajectory, own)
+    ahead = last - np.append(s[1:], np.nan)
+    near = (np.abs(ahead) <= INSTANT_ROUNDING * np.abs(last)) & (piece == np.append(piece[1:], -1))
+    by = tuple(np.concatenate([each[1:], each[:1]]) for each in at)
+    for value, slope in pairwise(by):
+        value += slope * ahead[:, None]
+    far = np.flatnonzero(~near)
+    for value, mine in zip(by, path.derivatives(last[far], piece[far], order), strict=True):
+        value[far] = mine
+    return at, by
+
+
+def _rate(values: Derivatives, v: Array, a: Array, j: Array) -> list[Array]:
+    """q, q̇, q̈ (and q⃛, where q‴ is known), each (M, n)."""
+    q, q1, q2, *q3 = values
+    v, a, j = v[:, None], a[:, None], j[:, None]
+    return [q, q1 * v, q1 * a + q2 * v**2, *(q1 * j + 3 * q2 * v * a + each * v**3 for each in q3)]
 
 
 def find_gaps(trajectory: Trajectory) -> dict[str, Place]:
@@ -123,15 +162,17 @@ def find_gaps(trajectory: Trajectory) -> dict[str, Place]:
     }
 
 
-def piece_end_lengths(trajectory: Trajectory) -> Array:
+def piece_end_lengths(trajectory: Trajectory, own: slice = slice(None)) -> Array:
     """Path lengths (M,) at which the time pieces end."""
-    h, v, a, j = np.diff(trajectory.knots), trajectory.v, trajectory.a, trajectory.j
-    return np.asarray(trajectory.s + h * (v + h * (a / 2 + h * j / 6)))
+    h, v, a, j = (each[own] for each in (np.diff(trajectory.knots), trajectory.v, trajectory.a, trajectory.j))
+    return np.asarray(trajectory.s[own] + h * (v + h * (a / 2 + h * j / 6)))
 
 
 def place_at(trajectory: Trajectory, t: float, axis: str) -> Place:
-    state = trajectory.at(t)
-    return trajectory.path.place(float(state.along[0]), int(state.piece[0]), t, axis)
+    k = int(trajectory.locate(np.array([t]))[0])
+    tau = min(max(t, 0.0), trajectory.duration) - trajectory.knots[k]
+    s = trajectory.s[k] + tau * (trajectory.v[k] + tau * (trajectory.a[k] / 2 + tau * trajectory.j[k] / 6))
+    return trajectory.path.place(float(s), int(trajectory.piece[k]), t, axis)
 
 
 CROSSING = "resonance crossing"
@@ -181,7 +222,8 @@ def certify(trajectory: Trajectory, limits: Sequence[Limit], known: ProvedUse | 
     use |= _geometric_use(trajectory, standing)
     attained |= use_at_knots(trajectory, standing, known)
     worst = {name: float(values.max()) for name, values in use.items()}
-    most = {limit.name: attained if limit.geometric else use for limit in limits}
+    # a bound that is kept need not be tight everywhere
+    most = {limit.name: attained if limit.geometric or worst[limit.name] <= 1 else use for limit in limits}
     where = {
         limit.name: _find_worst_place(trajectory, limit, int(np.argmax(most[limit.name][limit.name])))
         for limit in limits

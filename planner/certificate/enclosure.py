@@ -118,21 +118,28 @@ class Enclosure:
 
 def enclose(trajectory: Trajectory, cells: Cells, order: int) -> Enclosure:
     """The motion over cells, as series in τ up to τ^order, with t = centre + τ · half width."""
-    k, centre, half = cells.k, (cells.lo + cells.hi) / 2, (cells.hi - cells.lo) / 2
-    piece = trajectory.piece[k]
-    powers = [trajectory.s[k], trajectory.v[k], trajectory.a[k] / 2, trajectory.j[k] / 6]
-    # s about the centre (a Taylor shift, in balls), then scaled to τ
-    at = Series(np.stack([centre, np.ones_like(centre)]), np.zeros((2, len(centre))), 3)
-    shifted = Series.zeros(3, (len(centre),))
-    for power in reversed(powers):
-        shifted = shifted * at + power
-    scale = half ** np.arange(4)[:, None]
-    mid, rad = shifted.mid * scale, shifted.rad * scale + 8 * EPS * np.abs(shifted.mid * scale)
+    mid, rad, half = expand_motion(trajectory, cells)
     # over the whole cell every coefficient moves by what the higher ones can add: c_k(x) = Σ_j C(j, k) c_j x^(j−k)
     size = np.abs(mid) + rad
-    spread = np.stack([sum((comb(j, n) * size[j] for j in range(n + 1, 4)), np.zeros_like(centre)) for n in range(4)])
+    spread = np.stack([sum((comb(j, n) * size[j] for j in range(n + 1, 4)), np.zeros_like(half)) for n in range(4)])
     s = Series(np.concatenate([mid, mid], 1), np.concatenate([rad, (rad + spread) * (1 + 8 * EPS)], 1), order)
-    return Enclosure(trajectory.path, s, np.concatenate([1 / half, 1 / half])[:, None], piece)
+    return Enclosure(trajectory.path, s, np.concatenate([1 / half, 1 / half])[:, None], trajectory.piece[cells.k])
+
+
+def expand_motion(trajectory: Trajectory, cells: Cells) -> tuple[Array, Array, Array]:
+    """Coefficients of s in τ about each cell's centre, their errors, (4, N) each, and the cells' half widths (N,)."""
+    k, centre = cells.k, (cells.lo + cells.hi) / 2
+    half = (cells.hi - cells.lo) / 2 * (1 + 2 * EPS) + 2 * EPS * np.abs(cells.hi)
+    powers = half ** np.arange(4)[:, None]
+
+    def shift(s: Array, v: Array, a: Array, j: Array) -> Array:
+        first, second = v + centre * (a + centre * j / 2), a / 2 + centre * j / 2
+        about = [s + centre * (v + centre * (a / 2 + centre * j / 6)), first, second, j / 6]
+        return np.stack(about) * powers
+
+    motion = trajectory.s[k], trajectory.v[k], trajectory.a[k], trajectory.j[k]
+    # fewer roundings than 32 of each term, whatever the signs
+    return shift(*motion), 32 * EPS * shift(*map(np.abs, motion)), half
 
 
 @cache

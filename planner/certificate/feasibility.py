@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from kinematics.analysis.virtual_work import invert
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError, OutOfReach
 from kinematics.foundation.result import Result
@@ -62,7 +63,7 @@ def _is_nonsingular(path: MachinePath, low: Array, width: Array, piece: np.ndarr
         (j.mid[k, part].reshape(shape), j.rad[k, part].reshape(shape))
         for k, part in ((0, slice(count)), (1, slice(count)), (2, slice(count, None)))
     )
-    inverse = np.linalg.pinv(np.where(np.isfinite(at[0]), at[0], 0.0))
+    inverse = invert(at[0])  # about; what cannot be inverted proves nothing
     size = np.abs(inverse)
     with np.errstate(invalid="ignore"):
         whole = np.abs(np.eye(shape[1]) - inverse @ at[0]) + size @ at[1]

@@ -99,10 +99,11 @@ def _tighten_cells(
         if rounds:
             bound, met = round_reached_use(bound), round_reached_use(met)
         np.maximum.at(attained, cells.k, met)
-        loose = bound > np.maximum(met, min(attained.max(), 1.0)) + limit.tight(met)
+        known_most = np.maximum(met, min(attained.max(), 1.0))
+        loose = bound > known_most + limit.tight(known_most)
         loose |= (bound > 1) & (met <= 1)
         with np.errstate(invalid="ignore"):  # of what has no bound
-            over = np.nanmax((bound - attained.max()) / limit.tight(met), where=loose, initial=1.0)
+            over = np.nanmax((bound - attained.max()) / limit.tight(known_most), where=loose, initial=1.0)
         # bounds close in with the square of a cell at least
         parts = 1 if first else int(np.clip(np.ceil(np.sqrt(over)), 2, CELL_PARTS if loose.sum() <= FEW_CELLS else 2))
         share, first = share / parts, False
@@ -126,24 +127,34 @@ def _has_stated_speeds(path: ActuatorPath) -> bool:
 
 
 def _look_at_use(trajectory: Trajectory, limits: Sequence[Limit], cells: Cells, order: int) -> tuple[Array, Array]:
-    """Over each of N cells, as `_bound_use` but cheaper: bounds from ranges, and the use attained at some centres.
+    """Over each of N cells, as `_bound_use` but cheaper: bounds from ranges, and the use attained at some instants.
 
     Of many, groups first, each as a whole and at the centre of one: the cells only of those that may use the most.
     """
     bound, met = np.zeros((2, len(limits), len(cells.k)))
+    alone = all(limit.by_axis for limit in limits)
     for begin in range(0, len(cells.k), LOOK_BATCH):
         some = cells[np.arange(begin, min(begin + LOOK_BATCH, len(cells.k)))]
         piece, every = trajectory.piece[some.k], np.arange(len(some.k))
         with np.errstate(invalid="ignore", over="ignore"):
             ranges, whole = bound_ranges(trajectory, some, order), None
-            groups = _group(trajectory, ranges, some, order) if len(every) >= MIN_GROUPED else None
+            groups = _group(trajectory, ranges, some, order) if len(every) >= MIN_GROUPED and not alone else None
             for n, limit in enumerate(limits):
                 found, seen, rest = np.zeros(len(every)), np.zeros(len(every)), every
-                if groups is not None:
+                if limit.by_axis:
+                    (found, seen), rest = _use_of_axes(limit, ranges), every[:0]
+                    most = np.maximum(seen, min(seen.max(), 1.0))
+                    loose = np.flatnonzero((found > most + limit.tight(most)) & (found < np.inf))
+                    if len(loose):  # once more, in parts
+                        parts, rows = some[loose].parts(CELL_PARTS), np.tile(loose, CELL_PARTS)
+                        closer = _use_of_axes(limit, ranges.range_over(trajectory, parts, rows))
+                        found[loose], seen[loose] = (use.reshape(CELL_PARTS, -1).max(0) for use in closer)
+                elif groups is not None:
                     one, state, merged, group = groups
                     most = limit.use(*bound_balls(limit.value(merged)), merged.piece).max(1)
                     seen[one] = _use_of(limit, state)
-                    found, rest = most[group], np.flatnonzero(~(most < min(seen.max(), 1.0))[group])
+                    enough = min(seen.max(), 1.0) + limit.tight(seen.max())
+                    found, rest = most[group], np.flatnonzero(~(most < enough)[group])
                 if len(rest) == len(every):
                     whole = whole or _states(trajectory, some, 0.5, order)
                     found = limit.use(*bound_balls(limit.value(ranges)), piece).max(1)
@@ -156,13 +167,20 @@ def _look_at_use(trajectory: Trajectory, limits: Sequence[Limit], cells: Cells, 
     return np.where(np.isnan(bound), np.inf, bound), np.where(np.isnan(met), np.inf, met)
 
 
+def _use_of_axes(limit: Limit, ranges: Ranges) -> tuple[Array, Array]:
+    """(N,) the bound of the use of a limit that looks at axes one by one, and the use that is met for certain."""
+    least, most = (limit.value(each).mid[0] for each in ranges.met)
+    bound = limit.use(*bound_balls(limit.value(ranges)), ranges.piece)
+    return bound.max(1), limit.use(least, most, ranges.piece).max(1)
+
+
 def _group(
     trajectory: Trajectory, ranges: Ranges, cells: Cells, order: int
 ) -> tuple[np.ndarray, State, Ranges, np.ndarray]:
-    """Cells in a row on one piece of path, put together: one of each group and the state at its centre, the groups'
+    """Cells in a row on one stretch of path, put together: one of each group and the state at its centre, the groups'
     ranges, and the group of each cell."""
-    piece, every = ranges.piece, np.arange(len(cells.k))
-    runs = np.flatnonzero(np.append(True, piece[1:] != piece[:-1]))
+    stretch, every = ranges.stretches.stretch, np.arange(len(cells.k))
+    runs = np.flatnonzero(np.append(True, stretch[1:] != stretch[:-1]))
     own = every - np.repeat(runs, np.diff(np.append(runs, len(every))))
     first = np.flatnonzero(own % GROUP_CELLS == 0)
     one = (first + np.append(first[1:], len(every))) // 2

@@ -7,7 +7,7 @@ what errors can change, since |∏(x + e) − ∏x| ≤ ∏(|x| + |e|) − ∏|x
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -18,14 +18,18 @@ from kinematics.foundation.casadi_function import Expression
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.kernels import kernel
 from kinematics.foundation.taylor_model import EPS, Series
-from planner.certificate.enclosure import Cells
+from planner.certificate.enclosure import Cells, expand_motion
 from planner.path.actuation import ActuatorPath, MachinePath
 from planner.trajectory import MIN_PARTS, PER_RADIAN, Trajectory
 
 # Order of the series along the path, and how many stretches of it there are to one of `unit_speed_trajectory`.
 PATH_ORDER, STRETCHES = 8, 2
+# What a group of cells takes of its stretch at least.
+LEAST_EXTENT = 2.0**-29
 # Powers of τ that are kept beyond the highest derivative.
 MORE_POWERS = 4
+# Share of a polynomial's lower coefficients up to which its cubic one is little beside what bounds may be off.
+SMALL_CUBIC = 2.0**-26
 # Roundings of any one product in the sums below: fewer.
 ROUNDINGS = 64 * EPS
 
@@ -34,56 +38,67 @@ ROUNDINGS = 64 * EPS
 class Ranges:
     """The motion over N cells, each quantity a ball (1, N, m) about the middle of where it lies.
 
-    piece (N,) of path; find: of the axes, or of the pose where True, the balls of value and derivatives
+    piece (N,) of path
+    axes  (4, highest + 1, N, n) of q and its derivatives: middles, radii, and what is met for certain (`bound_motion`)
+    find_pose  the same of the pose's numbers, of which what is met is not told
     """
 
-    path: ActuatorPath
+    stretches: "_Stretches"
     piece: np.ndarray
-    find: Callable[[bool], tuple[Series, ...]]
+    axes: Array
+    find_pose: Callable[[], Array]
 
     @cached_property
-    def _axes(self) -> tuple[Series, ...]:
-        return self.find(False)
-
-    @cached_property
-    def _pose(self) -> tuple[Series, ...]:
-        return self.find(True)
+    def _pose(self) -> Array:
+        return self.find_pose()
 
     def __getitem__(self, rows: np.ndarray) -> "Ranges":
         """Of some cells."""
-        return Ranges(
-            self.path, self.piece[rows], lambda pose: tuple(each[rows] for each in (self._pose if pose else self._axes))
-        )
+        some = self.stretches[rows]
+        return Ranges(some, self.piece[rows], self.axes[:, :, rows], some.bound_pose)
+
+    def range_over(self, trajectory: Trajectory, parts: Cells, rows: np.ndarray) -> "Ranges":
+        """Over parts of cells, of which each is the cell of: as there, from the same series."""
+        return self.stretches.range_over(self.stretches.stretch[rows], expand_motion(trajectory, parts))
 
     def merge(self, first: np.ndarray) -> "Ranges":
-        """Of groups of cells, one after the other, from the `first` of each."""
+        """Of groups of cells of one stretch, one after the other, from the `first` of each."""
         return Ranges(
-            self.path,
+            self.stretches,
             self.piece[first],
-            lambda pose: tuple(_merge_balls(each, first) for each in (self._pose if pose else self._axes)),
+            _merge_balls(self.axes[0], self.axes[1], first),
+            lambda: self.stretches.bound_pose_of_groups(first),
         )
+
+    @property
+    def met(self) -> "tuple[Ranges, Ranges]":
+        """The least and the most that each axis' value and derivatives surely are, each at an instant of its own."""
+        found = [
+            Ranges(self.stretches, self.piece, np.stack([each, 0 * each]), self.find_pose) for each in self.axes[2:]
+        ]
+        return found[0], found[1]
 
     @property
     def q(self) -> Series:
-        return self._axes[0]
+        return _make_ball(self.axes, 0)
 
     @property
     def qd(self) -> Series:
-        return self._axes[1]
+        return _make_ball(self.axes, 1)
 
     @property
     def qdd(self) -> Series:
-        return self._axes[2]
+        return _make_ball(self.axes, 2)
 
     @property
     def qddd(self) -> Series:
-        return self._axes[3]
+        return _make_ball(self.axes, 3)
 
     def pose_rate(self, times: int) -> Series:
-        return self._pose[times]
+        return _make_ball(self._pose, times)
 
     def tool_rate(self, times: int) -> Series:
-        rate, tool = self.pose_rate(times), self.path.tool
+        rate, tool = self.pose_rate(times), self.stretches.path.tool
         return rate if tool is None else self.evaluate(tool, rate)
 
     def evaluate(self, expression: Expression, *inputs: Series) -> Series:
@@ -93,28 +108,90 @@ class Ranges:
         raise MotionError("distances are bounded along the path, not over time")
 
 
+def _make_ball(found: Array, n: int) -> Series:
+    return Series(found[0, n : n + 1], found[1, n : n + 1], 0)
+
+
 @dataclass(frozen=True, slots=True)
 class _Stretches:
     """Which of G stretches of path N cells lie in, and how they run through it.
 
     stretch (N,); middle and half (G,) of stretches, of path pieces on_piece (G,)
     motion (4, N) σ's coefficients in τ, and error (4, N) of them; rate (N,) 1/s, by which τ runs
-    highest  derivative of the axes
+    highest  derivative of the axes; known: the series of axes and pose that were made
     """
 
     path: ActuatorPath
-    stretch: np.ndarray
     middle: Array
     half: Array
     on_piece: np.ndarray
+    highest: int
+    stretch: np.ndarray
     motion: Array
     error: Array
     rate: Array
-    highest: int
+    known: dict[bool, tuple[Array, Array]] = field(default_factory=dict)
 
-    def __call__(self, pose: bool) -> tuple[Series, ...]:
-        """A function of path and its derivatives by time."""
-        count, highest = len(self.middle), 2 if pose else self.highest
+    def range_over(self, stretch: np.ndarray, motion: tuple[Array, Array, Array]) -> Ranges:
+        """Over cells of time that lie in its stretches, stretch (N,): what `expand_motion` finds of them."""
+        way, error, half = motion
+        centre, wide = self.middle[stretch], self.half[stretch]
+        way = np.concatenate([way[:1] - centre, way[1:]]) / wide
+        error = np.concatenate([error[:1] + 32 * EPS * np.abs(centre), error[1:]]) / wide
+        cells = replace(self, stretch=stretch, motion=way, error=error, rate=1 / half)
+        return Ranges(cells, self.on_piece[stretch], cells.bound_axes(), cells.bound_pose)
+
+    def __getitem__(self, rows: np.ndarray) -> "_Stretches":
+        """Of some cells."""
+        motion, error = self.motion[:, rows], self.error[:, rows]
+        return replace(self, stretch=self.stretch[rows], motion=motion, error=error, rate=self.rate[rows])
+
+    def bound_axes(self) -> Array:
+        """Of the axes and their derivatives by time: what `bound_motion` finds, (4, highest + 1, N, n)."""
+        return self._bound(False, self.highest, 4)
+
+    def bound_pose(self) -> Array:
+        """Of the pose's numbers and their derivatives: balls, (2, 3, N, 12)."""
+        return self._bound(True, 2, 2)
+
+    def bound_pose_of_groups(self, first: np.ndarray) -> Array:
+        """The same of groups of cells of one stretch, from the `first` of each: ẋ = x′ σ̇, ẍ = x′ σ̈ + x″ σ̇²."""
+        (s0, s1, s2, s3), (e0, e1, e2, e3) = self.motion, self.error
+        reach = np.abs(s1) + np.abs(s2) + np.abs(s3) + e0 + e1 + e2 + e3
+        speed, push = s1 * self.rate, 2 * s2 * self.rate**2
+        faster = (2 * np.abs(s2) + 3 * np.abs(s3) + e1 + 2 * e2 + 3 * e3) * self.rate
+        harder = (6 * np.abs(s3) + 2 * e2 + 6 * e3) * self.rate**2
+        size = np.stack([np.abs(s0), np.abs(speed), np.abs(push)])
+        spread = np.stack([reach, faster, harder])
+        balls = np.stack([s0, speed, push]), spread * (1 + 16 * EPS) + 16 * EPS * size
+        (place, speed, push), (far, faster, harder) = _merge_balls(balls[0][..., None], balls[1][..., None], first)
+        # a place where the motion rests is one of no extent
+        low = np.minimum(place - far, 1 - LEAST_EXTENT)
+        half = (np.maximum(place + far, low + LEAST_EXTENT) - low) / 2
+        none = np.zeros_like(half[:, 0])
+        way, error = np.stack([(low + half)[:, 0], half[:, 0], none, none]), np.zeros((4, len(none)))
+        error[0] = 8 * EPS * (np.abs(low) + half)[:, 0]
+        along = replace(self, stretch=self.stretch[first], motion=way, error=error, rate=1 / half[:, 0])
+        found = along.bound_pose()
+        x1, x2 = _make_ball(found, 1), _make_ball(found, 2)
+        rate, growth = Series(speed[None], faster[None], 0), Series(push[None], harder[None], 0)
+        rates = x1 * rate, x1 * growth + x2 * (rate * rate)
+        for n, each in enumerate(rates, 1):
+            found[0, n], found[1, n] = each.mid[0], each.rad[0]
+        return found
+
+    def _bound(self, pose: bool, highest: int, kinds: int) -> Array:
+        mid, rad = self._enclose(pose)
+        found = np.empty((kinds, highest + 1, len(self.stretch), mid.shape[2]))
+        met = found[2:] if kinds == 4 else np.empty((2, 0, 0, 0))
+        bound_motion(mid, rad, self.stretch, self.motion, self.error, self.rate, *found[:2], *met)
+        return found
+
+    def _enclose(self, pose: bool) -> tuple[Array, Array]:
+        """Coefficients (PATH_ORDER + 1, G, m) over the stretches; the last is what remains."""
+        if pose in self.known:
+            return self.known[pose]
+        count = len(self.middle)
         mid, rad = np.zeros((2, PATH_ORDER + 1, 2 * count))
         # s over the stretches: about their middles, then anywhere
         mid[0], mid[1] = np.tile(self.middle, 2), np.tile(self.half, 2)
@@ -125,17 +202,17 @@ class _Stretches:
         full = found.pad(PATH_ORDER)
         mid, rad = np.array(full.mid[:, :count]), np.array(full.rad[:, :count])
         mid[-1], rad[-1] = 0.0, np.abs(full.mid[-1, count:]) + full.rad[-1, count:]
-        balls = np.empty((2, highest + 1, len(self.stretch), mid.shape[2]))
-        bound_motion(mid, rad, self.stretch, self.motion, self.error, self.rate, balls[0], balls[1])
-        return tuple(Series(balls[0, n : n + 1], balls[1, n : n + 1], 0) for n in range(highest + 1))
+        self.known[pose] = mid, rad
+        return mid, rad
 
 
-def _merge_balls(balls: Series, first: np.ndarray) -> Series:
-    low, high = bound_balls(balls)
-    low, high = np.minimum.reduceat(low, first), np.maximum.reduceat(high, first)
+def _merge_balls(mid: Array, rad: Array, first: np.ndarray) -> Array:
+    """Balls (2, k, G, m) that hold those (k, N, m) of each group, from its `first`."""
+    low = np.minimum.reduceat(mid - rad, first, axis=1)
+    high = np.maximum.reduceat(mid + rad, first, axis=1)
     middle, good = (low + high) / 2, np.isfinite(low) & np.isfinite(high)
-    rad = (high - low) / 2 * (1 + 4 * EPS) + 4 * EPS * np.maximum(np.abs(low), np.abs(high))
-    return Series(np.where(good, middle, 0.0)[None], np.where(good, rad, np.inf)[None], 0)
+    wide = (high - low) / 2 * (1 + 4 * EPS) + 8 * EPS * np.maximum(np.abs(low), np.abs(high))
+    return np.stack([np.where(good, middle, 0.0), np.where(good, wide, np.inf)])
 
 
 def bound_balls(values: Series) -> tuple[Array, Array]:
@@ -147,19 +224,9 @@ def bound_balls(values: Series) -> tuple[Array, Array]:
 
 def bound_ranges(trajectory: Trajectory, cells: Cells, highest: int) -> Ranges:
     """The motion and its derivatives up to the `highest` over cells of time."""
-    k, path = cells.k, trajectory.path
-    piece, middle = trajectory.piece[k], (cells.lo + cells.hi) / 2
-    half = (cells.hi - cells.lo) / 2 * (1 + 2 * EPS) + 2 * EPS * np.abs(cells.hi)
-    s, v, a, j = (each[k] for each in (trajectory.s, trajectory.v, trajectory.a, trajectory.j))
-
-    def shift(s: Array, v: Array, a: Array, j: Array) -> Array:
-        """Coefficients in τ of s(t)."""
-        first, second = v + middle * (a + middle * j / 2), a / 2 + middle * j / 2
-        about = [s + middle * (v + middle * (a / 2 + middle * j / 6)), first, second, j / 6]
-        return np.stack([part * half**n for n, part in enumerate(about)])
-
-    way, size = shift(s, v, a, j), shift(*map(np.abs, (s, v, a, j)))
-    reach = np.abs(way[1:]).sum(0) + 32 * EPS * size.sum(0)
+    path, piece = trajectory.path, trajectory.piece[cells.k]
+    way, error, half = expand_motion(trajectory, cells)
+    reach = np.abs(way[1:]).sum(0) + error.sum(0)
     # polynomials are known exactly over a whole piece
     least = MIN_PARTS if isinstance(path, MachinePath) else 1
     parts = STRETCHES * np.maximum(least, np.ceil(PER_RADIAN * path.turns))
@@ -172,10 +239,8 @@ def bound_ranges(trajectory: Trajectory, cells: Cells, highest: int) -> Ranges:
     np.maximum.at(high, stretch, way[0] + reach)
     centre = (low + high) / 2
     wide = (high - low) / 2 * (1 + 64 * EPS) + 64 * EPS * np.maximum(np.abs(low), np.abs(high))
-    way[0] -= centre[stretch]
-    size[0] += np.abs(centre[stretch])
-    motion, error = way / wide[stretch], 32 * EPS * size / wide[stretch]
-    return Ranges(path, piece, _Stretches(path, stretch, centre, wide, piece[first], motion, error, 1 / half, highest))
+    stretches = _Stretches(path, centre, wide, piece[first], highest, stretch, way, error, half)
+    return stretches.range_over(stretch, (way, error, half))
 
 
 @kernel
@@ -188,18 +253,25 @@ def bound_motion(
     rate: Array,
     out_mid: Array,
     out_rad: Array,
+    least: Array,
+    most: Array,
 ) -> None:
-    """Balls out (highest + 1, N, m) of a function and its derivatives by time.
+    """Balls out (highest + 1, N, m) of a function and its derivatives by time, and what is met for certain.
+
+    least, most (highest + 1, N, m)  no less and no more than the value at some instant each, 0 where unknown;
+                                     of no length where nobody asks
 
     mid, rad (D + 1, G, m)   its coefficients over G stretches of path; the last, times σ^D, is what remains
     stretch (N,), motion, error (4, N), rate (N,)  as in `_Stretches`
     """
-    degree, width, most = len(mid) - 1, mid.shape[2], len(out_mid) - 1
-    powers = min(most + MORE_POWERS, degree - 1)
+    degree, width, highest = len(mid) - 1, mid.shape[2], len(out_mid) - 1
+    powers = min(highest + MORE_POWERS, degree - 1)
     # columns innermost: they are what the processor's vectors hold
     p, size = np.zeros((degree, width)), np.zeros((degree, width))
     a, large = np.zeros((powers + 1, width)), np.zeros((powers + 1, width))
     e, whole, slack = np.zeros((powers + 6, width)), np.zeros((4, width)), np.zeros(width)
+    a0, a1, a2, a3, one, other = np.zeros((6, width))
+    sure, start, end, first, second = np.zeros((5, width))
     for n in range(len(stretch)):
         g = stretch[n]
         s0, s1, s2, s3 = motion[0, n], motion[1, n], motion[2, n], motion[3, n]
@@ -246,7 +318,7 @@ def bound_motion(
                 whole[1, c] = whole[1, c] * reach + whole[0, c]
                 whole[0, c] = whole[0, c] * reach + (abs(mid[i, g, c]) + rad[i, g, c])
         scale = 1.0
-        for m in range(most + 1):
+        for m in range(highest + 1):
             for c in range(width):
                 if m == 0:
                     slack[c] = whole[0, c]
@@ -267,22 +339,48 @@ def bound_motion(
             for k in range(powers - m + 1, powers + 6):
                 for c in range(width):
                     e[k, c] = 0.0
+            # but for a little of what comes after it, a cubic: Chebyshev's; its peaks are where its slope is nothing
             for c in range(width):
-                # but for a little of the cubic and the quartic, a polynomial of degree two: Chebyshev's
-                slack[c] += abs(e[3, c]) / 4 + abs(e[4, c]) / 8
-            for k in range(5, powers - m + 1):
+                sure[c] = slack[c]
+                slack[c] += abs(e[4, c]) / 8 + abs(e[5, c]) / 16
+                a0[c], a1[c] = e[0, c] - e[4, c] / 8, e[1, c] - 0.3125 * e[5, c]
+                a2[c], a3[c] = e[2, c] + e[4, c], e[3, c] + 1.25 * e[5, c]
+                one[c] = other[c] = 0.0
+                if abs(a3[c]) <= SMALL_CUBIC * (abs(a0[c]) + abs(a1[c]) + abs(a2[c])):
+                    slack[c] += abs(a3[c]) / 4
+                    a1[c] += 0.75 * a3[c]
+                    a3[c] = 0.0
+                    if abs(a1[c]) < 2 * abs(a2[c]):
+                        one[c] = -a1[c] / (2 * a2[c])
+                else:
+                    square = a2[c] * a2[c] - 3 * a1[c] * a3[c]
+                    if square > 0:
+                        root = -a2[c] - np.sqrt(square) if a2[c] > 0 else -a2[c] + np.sqrt(square)
+                        one[c] = root / (3 * a3[c]) if abs(root) < 3 * abs(a3[c]) else 0.0
+                        other[c] = a1[c] / root if abs(a1[c]) < abs(root) else 0.0
+            for k in range(6, powers - m + 1):
                 for c in range(width):
                     slack[c] += abs(e[k, c])
+            if len(least):  # what the polynomial itself is there, and at both ends
+                for c in range(width):
+                    start[c] = end[c] = first[c] = second[c] = 0.0
+                for k in range(powers - m, -1, -1):
+                    for c in range(width):
+                        sure[c] += ROUNDINGS * abs(e[k, c])
+                        start[c], end[c] = e[k, c] - start[c], e[k, c] + end[c]
+                        first[c], second[c] = e[k, c] + one[c] * first[c], e[k, c] + other[c] * second[c]
             for c in range(width):
-                e0, e1, e2 = e[0, c] - e[4, c] / 8, e[1, c] + 0.75 * e[3, c], e[2, c] + e[4, c]
-                low, high = e0 + e2 - abs(e1), e0 + e2 + abs(e1)
-                if abs(e1) < 2 * abs(e2):
-                    top = e0 - e1 * e1 / (4 * e2)
-                    low, high = min(low, top), max(high, top)
-                low, high = low * scale, high * scale
+                even, odd = a0[c] + a2[c], abs(a1[c] + a3[c])
+                up = a0[c] + one[c] * (a1[c] + one[c] * (a2[c] + one[c] * a3[c]))
+                down = a0[c] + other[c] * (a1[c] + other[c] * (a2[c] + other[c] * a3[c]))
+                low, high = min(even - odd, up, down) * scale, max(even + odd, up, down) * scale
                 beyond = slack[c] * scale * (1 + ROUNDINGS)
                 own = (high - low) / 2 * (1 + 4 * EPS) + 16 * EPS * max(abs(low), abs(high)) + beyond
                 good = reach <= 1 and np.isfinite(own) and np.isfinite(low) and np.isfinite(high)
                 out_mid[m, n, c] = (low + high) / 2 if good else 0.0
                 out_rad[m, n, c] = own if good else np.inf
+                if len(least):
+                    beside = sure[c] * (1 + ROUNDINGS)
+                    least[m, n, c] = (min(start[c], end[c], first[c], second[c]) + beside) * scale if good else 0.0
+                    most[m, n, c] = (max(start[c], end[c], first[c], second[c]) - beside) * scale if good else 0.0
             scale *= rate[n]

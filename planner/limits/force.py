@@ -15,7 +15,7 @@ from kinematics.foundation.errors import MotionError
 from kinematics.foundation.taylor_model import Series
 from kinematics.machine.axis import Axis
 from kinematics.machine.machine import Machine
-from planner.limits.limit import AxisLimit, Limit, LimitState, Quantity, Rows, Term
+from planner.limits.limit import MAX_OVERESTIMATE, AxisLimit, Limit, LimitState, Quantity, Rows, Term
 from planner.path.actuation import MachinePath, Points, make_points
 
 
@@ -145,13 +145,9 @@ def force(machine: Machine, motion: LimitState) -> Quantity:
 
 def force_terms(machine: Machine, points: Points) -> dict[Term, Array]:
     """What multiplies 1, ṡ, ṡ², s̈ in f, by its values at rest and for unit rates: ẋ = x′ṡ, ẍ = x′s̈ + x″ṡ²."""
-    x, x1, x2 = points.pose_derivatives
     q, q1, q2, *_ = points.derivatives
-    still, none = np.zeros_like(x), np.zeros_like(q)
-    held, pushed, carried = (
-        machine.force_map(np.concatenate([x, first, second, q, turn, bend], 1))
-        for first, second, turn, bend in ((still, still, none, none), (still, x1, none, q1), (x1, x2, q1, q2))
-    )
+    every = machine.force_terms_map(np.concatenate([*points.pose_derivatives, q, q1, q2], 1))
+    held, pushed, carried = (every[:, part : part + q.shape[1]] for part in range(0, every.shape[1], q.shape[1]))
     rubbed = q1 * [axis.friction for axis in machine.axes]
     return {Term.ONE: held, Term.SD: rubbed, Term.SD2: carried - held - rubbed, Term.SDD: pushed - held}
 
@@ -162,6 +158,15 @@ def holding_forces(machine: Machine, path: MachinePath) -> Array:
     s = (path.breaks[:-1, None] + np.diff(path.breaks)[:, None] * np.linspace(0, 1, HOLDING_POINTS)).ravel()
     points = make_points(path, s, piece, 2)
     return machine.holding_map(np.concatenate([points.pose_derivatives[0], points.derivatives[0]], 1))
+
+
+# Share of a force up to which its bound may be looser, and by what share of it: so little use holds nothing back.
+SMALL_USE, SMALL_USE_OVERESTIMATE = 0.5, 5e-4
+
+
+def tight(met: Array) -> Array:
+    """How far above the use of a force that is met a proven bound may stay."""
+    return np.maximum(np.where(met < SMALL_USE, SMALL_USE_OVERESTIMATE * met, 0.0), MAX_OVERESTIMATE)
 
 
 def slowness(use: float, held: float, power: int) -> float:
@@ -194,6 +199,9 @@ class Force(AxisLimit):
 
     def value(self, motion: LimitState) -> Quantity:
         return force(self.machine, motion)
+
+    def tight(self, met: Array) -> Array:
+        return tight(met)
 
     def rows(self, points: Points) -> Rows:
         found = force_terms(self.machine, points)
@@ -249,6 +257,9 @@ class TorqueSpeed(Limit):
 
     def value(self, motion: LimitState) -> Quantity:
         return force(self.machine, motion)[:, self.axis] * self.pull + motion.qd[:, self.axis] * self.drop
+
+    def tight(self, met: Array) -> Array:
+        return tight(met)
 
     def use(self, low: Array, high: Array, piece: np.ndarray) -> Array:
         fastest = np.maximum(np.abs(low), np.abs(high))

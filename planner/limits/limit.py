@@ -92,6 +92,8 @@ class Limit(ABC):
     """What its rows use; empty for a geometric limit, which slowing down cannot fix."""
     relief: ClassVar[str] = "uses {} less"
     """What a path must do that breaks it by so much."""
+    by_axis: ClassVar[bool] = False
+    """Whether its value is one derivative of each axis, times a number: then its channels are looked at one by one."""
     channels: tuple[str, ...]
     bounds: Array
     """(m,) SI; ∞ where a channel is free."""

@@ -18,8 +18,8 @@ from kinematics.machine.machine import Machine
 from planner.limits import limits_of, usual_order
 from planner.orientation.nlp import FreePart, Objective, PartEnd, solve_controls
 from planner.path.actuation import MachinePath, actuate
-from planner.path.chain import carry_tool, chain_pieces, draw_segments
-from planner.path.shape import DEGREE, Piece
+from planner.path.chain import chain_pieces, draw_segments
+from planner.path.shape import DEGREE, Piece, carry_tool
 from planner.program.model import Dwell, Program, SegmentStream
 from planner.program.modifiers import Free
 from planner.timing.certified_solve import certified_solve

@@ -17,9 +17,9 @@ from kinematics.foundation.taylor_model import Series
 from kinematics.machine.kind import columns, refuse_uncontrolled
 from kinematics.machine.machine import Machine
 from kinematics.machine.pose import Pose, column
-from planner.path.chain import chain_pieces, tool_map
+from planner.path.chain import chain_pieces
 from planner.path.outcome import Blended, summarise_fits
-from planner.path.shape import Fitted, Piece, Shape, differentiate, pose_map
+from planner.path.shape import Fitted, Piece, Shape, differentiate, pose_map, tool_map
 from planner.place import Place
 from planner.program.model import Program
 
@@ -246,6 +246,7 @@ class MachinePath:
         """
         self.end_speeds, self.start_acceleration = end_speeds, start_acceleration
         self.tool = None if tool is None else tool_map(tool)
+        self._enclosed: tuple[Series, np.ndarray, Series] | None = None
         parts, meant = split_turns(machine, pieces, machine.home_q if near is None else near)
         counts = [len(each) for each in parts]
         self.machine, self.pieces = machine, tuple(part for each in parts for part in each)
@@ -299,11 +300,11 @@ class MachinePath:
 
     def derivatives(self, s: Array, piece: np.ndarray, highest: int = 3) -> Derivatives:
         every = self._evaluate(lambda shape: _actuator_map(self.machine, shape, highest), s, piece, self._near)
-        return tuple(np.split(every, highest + 1, axis=1))
+        return _split_columns(every, highest + 1)
 
     def axis_derivatives(self, axis: int, s: Array, piece: np.ndarray, highest: int = 3) -> Derivatives:
         every = self._evaluate(lambda shape: _axis_map(self.machine, shape, highest, axis), s, piece, self._near)
-        return tuple(np.split(every, highest + 1, axis=1))
+        return _split_columns(every, highest + 1)
 
     def pose_numbers(self, s: Array, piece: np.ndarray) -> Array:
         drawn = self._evaluate(pose_map, s, piece)
@@ -313,7 +314,7 @@ class MachinePath:
 
     def pose_derivatives(self, s: Array, piece: np.ndarray, highest: int = 3) -> Derivatives:
         every = self._evaluate(lambda shape: _pose_numbers_map(self.machine, shape, highest), s, piece, self._near)
-        return tuple(np.split(every, highest + 1, axis=1))
+        return _split_columns(every, highest + 1)
 
     def position_derivatives(self, s: Array, piece: np.ndarray) -> tuple[Array, Array]:
         """The platform's origin and its first derivative by path length, each (N, 3)."""
@@ -327,11 +328,12 @@ class MachinePath:
         local = s - self.breaks[piece] + self._start[piece]
         out = np.empty((len(s), expression(self._shapes[0]).size[1]))
         for k, shape in enumerate(self._shapes):
-            chosen = np.flatnonzero(self._shape_of[piece] == k)
-            if not len(chosen):
-                continue
-            inputs = [local[chosen], self._parameters[k][piece[chosen]]]
-            out[chosen] = expression(shape)(np.column_stack(inputs if also is None else [*inputs, also[piece[chosen]]]))
+            alone = len(self._shapes) == 1
+            chosen = slice(None) if alone else np.flatnonzero(self._shape_of[piece] == k)
+            mine = piece[chosen]
+            if alone or len(mine):
+                inputs = [local[chosen, None], self._parameters[k][mine], *(() if also is None else (also[mine],))]
+                out[chosen] = expression(shape)(np.concatenate(inputs, 1))
         return out
 
     def enclose(self, s: Series, piece: np.ndarray) -> Series:
@@ -350,7 +352,9 @@ class MachinePath:
         return entries[:, chosen] * np.tile(scale, len(self.names))
 
     def _enclose_inputs(self, s: Series, piece: np.ndarray) -> Series:
-        """What the machine's maps take, along the path: (order+1, N, k)."""
+        """What the machine's maps take, along the path: (order+1, N, k); the last is kept, for axes and pose."""
+        if self._enclosed is not None and self._enclosed[0] is s and np.array_equal(self._enclosed[1], piece):
+            return self._enclosed[2]
         pose = Series.zeros(s.order, (len(piece), 12))
         local = (s - self.breaks[piece] + self._start[piece])[:, None]
         for k, shape in enumerate(self._shapes):
@@ -358,10 +362,19 @@ class MachinePath:
             if len(chosen):
                 parameters = Series.constant(self._parameters[k][piece[chosen]], s.order)
                 pose.put(chosen, pose_map(shape).enclose_columns(local[chosen], parameters))
-        if not self.machine.branched:
-            return pose
-        near = Series.constant(self._near[piece], s.order).pad(s.order)
-        return Series(np.concatenate([pose.mid, near.mid], 2), np.concatenate([pose.rad, near.rad], 2), s.order)
+        if self.machine.branched:
+            near = Series.constant(self._near[piece], s.order).pad(s.order)
+            pose = Series(np.concatenate([pose.mid, near.mid], 2), np.concatenate([pose.rad, near.rad], 2), s.order)
+        self._enclosed = s, piece, pose
+        return pose
+
+    def __getstate__(self) -> dict[str, object]:
+        return self.__dict__ | {"_enclosed": None}
+
+
+def _split_columns(values: Array, parts: int) -> Derivatives:
+    width = values.shape[1] // parts
+    return tuple(values[:, first : first + width] for first in range(0, values.shape[1], width))
 
 
 def _pad_part_ends(ends: np.ndarray, values: np.ndarray) -> np.ndarray:

@@ -5,21 +5,18 @@ The tool sits on the platform; the platform's path takes it along its own.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cache, partial
 
-import casadi as ca
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics.foundation.arrays import MAX_TURNS, Array, freeze_array, most
-from kinematics.foundation.casadi_function import Expression
 from kinematics.foundation.errors import Fault, FileError, MotionError
 from kinematics.machine.machine import Machine
-from kinematics.machine.pose import Pose, column, split_pose_symbols, to_numbers
+from kinematics.machine.pose import Pose
 from planner.path.arc_length import even_speed
 from planner.path.curve import curve, ends
 from planner.path.fit import fit_chains, is_plain
-from planner.path.join_and_blend import join
+from planner.path.join_and_blend import ALWAYS_REST, PathStep, link
 from planner.path.outcome import Blended
 from planner.path.shape import (
     DEGREE,
@@ -27,8 +24,8 @@ from planner.path.shape import (
     Drawn,
     Fitted,
     Piece,
-    Shape,
     arc,
+    carry_tool,
     free_piece,
     line,
     turn,
@@ -40,33 +37,6 @@ from planner.path.synchronised import draw_synchronised
 from planner.program.model import MIN_MOVE, Arc, Curve, Dwell, Line, Program, Segment, Spline, Synchronised, Turn
 from planner.program.modifiers import STOP
 from planner.program.validation import CAPS
-
-
-def carry_tool(piece: Piece, tool: Pose) -> Piece:
-    """The platform's way P(s) = T(s) · tool⁻¹ under the tool's way T(s); path length stays the tool's own."""
-    parameters = np.concatenate([piece.parameters, to_numbers(tool.inv())[0]])
-    return replace(piece, shape=_carried_shape(piece.shape), parameters=freeze_array(parameters))
-
-
-@cache
-def _carried_shape(shape: Shape) -> Shape:
-    """The tool's inverse is twelve more parameters, so that all tools share one expression."""
-    return Shape(f"{shape.name}_by_tool", shape.size + 12, partial(_motion, shape))
-
-
-def _motion(shape: Shape, s: ca.SX, parameters: ca.SX) -> tuple[ca.SX, ca.SX]:
-    own, back = ca.vertsplit(parameters, [0, shape.size, shape.size + 12])
-    position, rotation = shape.motion(s, own)
-    offset, turn = split_pose_symbols(back)
-    return position + rotation @ offset, rotation @ turn
-
-
-def tool_map(tool: Pose) -> Expression:
-    """The platform's twelve numbers -> the tool's, P · tool. It is linear, so it maps their derivatives too."""
-    x, constant = ca.SX.sym("x", 12), ca.SX(to_numbers(tool)[0])
-    (position, rotation), (offset, turn) = split_pose_symbols(x), split_pose_symbols(constant)
-    return Expression("tool", x, column(position + rotation @ offset, rotation @ turn))
-
 
 # An arc may start this share of its radius out of its plane.
 IN_PLANE = 1e-6
@@ -90,14 +60,28 @@ class Chain:
 
 def chain_pieces(program: Program, machine: Machine) -> Chain:
     """The program's path for a machine. Raises MotionError naming the segment that cannot be drawn."""
-    characteristic = machine.characteristic_length
-    drawn = fit_chains(draw_segments(program, machine), characteristic)
-    pieces, stops, rests, blends, fits = join(drawn, characteristic)
+    steps = list(_link_segments(program, machine))
+    pieces = tuple(step.piece for step in steps)
+    stops = freeze_array([ALWAYS_REST, *(step.stop for step in steps)])
+    rests = freeze_array([steps[0].wait, *(step.dwell for step in steps)])
     if any(piece.constant for piece in pieces):
         pieces, stops, rests = even_speed(pieces, stops, rests)
     if program.tool is not None:
         pieces = tuple(carry_tool(piece, program.tool) for piece in pieces)
-    return Chain(pieces, stops, rests, blends, fits)
+    blends = tuple(step.blend for step in steps if step.blend is not None)
+    return Chain(pieces, stops, rests, blends, tuple(step.fitted for step in steps if step.fitted is not None))
+
+
+def walk_path(program: Program, machine: Machine) -> Iterator[PathStep]:
+    """The same path step by step, as it is asked for: of constant speeds, for which it is drawn otherwise, not yet."""
+    for step in _link_segments(program, machine):
+        yield step if program.tool is None else replace(step, piece=carry_tool(step.piece, program.tool))
+
+
+def _link_segments(program: Program, machine: Machine) -> Iterator[PathStep]:
+    """With the path of the tool instead of the platform's."""
+    characteristic = machine.characteristic_length
+    return link(fit_chains(draw_segments(program, machine), characteristic), characteristic)
 
 
 class _Stand:

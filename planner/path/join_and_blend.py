@@ -183,42 +183,50 @@ MIN_REACH_SHARE = 1e-6
 SAME_LENGTH = 1e-12
 
 
-Joined = tuple[tuple[Piece, ...], np.ndarray, Array, tuple[Blended, ...], tuple[Fitted, ...]]
+@dataclass(frozen=True, slots=True)
+class PathStep:
+    """A piece of a path and its end: the order of motion from which it rests there (0: never, 1: always), s of dwell.
+
+    wait    s of rest before it; of a path's first piece alone
+    blend   what became of the join at its end, where that asks for one
+    fitted  the curve that ends with it
+    """
+
+    piece: Piece
+    stop: int = NEVER_REST
+    dwell: float = 0.0
+    wait: float = 0.0
+    blend: Blended | None = None
+    fitted: Fitted | None = None
 
 
-def join(drawn: Iterable[Drawn], characteristic: float) -> Joined:
-    """Pieces of the whole path, stops (P+1,) and dwells (P+1,) s at their ends as MachinePath has them.
+def link(drawn: Iterable[Drawn], characteristic: float) -> Iterator[PathStep]:
+    """The whole path, with blends where joins ask for them, as it is drawn.
 
-    Then what became of the joins that ask for a blend, and of the chains that were fitted.
     characteristic  m that count like a radian: the machine's characteristic length
     """
-    pieces: list[Piece] = []
-    stops, rests, blends, fits = [ALWAYS_REST], [0.0], list[Blended](), list[Fitted]()
-    before = 0.0
+    before = wait = 0.0
     for own, after in _pairs(drawn):
-        if own.fitted is not None:
-            fits.append(own.fitted)
         if not own.pieces:
-            rests[-1] += own.dwell
+            wait += own.dwell
             continue
-        rest, made = ALWAYS_REST, list[Piece]()
+        rest, made, told = ALWAYS_REST, list[Piece](), None
         if not (after is None or isinstance(own.join, Stop)):
             rest = _rest_order(own.pieces[-1], after.pieces[0], own.dwell, characteristic)
             if isinstance(own.join, Fit) and own.join.stop and rest != NEVER_REST:
                 rest = ALWAYS_REST
                 angle = own.join.angle_at(characteristic)
-                blends.append(Blended(own.pieces[-1].segment, own.join.tolerance, angle, stop="as asked", fitted=True))
+                told = Blended(own.pieces[-1].segment, own.join.tolerance, angle, stop="as asked", fitted=True)
             elif isinstance(own.join, Blend | Fit) and rest != NEVER_REST:
                 made, told = _blend(own, after, own.join, characteristic)
-                blends.append(told)
                 rest = NEVER_REST if made else ALWAYS_REST
         reach = made[0].length if made else 0.0
-        pieces += [*_trim_pieces(own.pieces, before, reach), *made]
-        inner = len(pieces) - len(stops)
-        stops += [NEVER_REST] * inner + [rest]
-        rests += [0.0] * inner + [own.dwell]
-        before = reach
-    return tuple(pieces), freeze_array(stops), freeze_array(rests), tuple(blends), tuple(fits)
+        *inner, last = *_trim_pieces(own.pieces, before, reach), *made
+        for piece in inner:
+            yield PathStep(piece, wait=wait)
+            wait = 0.0
+        yield PathStep(last, rest, own.dwell, wait, told, own.fitted)
+        before, wait = reach, 0.0
 
 
 def _pairs(drawn: Iterable[Drawn]) -> Iterator[tuple[Drawn, Drawn | None]]:

@@ -2,7 +2,7 @@
 
 Straight lines and turns on the spot, each with its own meaning of path length; circular arcs in any plane, by any
 signed angle, and helices, which rise along their normal; and orientation left free along a segment: a turn about the
-tool's own axis, and a tilt of that axis within a cone.
+tool's own axis, and a tilt of that axis within a cone. The platform's path takes a tool along the tool's own.
 """
 
 from collections.abc import Callable, Sequence
@@ -22,6 +22,7 @@ from kinematics.machine.pose import (
     axis_angle,
     column,
     rotate_about,
+    split_pose_symbols,
     straight_parameters,
     straight_pose,
     to_numbers,
@@ -271,3 +272,29 @@ def axis_rotation(axis: int, angle: ca.SX) -> ca.SX:
     turn[i, i] = turn[j, j] = ca.cos(angle)
     turn[i, j], turn[j, i] = -ca.sin(angle), ca.sin(angle)
     return turn
+
+
+def carry_tool(piece: Piece, tool: Pose) -> Piece:
+    """The platform's way P(s) = T(s) · tool⁻¹ under the tool's way T(s); path length stays the tool's own."""
+    parameters = np.concatenate([piece.parameters, to_numbers(tool.inv())[0]])
+    return replace(piece, shape=_carried_shape(piece.shape), parameters=freeze_array(parameters))
+
+
+@cache
+def _carried_shape(shape: Shape) -> Shape:
+    """The tool's inverse is twelve more parameters, so that all tools share one expression."""
+    return Shape(f"{shape.name}_by_tool", shape.size + 12, partial(_carried_motion, shape))
+
+
+def _carried_motion(shape: Shape, s: ca.SX, parameters: ca.SX) -> tuple[ca.SX, ca.SX]:
+    own, back = ca.vertsplit(parameters, [0, shape.size, shape.size + 12])
+    position, rotation = shape.motion(s, own)
+    offset, turn = split_pose_symbols(back)
+    return position + rotation @ offset, rotation @ turn
+
+
+def tool_map(tool: Pose) -> Expression:
+    """The platform's twelve numbers -> the tool's, P · tool. It is linear, so it maps their derivatives too."""
+    x, constant = ca.SX.sym("x", 12), ca.SX(to_numbers(tool)[0])
+    (position, rotation), (offset, turn) = split_pose_symbols(x), split_pose_symbols(constant)
+    return Expression("tool", x, column(position + rotation @ offset, rotation @ turn))

@@ -5,6 +5,7 @@ from .checking.verdict import AxisCheck as AxisCheck, PulseCheck as PulseCheck, 
 from .compression import compress as compress
 from .generation.generate import RULES as RULES, find_rule as find_rule, generate as generate, pace_axes as pace_axes
 from .generation.firing_rule import Rule as Rule
+from .generation.stream import PulseStream as PulseStream
 from .motion import AxesMotion as AxesMotion, MotionState as MotionState
 from .realised_path import RealisedError as RealisedError, RealisedPath as RealisedPath, realised as realised
 from .schedule import AxisPulses as AxisPulses, MovedPulses as MovedPulses, PulseSchedule as PulseSchedule

@@ -182,7 +182,8 @@ def join_schedules(parts: Iterable[PulseSchedule]) -> PulseSchedule:
     held = list(parts)
     axes = tuple(
         replace(
-            each[0],
+            each[-1],
+            start=each[0].start,
             ticks=np.concatenate([axis.ticks for axis in each]),
             direction=np.concatenate([axis.direction for axis in each]),
         )

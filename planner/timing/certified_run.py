@@ -13,7 +13,7 @@ from kinematics.foundation.errors import MotionError
 from planner.certificate.certify import use_at_knots
 from planner.certificate.limit_use import ProvedUse, prove
 from planner.certificate.resonance_dwell import find_stays
-from planner.limits.limit import Limit
+from planner.limits.limit import Limit, Term
 from planner.limits.resonance import BAND_MARGIN, Resonance, SpeedCap
 from planner.path.actuation import ActuatorPath
 from planner.timing.discretization import cut_intervals
@@ -68,9 +68,11 @@ def tighten_run(
 def tighten_until_kept(path: ActuatorPath, limits: Sequence[Limit], leg: RunSolution) -> RunSolution:
     """Solved again, or slowed where that costs next to nothing, until no limit is seen to be exceeded.
 
-    A proof takes far longer than a look: most runs need one only.
+    A proof takes far longer than a look: most runs need one only. Loads that a problem has no rows of are far from
+    their limits: they are left to the proof.
     """
-    watched = limits
+    posed = None if leg.problem is None else {block.name for block in leg.problem.blocks}
+    watched = [limit for limit in limits if posed is None or limit.name in posed or Term.ONE not in limit.terms]
     while leg.solved and leg.tries < MAX_TRIES:
         use = leg.aimed(leg.seen or sample_limit_use(path, watched, leg.profile))
         slowness = required_slowness(watched, use)

@@ -25,8 +25,9 @@ from planner.timing.profile import Profile
 from planner.timing.run import solve_run
 from planner.trajectory import Trajectory
 
-# Runs that are proved together: what one of them takes is more than handing it to another process.
-PART_RUNS = 8
+# Runs that are solved and proved together: what one of them takes is more than handing it to another process. Of many,
+# more, which takes less time each; parts that are left for each process to be through at about the same time.
+PART_RUNS, MANY_PARTS = 8, 32
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,9 +89,9 @@ def certified_solve(
 ) -> Solution:
     """The motion of every run between stops, discretized, solved, certified and tightened until it holds, as a whole.
 
-    Runs go in parts of PART_RUNS to whichever process is free; each part is solved and proved by itself, so that what
-    becomes of it does not depend on who does it. Here refusals are raised that were values so far: Infeasible where a
-    limit is broken, MotionError where no round holds.
+    Runs go in parts of PART_RUNS or more to whichever process is free; each part is solved and proved by itself, so
+    that what becomes of it does not depend on who does it. Here refusals are raised that were values so far: Infeasible
+    where a limit is broken, MotionError where no round holds.
 
     progress  is told how many of the runs are solved, and of how many
     timing    what is asked of the motion; None: that it is the fastest, along a path that is checked first
@@ -105,7 +106,8 @@ def certified_solve(
     stops = np.flatnonzero(path.stops(order))
     runs = [replace(run, solver=solver) for run in _split_runs(path, stops)]
     runs[0] = replace(runs[0], continuation=continuation)
-    parts = [runs[first : first + PART_RUNS] for first in range(0, len(runs), PART_RUNS)]
+    size = max(PART_RUNS, -(-len(runs) // MANY_PARTS))
+    parts = [runs[first : first + size] for first in range(0, len(runs), size)]
     found: list[CertifiedRun] = []
 
     def finish_part(part: Sequence[Run], outcome: list[CertifiedRun] | MotionError) -> None:

@@ -9,17 +9,18 @@ import numpy as np
 
 from kinematics.foundation.arrays import Array
 from planner.limits.limit import Limit, Rows, Term, order_of
-from planner.path.actuation import ActuatorPath, make_points
+from planner.path.actuation import ActuatorPath, Points, make_points
 
 SIDES = ("start", "end")
 IDLE_SHARE = 0.9
 """Share of a limit on force up to which its rows are left out; the rest is for what happens between grid points."""
+# The same at every so many grid points and at each piece's first, where all others are then not looked at.
+SURELY_IDLE_SHARE, IDLE_STRIDE = 0.5, 16
 BOUNDING_TERMS = ({Term.SD}, {Term.SD2}, {Term.SDD, Term.SD2}, {Term.SDD})
 """Terms of the rows that bound ṡ and s̈: of speed, and of acceleration."""
 # Shares of the limits that motions aim at: those of solvers, whose tolerance is near 1e-7, and closed forms.
 SOLVER_AIM, EXACT_AIM = 1 - 1e-6, 1 - 1e-9
-# Of the limit on jerk, what a motion uses of it where the path stands with q′ = q″ = 0, unless others would be used so
-# much one interval on.
+# Of the jerk limit, what is used where the path stands with q′ = q″ = 0, if others are used less one interval on.
 PASSED_SHARE, MOST_PASSED_USE = 0.97, 0.8
 # What holding still may use of a limit, as a share, and still leave a motion to be found.
 MAX_HOLDING_SHARE = 1 - 1e-9
@@ -264,24 +265,22 @@ def pose_problem(
     end = np.where(alone, count - 1 + np.cumsum(alone), np.arange(1, count + 1))
     places, pieces = np.concatenate([s[:-1], s[1:][alone]]), np.concatenate([piece, piece[alone]])
     points = make_points(path, places, pieces, order_of(limits))
-    blocks = []
-    for limit in limits:
-        if limit.geometric:
-            continue
-        block = _block(limit.name, limit.rows(points), end)
-        if block is not None:
-            blocks.append(block)
-    first, last = (still == 1 and speed == 0 for still, speed in zip(stands, speeds, strict=True))
-    start, finish = (
-        _passed_speed(blocks, end) if still == 2 and speed == 0 else 0.0
-        for end, still, speed in zip((0, -1), stands, speeds, strict=True)
-    )
+    timed = [limit for limit in limits if not limit.geometric]
+    posed = {limit.name: _block(limit.name, limit.rows(points), end) for limit in timed if Term.ONE not in limit.terms}
+    others = [block for block in posed.values() if block is not None]
+    for limit in timed:
+        if limit.name not in posed and not _is_surely_idle(limit, points, others):
+            posed[limit.name] = _block(limit.name, limit.rows(points), end)
+    every = [posed.get(limit.name) for limit in timed]
+    blocks = [block for block in every if block is not None]
+    start, last = (still if speed == 0 else 0 for still, speed in zip(stands, speeds, strict=True))
+    passed = _passed_speed(blocks, 0) if start == 2 else 0.0, _passed_speed(blocks, -1) if last == 2 else 0.0
     kept = tuple(_open_room(block, speeds) for block in _drop_idle_blocks(blocks))
-    return Problem(s, piece, kept, speeds, (first, last), (start, finish))
+    return Problem(s, piece, kept, speeds, (start == 1, last == 1), passed)
 
 
 def _passed_speed(blocks: Sequence[Block], end: int) -> float:
-    """ṡ that the jerk lets pass at the first or the last point, 0 or −1, where q′ = q″ = 0: nearly |q‴| ṡ³ = J.
+    """ṡ that the jerk lets pass at a first or last point, 0 or −1, where q′ = q″ = 0: nearly |q‴| ṡ³ = J.
 
     0 where other limits would be used up by the next grid point: there the jerk does not tell what can be.
     """
@@ -292,9 +291,7 @@ def _passed_speed(blocks: Sequence[Block], end: int) -> float:
             if term in here:
                 side = here if term is Term.SD3 else beside
                 used[term] = max(used[term], float(block.share(side[term][end]).max()))
-    if used[Term.SD3] == 0:
-        return 0.0
-    speed = float(np.cbrt(PASSED_SHARE / used[Term.SD3]))
+    speed = float(np.cbrt(PASSED_SHARE / used[Term.SD3])) if used[Term.SD3] > 0 else 0.0
     return speed if max(used[Term.SD] * speed, used[Term.SD2] * speed**2) < MOST_PASSED_USE else 0.0
 
 
@@ -341,6 +338,24 @@ def _normalise_rows(rows: Rows, points: int) -> tuple[dict[Term, Array], Array, 
     return {term: values[:, binding] / half for term, values in rows.coefficients.items()}, middle, about
 
 
+def _is_surely_idle(limit: Limit, points: Points, others: Sequence[Block]) -> bool:
+    """Whether a limit on a load, which takes long to work out, is far from binding at some of the intervals' starts."""
+    count = others[0].room.size if others else 0
+    piece = points.piece[:count]
+    some = np.flatnonzero((np.arange(count) % IDLE_STRIDE == 0) | (np.diff(piece, prepend=-1) != 0))
+    if 2 * len(some) > count:
+        return False
+    few = Points(points.path, points.s[some], piece[some], tuple(values[some] for values in points.derivatives))
+    block = _block(limit.name, limit.rows(few), np.arange(len(some)))
+    if block is None:
+        return True
+    rows = [
+        ({term: values[some] for term, values in other.start.items()}, 1 + np.abs(other.middle))
+        for other in _select_bounding(others)
+    ]
+    return bool(rows) and _largest_use(block, [_bound_terms(rows)] * len(SIDES)) <= SURELY_IDLE_SHARE
+
+
 def _drop_idle_blocks(blocks: Sequence[Block]) -> tuple[Block, ...]:
     """The blocks without those of forces that no motion within the others can use more than IDLE_SHARE of."""
     if not any(Term.ONE in block.start for block in blocks):
@@ -349,7 +364,7 @@ def _drop_idle_blocks(blocks: Sequence[Block]) -> tuple[Block, ...]:
         _bound_terms([(getattr(block, side), 1 + np.abs(block.middle)) for block in _select_bounding(blocks)])
         for side in SIDES
     ]
-    return tuple(block for block in blocks if not _is_idle(block, bounds))
+    return tuple(block for block in blocks if not _largest_use(block, bounds) <= IDLE_SHARE)
 
 
 def _select_bounding(blocks: Sequence[Block]) -> list[Block]:
@@ -372,12 +387,13 @@ def _bound_terms(rows: Sequence[tuple[Mapping[Term, Array], Array]]) -> dict[Ter
     return {Term.ONE: np.ones(count), Term.SD: v, Term.SD2: v**2, Term.SDD: a}
 
 
-def _is_idle(block: Block, bounds: Sequence[Mapping[Term, Array]]) -> bool:
+def _largest_use(block: Block, bounds: Sequence[Mapping[Term, Array]]) -> float:
+    """Of a load, by terms of such sizes at both ends of the intervals; ∞ of what these do not bound."""
     if Term.ONE not in block.start or block.about is not None or not set(block.start) <= set(bounds[0]):
-        return False
+        return float("inf")
     most = 0.0
     for side, size in zip((block.start, block.end), bounds, strict=True):
         with np.errstate(invalid="ignore"):
             terms = [np.where(rows == 0, 0.0, np.abs(rows) * size[term][:, None]) for term, rows in side.items()]
         most = max(most, float((np.sum(terms, axis=0) / (1 - np.abs(block.middle))).max()))
-    return most <= IDLE_SHARE
+    return most

@@ -41,7 +41,12 @@ def solve_run(
         if found.solved and found.problem is not None and run.continuation is None:
             least = estimate_lower_bound(found.problem, found.profile if run.solver == "passes" else None)
             found = RunSolution.refused(least) if isinstance(least, MotionError) else replace(found, bound=least)
-    return _place_refusal(path, run, found if probing else tighten_until_kept(path, limits, found))
+    if not probing and found.solved:
+        # the proof looks at every limit: here at those that can matter
+        rows = None if found.problem is None else {block.name for block in found.problem.blocks}
+        watched = [limit for limit in limits if rows is None or limit.name in rows]
+        found = tighten_until_kept(path, watched, found)
+    return _place_refusal(path, run, found)
 
 
 def _place_refusal(path: ActuatorPath, run: Run, found: RunSolution) -> RunSolution:

@@ -10,10 +10,11 @@ from kinematics import MotionError, load_machine
 from planner import load_program
 from planner.limits import limits_of
 from planner.path.actuation import MachinePath, actuate
+from planner.path.join_and_blend import PathStep
 from planner.program.model import Line, Program
 from planner.program.modifiers import Blend, Stop
 from planner.timing.certified_solve import certified_solve
-from planner.windows import PathStep, WindowPlanner
+from planner.windows import WindowPlanner
 
 LINE, BLEND, SPEED = 4e-4, 2e-5, 0.01
 
@@ -62,11 +63,23 @@ def test_a_window_goes_on_just_where_the_one_before_was_left(both):
     order = 3 if whole.trajectory.j.any() else 2
     for one, other in pairwise(windows):
         before, after = one.solution.trajectory, other.solution.trajectory
-        assert one.begin + one.duration == pytest.approx(other.begin, abs=1e-12)
+        assert one.start.begin + one.duration == other.start.begin == one.next.begin
         assert before.v[one.kept] == after.v[0]
         if order == 3:
             assert before.a[one.kept] == after.a[0]
         np.testing.assert_allclose(before.at(one.duration).q, after.at(0.0).q, atol=1e-12)
+
+
+def test_it_can_be_gone_on_with_from_every_window(hexapod):
+    path = actuate(draw_polyline(40), hexapod)
+    planner = WindowPlanner(hexapod, lambda part: limits_of(part, hexapod.axes, 3), 3, pieces=30)
+    windows = list(planner(steps_of(path)))
+    for n, window in enumerate(windows[:-1]):
+        onward = next(planner(steps_of(path)[window.next.steps :], window.next)).solution.trajectory
+        for name in ("knots", "s", "v", "a", "j", "piece"):
+            np.testing.assert_array_equal(
+                getattr(onward, name), getattr(windows[n + 1].solution.trajectory, name), strict=True
+            )
 
 
 def test_stops_end_windows(hexapod):

@@ -13,12 +13,12 @@ from kinematics.foundation.errors import MotionError
 from kinematics.foundation.options import option
 from kinematics.foundation.units import format_distinct, round_up_digits
 from kinematics.machine.axis import Axis
-from planner.parallel import Progress
 from planner.place import Infeasible
-from planner.pulses.generation.firing_rule import Rule, describe_rule
+from planner.pulses.generation.firing_rule import Rule, describe_rule, require_whole
+from planner.pulses.generation.motion_parts import Fired, MotionPart
 from planner.pulses.generation.pieces import FIT_TOLERANCE, Pieces, bound_rate, find_rate_jumps, fit, rate_error
 from planner.pulses.motion import AxesMotion
-from planner.pulses.schedule import AxisPulses, PulseSchedule, Signs, Ticks
+from planner.pulses.schedule import AxisPulses, Signs, Ticks
 
 DEFAULT_RATE = 1e5
 """1/s: the rate of bursts where no axis states what it takes."""
@@ -72,10 +72,11 @@ class Dda(Rule):
             )
         return [rate if rate == np.inf else min(rate, most) for rate in held]
 
-    def fire(
-        self, motion: AxesMotion, axes: Sequence[Axis], home: Array, clock_hz: int, tell: Progress
-    ) -> PulseSchedule:
-        """Raises Infeasible for bursts that no step has time for or no axis takes, MotionError where no clock does."""
+    def fire(self, part: MotionPart) -> Fired:
+        """Raises Infeasible for bursts that no step has time for or no axis takes, MotionError where no clock does, and
+        for a part of a motion."""
+        require_whole(self, part, "it shares the time of the whole evenly among the points that it lists")
+        motion, axes, home, clock_hz = part.motion, part.axes, part.home, part.clock_hz
         rate = self._burst_rate(axes, clock_hz)
         if rate > clock_hz:
             given, most = format_distinct(rate, clock_hz)
@@ -97,8 +98,8 @@ class Dda(Rule):
             bound = 1.5 * self.pulses_per_count + 0.5 + _sagitta(pieces, k, gap) / axis.pulse
             ticks, sign = self._bursts(began, steps[:, k], rate, clock_hz)
             fired.append(AxisPulses(axis.name, ticks, sign, int(start[k]), axis.pulse, float(home[k]), bound))
-            tell(k + 1, len(axes))
-        return PulseSchedule(clock_hz, tuple(fired), motion.duration, describe_rule(replace(self, rate=rate)))
+            part.tell(k + 1, len(axes))
+        return Fired(tuple(fired), (0,) * len(fired), describe_rule(replace(self, rate=rate)))
 
     def _burst_rate(self, axes: Sequence[Axis], clock_hz: int) -> float:
         """1/s: the rate given, or the highest that all axes take, or where none states one the usual."""

@@ -7,14 +7,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Protocol
 
-from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.options import option, options
 from kinematics.machine.axis import Axis
-from planner.parallel import Progress
 from planner.pulses.generation.levels import MAX_COUNT_BLUR, Levels, find_crossings
-from planner.pulses.motion import AxesMotion
-from planner.pulses.schedule import PulseSchedule
+from planner.pulses.generation.motion_parts import Fired, MotionPart
 
 
 class Rule(Protocol):
@@ -37,10 +34,8 @@ class Rule(Protocol):
         """
         return [axis.held_rate(clock_hz, self.grain(clock_hz)) for axis in axes]
 
-    def fire(
-        self, motion: AxesMotion, axes: Sequence[Axis], home: Array, clock_hz: int, tell: Progress, /
-    ) -> PulseSchedule:
-        """The pulses of every axis; home (n,): the axis positions from which they count; tell: how far they are."""
+    def fire(self, part: MotionPart, /) -> Fired:
+        """The pulses of every axis of a part, or of a whole motion, which is one part."""
 
 
 def describe_rule(rule: Rule) -> str:
@@ -49,6 +44,15 @@ def describe_rule(rule: Rule) -> str:
     values = [(field, getattr(rule, name)) for name, field in options(kind).items()]
     given = [f"{field.name}={value!r} {field.metadata['unit']}" for field, value in values if value != field.default]
     return f"{rule.name}:{','.join(map(str.rstrip, given))}" if given else rule.name
+
+
+def require_whole(rule: Rule, part: MotionPart, why: str) -> None:
+    """Raise MotionError for a part of a motion, where a rule needs the whole."""
+    if not part.is_whole:
+        raise MotionError(
+            f"rule {rule.name} makes no pulses of a motion part by part: {why}; use nearest, floor or timer, or plan "
+            "the whole at once"
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,12 +73,9 @@ class Nearest(Rule):
         if not 0 <= self.hysteresis < 0.5:
             raise MotionError(f"hysteresis {self.hysteresis!r} pulses: must be from 0 to below 0.5, e.g. 0.2")
 
-    def fire(
-        self, motion: AxesMotion, axes: Sequence[Axis], home: Array, clock_hz: int, tell: Progress
-    ) -> PulseSchedule:
+    def fire(self, part: MotionPart) -> Fired:
         """Raises as `planner.pulses.generation.levels.find_crossings` does."""
-        fired = find_crossings(motion, axes, home, clock_hz, Levels(0.5, self.hysteresis), tell)
-        return PulseSchedule(clock_hz, fired, motion.duration, describe_rule(self))
+        return find_crossings(part, Levels(0.5, self.hysteresis))
 
 
 COUNT_ROUNDING = (
@@ -94,9 +95,6 @@ class Floor(Rule):
 
     name: ClassVar[str] = "floor"
 
-    def fire(
-        self, motion: AxesMotion, axes: Sequence[Axis], home: Array, clock_hz: int, tell: Progress
-    ) -> PulseSchedule:
+    def fire(self, part: MotionPart) -> Fired:
         """Raises as `planner.pulses.generation.levels.find_crossings` does."""
-        fired = find_crossings(motion, axes, home, clock_hz, Levels(1 - COUNT_ROUNDING), tell)
-        return PulseSchedule(clock_hz, fired, motion.duration, describe_rule(self))
+        return find_crossings(part, Levels(1 - COUNT_ROUNDING))

@@ -1,6 +1,6 @@
 """Pulses where a motion crosses evenly spaced levels, at the true crossing times rounded to whole ticks."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from math import ceil
@@ -15,6 +15,7 @@ from kinematics.foundation.units import format_distinct
 from kinematics.machine.axis import Axis
 from planner.parallel import Progress, share_progress
 from planner.place import Infeasible, Place
+from planner.pulses.generation.motion_parts import Fired, MotionPart
 from planner.pulses.generation.pieces import (
     FIT_TOLERANCE,
     UNSEEN_FACTOR,
@@ -32,6 +33,8 @@ TICK_ERROR = 1e-4  # of a crossing time before it is rounded to a whole tick
 MAX_COUNT_BLUR = 1e-3  # of a pulse: rounding may not blur a count by more
 NEWTON_STEPS = 5  # looks at the motion itself, each a Newton step from the one before
 POLISHED_TICKS = 1e-6  # ticks: a step that no longer matters
+
+REAL_JUMP = 1e-3  # pulses: more is no rounding where a part goes on from another
 
 Refuse = Callable[[], Infeasible]
 Exact = Callable[[Array, Array], Array]
@@ -53,21 +56,22 @@ class Levels:
         return max(self.above, 1 - self.above) + self.hysteresis
 
 
-def find_crossings(
-    motion: AxesMotion, axes: Sequence[Axis], home: Array, clock_hz: int, levels: Levels, tell: Progress
-) -> tuple[AxisPulses, ...]:
+def find_crossings(part: MotionPart, levels: Levels) -> Fired:
     """A pulse of every axis wherever x = (q(t) - home)/pulse crosses a level, on the nearest tick.
 
     - A level counts as crossed once the motion is beyond it by more than rounding noise (some 1e-9 pulse); a motion
       that only touches a level, or rests or ends on it, does not fire. One that starts on a level has the lower count.
     - Two opposite pulses whose crossings round to the same tick cancel: both are left out.
-    tell is told the pulses that are made of an axis, each a share of the whole.
+    - A part goes on with the count of the one before: what rounding makes of x where they meet fires nothing.
+    The part is told the pulses that are made of an axis, each a share of the whole.
     Raises Infeasible where an axis needs more than one pulse per tick, MotionError where rounding drowns one.
     """
+    motion, axes, home, clock_hz = part.motion, part.axes, part.home, part.clock_hz
+    begin, rest = part.split_tick()
     pulse = np.array([axis.pulse for axis in axes])
     pieces = fit(motion, FIT_TOLERANCE * pulse)
     slack = (pieces.noise + X_ROUNDING * abs(home)) / pulse
-    fired = []
+    fired, ways = [], []
     for k, axis in enumerate(axes):
         if slack[k] > MAX_COUNT_BLUR:
             blur, most = format_distinct(slack[k], MAX_COUNT_BLUR, digits=2)
@@ -78,16 +82,23 @@ def find_crossings(
             )
         counted = pieces.coefficients[k].copy()
         counted[0] -= home[k]
-        stretches = cut_monotone(pieces.start * clock_hz, pieces.length * clock_hz, counted / pulse[k], slack[k])
-        counts = _follow_levels(stretches.ends, slack[k], levels)
+        if part.counts:
+            _refuse_jump(part, k, float(counted[0, 0]) / axis.pulse, levels)
+        stretches = cut_monotone(rest + pieces.start * clock_hz, pieces.length * clock_hz, counted / pulse[k], slack[k])
+        count, way = (part.counts[k], part.ways[k]) if part.counts else (None, 0)
+        counts = _follow_levels(stretches.ends, slack[k], levels, count, way)
         refuse = partial(_rate_error, motion, axis, stretches, clock_hz)
-        exact = partial(_polish_crossings, motion, k, axis.pulse, float(home[k]), clock_hz)
+        exact = partial(_polish_crossings, part, k)
         blur = UNSEEN_FACTOR * pieces.error[k] / pulse[k] + slack[k]
-        made = _fire_pulses(stretches, counts, levels, refuse, exact, blur, share_progress(tell, k, len(axes)))
-        ticks, direction = _cancel_pairs(*made, refuse)
+        made = _fire_pulses(
+            stretches, counts, levels, way, refuse, exact, blur, share_progress(part.tell, k, len(axes))
+        )
+        ways.append(int(made[1][-1]) if len(made[1]) else way)
+        ticks, direction = cancel_pairs(*made, refuse)
+        ticks += begin
         ticks.flags.writeable = direction.flags.writeable = False
         fired.append(AxisPulses(axis.name, ticks, direction, int(counts[0]), axis.pulse, float(home[k]), levels.bound))
-    return tuple(fired)
+    return Fired(tuple(fired), tuple(ways))
 
 
 def _rate_error(trajectory: AxesMotion, axis: Axis, stretches: Stretches, clock_hz: int) -> Infeasible:
@@ -95,19 +106,34 @@ def _rate_error(trajectory: AxesMotion, axis: Axis, stretches: Stretches, clock_
     v = np.linspace(0.0, 1.0, 33)
     rate = abs(derivative(stretches.coefficients).T @ v ** np.arange(5)[:, None]) / stretches.length[:, None]
     worst, nth = np.unravel_index(rate.argmax(), rate.shape)
-    t = float(stretches.start[worst] + stretches.length[worst] * v[nth]) / clock_hz
+    t = float(stretches.start[worst] + stretches.length[worst] * v[nth] - stretches.start[0]) / clock_hz
     highest = max(float(rate.max()), 1.0) * clock_hz
     place = Place(float(trajectory.at(np.array([t])).s[0]), t=t, axis=axis.name)
     remedy = f"slow the motion, use a longer pulse, or a clock above {ceil(highest)} Hz"
     return Infeasible("pulse rate", axis.name, place, highest, clock_hz, "1/s", remedy)
 
 
-def _follow_levels(x: Array, slack: float, levels: Levels) -> Ticks:
-    """The count at each end of the stretches: the one it came with, until x is beyond a level by more than `slack`."""
+def _refuse_jump(part: MotionPart, k: int, x: float, levels: Levels) -> None:
+    """Raise MotionError where an axis begins a part far from the count that the one before ended with."""
+    off, most = x - part.counts[k], levels.bound + REAL_JUMP
+    if not abs(off) <= most:
+        raise MotionError(
+            f"axis {part.axes[k].name}: the part begins {off:.6g} pulses from its count {part.counts[k]}, limit "
+            f"{most:.6g}; give the part that goes on from the one before"
+        )
+
+
+def _follow_levels(x: Array, slack: float, levels: Levels, count: int | None, way: int) -> Ticks:
+    """The count at each end of the stretches: the one it came with, until x is beyond a level by more than `slack`.
+
+    count, way: those it begins with, where it goes on from others.
+    """
     low = np.ceil(x - levels.above - slack).astype(np.int64)
     high = np.floor(x + 1 - levels.above + slack).astype(np.int64)
+    if count is not None:
+        low[0] = high[0] = count
     if levels.hysteresis:
-        return _follow_with_hysteresis(x, low, high, slack, levels)
+        return _follow_with_hysteresis(x, low, high, slack, levels, way)
     counts = low.copy()
     for i in np.flatnonzero(high > low):
         if i > 0 and counts[i - 1] > low[i]:
@@ -115,9 +141,9 @@ def _follow_levels(x: Array, slack: float, levels: Levels) -> Ticks:
     return counts
 
 
-def _follow_with_hysteresis(x: Array, low: Ticks, high: Ticks, slack: float, levels: Levels) -> Ticks:
+def _follow_with_hysteresis(x: Array, low: Ticks, high: Ticks, slack: float, levels: Levels, way: int) -> Ticks:
     """The same with hysteresis: the first pulse the other way waits until x is so much further beyond its level."""
-    count, way, counts = int(low[0]), 0, low.copy()
+    count, counts = int(low[0]), low.copy()
     late = levels.hysteresis + slack
     for i, (here, least, most) in enumerate(zip(x.tolist(), low.tolist(), high.tolist(), strict=True)):
         if least > count and (way > 0 or here > count + levels.above + late):
@@ -128,19 +154,18 @@ def _follow_with_hysteresis(x: Array, low: Ticks, high: Ticks, slack: float, lev
     return counts
 
 
-def _polish_crossings(
-    trajectory: AxesMotion, k: int, pulse: float, home: float, clock_hz: int, time: Array, level: Array
-) -> Array:
+def _polish_crossings(part: MotionPart, k: int, time: Array, level: Array) -> Array:
     """Crossing times (N,) in ticks by the motion itself, from times that are good but not to the tick."""
+    motion, pulse, home, (_, rest_tick) = part.motion, part.axes[k].pulse, float(part.home[k]), part.split_tick()
     nearest, least = time.copy(), np.full(len(time), np.inf)
     rest = np.arange(len(time))
     for _ in range(NEWTON_STEPS):
-        state = trajectory.at(np.clip(time / clock_hz, 0.0, trajectory.duration))
+        state = motion.at(np.clip((time - rest_tick) / part.clock_hz, 0.0, motion.duration))
         off = (state.q[:, k] - home) / pulse - level[rest]
         nearer = abs(off) < least[rest]
         nearest[rest[nearer]], least[rest] = time[nearer], np.minimum(abs(off), least[rest])
         with np.errstate(divide="ignore", invalid="ignore"):
-            step = off / (state.qd[:, k] / pulse / clock_hz)
+            step = off / (state.qd[:, k] / pulse / part.clock_hz)
         moves = nearer & np.isfinite(step) & (abs(step) > POLISHED_TICKS)  # at a turning point the nearest stays
         if not moves.any():
             break
@@ -149,9 +174,16 @@ def _polish_crossings(
 
 
 def _fire_pulses(
-    stretches: Stretches, counts: Ticks, levels: Levels, refuse: Refuse, exact: Exact, blur: float, tell: Progress
+    stretches: Stretches,
+    counts: Ticks,
+    levels: Levels,
+    way: int,
+    refuse: Refuse,
+    exact: Exact,
+    blur: float,
+    tell: Progress,
 ) -> tuple[Ticks, Signs]:
-    """Tick and direction of every level between the counts at both ends of each stretch.
+    """Tick and direction of every level between the counts at both ends of each stretch; way: of the pulse before.
 
     Where the blur (pulses) of the stretches might turn the rounding to the other tick, `exact` decides.
     """
@@ -164,7 +196,7 @@ def _fire_pulses(
     climb = stretches.coefficients[1:] * sign
     lead = np.where(sign > 0, levels.above, 1 - levels.above)  # from the count to its first level
     first = sign * (counts[:-1] - stretches.coefficients[0]) + lead
-    late = levels.hysteresis * _find_reversals(sign)
+    late = levels.hysteresis * _find_reversals(sign, way)
     blurred = 2 * blur * stretches.length
     with np.errstate(divide="ignore"):
         tolerance = TICK_ERROR / stretches.length
@@ -196,11 +228,11 @@ def _fire_pulses(
     return ticks, np.repeat(sign.astype(np.int8), pulses)
 
 
-def _find_reversals(sign: Ticks) -> NDArray[np.bool_]:
-    """(S,) the stretches whose first pulse is the very first of all, or follows one the other way."""
+def _find_reversals(sign: Ticks, way: int) -> NDArray[np.bool_]:
+    """(S,) the stretches whose first pulse is the very first of all (way 0), or follows one the other way."""
     turned = np.zeros(len(sign), bool)
     firing = np.flatnonzero(sign)
-    turned[firing] = np.diff(sign[firing], prepend=0) != 0
+    turned[firing] = np.diff(sign[firing], prepend=way) != 0
     return turned
 
 
@@ -218,7 +250,7 @@ def _blocks(pulses: Ticks) -> Iterator[tuple[int, int, slice, NDArray[np.intp], 
         yield lo, hi, part, np.repeat(np.arange(len(inside)), inside), lo - begin[part]
 
 
-def _cancel_pairs(ticks: Ticks, direction: Signs, refuse: Refuse) -> tuple[Ticks, Signs]:
+def cancel_pairs(ticks: Ticks, direction: Signs, refuse: Refuse) -> tuple[Ticks, Signs]:
     """Leave out the pairs of opposite pulses in one tick: the excursion between them is below one tick's travel."""
     while True:
         same = np.flatnonzero(ticks[1:] <= ticks[:-1])

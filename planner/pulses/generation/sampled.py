@@ -1,6 +1,5 @@
 """The firing rule `sampled`: at each period, one pulse towards the motion if it is more than half a pulse away."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -9,13 +8,13 @@ import numpy as np
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.options import option
-from kinematics.machine.axis import Axis
 from planner.parallel import Progress
-from planner.pulses.generation.firing_rule import Rule, describe_rule
+from planner.pulses.generation.firing_rule import Rule, require_whole
 from planner.pulses.generation.levels import BLOCK_PULSES
+from planner.pulses.generation.motion_parts import Fired, MotionPart
 from planner.pulses.generation.pieces import FIT_TOLERANCE, bound_rate, fit, rate_error
 from planner.pulses.motion import AxesMotion
-from planner.pulses.schedule import AxisPulses, PulseSchedule, Ticks
+from planner.pulses.schedule import AxisPulses, Ticks
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,10 +42,11 @@ class Sampled(Rule):
             )
         return period
 
-    def fire(
-        self, motion: AxesMotion, axes: Sequence[Axis], home: Array, clock_hz: int, tell: Progress
-    ) -> PulseSchedule:
-        """Raises Infeasible for an axis faster than a pulse a period, MotionError for a period of no whole ticks."""
+    def fire(self, part: MotionPart) -> Fired:
+        """Raises Infeasible for an axis faster than a pulse a period, MotionError for a period of no whole ticks, and
+        for a part of a motion."""
+        require_whole(self, part, "it looks at the motion at even times up to its end")
+        motion, axes, home, clock_hz = part.motion, part.axes, part.home, part.clock_hz
         pulse = np.array([axis.pulse for axis in axes])
         pieces = fit(motion, FIT_TOLERANCE * pulse)
         widest = []
@@ -56,7 +56,7 @@ class Sampled(Rule):
             if rate * self.period > 1:
                 raise rate_error(motion, axis, t, rate, 1 / self.period, _describe_remedy(rate, clock_hz))
             widest.append(0.5 + rate * self.period)
-        ticks, counts = self._counts(motion, home, pulse, clock_hz, tell)
+        ticks, counts = self._counts(motion, home, pulse, clock_hz, part.tell)
         fired = []
         for k, axis in enumerate(axes):
             change = np.diff(counts[:, k])
@@ -64,7 +64,7 @@ class Sampled(Rule):
             sign = change[at].astype(np.int8)
             start = int(counts[0, k])
             fired.append(AxisPulses(axis.name, ticks[at], sign, start, axis.pulse, float(home[k]), widest[k]))
-        return PulseSchedule(clock_hz, tuple(fired), motion.duration, describe_rule(self))
+        return Fired(tuple(fired), (0,) * len(fired))
 
     def _counts(
         self, motion: AxesMotion, home: Array, pulse: Array, clock_hz: int, tell: Progress

@@ -1,22 +1,18 @@
 """The firing rule `timer`: a 16-bit counter times each pulse, and its count is changed pulse by pulse."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.options import option
-from kinematics.machine.axis import Axis
-from planner.parallel import Progress
-from planner.pulses.generation.firing_rule import Rule, describe_rule
+from planner.pulses.generation.firing_rule import Rule
 from planner.pulses.generation.levels import Levels, find_crossings
+from planner.pulses.generation.motion_parts import Fired, MotionPart
 from planner.pulses.generation.pieces import FIT_TOLERANCE, bound_rate, fit, rate_error
-from planner.pulses.motion import AxesMotion
-from planner.pulses.schedule import AxisPulses, PulseSchedule, Ticks
+from planner.pulses.schedule import AxisPulses, Ticks
 
 MAX_COUNT = (1 << 16) - 1  # the greatest count of an Intel 8253
 
@@ -51,24 +47,23 @@ class Timer(Rule):
             )
         return clock_hz // timer
 
-    def fire(
-        self, motion: AxesMotion, axes: Sequence[Axis], home: Array, clock_hz: int, tell: Progress
-    ) -> PulseSchedule:
+    def fire(self, part: MotionPart) -> Fired:
         """Raises as `planner.pulses.generation.levels.find_crossings`, MotionError for a timer clock that does not
         divide the pulses'."""
-        grain, timer = self.grain(clock_hz), int(self.clock)
-        pieces = fit(motion, np.array([FIT_TOLERANCE * axis.pulse for axis in axes]))
-        last = int(np.floor(motion.duration * timer))
-        crossings = find_crossings(motion, axes, home, timer, Levels(0.5), tell)
+        grain, timer = self.grain(part.clock_hz), int(self.clock)
+        pieces = fit(part.motion, np.array([FIT_TOLERANCE * axis.pulse for axis in part.axes]))
+        counted = replace(part, clock_hz=timer, tick=part.tick / grain)
+        last = int(float(counted.end_tick))
+        crossings = find_crossings(counted, Levels(0.5))
         fired = []
-        for k, (axis, crossed) in enumerate(zip(axes, crossings, strict=True)):
+        for k, (axis, crossed) in enumerate(zip(part.axes, crossings.axes, strict=True)):
             speed, t = bound_rate(pieces, k, 1)
-            counts = np.minimum(crossed.ticks, last)  # no pulse after the end of the motion
+            counts = np.minimum(crossed.ticks, last) if part.last else crossed.ticks  # none after the end of the motion
             if (counts[-1:] <= counts[-2:-1]).any():
-                raise rate_error(motion, axis, t, speed / axis.pulse, timer, "use a faster timer clock")
+                raise rate_error(part.motion, axis, t, speed / axis.pulse, timer, "use a faster timer clock")
             bound = 0.5 + speed / axis.pulse / timer
             fired.append(replace(crossed, ticks=counts * grain, bound=bound))
-        return PulseSchedule(clock_hz, tuple(fired), motion.duration, describe_rule(self))
+        return replace(crossings, axes=tuple(fired))
 
 
 def counter_loads(pulses: AxisPulses, per_count: int) -> tuple[Ticks, NDArray[np.bool_]]:

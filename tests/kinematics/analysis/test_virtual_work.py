@@ -41,6 +41,17 @@ def moved(machine, spectrum):
     return spectrum.smooth(machine, *size)
 
 
+def agree_along_a_path(machine, motion):
+    """A motion's rates serve as derivatives by path length: the forces of ṡ = 1 are its own."""
+    every, n = inputs(motion), len(machine.axes)
+    x, x1, x2 = np.split(every[:, :36], 3, 1)
+    q, q1, q2 = np.split(every[:, 36:], 3, 1)
+    motions = (0 * x, 0 * x, 0 * q, 0 * q), (0 * x, x1, 0 * q, q1), (x1, x2, q1, q2)
+    expected = [machine.force_map(np.concatenate([x, dx, ddx, q, dq, ddq], 1)) for dx, ddx, dq, ddq in motions]
+    found = machine.force_terms_map(every).reshape(-1, 3, n)
+    assert np.abs(found - np.stack(expected, 1)).max() < 1e-12 * np.abs(expected).max()
+
+
 def agree(machine, motion, tolerance):
     expected = forces(machine, motion).force
     found = machine.force_map(inputs(motion))
@@ -48,6 +59,7 @@ def agree(machine, motion, tolerance):
     still = motion_of_poses(machine, motion.pose, near=machine.home_q)
     held = machine.holding_map(np.concatenate([to_numbers(still.pose), still.q], 1))
     assert np.abs(held - forces(machine, still).force).max() < tolerance * np.abs(held).max()
+    agree_along_a_path(machine, motion)
 
 
 def test_forces_are_the_twist_formulation_s(machine, spectrum):

@@ -85,9 +85,9 @@ def test_what_may_be_singular_bounds_nothing():
 
 def test_numbers_are_solved_each_by_itself():
     matrix, right = systems(2, 3, 0.0)
-    found = solve(matrix.mid[0], right.mid[0])
+    found = solve(matrix.mid[0], right.mid[0][:, :, None])[:, :, 0]
     assert np.einsum("nij,nj->ni", matrix.mid[0], found) == pytest.approx(right.mid[0], rel=1e-12)
     matrix.mid[0, 1] = 0.0
-    again = solve(matrix.mid[0], right.mid[0])
+    again = solve(matrix.mid[0], right.mid[0][:, :, None])[:, :, 0]
     assert np.isnan(again[1]).all()
     assert again[[0, 2]] == pytest.approx(found[[0, 2]], rel=1e-12)

@@ -338,8 +338,8 @@ def test_what_is_attained_is_really_met(planned, order):
     plan = planned("bare-circle", order)
     for limit in plan.limits:
         attained = plan.certificate.attained[limit.name]
-        # ends and middles of pieces, and of their eighths, are among the samples; what is cut finer lies between
-        assert attained.max() <= dense_use(plan.trajectory, limit, 129).max() + 1e-9, limit.name
+        # ends and middles of pieces, and of their eighths, are among the samples; peaks lie between, 1e-8 above
+        assert attained.max() <= dense_use(plan.trajectory, limit, 129).max() + 1e-8, limit.name
         assert (attained <= plan.certificate.use[limit.name] + 1e-12).all(), limit.name
 
 

@@ -99,25 +99,43 @@ def test_every_sample_lies_in_the_range_of_axes_and_pose(walk):
             assert (value <= high + off).all()
 
 
+def test_what_is_met_for_certain_is_met(walk):
+    """No instant's value is needed to know it, and of short cells it is next to the bound."""
+    for count, near in ((1, 1.0), (32, 1e-6)):
+        cells = whole(walk).parts(count)
+        ranges = bound_ranges(walk, cells, 3)
+        places = cells.lo[:, None] + (cells.hi - cells.lo)[:, None] * np.linspace(0, 1, 257)
+        state = walk.within(np.repeat(cells.k, 257), places.ravel(), jerk=True)
+        for name in ("q", "qd", "qdd", "qddd"):
+            met = getattr(state, name).reshape(len(cells.k), 257, -1)
+            low, high = bound_balls(getattr(ranges, name))
+            least, most = (getattr(each, name).mid[0] for each in ranges.met)
+            # between two samples a parabola's peak is 1/256² of its height above both
+            beside = np.ptp(met, axis=1) / 256**2 + 1e-12 * np.abs(met).max()
+            assert (least >= met.min(1) - beside).all()
+            assert (most <= met.max(1) + beside).all()
+            assert np.maximum(least - low, high - most).max() <= near * np.abs(met).max()
+
+
 def test_ranges_of_short_cells_are_near_what_is_met(walk):
-    """No wider than the motion's own range but for what goes with the cube of a cell."""
+    """No wider than the motion's own range but for what goes with the fourth power of a cell."""
     gaps = []
-    for count in (8, 16, 32):
+    for count in (1, 2, 4):
         cells = whole(walk).parts(count)
         low, high = bound_balls(bound_ranges(walk, cells, 3).qdd)
         places = cells.lo[:, None] + (cells.hi - cells.lo)[:, None] * np.linspace(0, 1, 65)
         met = walk.within(np.repeat(cells.k, 65), places.ravel()).qdd.reshape(len(cells.k), 65, -1)
         scale = np.abs(met).max()
         gaps.append(np.maximum(met.min(1) - low, high - met.max(1)).max() / scale)
-    assert gaps[2] < 2e-6
-    assert gaps[0] > 3 * gaps[1] > 9 * gaps[2]
+    assert gaps[2] < 1e-9
+    assert gaps[0] > 7 * gaps[1] > 49 * gaps[2]
 
 
 def test_a_cell_beyond_its_stretch_has_no_bound(walk):
     mid, rad = np.ones((9, 1, 1)), np.zeros((9, 1, 1))
-    found = np.empty((2, 4, 1, 1))
+    found = np.empty((4, 4, 1, 1))
     reach = np.array([[0.5], [0.6], [0.0], [0.0]])
-    bound_motion(mid, rad, np.zeros(1, np.int64), reach, 0 * reach, np.ones(1), found[0], found[1])
+    bound_motion(mid, rad, np.zeros(1, np.int64), reach, 0 * reach, np.ones(1), *found)
     assert (found[1] == np.inf).all()
 
 
@@ -126,10 +144,11 @@ def test_the_kernel_is_the_same_in_python(walk):
     mid, rad = random.normal(size=(9, 2, 3)), 1e-12 * random.uniform(size=(9, 2, 3))
     motion = random.uniform(-0.2, 0.2, (4, 5))
     given = (mid, rad, np.array([0, 1, 1, 0, 1]), motion, 1e-15 * np.abs(motion), random.uniform(1, 9, 5))
-    compiled, plain = np.empty((2, 2, 4, 5, 3))
-    bound_motion(*given, compiled[0], compiled[1])
+    compiled, plain = np.empty((2, 4, 4, 5, 3))
+    bound_motion(*given, *compiled)
     source = getattr(bound_motion, "function", None) or bound_motion.py_func  # compiled before this module was loaded
-    source(*given, plain[0], plain[1])
+    source(*given, *plain)
     # of the middle of a narrow range a last place is a little of the ball
     assert plain[0] == pytest.approx(compiled[0], rel=1e-14, abs=ROUNDINGS)
     assert plain[1] == pytest.approx(compiled[1], rel=1e-9, abs=10 * ROUNDINGS)
+    assert plain[2:] == pytest.approx(compiled[2:], rel=1e-12, abs=10 * ROUNDINGS)

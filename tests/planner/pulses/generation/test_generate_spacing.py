@@ -14,7 +14,7 @@ from kinematics.machine.axis import DRIVES, StepTiming, find_drive
 from planner import Infeasible, PulseSchedule
 from planner.export.formats import pulse_csv
 from planner.pulses import AxisPulses, check_file, generate
-from planner.pulses.generation.generate import space_pulses
+from planner.pulses.generation.spacing import HeldPulses, LeastGaps, space_pulses
 from tests.planner.motions import in_pulses, one_axis
 
 CLOCK = 1_000_000
@@ -34,8 +34,15 @@ class Slow:
 
 def fired(ticks, direction, timing, clock=CLOCK):
     axes = [Axis("x", pulse=1.0, timing=timing)]
-    pulses = AxisPulses("x", np.array(ticks), np.array(direction), 0, 1.0, 0.0)
-    return space_pulses(PulseSchedule(clock, (pulses,), 1.0), Slow(), axes)
+    held = HeldPulses(np.array(ticks), np.array(direction))
+
+    def travel(axis, at):
+        return Slow().at(at / clock).q[:, axis], at / clock
+
+    done = space_pulses(held, 0, axes[0], LeastGaps.from_axis(axes[0], clock, 1), clock, travel, end=clock)
+    widened = 0.0 if done.moved is None else done.moved.error
+    pulses = AxisPulses("x", done.ticks, done.direction, 0, 1.0, 0.0, 0.5 + widened)
+    return PulseSchedule(clock, (pulses,), 1.0, moves=() if done.moved is None else (done.moved,))
 
 
 def gaps(direction, timing):

@@ -1,0 +1,287 @@
+"""The pulses of a motion part by part: joined they are those of the whole, and memory is bounded by the part.
+
+Each part's time begins at 0; ticks count from the start of the whole. The sum of the parts' durations is kept exactly,
+as a fraction: no rounding drifts, however many parts there are. What the next part may still change, a pulse that has
+to be moved apart from one behind the seam or cancels with it, is held back and given with it.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from fractions import Fraction
+from functools import partial
+from math import floor
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kinematics.foundation.arrays import Array
+from kinematics.foundation.errors import MotionError
+from kinematics.machine.axis import Axis
+from planner.parallel import Progress, ignore_progress
+from planner.place import Infeasible, Place
+from planner.pulses.generation.firing_rule import Rule, describe_rule
+from planner.pulses.generation.levels import cancel_pairs
+from planner.pulses.generation.motion_parts import JoinedMotion, MotionPart, MotionSpan, PieceMotion
+from planner.pulses.generation.pieces import FIT_TOLERANCE
+from planner.pulses.generation.spacing import GivenPulse, HeldPulses, LeastGaps, Spaced, space_pulses
+from planner.pulses.motion import AxesMotion, MotorMotion
+from planner.pulses.schedule import AxisPulses, MovedPulses, PulseSchedule, refuse_counter
+from planner.trajectory import Trajectory
+
+
+class CountedMachine(Protocol):
+    """What pulses are made for: axes, and the positions (n,) from which they count."""
+
+    @property
+    def axes(self) -> Sequence[Axis]: ...
+    @property
+    def home_q(self) -> Array: ...
+
+
+@dataclass(frozen=True, slots=True)
+class _Reached:
+    """Where a stream stands: what the next part goes on from.
+
+    tick    where it begins, in ticks; s: path length there
+    counts  of the axes up to there; ways: of the last pulse of each
+    given   the counts that the pulses given lead to; held: of each axis, the others
+    bounds  of the counts, so far; moved: what moving pulses apart cost
+    until   tick before which all pulses are given
+    tail    the motion from there on
+    ended   the motion ended: nothing follows
+    """
+
+    held: tuple[HeldPulses, ...]
+    moved: tuple[MovedPulses | None, ...]
+    bounds: tuple[float, ...]
+    tick: Fraction = Fraction(0)
+    s: float = 0.0
+    counts: tuple[int, ...] = ()
+    ways: tuple[int, ...] = ()
+    given: tuple[int, ...] = ()
+    until: int = 0
+    tail: PieceMotion | None = None
+    ended: bool = False
+
+    def record(self) -> dict[str, Any]:
+        """Plain numbers, as JSON has them."""
+        return {
+            **{name: getattr(self, name) for name in ("bounds", "s", "counts", "ways", "given", "until", "ended")},
+            "tick": self.tick.as_integer_ratio(),
+            "held": [
+                {
+                    "ticks": one.ticks.tolist(),
+                    "direction": one.direction.tolist(),
+                    "given": None if one.given is None else asdict(one.given),
+                }
+                for one in self.held
+            ],
+            "moved": [None if one is None else asdict(one) for one in self.moved],
+            "tail": None if self.tail is None else self.tail.record(),
+        }
+
+    @classmethod
+    def from_record(cls, record: Mapping[str, Any]) -> "_Reached":
+        held = (
+            HeldPulses(
+                np.array(one["ticks"], np.int64),
+                np.array(one["direction"], np.int8),
+                None if one["given"] is None else GivenPulse(**one["given"]),
+            )
+            for one in record["held"]
+        )
+        return cls(
+            tuple(held),
+            tuple(None if one is None else MovedPulses(**one) for one in record["moved"]),
+            tuple(record["bounds"]),
+            Fraction(*record["tick"]),
+            record["s"],
+            tuple(record["counts"]),
+            tuple(record["ways"]),
+            tuple(record["given"]),
+            record["until"],
+            tail=None if record["tail"] is None else PieceMotion.from_record(record["tail"]),
+            ended=record["ended"],
+        )
+
+
+class PulseStream:
+    """The pulses of a motion that comes in parts, by a firing rule, on a clock of whole ticks.
+
+    A part goes on where the one before ended, with a time and, if it likes, a path length that begin at 0 again.
+    """
+
+    __slots__ = ("_clock_hz", "_gaps", "_machine", "_reached", "_rule")
+
+    def __init__(self, machine: CountedMachine, clock_hz: int, rule: Rule) -> None:
+        """Raises MotionError for a clock that the rule cannot run on."""
+        self._machine, self._clock_hz, self._rule = machine, clock_hz, rule
+        grain = rule.grain(clock_hz)
+        self._gaps = tuple(LeastGaps.from_axis(axis, clock_hz, grain) for axis in machine.axes)
+        none = HeldPulses(np.empty(0, np.int64), np.empty(0, np.int8))
+        width = len(machine.axes)
+        self._reached = _Reached((none,) * width, (None,) * width, (0.0,) * width)
+
+    @property
+    def until(self) -> int:
+        """The tick before which all pulses have been given: what follows changes nothing there."""
+        return self._reached.until
+
+    def copy(self) -> "PulseStream":
+        """Another stream that stands where this one does: for the pulses of a stop that the next part replaces."""
+        made = PulseStream(self._machine, self._clock_hz, self._rule)
+        made._reached = self._reached
+        return made
+
+    def mark(self) -> dict[str, Any]:
+        """Where the stream stands, in plain numbers, as JSON has them: `resume` goes on to the same pulses."""
+        return {**self._identity(), "reached": self._reached.record()}
+
+    @classmethod
+    def resume(cls, machine: CountedMachine, clock_hz: int, rule: Rule, mark: Mapping[str, Any]) -> "PulseStream":
+        """A stream that stands where another was marked. Raises MotionError for the mark of other pulses."""
+        made = cls(machine, clock_hz, rule)
+        for name, value in made._identity().items():
+            if mark.get(name) != value:
+                raise MotionError(
+                    f"the pulses were begun with {name} {mark.get(name)}, not {value}: go on with the same"
+                )
+        made._reached = _Reached.from_record(mark["reached"])
+        return made
+
+    def _identity(self) -> dict[str, Any]:
+        home = np.asarray(self._machine.home_q, float).tolist()
+        axes = [[axis.name, axis.pulse, q] for axis, q in zip(self._machine.axes, home, strict=True)]
+        return {"clock_hz": self._clock_hz, "rule": describe_rule(self._rule), "axes": axes}
+
+    def add(self, motion: AxesMotion, last: bool = False, progress: Progress = ignore_progress) -> PulseSchedule:
+        """The pulses of the next part of the motion, as far as they are final, with those held back before.
+
+        Ticks and the duration, which is where the part ends, count from the start of the whole; start counts are those
+        reached by the pulses given before; bound and cost are those up to now. last: the motion ends with the part.
+        Raises Infeasible where the rule cannot keep what it states, as where an axis would need more than one pulse per
+        tick, with the place on the whole; MotionError for a part that does not go on from the one before, and for a
+        rule that makes no pulses of parts. The stream then stands where it stood.
+        """
+        now, machine = self._reached, self._machine
+        if now.ended:
+            raise MotionError("the motion has ended: begin another stream for another motion")
+        part = MotionPart(
+            motion,
+            machine.axes,
+            np.asarray(machine.home_q, float),
+            self._clock_hz,
+            now.tick,
+            now.counts,
+            now.ways,
+            last,
+            progress,
+        )
+        along = motion.at(np.array([0.0, motion.duration])).s
+        offset = now.s - float(along[0])
+        try:
+            fired = self._rule.fire(part)
+        except Infeasible as no:
+            raise _place_on_whole(no, part, offset, own=True) from None
+        known = self._join_tail(part, offset)
+        end = round(float(part.end_tick)) if last else None
+        until = None if last else max(now.until, floor(part.end_tick) - max(gaps.hold for gaps in self._gaps))
+        try:
+            spaced = [self._space(part, k, fired.axes[k], known, until, end) for k in range(len(machine.axes))]
+        except Infeasible as no:
+            raise _add_motor_remedy(_place_on_whole(no, part, offset, own=False), machine.axes) from None
+        started = now.given or tuple(axis.start for axis in fired.axes)
+        bounds = tuple(max(each) for each in zip(now.bounds, (axis.bound for axis in fired.axes), strict=True))
+        axes = tuple(
+            replace(axis, ticks=one.ticks, direction=one.direction, start=count, bound=bound + _widening(one.moved))
+            for axis, one, count, bound in zip(fired.axes, spaced, started, bounds, strict=True)
+        )
+        for pulses, axis in zip(axes, machine.axes, strict=True):
+            if axis.card is not None:
+                refuse_counter(pulses, axis)
+        moves = tuple(one.moved for one in spaced if one.moved is not None)
+        self._reached = _Reached(
+            tuple(one.held for one in spaced),
+            tuple(one.moved for one in spaced),
+            bounds,
+            part.end_tick,
+            offset + float(along[1]),
+            tuple(axis.final for axis in fired.axes),
+            fired.ways,
+            tuple(axis.final for axis in axes),
+            1 + max((int(axis.ticks[-1]) for axis in axes if len(axis)), default=0) if until is None else until,
+            None if until is None else self._cut_tail(part, known, until),
+            bool(last),
+        )
+        duration = float(part.end_tick / self._clock_hz)
+        return PulseSchedule(self._clock_hz, axes, duration, fired.rule or describe_rule(self._rule), moves)
+
+    def _space(
+        self, part: MotionPart, k: int, fired: AxisPulses, known: JoinedMotion, until: int | None, end: int | None
+    ) -> Spaced:
+        now, axis = self._reached, self._machine.axes[k]
+        ticks = np.concatenate([now.held[k].ticks, fired.ticks])
+        direction = np.concatenate([now.held[k].direction, fired.direction])
+        if len(now.held[k].ticks):
+            begin = float(part.tick / self._clock_hz)
+            remedy = "slow the motion, use a longer pulse, or a faster clock"
+            place = Place(
+                float(known.at(np.array([known.duration - part.motion.duration])).s[0]), t=begin, axis=axis.name
+            )
+            rate = 2.0 * self._clock_hz
+            refusal = Infeasible("pulse rate", axis.name, place, rate, self._clock_hz, "1/s", remedy)
+            ticks, direction = cancel_pairs(ticks, direction, lambda: refusal)
+        held = replace(now.held[k], ticks=ticks, direction=direction)
+        travel = partial(_look, part, known)
+        return space_pulses(held, k, axis, self._gaps[k], self._clock_hz, travel, now.moved[k], now.until, until, end)
+
+    def _join_tail(self, part: MotionPart, offset: float) -> JoinedMotion:
+        """The motion from where pulses are not given yet to the end of the part; path lengths are of the whole."""
+        tail = self._reached.tail
+        here = MotionSpan(part.motion, 0.0, part.motion.duration, offset)
+        return JoinedMotion.of(here) if tail is None else JoinedMotion.of(MotionSpan(tail, 0.0, tail.duration), here)
+
+    def _cut_tail(self, part: MotionPart, known: JoinedMotion, until: int) -> PieceMotion:
+        """The last of it, from a tick on."""
+        left = float(part.end_tick - until) / self._clock_hz
+        rest = JoinedMotion.of(MotionSpan(known, max(0.0, known.duration - left), known.duration))
+        return PieceMotion.of(rest, np.array([FIT_TOLERANCE * axis.pulse for axis in part.axes]))
+
+
+def _widening(moved: MovedPulses | None) -> float:
+    return 0.0 if moved is None else moved.error
+
+
+def _place_on_whole(no: Infeasible, part: MotionPart, offset: float, *, own: bool) -> Infeasible:
+    """The refusal with its place on the whole, its segment where that is known; own: it is placed on the part."""
+    if no.place is None or no.place.t is None:
+        return no
+    begin, place = float(part.tick / part.clock_hz), no.place
+    own_t, s = (no.place.t, place.s + offset) if own else (no.place.t - begin, place.s)
+    motion = part.motion.planned if isinstance(part.motion, MotorMotion) else part.motion
+    if isinstance(motion, Trajectory):
+        piece = int(motion.at(own_t).piece[0])
+        place = motion.path.place(s, piece, None, place.axis)
+    placed = replace(place, s=s, t=own_t + begin)
+    return Infeasible(no.kind, no.axis, placed, no.value, no.limit, no.unit, no.remedy)
+
+
+def _look(part: MotionPart, known: JoinedMotion, k: int, ticks: ArrayLike) -> tuple[Array, Array]:
+    """Where an axis is at ticks of the whole (N,), in pulses, and the path length."""
+    begin, rest = part.split_tick()
+    t = (np.asarray(ticks) - begin - rest) / part.clock_hz + (known.duration - part.motion.duration)
+    state = known.at(np.clip(t, 0.0, known.duration))
+    return state.q[:, k] / part.axes[k].pulse, state.s
+
+
+def _add_motor_remedy(no: Infeasible, axes: Sequence[Axis]) -> Infeasible:
+    """A refusal of spacing; of an axis that makes up for its screw it says so: a plan keeps the rate of the motor."""
+    made_up = next((axis.compensate for axis in axes if axis.name == no.axis), ())
+    if not made_up:
+        return no
+    remedy = (
+        f"that is with {' and '.join(made_up)} made up for: {no.remedy}; or let planner.plan make the motion, which "
+        "keeps the rate of the motor behind its screw"
+    )
+    return Infeasible(no.kind, no.axis, no.place, no.value, no.limit, no.unit, remedy)
