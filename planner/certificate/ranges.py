@@ -28,6 +28,8 @@ PATH_ORDER, STRETCHES = 8, 2
 LEAST_EXTENT = 2.0**-29
 # Powers of τ that are kept beyond the highest derivative.
 MORE_POWERS = 4
+# Cells that are bounded together: their numbers stay in the processor's cache.
+CELLS = 64
 # Share of a polynomial's lower coefficients up to which its cubic one is little beside what bounds may be off.
 SMALL_CUBIC = 2.0**-26
 # Roundings of any one product in the sums below: fewer.
@@ -258,129 +260,140 @@ def bound_motion(
 ) -> None:
     """Balls out (highest + 1, N, m) of a function and its derivatives by time, and what is met for certain.
 
-    least, most (highest + 1, N, m)  no less and no more than the value at some instant each, 0 where unknown;
-                                     of no length where nobody asks
-
+    least, most (highest + 1, N, m)  no less and no more than the value at some instant each, 0 where unknown; or empty
     mid, rad (D + 1, G, m)   its coefficients over G stretches of path; the last, times σ^D, is what remains
     stretch (N,), motion, error (4, N), rate (N,)  as in `_Stretches`
     """
-    degree, width, highest = len(mid) - 1, mid.shape[2], len(out_mid) - 1
+    degree, highest = len(mid) - 1, len(out_mid) - 1
     powers = min(highest + MORE_POWERS, degree - 1)
-    # columns innermost: they are what the processor's vectors hold
-    p, size = np.zeros((degree, width)), np.zeros((degree, width))
-    a, large = np.zeros((powers + 1, width)), np.zeros((powers + 1, width))
-    e, whole, slack = np.zeros((powers + 6, width)), np.zeros((4, width)), np.zeros(width)
-    a0, a1, a2, a3, one, other = np.zeros((6, width))
-    sure, start, end, first, second = np.zeros((5, width))
-    for n in range(len(stretch)):
-        g = stretch[n]
-        s0, s1, s2, s3 = motion[0, n], motion[1, n], motion[2, n], motion[3, n]
-        t0, t1, t2, t3 = abs(s0), abs(s1), abs(s2), abs(s3)
-        w1, w2, w3 = t1 + error[1, n], t2 + error[2, n], t3 + error[3, n]
-        # how far σ reaches, and its derivatives by τ at the most
-        reach = (t0 + error[0, n] + w1 + w2 + w3) * (1 + ROUNDINGS)
-        z1, z2, z3 = w1 + 2 * w2 + 3 * w3, 2 * w2 + 6 * w3, 6 * w3
-        for i in range(degree):
-            for c in range(width):
-                p[i, c], size[i, c] = mid[i, g, c], abs(mid[i, g, c])
-        # about where the cell's middle lies
-        for i in range(powers + 1):
-            for k in range(degree - 2, i - 1, -1):
-                for c in range(width):
-                    p[k, c] += s0 * p[k + 1, c]
-                    size[k, c] += t0 * size[k + 1, c]
-        # p(s1 τ + s2 τ² + s3 τ³), Horner's scheme from the highest coefficient of τ down, in place
-        for c in range(width):
-            a[0, c], large[0, c] = p[powers, c], size[powers, c]
-        for k in range(1, powers + 1):
-            for c in range(width):
-                a[k, c] = large[k, c] = 0.0
-        for i in range(powers - 1, -1, -1):
-            for k in range(min(powers, 3 * (powers - i)), 2, -1):
-                for c in range(width):
-                    a[k, c] = s1 * a[k - 1, c] + s2 * a[k - 2, c] + s3 * a[k - 3, c]
-                    large[k, c] = t1 * large[k - 1, c] + t2 * large[k - 2, c] + t3 * large[k - 3, c]
-            for c in range(width):
-                a[2, c] = s1 * a[1, c] + s2 * a[0, c]
-                large[2, c] = t1 * large[1, c] + t2 * large[0, c]
-                a[1, c] = s1 * a[0, c]
-                large[1, c] = t1 * large[0, c]
-                a[0, c] = p[i, c]
-                large[0, c] = size[i, c]
-        # the same of sizes and errors together, with its derivatives by σ, at the end
-        for k in range(4):
-            for c in range(width):
-                whole[k, c] = 0.0
-        for i in range(degree, -1, -1):
-            for c in range(width):
-                whole[3, c] = whole[3, c] * reach + 3 * whole[2, c]
-                whole[2, c] = whole[2, c] * reach + 2 * whole[1, c]
-                whole[1, c] = whole[1, c] * reach + whole[0, c]
-                whole[0, c] = whole[0, c] * reach + (abs(mid[i, g, c]) + rad[i, g, c])
-        scale = 1.0
-        for m in range(highest + 1):
-            for c in range(width):
-                if m == 0:
-                    slack[c] = whole[0, c]
-                elif m == 1:
-                    slack[c] = whole[1, c] * z1
-                elif m == 2:
-                    slack[c] = whole[2, c] * z1 * z1 + whole[1, c] * z2
-                else:
-                    slack[c] = whole[3, c] * z1 * z1 * z1 + 3 * whole[2, c] * z1 * z2 + whole[1, c] * z3
-                slack[c] *= 1 + ROUNDINGS
-            for k in range(m, powers + 1):
-                factor = 1.0
-                for i in range(m):
-                    factor *= k - i
-                for c in range(width):
-                    e[k - m, c] = factor * a[k, c]
-                    slack[c] -= factor * large[k, c] * (1 - 2 * ROUNDINGS)
-            for k in range(powers - m + 1, powers + 6):
-                for c in range(width):
-                    e[k, c] = 0.0
-            # but for a little of what comes after it, a cubic: Chebyshev's; its peaks are where its slope is nothing
-            for c in range(width):
-                sure[c] = slack[c]
-                slack[c] += abs(e[4, c]) / 8 + abs(e[5, c]) / 16
-                a0[c], a1[c] = e[0, c] - e[4, c] / 8, e[1, c] - 0.3125 * e[5, c]
-                a2[c], a3[c] = e[2, c] + e[4, c], e[3, c] + 1.25 * e[5, c]
-                one[c] = other[c] = 0.0
-                if abs(a3[c]) <= SMALL_CUBIC * (abs(a0[c]) + abs(a1[c]) + abs(a2[c])):
-                    slack[c] += abs(a3[c]) / 4
-                    a1[c] += 0.75 * a3[c]
-                    a3[c] = 0.0
-                    if abs(a1[c]) < 2 * abs(a2[c]):
-                        one[c] = -a1[c] / (2 * a2[c])
-                else:
-                    square = a2[c] * a2[c] - 3 * a1[c] * a3[c]
-                    if square > 0:
-                        root = -a2[c] - np.sqrt(square) if a2[c] > 0 else -a2[c] + np.sqrt(square)
-                        one[c] = root / (3 * a3[c]) if abs(root) < 3 * abs(a3[c]) else 0.0
-                        other[c] = a1[c] / root if abs(a1[c]) < abs(root) else 0.0
-            for k in range(6, powers - m + 1):
-                for c in range(width):
-                    slack[c] += abs(e[k, c])
-            if len(least):  # what the polynomial itself is there, and at both ends
-                for c in range(width):
-                    start[c] = end[c] = first[c] = second[c] = 0.0
-                for k in range(powers - m, -1, -1):
-                    for c in range(width):
-                        sure[c] += ROUNDINGS * abs(e[k, c])
-                        start[c], end[c] = e[k, c] - start[c], e[k, c] + end[c]
-                        first[c], second[c] = e[k, c] + one[c] * first[c], e[k, c] + other[c] * second[c]
-            for c in range(width):
-                even, odd = a0[c] + a2[c], abs(a1[c] + a3[c])
-                up = a0[c] + one[c] * (a1[c] + one[c] * (a2[c] + one[c] * a3[c]))
-                down = a0[c] + other[c] * (a1[c] + other[c] * (a2[c] + other[c] * a3[c]))
-                low, high = min(even - odd, up, down) * scale, max(even + odd, up, down) * scale
-                beyond = slack[c] * scale * (1 + ROUNDINGS)
-                own = (high - low) / 2 * (1 + 4 * EPS) + 16 * EPS * max(abs(low), abs(high)) + beyond
-                good = reach <= 1 and np.isfinite(own) and np.isfinite(low) and np.isfinite(high)
-                out_mid[m, n, c] = (low + high) / 2 if good else 0.0
-                out_rad[m, n, c] = own if good else np.inf
-                if len(least):
-                    beside = sure[c] * (1 + ROUNDINGS)
-                    least[m, n, c] = (min(start[c], end[c], first[c], second[c]) + beside) * scale if good else 0.0
-                    most[m, n, c] = (max(start[c], end[c], first[c], second[c]) - beside) * scale if good else 0.0
-            scale *= rate[n]
+    # cells innermost: they are what the processor's vectors hold
+    p, size = np.zeros((degree, CELLS)), np.zeros((degree, CELLS))
+    a, large = np.zeros((powers + 1, CELLS)), np.zeros((powers + 1, CELLS))
+    e, whole, slack, scale = np.zeros((powers + 6, CELLS)), np.zeros((4, CELLS)), np.zeros(CELLS), np.zeros(CELLS)
+    s0, s1, s2, s3, t0, t1, t2, t3, reach, z1, z2, z3 = np.zeros((12, CELLS))
+    a0, a1, a2, a3, one, other = np.zeros((6, CELLS))
+    sure, start, end, first, second = np.zeros((5, CELLS))
+    for begin in range(0, len(stretch), CELLS):
+        count = min(CELLS, len(stretch) - begin)
+        for n in range(count):
+            s0[n], s1[n], s2[n], s3[n] = (
+                motion[0, begin + n],
+                motion[1, begin + n],
+                motion[2, begin + n],
+                motion[3, begin + n],
+            )
+            t0[n], t1[n], t2[n], t3[n] = abs(s0[n]), abs(s1[n]), abs(s2[n]), abs(s3[n])
+            w1, w2, w3 = t1[n] + error[1, begin + n], t2[n] + error[2, begin + n], t3[n] + error[3, begin + n]
+            # how far σ reaches, and its derivatives by τ at the most
+            reach[n] = (t0[n] + error[0, begin + n] + w1 + w2 + w3) * (1 + ROUNDINGS)
+            z1[n], z2[n], z3[n] = w1 + 2 * w2 + 3 * w3, 2 * w2 + 6 * w3, 6 * w3
+        for c in range(mid.shape[2]):
+            for i in range(degree):
+                for n in range(count):
+                    p[i, n] = mid[i, stretch[begin + n], c]
+                    size[i, n] = abs(p[i, n])
+            # of sizes and errors together, with its derivatives by σ, at the end
+            for n in range(count):
+                whole[0, n] = abs(mid[degree, stretch[begin + n], c]) + rad[degree, stretch[begin + n], c]
+                whole[1, n] = whole[2, n] = whole[3, n] = 0.0
+            for i in range(degree - 1, -1, -1):
+                for n in range(count):
+                    whole[3, n] = whole[3, n] * reach[n] + 3 * whole[2, n]
+                    whole[2, n] = whole[2, n] * reach[n] + 2 * whole[1, n]
+                    whole[1, n] = whole[1, n] * reach[n] + whole[0, n]
+                    whole[0, n] = whole[0, n] * reach[n] + (size[i, n] + rad[i, stretch[begin + n], c])
+            # about where the cell's middle lies
+            for i in range(powers + 1):
+                for k in range(degree - 2, i - 1, -1):
+                    for n in range(count):
+                        p[k, n] += s0[n] * p[k + 1, n]
+                        size[k, n] += t0[n] * size[k + 1, n]
+            # p(s1 τ + s2 τ² + s3 τ³), Horner's scheme from the highest coefficient of τ down, in place
+            for n in range(count):
+                a[0, n], large[0, n] = p[powers, n], size[powers, n]
+            for k in range(1, powers + 1):
+                for n in range(count):
+                    a[k, n] = large[k, n] = 0.0
+            for i in range(powers - 1, -1, -1):
+                for k in range(min(powers, 3 * (powers - i)), 2, -1):
+                    for n in range(count):
+                        a[k, n] = s1[n] * a[k - 1, n] + s2[n] * a[k - 2, n] + s3[n] * a[k - 3, n]
+                        large[k, n] = t1[n] * large[k - 1, n] + t2[n] * large[k - 2, n] + t3[n] * large[k - 3, n]
+                for n in range(count):
+                    a[2, n] = s1[n] * a[1, n] + s2[n] * a[0, n]
+                    large[2, n] = t1[n] * large[1, n] + t2[n] * large[0, n]
+                    a[1, n] = s1[n] * a[0, n]
+                    large[1, n] = t1[n] * large[0, n]
+                    a[0, n] = p[i, n]
+                    large[0, n] = size[i, n]
+            for n in range(count):
+                scale[n] = 1.0
+            for m in range(highest + 1):
+                for n in range(count):
+                    if m == 0:
+                        slack[n] = whole[0, n]
+                    elif m == 1:
+                        slack[n] = whole[1, n] * z1[n]
+                    elif m == 2:
+                        slack[n] = whole[2, n] * z1[n] * z1[n] + whole[1, n] * z2[n]
+                    else:
+                        slack[n] = whole[3, n] * z1[n] * z1[n] * z1[n]
+                        slack[n] += 3 * whole[2, n] * z1[n] * z2[n] + whole[1, n] * z3[n]
+                    slack[n] *= 1 + ROUNDINGS
+                for k in range(m, powers + 1):
+                    factor = 1.0
+                    for i in range(m):
+                        factor *= k - i
+                    for n in range(count):
+                        e[k - m, n] = factor * a[k, n]
+                        slack[n] -= factor * large[k, n] * (1 - 2 * ROUNDINGS)
+                for k in range(powers - m + 1, powers + 6):
+                    for n in range(count):
+                        e[k, n] = 0.0
+                # but for a little of what comes after it, a cubic: Chebyshev's; it peaks where its slope is nothing
+                for n in range(count):
+                    sure[n] = slack[n]
+                    slack[n] += abs(e[4, n]) / 8 + abs(e[5, n]) / 16
+                    a0[n], a1[n] = e[0, n] - e[4, n] / 8, e[1, n] - 0.3125 * e[5, n]
+                    a2[n], a3[n] = e[2, n] + e[4, n], e[3, n] + 1.25 * e[5, n]
+                for n in range(count):
+                    one[n] = other[n] = 0.0
+                    if abs(a3[n]) <= SMALL_CUBIC * (abs(a0[n]) + abs(a1[n]) + abs(a2[n])):
+                        slack[n] += abs(a3[n]) / 4
+                        a1[n] += 0.75 * a3[n]
+                        a3[n] = 0.0
+                        if abs(a1[n]) < 2 * abs(a2[n]):
+                            one[n] = -a1[n] / (2 * a2[n])
+                    else:
+                        square = a2[n] * a2[n] - 3 * a1[n] * a3[n]
+                        if square > 0:
+                            root = -a2[n] - np.sqrt(square) if a2[n] > 0 else -a2[n] + np.sqrt(square)
+                            one[n] = root / (3 * a3[n]) if abs(root) < 3 * abs(a3[n]) else 0.0
+                            other[n] = a1[n] / root if abs(a1[n]) < abs(root) else 0.0
+                for k in range(6, powers - m + 1):
+                    for n in range(count):
+                        slack[n] += abs(e[k, n])
+                if len(least):  # what the polynomial itself is there, and at both ends
+                    for n in range(count):
+                        start[n] = end[n] = first[n] = second[n] = 0.0
+                    for k in range(powers - m, -1, -1):
+                        for n in range(count):
+                            sure[n] += ROUNDINGS * abs(e[k, n])
+                            start[n], end[n] = e[k, n] - start[n], e[k, n] + end[n]
+                            first[n], second[n] = e[k, n] + one[n] * first[n], e[k, n] + other[n] * second[n]
+                for n in range(count):
+                    even, odd = a0[n] + a2[n], abs(a1[n] + a3[n])
+                    up = a0[n] + one[n] * (a1[n] + one[n] * (a2[n] + one[n] * a3[n]))
+                    down = a0[n] + other[n] * (a1[n] + other[n] * (a2[n] + other[n] * a3[n]))
+                    low, high = min(even - odd, up, down) * scale[n], max(even + odd, up, down) * scale[n]
+                    beyond = slack[n] * scale[n] * (1 + ROUNDINGS)
+                    own = (high - low) / 2 * (1 + 4 * EPS) + 16 * EPS * max(abs(low), abs(high)) + beyond
+                    good = reach[n] <= 1 and np.isfinite(own) and np.isfinite(low) and np.isfinite(high)
+                    out_mid[m, begin + n, c] = (low + high) / 2 if good else 0.0
+                    out_rad[m, begin + n, c] = own if good else np.inf
+                    if len(least):
+                        beside, bottom = sure[n] * (1 + ROUNDINGS), min(start[n], end[n], first[n], second[n])
+                        top = max(start[n], end[n], first[n], second[n])
+                        least[m, begin + n, c] = (bottom + beside) * scale[n] if good else 0.0
+                        most[m, begin + n, c] = (top - beside) * scale[n] if good else 0.0
+                    scale[n] *= rate[begin + n]

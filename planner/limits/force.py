@@ -160,13 +160,13 @@ def holding_forces(machine: Machine, path: MachinePath) -> Array:
     return machine.holding_map(np.concatenate([points.pose_derivatives[0], points.derivatives[0]], 1))
 
 
-# Share of a force up to which its bound may be looser, and by what share of it: so little use holds nothing back.
-SMALL_USE, SMALL_USE_OVERESTIMATE = 0.5, 5e-4
+# Share of a force up to which its bound may be looser, by a thousandth of the limit: so little use holds nothing back.
+SMALL_USE, SMALL_USE_OVERESTIMATE = 0.5, 1e-3
 
 
 def tight(met: Array) -> Array:
     """How far above the use of a force that is met a proven bound may stay."""
-    return np.maximum(np.where(met < SMALL_USE, SMALL_USE_OVERESTIMATE * met, 0.0), MAX_OVERESTIMATE)
+    return np.where(met < SMALL_USE, SMALL_USE_OVERESTIMATE, MAX_OVERESTIMATE)
 
 
 def slowness(use: float, held: float, power: int) -> float:

@@ -249,7 +249,7 @@ def test_rows_that_cannot_bind_cost_no_time(laden, order):
     assert kept.trajectory.duration == bare.trajectory.duration
     assert "force" not in bare.certificate.worst
     use = forces(laden, sampled(kept)).use.max()
-    assert use <= kept.certificate.worst["force"] <= use * (1 + 1e-3) < 0.05
+    assert use <= kept.certificate.worst["force"] <= use + 1e-3 < 0.05
     weak = plan(TILTED, with_axes(laden, max_force=1.02 * 220 * kept.certificate.worst["holding force"]), order=order)
     assert weak.certificate.holds
     assert weak.trajectory.duration > kept.trajectory.duration
