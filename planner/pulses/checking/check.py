@@ -4,7 +4,7 @@ How far apart an axis asks for its pulses is written down again from what axes a
 Where counts that make up for play and screws leave their axes is simulated, and held against the planned motion.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from math import inf
 
@@ -14,84 +14,12 @@ from numpy.typing import ArrayLike
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
 from kinematics.machine.axis import Axis
-from planner.pulses.checking.search import HALF_TICK, X_ROUNDING, Samples, Search, Standard, check_band, check_between
-from planner.pulses.checking.standards import find_standard
+from planner.pulses.checking.rolling_motion import RollingMotion
+from planner.pulses.checking.search import HALF_TICK, X_ROUNDING, Search, check_band, check_between
+from planner.pulses.checking.standards import MechanicsStandard, find_standard, search_behind
 from planner.pulses.checking.verdict import AxisCheck, PulseCheck
-from planner.pulses.motion import AxesMotion, MotorMotion, apply_play, apply_screw
-from planner.pulses.schedule import AxisPulses, Compensation, PulseSchedule, Signs, Ticks
-
-INSTANT_BLOCK = 1 << 14  # instants looked at together
-
-
-@dataclass(slots=True)
-class MechanicsStandard(Standard):
-    """An axis behind what its pulses make up for: place = screw(play(count·pulse)), in pulses from home.
-
-    |place - x| ≤ s (bound + one tick's travel of the motor + what turned nothing), and s·off more in the windows of
-    time that are stated for crossing the play; s is the steepest slope of the screw. The play operator makes no
-    difference between two motors larger than it is. Play or screw that is not made up for was not asked to be.
-    Independent of how they were made up for: beside `off`, its windows and the farthest run back that turns nothing,
-    which the schedule states, only the machine's own play and table are used.
-    """
-
-    axis: Axis
-    held: float
-    bound: float
-    off: float
-    windows: Array
-    place: float = 0.0
-    largest: float = 0.0
-
-    @property
-    def exact(self) -> bool:
-        return False
-
-    def carry(self, counts: Array) -> Array:
-        """(N,) the places, in pulses, to which the next counts lead the axis."""
-        motor = counts * self.axis.pulse
-        if "backlash" in self.axis.compensate:
-            motor = apply_play(motor, self.axis, self.held)
-            self.held = float(motor[-1]) if len(motor) else self.held
-        return (apply_screw(motor, self.axis) if "lead" in self.axis.compensate else motor) / self.axis.pulse
-
-    def sides(self, search: Search, s: Samples) -> tuple[Array, Array]:
-        begin, end = self.windows
-        n = np.searchsorted(begin, s.t, side="right") - 1
-        crossing = (n >= 0) & (s.t <= end[n]) if len(begin) else np.zeros(len(s.t), bool)
-        side = self.bound + self.off * crossing
-        return side, side
-
-    def judge(self, search: Search, ticks: Ticks, sign: Array, s: Samples, first: int) -> None:
-        if not len(ticks):
-            return
-        before = replace(s, count=np.concatenate(([self.place], s.count[:-1])))
-        self.place = float(s.count[-1])
-        for each in (s, before):
-            check_band(search, each)
-            self.largest = max(self.largest, float(abs(each.x - each.count).max()))
-
-
-def search_behind(schedule: PulseSchedule, planned: AxesMotion, axes: Sequence[Axis], grid: Array) -> Iterator[Search]:
-    """A search for each axis that makes up for something, on the planned motion of the axes; grid (s) to look at."""
-    speeds = np.max(
-        [abs(planned.at(grid[lo : lo + INSTANT_BLOCK]).qd).max(axis=0) for lo in range(0, len(grid), INSTANT_BLOCK)],
-        axis=0,
-    )
-    for k, (pulses, axis) in enumerate(zip(schedule.axes, axes, strict=True)):
-        if not axis.compensate:
-            continue
-        cost = next((one for one in schedule.compensations if one.axis == pulses.name), Compensation(axis.name, ()))
-        windows = np.array(cost.windows).reshape(-1, 2).T
-        slope = axis.axis_ratio
-        travel = max(float(speeds[k]), cost.speed) * axis.motor_ratio / schedule.clock_hz
-        bound = slope * (pulses.bound + (travel + cost.unturned) / axis.pulse)
-        start = pulses.start * axis.pulse
-        mechanics = MechanicsStandard(axis, start, bound, slope * cost.off * axis.motor_ratio / axis.pulse, windows)
-        mechanics.place = float(mechanics.carry(np.array([float(pulses.start)]))[0])
-        yield Search(
-            schedule, k, planned, np.union1d(grid, windows.ravel().clip(0.0, planned.duration)), pulses.start, mechanics
-        )
-
+from planner.pulses.motion import AxesMotion, MotorMotion
+from planner.pulses.schedule import AxisPulses, PulseSchedule, Signs, Ticks
 
 SHORTENED_SHARE = 1e-3  # of the interval of a stated rate, which whole ticks may shorten by less
 INTERVAL_ROUNDING = 1e-9  # ticks
@@ -178,31 +106,103 @@ def check_parts(
     home_q: ArrayLike | None = None,
 ) -> PulseCheck:
     """The same of parts that follow each other in time, in memory for one: `stated` says all but their pulses."""
-    width = trajectory.at(np.zeros(1)).q.shape[1]
-    if width != len(stated.axes):
-        raise MotionError(f"the schedule has {len(stated.axes)} axes, the motion {width}; check it against its own")
-    grid = _make_grid(trajectory)
-    searches = [
-        Search(stated, k, trajectory, grid, stated.axes[k].start, find_standard(stated, k, trajectory))
-        for k in range(width)
-    ]
+    searches = _begin(stated, trajectory, machine_axes, home_q)
     carried: dict[int, Search] = {}
     if isinstance(trajectory, MotorMotion) and machine_axes is not None:
+        grid = _make_grid(trajectory.knots)
         carried = {search.k: search for search in search_behind(stated, trajectory.planned, machine_axes, grid)}
-    gaps = [None] * width if machine_axes is None else [Gaps.from_axis(axis) for axis in machine_axes]
-    for search in searches:
-        _check_identity(search, machine_axes, home_q)
+    gaps = _list_gaps(searches, machine_axes)
     for part in parts:
         for search, axis, gap in zip(searches, part.axes, gaps, strict=True):
             _check_part(search, carried.get(search.k), axis, gap)
     return PulseCheck(tuple(_conclude(search, carried.get(search.k)) for search in searches))
 
 
-def _make_grid(motion: AxesMotion) -> Array:
+def check_motion_parts(
+    stated: PulseSchedule,
+    parts: Iterable[PulseSchedule],
+    motions: Iterable[AxesMotion],
+    machine_axes: Sequence[Axis] | None = None,
+    home_q: ArrayLike | None = None,
+) -> PulseCheck:
+    """The same of a motion that comes in parts as well, each with a time from 0; a few of them are held at a time.
+
+    The parts of the pulses need not end where those of the motion do. Raises MotionError where there is no motion, and
+    for the rule `dda`, whose list of points is of the whole.
+    """
+    motion = RollingMotion(motions, stated.duration)
+    first = motion.load()
+    if first is None:
+        raise MotionError("the pulses are of a motion without parts: give at least one")
+    searches = _begin(stated, motion, machine_axes, home_q)
+    for search in searches:
+        search.note_drift(first.motion)
+    reach = stated.clock_hz**-1 * (4 + 2 * max(search.shift + search.standard.wait for search in searches))
+    gaps = _list_gaps(searches, machine_axes)
+    for part in parts:
+        ticks = [axis.ticks for axis in part.axes if len(axis)]
+        begin, end = (float(of(each[n] for each in ticks)) if ticks else 0.0 for of, n in ((min, 0), (max, -1)))
+        while motion.end < end / stated.clock_hz + reach and _load(motion, searches):
+            _advance(motion, searches, begin / stated.clock_hz, reach)
+        for search, axis, gap in zip(searches, part.axes, gaps, strict=True):
+            _check_part(search, None, axis, gap)
+        _advance(motion, searches, end / stated.clock_hz, reach)
+    _advance(motion, searches, motion.end, reach)
+    while _load(motion, searches):
+        _advance(motion, searches, motion.end, reach)
+    for search in searches:
+        _check_duration(search, motion.end)
+    return PulseCheck(tuple(_conclude(search, None) for search in searches))
+
+
+def _begin(
+    stated: PulseSchedule, motion: AxesMotion, machine_axes: Sequence[Axis] | None, home_q: ArrayLike | None
+) -> list[Search]:
+    """A search for each axis, which has looked at what the schedule says of itself and at the start."""
+    width = motion.at(np.zeros(1)).q.shape[1]
+    if width != len(stated.axes):
+        raise MotionError(f"the schedule has {len(stated.axes)} axes, the motion {width}; check it against its own")
+    grid = _make_grid(motion.knots)
+    searches = [
+        Search(stated, k, motion, grid, stated.axes[k].start, find_standard(stated, k, motion)) for k in range(width)
+    ]
+    for search in searches:
+        _check_duration(search, motion.duration)
+        _check_identity(search, machine_axes, home_q)
+        _check_end(search, "start count", 0.0, search.axis.start)
+    return searches
+
+
+def _list_gaps(searches: Sequence[Search], machine_axes: Sequence[Axis] | None) -> list[Gaps | None]:
+    return [None] * len(searches) if machine_axes is None else [Gaps.from_axis(axis) for axis in machine_axes]
+
+
+def _load(motion: RollingMotion, searches: Sequence[Search]) -> bool:
+    """The next part of a motion, to be looked at; False where there is none."""
+    part = motion.load()
+    if part is None:
+        return False
+    grid = _make_grid(part.knots)
+    for search in searches:
+        search.note_drift(part.motion)
+        search.grid = np.concatenate((search.grid, grid[grid > part.begin]))
+    return True
+
+
+def _advance(motion: RollingMotion, searches: Sequence[Search], until: float, reach: float) -> None:
+    """Look at all before a time (s), up to which there is no other pulse, and let go of the motion there."""
+    ordered = [search for search in searches if search.is_ordered]
+    for search in ordered:
+        _check_motion(search, np.empty(0, np.int64), np.empty(0, np.int8), search.pulses, until)
+    seen = [search.last.t[-1] if search.last is not None else 0.0 for search in ordered]
+    motion.forget(float(min(seen, default=until)) - reach)
+
+
+def _make_grid(knots: Array) -> Array:
     """Instants that see every knot from both sides, and each interval inside."""
-    lo, hi = motion.knots[:-1], motion.knots[1:]
+    lo, hi = knots[:-1], knots[1:]
     inside = lo[:, None] + (hi - lo)[:, None] * np.arange(GRID_INSTANTS) / GRID_INSTANTS
-    throughout = np.linspace(0.0, motion.duration, 64 * GRID_INSTANTS + 1)
+    throughout = np.linspace(knots[0], knots[-1], 64 * GRID_INSTANTS + 1)
     return np.unique(np.concatenate((inside.ravel(), np.nextafter(hi, lo), throughout)))
 
 
@@ -230,7 +230,6 @@ def _conclude(search: Search, carried: Search | None) -> AxisCheck:
     else:
         search.time_error = search.position_error = np.inf
     time_error = search.time_error if search.standard.exact else None
-    _check_end(search, "start count", 0.0, search.axis.start)
     final_error = _check_end(search, "final count", search.motion.duration, search.count)
     figures = time_error, search.position_error, search.closest * search.tick, final_error
     found = AxisCheck(search.axis.name, search.pulses, *figures, tuple(search.faults), search.kinds.total())
@@ -245,12 +244,16 @@ def _conclude(search: Search, carried: Search | None) -> AxisCheck:
     )
 
 
-def _check_identity(search: Search, machine_axes: Sequence[Axis] | None, home_q: ArrayLike | None) -> None:
-    """The schedule is of this motion, and of this machine."""
-    axis, nowhere = search.axis, np.zeros(1, np.int64)
-    late = search.schedule.duration - search.motion.duration
+def _check_duration(search: Search, duration: float) -> None:
+    """The schedule takes as long as its motion (s)."""
+    late = search.schedule.duration - duration
     if not abs(late) <= search.tick:
-        search.report("duration", nowhere, "{:+.9g} s from the motion's", np.array([late]))
+        search.report("duration", np.zeros(1, np.int64), "{:+.9g} s from the motion's", np.array([late]))
+
+
+def _check_identity(search: Search, machine_axes: Sequence[Axis] | None, home_q: ArrayLike | None) -> None:
+    """The schedule is of this machine."""
+    axis, nowhere = search.axis, np.zeros(1, np.int64)
     if machine_axes is not None:
         given = machine_axes[search.k]
         if axis.name != given.name:
@@ -283,11 +286,13 @@ def _check_order(search: Search, part: AxisPulses, gaps: Gaps | None) -> None:
         search.latest, search.pulses = int(ticks[-1]), search.pulses + len(ticks)
 
 
-def _check_motion(search: Search, ticks: Ticks, direction: Signs, first: int) -> None:
-    """The next pulses (N,), and all that lies ahead of the last; without pulses, the rest of the motion."""
+def _check_motion(search: Search, ticks: Ticks, direction: Signs, first: int, until: float = inf) -> None:
+    """The next pulses (N,), and all that lies ahead of the last; without pulses, the motion before a time (s)."""
     # A pulse that rounding put up to half a tick behind the end of the motion is seen at the end.
     fires = np.minimum(ticks / search.schedule.clock_hz, search.motion.duration)
-    ahead = int(np.searchsorted(search.grid, fires[-1], side="right")) if len(fires) else len(search.grid)
+    ahead = int(
+        np.searchsorted(search.grid, fires[-1] if len(fires) else until, side="right" if len(fires) else "left")
+    )
     between, search.grid = search.grid[:ahead], search.grid[ahead:]
     t = np.concatenate((between, fires))
     order = np.argsort(t, kind="stable")  # a grid instant at a pulse comes first: it sees the count before

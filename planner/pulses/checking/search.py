@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinematics.foundation.arrays import Array
+from planner.pulses.checking.rolling_motion import RollingMotion
 from planner.pulses.checking.verdict import PulseFault
 from planner.pulses.motion import AxesMotion, MotionState, SingleAxisMotion
 from planner.pulses.schedule import AxisPulses, PulseSchedule, Signs, Ticks
@@ -114,12 +115,17 @@ class Search:
     faults: list[PulseFault] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        t = np.linspace(0.0, self.motion.duration, SLOPE_INSTANTS)
-        state, k = self._state(t)
+        if not isinstance(self.motion, RollingMotion):
+            self.note_drift(self.motion)
+
+    def note_drift(self, motion: AxesMotion) -> None:
+        """Look how rounding of s shows in x: on the motion, or on a part of it."""
+        t = np.linspace(0.0, motion.duration, SLOPE_INSTANTS)
+        state, k = _ask(motion, t, self.k)
         way, change = abs(np.diff(state.s)), abs(np.diff(state.q[:, k])) / self.axis.pulse
         far = float(abs(state.s).max())
         seen = way > MIN_WAY_SHARE * far
-        self.drift = far * float((change[seen] / way[seen]).max(initial=0.0))
+        self.drift = max(self.drift, far * float((change[seen] / way[seen]).max(initial=0.0)))
 
     @property
     def axis(self) -> AxisPulses:
@@ -135,14 +141,9 @@ class Search:
         return not any(self.kinds[kind] for kind in ("order", "outside", "direction"))
 
     def sample(self, t: Array, count: Array, way: Array) -> Samples:
-        state, k = self._state(t)
+        state, k = _ask(self.motion, t, self.k)
         v, a, j = (values[:, k] / self.axis.pulse for values in (state.qd, state.qdd, state.qddd))
         return Samples(t, (state.q[:, k] - self.axis.home) / self.axis.pulse, v, a, j, count, way)
-
-    def _state(self, t: Array) -> tuple[MotionState, int]:
-        """What the motion says, and where in it the axis is."""
-        motion = self.motion
-        return (motion.axis_at(t, self.k), 0) if isinstance(motion, SingleAxisMotion) else (motion.at(t), self.k)
 
     def at(self, t: Array) -> Samples:
         """Samples of the motion alone."""
@@ -191,6 +192,11 @@ class Search:
     def extra_bound(self) -> float:
         """Pulses by which that widened the bound."""
         return sum(one.error for one in self.schedule.moves if one.axis == self.axis.name)
+
+
+def _ask(motion: AxesMotion, t: Array, axis: int) -> tuple[MotionState, int]:
+    """What the motion says, and where in it the axis is."""
+    return (motion.axis_at(t, axis), 0) if isinstance(motion, SingleAxisMotion) else (motion.at(t), axis)
 
 
 def find_reversals(sign: Array | Signs, way: int) -> NDArray[np.bool_]:

@@ -99,7 +99,7 @@ class Dda(Rule):
             ticks, sign = self._bursts(began, steps[:, k], rate, clock_hz)
             fired.append(AxisPulses(axis.name, ticks, sign, int(start[k]), axis.pulse, float(home[k]), bound))
             part.tell(k + 1, len(axes))
-        return Fired(tuple(fired), (0,) * len(fired), describe_rule(replace(self, rate=rate)))
+        return Fired(tuple(fired), (0,) * len(fired), rule=describe_rule(replace(self, rate=rate)))
 
     def _burst_rate(self, axes: Sequence[Axis], clock_hz: int) -> float:
         """1/s: the rate given, or the highest that all axes take, or where none states one the usual."""

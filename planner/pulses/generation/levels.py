@@ -70,7 +70,8 @@ def find_crossings(part: MotionPart, levels: Levels) -> Fired:
     begin, rest = part.split_tick()
     pulse = np.array([axis.pulse for axis in axes])
     pieces = fit(motion, FIT_TOLERANCE * pulse)
-    slack = (pieces.noise + X_ROUNDING * abs(home)) / pulse
+    noise = np.maximum(pieces.noise, part.noise) if part.noise else pieces.noise
+    slack = (noise + X_ROUNDING * abs(home)) / pulse
     fired, ways = [], []
     for k, axis in enumerate(axes):
         if slack[k] > MAX_COUNT_BLUR:
@@ -98,7 +99,7 @@ def find_crossings(part: MotionPart, levels: Levels) -> Fired:
         ticks += begin
         ticks.flags.writeable = direction.flags.writeable = False
         fired.append(AxisPulses(axis.name, ticks, direction, int(counts[0]), axis.pulse, float(home[k]), levels.bound))
-    return Fired(tuple(fired), tuple(ways))
+    return Fired(tuple(fired), tuple(ways), tuple(noise.tolist()))
 
 
 def _rate_error(trajectory: AxesMotion, axis: Axis, stretches: Stretches, clock_hz: int) -> Infeasible:

@@ -28,6 +28,7 @@ class MotionPart:
     home      (n,) axis positions from which pulses count
     tick      ticks since the start of the whole, exact: parts begin at no whole tick
     counts    of the axes; ways: of the last pulse of each, 0 for none. Empty for the first part
+    noise     (n,) m or rad: the largest that rounding made of the motion before it
     last      the motion ends with the part
     tell      how far the pulses are
     """
@@ -39,6 +40,7 @@ class MotionPart:
     tick: Fraction = Fraction(0)
     counts: tuple[int, ...] = ()
     ways: tuple[int, ...] = ()
+    noise: tuple[float, ...] = ()
     last: bool = True
     tell: Progress = ignore_progress
 
@@ -62,11 +64,13 @@ class MotionPart:
 class Fired:
     """The pulses of a part, their ticks on the clock of the whole, and which way each axis went last, 0 for neither.
 
+    noise (n,) m or rad: the largest that rounding has made of the motion up to its end
     rule  as the schedule states it, where it has options that the rule chose
     """
 
     axes: tuple[AxisPulses, ...]
     ways: tuple[int, ...]
+    noise: tuple[float, ...] = ()
     rule: str = ""
 
 

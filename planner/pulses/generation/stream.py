@@ -44,7 +44,7 @@ class _Reached:
     """Where a stream stands: what the next part goes on from.
 
     tick    where it begins, in ticks; s: path length there
-    counts  of the axes up to there; ways: of the last pulse of each
+    counts  of the axes up to there; ways: of the last pulse of each; noise: m or rad, the largest of each
     given   the counts that the pulses given lead to; held: of each axis, the others
     bounds  of the counts, so far; moved: what moving pulses apart cost
     until   tick before which all pulses are given
@@ -59,6 +59,7 @@ class _Reached:
     s: float = 0.0
     counts: tuple[int, ...] = ()
     ways: tuple[int, ...] = ()
+    noise: tuple[float, ...] = ()
     given: tuple[int, ...] = ()
     until: int = 0
     tail: PieceMotion | None = None
@@ -67,7 +68,10 @@ class _Reached:
     def record(self) -> dict[str, Any]:
         """Plain numbers, as JSON has them."""
         return {
-            **{name: getattr(self, name) for name in ("bounds", "s", "counts", "ways", "given", "until", "ended")},
+            **{
+                name: getattr(self, name)
+                for name in ("bounds", "s", "counts", "ways", "noise", "given", "until", "ended")
+            },
             "tick": self.tick.as_integer_ratio(),
             "held": [
                 {
@@ -99,6 +103,7 @@ class _Reached:
             record["s"],
             tuple(record["counts"]),
             tuple(record["ways"]),
+            tuple(record["noise"]),
             tuple(record["given"]),
             record["until"],
             tail=None if record["tail"] is None else PieceMotion.from_record(record["tail"]),
@@ -167,6 +172,12 @@ class PulseStream:
         now, machine = self._reached, self._machine
         if now.ended:
             raise MotionError("the motion has ended: begin another stream for another motion")
+        made_up = next((axis.name for axis in machine.axes if axis.compensate), None)
+        if made_up is not None and not isinstance(motion, MotorMotion):
+            raise MotionError(
+                f"axis {made_up} makes up for its play or lead error, which looks ahead: plan the whole at once, or "
+                "leave the compensation to the controller"
+            )
         part = MotionPart(
             motion,
             machine.axes,
@@ -175,6 +186,7 @@ class PulseStream:
             now.tick,
             now.counts,
             now.ways,
+            now.noise,
             last,
             progress,
         )
@@ -209,6 +221,7 @@ class PulseStream:
             offset + float(along[1]),
             tuple(axis.final for axis in fired.axes),
             fired.ways,
+            fired.noise,
             tuple(axis.final for axis in axes),
             1 + max((int(axis.ticks[-1]) for axis in axes if len(axis)), default=0) if until is None else until,
             None if until is None else self._cut_tail(part, known, until),
