@@ -25,6 +25,8 @@ from planner.trajectory import State, Trajectory, unit_speed_trajectory
 
 # Smallest cell, as a share of the part that it is cut from; beyond it a singular pose counts as met.
 MIN_CELL_SHARE = 2.0**-12
+# Cells that are looked at together: few enough for what their series take.
+CELL_BATCH = 1024
 
 
 def find_singularity(path: MachinePath, ends: Array, piece: np.ndarray) -> tuple[float, int] | None:
@@ -38,7 +40,8 @@ def find_singularity(path: MachinePath, ends: Array, piece: np.ndarray) -> tuple
     least = MIN_CELL_SHARE * width
     met: list[tuple[float, int]] = []
     while len(low):
-        fine = _is_nonsingular(path, low, width, piece)
+        batches = (slice(first, first + CELL_BATCH) for first in range(0, len(low), CELL_BATCH))
+        fine = np.concatenate([_is_nonsingular(path, low[own], width[own], piece[own]) for own in batches])
         hopeless = ~fine & (width <= least)
         met += zip((low + width / 2)[hopeless].tolist(), piece[hopeless].tolist(), strict=True)
         # only what lies before the first place that is met

@@ -23,6 +23,7 @@ from itertools import pairwise
 import numpy as np
 
 from kinematics.foundation.arrays import Array
+from kinematics.foundation.kernels import kernel
 from planner.limits.limit import Term
 from planner.timing.problem import Problem
 from planner.timing.profile import Profile
@@ -93,16 +94,23 @@ class Smoothed:
         """(4, N) of ṡ, s̈, s⃛, h on a grid s (N+1,), consistent with each other."""
         dense = self._instants(len(s))
         after = np.searchsorted(np.maximum.accumulate(self.at(dense)[0]), s).clip(1, len(dense) - 1)
-        low, high = dense[after - 1], dense[after]
-        for _ in range(BISECTIONS_OF_INSTANT):
-            t = (low + high) / 2
-            early = self.at(t)[0] < s
-            low, high = np.where(early, t, low), np.where(early, high, t)
-        t = (low + high) / 2
+        t = self._find_passage(s, dense[after - 1], dense[after])
         t[0], t[-1] = 0.0, self.duration
         h = np.maximum(np.diff(t), 1e-6 * self.duration / len(s))
         _, v, a, _ = self.at(t)
         return np.stack([v[:-1], a[:-1], np.diff(a) / h, h])
+
+    def _find_passage(self, s: Array, low: Array, high: Array) -> Array:
+        """The instants (N,) between low and high at which the average comes by s (N,)."""
+        if self.window > SHORT_WINDOW_SHARE * self.duration:
+            t, m, ends = np.empty(len(s)), self.motion, (float(self.motion.s[0]), self.end)
+            find_passage(self.knots, self.area, m.s, m.v, m.a, ends, self.speeds, self.window, s, low, high, t)
+            return t
+        for _ in range(BISECTIONS_OF_INSTANT):
+            t = (low + high) / 2
+            early = self.at(t)[0] < s
+            low, high = np.where(early, t, low), np.where(early, high, t)
+        return np.asarray((low + high) / 2)
 
     def spread(self, intervals: int) -> Array:
         """Points s (intervals+1,) for a grid: half even in time, half even over the time in which the jerk acts.
@@ -149,6 +157,65 @@ class Smoothed:
         place = s + tau * (v + tau * a / 2) + before * early + after * late
         speed = np.where(t < 0, before, np.where(t >= last, after, v + tau * a))
         return area, place, speed, np.where((t < 0) | (t >= last), 0.0, a)
+
+
+@kernel
+def find_passage(
+    knots: Array,
+    area: Array,
+    s: Array,
+    v: Array,
+    a: Array,
+    ends: tuple[float, float],
+    speeds: tuple[float, float],
+    window: float,
+    wanted: Array,
+    first: Array,
+    last: Array,
+    out: Array,
+) -> None:
+    """Fill out (N,): instants between first and last at which an average over a window comes by what is wanted (N,).
+
+    knots (M+1,), area (M+1,) ∫ s up to each, s, v, a (M,) of the motion, its ends and the speeds beyond them.
+    """
+    for n in range(len(wanted)):
+        low, high = first[n], last[n]
+        for _ in range(BISECTIONS_OF_INSTANT):
+            t = (low + high) / 2
+            if (
+                integrate_place(knots, area, s, v, a, ends, speeds, t)
+                - integrate_place(knots, area, s, v, a, ends, speeds, t - window)
+            ) / window < wanted[n]:
+                low = t
+            else:
+                high = t
+        out[n] = (low + high) / 2
+
+
+@kernel
+def integrate_place(
+    knots: Array,
+    area: Array,
+    s: Array,
+    v: Array,
+    a: Array,
+    ends: tuple[float, float],
+    speeds: tuple[float, float],
+    t: float,
+) -> float:
+    """∫ s of a motion up to t, with constant speed before 0 and after its end."""
+    early, late = min(t, 0.0), max(t - knots[-1], 0.0)
+    below, above = 0, len(s)
+    while above - below > 1:
+        middle = (below + above) // 2
+        if knots[middle] <= t:
+            below = middle
+        else:
+            above = middle
+    tau = min(max(t, 0.0), knots[-1]) - knots[below]
+    found = area[below] + tau * (s[below] + tau * (v[below] / 2 + tau * a[below] / 6))
+    beyond = early * (ends[0] + speeds[0] * early / 2) + late * (ends[1] + speeds[1] * late / 2)
+    return float(found + beyond)
 
 
 def _separate(instants: Array, duration: float) -> Array:
