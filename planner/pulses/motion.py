@@ -50,6 +50,13 @@ class SingleAxisMotion(AxesMotion, Protocol):
 
 
 @runtime_checkable
+class PositionMotion(AxesMotion, Protocol):
+    """A motion that tells where its axes are, (N, axes), in a fraction of the time that a state takes."""
+
+    def positions_at(self, t: Array, /) -> Array: ...
+
+
+@runtime_checkable
 class MotorMotion(AxesMotion, Protocol):
     """What motors do so that behind play and screws their axes do what is planned; planned: of the axes."""
 

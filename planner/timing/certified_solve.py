@@ -120,12 +120,14 @@ def certified_solve(
     spread(RunCertifier(path, tuple(limits), order, timing), parts, finish_part)
     limits = hold_axes(limits, [held for one in found for held in one.held])
     trajectory, known = _join_runs(path, limits, found, stops)
+    rounds, methods = max(one.rounds for one in found), tuple(one.solution.method for one in found)
+    least = sum(one.solution.bound for one in found) + float(path.dwells.sum())
+    room = found[-1].room
+    found.clear()  # as much again as what was joined of it
     certificate = certify(trajectory, limits, known)
     if proving and not certificate.holds:
         raise _unproved_error(trajectory, limits, certificate)
-    rounds, methods = max(one.rounds for one in found), tuple(one.solution.method for one in found)
-    least = sum(one.solution.bound for one in found) + float(path.dwells.sum())
-    return Solution(trajectory, certificate, limits, order, rounds, methods, least, found[-1].room)
+    return Solution(trajectory, certificate, limits, order, rounds, methods, least, room)
 
 
 def _fastest_timing(path: ActuatorPath, order: int) -> Timing:

@@ -81,12 +81,17 @@ def refine_problem(path: ActuatorPath, limits: Sequence[Limit], problem: Problem
 
 
 def cut_intervals(path: ActuatorPath, limits: Sequence[Limit], problem: Problem, count: np.ndarray) -> Problem:
-    """A problem each of whose intervals is cut in so many (N,) even ones, with the room that it had."""
+    """A problem each of whose intervals is cut in so many (N,) even ones, with the room that it had.
+
+    Loads of which it has no rows are far from their limits, and left out again.
+    """
     first = np.repeat(np.cumsum(count) - count, count)
     share = (np.arange(count.sum()) - first) / np.repeat(count, count)
     s = np.repeat(problem.s[:-1], count) + share * np.repeat(np.diff(problem.s), count)
     placed = np.append(s, problem.s[-1]), np.repeat(problem.piece, count)
-    finer = pose_problem(path, limits, *placed, problem.speeds)
+    names = {block.name for block in problem.blocks}
+    posed = [limit for limit in limits if limit.name in names or Term.ONE not in limit.terms]
+    finer = pose_problem(path, posed, *placed, problem.speeds)
     finer = replace(finer, free=problem.free, passed=problem.passed, acceleration=problem.acceleration)
     room = {block.name: np.repeat(block.room, count) for block in problem.blocks}
     blocks = tuple(replace(block, room=room.get(block.name, block.room)) for block in finer.blocks)

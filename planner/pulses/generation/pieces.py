@@ -15,7 +15,7 @@ from kinematics.foundation.polynomials import bernstein_matrix, derivative, shif
 from kinematics.foundation.units import format_distinct
 from kinematics.machine.axis import Axis
 from planner.place import Infeasible, Place
-from planner.pulses.motion import AxesMotion
+from planner.pulses.motion import AxesMotion, PositionMotion
 
 PROBES = np.array([0.3, 0.7])  # off the middle: there an error that is odd about the middle would hide
 X_ROUNDING = 16 * np.finfo(float).eps
@@ -61,7 +61,7 @@ def fit(motion: AxesMotion, tolerance: Array) -> Pieces:
     if not len(lo):
         raise MotionError(f"the motion ends at {motion.duration} s, where it starts; give it time to move")
     before = np.full((len(lo), len(tolerance)), np.inf)
-    fitted: list[tuple[Array, Array, Array]] = []
+    fitted: list[tuple[Array, Array, list[Array]]] = []
     reach, speed, drift, worst, rough = np.zeros((5, len(tolerance)))
     for depth in range(MAX_HALVINGS):
         coefficients, error, size, rate, along = _quintics(motion, lo, hi)
@@ -74,21 +74,26 @@ def fit(motion: AxesMotion, tolerance: Array) -> Pieces:
         if good.all():
             fitted.append((lo, hi, coefficients))
             break
-        fitted.append((lo[good], hi[good], coefficients[:, :, good]))
+        for k, own in enumerate(coefficients):  # one after the other goes: they are most of what a plan holds
+            coefficients[k] = own[:, good]
+        fitted.append((lo[good], hi[good], coefficients))
         lo, hi, before = lo[~good], hi[~good], np.repeat(error[~good], 2, axis=0)
         if depth == MAX_HALVINGS - 1 or len(lo) > MAX_PIECES:
             raise _roughness_error(lo, error[~good], most)
         middle = (lo + hi) / 2
         lo, hi = np.column_stack((lo, middle)).ravel(), np.column_stack((middle, hi)).ravel()
-    if len(fitted) == 1:  # in order already, and too much to copy
-        ((start, end, coefficients),) = fitted
-    else:
-        start, end = (np.concatenate([piece[k] for piece in fitted]) for k in (0, 1))
-        order = np.argsort(start)
-        start, end = start[order], end[order]
-        coefficients = np.concatenate([piece[2] for piece in fitted], axis=2)[:, :, order]
-    coefficients.flags.writeable = False
-    return Pieces(start, end - start, coefficients, np.maximum(noise, rough), worst)
+    start, end = (np.concatenate([piece[k] for piece in fitted]) for k in (0, 1))
+    order = np.argsort(start)
+    every = np.empty((len(tolerance), 6, len(start)))
+    for k in range(len(tolerance)):
+        parts = [piece[2][k] for piece in fitted]
+        for piece in fitted:
+            piece[2][k] = _NOTHING
+        every[k] = parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1)[:, order]
+        del parts
+    start, end = start[order], end[order]
+    every.flags.writeable = False
+    return Pieces(start, end - start, every, np.maximum(noise, rough), worst)
 
 
 def _roughness_error(lo: Array, error: Array, tolerance: Array) -> MotionError:
@@ -100,17 +105,22 @@ def _roughness_error(lo: Array, error: Array, tolerance: Array) -> MotionError:
     )
 
 
-def _quintics(motion: AxesMotion, lo: Array, hi: Array) -> tuple[Array, Array, Array, Array, Array]:
-    """Coefficients (n, 6, P), largest error at the probes (P, n), and the largest |q|, |q̇| and s·dq/ds (n,).
+_NOTHING = np.empty((6, 0))
+
+
+def _quintics(motion: AxesMotion, lo: Array, hi: Array) -> tuple[list[Array], Array, Array, Array, Array]:
+    """Of each axis coefficients (6, P), largest error at the probes (P, n), and the largest |q|, |q̇| and s·dq/ds (n,).
 
     In blocks: a state holds far more than what is kept.
     """
     blocks = [slice(first, first + BLOCK_INTERVALS) for first in range(0, len(lo), BLOCK_INTERVALS)]
     axes = motion.at(lo[:1]).q.shape[1]
-    coefficients, error = np.empty((axes, 6, len(lo))), np.empty((len(lo), axes))
+    coefficients, error = [np.empty((6, len(lo))) for _ in range(axes)], np.empty((len(lo), axes))
     reach, speed, drift = np.zeros((3, axes))
     for block in blocks:
-        coefficients[:, :, block], error[block], size, rate, along = _block(motion, lo[block], hi[block])
+        found, error[block], size, rate, along = _block(motion, lo[block], hi[block])
+        for every, own in zip(coefficients, found, strict=True):
+            every[:, block] = own
         reach, speed, drift = np.maximum(reach, size), np.maximum(speed, rate), np.maximum(drift, along)
     return coefficients, error, reach, speed, drift
 
@@ -124,7 +134,9 @@ def _block(motion: AxesMotion, lo: Array, hi: Array) -> tuple[Array, Array, Arra
     v0, v1, a0, a1 = v0 * h, v1 * h, a0 * h**2, a1 * h**2
     r, s, w = q1 - q0 - v0 - a0 / 2, v1 - v0 - a0, a1 - a0
     c = np.stack((q0, v0, a0 / 2, 10 * r - 4 * s + w / 2, -15 * r + 7 * s - w, 6 * r - 3 * s + w / 2))
-    true = motion.at((lo[:, None] + PROBES * (hi - lo)[:, None]).ravel()).q.reshape(len(lo), len(PROBES), -1)
+    t = (lo[:, None] + PROBES * (hi - lo)[:, None]).ravel()
+    true = motion.positions_at(t) if isinstance(motion, PositionMotion) else motion.at(t).q
+    true = true.reshape(len(lo), len(PROBES), -1)
     ours = np.einsum("ipn,ui->pun", c, PROBES[:, None] ** np.arange(6))
     return (
         c.transpose(2, 0, 1),
@@ -164,10 +176,19 @@ class Stretches:
 
 
 def cut_monotone(start: Array, length: Array, coefficients: Array, slack: float) -> Stretches:
-    """The pieces (P,), (P,), (6, P) cut at their turning points; inside a stretch x runs back by no more than `slack`.
+    """The pieces (P,), (P,), (6, P) cut at their turning points; inside a stretch x runs back by at most `slack`."""
+    blocks = [slice(first, first + BLOCK_INTERVALS) for first in range(0, len(start), BLOCK_INTERVALS)]
+    parts = [_cut_block(start[own], length[own], coefficients[:, own], slack) for own in blocks]
+    return Stretches(
+        np.concatenate([part.start for part in parts]),
+        np.concatenate([part.length for part in parts]),
+        np.concatenate([part.coefficients for part in parts], axis=1),
+    )
 
-    Undecided pieces are halved until the Bernstein coefficients of x′ have one sign, or change it once: there the root
-    is found.
+
+def _cut_block(start: Array, length: Array, coefficients: Array, slack: float) -> Stretches:
+    """Undecided pieces are halved until the Bernstein coefficients of x′ have one sign, or change it once: there the
+    root is found.
     """
     piece, lo, width = np.arange(len(start)), np.zeros(len(start)), np.ones(len(start))
     done: list[tuple[NDArray[np.intp], Array, Array]] = []
