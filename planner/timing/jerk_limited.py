@@ -17,6 +17,8 @@ from planner.timing.certified_run import SOLVER_MARGIN, required_slowness, tight
 from planner.timing.discretization import (
     ROUGH_GRID,
     START_GRID,
+    THIRD_ORDER,
+    Rule,
     brief_problem,
     coarse_jerk_problem,
     continue_problem,
@@ -107,27 +109,17 @@ def solve_leg(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> RunSolut
     problem = continue_problem(path, limits, run, problem, run.continuation)
     guess, known = start.on(problem.s), run.continuation.columns
     guess[:, : known.shape[1]] = known
-    return solve_jerk_limited(problem, guess, look=_look_along(path, limits))
+    return solve_jerk_limited(problem, guess, look=look_along(path, limits))
 
 
 def _solve_in_two(path: ActuatorPath, limits: Sequence[Limit], run: Run, coarse: Problem) -> RunSolution:
-    """Roughly on a few intervals, then on a grid that is fine where that loses time; at once where it says little.
-
-    An interval that is cut in m parts loses an m-th of what it did: Σ lossₖ/mₖ is least, for a number Σ mₖ of
-    intervals, where mₖ goes with √lossₖ.
-    """
-    posed = jerk_problem(path, limits, run, coarse, ROUGH_GRID)
-    if isinstance(posed, MotionError):
-        return RunSolution.refused(posed)
-    problem, start = posed
-    guess = start.on(problem.s)
-    rough = estimate_motion(problem, guess)
-    if not isinstance(rough, MotionError) and _tells_loss(*rough, guess):
-        motion, lost = rough
-        weight = np.sqrt(lost)
-        beside = np.maximum(np.append(weight[1:], 0.0), np.append(0.0, weight[:-1]))  # what binds may move a little
-        finer = place_problem(path, limits, run, motion, np.maximum(weight, beside / 2))
-        leg = solve_jerk_limited(finer, motion.on(finer.s), "finer", _look_along(path, limits))
+    """Roughly on a few intervals, then on a grid that is fine where that loses time; at once where it says little."""
+    placed = place_by_loss(path, limits, run, coarse)
+    if isinstance(placed, MotionError):
+        return RunSolution.refused(placed)
+    if placed is not None:
+        finer, motion = placed
+        leg = solve_jerk_limited(finer, motion.on(finer.s), "finer", look_along(path, limits))
         if leg.solved:
             return leg
     if 2 in run.stands:  # a solver that does not come away from such an end may do so from rest
@@ -137,10 +129,37 @@ def _solve_in_two(path: ActuatorPath, limits: Sequence[Limit], run: Run, coarse:
     if isinstance(posed, MotionError):
         return RunSolution.refused(posed)
     problem, start = posed
-    return solve_jerk_limited(problem, start.on(problem.s), look=_look_along(path, limits))
+    return solve_jerk_limited(problem, start.on(problem.s), look=look_along(path, limits))
 
 
-def _look_along(path: ActuatorPath, limits: Sequence[Limit]) -> Look:
+def place_by_loss(
+    path: ActuatorPath,
+    limits: Sequence[Limit],
+    run: Run,
+    coarse: Problem,
+    rough: Rule = ROUGH_GRID,
+    rule: Rule = THIRD_ORDER,
+) -> tuple[Problem, Profile] | MotionError | None:
+    """A run's problem on a grid that is fine where a rough answer loses time, and that; None where that says little.
+
+    An interval that is cut in m parts loses an m-th of what it did: Σ lossₖ/mₖ is least, for a number Σ mₖ of
+    intervals, where mₖ goes with √lossₖ.
+    """
+    posed = jerk_problem(path, limits, run, coarse, rough)
+    if isinstance(posed, MotionError):
+        return posed
+    problem, start = posed
+    guess = start.on(problem.s)
+    answer = estimate_motion(problem, guess)
+    if isinstance(answer, MotionError) or not _tells_loss(*answer, guess):
+        return None
+    motion, lost = answer
+    weight = np.sqrt(lost)
+    beside = np.maximum(np.append(weight[1:], 0.0), np.append(0.0, weight[:-1]))  # what binds may move a little
+    return place_problem(path, limits, run, motion, np.maximum(weight, beside / 2), rule), motion
+
+
+def look_along(path: ActuatorPath, limits: Sequence[Limit]) -> Look:
     """How solvers look at motions along a path between grid points."""
     return lambda motion, names: sample_limit_use(path, [limit for limit in limits if limit.name in names], motion)
 
